@@ -140,7 +140,7 @@ impl Benchmark {
         candidates
             .iter()
             .map(|candidate| {
-                let measured = pool.install(|| self.measure_one(candidate));
+                let measured = pool.install(|| self.measure_one(candidate, progress));
                 progress.advance(1);
                 measured.map_err(|why| why.of(candidate.settings()))
             })
@@ -161,7 +161,7 @@ impl Benchmark {
         measured.iter().flat_map(of_method).collect()
     }
 
-    fn measure_one(&self, candidate: &Candidate) -> Result<Measured, AccuracyError> {
+    fn measure_one(&self, candidate: &Candidate, progress: &dyn Progress) -> Result<Measured, AccuracyError> {
         let evaluator = candidate.prepare(&self.scene, self.reference.settings().time())?;
         let mut patterns = vec![PatternError::BothNone; self.patterns.len()];
         let (mut families, mut seconds) = (Vec::new(), Vec::new());
@@ -179,6 +179,7 @@ impl Benchmark {
                 self.reference_error(family),
             ));
             seconds.push(taken / own.len() as f64);
+            progress.part((family + 1) as f64 / (self.families.len() + 1) as f64);
         }
         let batch = evaluator.batch().filter(|_| !self.patterns.is_empty());
         let batch = batch.map(|size| {

@@ -9,6 +9,10 @@ pub struct Stopped;
 pub trait Progress: Sync {
     /// `steps` more are done.
     fn advance(&self, steps: u64);
+    /// Of the step under way this part is done, between 0 and 1: what takes long has a pace before its first step is over.
+    fn part(&self, done: f64) {
+        let _ = done;
+    }
     /// A short text beside the bar ("loss 0.0123").
     fn note(&self, text: &str);
     /// `steps` were done before this piece of work began: they say nothing of its pace.

@@ -107,7 +107,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     if output.is_json() {
         output.document(&findings.document(&files))?;
     } else {
-        output.text(&findings.text(&files))?;
+        output.text(findings.text(&files))?;
     }
     Ok(if findings.is_missed() {
         Exit::Failure

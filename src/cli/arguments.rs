@@ -35,6 +35,11 @@ pub struct StoreArguments {
 }
 
 impl StoreArguments {
+    /// The folder that the command line names.
+    pub fn given(&self) -> Option<&Path> {
+        self.store.as_deref()
+    }
+
     /// The folder of the store, for a command that is about no pipeline.
     pub fn folder(&self) -> PathBuf {
         self.folder_for(None)

@@ -22,8 +22,11 @@ pub struct AttachArguments {
     /// For another submitter: what has been cancelled stays so
     #[arg(long, hide = true)]
     go_on: bool,
-    /// Say nothing but warnings and errors
+    /// Print all that was found, and a table of the stages
     #[arg(short, long, help_heading = PROGRESS)]
+    verbose: bool,
+    /// Say nothing but warnings and errors
+    #[arg(short, long, conflicts_with = "verbose", help_heading = PROGRESS)]
     quiet: bool,
     /// How progress is shown on stderr [default: a bar on a terminal, or else plain lines]
     #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet", help_heading = PROGRESS)]
@@ -62,6 +65,7 @@ pub fn execute(arguments: &AttachArguments, output: &Output) -> Result<Exit, Cli
         keep_going,
         lock: false,
         locked: false,
+        verbose: arguments.verbose,
         quiet: arguments.quiet,
         progress: arguments.progress,
         cluster: ClusterArguments::default(),

@@ -77,7 +77,7 @@ pub fn execute(arguments: &AuditArguments, output: &Output) -> Result<Exit, CliE
         }
     }
     let answer = match (locate::split(&arguments.dataset), &arguments.scene) {
-        (Some((pipeline, stage)), None) => of_stage(arguments, Path::new(pipeline), stage)?,
+        (Some((pipeline, stage)), None) => of_stage(arguments, (Path::new(pipeline), stage), output)?,
         (None, Some(scene)) => of_file(arguments, scene)?,
         (Some(_), Some(_)) => {
             return Err(CliError::bad_input(
@@ -99,7 +99,7 @@ pub fn execute(arguments: &AuditArguments, output: &Output) -> Result<Exit, CliE
     if output.is_json() {
         output.document(&answer.document(&files))?;
     } else {
-        output.text(&answer.text(&files))?;
+        output.text(answer.text(&files))?;
     }
     let wrong = answer
         .findings
@@ -131,7 +131,7 @@ fn unreadable(error: AttributeError) -> CliError {
 }
 
 /// The dataset of a stage as the pipeline is now. What is known without it is told even where it is not there any more.
-fn of_stage(arguments: &AuditArguments, path: &Path, name: &str) -> Result<Answer, CliError> {
+fn of_stage(arguments: &AuditArguments, (path, name): (&Path, &str), output: &Output) -> Result<Answer, CliError> {
     let mut sets = arguments.set.overrides()?;
     let pipeline = run::load_file(path, &sets, arguments.set.many)?;
     check_kind(&pipeline, name)?;
@@ -149,7 +149,7 @@ fn of_stage(arguments: &AuditArguments, path: &Path, name: &str) -> Result<Answe
         stage_text(arguments, name)
     ))?);
     let pipeline = run::load_file(path, &sets, arguments.set.many)?;
-    let progress = RunProgress::new(Shown::Bars);
+    let progress = RunProgress::new(Shown::Bars, output.beside());
     let listener = |event: &_| progress.tell(event);
     let options = RunOptions {
         until: Some(&own),

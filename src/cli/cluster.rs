@@ -209,7 +209,7 @@ impl Work<'_> {
             arrays.map_err(|error| CliError::failure(format!("not everything could be cancelled: {error}")))?;
         match output.is_json() {
             true => output.document(&json!({ "pipeline": self.pipeline.name, "cancelled": arrays }))?,
-            false => output.text(&format!("{}: {arrays} arrays of workers cancelled", self.pipeline.name))?,
+            false => output.text(format!("{}: {arrays} arrays of workers cancelled", self.pipeline.name))?,
         }
         Ok(Exit::Done)
     }
@@ -303,7 +303,7 @@ impl Work<'_> {
                 "submitter": child.id(),
                 "log": log,
             }))?,
-            false => output.text(&format!(
+            false => output.text(format!(
                 "submitted {}; process {} goes on and writes {}\n`deaflow attach {}` shows how far they are",
                 arrays.join(", "),
                 child.id(),

@@ -23,6 +23,6 @@ pub struct CompletionsArguments {
 pub fn execute(arguments: &CompletionsArguments, output: &Output) -> Result<Exit, CliError> {
     let mut script = Vec::new();
     generate(arguments.shell, &mut command_line(), PROGRAM, &mut script);
-    output.text(&String::from_utf8_lossy(&script))?;
+    output.plain(&String::from_utf8_lossy(&script))?;
     Ok(Exit::Done)
 }

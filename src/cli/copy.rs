@@ -42,7 +42,7 @@ pub fn execute(arguments: &CopyArguments, output: &Output) -> Result<Exit, CliEr
     if output.is_json() {
         output.document(&document(arguments, &artifact, &copied))?;
     } else {
-        output.text(&text(arguments, &artifact, &copied))?;
+        output.text(text(arguments, &artifact, &copied))?;
     }
     for digest in &copied.without_record {
         output.complain(&format!(

@@ -52,11 +52,11 @@ pub fn execute(arguments: &DagArguments, output: &Output) -> Result<Exit, CliErr
         output.document(&json!({ "stages": stages.iter().map(node).collect::<Vec<_>>() }))?;
         return Ok(Exit::Done);
     }
-    output.text(&match arguments.format {
-        DagFormat::Text => text(&stages),
-        DagFormat::Mermaid => mermaid(&stages),
-        DagFormat::Dot => dot(&pipeline.name, &stages),
-    })?;
+    match arguments.format {
+        DagFormat::Text => output.text(text(&stages))?,
+        DagFormat::Mermaid => output.plain(&mermaid(&stages))?,
+        DagFormat::Dot => output.plain(&dot(&pipeline.name, &stages))?,
+    }
     Ok(Exit::Done)
 }
 

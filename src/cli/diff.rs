@@ -8,6 +8,7 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::side::{Places, Side};
+use super::text::Text;
 use super::{csv, locate, table};
 use crate::base::Canonical;
 
@@ -65,9 +66,9 @@ pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliEr
     if output.is_json() {
         output.document(&document(&from, &to, &parameters, &results))?;
     } else if arguments.csv {
-        output.text(&rows(&parameters, &results)?)?;
+        output.plain(&rows(&parameters, &results)?)?;
     } else {
-        output.text(&text(&from, &to, &parameters, &results))?;
+        output.text(text(&from, &to, &parameters, &results))?;
     }
     Ok(Exit::Done)
 }
@@ -147,22 +148,24 @@ fn rows(parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Result<Str
     csv::text(&header, parameters.chain(results))
 }
 
-fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Change<f64>]) -> String {
-    let mut parts = vec![format!("from {}\nto   {}", from.title, to.title)];
+fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Text {
+    let mut text = Text::from(format!("from {}\nto   {}\n", from.title, to.title));
     if parameters.is_empty() {
-        parts.push("no parameter differs".to_owned());
+        text.line("no parameter differs");
     } else {
-        let mut table = table::table(&["parameter", "from", "to"], &[]);
+        let mut table = table::table(&["parameter", "from", "to"], &[]).flowing(&["parameter", "from", "to"]);
         let said = |value: &Option<Canonical>| value.as_ref().map_or_else(|| "–".to_owned(), Canonical::to_string);
         for change in parameters {
             table.add_row([change.name.clone(), said(&change.from), said(&change.to)]);
         }
-        parts.push(table.trim_fmt());
+        text.table(table);
     }
+    text.line("");
     if results.is_empty() {
-        parts.push("no result that both have differs".to_owned());
+        text.line("no result that both have differs");
     } else {
-        let mut table = table::table(&["result", "from", "to", "change"], &["from", "to", "change"]);
+        let mut table =
+            table::table(&["result", "from", "to", "change"], &["from", "to", "change"]).flowing(&["result"]);
         let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), table::number);
         for change in results {
             table.add_row([
@@ -172,11 +175,13 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
                 relative(change.from, change.to),
             ]);
         }
-        parts.push(table.trim_fmt());
+        text.table(table);
     }
     let unknown = from.unknown.iter().chain(&to.unknown);
-    parts.extend(unknown.map(|why| format!("not compared: {why}")));
-    parts.join("\n\n")
+    for why in unknown {
+        text.line(format!("\nnot compared: {why}"));
+    }
+    text
 }
 
 /// A change in per cent of what was; nothing where there was none.

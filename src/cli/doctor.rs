@@ -7,6 +7,8 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
+use super::text::Text;
+use super::tone::Tone;
 use super::{locate, table};
 use crate::store::{Manner, Service, Store, Verdict};
 
@@ -54,23 +56,36 @@ pub fn execute(arguments: &DoctorArguments, output: &Output) -> Result<Exit, Cli
         }
         output.document(&document)?;
     } else {
-        let mut trials = table::table(&["tried", "", "found"], &[]);
+        let mut trials = table::table(&["tried", "", "found"], &[]).flowing(&["found"]);
         for trial in &found.trials {
-            trials.add_row([trial.name, word(trial.verdict), &trial.found]);
+            let tone = match trial.verdict {
+                Verdict::Good => Tone::Good,
+                Verdict::Noted => Tone::Caution,
+                Verdict::Bad => Tone::Bad,
+            };
+            trials.add_row([
+                table::Cell::from(trial.name),
+                table::Cell::toned(word(trial.verdict), tone),
+                table::Cell::from(&trial.found),
+            ]);
         }
-        output.text(&format!(
-            "{} on {}: processes keep apart by {manner}, since {}\n{trials}",
+        let mut text = Text::from(format!(
+            "{} on {}: processes keep apart by {manner}, since {}",
             store.root().display(),
             found.file_system,
             found.choice.why
-        ))?;
+        ));
+        text.table(trials);
+        output.text(text)?;
         if arguments.measure {
             let mut rows = table::table(&["service", "requests", "median"], &["requests", "median"]);
             for service in &services {
                 let seconds = format!("{:.0} µs", 1e6 * service.seconds);
                 rows.add_row([service.name, &service.requests.to_string(), &seconds]);
             }
-            output.text(&format!("\n{rows}"))?;
+            let mut text = Text::from("");
+            text.table(rows);
+            output.text(text)?;
         }
     }
     let is_bad = found.trials.iter().any(|trial| trial.verdict == Verdict::Bad);

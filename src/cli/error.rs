@@ -65,6 +65,11 @@ impl CliError {
         Self::new(Exit::BadInput, message)
     }
 
+    /// It was stopped.
+    pub fn stopped(message: impl Into<String>) -> Self {
+        Self::new(Exit::TryAgain, message)
+    }
+
     fn locked(message: String) -> Self {
         Self::new(Exit::Locked, message).help("`deaflow run --lock` writes the lock file anew")
     }

@@ -34,7 +34,7 @@ pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, Cl
     if output.is_json() {
         output.document(&document(&found))?;
     } else {
-        output.text(&text(&found))?;
+        output.text(text(&found))?;
     }
     Ok(Exit::Done)
 }

@@ -44,7 +44,7 @@ pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliEr
     if output.is_json() {
         output.document(&document(&report))?;
     } else {
-        output.text(&text(&report, arguments.repair))?;
+        output.text(text(&report, arguments.repair))?;
     }
     Ok(
         if report.is_sound() || (arguments.repair && report.unreadable.is_empty()) {

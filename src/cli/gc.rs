@@ -10,6 +10,9 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Bar;
+use super::table::Cell;
+use super::text::Text;
+use super::tone::Tone;
 use super::{locate, table};
 use crate::orchestrator::Environment;
 use crate::report::{FigureFile, figures_of, remove_figures};
@@ -50,7 +53,7 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
     if output.is_json() {
         output.document(&document(&collection, &figures, arguments.dry_run))?;
     } else {
-        output.text(&text(&collection, &figures, arguments.dry_run))?;
+        output.text(text(&collection, &figures, arguments.dry_run))?;
     }
     Ok(Exit::Done)
 }
@@ -90,24 +93,32 @@ fn document(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> V
     })
 }
 
-fn text(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> String {
-    let mut lines = Vec::new();
+fn text(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> Text {
+    let mut text = Text::new();
     if dry_run {
         let header = ["stage", "kind", "goes", "size", "stays", "size", "held by"];
-        let mut table = table::table(&header, &["goes", "size", "stays"]);
+        let mut rows = table::table(&header, &["goes", "size", "stays"])
+            .flowing(&["held by"])
+            .dispensable(&["kind"]);
         for group in collection.by_stage() {
             let stage = group.stage.as_ref();
             let name = stage.map_or_else(|| "-".to_owned(), |name| format!("{}:{}", name.pipeline, name.stage));
             let held_by: Vec<String> = group.held_by.iter().cloned().collect();
+            let tone = match group.removed.artifacts {
+                0 => Tone::Plain,
+                _ => Tone::Caution,
+            };
             let [removed, kept] = [group.removed, group.kept].map(cells);
-            let cells = [vec![name, group.kind.clone()], removed, kept, vec![holders(&held_by)]];
-            table.add_row(cells.concat());
+            let mut row = vec![Cell::from(name), Cell::from(&group.kind)];
+            row.extend(removed.iter().map(|words| Cell::toned(words, tone)));
+            row.extend(kept.iter().map(Cell::from));
+            row.push(Cell::from(holders(&held_by)));
+            rows.add_row(row);
         }
-        lines.push(table.trim_fmt());
-        lines.push(String::new());
+        text.table(rows).line("");
     }
     let verb = if dry_run { "would remove" } else { "removed" };
-    lines.push(format!(
+    text.line(format!(
         "{verb} {} artifacts ({}) and {} records; {} artifacts ({}) stay",
         collection.removed.len(),
         table::bytes(collection.bytes_removed()),
@@ -116,7 +127,7 @@ fn text(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> Strin
         table::bytes(collection.bytes_kept()),
     ));
     if !collection.checkpoints.is_empty() {
-        lines.push(format!(
+        text.line(format!(
             "{verb} what {} unfinished actions had come to ({})",
             collection.checkpoints.len(),
             table::bytes(collection.checkpoint_bytes())
@@ -124,13 +135,13 @@ fn text(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> Strin
     }
     if !figures.is_empty() {
         let size = figures.iter().map(|figure| figure.bytes).sum();
-        lines.push(format!(
+        text.line(format!(
             "{verb} {} figures of them ({})",
             figures.len(),
             table::bytes(size)
         ));
     }
-    lines.join("\n")
+    text
 }
 
 /// How many, and their size; nothing where there are none.

@@ -11,6 +11,7 @@ use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::simulate::seconds_each;
 use super::solve::{SolveArguments, check_file, provenance};
+use super::text::Text;
 use super::{csv, table, write};
 use crate::base::{Dimension, Progress, Quantity, Time};
 use crate::content::{Histories, Lines, Packed};
@@ -224,17 +225,16 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
             "seconds": seconds,
         }))?;
     } else {
-        let mut lines = vec![overview(&followed)];
-        lines.extend(missed.into_iter().map(|(_, line)| line));
-        lines.extend(
-            screened
-                .warnings_in_time
-                .iter()
-                .map(|warning| format!("model warning: {warning}")),
-        );
+        let mut text = Text::of(overview(&followed));
+        for (_, line) in missed {
+            text.line(line);
+        }
+        for warning in &screened.warnings_in_time {
+            text.line(format!("model warning: {warning}"));
+        }
         let files = [file, &values, &figure].map(|path| path.display().to_string());
-        lines.push(format!("{} in {}", files.join(", "), table::seconds(seconds)));
-        output.text(&lines.join("\n"))?;
+        text.line(format!("{} in {}", files.join(", "), table::seconds(seconds)));
+        output.text(text)?;
     }
     Ok(if unstable > 0 { Exit::Unstable } else { Exit::Done })
 }
@@ -442,7 +442,7 @@ fn motions(followed: &[AccurateHistory]) -> Vec<figures::Motion> {
 }
 
 /// One line for each pattern.
-fn overview(followed: &[AccurateHistory]) -> String {
+fn overview(followed: &[AccurateHistory]) -> table::Table {
     let header = [
         "pattern",
         "outcome",
@@ -455,7 +455,8 @@ fn overview(followed: &[AccurateHistory]) -> String {
     let mut table = table::table(
         &header,
         &["time", "displacement", "error in time", "error in space", "steps"],
-    );
+    )
+    .dispensable(&["steps", "error in space", "error in time"]);
     for (
         index,
         AccurateHistory {
@@ -482,7 +483,7 @@ fn overview(followed: &[AccurateHistory]) -> String {
             history.instants.len().to_string(),
         ]);
     }
-    table.trim_fmt()
+    table
 }
 
 /// The patterns whose errors are larger than was asked for, with what is said of them.

@@ -69,7 +69,7 @@ pub fn execute(arguments: &InitArguments, output: &Output) -> Result<Exit, CliEr
         let lines = paths.iter().copied().chain([store.as_path()]);
         let lines = lines.map(|path| format!("wrote {}\n", path.display()));
         let next = next.iter().map(|command| format!("  {command}\n"));
-        output.text(&format!(
+        output.text(format!(
             "{}\nnext:\n{}",
             lines.collect::<String>(),
             next.collect::<String>()

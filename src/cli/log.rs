@@ -10,6 +10,9 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
+use super::table::Cell;
+use super::text::Text;
+use super::tone::Tone;
 use super::{csv, locate, run, table};
 use crate::base::ArtifactId;
 use crate::orchestrator::file_of;
@@ -48,9 +51,9 @@ pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliErr
         output.document(&json!({ "runs": runs }))?;
     } else if arguments.csv {
         let names = names(&runs);
-        output.text(&csv::text(&header(&names), runs.iter().map(|run| row(run, &names)))?)?;
+        output.plain(&csv::text(&header(&names), runs.iter().map(|run| row(run, &names)))?)?;
     } else {
-        output.text(&text(&runs, more, arguments.pipeline.is_none(), &removed))?;
+        output.text(text(&runs, more, arguments.pipeline.is_none(), &removed))?;
     }
     Ok(Exit::Done)
 }
@@ -204,9 +207,9 @@ fn built(run: &Run) -> Vec<&str> {
     built.map(|stage| stage.name.as_str()).collect()
 }
 
-fn text(runs: &[Run], more: bool, of_all: bool, removed: &Gone<'_>) -> String {
+fn text(runs: &[Run], more: bool, of_all: bool, removed: &Gone<'_>) -> Text {
     if runs.is_empty() {
-        return "no run is remembered".to_owned();
+        return Text::from("no run is remembered");
     }
     let mut header = vec![
         "run",
@@ -220,31 +223,42 @@ fn text(runs: &[Run], more: bool, of_all: bool, removed: &Gone<'_>) -> String {
     if !of_all {
         header.remove(2);
     }
-    let mut table = table::table(&header, &["took"]);
+    let mut table = table::table(&header, &["took"])
+        .flowing(&["built and overrides", "results"])
+        .dispensable(&["host"]);
     for (at, run) in runs.iter().enumerate() {
-        let mut cells = vec![
-            format!("@{}\n{}", at + 1, run.id),
-            run.created.replace('T', " ").chars().take(19).collect(),
+        let tone = match run.failures.is_empty() {
+            true => Tone::Plain,
+            false => Tone::Bad,
+        };
+        let mut cells: Vec<Cell> = vec![
+            format!("@{}\n{}", at + 1, run.id).into(),
+            run.created
+                .replace('T', " ")
+                .chars()
+                .take(19)
+                .collect::<String>()
+                .into(),
             match run.command {
-                Command::Run => run.pipeline.clone(),
-                Command::Audit => format!("{}\n(audit)", run.pipeline),
-                Command::Sweep => format!("{}\n(sweep)", run.pipeline),
+                Command::Run => Cell::from(&run.pipeline),
+                Command::Audit => format!("{}\n(audit)", run.pipeline).into(),
+                Command::Sweep => format!("{}\n(sweep)", run.pipeline).into(),
             },
-            table::seconds(run.seconds),
-            what(run, removed),
-            results(run),
-            run.host.clone(),
+            table::seconds(run.seconds).into(),
+            Cell::toned(&what(run, removed), tone),
+            results(run).into(),
+            Cell::from(&run.host),
         ];
         if !of_all {
             cells.remove(2);
         }
         table.add_row(cells);
     }
-    let note = match more {
-        true => "\n\nthere are older ones: -n N shows the last N, --json and --csv all",
-        false => "",
-    };
-    format!("{}{note}", table.trim_fmt())
+    let mut text = Text::of(table);
+    if more {
+        text.line("\nthere are older ones: -n N shows the last N, --json and --csv all");
+    }
+    text
 }
 
 /// What was built, what failed, what was overridden, and what of it is gone.

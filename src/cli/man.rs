@@ -31,7 +31,7 @@ pub fn execute(arguments: &ManArguments, output: &Output) -> Result<Exit, CliErr
     if output.is_json() {
         output.document(&json!({ "files": files }))?;
     } else {
-        output.text(&format!("{}: {} manual pages", arguments.folder.display(), files.len()))?;
+        output.text(format!("{}: {} manual pages", arguments.folder.display(), files.len()))?;
     }
     Ok(Exit::Done)
 }

@@ -13,6 +13,7 @@ use super::progress::Bar;
 use super::simulate::seconds_each;
 use super::solve::{SolveArguments, provenance};
 use super::table;
+use super::text::Text;
 use crate::base::Progress;
 use crate::content::{Packed, Vibrations};
 use crate::fem::screening::resolve;
@@ -88,15 +89,12 @@ pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Resul
         }))?;
     } else {
         let time = table::seconds(seconds);
-        let warnings: String = warnings(&scene)
-            .iter()
-            .map(|warning| format!("\nmodel warning: {warning}"))
-            .collect();
-        output.text(&format!(
-            "{}{warnings}\n{} in {time}",
-            overview(&found, count as usize),
-            file.display()
-        ))?;
+        let mut text = Text::of(overview(&found, count as usize));
+        for warning in warnings(&scene) {
+            text.line(format!("model warning: {warning}"));
+        }
+        text.line(format!("{} in {time}", file.display()));
+        output.text(text)?;
     }
     Ok(if unstable > 0 { Exit::Unstable } else { Exit::Done })
 }
@@ -151,7 +149,7 @@ fn vibrations(
 }
 
 /// One line for each pattern.
-fn overview(found: &[Vibration], count: usize) -> String {
+fn overview(found: &[Vibration], count: usize) -> table::Table {
     const SHOWN: usize = 6;
     let shown = count.min(SHOWN);
     let names: Vec<String> = (1..=shown).map(|mode| format!("f{mode}")).collect();
@@ -159,14 +157,15 @@ fn overview(found: &[Vibration], count: usize) -> String {
         .into_iter()
         .chain(names.iter().map(String::as_str))
         .collect();
-    let mut table = table::table(&header, &header[2..]);
+    let last: Vec<&str> = header[2..].iter().rev().copied().collect();
+    let mut table = table::table(&header, &header[2..]).dispensable(&last);
     for (index, one) in found.iter().enumerate() {
         let hertz = one.frequencies.iter().map(|hertz| format!("{hertz:.2} Hz"));
         let hertz = hertz.chain(std::iter::repeat("-".to_owned())).take(shown);
         let row = [index.to_string(), one.outcome.to_string()];
         table.add_row(row.into_iter().chain(hertz).collect::<Vec<_>>());
     }
-    table.trim_fmt()
+    table
 }
 
 fn document((index, one): (usize, &Vibration)) -> Value {

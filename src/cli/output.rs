@@ -4,12 +4,13 @@
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
-use anstream::AutoStream;
 use clap::ColorChoice;
 use serde::Serialize;
 use serde_json::json;
 
 use super::error::CliError;
+use super::text::{Text, lines};
+use super::tone::{Screen, Tone};
 use crate::base::{is_unprintable, printable, printable_json};
 
 /// How a command ended.
@@ -58,18 +59,25 @@ impl From<Exit> for ExitCode {
 /// The way out of a command.
 pub struct Output {
     json: bool,
-    coloured: bool,
+    /// Where results go.
+    screen: Screen,
+    /// Where errors and progress go.
+    beside: Screen,
 }
 
 impl Output {
-    /// For people, or with one JSON document; with colours on stderr or without.
+    /// For people, or with one JSON document; with colours or without.
     pub fn new(json: bool, colour: ColorChoice) -> Self {
-        let coloured = match colour {
-            ColorChoice::Always => true,
-            ColorChoice::Never => false,
-            ColorChoice::Auto => AutoStream::choice(&io::stderr()) != anstream::ColorChoice::Never,
-        };
-        Self { json, coloured }
+        Self {
+            json,
+            screen: Screen::of(&io::stdout(), colour),
+            beside: Screen::of(&io::stderr(), colour),
+        }
+    }
+
+    /// Where errors and progress go.
+    pub fn beside(&self) -> Screen {
+        self.beside
     }
 
     /// Whether one JSON document is wanted.
@@ -77,11 +85,23 @@ impl Output {
         self.json
     }
 
-    /// Prints a text, ended by a line break, for people; nothing where there is none.
+    /// Prints a text, ended by a line break, for people, as it fits the terminal; nothing where there is none.
     ///
     /// # Errors
     /// When stdout refuses.
-    pub fn text(&self, text: &str) -> Result<(), CliError> {
+    pub fn text(&self, text: impl Into<Text>) -> Result<(), CliError> {
+        let text = text.into();
+        if text.is_empty() {
+            return Ok(());
+        }
+        Self::print(&text.show(self.screen))
+    }
+
+    /// Prints what other programs read (a table in CSV, a script, a drawing) as it is, ended by a line break.
+    ///
+    /// # Errors
+    /// When stdout refuses.
+    pub fn plain(&self, text: &str) -> Result<(), CliError> {
         if text.is_empty() {
             return Ok(());
         }
@@ -116,13 +136,13 @@ impl Output {
             return Exit::Failure;
         }
         // Its colours are for the terminal; that nothing else in it is, `render` sees to.
-        write_line(&error.render(self.coloured));
+        write_line(&error.render(self.beside.is_coloured));
         error.exit()
     }
 
-    /// Reports an error beside a document that has been printed already.
+    /// Reports an error or a warning beside what is printed.
     pub fn complain(&self, text: &str) {
-        tell(text);
+        tell_on(self.beside, text);
     }
 
     /// Reports what clap has to say: an error of usage, or the help that was asked for.
@@ -143,9 +163,29 @@ impl Output {
     }
 }
 
-/// Writes lines to stderr for whoever watches.
+/// Writes lines to stderr for programs.
 pub fn tell(text: &str) {
     write_line(&printable(text));
+}
+
+/// Writes lines to stderr for whoever watches, as they fit there.
+pub fn tell_on(screen: Screen, text: &str) {
+    write_line(&lines(printable(text).trim_end_matches('\n'), Tone::Plain, screen));
+}
+
+/// Writes what became of something to stderr: its name, the word for it in its colour, and the rest.
+pub fn tell_of(screen: Screen, name: &str, (word, tone): (&'static str, Tone), rest: &str) {
+    let (name, rest) = (printable(name), printable(rest));
+    let plain = Screen {
+        is_coloured: false,
+        ..screen
+    };
+    let text = lines(&format!("{name}: {word}{rest}"), Tone::Plain, plain);
+    let before = format!("{name}: ");
+    match text.strip_prefix(&before).and_then(|text| text.strip_prefix(word)) {
+        Some(rest) => write_line(&format!("{before}{}{rest}", tone.paint(word, screen.is_coloured))),
+        None => write_line(&text),
+    }
 }
 
 /// The only way to stderr, but for a bar of progress.

@@ -9,6 +9,7 @@ use super::error::CliError;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::solve::{SolveArguments, check_file, provenance};
+use super::text::Text;
 use super::{table, write};
 use crate::base::Progress;
 use crate::content::LoadPaths;
@@ -83,13 +84,15 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
     } else {
         let files = [file, &values, &figure].map(|path| path.display().to_string());
         let time = table::seconds(seconds);
-        output.text(&format!("{}\n{} in {time}", overview(&paths), files.join(", ")))?;
+        let mut text = Text::of(overview(&paths));
+        text.line(format!("{} in {time}", files.join(", ")));
+        output.text(text)?;
     }
     Ok(Exit::Done)
 }
 
 /// One line per pattern.
-fn overview(paths: &[Followed]) -> String {
+fn overview(paths: &[Followed]) -> table::Table {
     let header = [
         "pattern",
         "limit",
@@ -99,7 +102,8 @@ fn overview(paths: &[Followed]) -> String {
         "points",
         "end",
     ];
-    let mut table = table::table(&header, &["voltage", "this mesh", "displacement", "points"]);
+    let mut table = table::table(&header, &["voltage", "this mesh", "displacement", "points"])
+        .dispensable(&["points", "this mesh"]);
     for (index, Followed { path, critical }) in paths.iter().enumerate() {
         let limit = path.limit();
         let displacement = limit
@@ -116,7 +120,7 @@ fn overview(paths: &[Followed]) -> String {
             path.end.name().to_owned(),
         ]);
     }
-    table.trim_fmt()
+    table
 }
 
 /// A voltage with its error, as people write it.

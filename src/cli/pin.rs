@@ -7,6 +7,7 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
+use super::text::Text;
 use super::{locate, table};
 use crate::orchestrator::Environment;
 use crate::store::{Pin, Store};
@@ -61,7 +62,7 @@ pub fn list(store: &Store, output: &Output) -> Result<Exit, CliError> {
         output.text("no pins")?;
         return Ok(Exit::Done);
     }
-    let mut table = table::table(&["artifact", "pinned", "keeps", "label"], &[]);
+    let mut table = table::table(&["artifact", "pinned", "keeps", "label"], &[]).flowing(&["label"]);
     for pin in pins {
         let keeps = if pin.result_only {
             "it alone"
@@ -70,6 +71,6 @@ pub fn list(store: &Store, output: &Output) -> Result<Exit, CliError> {
         };
         table.add_row([pin.digest.short(), pin.created, keeps.to_owned(), pin.label]);
     }
-    output.text(&table.trim_fmt())?;
+    output.text(Text::of(table))?;
     Ok(Exit::Done)
 }

@@ -7,6 +7,7 @@ use super::arguments::PipelineArguments;
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
+use super::text::Text;
 use super::{run, table};
 use crate::orchestrator::{Bill, Environment, Outcome, Pipeline, foreseen, plan};
 
@@ -56,7 +57,9 @@ pub fn of_pipeline(pipeline: &Pipeline, arguments: &PipelineArguments, output: &
             table::price(bill.price.as_ref(), bill.unpriced)
         ),
     };
-    output.text(&format!("{}\n\n{summary}", table::of_plan(&stages)))?;
+    let mut text = Text::of(table::of_plan(&stages));
+    text.line("").line(summary);
+    output.text(text)?;
     for warning in warnings {
         output.complain(&format!("warning: {warning}"));
     }

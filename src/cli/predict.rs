@@ -11,9 +11,11 @@ use clap::Args;
 use super::arguments::{PatternArguments, StateArguments, StoreArguments};
 use super::error::CliError;
 use super::examples::examples;
+use super::outcomes::{Ending, Peak};
 use super::output::{Exit, Output};
 use super::progress::Bar;
-use super::simulate::{Answer, Statement, seconds_each};
+use super::simulate::{Answer, Place, Statement, seconds_each};
+use super::text::Text;
 use super::{model, solve, write};
 use crate::base::{Digest, Progress};
 use crate::content::{Packed, SolveFile};
@@ -88,13 +90,21 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
         let source = format!("{parameters}, {}", Digest::of(&weights));
         write::csv(&table(arguments), &rows, "deaflow predict", &source)?;
     }
+    let scene = surrogate.scene().and_then(|text| Scene::from_text(text).ok());
+    let cell_mm = scene.map(|scene| scene.membrane().cell_mm());
+    let ending = |(index, field)| Ending {
+        place: Place { index, state: None },
+        outcome: PREDICTED.to_owned(),
+        peak: Some(Peak::of(field, cell_mm)),
+    };
     let answer = Answer {
+        endings: fields.iter().enumerate().map(ending).collect(),
         content: content(&surrogate, &patterns, &fields, seconds, intervals.as_ref()).object(),
         samples: patterns.len(),
         statement: statement(intervals.as_ref(), arguments),
         ..Answer::default()
     };
-    solve::conclude(&arguments.patterns, &answer, ("predict", parameters), start, output)
+    solve::conclude(&arguments.patterns, answer, ("predict", parameters), start, output)
 }
 
 /// Where intervals go as comma-separated values.
@@ -139,6 +149,9 @@ fn predict(
     Ok((fields, seconds))
 }
 
+/// The outcome of what was not simulated.
+const PREDICTED: &str = "predicted";
+
 fn content(
     surrogate: &Surrogate,
     patterns: &[Pattern],
@@ -148,7 +161,7 @@ fn content(
 ) -> SolveFile {
     SolveFile {
         patterns: patterns.to_vec(),
-        outcome: vec!["predicted".to_owned(); patterns.len()],
+        outcome: vec![PREDICTED.to_owned(); patterns.len()],
         max_displacement: fields.iter().map(Field::max_magnitude).collect(),
         displacement: Packed(fields.iter().flat_map(Field::values).copied().collect()),
         solve_seconds: seconds,
@@ -168,14 +181,14 @@ fn statement(intervals: Option<&Intervals>, arguments: &PredictArguments) -> Sta
     Statement {
         key: "intervals",
         document: intervals.map(|intervals| intervals.document(&table)),
-        lines: intervals.map_or_else(
+        text: intervals.map_or_else(
             || {
-                vec![
-                    "nothing is said of the errors: the model has no calibration here; name one with --calibration"
-                        .to_owned(),
-                ]
+                Text::from(
+                    "nothing is said of the errors: the model has no calibration here; name one with --calibration",
+                )
             },
-            |intervals| intervals.lines(&table),
+            |intervals| intervals.text(&table),
         ),
+        tells_each: intervals.is_some(),
     }
 }

@@ -1,16 +1,20 @@
 //! Progress on stderr: on a terminal one line per stage at work with rate and time left; elsewhere a plain line when a stage begins,
-//! every ten seconds, and when it ends; for programs every event as a line of JSON.
+//! every ten seconds, and when it ends; for programs every event as a line of JSON. Both are known before the first step is over where
+//! the work tells which part of it is done, and the time as it was foretold before that.
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, IsTerminal};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 
-use super::output::tell;
+use super::columns::cut;
+use super::output::{tell, tell_of, tell_on};
 use super::table;
+use super::tone::{Screen, Tone, width_of_stderr};
 use crate::base::{Progress, printable, printable_json};
 use crate::orchestrator::{Event, Outcome, StageReport};
 
@@ -68,6 +72,9 @@ impl Lazy {
 /// Work that takes longer shows its progress.
 const PATIENCE: Duration = Duration::from_secs(2);
 
+/// What a step counts in a bar, which has none but whole ones.
+const STEP: u64 = 1000;
+
 /// One piece of work under way.
 pub struct Bar {
     form: Form,
@@ -76,7 +83,8 @@ pub struct Bar {
 }
 
 enum Form {
-    Terminal(ProgressBar),
+    /// The steps that are done stand beside the bar, which shows parts of a step too.
+    Terminal(ProgressBar, AtomicU64),
     Plain(Mutex<Plain>),
 }
 
@@ -84,24 +92,36 @@ struct Plain {
     begun: Instant,
     said: Instant,
     done: u64,
+    /// Of the step under way.
+    part: f64,
     /// Of these, what was done before it began.
     before: u64,
     length: u64,
+    /// What all of it was foretold to take, s.
+    foretold: Option<f64>,
     note: String,
+}
+
+impl Plain {
+    /// How fast, in steps per second; none before anything is known.
+    fn rate(&self) -> Option<f64> {
+        let done = (self.done - self.before) as f64 + self.part;
+        (done > 0.0).then(|| done / self.begun.elapsed().as_secs_f64())
+    }
 }
 
 impl Bar {
     /// Begins to show `length` steps of work.
     pub fn new(name: &str, unit: &'static str, length: u64) -> Self {
         let bars = io::stderr().is_terminal().then(MultiProgress::new);
-        Self::among(bars.as_ref(), name, unit, length)
+        Self::among(bars.as_ref(), name, unit, length, None)
     }
 
     /// As progress is shown; none where no steps are.
     pub fn of(shown: Shown, name: &str, unit: &'static str) -> Option<Self> {
         match shown {
             Shown::Bars => Some(Self::new(name, unit, 0)),
-            Shown::Lines => Some(Self::among(None, name, unit, 0)),
+            Shown::Lines => Some(Self::among(None, name, unit, 0, None)),
             Shown::Json | Shown::Warnings => None,
         }
     }
@@ -109,29 +129,32 @@ impl Bar {
     /// Says a line beside it.
     pub fn say(&self, text: &str) {
         match &self.form {
-            Form::Terminal(bar) => bar.suspend(|| tell(text)),
+            Form::Terminal(bar, _) => bar.suspend(|| tell(text)),
             Form::Plain(_) => tell(text),
         }
     }
 
-    /// As [`Bar::new`], below other bars of a terminal; without a terminal by lines.
-    fn among(bars: Option<&MultiProgress>, name: &str, unit: &'static str, length: u64) -> Self {
+    /// As [`Bar::new`], below other bars of a terminal; without a terminal by lines. `foretold` is what all of it is to take, s.
+    fn among(bars: Option<&MultiProgress>, name: &str, unit: &'static str, length: u64, foretold: Option<f64>) -> Self {
         let form = if let Some(bars) = bars {
-            let bar = bars.add(
-                ProgressBar::new(length)
-                    .with_style(style())
-                    .with_prefix(printable(name).into_owned()),
-            );
+            let narrow = width_of_stderr().is_some_and(|width| width < WIDE);
+            let prefix = cut(&printable(name), if narrow { 12 } else { 30 });
+            let bar = ProgressBar::new(STEP * length)
+                .with_style(style(unit, foretold, narrow))
+                .with_prefix(prefix);
+            let bar = bars.add(bar);
             bar.enable_steady_tick(Duration::from_millis(200));
-            Form::Terminal(bar)
+            Form::Terminal(bar, AtomicU64::new(0))
         } else {
             let now = Instant::now();
             Form::Plain(Mutex::new(Plain {
                 begun: now,
                 said: now,
                 done: 0,
+                part: 0.0,
                 before: 0,
                 length,
+                foretold,
                 note: String::new(),
             }))
         };
@@ -145,13 +168,14 @@ impl Bar {
     /// Sets how much of how much is done.
     pub fn set(&self, done: u64, length: u64) {
         match &self.form {
-            Form::Terminal(bar) => {
-                bar.set_length(length);
-                bar.set_position(done);
+            Form::Terminal(bar, steps) => {
+                steps.store(done, Ordering::Relaxed);
+                bar.set_length(STEP * length);
+                bar.set_position(STEP * done);
             }
             Form::Plain(plain) => {
                 let mut plain = locked(plain);
-                (plain.done, plain.length) = (done, length);
+                (plain.done, plain.part, plain.length) = (done, 0.0, length);
                 self.say_now_and_then(&mut plain);
             }
         }
@@ -159,7 +183,7 @@ impl Bar {
 
     /// Is shown no more.
     pub fn clear(&self) {
-        if let Form::Terminal(bar) = &self.form {
+        if let Form::Terminal(bar, _) = &self.form {
             bar.finish_and_clear();
         }
     }
@@ -175,12 +199,12 @@ impl Bar {
             return;
         }
         plain.said = Instant::now();
-        let seconds = plain.begun.elapsed().as_secs_f64();
         let mut text = format!("{}: {}/{} {}", self.name, plain.done, plain.length, self.unit);
-        if plain.done > plain.before {
-            let per_second = (plain.done - plain.before) as f64 / seconds;
-            let left = plain.length.saturating_sub(plain.done) as f64 / per_second;
-            text += &format!(", {}, {} left", rate(per_second), table::seconds(left));
+        let left = plain.length.saturating_sub(plain.done) as f64 - plain.part;
+        let took = plain.begun.elapsed().as_secs_f64();
+        let pace = pace(plain.rate(), left, plain.foretold.map(|all| all - took));
+        if !pace.is_empty() {
+            text += &format!(", {pace}");
         }
         if !plain.note.is_empty() {
             text += &format!(", {}", plain.note);
@@ -192,10 +216,29 @@ impl Bar {
 impl Progress for Bar {
     fn advance(&self, steps: u64) {
         match &self.form {
-            Form::Terminal(bar) => bar.inc(steps),
+            Form::Terminal(bar, done) => {
+                let done = done.fetch_add(steps, Ordering::Relaxed) + steps;
+                bar.set_position(STEP * done);
+            }
             Form::Plain(plain) => {
                 let mut plain = locked(plain);
                 plain.done += steps;
+                plain.part = 0.0;
+                self.say_now_and_then(&mut plain);
+            }
+        }
+    }
+
+    fn part(&self, done: f64) {
+        let part = done.clamp(0.0, 1.0);
+        match &self.form {
+            Form::Terminal(bar, steps) => {
+                let within = (STEP as f64 * part) as u64;
+                bar.set_position(STEP * steps.load(Ordering::Relaxed) + within.min(STEP - 1));
+            }
+            Form::Plain(plain) => {
+                let mut plain = locked(plain);
+                plain.part = part;
                 self.say_now_and_then(&mut plain);
             }
         }
@@ -203,8 +246,9 @@ impl Progress for Bar {
 
     fn resume(&self, steps: u64) {
         match &self.form {
-            Form::Terminal(bar) => {
-                bar.inc(steps);
+            Form::Terminal(bar, done) => {
+                let done = done.fetch_add(steps, Ordering::Relaxed) + steps;
+                bar.set_position(STEP * done);
                 bar.reset_eta();
             }
             Form::Plain(plain) => {
@@ -217,7 +261,7 @@ impl Progress for Bar {
 
     fn note(&self, text: &str) {
         match &self.form {
-            Form::Terminal(bar) => bar.set_message(printable(text).into_owned()),
+            Form::Terminal(bar, _) => bar.set_message(printable(text).into_owned()),
             Form::Plain(plain) => text.clone_into(&mut locked(plain).note),
         }
     }
@@ -226,6 +270,7 @@ impl Progress for Bar {
 /// The progress of a run: a bar for every stage at work.
 pub struct RunProgress {
     shown: Shown,
+    screen: Screen,
     /// None without a terminal.
     bars: Option<MultiProgress>,
     current: Mutex<BTreeMap<String, Bar>>,
@@ -233,10 +278,11 @@ pub struct RunProgress {
 
 impl RunProgress {
     /// Nothing under way yet.
-    pub fn new(shown: Shown) -> Self {
+    pub fn new(shown: Shown, screen: Screen) -> Self {
         let terminal = shown == Shown::Bars && io::stderr().is_terminal();
         Self {
             shown,
+            screen,
             bars: terminal.then(MultiProgress::new),
             current: Mutex::default(),
         }
@@ -251,9 +297,13 @@ impl RunProgress {
 
     /// A line above the bars.
     fn say(&self, text: &str) {
+        let say = || match self.shown {
+            Shown::Json => tell(text),
+            _ => tell_on(self.screen, text),
+        };
         match &self.bars {
-            Some(bars) => bars.suspend(|| tell(text)),
-            None => tell(text),
+            Some(bars) => bars.suspend(say),
+            None => say(),
         }
     }
 
@@ -273,14 +323,22 @@ impl RunProgress {
         let mut current = locked(&self.current);
         match event {
             Event::RunStarted { .. } => line(event).iter().for_each(|text| self.say(text)),
-            Event::StageStarted { name, kind, steps, .. } => {
+            Event::StageStarted {
+                name,
+                steps,
+                unit,
+                price,
+                ..
+            } => {
                 if self.bars.is_none() {
                     line(event).iter().for_each(|text| tell(text));
                 }
-                let bar = Bar::among(self.bars.as_ref(), name, unit(kind), *steps);
+                let foretold = price.map(|price| price.seconds.likely);
+                let bar = Bar::among(self.bars.as_ref(), name, unit, *steps, foretold);
                 current.insert(name.clone(), bar);
             }
             Event::Progress { name, steps } => current.get(name).iter().for_each(|bar| bar.advance(*steps)),
+            Event::Part { name, done } => current.get(name).iter().for_each(|bar| bar.part(*done)),
             Event::Resumed { name, steps } => current.get(name).iter().for_each(|bar| bar.resume(*steps)),
             Event::Note { name, text } => current.get(name).iter().for_each(|bar| bar.note(text)),
             Event::ChunkBuilt { .. } | Event::Warning { .. } => {}
@@ -291,7 +349,14 @@ impl RunProgress {
                 if let Some(bar) = current.remove(&report.name) {
                     bar.clear();
                 }
-                self.say(&format!("{}: {}", report.name, ended(report)));
+                let word = table::outcome(report.outcome);
+                let how = ended(report);
+                let rest = how.strip_prefix(word).unwrap_or_default();
+                let say = || tell_of(self.screen, &report.name, (word, Tone::of(report.outcome)), rest);
+                match &self.bars {
+                    Some(bars) => bars.suspend(say),
+                    None => say(),
+                }
             }
         }
     }
@@ -318,20 +383,25 @@ pub fn line(event: &Event) -> Option<String> {
         }
         Event::StageStarted {
             name,
-            kind,
             steps,
+            unit,
             why,
             price,
+            ..
         } => {
             let price = price.map_or_else(String::new, |price| format!(", about {}", table::time(&price.seconds)));
-            format!("{name}: {} to do ({why}){price}", counted(*steps, unit(kind)))
+            format!("{name}: {} to do ({why}){price}", counted(*steps, unit))
         }
         Event::StageReused(report)
         | Event::StageFinished(report)
         | Event::StageFailed(report)
         | Event::StageSkipped(report) => format!("{}: {}", report.name, ended(report)),
         Event::Warning { text } => format!("warning: {text}"),
-        Event::Progress { .. } | Event::Resumed { .. } | Event::Note { .. } | Event::ChunkBuilt { .. } => return None,
+        Event::Progress { .. }
+        | Event::Part { .. }
+        | Event::Resumed { .. }
+        | Event::Note { .. }
+        | Event::ChunkBuilt { .. } => return None,
     })
 }
 
@@ -348,38 +418,53 @@ fn ended(report: &StageReport) -> String {
     }
 }
 
-/// What the steps of a kind are.
-fn unit(kind: &str) -> &'static str {
-    match kind {
-        "sample" | "patterns" | "solve" | "import" => "samples",
-        "train" => "epochs",
-        "design" => "generations",
-        _ => "steps",
-    }
-}
-
 fn counted(n: u64, units: &str) -> String {
-    format!("{n} {}", if n == 1 { units.trim_end_matches('s') } else { units })
+    let one = match units {
+        "searches" => "search",
+        units => units.trim_end_matches('s'),
+    };
+    format!("{n} {}", if n == 1 { one } else { units })
 }
 
-fn style() -> ProgressStyle {
-    let template = "{prefix:<12} [{bar:20}] {pos}/{len}  {rate}, {left} left  {wide_msg}";
-    let pace = |state: &ProgressState, out: &mut dyn fmt::Write| {
-        // A bar has nowhere to report that it cannot be written.
-        let _ = out.write_str(&rate(state.per_sec()));
+/// Columns from which on a terminal has room for long names and bars.
+const WIDE: usize = 100;
+
+fn style(unit: &'static str, foretold: Option<f64>, narrow: bool) -> ProgressStyle {
+    let template = match narrow {
+        true => "{prefix:<12} [{bar:8}] {steps}  {pace}  {wide_msg}",
+        false => "{prefix:<12} [{bar:20}] {steps}  {pace}  {wide_msg}",
     };
-    // Before the first step nothing is known of the time that is left, and indicatif says zero.
-    let left = |state: &ProgressState, out: &mut dyn fmt::Write| {
-        let _ = match state.pos() {
-            0 => out.write_str("?"),
-            _ => out.write_str(&table::seconds(state.eta().as_secs_f64())),
+    let steps = move |state: &ProgressState, out: &mut dyn fmt::Write| {
+        let all = state.len().unwrap_or(0) / STEP;
+        // A bar has nowhere to report that it cannot be written.
+        let _ = write!(out, "{}/{all} {unit}", state.pos() / STEP);
+    };
+    let pace = move |state: &ProgressState, out: &mut dyn fmt::Write| {
+        let per_second = state.per_sec() / STEP as f64;
+        let rate = (state.pos() > 0 && per_second > 0.0).then_some(per_second);
+        let left = state.len().unwrap_or(0).saturating_sub(state.pos()) as f64 / STEP as f64;
+        let took = state.elapsed().as_secs_f64();
+        let text = pace(rate, left, foretold.map(|all| all - took));
+        let _ = match text.is_empty() {
+            true => write!(out, "{} so far", table::seconds(took)),
+            false => out.write_str(&text),
         };
     };
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     style
-        .with_key("rate", pace)
-        .with_key("left", left)
+        .with_key("steps", steps)
+        .with_key("pace", pace)
         .progress_chars("=> ")
+}
+
+/// How fast it goes, in steps per second, and how long so many steps more take; before a rate is known what was foretold and is left of
+/// that, s.
+fn pace(per_second: Option<f64>, left: f64, foretold: Option<f64>) -> String {
+    match (per_second, foretold) {
+        (Some(per_second), _) => format!("{}, {} left", rate(per_second), table::seconds(left / per_second)),
+        (None, Some(left)) if left > 0.0 => format!("about {} left", table::seconds(left)),
+        (None, _) => String::new(),
+    }
 }
 
 /// Steps that take longer than a second are counted by the minute.
@@ -409,6 +494,27 @@ mod tests {
     }
 
     #[test]
+    fn a_pace_is_known_within_the_first_step() {
+        assert_eq!(pace(Some(0.05), 1.5, Some(3.0)), "3.0/min, 30.0 s left");
+        assert_eq!(pace(None, 2.0, Some(41.0)), "about 41.0 s left");
+        assert_eq!(pace(None, 2.0, Some(-1.0)), "");
+        let now = Instant::now();
+        let mut plain = Plain {
+            begun: now.checked_sub(Duration::from_secs(10)).unwrap_or(now),
+            said: now,
+            done: 3,
+            part: 0.0,
+            before: 3,
+            length: 5,
+            foretold: None,
+            note: String::new(),
+        };
+        assert_eq!(plain.rate(), None);
+        plain.part = 0.5;
+        assert!(plain.rate().is_some_and(|rate| rate > 0.0 && rate < 0.06));
+    }
+
+    #[test]
     fn the_end_of_a_stage_is_told_in_one_line() {
         let report = |outcome| StageReport {
             name: "solved".into(),
@@ -430,8 +536,8 @@ mod tests {
         assert_eq!(ended(&report(Outcome::Reused)), "reused af1349b9f5f9");
         assert_eq!(ended(&report(Outcome::Failed)), "failed after 1 min 01 s");
         assert_eq!(
-            (counted(1, unit("balance")), counted(2, unit("train"))),
-            ("1 step".into(), "2 epochs".into())
+            [counted(1, "steps"), counted(1, "searches"), counted(2, "epochs")],
+            ["1 step", "1 search", "2 epochs"]
         );
     }
 }

@@ -87,7 +87,7 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
     if output.is_json() {
         output.document(&document(&remote, &pulled, &missing, &foreign))?;
     } else {
-        output.text(&text(arguments, remote.name(), &pulled, &missing))?;
+        output.text(text(arguments, remote.name(), &pulled, &missing))?;
     }
     Ok(match pulled.left.is_empty() {
         true => Exit::Done,

@@ -81,7 +81,7 @@ pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliEr
             "passed_over": upstream::foreign_document(&remote, &foreign),
         }))?;
     } else {
-        output.text(&text(remote.name(), &pushed))?;
+        output.text(text(remote.name(), &pushed))?;
     }
     for (artifact, why) in &pushed.left {
         output.complain(&format!("warning: artifact {} was not sent: {why}", artifact.short()));

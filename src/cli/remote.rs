@@ -11,6 +11,7 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Lazy;
+use super::text::Text;
 use super::{locate, table, upstream};
 use crate::base::host_name;
 use crate::remote::{Address, Configuration, Retention, SigningKey, Swept, read_public, sweep};
@@ -125,7 +126,7 @@ fn add(configuration: &Configuration, arguments: &AddArguments, output: &Output)
                 whose => whose.to_owned(),
             })
             .collect();
-        output.text(&format!(
+        output.text(format!(
             "{}: {}, trusting {}\n{} and {} say so",
             arguments.name,
             address.url(),
@@ -139,7 +140,7 @@ fn add(configuration: &Configuration, arguments: &AddArguments, output: &Output)
 
 fn list(configuration: &Configuration, output: &Output) -> Result<Exit, CliError> {
     let (mut documents, mut is_sound) = (Vec::new(), true);
-    let mut table = table::table(&["name", "place", "server", "keys"], &["keys"]);
+    let mut table = table::table(&["name", "place", "server", "keys"], &["keys"]).flowing(&["place", "server"]);
     for name in configuration.names()? {
         let remote = match configuration.find(&name) {
             Ok(Some(remote)) => remote,
@@ -168,9 +169,9 @@ fn list(configuration: &Configuration, output: &Output) -> Result<Exit, CliError
     if output.is_json() {
         output.document(&json!({ "remotes": documents }))?;
     } else if documents.is_empty() {
-        output.text(&format!("there is no remote; {}", upstream::HOW_TO_ADD))?;
+        output.text(format!("there is no remote; {}", upstream::HOW_TO_ADD))?;
     } else {
-        output.text(&table.to_string())?;
+        output.text(Text::of(table))?;
     }
     Ok(match is_sound {
         true => Exit::Done,
@@ -195,7 +196,7 @@ fn remove(configuration: &Configuration, name: &str, output: &Output) -> Result<
     if output.is_json() {
         output.document(&json!({ "removed": name }))?;
     } else {
-        output.text(&format!("{name} is forgotten; nothing there was touched"))?;
+        output.text(format!("{name} is forgotten; nothing there was touched"))?;
     }
     Ok(Exit::Done)
 }
@@ -219,7 +220,7 @@ fn key(configuration: &Configuration, output: &Output) -> Result<Exit, CliError>
     if output.is_json() {
         output.document(&json!({ "key": key.public().to_string(), "whose": whose, "file": path }))?;
     } else {
-        output.text(key.public().line(&whose).trim_end())?;
+        output.plain(key.public().line(&whose).trim_end())?;
     }
     Ok(Exit::Done)
 }
@@ -259,7 +260,7 @@ fn gc(configuration: &Configuration, arguments: &GcArguments, output: &Output) -
             "not_ours": swept.others,
         }))?;
     } else {
-        output.text(&text(remote.name(), arguments.dry_run, &swept))?;
+        output.text(text(remote.name(), arguments.dry_run, &swept))?;
     }
     Ok(Exit::Done)
 }

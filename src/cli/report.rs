@@ -68,7 +68,7 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
             missing.join(", ")
         ));
     }
-    output.text(&written.text())?;
+    output.text(written.text())?;
     Ok(Exit::Done)
 }
 

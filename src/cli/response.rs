@@ -13,6 +13,7 @@ use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::simulate::seconds_each;
 use super::solve::{SolveArguments, check_file, provenance};
+use super::text::Text;
 use super::{csv, table, write};
 use crate::base::{Dimension, Progress, Quantity};
 use crate::content::{FrequencyResponses, Lines, Packed};
@@ -154,12 +155,13 @@ pub fn execute(arguments: &SolveArguments, range: Range, scene: &[&str], output:
         ..content(patterns, &scene, found, &motions)
     };
     write_file(file, &content.object(), &provenance("solve", parameters, seconds))?;
-    if let Some(summary) = summary {
-        let mut lines = vec![summary];
-        lines.extend(warnings.iter().map(|warning| format!("model warning: {warning}")));
+    if let Some(mut summary) = summary {
+        for warning in &warnings {
+            summary.line(format!("model warning: {warning}"));
+        }
         let files = [file, &values, &figure].map(|path| path.display().to_string());
-        lines.push(format!("{} in {}", files.join(", "), table::seconds(seconds)));
-        output.text(&lines.join("\n"))?;
+        summary.line(format!("{} in {}", files.join(", "), table::seconds(seconds)));
+        output.text(summary)?;
     } else {
         output.document(&json!({
             "file": file,
@@ -360,9 +362,9 @@ fn curves(motions: &[Motion], frequencies: &[f64]) -> Vec<figures::Response> {
 }
 
 /// One line for each pattern, and one for each frequency without a response.
-fn overview(found: &[FrequencyResponse], motions: &[Motion], frequencies: &[f64]) -> String {
+fn overview(found: &[FrequencyResponse], motions: &[Motion], frequencies: &[f64]) -> Text {
     let header = ["pattern", "outcome", "corner", "first", "largest", "at", "phase"];
-    let mut table = table::table(&header, &header[3..]);
+    let mut table = table::table(&header, &header[3..]).dispensable(&["phase", "first"]);
     let mut lines = Vec::new();
     for (index, (one, motion)) in found.iter().zip(motions).enumerate() {
         let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
@@ -386,10 +388,11 @@ fn overview(found: &[FrequencyResponse], motions: &[Motion], frequencies: &[f64]
         });
         lines.extend(without);
     }
-    std::iter::once(table.trim_fmt())
-        .chain(lines)
-        .collect::<Vec<_>>()
-        .join("\n")
+    let mut text = Text::of(table);
+    for line in lines {
+        text.line(line);
+    }
+    text
 }
 
 fn document(index: usize, one: &FrequencyResponse, motion: &Motion, frequencies: &[f64]) -> Value {

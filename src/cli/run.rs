@@ -1,7 +1,8 @@
-//! `deaflow run`: builds what is stale, then says what was built, what was found and where the figures are.
+//! `deaflow run`: builds what is stale, then says in a few lines what was built, what was found and where it is; in many with `-v`.
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
@@ -15,11 +16,13 @@ use super::neglected::{may_break_down, neglected};
 use super::output::{Exit, Output};
 use super::progress::{RunProgress, Shown};
 use super::run_log::RunLog;
-use super::{plan, table};
+use super::signals::Stop;
+use super::text::Text;
+use super::{ending, plan, table};
 use crate::base::{ArtifactId, OutputFile, Override};
 use crate::orchestrator::{Environment, MANY_STAGES, Pipeline, RunOptions, RunOutcome, StageReport, run};
 use crate::remote::Remote;
-use crate::report::{Made, RunArtifacts, RunResults};
+use crate::report::{Made, RunArtifacts, RunResults, headlines};
 use crate::stage;
 use crate::store::{Command, LockFile, Store};
 
@@ -41,8 +44,11 @@ pub struct RunArguments {
     /// Hold the pipeline to its lock file: any difference is an error, found before any work wherever it can be
     #[arg(long)]
     pub locked: bool,
-    /// Say nothing but warnings and errors
+    /// Print all that was found, and a table of the stages
     #[arg(short, long, help_heading = PROGRESS)]
+    pub verbose: bool,
+    /// Say nothing but warnings and errors
+    #[arg(short, long, conflicts_with = "verbose", help_heading = PROGRESS)]
     pub quiet: bool,
     /// How progress is shown on stderr [default: bars on a terminal, or else plain lines]
     #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet", help_heading = PROGRESS)]
@@ -92,7 +98,13 @@ pub fn of_pipeline(
     let reading = arguments.of.read(Store::open(&arguments.of.store_folder())?, output)?;
     let store = reading.store();
     let shown = ProgressForm::shown(arguments.progress, arguments.quiet);
-    let progress = Arc::new(RunProgress::new(shown));
+    let progress = Arc::new(RunProgress::new(shown, output.beside()));
+    let answers = progress.clone();
+    let stop = Stop::heed(move || {
+        answers.note(
+            "stopping: chunks that are done, and how far trainings and searches have come, are kept; Ctrl-C again ends at once",
+        );
+    })?;
     let told = progress.clone();
     let watch = reading.watch(move |text| told.note(text));
     let log = RunLog::new(store);
@@ -107,17 +119,25 @@ pub fn of_pipeline(
         lock: lock.as_ref(),
         command,
         abreast: rayon::current_num_threads(),
+        stop: Some(stop.flag()),
         ..RunOptions::default()
     };
+    let start = Instant::now();
     let done = run(pipeline, store, &options, &Environment::system(), &listener);
     drop(watch);
     reading.end(output, arguments.quiet);
+    let (is_stopped, seconds) = (stop.end(), start.elapsed().as_secs_f64());
     let mut outcome = done?;
     if let Some(why) = log.trouble() {
         output.complain(&format!("warning: the log file of this run is not whole: {why}"));
     }
     if !outcome.failures.is_empty() {
         let exit = failed(&mut outcome, arguments, output)?;
+        return Ok((exit, outcome.stages));
+    }
+    // Between two stages nothing fails, and yet not all is there.
+    if is_stopped && outcome.stages.len() < pipeline.selection(arguments.of.until.as_deref())?.len() {
+        let exit = stopped(&outcome, arguments, output)?;
         return Ok((exit, outcome.stages));
     }
     if arguments.lock {
@@ -129,9 +149,9 @@ pub fn of_pipeline(
         output.complain(&format!("warning: `gc` will not know of the lock file: {error}"));
     }
     built(store, &outcome.stages)?;
-    if !output.is_json() && !arguments.quiet {
+    if !output.is_json() && arguments.verbose {
         // Before the figures: what was built is told even where they cannot be drawn.
-        output.text(&table::of_run(&outcome.stages))?;
+        output.text(Text::of(table::of_run(&outcome.stages)))?;
     }
     let (made, elsewhere): (Vec<Made>, Vec<Made>) = made(&outcome)
         .into_iter()
@@ -167,15 +187,24 @@ pub fn of_pipeline(
     } else if arguments.quiet {
         results.warning_lines().for_each(|line| output.complain(&line));
     } else {
-        let unstable = (outcome.unstable > 0).then(|| {
-            let n = outcome.unstable;
-            format!(
-                "no stable solution was found for {n} samples; their outcomes stand in the artifacts under `unstable/`"
-            )
-        });
-        let elsewhere = (!elsewhere.is_empty()).then(|| not_here(&elsewhere, reading.remote(), arguments));
-        let parts = unstable.into_iter().chain(results.text()).chain(elsewhere);
-        output.text(&parts.map(|part| format!("\n{part}\n")).collect::<String>())?;
+        let mut text = Text::new();
+        if arguments.verbose {
+            for part in results.text() {
+                text.line(format!("\n{part}"));
+            }
+            text.line("");
+        } else {
+            for line in results.warning_lines() {
+                text.line(line);
+            }
+        }
+        if !elsewhere.is_empty() {
+            text.line(not_here(&elsewhere, reading.remote(), arguments));
+        }
+        let found = headlines(&artifacts)?;
+        ending::add_to(&mut text, &pipeline.name, &outcome, (&found.0, found.1), seconds);
+        ending::places(&mut text, &results, store, (command, arguments));
+        output.text(text)?;
     }
     let exit = match outcome.unstable {
         0 => Exit::Done,
@@ -277,6 +306,24 @@ fn document(outcome: &RunOutcome) -> Value {
     json!({ "stages": outcome.stages, "unstable": outcome.unstable, "warnings": outcome.foreseen })
 }
 
+/// What is said of a run that was stopped.
+const GOES_ON: &str = "stopped: what was built is kept, and the same command goes on from there";
+
+/// A run that was stopped before a stage was begun.
+fn stopped(outcome: &RunOutcome, arguments: &RunArguments, output: &Output) -> Result<Exit, CliError> {
+    let error = CliError::stopped(GOES_ON);
+    if output.is_json() {
+        let mut document = document(outcome);
+        document["error"] = error.to_json();
+        document["errors"] = json!([error.to_json()]);
+        output.document(&document)?;
+    } else if !arguments.quiet {
+        output.text(Text::of(table::of_run(&outcome.stages)))?;
+    }
+    output.complain(GOES_ON);
+    Ok(error.exit())
+}
+
 /// What was built before and beside the failures stays, and is told of.
 fn failed(outcome: &mut RunOutcome, arguments: &RunArguments, output: &Output) -> Result<Exit, CliError> {
     let failures = std::mem::take(&mut outcome.failures);
@@ -290,9 +337,16 @@ fn failed(outcome: &mut RunOutcome, arguments: &RunArguments, output: &Output) -
         document["errors"] = errors.iter().map(CliError::to_json).collect();
         output.document(&document)?;
     } else if !arguments.quiet {
-        output.text(&table::of_run(&outcome.stages))?;
+        output.text(Text::of(table::of_run(&outcome.stages)))?;
     }
     errors.iter().for_each(|error| output.complain(&error.render(false)));
+    if !output.is_json()
+        && errors
+            .iter()
+            .any(|error| error.exit() == Exit::TryAgain && !error.may_pass())
+    {
+        output.complain(GOES_ON);
+    }
     // The exit code of the gravest failure would depend on taste: that of the first one it is.
     Ok(errors.first().map_or(Exit::Failure, CliError::exit))
 }

@@ -10,6 +10,7 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::table;
+use super::text::Text;
 use crate::base::InputError;
 use crate::content::named_patterns;
 use crate::fem::WorkLimit;
@@ -39,7 +40,7 @@ pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, Cli
     if output.is_json() {
         output.document(&document(&screening))?;
     } else {
-        output.text(&text(&screening))?;
+        output.text(text(&screening))?;
     }
     Ok(Exit::Done)
 }
@@ -81,7 +82,7 @@ fn comparison(one: &Comparison) -> Value {
 }
 
 /// Two lines for each effect, so that the table stays narrow.
-fn text(screening: &Screening) -> String {
+fn text(screening: &Screening) -> Text {
     let header = [
         "effect and its number",
         "value",
@@ -90,7 +91,7 @@ fn text(screening: &Screening) -> String {
         "now",
         "what it would change; cost",
     ];
-    let mut table = table::table(&header, &["value", "above"]);
+    let mut table = table::table(&header, &["value", "above"]).flowing(&[header[0], header[5]]);
     for row in &screening.rows {
         let arises = row.assessment.quantity != "–";
         let formula = if arises {
@@ -127,7 +128,9 @@ fn text(screening: &Screening) -> String {
         .into_iter()
         .map(|warning| format!("model warning: {warning}"));
     let lines: Vec<String> = [legend, simulated].into_iter().chain(warnings).collect();
-    format!("{}\n\n{}", table.trim_fmt(), lines.join("\n"))
+    let mut text = Text::of(table);
+    text.line("").line(lines.join("\n"));
+    text
 }
 
 /// Screens a scene, of a device in several states at the largest voltages that its groups of electrodes have in any, with the patterns that the

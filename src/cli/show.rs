@@ -14,6 +14,7 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::rows::Rows;
 use super::statistics::{self, Statistics};
+use super::text::Text;
 use super::{csv, locate, table};
 use crate::content::Table;
 use crate::report::Collected;
@@ -87,7 +88,7 @@ fn print(shown: &Shown, output: &Output) -> Result<Exit, CliError> {
     if output.is_json() {
         output.document(shown)?;
     } else {
-        output.text(&shown.text())?;
+        output.text(shown.text())?;
     }
     Ok(Exit::Done)
 }
@@ -95,14 +96,14 @@ fn print(shown: &Shown, output: &Output) -> Result<Exit, CliError> {
 fn show_rows(artifact: &Artifact, arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
     if artifact.kind() == "table" && arguments.along.is_none() {
         let table = Table::read(artifact)?;
-        output.text(&csv::of_table(&Collected::new(table))?)?;
+        output.plain(&csv::of_table(&Collected::new(table))?)?;
         return Ok(Exit::Done);
     }
     print_rows(&Rows::of(artifact, arguments.along.as_deref())?, output)
 }
 
 fn print_rows(rows: &Rows, output: &Output) -> Result<Exit, CliError> {
-    output.text(&rows.csv()?)?;
+    output.plain(&rows.csv()?)?;
     if !rows.left_out.is_empty() {
         let list = rows.left_out.join(", ");
         output.complain(&format!("no columns of `{}`, left out: {list}", rows.axis));
@@ -171,14 +172,15 @@ impl Shown {
         })
     }
 
-    fn text(&self) -> String {
-        let mut parts = vec![match &self.digest {
+    fn text(&self) -> Text {
+        let mut text = Text::from(match &self.digest {
             Some(digest) => format!("artifact {digest}\n  {}", self.path),
             None => format!("file {}", self.path),
-        }];
+        });
         if !self.parts.is_empty() {
-            parts[0] += &format!("\n  a manifest of {} chunks, shown as one", self.parts.len());
+            text.line(format!("  a manifest of {} chunks, shown as one", self.parts.len()));
         }
+        text.line("");
         let list = |title: &str, entries: &BTreeMap<String, String>| {
             let width = entries.keys().map(|k| k.chars().count()).max().unwrap_or(0);
             let lines = entries.iter().filter(|(_, value)| !value.is_empty());
@@ -190,24 +192,28 @@ impl Shown {
                     )
                 })
                 .collect();
-            format!("{title}\n{}", lines.join("\n"))
+            format!("{title}\n{}\n", lines.join("\n"))
         };
         if !self.attributes.is_empty() {
-            parts.push(list("attributes", &self.attributes));
+            text.line(list("attributes", &self.attributes));
         }
-        parts.push(self.table());
+        self.table(&mut text);
+        text.line("");
         if !self.provenance.is_empty() {
-            parts.push(list("provenance", &self.provenance));
+            text.line(list("provenance", &self.provenance));
         }
-        parts.extend(self.record.iter().map(|record| format!("record: {record}")));
-        parts.join("\n\n")
+        if let Some(record) = &self.record {
+            text.line(format!("record: {record}"));
+        }
+        text
     }
 
-    fn table(&self) -> String {
+    fn table(&self, text: &mut Text) {
         let mut table = table::table(
             &["dataset", "type", "shape", "unit", "min", "mean", "max"],
             &["min", "mean", "max"],
-        );
+        )
+        .dispensable(&["type", "mean"]);
         let mut counted = Vec::new();
         for dataset in &self.datasets {
             let shape: Vec<String> = dataset.shape.iter().map(ToString::to_string).collect();
@@ -227,11 +233,10 @@ impl Shown {
             ];
             table.add_row(cells.into_iter().chain(statistics));
         }
-        let mut text = table.trim_fmt();
+        text.table(table);
         for line in counted {
-            text += &format!("\n{line}");
+            text.line(line);
         }
-        text
     }
 }
 

@@ -8,6 +8,8 @@ use serde_json::{Value, json};
 
 use super::cells::{self, States};
 use super::error::CliError;
+use super::outcomes::{Ending, Peak};
+use super::text::Text;
 use crate::base::Progress;
 use crate::content::{Lines, Observations, Packed, SolveFile};
 use crate::fem::screening::{Screened, resolve_states};
@@ -63,6 +65,8 @@ pub struct Answer {
     pub content: Object,
     /// Number of patterns.
     pub samples: usize,
+    /// How each pattern ended.
+    pub endings: Vec<Ending>,
     /// The outcome of each pattern without a stable solution: position and words.
     pub unstable: Vec<(Place, String)>,
     /// Patterns whose estimated error in mm is larger than the accuracy that was asked for, although the finest mesh was
@@ -87,7 +91,9 @@ pub struct Statement {
     /// What stands there.
     pub document: Option<Value>,
     /// The same in words.
-    pub lines: Vec<String>,
+    pub text: Text,
+    /// Whether the words tell of each pattern how far it moves.
+    pub tells_each: bool,
 }
 
 /// Simulates patterns in a scene, in each of its states where it has such; with the state of every cell where that is wanted.
@@ -209,6 +215,15 @@ fn answer(scene: &Scene, patterns: &[Pattern], parameters: &SolverParameters, ru
         )
     };
     let wanted = parameters.accuracy().map_or(f64::INFINITY, |accuracy| accuracy.value());
+    let cell_mm = scene.membrane().cell_mm();
+    let endings = rows().map(|(index, run)| {
+        let simulation = &run.results[index].simulation;
+        Ending {
+            place: run.place(index),
+            outcome: simulation.outcome.name().to_owned(),
+            peak: simulation.field.as_ref().map(|field| Peak::of(field, Some(cell_mm))),
+        }
+    });
     let unstable = rows().filter(|(index, run)| run.results[*index].simulation.field.is_none());
     let unstable = unstable.map(|(index, run)| (run.place(index), run.results[index].simulation.outcome.to_string()));
     let missed = rows().filter_map(|(index, run)| Some((run.place(index), run.results[index].discretisation_error?)));
@@ -220,6 +235,7 @@ fn answer(scene: &Scene, patterns: &[Pattern], parameters: &SolverParameters, ru
     Answer {
         content: content.in_states(&states),
         samples: patterns.len(),
+        endings: endings.collect(),
         unstable: unstable.collect(),
         missed: missed.filter(|(_, error)| *error > wanted).collect(),
         warnings,

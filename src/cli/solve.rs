@@ -5,18 +5,21 @@ use std::str::FromStr;
 use std::time::Instant;
 
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::arguments::{PatternArguments, StateArguments, TOLERANCE, TimeArguments, accuracy, number};
 use super::error::CliError;
 use super::examples::examples;
 use super::history::HistoryArguments;
 use super::modes::ModesArguments;
+use super::outcomes::FEW;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::response::ResponseArguments;
 use super::simulate::{self, Answer};
-use super::{history, modes, path, response, table, write};
+use super::text::Text;
+use super::tone::Tone;
+use super::{history, modes, outcomes, path, response, table, write};
 use crate::base::Quantity;
 use crate::fem::{MeshRequest, Method, SolveOptions, SolverParameters, check_leads};
 use crate::field::{Mesh, Order};
@@ -129,7 +132,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     let answer = simulate::solve(&read, &patterns, &request, arguments.cells, &bar)?;
     bar.finish("done");
     let parameters = format!("{}, {request}", arguments.state.described(&arguments.scene));
-    conclude(&arguments.patterns, &answer, ("solve", parameters), start, output)
+    conclude(&arguments.patterns, answer, ("solve", parameters), start, output)
 }
 
 /// An estimate is no equilibrium: it has no accuracy, no tolerance, no stresses to be trusted and no path.
@@ -195,7 +198,7 @@ pub fn is_same_file(a: &Path, b: &Path) -> bool {
 /// Writes the file and says what is in it.
 pub fn conclude(
     arguments: &PatternArguments,
-    answer: &Answer,
+    answer: Answer,
     (kind, parameters): (&str, String),
     start: Instant,
     output: &Output,
@@ -234,48 +237,71 @@ pub fn conclude(
             "wrinkled": wrinkled.collect::<Vec<_>>(),
             "seconds": seconds,
         });
+        if let (Some(document), Value::Object(of_all)) = (document.as_object_mut(), outcomes::document(&answer.endings))
+        {
+            document.extend(of_all);
+        }
         if !answer.statement.key.is_empty() {
             document[answer.statement.key] = json!(answer.statement.document);
         }
         output.document(&document)?;
     } else {
-        let mut lines = vec![format!(
-            "{}: {n} {} in {}",
-            arguments.output.display(),
-            if n == 1 { "pattern" } else { "patterns" },
-            table::seconds(seconds)
-        )];
-        let outcomes = answer.unstable.iter();
-        lines.extend(outcomes.map(|(place, outcome)| match outcome.as_str() {
-            "no-estimate" => format!("{place} has no estimate: the steps lead to no state of the membrane"),
-            outcome => format!("{place}: no stable solution was found: {outcome}"),
-        }));
-        let near = answer.near_limit.iter();
-        lines.extend(near.map(|(place, found)| {
-            let limit = found.map_or("; where stability is lost was not found".to_owned(), |found| {
-                format!(": stability is lost at {}", path::with_error(&found))
-            });
-            format!("{place}: a finer mesh could refuse it{limit}")
-        }));
-        let missed = answer.missed.iter();
-        lines.extend(missed.map(|(place, error)| {
-            format!("{place}: the finest mesh leaves an estimated error of {error:.2e} mm, more than was asked for")
-        }));
-        lines.extend(
-            answer
-                .warnings
-                .iter()
-                .map(|warning| format!("model warning: {warning}")),
-        );
-        let wrinkled = answer.wrinkled.iter();
-        lines.extend(
-            wrinkled
-                .map(|(place, fraction)| format!("{place}: {:.1} % of the membrane would wrinkle", 100.0 * fraction)),
-        );
-        lines.extend(answer.statement.lines.iter().cloned());
-        output.text(&lines.join("\n"))?;
+        output.text(text(arguments, answer, seconds))?;
     }
     Ok(if unstable > 0 { Exit::Unstable } else { Exit::Done })
+}
+
+/// What is said of an answer.
+fn text(arguments: &PatternArguments, answer: Answer, seconds: f64) -> Text {
+    let n = answer.samples;
+    let mut text = Text::from(format!(
+        "{}: {n} {} in {}",
+        arguments.output.display(),
+        if n == 1 { "pattern" } else { "patterns" },
+        table::seconds(seconds)
+    ));
+    if answer.endings.len() > FEW || !answer.statement.tells_each {
+        text.append(outcomes::text(&answer.endings, &arguments.output));
+    }
+    let outcomes = answer.unstable.iter();
+    let outcomes = outcomes.map(|(place, outcome)| match outcome.as_str() {
+        "no-estimate" => format!("{place} has no estimate: the steps lead to no state of the membrane"),
+        outcome => format!("{place}: no stable solution was found: {outcome}"),
+    });
+    first(&mut text, Tone::Bad, outcomes);
+    let near = answer.near_limit.iter().map(|(place, found)| {
+        let limit = found.map_or("; where stability is lost was not found".to_owned(), |found| {
+            format!(": stability is lost at {}", path::with_error(&found))
+        });
+        format!("{place}: a finer mesh could refuse it{limit}")
+    });
+    first(&mut text, Tone::Caution, near);
+    let missed = answer.missed.iter().map(|(place, error)| {
+        format!("{place}: the finest mesh leaves an estimated error of {error:.2e} mm, more than was asked for")
+    });
+    first(&mut text, Tone::Caution, missed);
+    for warning in &answer.warnings {
+        text.line(format!("model warning: {warning}"));
+    }
+    let wrinkled = answer.wrinkled.iter();
+    let wrinkled =
+        wrinkled.map(|(place, fraction)| format!("{place}: {:.1} % of the membrane would wrinkle", 100.0 * fraction));
+    first(&mut text, Tone::Plain, wrinkled);
+    text.append(answer.statement.text);
+    text
+}
+
+/// Adds a line for each of a few patterns, and how many more there are.
+fn first(text: &mut Text, tone: Tone, mut lines: impl ExactSizeIterator<Item = String>) {
+    for line in lines.by_ref().take(FEW) {
+        text.toned(tone, line);
+    }
+    if lines.len() > 0 {
+        text.toned(
+            tone,
+            format!("and {} more such patterns: --json lists all", lines.len()),
+        );
+    }
 }
 
 /// Who made a file, when and how.

@@ -9,6 +9,9 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
+use super::table::Cell;
+use super::text::Text;
+use super::tone::Tone;
 use super::{locate, run, table};
 use crate::executor::{SILENT, Seen, workers};
 use crate::orchestrator::{Bill, Environment, Outcome, StageReport, Staleness, file_of, plan};
@@ -60,7 +63,7 @@ pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, Cli
     if output.is_json() {
         output.document(&document(&store, &totals, runs.len(), &workers, &standings))?;
     } else {
-        output.text(&text(&store, &totals, runs.len(), &workers, &standings))?;
+        output.text(text(&store, &totals, runs.len(), &workers, &standings))?;
     }
     Ok(Exit::Done)
 }
@@ -128,8 +131,8 @@ fn document(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], stand
     })
 }
 
-fn text(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], standings: &[Standing]) -> String {
-    let mut lines = vec![format!(
+fn text(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], standings: &[Standing]) -> Text {
+    let mut text = Text::from(format!(
         "{}: {} artifacts ({}), {} records, {runs} runs, {} pins, {} lock files",
         store.root().display(),
         totals.objects,
@@ -137,60 +140,67 @@ fn text(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], standings
         totals.records,
         totals.pins,
         totals.lock_files,
-    )];
+    ));
     if totals.quarantined > 0 {
-        lines.push(format!(
-            "{} damaged files lie in {}",
-            totals.quarantined,
-            store.root().join("quarantine").display()
-        ));
+        let folder = store.root().join("quarantine");
+        let damaged = format!("{} damaged files lie in {}", totals.quarantined, folder.display());
+        text.toned(Tone::Bad, damaged);
     }
     if totals.checkpoints > 0 {
-        lines.push(format!(
+        text.line(format!(
             "unfinished and to be gone on with: {} actions ({})",
             totals.checkpoints,
             table::bytes(totals.checkpoint_bytes)
         ));
     }
-    lines.push(match totals.in_flight {
+    text.line(match totals.in_flight {
         0 => "nothing is being built".to_owned(),
         1 => "one action is being built".to_owned(),
         n => format!("{n} actions are being built"),
     });
     if !workers.is_empty() {
-        let mut rows = table::table(&["worker", "pipeline", "array", "since", "last sign of life"], &[]);
+        let mut rows = table::table(&["worker", "pipeline", "array", "since", "last sign of life"], &[])
+            .flowing(&["last sign of life"])
+            .dispensable(&["array", "since"]);
         for Seen { worker, silent } in workers {
             let last = match *silent < SILENT {
-                true => format!("{} s ago", silent.as_secs()),
-                false => format!("{} ago: perhaps dead", table::seconds(silent.as_secs_f64())),
+                true => Cell::from(format!("{} s ago", silent.as_secs())),
+                false => {
+                    let silent = table::seconds(silent.as_secs_f64());
+                    Cell::toned(&format!("{silent} ago: perhaps dead"), Tone::Caution)
+                }
             };
             rows.add_row([
-                format!("{} on {}", worker.owner.pid, worker.owner.host),
-                worker.pipeline.clone(),
-                worker.array.clone().unwrap_or_else(|| "-".to_owned()),
-                worker.owner.since.clone(),
+                Cell::from(format!("{} on {}", worker.owner.pid, worker.owner.host)),
+                Cell::from(&worker.pipeline),
+                Cell::from(worker.array.as_deref().unwrap_or("-")),
+                Cell::from(&worker.owner.since),
                 last,
             ]);
         }
-        lines.push(String::new());
-        lines.push(rows.trim_fmt());
+        text.line("").table(rows);
     }
     if !standings.is_empty() {
-        let mut rows = table::table(&["pipeline", "last run", "lock", "state"], &[]);
+        let mut rows = table::table(&["pipeline", "last run", "lock", "state"], &[]).flowing(&["state"]);
         for standing in standings {
             let last = standing.last.as_ref().map_or("-", |run| run.created.as_str());
             let lock = if standing.locked { "yes" } else { "-" };
+            let is_stale = |stage: &StageReport| stage.outcome == Outcome::Stale;
+            let tone = match &standing.stages {
+                Err(_) => Tone::Bad,
+                Ok(stages) if stages.iter().any(is_stale) => Tone::Caution,
+                Ok(_) => Tone::Dim,
+            };
             rows.add_row([
-                standing.path.display().to_string(),
-                last.to_owned(),
-                lock.to_owned(),
-                state(&standing.stages),
+                Cell::from(standing.path.display()),
+                Cell::from(last),
+                Cell::from(lock),
+                Cell::toned(&state(&standing.stages), tone),
             ]);
         }
-        lines.push(String::new());
-        lines.push(rows.trim_fmt());
+        text.line("").table(rows);
     }
-    lines.join("\n")
+    text
 }
 
 fn state(stages: &Result<Vec<StageReport>, String>) -> String {

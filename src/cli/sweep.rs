@@ -69,8 +69,11 @@ pub struct SweepArguments {
     /// When a stage fails, go on with all that does not need it
     #[arg(short, long)]
     pub keep_going: bool,
-    /// Say nothing but warnings and errors
+    /// Print all that was found, and a table of the stages
     #[arg(short, long, help_heading = PROGRESS)]
+    pub verbose: bool,
+    /// Say nothing but warnings and errors
+    #[arg(short, long, conflicts_with = "verbose", help_heading = PROGRESS)]
     pub quiet: bool,
     /// How progress is shown on stderr [default: bars on a terminal, or else plain lines]
     #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet", help_heading = PROGRESS)]
@@ -112,6 +115,7 @@ pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliE
         keep_going: arguments.keep_going,
         lock: false,
         locked: false,
+        verbose: arguments.verbose && !arguments.csv,
         quiet: arguments.quiet || arguments.csv,
         progress: arguments.progress,
         cluster: ClusterArguments::default(),
@@ -123,7 +127,7 @@ pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliE
     if arguments.csv {
         let store = Store::open_existing(&arguments.store.folder_of(&arguments.pipeline))?.guarded();
         if let Some((_, text)) = collected(&store, &stages, &swept.table)? {
-            output.text(&text)?;
+            output.plain(&text)?;
         }
     }
     Ok(exit)

@@ -1,11 +1,13 @@
 //! Tables and the way numbers are written for people.
 
-pub use crate::report::{bytes, number, seconds, table};
+pub use super::columns::{Cell, Table, table};
+pub use crate::report::{bytes, number, seconds};
 
+use super::tone::Tone;
 use crate::orchestrator::{Bill, Estimate, Outcome, Price, StageReport};
 
 /// The stages of a finished run; what was built with what was foretold beside it, where anything was.
-pub fn of_run(stages: &[StageReport]) -> String {
+pub fn of_run(stages: &[StageReport]) -> Table {
     let mut header = vec![
         "stage", "kind", "outcome", "chunks", "time", "foretold", "digest", "size",
     ];
@@ -13,36 +15,39 @@ pub fn of_run(stages: &[StageReport]) -> String {
     if !foretold {
         header.retain(|title| *title != "foretold");
     }
-    let mut table = table(&header, &["time", "foretold", "size"]);
+    let mut table = table(&header, &["time", "foretold", "size"]).dispensable(&["kind", "digest", "chunks"]);
     for lines in lines(stages) {
-        let mut row = vec![
-            name(lines),
-            lines[0].kind.clone(),
+        let mut row: Vec<Cell> = vec![
+            name(lines).into(),
+            Cell::from(&lines[0].kind),
             outcomes(lines),
-            chunks(lines, "built", "reused"),
-            seconds(lines.iter().map(|stage| stage.seconds).sum()),
+            chunks(lines, "built", "reused").into(),
+            seconds(lines.iter().map(|stage| stage.seconds).sum()).into(),
         ];
         if foretold {
             let price = Bill::of(lines.iter().map(|stage| stage.price)).price;
-            row.push(price.map_or_else(String::new, |price| time(&price.seconds)));
+            row.push(price.map_or_else(String::new, |price| time(&price.seconds)).into());
         }
-        row.push(match lines {
-            [stage] => stage.digest.map_or_else(|| "-".to_owned(), |digest| digest.short()),
-            _ => "-".to_owned(),
-        });
+        let digest = match lines {
+            [stage] => stage.digest.map(|digest| digest.short()),
+            _ => None,
+        };
+        row.push(digest.unwrap_or_else(|| "-".to_owned()).into());
         row.push(match lines.iter().map(|stage| stage.size).sum() {
-            0 => "-".to_owned(),
-            size => bytes(size),
+            0 => "-".into(),
+            size => bytes(size).into(),
         });
         table.add_row(row);
     }
-    table.trim_fmt()
+    table
 }
 
 /// The stages of a plan.
-pub fn of_plan(stages: &[StageReport]) -> String {
+pub fn of_plan(stages: &[StageReport]) -> Table {
     let header = ["stage", "kind", "outcome", "chunks", "time", "disk", "why"];
-    let mut table = table(&header, &["time", "disk"]);
+    let mut table = table(&header, &["time", "disk"])
+        .flowing(&["why"])
+        .dispensable(&["kind", "disk", "chunks"]);
     for lines in lines(stages) {
         let bill = Bill::of(lines.iter().filter(|stage| is_stale(stage)).map(|stage| stage.price));
         let (time, disk) = match &bill.price {
@@ -60,16 +65,16 @@ pub fn of_plan(stages: &[StageReport]) -> String {
             }
         }
         table.add_row([
-            name(lines),
-            lines[0].kind.clone(),
+            Cell::from(name(lines)),
+            Cell::from(&lines[0].kind),
             outcomes(lines),
-            chunks(lines, "to build", "there"),
-            time,
-            disk,
-            reasons.join("\n"),
+            Cell::from(chunks(lines, "to build", "there")),
+            Cell::from(time),
+            Cell::from(disk),
+            Cell::from(reasons.join("\n")),
         ]);
     }
-    table.trim_fmt()
+    table
 }
 
 fn is_stale(stage: &StageReport) -> bool {
@@ -106,8 +111,8 @@ fn name(lines: &[StageReport]) -> String {
     }
 }
 
-/// How the stages of a line ended.
-fn outcomes(lines: &[StageReport]) -> String {
+/// How the stages of a line ended; of several outcomes the gravest has its colour.
+fn outcomes(lines: &[StageReport]) -> Cell {
     let mut counts: Vec<(Outcome, usize)> = Vec::new();
     for stage in lines {
         match counts.iter_mut().find(|(known, _)| *known == stage.outcome) {
@@ -116,10 +121,15 @@ fn outcomes(lines: &[StageReport]) -> String {
         }
     }
     match counts[..] {
-        [(one, _)] => outcome(one).to_owned(),
+        [(one, _)] => Cell::toned(outcome(one), Tone::of(one)),
         _ => {
+            let tones: Vec<Tone> = counts.iter().map(|(of, _)| Tone::of(*of)).collect();
+            let gravest = [Tone::Bad, Tone::Caution, Tone::Good]
+                .into_iter()
+                .find(|tone| tones.contains(tone));
             let counts = counts.iter().map(|(of, count)| format!("{count} {}", outcome(*of)));
-            counts.collect::<Vec<_>>().join(", ")
+            let counts = counts.collect::<Vec<_>>().join(", ");
+            Cell::toned(&counts, gravest.unwrap_or_default())
         }
     }
 }

@@ -17,6 +17,7 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::RunProgress;
 use super::run::{ProgressForm, load};
+use super::text::Text;
 use super::upstream::Reading;
 use super::{signals, table};
 use crate::base::{Background, CpuLevel, Pauses, host_name};
@@ -140,7 +141,10 @@ fn build(
     let sign = Arc::new(Sign::show(store, &pipeline.name, array).map_err(again)?);
     let board = submitter.map(|submitter| submitter.board.clone());
     let _watch = watch(&stop, left, store, &sign, board)?;
-    let progress = RunProgress::new(ProgressForm::shown(arguments.progress, arguments.quiet));
+    let progress = RunProgress::new(
+        ProgressForm::shown(arguments.progress, arguments.quiet),
+        output.beside(),
+    );
     let options = RunOptions {
         until: arguments.of.until.as_deref(),
         chunks: arguments.chunks,
@@ -186,7 +190,7 @@ fn build(
             "errors": errors.iter().map(CliError::to_json).collect::<Vec<_>>(),
         }))?;
     } else if !arguments.quiet {
-        output.text(&table::of_run(&outcome.stages))?;
+        output.text(Text::of(table::of_run(&outcome.stages)))?;
     }
     errors.iter().for_each(|error| output.complain(&error.render(false)));
     let hopeless = errors.iter().map(CliError::exit).find(|exit| *exit != Exit::TryAgain);

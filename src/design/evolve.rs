@@ -120,7 +120,7 @@ pub fn evolve(setting: &Setting<'_>, options: &EvolveOptions, watch: &dyn Watch)
         if let Some(stop) = history.end(options) {
             break stop;
         }
-        let population = search.evaluated(search.next_generation(&history))?;
+        let population = search.evaluated(search.next_generation(&history), watch)?;
         record(&mut history, population, &search, watch)?;
     };
     let winners = search.winners(&history)?;
@@ -163,7 +163,7 @@ fn start(
         options.seed,
         options.population,
     );
-    let population = search.evaluated(genomes)?;
+    let population = search.evaluated(genomes, watch)?;
     if population[0].known.fitness.is_infinite() {
         return Err(match population.iter().any(|i| i.known.feasible == Some(false)) {
             true => EvolveError::NotFeasible,

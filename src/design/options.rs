@@ -148,6 +148,16 @@ impl SearchOptions {
         }
     }
 
+    /// What these steps are: those of a genetic algorithm whose designs are refined are of two sorts.
+    #[must_use]
+    pub fn unit(&self) -> &'static str {
+        match self.method {
+            Method::Ga if self.refine => "steps",
+            Method::Ga => "generations",
+            Method::Adjoint => "searches",
+        }
+    }
+
     /// How much work one step is, beside other settings.
     #[must_use]
     pub fn weight(&self) -> f64 {

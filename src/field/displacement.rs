@@ -151,6 +151,16 @@ impl Field {
             .fold(0.0, f64::max)
     }
 
+    /// The corner (column, row) with the largest displacement magnitude, the first of equal ones, and that magnitude in mm.
+    #[must_use]
+    pub fn largest(&self) -> ([usize; 2], f64) {
+        let columns = self.raster.corner_sides()[0];
+        let magnitudes = self.values.chunks_exact(2).map(|u| u[0].hypot(u[1]));
+        let larger = |best: (usize, f64), (at, mm): (usize, f64)| if mm > best.1 { (at, mm) } else { best };
+        let (at, mm) = magnitudes.enumerate().fold((0, 0.0), larger);
+        ([at % columns, at / columns], mm)
+    }
+
     /// The largest magnitude in mm, over all corners, of the difference from `other`.
     #[must_use]
     pub fn max_difference(&self, other: &Self) -> f64 {
@@ -212,6 +222,9 @@ mod tests {
                 let image = wavy(raster).transformed(g);
                 assert_eq!(image.transformed(g.inverse()), wavy(raster));
                 assert_eq!(image.max_magnitude(), wavy(raster).max_magnitude());
+                let ([x, y], mm) = image.largest();
+                assert_eq!(mm, image.max_magnitude());
+                assert_eq!(image.at_corner(x, y).map(|u| u * u).iter().sum::<f64>().sqrt(), mm);
             }
         }
     }

@@ -599,6 +599,11 @@ impl Progress for Reporter<'_> {
         (self.listener)(&Event::Progress { name, steps });
     }
 
+    fn part(&self, done: f64) {
+        let name = self.name.to_owned();
+        (self.listener)(&Event::Part { name, done });
+    }
+
     fn resume(&self, steps: u64) {
         let name = self.name.to_owned();
         (self.listener)(&Event::Resumed { name, steps });

@@ -96,6 +96,8 @@ pub enum Event {
         kind: String,
         /// Length of its progress bar: samples in the chunks to build, or the stage's own measure.
         steps: u64,
+        /// What its steps are: "patterns", "epochs".
+        unit: &'static str,
         /// Why it is stale.
         #[serde(serialize_with = "words")]
         why: Staleness,
@@ -108,6 +110,13 @@ pub enum Event {
         name: String,
         /// How many more steps are done.
         steps: u64,
+    },
+    /// Of the step of a stage that is under way a part is done.
+    Part {
+        /// Name of the stage.
+        name: String,
+        /// Which part, between 0 and 1.
+        done: f64,
     },
     /// Part of a stage's steps were done by an earlier run that was killed.
     Resumed {

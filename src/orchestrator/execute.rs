@@ -704,6 +704,7 @@ impl<'a> Execution<'a> {
             name: spec.name.clone(),
             kind: spec.kind.name().to_owned(),
             steps: cost_estimate::steps(status),
+            unit: spec.stage.unit(),
             why: why.clone(),
             price: self.prices.get(&index).copied().flatten(),
         });

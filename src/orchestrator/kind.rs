@@ -197,6 +197,11 @@ pub trait Stage: Send + Sync {
         false
     }
 
+    /// What the steps of its progress are, in the plural.
+    fn unit(&self) -> &'static str {
+        "steps"
+    }
+
     /// How many samples of a finished artifact have no stable solution; the run then ends with exit code 3.
     ///
     /// # Errors

@@ -97,6 +97,28 @@ pub struct ObjectiveCoverage {
     pub half_width_mm: Vec<f64>,
 }
 
+impl Evaluation {
+    /// The most accurate of what was judged, on the patterns of all families; none where nothing was.
+    #[must_use]
+    pub fn result(&self) -> Option<String> {
+        let known = self
+            .predictors
+            .iter()
+            .filter_map(|p| Some((p, *p.rmse_mm.last()?, *p.samples.last()?)));
+        let (best, rmse, samples) = known
+            .filter(|(_, _, samples)| *samples > 0)
+            .min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let of = match self.predictors.len() {
+            1 => String::new(),
+            n => format!(" is the most accurate of {n}:"),
+        };
+        Some(format!(
+            "{}: {}{of} RMSE {rmse:.4} mm of a component on {samples} patterns",
+            self.stage, best.name
+        ))
+    }
+}
+
 /// What an artifact is called: the name of the stage of this run that made it, or its network and digest.
 fn called(source: &Source<'_>, name: &str, digest: &str) -> String {
     let maker = source.run.iter().find(|made| made.digest.to_string() == digest);

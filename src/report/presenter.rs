@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use super::artifacts::{RunArtifacts, Source};
 use super::error::ReportError;
+use super::headline::Headline;
 use super::html::Page;
 
 /// Draws a figure of an artifact into a file; none where there is nothing to draw.
@@ -21,6 +22,14 @@ pub trait Presenter: Sync {
     /// # Errors
     /// When an artifact cannot be read or does not hold what its kind promises.
     fn results(&self, _: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
+        Ok(Vec::new())
+    }
+
+    /// What matters most of its artifacts, the most important line first.
+    ///
+    /// # Errors
+    /// When an artifact cannot be read or does not hold what its kind promises.
+    fn headlines(&self, _: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
         Ok(Vec::new())
     }
 

@@ -75,6 +75,13 @@ impl RunResults {
         document
     }
 
+    /// How many figures there are, and the folder of the first.
+    #[must_use]
+    pub fn figures(&self) -> Option<(usize, &Path)> {
+        let folder = self.figures.first().and_then(|path| Path::new(path).parent())?;
+        Some((self.figures.len(), folder))
+    }
+
     /// For people: paragraphs.
     #[must_use]
     pub fn text(&self) -> Vec<String> {

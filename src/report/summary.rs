@@ -8,7 +8,8 @@ use serde::Serialize;
 use super::artifacts::Source;
 use super::designs::{LEAST_MM, is_to_be_met};
 use super::error::ReportError;
-use super::format::{change, share, three, uncertainty};
+use super::format::{change, counted, share, three, uncertainty};
+use super::headline::Headline;
 use super::intervals::{self, NetworkInterval};
 use crate::content::{ContentError, Verification, predicted_rows};
 use crate::field::NO_FIELD;
@@ -91,12 +92,15 @@ impl RowSummary {
         if self.member > 0 {
             words.push((self.member + 1).to_string());
         }
-        let role = match self.role {
+        format!("{}: {}", words.join(" "), self.role_name())
+    }
+
+    fn role_name(&self) -> &'static str {
+        match self.role {
             Role::Ga => "genetic algorithm",
             Role::IntuitiveEqualArea => "intuitive, equal area",
             other => other.name(),
-        };
-        format!("{}: {role}", words.join(" "))
+        }
     }
 
     fn same_target(&self, other: &Self) -> bool {
@@ -127,6 +131,108 @@ pub fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
             .count(),
         rows: compared,
     })
+}
+
+impl Summary {
+    /// The best design of one target, or how far those of several move.
+    #[must_use]
+    pub fn result(&self) -> Headline {
+        let stage = &self.stage;
+        let designs: Vec<&RowSummary> = found(&self.rows).collect();
+        let solved: Vec<(&RowSummary, f64)> = designs
+            .iter()
+            .filter_map(|row| Some((*row, row.simulated_mm?)))
+            .collect();
+        let better = |a: &(&RowSummary, f64), b: &(&RowSummary, f64)| match (a.0.distance_mm, b.0.distance_mm) {
+            (Some(a), Some(b)) => b.total_cmp(&a),
+            _ => a.1.total_cmp(&b.1),
+        };
+        // An optimum is what others are held against, where there are others.
+        let searched = solved.iter().filter(|(row, _)| row.role != Role::Optimum);
+        let best = searched.max_by(|a, b| better(a, b));
+        let Some(&(best, mm)) = best.or_else(|| solved.iter().max_by(|a, b| better(a, b))) else {
+            return Headline::bad(match designs.len() {
+                0 => format!(
+                    "{stage}: {} that nobody searched",
+                    counted(self.rows.len(), "pattern", "patterns")
+                ),
+                _ => format!("{stage}: no stable solution was found for any design"),
+            });
+        };
+        let is_met = |row: &RowSummary| row.status == "met";
+        if designs.iter().any(|row| !row.same_target(best)) {
+            let least = solved.iter().map(|(_, mm)| *mm).fold(mm, f64::min);
+            let most = solved.iter().map(|(_, mm)| *mm).fold(mm, f64::max);
+            let text = format!(
+                "{stage}: {} designs, simulated {least:.3} to {most:.3} mm",
+                designs.len()
+            );
+            return match designs.iter().filter(|row| !is_met(row)).count() {
+                0 => Headline::good(text),
+                n => Headline::bad(format!("{text}; {n} do not keep all their constraints")),
+            };
+        }
+        let mut text = format!("{stage}: best design ({})", best.role_name());
+        if let Some(predicted) = best.predicted_mm {
+            text += &format!(", predicted {predicted:.3} mm");
+        }
+        let word = if best.outcome == "estimated" {
+            "estimated"
+        } else {
+            "simulated"
+        };
+        text += &format!(", {word} {mm:.3} mm");
+        if let Some(error) = best.simulated_error_mm {
+            text += &format!(" {}", uncertainty(error));
+        }
+        if let Some(distance) = best.distance_mm {
+            text += &format!(", {} mm from what is wanted", three(distance));
+        } else if let Some(gain) = best.gain_equal_area.or(best.gain_own_area) {
+            text += &format!(", {} over the intuitive design", change(gain));
+        }
+        if let Some(ratio) = best.ratio_to_optimum.filter(|_| best.role != Role::Optimum) {
+            text += &format!(", {} of the optimum", share(ratio));
+        }
+        match is_met(best) {
+            true => Headline::good(text),
+            false => Headline::bad(format!("{text} ({})", best.status)),
+        }
+    }
+
+    /// By how much predictions were off, and whether they are to be trusted; none where nothing was predicted.
+    #[must_use]
+    pub fn accuracy(&self) -> Option<Headline> {
+        let stage = &self.stage;
+        let difference = largest_difference(self.rows.iter());
+        let unstable = match self.not_stable {
+            0 => String::new(),
+            n => format!(", and {n} that were predicted have no stable solution"),
+        };
+        let text = match difference {
+            Some(value) => format!(
+                "{stage}: predicted and simulated differ by up to {}{unstable}",
+                share(value)
+            ),
+            None if self.not_stable > 0 => {
+                format!(
+                    "{stage}: no stable solution was found for {} that were predicted",
+                    self.not_stable
+                )
+            }
+            None => return None,
+        };
+        let flagged = found(&self.rows).filter_map(|row| row.interval.as_ref());
+        let flagged = flagged.filter(|interval| interval.out_of_distribution).count();
+        let text = match flagged {
+            0 => text,
+            n => format!("{text}; {n} out of distribution, where nothing is promised"),
+        };
+        let is_trusted = self.not_stable == 0 && difference.is_none_or(|value| value <= TRUSTED);
+        Some(match is_trusted {
+            true => Headline::good(text),
+            false => Headline::bad(format!("{text}: the evaluator is not to be trusted here")),
+        })
+    }
 }
 
 fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, ContentError> {

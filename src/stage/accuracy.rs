@@ -83,6 +83,10 @@ impl Stage for AccuracyStage {
         true
     }
 
+    fn unit(&self) -> &'static str {
+        "methods"
+    }
+
     fn plan(&self, inputs: &[Input]) -> Plan {
         let models = inputs.len().saturating_sub(1);
         Plan::Whole {

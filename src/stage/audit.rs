@@ -205,6 +205,10 @@ impl Stage for AuditStage {
         Canonical::map(entries)
     }
 
+    fn unit(&self) -> &'static str {
+        "percent"
+    }
+
     fn plan(&self, _inputs: &[Input]) -> Plan {
         Plan::Whole { steps: STEPS }
     }

@@ -107,7 +107,13 @@ impl Stage for BalanceStage {
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let scene = super::scene_of_inputs(job.inputs)?;
         let mut solved = Solved::default();
-        for input in job.inputs {
+        // Reading twice is most of it: once what is chosen from, then the fields of what was chosen.
+        let read = |pass: usize, files: usize| {
+            job.progress
+                .part((pass * job.inputs.len() + files) as f64 / (2 * job.inputs.len() + 1) as f64);
+        };
+        for (files, input) in job.inputs.iter().enumerate() {
+            read(0, files);
             let view = Solutions::open(input)?;
             solved.patterns.extend(view.rows().patterns().read()?);
             solved.family.extend(view.rows().family().read()?);
@@ -137,18 +143,27 @@ impl Stage for BalanceStage {
                 solved.patterns.len()
             )));
         }
+        let fields = fields(job.inputs, &balanced.rows, scene.membrane().raster, &|files| {
+            read(1, files)
+        })?;
+        let content = content(&solved, balanced, fields, scene).object();
         job.progress.advance(1);
-        let fields = fields(job.inputs, &balanced.rows, scene.membrane().raster)?;
-        Ok(content(&solved, balanced, fields, scene).object())
+        Ok(content)
     }
 }
 
 /// The fields of rows in the order of their sources, `[row][y][x][component]`. They are read chunk by chunk: those of all
 /// samples together are larger than all else that a run holds in memory.
-fn fields(inputs: &[Artifact], rows: &[BalancedRow], raster: Raster) -> Result<Vec<f64>, StageError> {
+fn fields(
+    inputs: &[Artifact],
+    rows: &[BalancedRow],
+    raster: Raster,
+    read: &dyn Fn(usize),
+) -> Result<Vec<f64>, StageError> {
     let mut values = Vec::with_capacity(rows.len() * 2 * raster.corners());
     let (mut rest, mut first) = (rows, 0);
-    for input in inputs {
+    for (done, input) in inputs.iter().enumerate() {
+        read(done);
         for chunk in files(input)? {
             let displacement = Solutions::open(chunk)?.displacement();
             let count = displacement.rows()?;

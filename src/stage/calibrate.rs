@@ -69,6 +69,10 @@ impl Stage for CalibrateStage {
         self.to_canonical()
     }
 
+    fn unit(&self) -> &'static str {
+        "inputs"
+    }
+
     fn plan(&self, inputs: &[Input]) -> Plan {
         Plan::Whole {
             steps: inputs.len() as u64,
@@ -83,7 +87,7 @@ impl Stage for CalibrateStage {
         for input in job.inputs {
             if labelled::is_labelled(input) {
                 labelled::check_unseen(input, &[&surrogate])?;
-                labelled::for_each(input, &mut |batch| {
+                labelled::for_each(input, job.progress, &mut |batch| {
                     let predicted = surrogate.predict(&batch.patterns);
                     let predicted = predicted.map_err(|e| StageError::Failed(e.to_string()))?;
                     for (at, field) in predicted.iter().enumerate() {

@@ -7,6 +7,7 @@ mod evaluators;
 mod intervals;
 mod planned;
 
+use std::cell::Cell;
 use std::sync::OnceLock;
 use std::time::Instant;
 
@@ -510,6 +511,10 @@ impl Stage for DesignStage {
         self.options.weight()
     }
 
+    fn unit(&self) -> &'static str {
+        self.options.unit()
+    }
+
     fn plan(&self, inputs: &[Input]) -> Plan {
         let chunk = |target: &Target| Chunk {
             parameters: self.chunk(target),
@@ -544,7 +549,7 @@ impl Stage for DesignStage {
             options: &self.options,
             drivers: &drivers,
             elements: &ForTarget { stage: self, target },
-            progress: &Follow(job),
+            progress: &Follow::new(job),
         };
         let found = search.run(|| evaluators(self.evaluator, &scene, (moment, &target.goal), networks));
         let found = found.map_err(|error| match error {
@@ -570,43 +575,83 @@ impl Stage for DesignStage {
 }
 
 /// Follows a search: reports its progress, and keeps the state from which it can be resumed.
-struct Follow<'a>(&'a Job<'a>);
+struct Follow<'a> {
+    job: &'a Job<'a>,
+    /// Steps along the gradient in the local search under way, and in those that are over with how many these are.
+    steps: Cell<u32>,
+    over: Cell<(u32, u32)>,
+}
+
+/// Steps that a local search takes, before any is known.
+const USUAL_STEPS: f64 = 20.0;
+
+impl<'a> Follow<'a> {
+    fn new(job: &'a Job<'a>) -> Self {
+        Self {
+            job,
+            steps: Cell::default(),
+            over: Cell::default(),
+        }
+    }
+
+    /// Which part of the local search under way is done, as far as others tell: nothing says when it ends.
+    fn part(&self) -> f64 {
+        let steps = f64::from(self.steps.get());
+        let usual = match self.over.get() {
+            (_, 0) => USUAL_STEPS,
+            (steps, searches) => f64::from(steps) / f64::from(searches),
+        };
+        steps / (steps + usual.max(1.0))
+    }
+}
 
 /// Under which the state of a search is kept.
 const STATE: &str = "search";
 
 impl Watch for Follow<'_> {
     fn generation(&self, report: &GenerationReport) {
-        self.0
-            .progress
-            .note(&format!("best {:.4} mm at area {:.3}", report.value_mm, report.area));
-        self.0.progress.advance(1);
+        let (number, mm, area) = (report.generation, report.value_mm, report.area);
+        let note = format!("generation {number}: best {mm:.4} mm at area {area:.3}");
+        self.job.progress.note(&note);
+        self.job.progress.advance(1);
+    }
+
+    fn judged(&self, part: f64) {
+        self.job.progress.part(part);
     }
 
     fn kept(&self) -> Option<Vec<u8>> {
-        self.0.scratch.kept(STATE)
+        self.job.scratch.kept(STATE)
     }
 
     fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
-        self.0.scratch.keep(STATE, state)
+        self.job.scratch.keep(STATE, state)
     }
 
     fn resumed(&self, report: &GenerationReport) {
-        self.0.progress.resume(report.generation as u64 + 1);
+        self.job.progress.resume(report.generation as u64 + 1);
     }
 
     fn unusable(&self, error: &StateError) {
-        self.0.scratch.ignore(&error.to_string());
+        self.job.scratch.ignore(&error.to_string());
     }
 }
 
 impl Progress for Follow<'_> {
     fn step(&self, step: &SearchStep) {
-        let note = format!("{:.4} mm at area {:.3}", step.value_mm, step.area);
-        self.0.progress.note(&note);
+        let steps = self.steps.get() + 1;
+        self.steps.set(steps);
+        let note = format!(
+            "gradient step {steps}: {:.4} mm at area {:.3}",
+            step.value_mm, step.area
+        );
+        self.job.progress.note(&note);
+        self.job.progress.part(self.part());
     }
 
     fn searched(&self) {
-        self.0.progress.advance(1);
+        let (steps, searches) = self.over.get();
+        self.over.set((steps + self.steps.replace(0), searches + 1));
+        self.job.progress.advance(1);
     }
 }

@@ -142,6 +142,10 @@ impl Stage for EvaluateStage {
         self.to_canonical()
     }
 
+    fn unit(&self) -> &'static str {
+        "inputs"
+    }
+
     fn plan(&self, inputs: &[Input]) -> Plan {
         Plan::Whole {
             steps: inputs.len() as u64,
@@ -164,7 +168,7 @@ impl Stage for EvaluateStage {
         for input in job.inputs {
             if labelled::is_labelled(input) {
                 labelled::check_unseen(input, &models)?;
-                labelled::for_each(input, &mut |batch| {
+                labelled::for_each(input, job.progress, &mut |batch| {
                     job.progress.note(&format!("{} patterns", rows.len()));
                     rows.extend(judged(&judge, batch)?);
                     Ok(())

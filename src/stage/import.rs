@@ -184,6 +184,10 @@ impl Stage for ImportStage {
         ])
     }
 
+    fn unit(&self) -> &'static str {
+        "patterns"
+    }
+
     fn plan(&self, _inputs: &[Input]) -> Plan {
         let chunk = |at| Chunk {
             parameters: self.chunk(at),

@@ -1,6 +1,7 @@
 //! Labelled patterns for judging a model: solved or imported samples, or the test rows of a balanced set, a batch at a time, since the
 //! fields of all together may be larger than memory.
 
+use crate::base::Progress;
 use crate::content::{Labelled, SOLVED, files};
 use crate::dataset::Split;
 use crate::field::{Field, Outcome};
@@ -48,18 +49,29 @@ pub fn check_unseen(artifact: &Artifact, models: &[&Surrogate]) -> Result<(), St
     )))
 }
 
-/// Calls a function with all labelled patterns that no model was trained on, in order; how many there were.
+/// Calls a function with all labelled patterns that no model was trained on, in order; how many there were. `progress` is told which
+/// part is done.
 ///
 /// # Errors
 /// When arrays are missing, differ in length or hold what they must not, or the function fails.
 pub fn for_each(
     artifact: &Artifact,
+    progress: &dyn Progress,
     each: &mut dyn FnMut(Batch) -> Result<(), StageError>,
 ) -> Result<usize, StageError> {
-    files(artifact)?.iter().map(|chunk| of_chunk(chunk, each)).sum()
+    let chunks = files(artifact)?;
+    let one = |(done, chunk): (usize, &Artifact)| {
+        let part = |of_chunk: f64| progress.part((done as f64 + of_chunk) / chunks.len() as f64);
+        of_chunk(chunk, &part, each)
+    };
+    chunks.iter().enumerate().map(one).sum()
 }
 
-fn of_chunk(chunk: &Artifact, each: &mut dyn FnMut(Batch) -> Result<(), StageError>) -> Result<usize, StageError> {
+fn of_chunk(
+    chunk: &Artifact,
+    part: &dyn Fn(f64),
+    each: &mut dyn FnMut(Batch) -> Result<(), StageError>,
+) -> Result<usize, StageError> {
     let wrong = |why: &str| StageError::Input(format!("artifact {}: {why}", chunk.digest().short()));
     let labelled = Labelled::open(chunk)?.ok_or_else(|| wrong("it holds no labelled patterns"))?;
     let (patterns, families) = (labelled.patterns()?, labelled.families()?.unwrap_or_default());
@@ -79,7 +91,9 @@ fn of_chunk(chunk: &Artifact, each: &mut dyn FnMut(Batch) -> Result<(), StageErr
         Labelled::Verified(_) => Vec::new(),
     };
     let values = labelled.displacement(0..patterns.len())?;
-    for rows in rows.chunks(BATCH) {
+    let batches = rows.len().div_ceil(BATCH);
+    for (done, rows) in rows.chunks(BATCH).enumerate() {
+        part(done as f64 / batches as f64);
         let field = |&row: &usize| {
             let raster = patterns[row].raster();
             let count = 2 * raster.corners();

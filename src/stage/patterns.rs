@@ -113,6 +113,10 @@ impl Stage for PatternsStage {
         Canonical::map(described(&self.patterns))
     }
 
+    fn unit(&self) -> &'static str {
+        "patterns"
+    }
+
     fn plan(&self, _inputs: &[Input]) -> Plan {
         let chunk = |(parameters, patterns): (&Canonical, &[Pattern])| Chunk {
             parameters: parameters.clone(),

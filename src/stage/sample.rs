@@ -190,6 +190,10 @@ impl Stage for SampleStage {
         }
     }
 
+    fn unit(&self) -> &'static str {
+        "patterns"
+    }
+
     fn plan(&self, _inputs: &[Input]) -> Plan {
         let chunk = |group: &Group, range: Range<u64>| Chunk {
             parameters: chunk_parameters(group, self.seed, &range),

@@ -119,6 +119,10 @@ impl Stage for SolveStage {
         self.solver.weight()
     }
 
+    fn unit(&self) -> &'static str {
+        "patterns"
+    }
+
     fn plan(&self, inputs: &[Input]) -> Plan {
         let chunk = |&(digest, samples): &(Option<_>, u64)| Chunk {
             parameters: self.parameters(),
@@ -143,7 +147,11 @@ impl Stage for SolveStage {
         let Ready { effects, solver } = self.ready().map_err(failed)?;
         let mut simulations = Vec::with_capacity(rows.patterns.len());
         let mut histories = Vec::new();
-        for batch in rows.patterns.chunks(BATCH) {
+        let together = match self.solver.follows_time() {
+            true => rayon::current_num_threads(),
+            false => BATCH,
+        };
+        for batch in rows.patterns.chunks(together) {
             let (found, in_time) = solver.simulate_in_time(batch).map_err(failed)?;
             simulations.extend(found);
             histories.extend(in_time.into_iter().flatten());

@@ -134,6 +134,10 @@ impl Stage for TableStage {
         ])
     }
 
+    fn unit(&self) -> &'static str {
+        "inputs"
+    }
+
     fn plan(&self, inputs: &[Input]) -> Plan {
         Plan::Whole {
             steps: inputs.len() as u64,

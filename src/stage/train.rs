@@ -157,6 +157,10 @@ impl Stage for TrainStage {
         true
     }
 
+    fn unit(&self) -> &'static str {
+        "epochs"
+    }
+
     fn plan(&self, _inputs: &[Input]) -> Plan {
         Plan::Whole {
             steps: u64::from(self.parameters.epochs),

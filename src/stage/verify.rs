@@ -235,6 +235,10 @@ impl Stage for VerifyStage {
         self.solver.weight()
     }
 
+    fn unit(&self) -> &'static str {
+        "targets"
+    }
+
     fn plan(&self, inputs: &[Input]) -> Plan {
         Plan::Whole {
             steps: inputs.iter().map(|input| input.parts.len() as u64).sum(),
@@ -256,6 +260,8 @@ impl Stage for VerifyStage {
             solved.extend(solvers.solve(batch).map_err(failed)?);
             let reached = steps * solved.len() as u64 / count as u64;
             job.progress.advance(reached - told);
+            let part = (steps as f64 * solved.len() as f64 / count as f64).fract();
+            job.progress.part(part);
             told = reached;
         }
         let of_own = solved.split_off(cases.rows.len());

@@ -49,7 +49,7 @@ fn the_cheapest_evaluator_that_is_accurate_enough_judges() {
     assert!(candidates[0]["design_error"].as_f64().unwrap() > 0.005);
     assert!(candidates[0]["rmse_mm"].as_f64().unwrap() > candidates[1]["rmse_mm"].as_f64().unwrap());
 
-    let told = workspace.run(&["run", "alone.yaml"]).stdout;
+    let told = workspace.run(&["run", "alone.yaml", "-v"]).stdout;
     let line = format!("design: patterns judged by {{ {cheapest} }}");
     assert!(
         told.contains(&line) && told.contains("gain over the intuitive design"),

@@ -91,6 +91,7 @@ fn a_model_stands_beside_what_it_has_to_beat() {
     // People are told for which families the errors and the intervals were measured.
     let mut for_people = arguments("tiny.yaml", "evaluated", &stages);
     for_people.retain(|argument| *argument != "--json");
+    for_people.push("-v");
     let said = workspace.run(&for_people).stdout;
     let scope = "small-grid; not from blobs: the error on blobs is ";
     assert!(

@@ -188,7 +188,7 @@ fn an_own_pattern_stands_beside_the_designs_of_each_target() {
         (&own[0]["status"], &own[1]["status"]),
         (&"met".into(), &"area 0.2000, wanted 0.5".into())
     );
-    let text = workspace.run(&["run", "own.yaml"]).stdout;
+    let text = workspace.run(&["run", "own.yaml", "-v"]).stdout;
     let line = text.lines().find(|line| line.contains("2: own")).unwrap();
     assert!(
         line.contains("area  20.0 %  no prediction") && line.contains("(area 0.2000, wanted 0.5)"),

@@ -257,7 +257,7 @@ fn designs_state_their_intervals_beside_the_simulation() {
         rows.iter().all(|row| row["interval"]["coverage"] == 0.95),
         "of intuitive designs too"
     );
-    let said = run(&design("[surrogate, intervals]"), &[]).stdout;
+    let said = run(&design("[surrogate, intervals]"), &["-v"]).stdout;
     for words in [
         "network ",
         ", 95 %: ",

@@ -38,6 +38,7 @@ mod manners;
 mod model;
 mod moved;
 mod outputs;
+mod pty;
 mod python;
 mod read_only;
 mod rebuild;

@@ -9,6 +9,7 @@ use super::networks;
 use crate::accuracy::{Benchmark, FamilyError, Measured};
 use crate::cli::accuracy::AccuracyArguments;
 use crate::cli::table;
+use crate::cli::text::Text;
 use crate::report::figures::pareto_front;
 
 /// Methods that no other beats in both time and root mean square error, over all families.
@@ -84,15 +85,17 @@ impl<'a> Findings<'a> {
     }
 
     /// For people.
-    pub fn text(&self, files: &[PathBuf]) -> String {
-        let mut parts = vec![self.table(), self.notes()];
+    pub fn text(&self, files: &[PathBuf]) -> Text {
+        let mut text = Text::of(self.table());
+        let mut parts = vec![self.notes()];
         parts.extend(networks::worth(self.measured));
         parts.extend(self.verdict());
         parts.extend(files.iter().map(|path| path.display().to_string()));
-        parts.join("\n")
+        text.line(parts.join("\n"));
+        text
     }
 
-    fn table(&self) -> String {
+    fn table(&self) -> table::Table {
         let header = [
             "method",
             "RMS mm",
@@ -102,7 +105,9 @@ impl<'a> Findings<'a> {
             "disagree",
             "front",
         ];
-        let mut table = table::table(&header, &header[1..6]);
+        let mut table = table::table(&header, &header[1..6])
+            .flowing(&["method"])
+            .dispensable(&["disagree"]);
         for (i, method) in self.measured.iter().enumerate() {
             table.add_row([
                 method.settings.trim_start_matches("method: ").to_owned(),
@@ -114,7 +119,7 @@ impl<'a> Findings<'a> {
                 if self.front.contains(&i) { "*" } else { "" }.to_owned(),
             ]);
         }
-        table.trim_fmt()
+        table
     }
 
     fn notes(&self) -> String {

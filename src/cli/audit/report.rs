@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use crate::base::ArtifactId;
 use crate::cli::error::CliError;
+use crate::cli::text::Text;
 use crate::cli::{table, write};
 use crate::content::{AttributeError, Audit};
 use crate::report::figures::{Ground, Membrane, draw_audit, membrane_drawing};
@@ -104,23 +105,23 @@ impl Answer {
     }
 
     /// For people.
-    pub fn text(&self, files: &[PathBuf]) -> String {
-        let mut parts = Vec::new();
+    pub fn text(&self, files: &[PathBuf]) -> Text {
+        let mut text = Text::new();
         if self.findings.is_empty() {
-            parts.push("no findings".to_owned());
+            text.line("no findings");
         } else {
-            let mut table = table::table(&HEADER, &["count"]);
+            let mut table = table::table(&HEADER, &["count"]).flowing(&HEADER[3..]);
             self.findings.iter().for_each(|finding| {
                 table.add_row(cells(finding));
             });
-            parts.push(table.trim_fmt());
+            text.table(table);
         }
-        parts.push(self.lines().join("\n"));
+        text.line("").line(self.lines().join("\n"));
         if !files.is_empty() {
             let files: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
-            parts.push(format!("written:\n  {}", files.join("\n  ")));
+            text.line("").line(format!("written:\n  {}", files.join("\n  ")));
         }
-        parts.join("\n\n")
+        text
     }
 
     fn lines(&self) -> Vec<String> {

@@ -60,7 +60,7 @@ pub fn execute(arguments: &ExportArtifactArguments, output: &Output) -> Result<E
             "unknown": unknown,
         }))?;
     } else {
-        output.text(&format!(
+        output.text(format!(
             "{}: artifact {} ({}), made by {} actions",
             arguments.output.display(),
             artifact.digest().short(),

@@ -165,7 +165,7 @@ pub fn execute(arguments: &ExportDesignArguments, output: &Output) -> Result<Exi
         output.document(&document)?;
     } else {
         let lines: Vec<String> = written.lines.iter().map(|line| format!("\n{line}")).collect();
-        output.text(&format!("{}: {}{}", path.display(), design.title, lines.concat()))?;
+        output.text(format!("{}: {}{}", path.display(), design.title, lines.concat()))?;
     }
     Ok(Exit::Done)
 }

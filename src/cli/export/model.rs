@@ -74,7 +74,7 @@ pub fn execute(arguments: &ExportModelArguments, output: &Output) -> Result<Exit
             "header": header,
         }))?;
     } else {
-        output.text(&format!(
+        output.text(format!(
             "{}: {}, {:.1} MB; patterns (n, {rows}, {columns}) to displacements (n, {}, {}, 2) in mm",
             path.display(),
             surrogate.kind().name(),

@@ -77,7 +77,7 @@ pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit
         }))?;
     } else {
         let (files, stages) = (object.files.len() + 1, object.stages.len());
-        output.text(&format!(
+        output.text(format!(
             "{}: a research object of {stages} stages, {files} files ({})",
             arguments.output.display(),
             table::bytes(bytes)

@@ -8,16 +8,16 @@ use serde_json::{Value, json};
 use super::calibration::NamedCalibration;
 use crate::base::Document;
 use crate::cli::error::CliError;
-use crate::cli::table;
+use crate::cli::outcomes::FEW as SHOWN;
+use crate::cli::table::{Cell, Table, table};
+use crate::cli::text::Text;
+use crate::cli::tone::Tone;
 use crate::content::{LongTexts, ObjectiveIntervals, PredictionIntervals};
 use crate::design::{Goal, Objective};
 use crate::field::Field;
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::surrogate::{COVERAGE, Interval};
-
-/// Predictions that are told one by one; the table has all.
-const SHOWN: usize = 20;
 
 /// A number that is asked for beside the field.
 struct Wanted {
@@ -183,60 +183,66 @@ impl Intervals {
     }
 
     /// For people.
-    pub fn lines(&self, table: &Path) -> Vec<String> {
-        let mut lines = vec![self.overview()];
+    pub fn text(&self, table: &Path) -> Text {
+        let mut text = Text::of(self.overview());
         let more = self.rows.len().saturating_sub(SHOWN);
         if more > 0 {
-            lines.push(format!("and {more} more in {}", table.display()));
+            text.line(format!("and {more} more in {}", table.display()));
         }
-        lines.extend(
-            self.objectives
-                .iter()
-                .enumerate()
-                .map(|(k, text)| format!("objective {}: {text}", k + 1)),
-        );
+        for (k, objective) in self.objectives.iter().enumerate() {
+            text.line(format!("objective {}: {objective}", k + 1));
+        }
         let (name, digest) = (&self.calibration.name, &self.calibration.digest);
-        lines.push(format!(
+        text.line(format!(
             "{:.0} % of patterns like those of the calibration lie wholly within the radius, each component at each corner; the \
              interval of an objective covers as often",
             100.0 * COVERAGE
         ));
-        lines.push(format!("calibration {name} ({digest:.12}), on {}", self.basis()));
-        lines.push(match self.flagged() {
+        text.line(format!("calibration {name} ({digest:.12}), on {}", self.basis()));
+        let tone = match self.flagged() {
+            0 => Tone::Plain,
+            _ => Tone::Caution,
+        };
+        let verdict = match self.flagged() {
             0 => "no pattern is out of distribution".to_owned(),
             n => format!(
                 "{n} of {} patterns are out of distribution (novelty above 1): of these nothing is promised; simulate them with \
                  `deaflow solve`",
                 self.rows.len()
             ),
-        });
-        lines.push(table.display().to_string());
-        lines
+        };
+        text.toned(tone, verdict).line(table.display().to_string());
+        text
     }
 
     fn flagged(&self) -> usize {
         self.rows.iter().filter(|row| row.interval.out_of_distribution).count()
     }
 
-    fn overview(&self) -> String {
+    fn overview(&self) -> Table {
         let objectives: Vec<String> = (1..=self.objectives.len())
             .map(|k| format!("objective {k} mm"))
             .collect();
         let mut header = vec!["pattern", "largest mm", "radius mm"];
         header.extend(objectives.iter().map(String::as_str));
         header.extend(["novelty", ""]);
-        let mut table = table::table(&header, &header[..header.len() - 1]);
+        let objectives: Vec<&str> = header[3..header.len() - 2].iter().rev().copied().collect();
+        let leaving = [&["radius mm"], &objectives[..]].concat();
+        let mut table = table(&header, &header[..header.len() - 1]).dispensable(&leaving);
         for (index, row) in self.rows.iter().enumerate().take(SHOWN) {
             let ends = |[value, lower, upper]: [f64; 3]| format!("{value:.4} [{lower:.4}, {upper:.4}]");
-            let mut cells = vec![index.to_string(), ends(row.largest)];
-            cells.push(format!("{:.4}", row.interval.radius_mm));
-            cells.extend(row.objectives.iter().copied().map(ends));
-            cells.push(format!("{:.2}", row.interval.novelty));
+            let mut cells: Vec<Cell> = vec![index.into(), ends(row.largest).into()];
+            cells.push(format!("{:.4}", row.interval.radius_mm).into());
+            cells.extend(row.objectives.iter().copied().map(ends).map(Cell::from));
+            cells.push(format!("{:.2}", row.interval.novelty).into());
             let flagged = row.interval.out_of_distribution;
-            cells.push(if flagged { "out of distribution" } else { "" }.to_owned());
+            cells.push(Cell::toned(
+                if flagged { "out of distribution" } else { "" },
+                Tone::Caution,
+            ));
             table.add_row(cells);
         }
-        table.trim_fmt()
+        table
     }
 }
 

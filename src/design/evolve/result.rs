@@ -80,6 +80,11 @@ pub trait Watch {
     /// After each generation, once it is judged.
     fn generation(&self, report: &GenerationReport);
 
+    /// Within a generation: which part of its patterns is judged. Nothing is said of generations that are judged at once.
+    fn judged(&self, part: f64) {
+        let _ = part;
+    }
+
     /// The state that was last kept, if any.
     fn kept(&self) -> Option<Vec<u8>> {
         None

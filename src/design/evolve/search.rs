@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::history::{History, Individual};
 use super::niche::{Niches, order};
 use super::options::EvolveOptions;
-use super::result::{GenerationReport, Winner};
+use super::result::{GenerationReport, Watch, Winner};
 use super::state::{Known, State, StoredGeneration};
 use super::{Setting, allowed_units};
 use crate::base::Stream;
@@ -21,6 +21,9 @@ const VIOLATION: f64 = 1.0;
 
 /// What it costs in F for each share of the membrane that does not keep them.
 const VIOLATED_SHARE: f64 = 10.0;
+
+/// Patterns that are judged between two reports, unless there are many threads: what takes seconds for each is followed then.
+const BATCH: usize = 64;
 
 /// What is known of a genome, and its pattern.
 struct Entry {
@@ -84,12 +87,12 @@ impl<'a> Search<'a> {
     }
 
     /// The individuals of these genomes in their order.
-    pub fn evaluated(&mut self, genomes: Vec<Genome>) -> Result<Vec<Individual>, PredictError> {
+    pub fn evaluated(&mut self, genomes: Vec<Genome>, watch: &dyn Watch) -> Result<Vec<Individual>, PredictError> {
         let mut unknown: Vec<&Genome> = genomes.iter().filter(|g| !self.known.contains_key(*g)).collect();
         unknown.sort_unstable();
         unknown.dedup();
         let patterns = self.patterns(&unknown);
-        let found = self.predicted(&patterns)?;
+        let found = self.predicted(&patterns, watch)?;
         let new = unknown.into_iter().zip(patterns).zip(found);
         for ((genome, layers), known) in new {
             self.known.insert(genome.clone(), Entry { known, layers });
@@ -126,9 +129,16 @@ impl<'a> Search<'a> {
     }
 
     /// What is known of patterns once they are predicted.
-    fn predicted(&self, layers: &[Layers]) -> Result<Vec<Known>, PredictError> {
+    fn predicted(&self, layers: &[Layers], watch: &dyn Watch) -> Result<Vec<Known>, PredictError> {
         let patterns: Vec<Pattern> = layers.iter().map(Layers::pattern).collect();
-        let fields = self.setting.predictor.predict_some(&patterns)?;
+        let mut fields = Vec::with_capacity(patterns.len());
+        let batch = BATCH.max(4 * rayon::current_num_threads());
+        for some in patterns.chunks(batch) {
+            fields.extend(self.setting.predictor.predict_some(some)?);
+            if fields.len() < patterns.len() {
+                watch.judged(fields.len() as f64 / patterns.len() as f64);
+            }
+        }
         check_count(fields.len(), "fields", patterns.len())?;
         let known = |(pattern, fields): (&Pattern, &Option<StateFields>)| Known {
             fitness: fields

@@ -393,7 +393,11 @@ fn line(event: &Event) -> Option<String> {
         Event::StageFailed(stage) => Some(format!("failed {}", stage.name)),
         Event::StageSkipped(stage) => Some(format!("skipped {}", summary(stage))),
         Event::Warning { text } => Some(format!("warning {text}")),
-        Event::RunStarted { .. } | Event::Progress { .. } | Event::Resumed { .. } | Event::Note { .. } => None,
+        Event::RunStarted { .. }
+        | Event::Progress { .. }
+        | Event::Part { .. }
+        | Event::Resumed { .. }
+        | Event::Note { .. } => None,
     }
 }
 

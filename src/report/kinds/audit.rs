@@ -8,6 +8,7 @@ use crate::content::{self, Json, StoredAttribute};
 use crate::report::artifacts::{RunArtifacts, Source};
 use crate::report::error::ReportError;
 use crate::report::figures::{Audited, Counts, draw_audit};
+use crate::report::headline::Headline;
 use crate::report::html::Page;
 use crate::report::presenter::{DrawFigure, Presenter, Results};
 
@@ -27,6 +28,10 @@ impl Presenter for Audit {
             text: (!lines.is_empty()).then(|| lines.join("\n")).into_iter().collect(),
             warnings: Vec::new(),
         }])
+    }
+
+    fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
+        Ok(run.each(self.kind(), line)?.into_iter().map(Headline::good).collect())
     }
 
     fn figures(&self) -> &'static [(&'static str, DrawFigure)] {

@@ -12,6 +12,7 @@ use crate::report::error::ReportError;
 use crate::report::evaluators::{Evaluators, read};
 use crate::report::figures::{Evolution, draw_evolution, draw_membrane};
 use crate::report::format::{mm, three};
+use crate::report::headline::Headline;
 use crate::report::html::{Column, Page};
 use crate::report::intervals::{StageIntervals, of_stage};
 use crate::report::presenter::{DrawFigure, Presenter, Results};
@@ -55,6 +56,25 @@ impl Presenter for Design {
                 intervals.iter().map(ToString::to_string).collect(),
             ),
         ])
+    }
+
+    fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
+        run.each(self.kind(), |source| {
+            let view = source.of(Designs::open(source.artifact))?;
+            let searches = [source.of(generations(&view))?, source.of(steps(&view))?];
+            let best = searches
+                .iter()
+                .flatten()
+                .filter_map(|search| search.points.last())
+                .map(|(_, mm)| *mm);
+            let stage = &source.stage.stage;
+            Ok(match best.reduce(f64::max) {
+                Some(mm) => Headline::good(format!(
+                    "{stage}: best design {mm:.3} mm as the search judged it, not verified"
+                )),
+                None => Headline::good(format!("{stage}: designs that are not verified")),
+            })
+        })
     }
 
     fn figures(&self) -> &'static [(&'static str, DrawFigure)] {

@@ -12,6 +12,7 @@ use crate::report::error::ReportError;
 use crate::report::evaluation::{Coverage, Evaluation, Predicted, read};
 use crate::report::figures::{Evaluated, EvaluatedPredictor, draw_evaluation};
 use crate::report::format::percent;
+use crate::report::headline::Headline;
 use crate::report::html::{Column, Page};
 use crate::report::presenter::{DrawFigure, Presenter, Results};
 
@@ -31,6 +32,15 @@ impl Presenter for Evaluate {
             text: evaluations.iter().map(ToString::to_string).collect(),
             warnings: evaluations.iter().flat_map(Evaluation::warnings).collect(),
         }])
+    }
+
+    fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
+        let evaluations = run.each(self.kind(), read)?;
+        Ok(evaluations
+            .iter()
+            .filter_map(Evaluation::result)
+            .map(Headline::good)
+            .collect())
     }
 
     fn figures(&self) -> &'static [(&'static str, DrawFigure)] {

@@ -7,6 +7,8 @@ use crate::content::Solutions;
 use crate::report::artifacts::{RunArtifacts, Source};
 use crate::report::error::ReportError;
 use crate::report::figures::{FamilyDeformation, deformation_charts, draw_deformation};
+use crate::report::format::counted;
+use crate::report::headline::Headline;
 use crate::report::html::Page;
 use crate::report::presenter::{DrawFigure, Presenter};
 
@@ -16,6 +18,23 @@ pub struct Solve(pub &'static str);
 impl Presenter for Solve {
     fn kind(&self) -> &'static str {
         self.0
+    }
+
+    fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
+        run.each(self.kind(), |source| {
+            let peaks: Vec<f64> = families(source)?.into_iter().flat_map(|family| family.peaks).collect();
+            let (least, most) = peaks.iter().fold((f64::INFINITY, 0.0_f64), |(least, most), peak| {
+                (least.min(*peak), most.max(*peak))
+            });
+            let stage = &source.stage.stage;
+            Ok(match peaks.len() {
+                0 => Headline::bad(format!("{stage}: no sample has a field")),
+                n => Headline::good(format!(
+                    "{stage}: {}, largest displacement {least:.3} to {most:.3} mm",
+                    counted(n, "sample with a field", "samples with a field")
+                )),
+            })
+        })
     }
 
     fn figures(&self) -> &'static [(&'static str, DrawFigure)] {

@@ -9,6 +9,7 @@ use crate::report::artifacts::{RunArtifacts, Source};
 use crate::report::error::ReportError;
 use crate::report::figures::{Curves, curves_chart, draw_curves};
 use crate::report::format::counted;
+use crate::report::headline::Headline;
 use crate::report::html::Page;
 use crate::report::presenter::{DrawFigure, Presenter, Results};
 use crate::report::tables::Collected;
@@ -48,6 +49,17 @@ impl Presenter for Table {
             text: tables.iter().map(text).collect(),
             warnings: Vec::new(),
         }])
+    }
+
+    fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
+        let tables = run.each(self.kind(), |source| Ok((source.stage.stage.clone(), read(source)?)))?;
+        let line = |(stage, table): &(String, Collected)| {
+            let rows = counted(table.rows.len(), "row", "rows");
+            Headline::good(format!(
+                "{stage}: a table of {rows}: `deaflow show {stage} --csv` prints it"
+            ))
+        };
+        Ok(tables.iter().map(line).collect())
     }
 
     fn figures(&self) -> &'static [(&'static str, DrawFigure)] {

@@ -8,6 +8,7 @@ use crate::content::{self, ALL_FAMILIES};
 use crate::report::artifacts::{RunArtifacts, Source};
 use crate::report::error::ReportError;
 use crate::report::figures::{Training, draw_training};
+use crate::report::headline::Headline;
 use crate::report::html::Page;
 use crate::report::presenter::{DrawFigure, Presenter, Results};
 
@@ -41,6 +42,14 @@ impl Presenter for Train {
             text,
             warnings,
         }])
+    }
+
+    fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
+        let trainings = run.each(self.kind(), read)?;
+        Ok(trainings
+            .into_iter()
+            .map(|training| Headline::good(training.line))
+            .collect())
     }
 
     fn figures(&self) -> &'static [(&'static str, DrawFigure)] {

@@ -13,6 +13,7 @@ use crate::report::drawing::Membrane;
 use crate::report::error::ReportError;
 use crate::report::figures::{Case, draw_agreement, draw_gallery, rounds_charts};
 use crate::report::format::{mm, share};
+use crate::report::headline::Headline;
 use crate::report::html::{Column, Page};
 use crate::report::in_time::InTime;
 use crate::report::presenter::{DrawFigure, Presenter, Results};
@@ -54,6 +55,14 @@ impl Presenter for Verify {
                 in_time.iter().map(ToString::to_string).collect(),
             ),
         ])
+    }
+
+    fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
+        let summaries = run.each(self.kind(), read)?;
+        // The results of all stages, then how exact their predictions were.
+        let results = summaries.iter().map(Summary::result);
+        let accuracies = summaries.iter().filter_map(Summary::accuracy);
+        Ok(results.chain(accuracies).collect())
     }
 
     fn figures(&self) -> &'static [(&'static str, DrawFigure)] {

@@ -37,6 +37,7 @@ impl Monitor for Follow<'_, '_> {
         if tenth == self.told.replace(tenth) {
             return;
         }
+        self.job.progress.part(done);
         let mut note = format!("epoch {epoch} {:.0} %, loss {loss:.2e}", 100.0 * done);
         if let Some(rmse_mm) = self.rmse_mm.get() {
             note += &format!(", validation RMSE {rmse_mm:.4} mm");

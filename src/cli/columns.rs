@@ -1,0 +1,366 @@
+//! A table as it fits where it is shown. Without a terminal every column is as wide as it needs. On one that is too narrow texts flow
+//! within their columns, or below the line that they belong to; columns that can be done without leave; what is still too wide is cut.
+
+use textwrap::core::display_width;
+
+use super::tone::{Screen, Tone};
+use crate::base::printable;
+
+/// The least width of a column in which a text flows; on less it flows below.
+const LEAST: usize = 24;
+
+/// The least width to which a column is cut.
+const LEAST_CUT: usize = 6;
+
+/// Columns by which what flows below a line is indented.
+const INDENT: usize = 4;
+
+/// Between columns; less where that is not enough.
+const GAPS: [usize; 2] = [3, 2];
+
+/// A table.
+#[derive(Debug)]
+pub struct Table {
+    columns: Vec<Column>,
+    rows: Vec<Vec<Cell>>,
+}
+
+#[derive(Debug)]
+struct Column {
+    title: String,
+    is_number: bool,
+    flows: bool,
+    /// When it leaves a table that is too wide, if it may.
+    leaves: Option<usize>,
+}
+
+/// A cell: lines of text.
+#[derive(Debug)]
+pub struct Cell {
+    text: String,
+    tone: Tone,
+}
+
+impl<T: ToString> From<T> for Cell {
+    fn from(text: T) -> Self {
+        Self::toned(&text.to_string(), Tone::Plain)
+    }
+}
+
+impl Cell {
+    /// With a tone. What would change a terminal is taken out of the text.
+    pub fn toned(text: &str, tone: Tone) -> Self {
+        Self {
+            text: printable(text).replace('\t', " "),
+            tone,
+        }
+    }
+}
+
+/// An empty table with a header; the columns named in `numbers` are flush right.
+pub fn table(header: &[&str], numbers: &[&str]) -> Table {
+    let column = |title: &&str| Column {
+        title: printable(title).into_owned(),
+        is_number: numbers.contains(title),
+        flows: false,
+        leaves: None,
+    };
+    Table {
+        columns: header.iter().map(column).collect(),
+        rows: Vec::new(),
+    }
+}
+
+/// Which columns stand in a line, how wide, and which below it.
+struct Layout {
+    inline: Vec<(usize, usize)>,
+    below: Vec<usize>,
+    gap: usize,
+}
+
+impl Table {
+    /// With columns of texts that may flow.
+    pub fn flowing(mut self, titles: &[&str]) -> Self {
+        for column in &mut self.columns {
+            column.flows |= titles.contains(&column.title.as_str());
+        }
+        self
+    }
+
+    /// With columns that can be done without, in the order in which they leave.
+    pub fn dispensable(mut self, titles: &[&str]) -> Self {
+        for column in &mut self.columns {
+            column.leaves = titles.iter().position(|title| *title == column.title);
+        }
+        self
+    }
+
+    /// Adds a line.
+    pub fn add_row<C: Into<Cell>>(&mut self, cells: impl IntoIterator<Item = C>) {
+        self.rows.push(cells.into_iter().map(Into::into).collect());
+    }
+
+    /// As it is shown, its last line without a break.
+    pub fn show(&self, screen: Screen) -> String {
+        let layout = self.layout(screen.width);
+        let most = screen.width.unwrap_or(usize::MAX);
+        let long: usize = layout.inline.iter().map(|(_, width)| width).sum();
+        let long = long + layout.gap * layout.inline.len().saturating_sub(1) + layout.gap - 1;
+        let rule = |line: char| line.to_string().repeat(long.min(most));
+        let titles: Vec<Cell> = self.columns.iter().map(|column| Cell::from(&column.title)).collect();
+        let mut lines = vec![rule('─')];
+        lines.extend(self.lines(&titles, &layout, screen));
+        lines.push(rule('═'));
+        for row in &self.rows {
+            lines.extend(self.lines(row, &layout, screen));
+            lines.extend(self.below(row, &layout, most, screen));
+        }
+        lines.push(rule('─'));
+        lines.join("\n")
+    }
+
+    fn natural(&self, column: usize) -> usize {
+        let cells = self.rows.iter().filter_map(|row| row.get(column));
+        let lines = cells.flat_map(|cell| cell.text.lines());
+        let widths = lines.map(display_width);
+        widths
+            .chain([display_width(&self.columns[column].title)])
+            .max()
+            .unwrap_or(0)
+    }
+
+    fn layout(&self, width: Option<usize>) -> Layout {
+        let natural: Vec<(usize, usize)> = (0..self.columns.len()).map(|at| (at, self.natural(at))).collect();
+        let all = |gap| Layout {
+            inline: natural.clone(),
+            below: Vec::new(),
+            gap,
+        };
+        let Some(most) = width else { return all(GAPS[0]) };
+        let flows = |at: usize| self.columns[at].flows;
+        let leaving = self.columns.iter().filter(|column| column.leaves.is_some()).count();
+        let without = |gone: usize, flowing: bool| -> Vec<(usize, usize)> {
+            let stays = |at: usize| self.columns[at].leaves.is_none_or(|order| order >= gone);
+            let columns = natural.iter().filter(|(at, _)| stays(*at) && (flowing || !flows(*at)));
+            columns.copied().collect()
+        };
+        for gone in 0..=leaving {
+            let inline = without(gone, true);
+            for gap in GAPS {
+                if length(&inline, gap) <= most {
+                    let (inline, below) = (inline, Vec::new());
+                    return Layout { inline, below, gap };
+                }
+            }
+            if let Some(inline) = self.flowed(&inline, most) {
+                let (below, gap) = (Vec::new(), GAPS[1]);
+                return Layout { inline, below, gap };
+            }
+        }
+        let below: Vec<usize> = (0..self.columns.len()).filter(|at| flows(*at)).collect();
+        let gap = GAPS[1];
+        for gone in 0..=leaving {
+            let inline = without(gone, false);
+            if length(&inline, gap) <= most {
+                return Layout { inline, below, gap };
+            }
+        }
+        let mut inline = without(leaving, false);
+        while length(&inline, gap) > most {
+            let widest = inline.iter_mut().filter(|(at, _)| !self.columns[*at].is_number);
+            match widest.max_by_key(|(_, width)| *width) {
+                Some((_, width)) if *width > LEAST_CUT => *width -= 1,
+                _ => break,
+            }
+        }
+        Layout { inline, below, gap }
+    }
+
+    /// The widths with which columns fit where texts flow; none where they would have too little.
+    fn flowed(&self, columns: &[(usize, usize)], most: usize) -> Option<Vec<(usize, usize)>> {
+        let mut columns = columns.to_vec();
+        loop {
+            if length(&columns, GAPS[1]) <= most {
+                return Some(columns);
+            }
+            let flowing = columns.iter_mut().filter(|(at, _)| self.columns[*at].flows);
+            let (_, width) = flowing.max_by_key(|(_, width)| *width)?;
+            if *width <= LEAST {
+                return None;
+            }
+            *width -= 1;
+        }
+    }
+
+    /// The lines of a row.
+    fn lines(&self, row: &[Cell], layout: &Layout, screen: Screen) -> Vec<String> {
+        let cells: Vec<(usize, Vec<String>)> = layout
+            .inline
+            .iter()
+            .map(|&(at, width)| (width, self.cell(row, at, width)))
+            .collect();
+        let height = cells.iter().map(|(_, lines)| lines.len()).max().unwrap_or(0).max(1);
+        let line = |of_row: usize| {
+            let mut text = String::from(" ");
+            let mut used = 1;
+            for (place, (&(at, _), (width, lines))) in layout.inline.iter().zip(&cells).enumerate() {
+                let words = lines.get(of_row).map_or("", String::as_str);
+                let room = width.saturating_sub(display_width(words));
+                let gap = if place == 0 { 0 } else { layout.gap };
+                let before = gap + if self.columns[at].is_number { room } else { 0 };
+                let tone = row.get(at).map_or(Tone::Plain, |cell| cell.tone);
+                // What is still too wide, numbers alone, ends where the terminal does.
+                let left = screen
+                    .width
+                    .map_or(usize::MAX, |most| most.saturating_sub(used + before));
+                let words = cut(words, left);
+                text += &" ".repeat(before);
+                text += &tone.paint(&words, screen.is_coloured);
+                text += &" ".repeat(if self.columns[at].is_number { 0 } else { room });
+                used += gap + width;
+            }
+            text.trim_end().to_owned()
+        };
+        (0..height).map(line).collect()
+    }
+
+    /// The lines of a cell in a column of this width.
+    fn cell(&self, row: &[Cell], at: usize, width: usize) -> Vec<String> {
+        let text = row.get(at).map_or("", |cell| cell.text.as_str());
+        if !self.columns[at].flows {
+            return text.lines().map(|line| cut(line, width)).collect();
+        }
+        let options = textwrap::Options::new(width).subsequent_indent("  ");
+        let wrapped = text.lines().flat_map(|line| textwrap::wrap(line, &options));
+        wrapped.map(std::borrow::Cow::into_owned).collect()
+    }
+
+    /// What flows below a row.
+    fn below(&self, row: &[Cell], layout: &Layout, most: usize, screen: Screen) -> Vec<String> {
+        let indents = [INDENT, INDENT + 2].map(|indent| " ".repeat(indent));
+        let options = textwrap::Options::new(most)
+            .initial_indent(&indents[0])
+            .subsequent_indent(&indents[1]);
+        let mut lines = Vec::new();
+        for &at in &layout.below {
+            let Some(cell) = row.get(at).filter(|cell| !cell.text.is_empty()) else {
+                continue;
+            };
+            let text = match layout.below.len() {
+                1 => cell.text.clone(),
+                _ => format!("{}: {}", self.columns[at].title, cell.text),
+            };
+            let wrapped = text.lines().flat_map(|line| textwrap::wrap(line, &options));
+            lines.extend(wrapped.map(|line| cell.tone.paint(&line, screen.is_coloured)));
+        }
+        lines
+    }
+}
+
+/// Columns that a line takes.
+fn length(columns: &[(usize, usize)], gap: usize) -> usize {
+    let widths: usize = columns.iter().map(|(_, width)| width).sum();
+    widths + gap * columns.len().saturating_sub(1) + gap - 1
+}
+
+/// A text of no more than so many columns.
+pub fn cut(text: &str, most: usize) -> String {
+    if display_width(text) <= most {
+        return text.to_owned();
+    }
+    let mut kept = String::new();
+    for c in text.chars() {
+        if display_width(&kept) + display_width(c.encode_utf8(&mut [0; 4])) + 1 > most {
+            break;
+        }
+        kept.push(c);
+    }
+    match most {
+        0 => kept,
+        _ => kept + "…",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plan() -> Table {
+        let header = ["stage", "kind", "outcome", "time", "why"];
+        let mut table = table(&header, &["time"]).flowing(&["why"]).dispensable(&["kind"]);
+        table.add_row(["small", "sample", "reused", "", ""]);
+        table.add_row([
+            "a surrogate of a long name",
+            "train",
+            "stale",
+            "0.43 s (0.32 s to 0.57 s)",
+            "parameter changed: elements_per_cell from 1 to 2\ninput changed: balanced",
+        ]);
+        table
+    }
+
+    fn on(width: usize) -> Screen {
+        Screen {
+            width: Some(width),
+            is_coloured: false,
+        }
+    }
+
+    #[test]
+    fn without_a_terminal_columns_are_as_wide_as_they_need() {
+        let mut table = table(&["stage", "time"], &["time"]);
+        table.add_row(["surrogate", "0.43 s"]);
+        table.add_row(["x", "12.0 s"]);
+        let shown = "────────────────────\n stage         time\n════════════════════\n surrogate   0.43 s\n x           12.0 s\n\
+                     ────────────────────";
+        assert_eq!(table.show(Screen::default()), shown);
+    }
+
+    #[test]
+    fn no_line_is_longer_than_the_terminal_and_nothing_that_flows_is_lost() {
+        let table = plan();
+        for width in 20..200 {
+            let shown = table.show(on(width));
+            for line in shown.lines() {
+                assert!(display_width(line) <= width, "{width}: {line}");
+            }
+            let words: String = shown.split_whitespace().collect::<Vec<_>>().join(" ");
+            for word in ["elements_per_cell", "balanced", "reused"] {
+                assert!(width < 40 || words.contains(word), "{width}: {shown}");
+            }
+        }
+        assert_eq!(table.show(on(300)), table.show(Screen::default()));
+    }
+
+    #[test]
+    fn reasons_flow_below_their_line_where_a_column_is_too_narrow() {
+        let shown = plan().show(on(80));
+        let lines: Vec<&str> = shown.lines().collect();
+        assert!(lines[1].contains("kind") && !lines[1].contains("why"), "{shown}");
+        assert_eq!(lines[5], "    parameter changed: elements_per_cell from 1 to 2");
+        assert_eq!(lines[6], "    input changed: balanced");
+        let narrow = plan().show(on(70));
+        assert!(!narrow.contains("kind") && narrow.contains("0.57 s"), "{narrow}");
+    }
+
+    #[test]
+    fn tones_colour_words_and_not_the_room_beside_them() {
+        let mut table = table(&["stage", "outcome", "time"], &["time"]);
+        table.add_row([Cell::from("a"), Cell::toned("built", Tone::Good), Cell::from("1 s")]);
+        let screen = Screen {
+            width: Some(80),
+            is_coloured: true,
+        };
+        assert!(table.show(screen).contains("a       \u{1b}[32mbuilt\u{1b}[0m      1 s"));
+        let harm = Cell::toned("\u{1b}[2J", Tone::Plain);
+        assert_eq!(harm.text, "\u{fffd}[2J");
+    }
+
+    #[test]
+    fn what_is_cut_says_so() {
+        assert_eq!(cut("abcdef", 4), "abc…");
+        assert_eq!(cut("abcd", 4), "abcd");
+        assert_eq!(cut("漢字漢字", 5), "漢字…");
+        assert_eq!(cut("ab", 0), "");
+    }
+}

@@ -1,0 +1,171 @@
+//! What is said to people: lines and tables, laid out once it is known where they go.
+
+use textwrap::core::display_width;
+
+use super::columns::{Table, cut};
+use super::tone::{Screen, Tone};
+use crate::base::printable;
+
+/// Lines and tables.
+#[derive(Debug, Default)]
+pub struct Text {
+    blocks: Vec<Block>,
+}
+
+#[derive(Debug)]
+enum Block {
+    Lines(Tone, String),
+    Table(Table),
+}
+
+impl Text {
+    /// Nothing yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// A table alone.
+    pub fn of(table: Table) -> Self {
+        Self {
+            blocks: vec![Block::Table(table)],
+        }
+    }
+
+    /// Adds a line, or several.
+    pub fn line(&mut self, text: impl Into<String>) -> &mut Self {
+        self.toned(Tone::Plain, text)
+    }
+
+    /// Adds lines of a tone.
+    pub fn toned(&mut self, tone: Tone, text: impl Into<String>) -> &mut Self {
+        self.blocks.push(Block::Lines(tone, text.into()));
+        self
+    }
+
+    /// Adds a table.
+    pub fn table(&mut self, table: Table) -> &mut Self {
+        self.blocks.push(Block::Table(table));
+        self
+    }
+
+    /// Adds what another text says.
+    pub fn append(&mut self, other: Self) -> &mut Self {
+        self.blocks.extend(other.blocks);
+        self
+    }
+
+    /// Whether nothing is said.
+    pub fn is_empty(&self) -> bool {
+        let is_empty = |block: &Block| matches!(block, Block::Lines(_, text) if text.is_empty());
+        self.blocks.iter().all(is_empty)
+    }
+
+    /// As it is shown. What would change a terminal is taken out, but for our own colours; lines that are too long for it are broken
+    /// between words, and go on indented. A word that is too long alone, such as a path, stays whole: it can be copied.
+    pub fn show(&self, screen: Screen) -> String {
+        let block = |block: &Block| match block {
+            Block::Lines(tone, text) => lines(&printable(text), *tone, screen),
+            Block::Table(table) => table.show(screen),
+        };
+        self.blocks.iter().map(block).collect::<Vec<_>>().join("\n")
+    }
+}
+
+impl<T: AsRef<str>> From<T> for Text {
+    fn from(text: T) -> Self {
+        let mut lines = Self::new();
+        lines.line(text.as_ref());
+        lines
+    }
+}
+
+/// Words that a line may begin with, and their colours.
+const FIRST_WORDS: [(&str, Tone); 4] = [
+    ("warning:", Tone::Caution),
+    ("model warning:", Tone::Caution),
+    ("model warnings:", Tone::Caution),
+    ("error:", Tone::Bad),
+];
+
+/// Lines of a text that is fit for a terminal, as they are shown. In lines without a tone the words "warning" and "error" have their colours.
+pub fn lines(text: &str, tone: Tone, screen: Screen) -> String {
+    let mut in_table = false;
+    let mut shown: Vec<String> = Vec::new();
+    for line in text.split('\n') {
+        let is_rule = !line.is_empty() && line.chars().all(|c| matches!(c, '─' | '═'));
+        // Its lines are indented; what comes after its last rule is not.
+        in_table = is_rule || (in_table && line.starts_with(' '));
+        match screen.width {
+            Some(width) if in_table => shown.push(painted(&cut(line, width), tone, screen)),
+            Some(width) => shown.extend(wrapped(line, width).iter().map(|line| painted(line, tone, screen))),
+            None => shown.push(painted(line, tone, screen)),
+        }
+    }
+    shown.join("\n")
+}
+
+fn painted(line: &str, tone: Tone, screen: Screen) -> String {
+    let first = FIRST_WORDS.iter().find(|(word, _)| line.starts_with(word));
+    match first.filter(|_| tone == Tone::Plain) {
+        Some((word, tone)) => tone.paint(word, screen.is_coloured) + &line[word.len()..],
+        None => tone.paint(line, screen.is_coloured),
+    }
+}
+
+/// A line in as many as it takes.
+fn wrapped(line: &str, width: usize) -> Vec<String> {
+    if display_width(line) <= width {
+        return vec![line.to_owned()];
+    }
+    let words = line.trim_start();
+    // An indentation that leaves no room is none.
+    let indent = (line.len() - words.len()).min(width / 2);
+    let indents = [indent, indent + 2].map(|indent| " ".repeat(indent));
+    let options = textwrap::Options::new(width)
+        .initial_indent(&indents[0])
+        .subsequent_indent(&indents[1])
+        .break_words(false);
+    let lines = textwrap::wrap(words, &options);
+    lines.into_iter().map(std::borrow::Cow::into_owned).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NARROW: Screen = Screen {
+        width: Some(20),
+        is_coloured: false,
+    };
+
+    #[test]
+    fn long_lines_are_broken_between_words_on_a_terminal_and_nowhere_else() {
+        let text = Text::from("  solved: a line of many words\nshort");
+        assert_eq!(text.show(NARROW), "  solved: a line of\n    many words\nshort");
+        assert_eq!(text.show(Screen::default()), "  solved: a line of many words\nshort");
+        let path = Text::from("figures: /a/path/that/is/longer/than/the/terminal");
+        assert_eq!(
+            path.show(NARROW),
+            "figures:\n  /a/path/that/is/longer/than/the/terminal"
+        );
+    }
+
+    #[test]
+    fn what_would_change_a_terminal_is_taken_out_and_our_colours_are_not() {
+        let mut text = Text::new();
+        text.toned(Tone::Caution, "warning: \u{1b}[2J");
+        let screen = Screen {
+            width: None,
+            is_coloured: true,
+        };
+        assert_eq!(text.show(screen), "\u{1b}[33mwarning: \u{fffd}[2J\u{1b}[0m");
+    }
+
+    #[test]
+    fn tables_that_were_laid_out_elsewhere_are_cut() {
+        let text = Text::from(format!("{}\n a wide header of a table\n{0}", "─".repeat(30)));
+        let shown = text.show(NARROW);
+        assert_eq!(shown.lines().nth(1), Some(" a wide header of a…"));
+        assert!(shown.lines().all(|line| display_width(line) <= 20), "{shown}");
+    }
+}

@@ -1,0 +1,118 @@
+//! Colours by what is said. None stands alone: a word beside it, or it itself, says the same.
+
+use std::io::{self, IsTerminal};
+use std::os::fd::AsFd;
+
+use anstream::AutoStream;
+use clap::ColorChoice;
+use clap::builder::styling::{AnsiColor, Style};
+
+use crate::orchestrator::Outcome;
+
+/// Columns of a terminal that does not say how many it has.
+const USUAL_WIDTH: usize = 80;
+
+/// What a word says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tone {
+    /// What is.
+    #[default]
+    Plain,
+    /// Converged, or built.
+    Good,
+    /// Nothing new.
+    Dim,
+    /// To be heeded: stale, stopped, a warning.
+    Caution,
+    /// Failed: no stable solution, an error.
+    Bad,
+}
+
+impl Tone {
+    /// Of what became of a stage, or would.
+    pub fn of(outcome: Outcome) -> Self {
+        match outcome {
+            Outcome::Built => Self::Good,
+            Outcome::Reused => Self::Dim,
+            Outcome::Failed => Self::Bad,
+            Outcome::Stale | Outcome::Stopped | Outcome::Left | Outcome::Skipped => Self::Caution,
+        }
+    }
+
+    /// Of how a solve ended, by the name of its outcome.
+    pub fn of_solve(outcome: &str) -> Self {
+        match outcome {
+            "converged" => Self::Good,
+            "estimated" | "predicted" => Self::Plain,
+            _ => Self::Bad,
+        }
+    }
+
+    /// A text that is fit for a terminal, in its colour where colours are shown.
+    pub fn paint(self, text: &str, is_coloured: bool) -> String {
+        let style = match self {
+            Self::Good => AnsiColor::Green.on_default(),
+            Self::Dim => Style::new().dimmed(),
+            Self::Caution => AnsiColor::Yellow.on_default(),
+            Self::Bad => AnsiColor::Red.on_default(),
+            Self::Plain => return text.to_owned(),
+        };
+        match is_coloured && !text.is_empty() {
+            true => format!("{style}{text}{style:#}"),
+            false => text.to_owned(),
+        }
+    }
+}
+
+/// What something is shown on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Screen {
+    /// Columns of the terminal; none where it is no terminal, and lines are as long as they are.
+    pub width: Option<usize>,
+    /// Whether colours are shown.
+    pub is_coloured: bool,
+}
+
+impl Screen {
+    /// That of a stream, with the colours that are asked for.
+    pub fn of(stream: &(impl AsFd + IsTerminal + anstream::stream::RawStream), colour: ColorChoice) -> Self {
+        Self {
+            width: width(stream),
+            is_coloured: match colour {
+                ColorChoice::Always => true,
+                ColorChoice::Never => false,
+                ColorChoice::Auto => AutoStream::choice(stream) != anstream::ColorChoice::Never,
+            },
+        }
+    }
+}
+
+/// Columns of the terminal that a stream goes to; none where it goes elsewhere.
+fn width(stream: &(impl AsFd + IsTerminal)) -> Option<usize> {
+    stream
+        .is_terminal()
+        .then(|| match rustix::termios::tcgetwinsize(stream) {
+            Ok(size) if size.ws_col > 0 => usize::from(size.ws_col),
+            _ => USUAL_WIDTH,
+        })
+}
+
+/// Columns of the terminal that progress is shown on; none where it is none.
+pub fn width_of_stderr() -> Option<usize> {
+    width(&io::stderr())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_only_where_they_are_shown_and_say_what_the_word_says() {
+        assert_eq!(Tone::Good.paint("built", true), "\u{1b}[32mbuilt\u{1b}[0m");
+        assert_eq!(Tone::Bad.paint("failed", false), "failed");
+        assert_eq!(Tone::Plain.paint("x", true), "x");
+        assert_eq!(Tone::Caution.paint("", true), "");
+        assert_eq!(Tone::of(Outcome::Reused), Tone::Dim);
+        assert_eq!(Tone::of_solve("pull-in"), Tone::Bad);
+    }
+}

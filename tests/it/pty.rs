@@ -1,0 +1,496 @@
+//! What is shown on a terminal: it fits, it has colours where they are asked for, work has a pace, and Ctrl-C is answered.
+//!
+//! `script` (bsdutils, which every Debian has) gives a command a terminal, and `stty` gives that its width.
+
+use std::io::{Read, Write};
+use std::process::{Child, Command, Stdio};
+use std::thread::{JoinHandle, sleep, spawn};
+use std::time::{Duration, Instant};
+
+use super::common::{Ended, SMALL, TINY, Workspace, csv, scene_file};
+
+/// A command on a terminal of so many columns.
+fn on_terminal(workspace: &Workspace, columns: usize, arguments: &[&str]) -> Command {
+    let words = std::iter::once(env!("CARGO_BIN_EXE_deaflow")).chain(arguments.iter().copied());
+    let line = format!("stty cols {columns} rows 50; exec {}", shlex::try_join(words).unwrap());
+    let mut command = workspace.dressed("script");
+    command
+        .args(["-qec", &line, "/dev/null"])
+        .env_remove("DEAFLOW_REMOTE")
+        .env_remove("CLICOLOR");
+    command.env("TERM", "xterm").env("HDF5_USE_FILE_LOCKING", "FALSE");
+    command
+}
+
+/// What a command writes to a terminal, and its exit code.
+fn shown(workspace: &Workspace, columns: usize, arguments: &[&str]) -> (Option<i32>, String) {
+    let output = on_terminal(workspace, columns, arguments)
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    (output.status.code(), String::from_utf8(output.stdout).unwrap())
+}
+
+/// The lines that a terminal shows, each state of a bar being one, without colours.
+fn lines(text: &str) -> Vec<String> {
+    let mut plain = String::new();
+    let mut rest = text;
+    while let Some((before, after)) = rest.split_once('\u{1b}') {
+        plain += before;
+        let parameters = after.strip_prefix('[').unwrap_or(after);
+        let end = parameters.find(|c: char| ('@'..='~').contains(&c));
+        // Moves of the cursor begin another line.
+        plain += if end.is_some_and(|end| parameters[end..].starts_with('m')) {
+            ""
+        } else {
+            "\n"
+        };
+        rest = end.map_or("", |end| &parameters[end + 1..]);
+    }
+    plain += rest;
+    plain
+        .split(['\n', '\r'])
+        .filter(|line| !line.is_empty())
+        .map(str::to_owned)
+        .collect()
+}
+
+/// Colours are sequences that end in m; a bar moves the cursor by others.
+fn is_coloured(text: &str) -> bool {
+    text.split("\u{1b}[").skip(1).any(|part| {
+        let rest = part.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';');
+        rest.starts_with('m')
+    })
+}
+
+#[test]
+fn no_line_is_longer_than_the_terminal() {
+    let workspace = Workspace::small();
+    assert_eq!(workspace.run(&["run", "small.yaml"]).code, Some(0));
+    let long =
+        "a reason that is much longer than what a terminal of eighty columns has room for beside a digest and a date";
+    assert_eq!(workspace.run(&["pin", "solved", "--label", long]).code, Some(0));
+    let set = "stages.solved.elements_per_cell=2";
+    for columns in [80, 140] {
+        for arguments in [
+            &["plan", "small.yaml", "--set", set][..],
+            &["run", "small.yaml", "-n", "--set", "scene.drive.voltage=5 kV"],
+            &["run", "small.yaml", "-v"],
+            &["run", "small.yaml"],
+            &["status"],
+            &["log"],
+            &["log", "small.yaml"],
+            &["show", "solved"],
+            &["show", "balanced"],
+            &["gc", "-n"],
+            &["pin"],
+            &["fsck"],
+            &["doctor"],
+            &["dag", "small.yaml"],
+            &["explain", "small.yaml", "solved", "--set", set],
+            &["diff", "small.yaml", "small.yaml@1", "--set", set],
+            &[
+                "sweep",
+                "small.yaml",
+                "-n",
+                "--set",
+                "stages.solved.elements_per_cell=1,2,3",
+            ],
+            &["screen", "small.yaml"],
+        ] {
+            let (code, text) = shown(&workspace, columns, arguments);
+            assert_eq!(code, Some(0), "{arguments:?}: {text}");
+            for line in lines(&text) {
+                assert!(
+                    line.chars().count() <= columns,
+                    "{columns} {arguments:?}: {line}\n{text}"
+                );
+            }
+        }
+    }
+    let (_, wide) = shown(&workspace, 140, &["pin"]);
+    assert!(wide.contains("a digest and a date"), "a wide terminal is used: {wide}");
+}
+
+#[test]
+fn a_stage_stands_on_one_line_and_its_reasons_below() {
+    let workspace = Workspace::small();
+    assert_eq!(workspace.run(&["run", "small.yaml"]).code, Some(0));
+    let arguments = ["plan", "small.yaml", "--set", "stages.solved.elements_per_cell=2"];
+    let (_, text) = shown(&workspace, 80, &arguments);
+    let lines = lines(&text);
+    let of_stage = |name: &str| {
+        lines
+            .iter()
+            .filter(|line| line.starts_with(&format!(" {name} ")))
+            .count()
+    };
+    for name in ["small", "large", "solved", "balanced"] {
+        assert_eq!(of_stage(name), 1, "{name}: {text}");
+    }
+    let at = lines.iter().position(|line| line.starts_with(" solved ")).unwrap();
+    assert!(
+        lines[at].contains("stale") && lines[at].contains(" s "),
+        "{}",
+        lines[at]
+    );
+    assert_eq!(
+        lines[at + 1].trim(),
+        "parameter changed: elements_per_cell from 1 to 2",
+        "{text}"
+    );
+    // Other programs read as long lines as there are.
+    let plain = workspace.run(&arguments).stdout;
+    let line = plain.lines().find(|line| line.starts_with(" solved ")).unwrap();
+    assert!(
+        line.ends_with("elements_per_cell from 1 to 2") && !is_coloured(&plain),
+        "{plain}"
+    );
+}
+
+#[test]
+fn colours_follow_outcomes_where_they_are_asked_for() {
+    let workspace = Workspace::small();
+    let (code, built) = shown(&workspace, 80, &["run", "small.yaml", "-v"]);
+    assert_eq!(code, Some(0), "{built}");
+    assert!(built.contains("\u{1b}[32mbuilt\u{1b}[0m"), "{built:?}");
+    let (_, reused) = shown(&workspace, 80, &["run", "small.yaml", "-v"]);
+    assert!(reused.contains("\u{1b}[2mreused\u{1b}[0m"), "{reused:?}");
+    let stale = ["plan", "small.yaml", "--set", "stages.solved.elements_per_cell=2"];
+    assert!(shown(&workspace, 80, &stale).1.contains("\u{1b}[33mstale\u{1b}[0m"));
+    for arguments in [&["run", "small.yaml", "-v"][..], &stale, &["status"], &["gc", "-n"]] {
+        let never = [arguments, &["--color", "never"]].concat();
+        let (_, text) = shown(&workspace, 80, &never);
+        assert!(!is_coloured(&text), "{never:?}: {text:?}");
+        let mut quiet = on_terminal(&workspace, 80, arguments);
+        let output = quiet.env("NO_COLOR", "1").stdin(Stdio::null()).output().unwrap();
+        assert!(
+            !is_coloured(&String::from_utf8(output.stdout).unwrap()),
+            "{arguments:?}"
+        );
+        assert!(!is_coloured(&workspace.run(arguments).stdout), "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_run_ends_with_the_lines_that_matter() {
+    let workspace = Workspace::tiny();
+    let run = ["run", "tiny.yaml", "--until", "verified"];
+    let ended = workspace.run(&run);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let (warned, lines): (Vec<&str>, Vec<&str>) = ended.stdout.lines().partition(|line| line.starts_with("warning: "));
+    assert_eq!(lines.len(), 5, "{}", ended.stdout);
+    for (line, words) in lines.iter().zip([
+        &["tiny: 8 stages built in "][..],
+        &[
+            "verified: best design (genetic algorithm), predicted ",
+            " mm, simulated ",
+            "over the intuitive design",
+        ],
+        &[
+            "verified: predicted and simulated differ by up to ",
+            ": the evaluator is not to be trusted here",
+        ],
+        &["figures in store/figures/tiny, artifacts in store"],
+        &["next: deaflow report tiny.yaml --until verified -o report; -v prints details"],
+    ]) {
+        assert!(words.iter().all(|word| line.contains(word)), "{words:?}: {line}");
+    }
+    assert!(
+        warned.iter().any(|line| line.contains("is neglected and changes")),
+        "{}",
+        ended.stdout
+    );
+    // The next command is one.
+    let words: Vec<&str> = lines[4]
+        .trim_start_matches("next: deaflow ")
+        .split(';')
+        .next()
+        .unwrap()
+        .split(' ')
+        .collect();
+    assert_eq!(workspace.run(&words).code, Some(0), "{words:?}");
+
+    let again = workspace.run(&run).stdout;
+    assert!(
+        again.contains("tiny: all 8 stages are reused, nothing to build\n"),
+        "{again}"
+    );
+    let verbose = workspace.run(&[&run[..], &["-v"]].concat()).stdout;
+    for words in [
+        " verified    verify    reused",
+        "design: intuitive",
+        "RMSE of a component",
+        "model warnings:",
+        "-evolution.png",
+    ] {
+        assert!(verbose.contains(words), "{words}: {verbose}");
+    }
+    let both = workspace.run(&[&run[..], &["-v", "-q"]].concat());
+    assert_eq!(both.code, Some(2), "{}", both.stdout);
+    // Without designs what was solved is what was found.
+    let solved = workspace.run(&["run", "tiny.yaml", "--until", "solved"]).stdout;
+    assert!(
+        solved.contains("solved: 82 samples with a field, largest displacement "),
+        "{solved}"
+    );
+}
+
+/// The states of the bar of a stage.
+fn bars<'t>(lines: &'t [String], name: &str) -> Vec<&'t String> {
+    lines
+        .iter()
+        .filter(|line| line.starts_with(name) && line.contains('['))
+        .collect()
+}
+
+#[test]
+fn a_bar_has_a_pace_within_its_first_step_and_fits() {
+    for columns in [80, 140] {
+        let workspace = Workspace::tiny();
+        let arguments = [
+            "run",
+            "tiny.yaml",
+            "--until",
+            "surrogate",
+            "--set",
+            "stages.balanced.target=600",
+        ];
+        let (code, text) = shown(&workspace, columns, &arguments);
+        assert_eq!(code, Some(0), "{text}");
+        let lines = lines(&text);
+        for line in &lines {
+            assert!(line.chars().count() <= columns, "{columns}: {line}");
+        }
+        let bars = bars(&lines, "surrogate ");
+        let paced = |line: &&&String| line.contains("0/1 epochs") && line.contains("/min, ") && line.contains(" left");
+        assert!(bars.iter().any(|line| paced(&line)), "{columns}: {bars:?}");
+    }
+}
+
+/// The events of a run on stderr.
+fn events(ended: &Ended) -> Vec<serde_json::Value> {
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    ended
+        .stderr
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect()
+}
+
+#[test]
+fn steps_are_called_what_they_are_and_have_parts() {
+    let workspace = Workspace::new();
+    let text = TINY.replace(
+        "  reference:",
+        "  newton:    { kind: design, evaluator: newton, objective: { point: [25 mm, 25 mm], direction: 0 deg }, area: 0.5, population: 200, generations: 1, seed: 6 }
+  refined:   { kind: design, evaluator: linear, refine: true, objective: { point: [25 mm, 25 mm], direction: 0 deg }, area: 0.5, population: 20, generations: 1, seed: 6 }
+  optimum:   { kind: design, method: adjoint, starts: 2, objective: { point: [25 mm, 25 mm], direction: 0 deg }, area: 0.5, seed: 7 }
+  reference:",
+    );
+    workspace.write("tiny.yaml", &text);
+    let events = events(&workspace.run(&["run", "tiny.yaml", "--progress", "json"]));
+    let of = |name: &str| events.iter().filter(|event| event["name"] == name).collect::<Vec<_>>();
+    for (name, unit) in [
+        ("small", "patterns"),
+        ("solved", "patterns"),
+        ("surrogate", "epochs"),
+        ("newton", "generations"),
+        ("refined", "steps"),
+        ("optimum", "searches"),
+        ("verified", "targets"),
+        ("accuracy", "methods"),
+        ("balanced", "steps"),
+    ] {
+        assert_eq!(of(name)[0]["unit"], unit, "{name}");
+    }
+    for name in ["surrogate", "newton", "optimum", "accuracy", "balanced"] {
+        let events = of(name);
+        let place = |kind: &str| events.iter().position(|event| event["event"] == kind);
+        let part = place("part").unwrap_or_else(|| panic!("{name}: {events:?}"));
+        assert!(
+            Some(part) < place("progress"),
+            "{name}: a part is told before the first step is over"
+        );
+        for event in events.iter().filter(|event| event["event"] == "part") {
+            assert!((0.0..=1.0).contains(&event["done"].as_f64().unwrap()), "{event}");
+        }
+    }
+}
+
+/// A command on a terminal that somebody watches and may interrupt.
+struct Watched {
+    child: Child,
+    reader: JoinHandle<()>,
+    text: std::sync::Arc<std::sync::Mutex<String>>,
+}
+
+impl Watched {
+    fn begin(workspace: &Workspace, arguments: &[&str]) -> Self {
+        let mut command = on_terminal(workspace, 80, arguments);
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let mut output = child.stdout.take().unwrap();
+        let text = std::sync::Arc::<std::sync::Mutex<String>>::default();
+        let read = text.clone();
+        let reader = spawn(move || {
+            let mut bytes = [0; 4096];
+            while let Ok(n @ 1..) = output.read(&mut bytes) {
+                read.lock().unwrap().push_str(&String::from_utf8_lossy(&bytes[..n]));
+            }
+        });
+        Self { child, reader, text }
+    }
+
+    fn wait_for(&mut self, words: &str) {
+        let start = Instant::now();
+        while !self.text.lock().unwrap().contains(words) {
+            let text = self.text.lock().unwrap().clone();
+            assert!(start.elapsed() < Duration::from_secs(120), "no {words:?}: {text}");
+            assert!(self.child.try_wait().unwrap().is_none(), "no {words:?}: {text}");
+            sleep(Duration::from_millis(20));
+        }
+    }
+
+    fn interrupt(&mut self) {
+        let input = self.child.stdin.as_mut().unwrap();
+        input.write_all(b"\x03").unwrap();
+        input.flush().unwrap();
+    }
+
+    /// Its exit code, how long it went on, and all that it has written.
+    fn end(mut self) -> (Option<i32>, Duration, String) {
+        let start = Instant::now();
+        let code = self.child.wait().unwrap().code();
+        self.reader.join().unwrap();
+        let text = self.text.lock().unwrap().clone();
+        (code, start.elapsed(), text)
+    }
+}
+
+#[test]
+fn ctrl_c_keeps_what_there_is_and_the_same_command_goes_on() {
+    let workspace = Workspace::tiny();
+    let run = [
+        "run",
+        "tiny.yaml",
+        "--until",
+        "surrogate",
+        "--set",
+        "stages.surrogate.epochs=2000",
+    ];
+    let mut first = Watched::begin(&workspace, &run);
+    first.wait_for("/2000 epochs");
+    first.wait_for(" 1/2000 epochs");
+    first.interrupt();
+    let (code, _, text) = first.end();
+    assert_eq!(code, Some(75), "{text}");
+    let text = lines(&text).join(" ");
+    for words in [
+        "stopping: chunks that are done,",
+        "stage `surrogate` did not end: stopped",
+        "stopped: what was built is kept, and the same command goes on from there",
+    ] {
+        assert!(
+            text.split_whitespace().collect::<Vec<_>>().join(" ").contains(words),
+            "{words}: {text}"
+        );
+    }
+    let mut second = Watched::begin(&workspace, &run);
+    second.wait_for("goes on after epoch");
+    second.interrupt();
+    assert_eq!(second.end().0, Some(75));
+    assert_eq!(workspace.run(&["fsck"]).code, Some(0));
+}
+
+#[test]
+fn a_second_ctrl_c_ends_at_once() {
+    let workspace = Workspace::new();
+    // One chunk that takes minutes, and cannot stop in between.
+    let slow = SMALL
+        .replace("count: 4", "count: 60")
+        .replace("elements_per_cell: 1", "elements_per_cell: 8, order: 2");
+    workspace.write("slow.yaml", &slow);
+    let mut run = Watched::begin(&workspace, &["run", "slow.yaml", "--until", "solved", "--jobs", "1"]);
+    run.wait_for("/64 patterns");
+    run.interrupt();
+    run.wait_for("Ctrl-C again");
+    run.interrupt();
+    let (code, took, text) = run.end();
+    assert_eq!(code, Some(75), "{text}");
+    assert!(took < Duration::from_secs(5), "{took:?}");
+    assert_eq!(workspace.run(&["fsck"]).code, Some(0));
+}
+
+#[test]
+fn how_far_patterns_move_is_a_table_of_few_and_numbers_of_many() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &scene_file().replace("5.25 kV", "14 kV"));
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    workspace.write("dot.csv", &csv(|x, y| x == 30 && y == 10));
+    let few = [
+        "solve",
+        "scene.yaml",
+        "half.csv",
+        "dot.csv",
+        "-o",
+        "few.h5",
+        "--elements-per-cell",
+        "1",
+    ];
+    let (code, text) = shown(&workspace, 80, &few);
+    assert_eq!(code, Some(3), "{text}");
+    let shown_lines = lines(&text);
+    assert!(shown_lines.iter().all(|line| line.chars().count() <= 80), "{text}");
+    assert!(text.contains("\u{1b}[32mconverged\u{1b}[0m"), "{text:?}");
+    let row = |index: usize| {
+        let start = format!("{index:>8} ");
+        shown_lines
+            .iter()
+            .find(|line| line.starts_with(&start))
+            .unwrap_or_else(|| panic!("{text}"))
+    };
+    assert!(row(1).contains("converged") && row(1).contains(" mm"), "{}", row(1));
+    assert!(!row(0).contains("converged") && row(0).contains('-'), "{}", row(0));
+
+    let document = workspace.run(&[&few[..], &["--json"]].concat()).json();
+    let dot = &document["patterns"][1];
+    assert_eq!(
+        (&dot["outcome"], &document["outcomes"]["converged"]),
+        (&"converged".into(), &1.into())
+    );
+    let mm = dot["max_displacement_mm"].as_f64().unwrap();
+    assert!(
+        mm > 0.0 && document["max_displacement_mm"]["median"] == mm,
+        "{document}"
+    );
+    let at: Vec<f64> = serde_json::from_value(dot["at_mm"].clone()).unwrap();
+    // The cell reaches from 30 mm to 31 mm and from 10 mm to 11 mm; the corner that moves most is one of its own.
+    assert!(
+        (30.0..=31.0).contains(&at[0]) && (10.0..=11.0).contains(&at[1]),
+        "{at:?}"
+    );
+    assert!(document["patterns"][0]["max_displacement_mm"].is_null() && document["patterns"][0]["at_mm"].is_null());
+
+    let many: Vec<&str> = std::iter::repeat_n("dot.csv", 24).collect();
+    let many = [
+        &["solve", "scene.yaml", "half.csv"][..],
+        &many,
+        &["-o", "many.h5", "--elements-per-cell", "1"],
+    ]
+    .concat();
+    let ended = workspace.run(&many);
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    for words in [
+        "outcomes: converged 24, ",
+        "smallest ",
+        "median ",
+        "each pattern: deaflow show many.h5 --csv",
+    ] {
+        assert!(ended.stdout.contains(words), "{words}: {}", ended.stdout);
+    }
+    assert!(
+        ended.stdout.contains("pattern 0: no stable solution was found"),
+        "{}",
+        ended.stdout
+    );
+}
