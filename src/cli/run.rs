@@ -22,7 +22,7 @@ use super::{ending, plan, table};
 use crate::base::{ArtifactId, OutputFile, Override};
 use crate::orchestrator::{Environment, MANY_STAGES, Pipeline, RunOptions, RunOutcome, StageReport, run};
 use crate::remote::Remote;
-use crate::report::{Made, RunArtifacts, RunResults, headlines};
+use crate::report::{Made, RunArtifacts, RunResults};
 use crate::stage;
 use crate::store::{Command, LockFile, Store};
 
@@ -168,7 +168,7 @@ pub fn of_pipeline(
         made: &made,
         rounds: &pipeline.rounds,
     };
-    let results = RunResults::of(&artifacts, &pipeline.name, neglected, &may_break_down(pipeline))?;
+    let results = RunResults::remembered(&artifacts, &pipeline.name, neglected, &may_break_down(pipeline))?;
     if output.is_json() {
         let mut document = document(&outcome);
         document["pipeline"] = json!(pipeline.name);
@@ -201,8 +201,7 @@ pub fn of_pipeline(
         if !elsewhere.is_empty() {
             text.line(not_here(&elsewhere, reading.remote(), arguments));
         }
-        let found = headlines(&artifacts)?;
-        ending::add_to(&mut text, &pipeline.name, &outcome, (&found.0, found.1), seconds);
+        ending::add_to(&mut text, &pipeline.name, &outcome, results.headlines(), seconds);
         ending::places(&mut text, &results, store, (command, arguments));
         output.text(text)?;
     }

@@ -1,5 +1,7 @@
 //! The few lines that matter most of what a run found: its result, and how far that is to be trusted.
 
+use serde::{Deserialize, Serialize};
+
 use super::artifacts::RunArtifacts;
 use super::error::ReportError;
 use super::kinds::PRESENTERS;
@@ -13,7 +15,7 @@ const ORDER: &[&str] = &[
 ];
 
 /// A line of what a run found.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Headline {
     /// What was found.
     pub text: String,

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::artifacts::{RunArtifacts, Source};
@@ -56,9 +57,10 @@ pub trait Presenter: Sync {
 }
 
 /// What a run says of the artifacts of a kind.
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Results {
     /// The key in the JSON document of `run`.
-    pub key: &'static str,
+    pub key: String,
     /// What stands there.
     pub value: Value,
     /// For people: paragraphs.

@@ -4,12 +4,14 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::artifacts::{Made, RunArtifacts, Source};
 use super::drawing::{FigureError, with_texts};
 use super::error::ReportError;
 use super::format::{figure_name, file_name};
+use super::headline::{Headline, headlines};
 use super::kinds::PRESENTERS;
 use super::presenter::{DrawFigure, Presenter, Results};
 use super::warnings::warnings;
@@ -20,8 +22,12 @@ use crate::store::Store;
 const MOST_OF_SWEEPS: usize = 8;
 
 /// What a run found.
+#[derive(Debug, Serialize, Deserialize)]
 pub struct RunResults {
     of_kinds: Vec<Results>,
+    headlines: Vec<Headline>,
+    /// How many more there are of the kinds that these are of.
+    more: usize,
     model_warnings: Vec<String>,
     figures: Vec<String>,
     /// Those of stages of sweeps among them.
@@ -54,9 +60,12 @@ impl RunResults {
             name.rsplit_once('-').is_some_and(|(stage, _)| swept.contains(stage))
         };
         let of_sweeps = figures.iter().filter(is_swept).map(|path| path.display().to_string());
+        let (headlines, more) = headlines(run)?;
         Ok(Self {
             of_sweeps: of_sweeps.collect(),
             of_kinds,
+            headlines,
+            more,
             model_warnings: neglected.into_iter().chain(warnings(run, may_break_down)?).collect(),
             figures: figures.iter().map(|path| path.display().to_string()).collect(),
         })
@@ -73,6 +82,28 @@ impl RunResults {
         document.insert("warnings".to_owned(), json!(warnings));
         document.insert("figures".to_owned(), json!(self.figures));
         document
+    }
+
+    /// The lines that matter most, and how many more there are of the kinds that these are of.
+    #[must_use]
+    pub fn headlines(&self) -> (&[Headline], usize) {
+        (&self.headlines, self.more)
+    }
+
+    /// The folder of the figures of a run.
+    pub(super) fn folder(run: &RunArtifacts<'_>, pipeline: &str) -> PathBuf {
+        folder_of(run.store, run.file, pipeline)
+    }
+
+    /// The files of the figures.
+    pub(super) fn figure_paths(&self) -> impl Iterator<Item = &Path> {
+        self.figures.iter().map(Path::new)
+    }
+
+    /// Adds the file of a figure.
+    #[cfg(test)]
+    pub(super) fn add_figure(&mut self, path: &Path) {
+        self.figures.push(path.display().to_string());
     }
 
     /// How many figures there are, and the folder of the first.
@@ -261,6 +292,6 @@ fn draw(
 }
 
 /// Whether a figure has to be drawn. A link that leads nowhere is passed over: it is not ours.
-fn is_missing(figure: &Path) -> bool {
+pub(super) fn is_missing(figure: &Path) -> bool {
     !figure.exists() && !leads_nowhere_at(figure)
 }

@@ -4,7 +4,7 @@ use std::process::Stdio;
 use std::thread::sleep;
 use std::time::Duration;
 
-use super::common::{Ended, SMALL, Stages, TINY, Workspace, scene_file, with_scene_in_a_file};
+use super::common::{Ended, SMALL, Stages, TINY, Workspace, files, scene_file, with_scene_in_a_file};
 
 fn of(ended: Ended) -> Stages {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
@@ -256,4 +256,46 @@ fn the_small_pipeline_is_the_beginning_of_the_tiny_one() {
             .to_owned()
     };
     assert_eq!(scene(SMALL), scene(TINY));
+}
+
+#[test]
+fn a_rerun_tells_the_same_from_memory() {
+    let workspace = Workspace::new();
+    let stages = "  climbed:  { kind: design, method: adjoint, units: 20, starts: 1, seed: 1, objective: { point: [30 mm, 22 mm], direction: 20 deg } }
+  verified: { kind: verify, needs: [climbed], elements_per_cell: 1 }
+";
+    let (header, _) = SMALL.split_once("stages:\n").unwrap();
+    workspace.write("p.yaml", &format!("{header}stages:\n{stages}"));
+    let document = || {
+        let ended = workspace.run(&["run", "p.yaml", "--json"]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let mut document = ended.json();
+        document.as_object_mut().unwrap().remove("stages");
+        document
+    };
+    let first = document();
+    let figures = first["figures"].as_array().unwrap();
+    assert!(
+        figures.len() > 1 && !first["verified"].as_array().unwrap().is_empty(),
+        "{first}"
+    );
+    assert_eq!(document(), first);
+    // What is remembered is damaged, then a figure is gone.
+    for memo in files(&workspace.path("store/memos")) {
+        let text = std::fs::read_to_string(&memo).unwrap();
+        std::fs::write(&memo, text.replace('1', "2")).unwrap();
+    }
+    assert_eq!(document(), first);
+    let figure = workspace.path(figures[0].as_str().unwrap());
+    std::fs::remove_file(&figure).unwrap();
+    assert_eq!(document(), first);
+    assert!(figure.is_file());
+    let words = |arguments: &[&str]| {
+        let ended = workspace.run(arguments);
+        let lines = ended.stdout.lines().skip_while(|line| !line.starts_with("verified"));
+        lines.map(str::to_owned).collect::<Vec<_>>()
+    };
+    let said = words(&["run", "p.yaml"]);
+    assert!(!said.is_empty());
+    assert_eq!(words(&["run", "p.yaml"]), said);
 }

@@ -23,7 +23,7 @@ impl Presenter for Audit {
     fn results(&self, run: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
         let lines = run.each(self.kind(), line)?;
         Ok(vec![Results {
-            key: "audits",
+            key: "audits".to_owned(),
             value: json!(lines),
             text: (!lines.is_empty()).then(|| lines.join("\n")).into_iter().collect(),
             warnings: Vec::new(),

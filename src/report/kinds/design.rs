@@ -38,8 +38,8 @@ impl Presenter for Design {
         let evaluators = run.each(self.kind(), read)?.concat();
         let intervals = run.each(self.kind(), of_stage)?;
         let intervals: Vec<StageIntervals> = intervals.into_iter().flatten().collect();
-        let results = |key, value, text| Results {
-            key,
+        let results = |key: &str, value, text| Results {
+            key: key.to_owned(),
             value,
             text,
             warnings: Vec::new(),

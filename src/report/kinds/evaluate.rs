@@ -27,7 +27,7 @@ impl Presenter for Evaluate {
     fn results(&self, run: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
         let evaluations = run.each(self.kind(), read)?;
         Ok(vec![Results {
-            key: "evaluations",
+            key: "evaluations".to_owned(),
             value: json!(evaluations),
             text: evaluations.iter().map(ToString::to_string).collect(),
             warnings: evaluations.iter().flat_map(Evaluation::warnings).collect(),

@@ -44,7 +44,7 @@ impl Presenter for Table {
             text
         };
         Ok(vec![Results {
-            key: "tables",
+            key: "tables".to_owned(),
             value: tables.iter().map(value).collect::<Value>(),
             text: tables.iter().map(text).collect(),
             warnings: Vec::new(),

@@ -37,7 +37,7 @@ impl Presenter for Train {
         text.extend((!lines.is_empty()).then(|| lines.join("\n")));
         text.extend((!warnings.is_empty()).then(|| format!("warnings:\n  {}", warnings.join("\n  "))));
         Ok(vec![Results {
-            key: "trainings",
+            key: "trainings".to_owned(),
             value: json!(lines),
             text,
             warnings,

@@ -32,8 +32,8 @@ impl Presenter for Verify {
         let summaries = run.each(self.kind(), read)?;
         let rounds = by_round(run.rounds, &summaries);
         let in_time = in_time(run)?;
-        let results = |key, value, text| Results {
-            key,
+        let results = |key: &str, value, text| Results {
+            key: key.to_owned(),
             value,
             text,
             warnings: Vec::new(),
