@@ -276,14 +276,16 @@ fn a_rerun_tells_the_same_from_memory() {
     let first = document();
     let figures = first["figures"].as_array().unwrap();
     assert!(
-        figures.len() > 1 && !first["verified"].as_array().unwrap().is_empty(),
+        figures.len() > 1 && !first["results"].as_array().unwrap().is_empty(),
         "{first}"
     );
     assert_eq!(document(), first);
     // What is remembered is damaged, then a figure is gone.
     for memo in files(&workspace.path("store/memos")) {
         let text = std::fs::read_to_string(&memo).unwrap();
-        std::fs::write(&memo, text.replace('1', "2")).unwrap();
+        if text.contains("of_kinds") {
+            std::fs::write(&memo, text.replace('1', "2")).unwrap();
+        }
     }
     assert_eq!(document(), first);
     let figure = workspace.path(figures[0].as_str().unwrap());
