@@ -24,7 +24,7 @@ pub struct Fault {
 }
 
 /// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 36] = [
+pub const BEYOND: [&str; 38] = [
     // Names of other stages, and what those are.
     "no stage is named",
     "stage needs",
