@@ -12,7 +12,7 @@ use super::locate;
 use super::neglected::neglected;
 use super::output::{Exit, Output};
 use super::{run, write};
-use crate::orchestrator::{Environment, plan};
+use crate::orchestrator::{Environment, foreseen, plan};
 use crate::report::{History, StageFacts, write_report};
 
 /// Write a report of a pipeline: a page with every design, and the designs as files
@@ -43,7 +43,8 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
     let mut history = History::of(&pipeline, &stages, &store)?;
     let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();
-    history.neglected = neglected(&pipeline, &names, &store)?;
+    history.neglected = foreseen(&pipeline, &stages, &store)?;
+    history.neglected.extend(neglected(&pipeline, &names, &store)?);
     check(&history, arguments)?;
     // What cannot be written is found before the report is made.
     write::folder(&arguments.output)?;

@@ -49,6 +49,15 @@ fn listed(names: &[&str]) -> String {
     }
 }
 
+/// A number with two digits that tell.
+fn two_digits(value: f64) -> String {
+    let decimals = match value.abs() {
+        size if size.is_normal() => (1.0 - size.log10().floor()).clamp(0.0, 12.0) as usize,
+        _ => 0,
+    };
+    format!("{value:.decimals$}")
+}
+
 /// What artifacts were worth when they were built, as the history of runs has it.
 struct Results<'a> {
     pipeline: &'a Pipeline,
@@ -78,7 +87,7 @@ impl<'a> Results<'a> {
         for (name, digest) in of.filter_map(|stage| Some((&stage.name, stage.digest?))) {
             let known = self.known()?.get(&digest).and_then(|of| of.get(&expectation.result));
             if let Some(value) = known.filter(|value| **value > expectation.most) {
-                let text = expectation.warning.replace("{value}", &format!("{value:.2}"));
+                let text = expectation.warning.replace("{value}", &two_digits(*value));
                 warnings.push(text.replace("{stage}", name));
             }
         }
@@ -108,5 +117,18 @@ fn add(run: &Run, known: &mut BTreeMap<ArtifactId, BTreeMap<String, f64>>) {
                 results.entry(own.to_owned()).or_insert(*value);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_two_digits_and_lists_are_short() {
+        let written = [0.0, 0.491_5, 0.001_42, 12.7, 4321.0].map(two_digits);
+        assert_eq!(written, ["0", "0.49", "0.0014", "13", "4321"]);
+        assert_eq!(listed(&["a", "b"]), "a, b");
+        assert_eq!(listed(&["a", "b", "c", "d", "e", "f"]), "a, b, c, d and 2 more");
     }
 }

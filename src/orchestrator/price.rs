@@ -18,7 +18,7 @@ use crate::store::Cost;
 const LATEST: usize = 8;
 
 /// What beginning and ending a stage may take beside its work, s.
-const SLACK: f64 = 0.1;
+const SLACK: f64 = 0.05;
 
 /// So many times more or less work is about as much.
 const ALIKE: f64 = 3.0;
@@ -293,10 +293,10 @@ fn distance(cost: &Cost, work: &Work) -> usize {
 /// How many times what was measured a stage may take, or what part of it: the more things differ, and the fewer were measured.
 fn widening(distance: usize, measured: usize) -> f64 {
     match (distance, measured) {
-        (0, 0..=2) => 2.2,
-        (0, _) => 1.7,
-        (1, _) => 2.5,
-        (2, _) => 3.0,
+        (0, 0..=2) => 1.6,
+        (0, _) => 1.4,
+        (1, _) => 2.0,
+        (2, _) => 2.5,
         _ => 4.0,
     }
 }
@@ -348,8 +348,8 @@ mod tests {
         let costs = [cost(100, 1.0), cost(100, 2.0), cost(100, 1.5)];
         let found = price(&costs, &work(Some(5), 200)).unwrap();
         assert!((found.seconds.likely - 200.0 * 0.03 / 2.0).abs() < 1e-12);
-        // 1.7 for what was measured three times, and twice the work.
-        let widening = 1.7 * 2.0_f64.powf(UNLIKE);
+        // 1.4 for what was measured three times, and twice the work.
+        let widening = 1.4 * 2.0_f64.powf(UNLIKE);
         assert!((found.seconds.low - (200.0 * 0.02 / 2.0 / widening - SLACK)).abs() < 1e-12);
         assert!((found.seconds.high - (200.0 * 0.04 / 2.0 * widening + SLACK)).abs() < 1e-12);
         assert_eq!(found.bytes.likely, 10_000.0);
@@ -413,7 +413,7 @@ mod tests {
         let found = price(&[other.clone(), cost(100, 1.0)], &work(Some(10), 100)).unwrap();
         assert!((found.seconds.likely - 1.0).abs() < 1e-12);
         let found = price(&[other], &work(Some(10), 100)).unwrap();
-        assert!((found.seconds.likely - 50.0).abs() < 1e-12 && (found.seconds.high - 125.0 - SLACK).abs() < 1e-12);
+        assert!((found.seconds.likely - 50.0).abs() < 1e-12 && (found.seconds.high - 100.0 - SLACK).abs() < 1e-12);
         // Four times the elements, four times the time.
         let finer = Work {
             weight: 4.0,

@@ -21,7 +21,7 @@ pub struct History {
     pub stages: Vec<StageFacts>,
     /// Stages that are done in rounds.
     pub rounds: Vec<Rounds>,
-    /// What its stages neglect although it matters, a line for each effect.
+    /// What was foreseen of its stages, and what they neglect although it matters, a line each.
     pub neglected: Vec<String>,
     /// When the last run of the pipeline ended, in UTC; none where it is no longer remembered.
     pub last_run: Option<String>,

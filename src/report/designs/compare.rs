@@ -1,6 +1,6 @@
 //! What a design is compared with: the intuitive one at its own and at equal area, and the best that gradients find.
 
-use super::{Design, Role};
+use super::{Design, LEAST_MM, Role};
 
 /// Simulated displacements along the wanted directions in mm, of the same case and target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -11,7 +11,8 @@ pub struct Compared {
     pub intuitive_equal_area: Option<f64>,
     /// Of the optimum: of the same units where there is one of these, else the best.
     pub optimum: Option<f64>,
-    /// The displacement of this design over that of the optimum; none where a displacement is to be met, as more of it is not better.
+    /// The displacement of this design over that of the optimum; none where a displacement is to be met, as more of it is not better, or the
+    /// optimum hardly moves.
     pub ratio: Option<f64>,
 }
 
@@ -40,7 +41,8 @@ fn of(design: &Design, all: &[Design]) -> Compared {
         intuitive_equal_area: nearest(Role::IntuitiveEqualArea),
         optimum,
         ratio: optimum
-            .filter(|mm| !design.objective.is_met && mm.abs() > 1e-9)
+            // Of next to nothing, or of a way back, there is no share.
+            .filter(|mm| !design.objective.is_met && *mm > LEAST_MM)
             .and_then(ratio),
     }
 }
@@ -119,6 +121,18 @@ pub(in crate::report) mod tests {
         designs.remove(2);
         compare(&mut designs);
         assert_eq!(designs[0].compared.optimum, Some(2.0), "the best there is");
+    }
+
+    #[test]
+    fn of_an_optimum_that_hardly_moves_or_moves_back_there_is_no_share() {
+        for (optimum, ratio) in [(1e-4, None), (-2.0, None), (2.0, Some(-0.5))] {
+            let mut both = vec![
+                design(Role::Refined, 50, Some(-1.0)),
+                design(Role::Optimum, 50, Some(optimum)),
+            ];
+            compare(&mut both);
+            assert_eq!(both[0].compared.ratio, ratio, "{optimum}");
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Design, Role};
+use super::{Design, LEAST_MM, Role};
 
 /// What all designs together amount to. Shares are of the simulated displacement; none where nothing is known.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -91,7 +91,7 @@ fn extreme<'d>(values: impl Iterator<Item = (f64, &'d Design)>, by: impl Fn(f64)
 /// Gain of what the search of a target found over an intuitive design: of the refined ones where there are some.
 fn gain(target: &[&Design], intuitive: &dyn Fn(&Design) -> Option<f64>) -> Option<f64> {
     let gain = |design: &&Design| {
-        let other = intuitive(design).filter(|mm| mm.abs() > 1e-9)?;
+        let other = intuitive(design).filter(|mm| mm.abs() > LEAST_MM)?;
         Some((design.simulated_mm? - other) / other.abs())
     };
     let of = |role: Role| {

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use crate::pattern::CELLS;
-use crate::report::designs::{Design, Role, StateField, Way, role_title};
+use crate::report::designs::{Design, LEAST_MM, Role, StateField, Way, role_title};
 use crate::report::drawing::{Ground, direction};
 use crate::report::format::{change, mm, share, three, uncertainty};
 
@@ -137,7 +137,7 @@ fn rows(design: &Design) -> Markup {
     let found = design.role.is_compared();
     let over = |other: f64| {
         // Where a displacement is to be met, more of it is no gain.
-        let shown = found && !design.objective.is_met && other.abs() > 1e-9;
+        let shown = found && !design.objective.is_met && other.abs() > LEAST_MM;
         let own = design.simulated_mm.filter(|_| shown);
         own.map_or_else(String::new, |own| change((own - other) / other.abs()))
     };

@@ -3,7 +3,7 @@
 use maud::html;
 
 use super::cards::{FOLDER, cards, shared};
-use crate::report::designs::{Design, Role, role_title};
+use crate::report::designs::{Design, LEAST_MM, Role, role_title};
 use crate::report::drawing::{Axis, Chart, Colour, Mark, Membrane, Series, exaggeration};
 use crate::report::format::{change, mm, share, uncertainty};
 use crate::report::html::{Column, Page};
@@ -144,7 +144,7 @@ const COLUMNS: [(&str, Column); 13] = [
 fn row(design: &Design) -> Vec<String> {
     let is_met = design.objective.is_met;
     let over = |other: Option<f64>| {
-        let other = other.filter(|mm| !is_met && mm.abs() > 1e-9)?;
+        let other = other.filter(|mm| !is_met && mm.abs() > LEAST_MM)?;
         Some(change((design.simulated_mm? - other) / other.abs()))
     };
     let text = |known: Option<String>| known.unwrap_or_default();
@@ -192,7 +192,7 @@ fn curve(case: &[&Design]) -> Option<Chart> {
         .collect();
     areas.sort_by(f64::total_cmp);
     areas.dedup();
-    if areas.len() < CURVE || case.iter().any(|design| design.objective != first.objective) {
+    if areas.len() < CURVE || case.iter().any(|design| !is_of_curve(design, first)) {
         return None;
     }
     let points = |role: Role| {
@@ -224,6 +224,11 @@ fn curve(case: &[&Design]) -> Option<Chart> {
     (!values.is_empty()).then(|| chart.with_note(first.objective.description()))
 }
 
+/// Whether two designs differ in no more than their areas.
+fn is_of_curve(design: &Design, first: &Design) -> bool {
+    design.objective == first.objective && design.scene == first.scene
+}
+
 /// Adds what was predicted beside what was simulated.
 pub fn agreement(page: &mut Page, designs: &[Design]) {
     let known = designs
@@ -235,7 +240,7 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
     }
     page.section("Predicted against simulated");
     page.line(
-        "Every verified design: the search believed the prediction, the simulation on a finer mesh says what is true.",
+        "Every verified design: the search believed the prediction, and the simulation of the verify stage says what is true.",
     );
     let stated = known.iter().filter(|design| design.role.is_found());
     let stated = stated.filter_map(|design| Some((design.interval.as_ref()?, design.simulated_mm)));
