@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::arguments::StoreArguments;
 use super::error::CliError;
@@ -12,6 +12,7 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::{csv, locate, run, table};
 use crate::orchestrator::file_of;
+use crate::report::run_document;
 use crate::store::{Command, Ended, Run, Store, StoreError};
 
 /// Runs that people are shown unless they ask for others.
@@ -42,7 +43,7 @@ pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliErr
     let most = arguments.last.map(|last| last as usize).or(in_words.then_some(SHOWN));
     let (runs, more) = past(&store, arguments.pipeline.as_deref(), most)?;
     if output.is_json() {
-        output.document(&json!({ "runs": runs.iter().map(document).collect::<Vec<_>>() }))?;
+        output.document(&json!({ "runs": runs.iter().map(run_document).collect::<Vec<_>>() }))?;
     } else if arguments.csv {
         let names = names(&runs);
         output.text(&csv::text(&header(&names), runs.iter().map(|run| row(run, &names)))?)?;
@@ -85,47 +86,6 @@ pub fn name_in(path: &Path) -> String {
     run::load_plain(path).map_or_else(|_| String::new(), |pipeline| pipeline.name)
 }
 
-/// One run.
-fn document(run: &Run) -> Value {
-    let stage = |name: &str, outcome: &str, digest: Option<String>| json!({ "name": name, "outcome": outcome, "digest": digest });
-    let done = run
-        .stages
-        .iter()
-        .map(|done| stage(&done.name, done.outcome.name(), Some(done.artifact.to_string())));
-    let failed = run.failures.iter().map(|name| stage(name, "failed", None));
-    let overrides = run.overrides.iter().map(|(path, value)| (path.clone(), typed(value)));
-    json!({
-        "id": run.id,
-        "created": run.created,
-        "pipeline": run.pipeline,
-        "path": run.path,
-        "command": command(run),
-        "host": run.host,
-        "version": run.version,
-        "seconds": run.seconds,
-        "log": run.log,
-        "overrides": overrides.collect::<serde_json::Map<_, _>>(),
-        "stages": done.chain(failed).collect::<Vec<_>>(),
-        "results": run.results,
-    })
-}
-
-/// A number or a truth value as such, and all else as it was said.
-fn typed(value: &str) -> Value {
-    match serde_json::from_str(value) {
-        Ok(plain @ (Value::Number(_) | Value::Bool(_))) => plain,
-        _ => json!(value),
-    }
-}
-
-fn command(run: &Run) -> &'static str {
-    match run.command {
-        Command::Run => "run",
-        Command::Audit => "audit",
-        Command::Sweep => "sweep",
-    }
-}
-
 fn names(runs: &[Run]) -> BTreeSet<&str> {
     runs.iter()
         .flat_map(|run| run.results.keys().map(String::as_str))
@@ -155,7 +115,7 @@ fn row(run: &Run, results: &BTreeSet<&str>) -> Vec<String> {
         run.created.clone(),
         run.pipeline.clone(),
         run.path.clone(),
-        command(run).to_owned(),
+        run.command.name().to_owned(),
         run.host.clone(),
         run.seconds.to_string(),
         overrides(run, "; "),

@@ -41,7 +41,6 @@ mod reader;
 mod remote;
 mod report;
 mod response;
-mod rows;
 mod run;
 mod run_log;
 mod schema;

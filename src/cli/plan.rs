@@ -1,14 +1,13 @@
 //! `deaflow plan`: what `run` would build, why, and what that would take.
 
 use clap::Args;
-use serde_json::json;
 
 use super::arguments::PipelineArguments;
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::{run, table};
-use crate::orchestrator::{Bill, Environment, Outcome, Pipeline, plan};
+use crate::orchestrator::{Environment, Pipeline, bill, plan, plan_document};
 
 /// Say what `run` would build, why, and what it would take; build nothing
 #[derive(Debug, Args)]
@@ -34,18 +33,11 @@ pub fn of_pipeline(pipeline: &Pipeline, arguments: &PipelineArguments, output: &
         &Environment::system(),
     )?;
     reading.end(output, true);
-    let stale = stages.iter().filter(|stage| stage.outcome == Outcome::Stale);
-    let bill = Bill::of(stale.map(|stage| stage.price));
     if output.is_json() {
-        output.document(&json!({
-            "pipeline": pipeline.name,
-            "store": folder,
-            "stages": stages,
-            "price": bill.price,
-            "unpriced": bill.unpriced,
-        }))?;
+        output.document(&plan_document(pipeline, &folder, &stages))?;
         return Ok(Exit::Done);
     }
+    let bill = bill(&stages);
     let summary = match bill.stale {
         0 => "nothing to build".to_owned(),
         n => format!(

@@ -33,7 +33,7 @@ pub use event::{Event, Listener, Outcome, StageReport};
 pub use execute::{Failure, RunError, RunOptions, RunOutcome, check_locked, run};
 pub use explain::{Explanation, Last, explain};
 pub use kind::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
-pub use plan::plan;
+pub use plan::{bill, plan, plan_document};
 pub use price::{Bill, Estimate, Price};
 pub use provenance::Environment;
 pub use rounds::Rounds;

@@ -9,7 +9,6 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::membrane;
-use crate::base::SOFTWARE;
 use crate::cli::arguments::{StateArguments, StoreArguments, TOLERANCE, number};
 use crate::cli::error::CliError;
 use crate::cli::examples::examples;
@@ -19,8 +18,8 @@ use crate::design::DesignFilter;
 use crate::fem::SolveOptions;
 use crate::field::Mesh;
 use crate::pattern::Role;
-use crate::report::export::{self, Drawing, Layer, MOST_PIXELS, Shape, Surface};
-use crate::scene::{Islands, Mask, Size, Voltages};
+use crate::report::export::{self, Drawing, MOST_PIXELS, Surface, shown_both, side_or_sides};
+use crate::scene::{Mask, Size, Voltages};
 use crate::stage::designs::{self, Design, Designs};
 use crate::store::Artifact;
 
@@ -373,7 +372,7 @@ fn write_mask(
     };
     let mask = Mask::new(&design.pattern, &design.scene, size, arguments.smooth);
     let mut facts = facts(&mask);
-    let mut notes = notes(&mask);
+    let mut notes = export::notes_of(&mask);
     if format == DesignFormat::Png {
         let pixels = pixels(arguments, &mask)?;
         let per_mm = [0, 1].map(|axis| pixels[axis] as f64 / mask.membrane.size_mm[axis]);
@@ -387,24 +386,7 @@ fn write_mask(
     }
     let source = source(arguments, design);
     notes.push(format!("from {source}, by deaflow {}", env!("CARGO_PKG_VERSION")));
-    let drawing = Drawing {
-        title: format!("electrode {}", design.title),
-        notes,
-        source,
-        program: SOFTWARE.to_owned(),
-        size: mask.membrane.size_mm,
-        layers: mask
-            .groups
-            .iter()
-            .enumerate()
-            .map(|(at, islands)| Layer {
-                group: (mask.groups.len() > 1).then_some(at + 1),
-                shapes: shapes(islands),
-            })
-            .collect(),
-        opening: shapes(&mask.opening),
-        bodies: shapes(&mask.bodies),
-    };
+    let drawing = Drawing::of_mask(&mask, format!("electrode {}", design.title), notes, source);
     let bytes = match format {
         DesignFormat::Svg => export::svg(&drawing),
         DesignFormat::Dxf => export::dxf(&drawing),
@@ -422,14 +404,6 @@ fn write_mask(
         lines: drawing.notes[..drawing.notes.len() - 1].to_vec(),
         facts,
     })
-}
-
-fn shapes(islands: &Islands) -> Vec<Shape> {
-    let shape = |(outer, holes): &(Vec<_>, Vec<_>)| Shape {
-        outer: outer.clone(),
-        holes: holes.clone(),
-    };
-    islands.iter().map(shape).collect()
 }
 
 /// The artifact, with the stage by which it was asked for; or the file.
@@ -465,57 +439,12 @@ fn pixels(arguments: &ExportDesignArguments, mask: &Mask) -> Result<[usize; 2], 
     Ok([0, 1].map(|axis| per_cell[axis] as usize * cells[axis]))
 }
 
-/// A pair for people: one where both are equal.
-fn shown_both([x, y]: [f64; 2]) -> String {
-    match x == y {
-        true => shown(x),
-        false => format!("{} × {}", shown(x), shown(y)),
-    }
-}
-
 /// A pair for programs: one where both are equal.
 fn one_or_both<T: Serialize + PartialEq>([x, y]: [T; 2]) -> Value {
     match x == y {
         true => json!(x),
         false => json!([x, y]),
     }
-}
-
-fn notes(mask: &Mask) -> Vec<String> {
-    let state = match mask.size {
-        Size::Prestretched => format!(
-            "size: prestretched, as on the frame; undeformed it is smaller by the prestretch, {}",
-            shown_both(mask.prestretch)
-        ),
-        Size::Undeformed => format!(
-            "size: undeformed, before stretching; on the frame it is larger by the prestretch, {}",
-            shown_both(mask.prestretch)
-        ),
-    };
-    let mut notes = vec![
-        state,
-        format!(
-            "{} of the membrane {} mm, scale {} of the prestretched size; lengths in mm, origin at the lower left",
-            side_or_sides(mask.membrane.size_mm),
-            shown_both(mask.membrane.size_mm),
-            shown_both(mask.scale)
-        ),
-        format!(
-            "area of the electrode {} mm^2, {} of that of the membrane; islands {}, holes {}",
-            shown(mask.electrode_area),
-            shown(mask.area_fraction),
-            mask.islands(),
-            mask.holes()
-        ),
-    ];
-    if mask.rounded {
-        notes.push(format!(
-            "outline rounded: it holds {} mm^2, {:+.4} mm^2 against the cells",
-            shown(mask.outline_area),
-            mask.outline_area - mask.electrode_area
-        ));
-    }
-    notes
 }
 
 fn facts(mask: &Mask) -> Map<String, Value> {
@@ -535,16 +464,6 @@ fn facts(mask: &Mask) -> Map<String, Value> {
         .map(|(name, value)| (name.to_owned(), value))
         .into_iter()
         .collect()
-}
-
-fn side_or_sides([x, y]: [f64; 2]) -> &'static str {
-    if x == y { "side" } else { "sides" }
-}
-
-/// A number with up to six decimals.
-fn shown(value: f64) -> String {
-    let text = format!("{value:.6}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 fn write_membrane(arguments: &ExportDesignArguments, design: &Design, path: &Path) -> Result<Written, CliError> {

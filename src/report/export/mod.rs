@@ -5,6 +5,7 @@
 mod csv;
 mod dxf;
 mod gerber;
+mod mask;
 mod png;
 mod svg;
 mod vtkhdf;
@@ -12,6 +13,7 @@ mod vtkhdf;
 pub use csv::csv;
 pub use dxf::dxf;
 pub use gerber::gerber;
+pub use mask::{notes_of, shown_both, side_or_sides};
 pub use png::{MOST_PIXELS, png};
 pub use svg::svg;
 pub use vtkhdf::{Surface, write_vtkhdf};
