@@ -17,6 +17,7 @@ use crate::orchestrator::{RunError, StageError};
 use crate::remote::RemoteError;
 use crate::report::figures::FigureError;
 use crate::report::{ReportError, RowsError};
+use crate::serve::ServeError;
 use crate::stage::direct::DirectError;
 use crate::store::StoreError;
 
@@ -319,6 +320,16 @@ impl From<RowsError> for CliError {
                 let help = help.clone();
                 Self::bad_input(error.to_string()).help(help)
             }
+        }
+    }
+}
+
+impl From<ServeError> for CliError {
+    fn from(error: ServeError) -> Self {
+        let message = error.to_string();
+        match error {
+            ServeError::Listen { .. } => Self::bad_input(message).help("--port 0 takes a port that is free"),
+            _ => Self::failure(message),
         }
     }
 }
