@@ -48,6 +48,7 @@ mod reuse;
 mod rounds;
 mod schema;
 mod screen;
+mod serve;
 mod sharing;
 mod solve;
 mod sweep;
