@@ -9,7 +9,8 @@
 //! other arrow. `base` may be imported by every room.
 //!
 //! ```text
-//! cli          → every domain room, stage, content, executor, orchestrator, remote, store, report, hdf
+//! cli          → every domain room, stage, content, executor, orchestrator, remote, store, report, serve, hdf
+//! serve        → every domain room, stage, content, executor, orchestrator, store, report
 //! report       → content, orchestrator, store, pattern, field, scene
 //! stage        → every domain room, content, orchestrator, store
 //! executor     → orchestrator, store
@@ -52,6 +53,7 @@ pub mod remote;
 pub mod report;
 pub mod sample;
 pub mod scene;
+pub mod serve;
 pub mod stage;
 pub mod store;
 pub mod surrogate;

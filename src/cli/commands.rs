@@ -12,7 +12,8 @@ use super::examples::{HEADING, examples};
 use super::output::{Exit, Output};
 use super::{
     accuracy, attach, audit, completions, copy, dag, diff, doctor, explain, export, fsck, gc, init, log, man, pin,
-    plan, predict, pull, push, remote, report, run, schema, screen, show, solve, status, sweep, unpin, worker,
+    plan, predict, pull, push, remote, report, run, schema, screen, serve, show, sketch, solve, status, sweep, unpin,
+    worker,
 };
 
 /// The name of the program.
@@ -112,6 +113,7 @@ commands! {
     Show => show::ShowArguments,
     Report => report::ReportArguments,
     Export => export::ExportArguments,
+    Serve => serve::ServeArguments,
     "Store and exchange":
     Fsck => fsck::FsckArguments,
     Gc => gc::GcArguments,
@@ -124,6 +126,7 @@ commands! {
     Pull => pull::PullArguments,
     "Solve and measure":
     Solve => solve::SolveArguments,
+    Sketch => sketch::SketchArguments,
     Predict => predict::PredictArguments,
     Screen => screen::ScreenArguments,
     Accuracy => accuracy::AccuracyArguments,

@@ -15,8 +15,9 @@ use crate::fem::SetupError;
 use crate::field::PredictError;
 use crate::orchestrator::{RunError, StageError};
 use crate::remote::RemoteError;
-use crate::report::ReportError;
 use crate::report::figures::FigureError;
+use crate::report::{ReportError, RowsError};
+use crate::serve::ServeError;
 use crate::stage::direct::DirectError;
 use crate::store::StoreError;
 
@@ -314,6 +315,28 @@ impl From<ReportError> for CliError {
             ReportError::Store(error) => error.into(),
             ReportError::Output(error) => error.into(),
             other => Self::failure(other.to_string()),
+        }
+    }
+}
+
+impl From<RowsError> for CliError {
+    fn from(error: RowsError) -> Self {
+        match error {
+            RowsError::Store(error) => error.into(),
+            RowsError::None { ref help, .. } => {
+                let help = help.clone();
+                Self::bad_input(error.to_string()).help(help)
+            }
+        }
+    }
+}
+
+impl From<ServeError> for CliError {
+    fn from(error: ServeError) -> Self {
+        let message = error.to_string();
+        match error {
+            ServeError::Listen { .. } => Self::bad_input(message).help("--port 0 takes a port that is free"),
+            _ => Self::failure(message),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! `deaflow log`: past runs.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -14,8 +14,8 @@ use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
 use super::{csv, locate, run, table};
-use crate::base::ArtifactId;
 use crate::orchestrator::file_of;
+use crate::report::{Gone, run_document};
 use crate::store::{Command, Ended, Run, Store, StoreError};
 
 /// Runs that people are shown unless they ask for others.
@@ -47,7 +47,7 @@ pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliErr
     let (runs, more) = past(&store, arguments.pipeline.as_deref(), most)?;
     let removed = Gone::in_store(&store);
     if output.is_json() {
-        let runs: Vec<Value> = runs.iter().map(|run| document(run, &removed)).collect();
+        let runs: Vec<Value> = runs.iter().map(|run| run_document(run, &removed)).collect();
         output.document(&json!({ "runs": runs }))?;
     } else if arguments.csv {
         let names = names(&runs);
@@ -91,72 +91,6 @@ pub fn name_in(path: &Path) -> String {
     run::load_plain(path).map_or_else(|_| String::new(), |pipeline| pipeline.name)
 }
 
-/// What collections have removed and is not here, and when.
-struct Gone<'a> {
-    store: &'a Store,
-    at: BTreeMap<ArtifactId, String>,
-}
-
-impl<'a> Gone<'a> {
-    fn in_store(store: &'a Store) -> Self {
-        let removed = store.removed().into_iter();
-        let at = removed.map(|removed| (removed.digest, removed.at)).collect();
-        Self { store, at }
-    }
-
-    fn at(&self, artifact: &ArtifactId) -> Option<&str> {
-        let at = self.at.get(artifact)?;
-        (!self.store.has(artifact)).then_some(at.as_str())
-    }
-}
-
-/// One run.
-fn document(run: &Run, removed: &Gone<'_>) -> Value {
-    let done = run.stages.iter().map(|done| {
-        json!({
-            "name": done.name,
-            "outcome": done.outcome.name(),
-            "digest": done.artifact.to_string(),
-            "removed": removed.at(&done.artifact),
-        })
-    });
-    let failed = run
-        .failures
-        .iter()
-        .map(|name| json!({ "name": name, "outcome": "failed", "digest": null, "removed": null }));
-    let overrides = run.overrides.iter().map(|(path, value)| (path.clone(), typed(value)));
-    json!({
-        "id": run.id,
-        "created": run.created,
-        "pipeline": run.pipeline,
-        "path": run.path,
-        "command": command(run),
-        "host": run.host,
-        "version": run.version,
-        "seconds": run.seconds,
-        "log": run.log,
-        "overrides": overrides.collect::<serde_json::Map<_, _>>(),
-        "stages": done.chain(failed).collect::<Vec<_>>(),
-        "results": run.results,
-    })
-}
-
-/// A number or a truth value as such, and all else as it was said.
-fn typed(value: &str) -> Value {
-    match serde_json::from_str(value) {
-        Ok(plain @ (Value::Number(_) | Value::Bool(_))) => plain,
-        _ => json!(value),
-    }
-}
-
-fn command(run: &Run) -> &'static str {
-    match run.command {
-        Command::Run => "run",
-        Command::Audit => "audit",
-        Command::Sweep => "sweep",
-    }
-}
-
 fn names(runs: &[Run]) -> BTreeSet<&str> {
     runs.iter()
         .flat_map(|run| run.results.keys().map(String::as_str))
@@ -186,7 +120,7 @@ fn row(run: &Run, results: &BTreeSet<&str>) -> Vec<String> {
         run.created.clone(),
         run.pipeline.clone(),
         run.path.clone(),
-        command(run).to_owned(),
+        run.command.name().to_owned(),
         run.host.clone(),
         run.seconds.to_string(),
         overrides(run, "; "),

@@ -1,7 +1,6 @@
 //! `deaflow plan`: what `run` would build, why, and what that would take.
 
 use clap::Args;
-use serde_json::json;
 
 use super::arguments::PipelineArguments;
 use super::error::CliError;
@@ -9,7 +8,7 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::text::Text;
 use super::{run, table};
-use crate::orchestrator::{Bill, Environment, Outcome, Pipeline, foreseen, plan};
+use crate::orchestrator::{Environment, Pipeline, bill, foreseen, plan, plan_document};
 
 /// Say what `run` would build, why, and what it would take; build nothing
 #[derive(Debug, Args)]
@@ -36,19 +35,11 @@ pub fn of_pipeline(pipeline: &Pipeline, arguments: &PipelineArguments, output: &
     )?;
     let warnings = foreseen(pipeline, &stages, reading.store())?;
     reading.end(output, true);
-    let stale = stages.iter().filter(|stage| stage.outcome == Outcome::Stale);
-    let bill = Bill::of(stale.map(|stage| stage.price));
     if output.is_json() {
-        output.document(&json!({
-            "pipeline": pipeline.name,
-            "store": folder,
-            "stages": stages,
-            "price": bill.price,
-            "unpriced": bill.unpriced,
-            "warnings": warnings,
-        }))?;
+        output.document(&plan_document(pipeline, &folder, &stages, &warnings))?;
         return Ok(Exit::Done);
     }
+    let bill = bill(&stages);
     let summary = match bill.stale {
         0 => "nothing to build".to_owned(),
         n => format!(

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use serde_json::{Value, json};
 
 use super::arguments::{StateArguments, TimeArguments};
 use super::error::CliError;
@@ -14,7 +13,7 @@ use super::text::Text;
 use crate::base::InputError;
 use crate::content::named_patterns;
 use crate::fem::WorkLimit;
-use crate::fem::screening::{self, Comparison, Row, Screening, Status, Trial};
+use crate::fem::screening::{self, Row, Screening, Status, Trial};
 use crate::pattern::PatternForm;
 use crate::scene::Scene;
 use crate::stage::direct;
@@ -38,47 +37,11 @@ pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, Cli
     let scene = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
     let screening = screen(scene, &arguments.patterns, arguments.time.work_limit())?;
     if output.is_json() {
-        output.document(&document(&screening))?;
+        output.document(&screening.document())?;
     } else {
         output.text(text(&screening))?;
     }
     Ok(Exit::Done)
-}
-
-fn document(screening: &Screening) -> Value {
-    let row = |row: &Row| {
-        json!({
-            "effect": row.effect,
-            "quantity": row.assessment.quantity,
-            "number": row.assessment.number,
-            "error": row.assessment.error,
-            "threshold": row.assessment.threshold,
-            "called_for": row.assessment.verdict.name(),
-            "status": row.status.name(),
-            "change": row.assessment.change,
-            "cost": row.cost,
-            "patterns": row.comparisons.iter().map(comparison).collect::<Vec<_>>(),
-        })
-    };
-    let on = screening.rows.iter().filter(|row| row.status == Status::On);
-    json!({
-        "effects": screening.rows.iter().map(row).collect::<Vec<_>>(),
-        "simulated": on.map(|row| row.effect).collect::<Vec<_>>(),
-        "warnings": screening.warnings(),
-    })
-}
-
-/// What an effect does to one pattern.
-fn comparison(one: &Comparison) -> Value {
-    let [without, with] = one.outcomes.map(|outcome| outcome.name());
-    json!({
-        "pattern": one.pattern,
-        "without": without,
-        "with": with,
-        "voltage": one.displacement.map(|d| d.voltage),
-        "difference": one.displacement.map(|d| d.difference),
-        "change": one.displacement.map(|d| d.change),
-    })
 }
 
 /// Two lines for each effect, so that the table stays narrow.

@@ -12,12 +12,11 @@ use super::arguments::{StoreArguments, ends_as_hdf5};
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
-use super::rows::Rows;
 use super::statistics::{self, Statistics};
 use super::text::Text;
 use super::{csv, locate, table};
 use crate::content::Table;
-use crate::report::Collected;
+use crate::report::{Collected, Rows};
 use crate::store::{Artifact, Content, Lookup, Store, StoreError};
 
 /// Show what is in an artifact or a file of results: datasets, statistics, provenance
@@ -103,7 +102,7 @@ fn show_rows(artifact: &Artifact, arguments: &ShowArguments, output: &Output) ->
 }
 
 fn print_rows(rows: &Rows, output: &Output) -> Result<Exit, CliError> {
-    output.plain(&rows.csv()?)?;
+    output.plain(&csv::text(&rows.header(), rows.texts())?)?;
     if !rows.left_out.is_empty() {
         let list = rows.left_out.join(", ");
         output.complain(&format!("no columns of `{}`, left out: {list}", rows.axis));

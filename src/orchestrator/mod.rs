@@ -35,7 +35,7 @@ pub use execute::{Failure, RunError, RunOptions, RunOutcome, check_locked, run};
 pub use explain::{Explanation, Last, explain};
 pub use foresight::foreseen;
 pub use kind::{Chunk, Expectation, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError, Whose};
-pub use plan::plan;
+pub use plan::{bill, plan, plan_document};
 pub use price::{Bill, Estimate, Price};
 pub use provenance::Environment;
 pub use rounds::Rounds;

@@ -1,10 +1,15 @@
 //! What a run would build and why, without building anything.
 
+use std::path::Path;
+
+use serde_json::{Value, json};
+
 use super::cost_estimate;
 use super::event::{Outcome, StageReport};
 use super::execute::RunError;
 use super::kind::Plan;
 use super::planner::{Planner, StageStatus, State};
+use super::price::Bill;
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
@@ -37,6 +42,27 @@ pub fn plan(
         reports.push(report);
     }
     Ok(reports)
+}
+
+/// What building those of some stages that are stale takes together.
+#[must_use]
+pub fn bill(stages: &[StageReport]) -> Bill {
+    let stale = stages.iter().filter(|stage| stage.outcome == Outcome::Stale);
+    Bill::of(stale.map(|stage| stage.price))
+}
+
+/// A plan as `deaflow plan --json` prints it: its stages, what building those that are stale takes together, and what is foreseen of it.
+#[must_use]
+pub fn plan_document(pipeline: &Pipeline, store: &Path, stages: &[StageReport], warnings: &[String]) -> Value {
+    let bill = bill(stages);
+    json!({
+        "pipeline": pipeline.name,
+        "store": store,
+        "stages": stages,
+        "price": bill.price,
+        "unpriced": bill.unpriced,
+        "warnings": warnings,
+    })
 }
 
 /// What is known of the artifacts that a stage needs.

@@ -139,6 +139,11 @@ impl Page {
         lines.iter().for_each(|line| self.line(line));
     }
 
+    /// Adds lines as they stand, with their spaces.
+    pub fn add_text(&mut self, text: &str) {
+        self.scrolled("Results", &html! { pre { (text) } });
+    }
+
     /// Adds a remark.
     pub fn note(&mut self, text: &str) {
         self.add(html! { p.note { (text) } });

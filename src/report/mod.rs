@@ -22,6 +22,8 @@ mod remembered;
 mod research_object;
 mod results;
 mod rounds;
+mod rows;
+mod runs;
 mod summary;
 mod tables;
 mod warnings;
@@ -39,6 +41,8 @@ pub use kinds::audit::audited;
 pub use presenter::{DrawFigure, Presenter, Results};
 pub use research_object::{CrateFile, CrateStage, METADATA, ResearchObject};
 pub use results::{RunResults, draw_figures, figure_files};
+pub use rows::{RowColumn, RowSource, Rows, RowsError};
+pub use runs::{Gone, run_document};
 pub use tables::{Collected, table};
 pub use write_report::{COLUMNS, Written, write_report};
 

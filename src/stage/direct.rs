@@ -65,3 +65,17 @@ pub fn read_scene(path: &Path) -> Result<Scene, InputError> {
     splice_scene(&mut root, path)?;
     super::checked_scene(root.peek("scene").unwrap_or(&root))
 }
+
+/// A scene that is given as text: YAML, or JSON. It must not name files: it comes from nowhere that they could be relative to.
+///
+/// # Errors
+/// When it is no scene, cannot be simulated, or names files.
+pub fn scene_of_text(text: &str) -> Result<Scene, InputError> {
+    let root = Document::from_text(Path::new("scene"), text)?.root;
+    if let Some(file) = scene_files(&root).first() {
+        return Err(root
+            .error(format!("the scene names the file {file:?}"))
+            .help("a scene that is given as text names no files"));
+    }
+    super::checked_scene(&root)
+}

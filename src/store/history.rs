@@ -79,6 +79,18 @@ pub enum Command {
     Sweep,
 }
 
+impl Command {
+    /// The word in files and documents.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Run => "run",
+            Self::Audit => "audit",
+            Self::Sweep => "sweep",
+        }
+    }
+}
+
 /// How a stage of a run ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

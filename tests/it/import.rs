@@ -65,7 +65,7 @@ fn npy(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
     .concat()
 }
 
-fn npz(path: &Path, cells: &[u8], fields: &[f64]) {
+pub fn npz(path: &Path, cells: &[u8], fields: &[f64]) {
     let n = cells.len() / 2500;
     let mut archive = zip::ZipWriter::new(std::fs::File::create(path).unwrap());
     let stored = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::STORE);
@@ -84,7 +84,7 @@ fn npz(path: &Path, cells: &[u8], fields: &[f64]) {
 }
 
 /// Patterns and fields as `deaflow solve` writes them.
-fn solved(workspace: &Workspace, n: usize) -> (Vec<u8>, Vec<f64>) {
+pub fn solved(workspace: &Workspace, n: usize) -> (Vec<u8>, Vec<f64>) {
     std::fs::write(
         workspace.path("p.npy"),
         npy("|u1", &format!("({n}, 50, 50)"), &cells(n)),

@@ -50,6 +50,7 @@ mod reuse;
 mod rounds;
 mod schema;
 mod screen;
+mod serve;
 mod sharing;
 mod solve;
 mod sweep;

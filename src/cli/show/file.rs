@@ -5,8 +5,8 @@ use std::path::Path;
 use super::{ShowArguments, Shown, ShownDataset, print, print_rows, statistics};
 use crate::cli::error::CliError;
 use crate::cli::output::{Exit, Output};
-use crate::cli::rows::{Rows, Source};
 use crate::hdf::{Array, HdfFile, Tree};
+use crate::report::{RowSource, Rows, RowsError};
 use crate::store::{Content, Data, StoreError, long_texts};
 
 /// A file, and what it says about itself.
@@ -51,23 +51,23 @@ impl ResultFile<'_> {
     }
 }
 
-impl Source for ResultFile<'_> {
+impl RowSource for ResultFile<'_> {
     fn title(&self) -> String {
         self.path.display().to_string()
     }
 
-    fn contents(&self) -> Result<Vec<Content>, CliError> {
+    fn contents(&self) -> Result<Vec<Content>, RowsError> {
         let arrays = self.tree.arrays.iter();
         arrays
             .map(|array| Ok(Content::of_file(self.path, array.clone())?))
             .collect()
     }
 
-    fn elements(&self, path: &str) -> Result<Data, CliError> {
+    fn elements(&self, path: &str) -> Result<Data, RowsError> {
         Ok(self.file.elements(path).map_err(StoreError::from)?)
     }
 
-    fn long_texts(&self, path: &str) -> Result<Vec<String>, CliError> {
+    fn long_texts(&self, path: &str) -> Result<Vec<String>, RowsError> {
         let texts = match (
             self.elements(&format!("{path}/text"))?,
             self.elements(&format!("{path}/length"))?,
@@ -77,7 +77,10 @@ impl Source for ResultFile<'_> {
         };
         texts.ok_or_else(|| {
             let file = self.path.display();
-            CliError::bad_input(format!("{file}: the texts of `{path}` are not as long as it says"))
+            RowsError::None {
+                message: format!("{file}: the texts of `{path}` are not as long as it says"),
+                help: "the file is damaged, or another program wrote it".to_owned(),
+            }
         })
     }
 }

@@ -161,7 +161,7 @@ impl Place {
     /// Where an array is in a file of so many bytes.
     fn find(archive: &mut ZipArchive<BufReader<File>>, name: &'static str, bytes: u64) -> Result<Self, ImportError> {
         let Some(index) = archive.index_for_name(&format!("{name}.npy")) else {
-            let there = archive.file_names().map(|name| name.unwrap_or_default().into_owned());
+            let there = archive.file_names().map(str::to_owned);
             let there = there.collect();
             return Err(ImportError::Missing { name, there });
         };

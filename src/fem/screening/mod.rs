@@ -6,6 +6,7 @@
 
 mod bench;
 mod comparison;
+mod document;
 mod row;
 mod screen;
 mod screened;

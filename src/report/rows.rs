@@ -3,15 +3,29 @@
 
 use std::collections::BTreeMap;
 
-use super::csv;
-use super::error::CliError;
-use crate::store::{Artifact, Content, Data, ElementType};
+use crate::store::{Artifact, Content, Data, ElementType, StoreError};
 
 /// Arrays with more values for each row than this are no columns.
 const MOST_COLUMNS: usize = 16;
 
+/// Why there is no table.
+#[derive(Debug, thiserror::Error)]
+pub enum RowsError {
+    /// It cannot be read.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// There are no such rows.
+    #[error("{message}")]
+    None {
+        /// What is not there.
+        message: String,
+        /// What there is.
+        help: String,
+    },
+}
+
 /// Where rows are read from.
-pub trait Source {
+pub trait RowSource {
     /// What it is called in a message.
     fn title(&self) -> String;
 
@@ -19,45 +33,56 @@ pub trait Source {
     ///
     /// # Errors
     /// When they cannot be read.
-    fn contents(&self) -> Result<Vec<Content>, CliError>;
+    fn contents(&self) -> Result<Vec<Content>, RowsError>;
 
     /// The elements of an array.
     ///
     /// # Errors
     /// When they cannot be read.
-    fn elements(&self, path: &str) -> Result<Data, CliError>;
+    fn elements(&self, path: &str) -> Result<Data, RowsError>;
 
     /// Texts of any length.
     ///
     /// # Errors
     /// When they cannot be read.
-    fn long_texts(&self, path: &str) -> Result<Vec<String>, CliError>;
+    fn long_texts(&self, path: &str) -> Result<Vec<String>, RowsError>;
 }
 
-impl Source for Artifact {
+impl RowSource for Artifact {
     fn title(&self) -> String {
         format!("artifact {}", self.digest().short())
     }
 
-    fn contents(&self) -> Result<Vec<Content>, CliError> {
+    fn contents(&self) -> Result<Vec<Content>, RowsError> {
         Ok(self.contents()?.to_vec())
     }
 
-    fn elements(&self, path: &str) -> Result<Data, CliError> {
+    fn elements(&self, path: &str) -> Result<Data, RowsError> {
         Ok(self.read(path)?.data)
     }
 
-    fn long_texts(&self, path: &str) -> Result<Vec<String>, CliError> {
+    fn long_texts(&self, path: &str) -> Result<Vec<String>, RowsError> {
         Ok(self.long_texts(path)?)
     }
+}
+
+/// A column of a table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RowColumn {
+    /// Its name, with the unit: `max_displacement_mm`.
+    pub name: String,
+    /// What it is.
+    pub description: String,
+    /// Its values, one for each row.
+    pub values: Data,
 }
 
 /// A table.
 pub struct Rows {
     /// The axis of which each place has a line.
     pub axis: String,
-    header: Vec<String>,
-    columns: Vec<Vec<String>>,
+    /// One column for each single value that a row has.
+    pub columns: Vec<RowColumn>,
     /// Arrays that are no columns, and why not.
     pub left_out: Vec<String>,
 }
@@ -67,7 +92,7 @@ impl Rows {
     ///
     /// # Errors
     /// When no array has it, or one cannot be read.
-    pub fn of(source: &dyn Source, along: Option<&str>) -> Result<Self, CliError> {
+    pub fn of(source: &dyn RowSource, along: Option<&str>) -> Result<Self, RowsError> {
         let contents = &source.contents()?;
         let axis = match along {
             Some(axis) => axis.to_owned(),
@@ -79,28 +104,43 @@ impl Rows {
             .ok_or_else(|| no_axis(source, contents, along))?;
         let mut rows = Self {
             axis,
-            header: Vec::new(),
             columns: Vec::new(),
             left_out: Vec::new(),
         };
         for array in contents {
             match text_of(contents, array) {
                 Some(_) if array.path.ends_with("/text") => {}
-                Some(path) if rows.has(array, length) => rows.push(path.to_owned(), source.long_texts(path)?),
+                Some(path) if rows.has(array, length) => {
+                    rows.push(path.to_owned(), array, Data::Text(source.long_texts(path)?));
+                }
                 _ => rows.add(source, array, length)?,
             }
         }
         Ok(rows)
     }
 
-    /// As comma-separated values with a header.
-    ///
-    /// # Errors
-    /// When memory is short.
-    pub fn csv(&self) -> Result<String, CliError> {
-        let count = self.columns.first().map_or(0, Vec::len);
-        let row = |at: usize| self.columns.iter().map(|column| column[at].clone()).collect();
-        csv::text(&self.header, (0..count).map(row))
+    /// How many rows there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.columns.first().map_or(0, |column| column.values.len())
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The names of the columns.
+    #[must_use]
+    pub fn header(&self) -> Vec<String> {
+        self.columns.iter().map(|column| column.name.clone()).collect()
+    }
+
+    /// The rows as texts, numbers with all digits that tell them apart and no zeros beyond.
+    pub fn texts(&self) -> impl Iterator<Item = Vec<String>> {
+        let columns: Vec<Vec<String>> = self.columns.iter().map(|column| cells(&column.values)).collect();
+        (0..self.len()).map(move |at| columns.iter().map(|column| column[at].clone()).collect())
     }
 
     /// Whether an array has a value for each row: on the same axis, or on that of some of the rows where these are all.
@@ -109,23 +149,26 @@ impl Rows {
         array.shape.first() == Some(&length) && first_axis(array).is_some_and(is_same)
     }
 
-    fn add(&mut self, source: &dyn Source, array: &Content, length: usize) -> Result<(), CliError> {
+    fn add(&mut self, source: &dyn RowSource, array: &Content, length: usize) -> Result<(), RowsError> {
         let width: usize = array.shape.iter().skip(1).product();
         if !self.has(array, length) || width > MOST_COLUMNS {
             let shape: Vec<String> = array.shape.iter().map(ToString::to_string).collect();
             self.left_out.push(format!("{} ({})", array.path, shape.join(" × ")));
             return Ok(());
         }
-        let cells = cells(&source.elements(&array.path)?);
+        let elements = source.elements(&array.path)?;
         for (at, name) in names(array).into_iter().enumerate() {
-            self.push(name, cells.iter().skip(at).step_by(width.max(1)).cloned().collect());
+            self.push(name, array, every(&elements, at, width.max(1)));
         }
         Ok(())
     }
 
-    fn push(&mut self, name: String, column: Vec<String>) {
-        self.header.push(name);
-        self.columns.push(column);
+    fn push(&mut self, name: String, array: &Content, values: Data) {
+        self.columns.push(RowColumn {
+            name,
+            description: array.description.clone(),
+            values,
+        });
     }
 }
 
@@ -146,16 +189,20 @@ fn main_axis(contents: &[Content]) -> Option<String> {
         .map(|(axis, _)| axis.clone())
 }
 
-fn no_axis(source: &dyn Source, contents: &[Content], along: Option<&str>) -> CliError {
+fn no_axis(source: &dyn RowSource, contents: &[Content], along: Option<&str>) -> RowsError {
     let title = source.title();
     let mut known: Vec<&str> = contents.iter().filter_map(first_axis).map(String::as_str).collect();
     known.sort_unstable();
     known.dedup();
     match along {
-        Some(axis) => CliError::bad_input(format!("no array of {title} has the axis {axis:?}"))
-            .help(format!("axes that arrays begin with: {}", known.join(", "))),
-        None => CliError::bad_input(format!("{title} has no rows: its axes have no names"))
-            .help("artifacts of this build have; `deaflow run` on a new store makes them"),
+        Some(axis) => RowsError::None {
+            message: format!("no array of {title} has the axis {axis:?}"),
+            help: format!("axes that arrays begin with: {}", known.join(", ")),
+        },
+        None => RowsError::None {
+            message: format!("{title} has no rows: its axes have no names"),
+            help: "artifacts of this build have; `deaflow run` on a new store makes them".to_owned(),
+        },
     }
 }
 
@@ -184,6 +231,21 @@ fn names(array: &Content) -> Vec<String> {
         names = names.iter().flat_map(each).collect();
     }
     names.into_iter().map(|name| name + &unit).collect()
+}
+
+/// Every so many elements, from one on.
+fn every(data: &Data, from: usize, step: usize) -> Data {
+    fn each<T: Clone>(values: &[T], from: usize, step: usize) -> Vec<T> {
+        values.iter().skip(from).step_by(step).cloned().collect()
+    }
+    match data {
+        Data::U8(v) => Data::U8(each(v, from, step)),
+        Data::U32(v) => Data::U32(each(v, from, step)),
+        Data::U64(v) => Data::U64(each(v, from, step)),
+        Data::F32(v) => Data::F32(each(v, from, step)),
+        Data::F64(v) => Data::F64(each(v, from, step)),
+        Data::Text(v) => Data::Text(each(v, from, step)),
+    }
 }
 
 /// Elements as text, numbers with all digits that tell them apart and no zeros beyond.

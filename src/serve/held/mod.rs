@@ -1,0 +1,11 @@
+//! What a server holds in memory between requests: solvers that are set up, tables of artifacts, and the run that was begun here.
+
+mod bench;
+mod child;
+mod kept;
+mod table;
+
+pub use bench::{Bench, Benches, Setting};
+pub use child::Runner;
+pub use kept::lock;
+pub use table::Tables;

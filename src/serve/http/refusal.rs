@@ -1,0 +1,191 @@
+//! Why a request gets no answer, for people and for scripts.
+
+use miette::{Diagnostic, SourceCode};
+use serde_json::{Value, json};
+
+use crate::base::InputError;
+use crate::content::ContentError;
+use crate::design::{ConstraintError, GoalError};
+use crate::fem::SetupError;
+use crate::field::PredictError;
+use crate::orchestrator::RunError;
+use crate::report::{ReportError, RowsError};
+use crate::stage::direct::DirectError;
+use crate::store::StoreError;
+
+/// A refusal: a status of HTTP, what is wrong, and what helps.
+#[derive(Debug)]
+pub struct Refusal {
+    /// The status.
+    pub status: u16,
+    message: String,
+    help: Option<String>,
+    place: Option<(usize, usize)>,
+    /// What the path allows, where the method is not allowed.
+    pub allow: Option<&'static str>,
+}
+
+impl Refusal {
+    /// With a status.
+    pub fn new(status: u16, message: impl Into<String>) -> Self {
+        Self {
+            status,
+            message: message.into(),
+            help: None,
+            place: None,
+            allow: None,
+        }
+    }
+
+    /// What was asked cannot be done as it was asked.
+    pub fn bad(message: impl Into<String>) -> Self {
+        Self::new(400, message)
+    }
+
+    /// A method that the path does not take.
+    pub fn not_allowed(allow: &'static str) -> Self {
+        Self {
+            allow: Some(allow),
+            ..Self::new(405, format!("this path takes {allow} alone"))
+        }
+    }
+
+    /// There is no such thing.
+    pub fn absent(message: impl Into<String>) -> Self {
+        Self::new(404, message)
+    }
+
+    /// Adds advice.
+    #[must_use]
+    pub fn help(self, help: impl Into<String>) -> Self {
+        Self {
+            help: Some(help.into()),
+            ..self
+        }
+    }
+
+    /// As a document. Lines and columns count from 1.
+    #[must_use]
+    pub fn document(&self) -> Value {
+        json!({
+            "error": {
+                "message": self.message,
+                "help": self.help,
+                "line": self.place.map(|(line, _)| line),
+                "column": self.place.map(|(_, column)| column),
+            }
+        })
+    }
+}
+
+impl From<InputError> for Refusal {
+    fn from(error: InputError) -> Self {
+        let place = || {
+            let label = error.labels()?.next()?;
+            let source: &dyn SourceCode = error.source_code()?;
+            let read = source.read_span(label.inner(), 0, 0).ok()?;
+            Some((read.line() + 1, read.column() + 1))
+        };
+        Self {
+            place: place(),
+            help: Diagnostic::help(&error).map(|help| help.to_string()),
+            ..Self::bad(error.to_string())
+        }
+    }
+}
+
+impl From<StoreError> for Refusal {
+    fn from(error: StoreError) -> Self {
+        let status = match &error {
+            StoreError::Missing { .. } | StoreError::NoDataset { .. } | StoreError::NoStore { .. } => 404,
+            // What is damaged stands in the way of an answer; nothing is wrong with the server.
+            error if error.is_damage() => 409,
+            _ => 500,
+        };
+        let refusal = Self::new(status, error.to_string());
+        match status {
+            409 => refusal.help("`deaflow fsck` tells what else is damaged; `deaflow run` builds it again"),
+            _ => refusal,
+        }
+    }
+}
+
+impl From<ContentError> for Refusal {
+    fn from(error: ContentError) -> Self {
+        match error {
+            ContentError::Store(error) => error.into(),
+            fault => Self::new(409, fault.to_string()),
+        }
+    }
+}
+
+impl From<ReportError> for Refusal {
+    fn from(error: ReportError) -> Self {
+        match error {
+            ReportError::Store(error) => error.into(),
+            ReportError::Content { .. } => Self::new(409, error.to_string()),
+            other => Self::new(500, other.to_string()),
+        }
+    }
+}
+
+impl From<RowsError> for Refusal {
+    fn from(error: RowsError) -> Self {
+        match error {
+            RowsError::Store(error) => error.into(),
+            RowsError::None { message, help } => Self::absent(message).help(help),
+        }
+    }
+}
+
+impl From<RunError> for Refusal {
+    fn from(error: RunError) -> Self {
+        match error {
+            RunError::Input(error) => error.into(),
+            RunError::Store(error) => error.into(),
+            other => Self::new(409, other.to_string()),
+        }
+    }
+}
+
+impl From<SetupError> for Refusal {
+    fn from(error: SetupError) -> Self {
+        Self::bad(error.to_string())
+    }
+}
+
+impl From<GoalError> for Refusal {
+    fn from(error: GoalError) -> Self {
+        Self::bad(error.to_string())
+    }
+}
+
+impl From<ConstraintError> for Refusal {
+    fn from(error: ConstraintError) -> Self {
+        Self::bad(error.to_string())
+    }
+}
+
+impl From<PredictError> for Refusal {
+    fn from(error: PredictError) -> Self {
+        Self::new(409, error.to_string())
+    }
+}
+
+impl From<DirectError> for Refusal {
+    fn from(error: DirectError) -> Self {
+        match error {
+            DirectError::Input(error) => error.into(),
+            DirectError::Failed(message) => Self::bad(message),
+        }
+    }
+}
+
+impl From<serde_json::Error> for Refusal {
+    fn from(error: serde_json::Error) -> Self {
+        Self {
+            place: (error.line() > 0).then(|| (error.line(), error.column())),
+            ..Self::bad(format!("the body of the request: {error}"))
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! Artifacts: which there are, and what is known of one.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use serde_json::{Value, json};
+
+use crate::base::ArtifactId;
+use crate::serve::http::{Answer, Refusal, Request};
+use crate::serve::state::ServedState;
+use crate::store::{Ancestor, Artifact, Content, Store};
+
+/// Artifacts in one answer.
+const MOST: usize = 5000;
+
+/// Runs that are looked through.
+const MOST_RUNS: usize = 200;
+
+/// The fewest digits that name an artifact.
+const LEAST: usize = 4;
+
+/// What the last runs made, each once, the latest first. `?limit=` and `?offset=` take some, `?kind=` those of a kind.
+///
+/// # Errors
+/// When the store cannot be read.
+pub fn artifacts(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+    request.allow(&["limit", "offset", "kind"])?;
+    let (limit, offset) = (
+        request.number("limit", 500, MOST)?,
+        request.number("offset", 0, usize::MAX)?,
+    );
+    let Some(store) = state.store()? else {
+        return Ok(json!({ "artifacts": [], "total": 0 }).into());
+    };
+    let mut seen: BTreeSet<ArtifactId> = BTreeSet::new();
+    let mut found: Vec<Value> = Vec::new();
+    for run in store.runs()?.take(MOST_RUNS) {
+        let run = run?;
+        let wanted = run
+            .stages
+            .iter()
+            .rev()
+            .filter(|stage| request.word("kind").is_none_or(|kind| stage.kind == kind));
+        for stage in wanted {
+            if seen.insert(stage.artifact) {
+                found.push(json!({
+                    "digest": stage.artifact.to_string(),
+                    "kind": stage.kind,
+                    "stage": stage.name,
+                    "pipeline": run.pipeline,
+                    "run": run.id,
+                    "created": run.created,
+                }));
+            }
+        }
+    }
+    let total = found.len();
+    let some: Vec<Value> = found.into_iter().skip(offset).take(limit).collect();
+    Ok(json!({ "artifacts": some, "total": total }).into())
+}
+
+/// The artifact that digits name: all of its digest, or its beginning.
+///
+/// # Errors
+/// When they name none, or several, or it is damaged.
+pub fn named(state: &ServedState, digits: &str) -> Result<(Arc<Store>, Artifact), Refusal> {
+    let is_digest = digits.len() >= LEAST && digits.len() <= 64 && digits.bytes().all(|byte| byte.is_ascii_hexdigit());
+    if !is_digest {
+        return Err(Refusal::absent("that is no digest").help(format!("{LEAST} to 64 hexadecimal digits")));
+    }
+    let store = state.existing_store()?;
+    let digest = match store.find(&digits.to_ascii_lowercase())?.as_slice() {
+        [one] => *one,
+        [] => return Err(Refusal::absent("no digest of an artifact begins so")),
+        several => {
+            return Err(Refusal::absent(format!("{} artifacts begin so", several.len())).help("give more digits"));
+        }
+    };
+    let artifact = store.artifact(&digest)?;
+    Ok((store, artifact))
+}
+
+/// Kind, attributes, datasets, provenance, and everything that it was made from.
+///
+/// # Errors
+/// When it is not there, or damaged.
+pub fn artifact(state: &ServedState, request: &Request, digits: &str) -> Result<Answer, Refusal> {
+    request.allow(&[])?;
+    let (store, artifact) = named(state, digits)?;
+    let dataset = |content: &Content| {
+        json!({
+            "path": content.path,
+            "type": content.kind.name(),
+            "shape": content.shape,
+            "axes": content.axes,
+            "units": content.units,
+            "description": content.description,
+        })
+    };
+    let ancestor = |ancestor: &Ancestor| {
+        json!({
+            "digest": ancestor.artifact.to_string(),
+            "kind": ancestor.entry("kind"),
+            "inputs": ancestor.inputs.iter().map(ArtifactId::to_string).collect::<Vec<_>>(),
+            "entries": ancestor.entries,
+        })
+    };
+    let datasets: Vec<Value> = artifact.contents()?.iter().map(dataset).collect();
+    let ancestry: Vec<Value> = store.ancestry(&artifact)?.iter().map(ancestor).collect();
+    Ok(json!({
+        "digest": artifact.digest().to_string(),
+        "kind": artifact.kind(),
+        "attributes": artifact.attributes(),
+        "parts": artifact.parts().iter().map(ArtifactId::to_string).collect::<Vec<_>>(),
+        "datasets": datasets,
+        "provenance": artifact.provenance()?,
+        "ancestry": ancestry,
+    })
+    .into())
+}

@@ -1,0 +1,18 @@
+//! Questions about a store and its pipelines.
+
+mod artifacts;
+mod filter;
+mod page;
+mod pick;
+mod pipelines;
+mod rows;
+mod run;
+mod runs;
+
+pub use artifacts::{artifact, artifacts};
+pub use page::page;
+pub use pick::arrays;
+pub use pipelines::{pipeline, pipelines, plan};
+pub use rows::rows;
+pub use run::run;
+pub use runs::{one_run, runs, status};

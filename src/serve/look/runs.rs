@@ -1,0 +1,96 @@
+//! Past runs, and what is at work in the store.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
+
+use crate::executor::workers;
+use crate::report::{Gone, run_document};
+use crate::serve::http::{Answer, Refusal, Request};
+use crate::serve::state::ServedState;
+use crate::store::Run;
+
+/// Runs in one answer.
+const MOST: usize = 1000;
+
+/// Past runs, the latest first, as `deaflow log --json` tells them. `?limit=` and `?offset=` take some of them.
+///
+/// # Errors
+/// When the store cannot be read.
+pub fn runs(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+    request.allow(&["limit", "offset"])?;
+    let (limit, offset) = (
+        request.number("limit", 100, MOST)?,
+        request.number("offset", 0, usize::MAX)?,
+    );
+    let Some(store) = state.store()? else {
+        return Ok(json!({ "runs": [], "total": 0 }).into());
+    };
+    let mut all = store.runs()?;
+    let some: Vec<Run> = all.by_ref().skip(offset).take(limit).collect::<Result<_, _>>()?;
+    let total = offset + some.len() + all.count();
+    let gone = Gone::in_store(&store);
+    let documents: Vec<Value> = some.iter().map(|run| run_document(run, &gone)).collect();
+    Ok(json!({ "runs": documents, "total": total }).into())
+}
+
+/// A run by its digits, with the parameters of its stages as far as their records are there.
+///
+/// # Errors
+/// When there is none, or the store cannot be read.
+pub fn one_run(state: &ServedState, request: &Request, id: &str) -> Result<Answer, Refusal> {
+    request.allow(&[])?;
+    let store = state.existing_store()?;
+    for run in store.runs()? {
+        let run = run?;
+        if run.id != id {
+            continue;
+        }
+        let mut parameters: BTreeMap<String, String> = BTreeMap::new();
+        for stage in &run.stages {
+            let record = store.record(&stage.key)?.record();
+            let leaves = record.iter().flat_map(|record| record.action.parameters.leaves());
+            parameters.extend(leaves.map(|(path, value)| (format!("stages.{}.{path}", stage.name), value.to_string())));
+        }
+        let mut document = run_document(&run, &Gone::in_store(&store));
+        document["parameters"] = json!(parameters);
+        return Ok(document.into());
+    }
+    Err(Refusal::absent("no run of that name is remembered").help("GET /api/runs lists them"))
+}
+
+/// What is in the store and at work in it: to be asked for again and again.
+///
+/// # Errors
+/// When the store cannot be read.
+pub fn status(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+    request.allow(&[])?;
+    let Some(store) = state.store()? else {
+        return Ok(json!({ "store": null, "last_run": null, "in_flight": 0, "workers": [] }).into());
+    };
+    let totals = store.totals()?;
+    let last = store.runs()?.next().transpose()?;
+    let seen = workers(&store)?;
+    let workers: Vec<Value> = seen
+        .iter()
+        .map(|seen| {
+            json!({
+                "host": seen.worker.owner.host,
+                "pid": seen.worker.owner.pid,
+                "pipeline": seen.worker.pipeline,
+                "silent": seen.silent.as_secs(),
+            })
+        })
+        .collect();
+    Ok(json!({
+        "store": store.root(),
+        "objects": totals.objects,
+        "bytes": totals.bytes,
+        "records": totals.records,
+        "in_flight": totals.in_flight,
+        "quarantined": totals.quarantined,
+        "last_run": last.map(|run| json!({ "id": run.id, "created": run.created, "pipeline": run.pipeline })),
+        "workers": workers,
+    })
+    .into())
+}

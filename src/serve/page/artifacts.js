@@ -1,0 +1,110 @@
+// Artifacts: which there are, and what is in one.
+
+import { json } from "./server.js";
+import { choice, h, labelled, replace, short, table, when } from "./elements.js";
+import { rowsView } from "./rows.js";
+import { findings } from "./audit.js";
+
+/** Attributes longer than this are shown on demand. */
+const LONG = 160;
+
+/** @param {HTMLElement} view @param {URLSearchParams} query @param {string} kind @param {string} title */
+export async function artifactsView(view, query, kind, title) {
+  const { artifacts, total } = await json(`artifacts?limit=2000${kind ? `&kind=${kind}` : ""}`);
+  const kinds = [...new Set(artifacts.map((/** @type {any} */ one) => one.kind))].sort();
+  let chosen = query.get("kind") ?? "";
+  const box = h("div", {});
+  const fill = () => {
+    const row = (/** @type {any} */ one) => [short(one.digest), one.kind, one.stage, one.pipeline, when(one.created), h("a", { class: "mono", href: `#/runs/${one.run}` }, one.run)];
+    const some = artifacts.filter((/** @type {any} */ one) => !chosen || one.kind === chosen);
+    replace(box, some.length ? table(title, ["artifact", "kind", "stage", "pipeline", "run ended", "run"], some.map(row)) : h("p", {}, "The last runs have made none."));
+  };
+  const kindsShown = [["", "every kind"], ...kinds.map((one) => [one, one])];
+  replace(
+    view,
+    h("h1", {}, title),
+    kind ? null : h("div", { class: "tools" }, labelled("Kind", choice("kind", /** @type {any} */ (kindsShown), chosen, (value) => {
+      chosen = value;
+      history.replaceState(null, "", value ? `#/artifacts?kind=${value}` : "#/artifacts");
+      fill();
+    }))),
+    box,
+    total > artifacts.length ? h("p", { class: "soft" }, `and ${total - artifacts.length} older ones`) : null,
+  );
+  fill();
+  // One accuracy or audit is what was looked for.
+  if (kind && artifacts.length === 1) location.replace(`#/artifacts/${artifacts[0].digest}`);
+}
+
+/** @param {HTMLElement} view @param {string} digest @param {URLSearchParams} query @returns {Promise<() => void>} */
+export async function artifactView(view, digest, query) {
+  const found = await json(`artifacts/${encodeURIComponent(digest)}`);
+  const hasRows = found.datasets.some((/** @type {any} */ one) => one.axes.length > 0);
+  /** @type {Record<string, [string, (place: HTMLElement) => Promise<any>|any]>} */
+  const tabs = {
+    ...(found.kind === "audit" ? { findings: ["Findings", (/** @type {HTMLElement} */ place) => findings(place, found)] } : {}),
+    ...(hasRows ? { rows: ["Rows", (/** @type {HTMLElement} */ place) => rowsView(place, found, query)] } : {}),
+    figures: ["Figures", (/** @type {HTMLElement} */ place) => figures(place, found.digest)],
+    arrays: ["Arrays", (/** @type {HTMLElement} */ place) => replace(place, arrays(found))],
+    origin: ["Origin", (/** @type {HTMLElement} */ place) => replace(place, origin(found))],
+  };
+  const first = ["train", "balance", "evaluate", "accuracy", "verify"].includes(found.kind) ? "figures" : Object.keys(tabs)[0];
+  let open = query.get("tab") ?? first;
+  if (!tabs[open]) open = first;
+  const place = h("div", {});
+  const buttons = h("div", { class: "tabs", role: "tablist" });
+  const show = async () => {
+    replace(buttons, Object.entries(tabs).map(([name, [text]]) => h("button", { type: "button", role: "tab", "aria-selected": String(name === open), "aria-pressed": String(name === open), onclick: () => {
+      open = name;
+      const words = new URLSearchParams(location.hash.split("?")[1] ?? "");
+      words.set("tab", name);
+      history.replaceState(null, "", `#/artifacts/${found.digest}?${words}`);
+      void show();
+    } }, text)));
+    replace(place);
+    try {
+      await tabs[open][1](place);
+    } catch (error) {
+      const { problem } = await import("./elements.js");
+      replace(place, problem(error));
+    }
+  };
+  replace(view, h("h1", {}, `${found.kind || "artifact"} `, h("span", { class: "mono soft" }, found.digest.slice(0, 12))), buttons, place);
+  await show();
+  return () => {};
+}
+
+/** The charts of a report, drawn by the server, in a frame without scripts. @param {HTMLElement} place @param {string} digest */
+function figures(place, digest) {
+  const frame = h("iframe", { sandbox: "allow-same-origin", title: "Figures", src: `/api/artifacts/${digest}/page` });
+  frame.addEventListener("load", () => {
+    const height = frame.contentDocument?.documentElement.scrollHeight ?? 0;
+    if (height) frame.style.height = `${height + 20}px`;
+  });
+  replace(place, frame);
+}
+
+/** @param {any} found */
+function arrays(found) {
+  const row = (/** @type {any} */ one) => [h("span", { class: "mono" }, one.path), one.type, one.shape.join(" × "), one.axes.join(", "), one.units, one.description];
+  return table("Arrays", ["array", "type", "shape", "axes", "unit", "what it is"], found.datasets.map(row));
+}
+
+/** @param {any} found */
+function origin(found) {
+  const text = (/** @type {string} */ value) => (value.length > LONG ? h("details", {}, h("summary", {}, `${value.slice(0, 60)}…`), h("pre", {}, value)) : h("span", { class: "mono" }, value));
+  const pairs = (/** @type {Record<string, string>} */ of) => Object.entries(of).map(([name, value]) => [name, text(value)]);
+  const ancestor = (/** @type {any} */ one) => [one.kind || "unknown", short(one.digest), h("span", {}, one.inputs.map((/** @type {string} */ input) => [short(input), " "])), text(one.entries.parameters ?? ""), one.entries.created ? when(one.entries.created) : ""];
+  return h(
+    "div",
+    {},
+    h("p", { class: "mono small" }, found.digest),
+    h("h2", {}, "Attributes"),
+    table("Attributes", ["attribute", "value"], pairs(found.attributes)),
+    h("h2", {}, "Made by"),
+    table("Provenance", ["", "value"], pairs(found.provenance)),
+    h("h2", {}, "Made from"),
+    table("Ancestry", ["kind", "artifact", "inputs", "parameters", "when"], found.ancestry.map(ancestor)),
+    found.parts.length ? [h("h2", {}, `${found.parts.length} chunks`), h("p", {}, found.parts.slice(0, 200).map((/** @type {string} */ part) => [short(part), " "]))] : null,
+  );
+}

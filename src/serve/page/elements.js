@@ -1,0 +1,126 @@
+// Elements of the page. Text is set as text: nothing that comes from a file is ever read as markup.
+
+/** @typedef {Node|string|number|null|undefined|false|(Node|string|number|null|undefined|false)[]} Child */
+
+const SVG = "http://www.w3.org/2000/svg";
+
+/**
+ * @param {string} tag @param {Record<string, any>} [properties] @param {Child[]} children
+ * @returns {any}
+ */
+export function h(tag, properties = {}, ...children) {
+  return fill(document.createElement(tag), properties, children);
+}
+
+/** @param {string} tag @param {Record<string, any>} [properties] @param {Child[]} children @returns {any} */
+export function svg(tag, properties = {}, ...children) {
+  return fill(document.createElementNS(SVG, tag), properties, children);
+}
+
+/** @param {Element} element @param {Record<string, any>} properties @param {Child[]} children */
+function fill(element, properties, children) {
+  for (const [name, value] of Object.entries(properties)) {
+    if (value === undefined || value === null || value === false) continue;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (name === "value" || name === "checked" || name === "disabled" || name === "selected") /** @type {any} */ (element)[name] = value;
+    else element.setAttribute(name, value === true ? "" : String(value));
+  }
+  for (const child of children.flat(3)) {
+    if (child === null || child === undefined || child === false) continue;
+    element.append(child instanceof Node ? child : String(child));
+  }
+  return element;
+}
+
+/** @param {Element} element @param {Child[]} children */
+export function replace(element, ...children) {
+  const fragment = document.createDocumentFragment();
+  fill(/** @type {any} */ (fragment), {}, children);
+  element.replaceChildren(fragment);
+}
+
+/** A number for people. @param {number|null|undefined} value @param {number} [digits] */
+export function number(value, digits = 4) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  return size >= 1e6 || size < 1e-3 ? value.toExponential(Math.max(digits - 2, 1)) : String(Number(value.toPrecision(digits)));
+}
+
+/** @param {number} bytes */
+export function bytes(bytes) {
+  for (const unit of ["B", "kB", "MB", "GB"]) {
+    if (bytes < 1000 || unit === "GB") return `${Number(bytes.toPrecision(3))} ${unit}`;
+    bytes /= 1000;
+  }
+  return "";
+}
+
+/** @param {number|null|undefined} value */
+export function seconds(value) {
+  if (value === null || value === undefined) return "–";
+  if (value < 1) return `${number(1000 * value, 3)} ms`;
+  if (value < 120) return `${number(value, 3)} s`;
+  return value < 7200 ? `${number(value / 60, 3)} min` : `${number(value / 3600, 3)} h`;
+}
+
+/** @param {string} time RFC 3339 */
+export function when(time) {
+  return time.replace("T", " ").slice(0, 19);
+}
+
+/** @param {string} digest */
+export function short(digest) {
+  return h("a", { class: "mono", href: `#/artifacts/${digest}`, title: digest }, digest.slice(0, 12));
+}
+
+/**
+ * A table that scrolls within its own box.
+ * @param {string} what @param {(string|{title: string, number?: boolean})[]} columns @param {Child[][]} rows
+ */
+export function table(what, columns, rows) {
+  const heads = columns.map((column) => (typeof column === "string" ? { title: column } : column));
+  const cell = (/** @type {Child} */ content, /** @type {number} */ at) => h("td", { class: /** @type {any} */ (heads[at])?.number ? "number" : null }, content);
+  return h(
+    "div",
+    { class: "scroll", tabindex: "0", role: "region", "aria-label": what },
+    h(
+      "table",
+      {},
+      h("thead", {}, h("tr", {}, heads.map((head) => h("th", { scope: "col", class: /** @type {any} */ (head).number ? "number" : null }, head.title)))),
+      h("tbody", {}, rows.map((row) => h("tr", {}, row.map(cell)))),
+    ),
+  );
+}
+
+/** @param {any} error */
+export function problem(error) {
+  const place = error.line ? ` (line ${error.line}, column ${error.column})` : "";
+  return h("div", { class: "box", role: "alert" }, h("p", {}, h("b", {}, `${error.message}${place}`)), error.help ? h("p", {}, error.help) : null);
+}
+
+/** A labelled control. @param {string} label @param {any} control @param {Child} [after] */
+export function labelled(label, control, after) {
+  return h("label", { class: "control" }, h("span", {}, label), control, after);
+}
+
+/** @param {string} name @param {[string, string][]} options value and text @param {string} chosen @param {(value: string) => void} changed */
+export function choice(name, options, chosen, changed) {
+  const each = options.map(([value, text]) => h("option", { value, selected: value === chosen }, text));
+  return h("select", { name, onchange: (/** @type {any} */ event) => changed(event.target.value) }, each);
+}
+
+/** @param {string} text */
+export function copyable(text) {
+  const button = h("button", { type: "button", onclick: () => navigator.clipboard.writeText(text).then(() => (button.textContent = "Copied")) }, "Copy");
+  return h("div", { class: "copyable" }, h("pre", { tabindex: "0" }, text), button);
+}
+
+/** Runs a function once things have been still for a while. @param {() => void} act @param {number} milliseconds */
+export function settled(act, milliseconds) {
+  let timer = 0;
+  return () => {
+    clearTimeout(timer);
+    timer = setTimeout(act, milliseconds);
+  };
+}

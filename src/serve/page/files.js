@@ -1,0 +1,107 @@
+// Patterns from files and into files.
+
+import { ask, json } from "./server.js";
+import { Pattern } from "./pattern.js";
+
+/** Points of a cell's side at which a drawing is looked at. */
+const SAMPLES = 8;
+
+/**
+ * The pattern of a file. Tables, arrays and images are read by the server as by any command; drawings are looked at cell by cell here.
+ * @param {File} file @param {{name: string, columns: number, rows: number, size_mm: [number, number]}} scene @returns {Promise<Pattern>}
+ */
+export async function fromFile(file, scene) {
+  const format = (file.name.split(".").pop() ?? "").toLowerCase();
+  if (format === "svg") return fromDrawing(file, scene);
+  if (format === "dxf") return fromPolygons(await file.text(), scene);
+  const query = new URLSearchParams({ format, scene: scene.name });
+  const found = await json(`sketch/import?${query}`, { method: "POST", bytes: file });
+  return Pattern.of(found.patterns[0]);
+}
+
+/** A drawing over the whole membrane: a cell is an electrode where more than half of it is dark. @param {Blob} file @param {{columns: number, rows: number}} scene */
+async function fromDrawing(file, { columns, rows }) {
+  const address = URL.createObjectURL(new Blob([file], { type: "image/svg+xml" }));
+  try {
+    const image = new Image();
+    image.src = address;
+    await image.decode();
+    const canvas = document.createElement("canvas");
+    [canvas.width, canvas.height] = [columns * SAMPLES, rows * SAMPLES];
+    const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { willReadFrequently: true }));
+    context.fillStyle = "#fff";
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    context.drawImage(image, 0, 0, canvas.width, canvas.height);
+    const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
+    const pattern = new Pattern(columns, rows);
+    for (let cell = 0; cell < pattern.cells.length; cell += 1) {
+      const [x, y] = [cell % columns, rows - 1 - Math.floor(cell / columns)];
+      let dark = 0;
+      for (let k = 0; k < SAMPLES * SAMPLES; k += 1) {
+        const at = 4 * ((y * SAMPLES + Math.floor(k / SAMPLES)) * canvas.width + x * SAMPLES + (k % SAMPLES));
+        dark += data[at] + data[at + 1] + data[at + 2] < 384 ? 1 : 0;
+      }
+      pattern.cells[cell] = dark * 2 > SAMPLES * SAMPLES ? 1 : 0;
+    }
+    return pattern;
+  } catch {
+    throw new Error(`${/** @type {any} */ (file).name ?? "the file"} is no drawing that this browser shows`);
+  } finally {
+    URL.revokeObjectURL(address);
+  }
+}
+
+/**
+ * Closed polylines in mm from the lower left corner, on layers that begin with ELECTRODE where there are such; a cell is an electrode where
+ * its middle lies within an odd number of them.
+ * @param {string} text @param {{columns: number, rows: number, size_mm: [number, number]}} scene
+ */
+export function fromPolygons(text, { columns, rows, size_mm }) {
+  const parts = text.split(/\r?\n/);
+  /** @type {{layer: string, points: [number, number][]}[]} */
+  const rings = [];
+  /** @type {{layer: string, points: [number, number][]}|null} */
+  let ring = null;
+  for (let at = 0; at + 1 < parts.length; at += 2) {
+    const [code, value] = [Number(parts[at].trim()), parts[at + 1].trim()];
+    if (code === 0) {
+      if (ring && ring.points.length > 2) rings.push(ring);
+      ring = value === "LWPOLYLINE" ? { layer: "", points: [] } : null;
+    } else if (ring && code === 8) ring.layer = value.toUpperCase();
+    else if (ring && code === 10) ring.points.push([Number(value), 0]);
+    else if (ring && code === 20 && ring.points.length) ring.points[ring.points.length - 1][1] = Number(value);
+  }
+  const named = rings.filter((found) => found.layer.startsWith("ELECTRODE"));
+  const wanted = named.length ? named : rings;
+  if (!wanted.length) throw new Error("no closed polyline (LWPOLYLINE) is in the file");
+  const pattern = new Pattern(columns, rows);
+  pattern.cells.forEach((_, cell) => {
+    const x = ((cell % columns) + 0.5) * (size_mm[0] / columns);
+    const y = (Math.floor(cell / columns) + 0.5) * (size_mm[1] / rows);
+    let inside = false;
+    for (const { points } of wanted) {
+      for (let i = 0, j = points.length - 1; i < points.length; j = i, i += 1) {
+        const [[ax, ay], [bx, by]] = [points[i], points[j]];
+        if (ay > y !== by > y && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) inside = !inside;
+      }
+    }
+    pattern.cells[cell] = inside ? 1 : 0;
+  });
+  return pattern;
+}
+
+/** Hands a file to the browser. @param {BlobPart} content @param {string} name */
+export function save(content, name) {
+  const address = URL.createObjectURL(new Blob([content]));
+  const link = document.createElement("a");
+  link.href = address;
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(address), 10000);
+}
+
+/** A pattern as a file of a format. @param {string} format @param {Record<string, any>} body what the server is told of the pattern @param {string} name */
+export async function saveAs(format, body, name) {
+  const response = await ask("sketch/export", { body: { ...body, format } });
+  save(await response.blob(), `${name}.${format}`);
+}

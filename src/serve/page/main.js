@@ -1,0 +1,119 @@
+// Which view is shown: what stands after # in the address says so, so that each view has a link of its own.
+
+import { json } from "./server.js";
+import { bytes, h, problem, replace, when } from "./elements.js";
+import { sketchpad } from "./sketch.js";
+import { pipelineView, pipelinesView } from "./pipelines.js";
+import { compareView, runView, runsView } from "./runs.js";
+import { artifactView, artifactsView } from "./artifacts.js";
+
+const view = /** @type {HTMLElement} */ (document.getElementById("view"));
+const status = /** @type {HTMLElement} */ (document.getElementById("status"));
+
+/** @type {Record<string, string>} */
+const VIEWS = { pipelines: "Pipelines", runs: "Runs", artifacts: "Artifacts", audits: "Audits", accuracy: "Accuracy", sketch: "Sketchpad" };
+
+/** How often what is at work is asked for. */
+const BEAT = 2000;
+
+/** @type {() => void} */ let end = () => {};
+/** @type {any} */ let start = {};
+/** Raised with each view: an answer for one that is gone is dropped. */
+let shown = 0;
+
+/** @returns {{steps: string[], query: URLSearchParams}} */
+function address() {
+  const [path, query] = location.hash.replace(/^#\/?/, "").split("?");
+  return { steps: path.split("/").filter(Boolean).map(decodeURIComponent), query: new URLSearchParams(query ?? "") };
+}
+
+async function show() {
+  end();
+  end = () => {};
+  shown += 1;
+  const turn = shown;
+  const { steps, query } = address();
+  const [name = "pipelines", ...rest] = steps;
+  for (const link of document.querySelectorAll("#views a")) {
+    if (link.getAttribute("href") === `#/${name}`) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+  document.title = `${VIEWS[name] ?? "deaflow"} – deaflow`;
+  const place = h("div", {});
+  try {
+    const made = await opened(name, rest, query, place);
+    if (turn !== shown) made?.();
+    else end = made ?? (() => {});
+  } catch (error) {
+    replace(place, problem(error));
+  }
+  if (turn === shown && !place.isConnected) view.replaceChildren(place);
+}
+
+/** @param {string} name @param {string[]} rest @param {URLSearchParams} query @param {HTMLElement} place @returns {Promise<(() => void)|void>} */
+async function opened(name, rest, query, place) {
+  // Drawings need to know how wide they are.
+  view.replaceChildren(place);
+  switch (name) {
+    case "sketch": {
+      const pattern = start.pattern;
+      // What the command named is where the first drawing begins; later ones go on from the last.
+      start.pattern = [];
+      return sketchpad(place, { pattern });
+    }
+    case "runs":
+      if (rest[0] === "compare") return compareView(place, rest.slice(1));
+      return rest.length ? runView(place, rest[0]) : runsView(place);
+    case "artifacts":
+      return rest.length ? artifactView(place, rest[0], query) : artifactsView(place, query, "", "Artifacts");
+    case "audits":
+      return artifactsView(place, query, "audit", "Audits");
+    case "accuracy":
+      return artifactsView(place, query, "accuracy", "Accuracy");
+    case "pipelines":
+      return rest.length ? pipelineView(place, rest[0], start.allow_run) : pipelinesView(place, start);
+    default:
+      throw new Error("there is no such view");
+  }
+}
+
+/** What is at work, in one line; views that show runs are told of a new one. */
+async function beat() {
+  if (document.hidden) return;
+  try {
+    const found = await json("status");
+    const parts = [];
+    if (found.store) parts.push(`${found.objects} artifacts, ${bytes(found.bytes)}`);
+    else parts.push("no store yet");
+    if (found.in_flight) parts.push(`${found.in_flight} being built`);
+    if (found.workers?.length) parts.push(`${found.workers.length} workers`);
+    if (found.last_run) parts.push(`last run ${when(found.last_run.created)}`);
+    const text = parts.join(", ");
+    if (status.textContent !== text) status.textContent = text;
+    const key = `${found.last_run?.id ?? ""} ${found.in_flight ?? 0} ${found.objects ?? 0}`;
+    if (beat.last !== key && beat.last !== "") window.dispatchEvent(new CustomEvent("news"));
+    beat.last = key;
+  } catch (error) {
+    status.textContent = `the server does not answer: ${/** @type {any} */ (error).message}`;
+  }
+}
+beat.last = "";
+
+async function main() {
+  // The token is in a cookie by now, and need not stay in the address.
+  if (location.search) history.replaceState(null, "", location.pathname + location.hash);
+  const links = Object.entries(VIEWS).map(([name, title]) => h("a", { href: `#/${name}` }, title));
+  replace(/** @type {HTMLElement} */ (document.getElementById("views")), links);
+  try {
+    start = await json("start");
+  } catch (error) {
+    replace(view, problem(error));
+    return;
+  }
+  window.addEventListener("hashchange", () => void show());
+  await show();
+  void beat();
+  setInterval(() => void beat(), BEAT);
+}
+
+void main();

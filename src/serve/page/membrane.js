@@ -1,0 +1,240 @@
+// Drawings of patterns and of deformed membranes.
+
+import { SEQUENTIAL, SIGNED, range, steps } from "./colours.js";
+import { Pattern } from "./pattern.js";
+
+/** Colours of groups of electrodes. */
+const GROUPS = ["", "#2b83ba", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
+const FRAME = "#8a929b";
+const BODY = "#59636e";
+
+/** @param {HTMLElement} element @param {string} name */
+function colour(element, name) {
+  return getComputedStyle(element).getPropertyValue(name).trim() || "#888";
+}
+
+/** @param {number} group */
+export function groupColour(group) {
+  return GROUPS[((group - 1) % (GROUPS.length - 1)) + 1];
+}
+
+/**
+ * A canvas at the resolution of the screen.
+ * @param {HTMLCanvasElement} canvas @param {number} ratio height over width
+ * @returns {{context: CanvasRenderingContext2D, width: number, height: number}}
+ */
+export function prepared(canvas, ratio) {
+  const width = canvas.clientWidth || 300;
+  const height = Math.round(width * ratio);
+  const scale = window.devicePixelRatio || 1;
+  if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
+    canvas.width = Math.round(width * scale);
+    canvas.height = Math.round(height * scale);
+    canvas.style.height = `${height}px`;
+  }
+  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+  context.setTransform(scale, 0, 0, scale, 0, 0);
+  context.clearRect(0, 0, width, height);
+  return { context, width, height };
+}
+
+/**
+ * The pattern as cells.
+ * @param {HTMLCanvasElement} canvas @param {Pattern} pattern
+ * @param {{ratio?: number, grid?: boolean, parts?: number[]|null, cursor?: [number, number]|null, heat?: ArrayLike<number>|null, point?: [number, number]|null, direction?: number}} [more]
+ */
+export function drawPattern(canvas, pattern, more = {}) {
+  const { columns, rows } = pattern;
+  const { context, width, height } = prepared(canvas, more.ratio ?? rows / columns);
+  const [dx, dy] = [width / columns, height / rows];
+  context.fillStyle = colour(canvas, "--paper");
+  context.fillRect(0, 0, width, height);
+  const cell = (/** @type {number} */ at) => {
+    const [x, y] = [at % columns, Math.floor(at / columns)];
+    const [left, top] = [Math.floor(x * dx), Math.floor((rows - 1 - y) * dy)];
+    context.fillRect(left, top, Math.ceil((x + 1) * dx) - left, Math.ceil((rows - y) * dy) - top);
+  };
+  if (more.heat) {
+    const most = Math.max(...range(more.heat).map(Math.abs)) || 1;
+    const of = steps(more.heat, -most, most);
+    of.forEach((step, at) => {
+      context.fillStyle = SIGNED[step];
+      cell(at);
+    });
+    // Electrodes are told by a mark in each of their cells.
+    context.fillStyle = "rgba(0,0,0,.55)";
+    pattern.cells.forEach((value, at) => {
+      if (!value) return;
+      const [x, y] = [at % columns, rows - 1 - Math.floor(at / columns)];
+      context.fillRect((x + 0.35) * dx, (y + 0.35) * dy, 0.3 * dx, 0.3 * dy);
+    });
+  } else {
+    for (let group = 1; group < 17; group += 1) {
+      context.fillStyle = groupColour(group);
+      pattern.cells.forEach((value, at) => value === group && cell(at));
+    }
+  }
+  if (more.parts) {
+    more.parts.forEach((part, at) => {
+      if (!part) return;
+      context.fillStyle = part === 1 ? FRAME : BODY;
+      cell(at);
+    });
+  }
+  if (more.grid) {
+    context.strokeStyle = colour(canvas, "--hair");
+    context.lineWidth = 1;
+    context.beginPath();
+    for (let x = 5; x < columns; x += 5) line(context, x * dx, 0, x * dx, height);
+    for (let y = 5; y < rows; y += 5) line(context, 0, height - y * dy, width, height - y * dy);
+    context.stroke();
+  }
+  context.strokeStyle = FRAME;
+  context.lineWidth = 2;
+  context.strokeRect(0, 0, width, height);
+  if (more.point) arrow(context, more.point[0] * width, height - more.point[1] * height, more.direction ?? 0, 0.12 * width);
+  if (more.cursor) {
+    context.strokeStyle = colour(canvas, "--vermillion");
+    context.lineWidth = 2;
+    context.strokeRect(more.cursor[0] * dx, (rows - 1 - more.cursor[1]) * dy, dx, dy);
+  }
+}
+
+/** @param {CanvasRenderingContext2D} context @param {number} a @param {number} b @param {number} c @param {number} d */
+function line(context, a, b, c, d) {
+  context.moveTo(Math.round(a) + 0.5, Math.round(b) + 0.5);
+  context.lineTo(Math.round(c) + 0.5, Math.round(d) + 0.5);
+}
+
+/** @param {CanvasRenderingContext2D} context @param {number} x @param {number} y @param {number} degrees @param {number} length */
+function arrow(context, x, y, degrees, length) {
+  const angle = (-degrees * Math.PI) / 180;
+  const [c, s] = [Math.cos(angle), Math.sin(angle)];
+  context.strokeStyle = context.fillStyle = "#d55e00";
+  context.lineWidth = 3;
+  context.beginPath();
+  context.moveTo(x, y);
+  context.lineTo(x + 0.8 * length * c, y + 0.8 * length * s);
+  context.stroke();
+  context.beginPath();
+  context.moveTo(x + length * c, y + length * s);
+  context.lineTo(x + 0.7 * length * c - 0.15 * length * s, y + 0.7 * length * s + 0.15 * length * c);
+  context.lineTo(x + 0.7 * length * c + 0.15 * length * s, y + 0.7 * length * s - 0.15 * length * c);
+  context.fill();
+  context.beginPath();
+  context.arc(x, y, 4, 0, 7);
+  context.fill();
+}
+
+/** Around a deformed membrane, a share of its width. */
+const MARGIN = 0.04;
+
+/**
+ * The membrane where its displacement takes it, its cells coloured.
+ * @param {HTMLCanvasElement} canvas @param {Pattern} pattern @param {Float32Array|null} displacement corners, mm
+ * @param {{size: [number, number], scale?: number, values?: ArrayLike<number>|null, signed?: boolean, low?: number, high?: number, parts?: number[]|null}} more
+ */
+export function drawMembrane(canvas, pattern, displacement, more) {
+  const { columns, rows } = pattern;
+  const [sizeX, sizeY] = more.size;
+  const { context, width, height } = prepared(canvas, sizeY / sizeX);
+  context.fillStyle = colour(canvas, "--card");
+  context.fillRect(0, 0, width, height);
+  const unit = (width * (1 - 2 * MARGIN)) / sizeX;
+  const scale = more.scale ?? 1;
+  const corners = (columns + 1) * (rows + 1);
+  const px = new Float32Array(corners);
+  const py = new Float32Array(corners);
+  for (let y = 0, at = 0; y <= rows; y += 1) {
+    for (let x = 0; x <= columns; x += 1, at += 1) {
+      const u = displacement ? displacement[2 * at] * scale : 0;
+      const v = displacement ? displacement[2 * at + 1] * scale : 0;
+      px[at] = MARGIN * width + ((x * sizeX) / columns + u) * unit;
+      py[at] = height - MARGIN * height - ((y * sizeY) / rows + v) * unit;
+    }
+  }
+  const quad = (/** @type {number} */ cell) => {
+    const at = Math.floor(cell / columns) * (columns + 1) + (cell % columns);
+    const above = at + columns + 1;
+    context.moveTo(px[at], py[at]);
+    context.lineTo(px[at + 1], py[at + 1]);
+    context.lineTo(px[above + 1], py[above + 1]);
+    context.lineTo(px[above], py[above]);
+  };
+  const fill = (/** @type {string} */ style, /** @type {number[]} */ cells) => {
+    if (!cells.length) return;
+    context.beginPath();
+    cells.forEach(quad);
+    context.fillStyle = context.strokeStyle = style;
+    context.lineWidth = 0.7;
+    context.fill();
+    // Without it the background shows between neighbours.
+    context.stroke();
+  };
+  /** @type {number[][]} */
+  const binned = Array.from({ length: 64 }, () => []);
+  if (more.values) {
+    const [low, high] = more.low !== undefined && more.high !== undefined ? [more.low, more.high] : range(more.values);
+    steps(more.values, low, high).forEach((step, cell) => binned[step].push(cell));
+    const colours = more.signed ? SIGNED : SEQUENTIAL;
+    binned.forEach((cells, step) => fill(colours[step], cells));
+  } else {
+    /** @type {number[]} */ const bare = [];
+    /** @type {number[][]} */ const groups = Array.from({ length: 17 }, () => []);
+    pattern.cells.forEach((value, cell) => (value ? groups[value] : bare).push(cell));
+    fill(colour(canvas, "--paper"), bare);
+    groups.forEach((cells, group) => group && fill(groupColour(group), cells));
+  }
+  if (more.parts) {
+    [1, 2].forEach((part) => fill(part === 1 ? FRAME : BODY, /** @type {number[]} */ (more.parts).flatMap((found, cell) => (found === part ? [cell] : []))));
+  }
+  if (more.values) outline(context, pattern, px, py);
+  context.strokeStyle = FRAME;
+  context.lineWidth = 2;
+  context.strokeRect(MARGIN * width, MARGIN * height, width * (1 - 2 * MARGIN), height * (1 - 2 * MARGIN));
+}
+
+/** The edges of electrodes. @param {CanvasRenderingContext2D} context @param {Pattern} pattern @param {Float32Array} px @param {Float32Array} py */
+function outline(context, pattern, px, py) {
+  const { columns, rows, cells } = pattern;
+  const at = (/** @type {number} */ x, /** @type {number} */ y) => (x < 0 || y < 0 || x >= columns || y >= rows ? 0 : cells[y * columns + x]);
+  context.beginPath();
+  const edge = (/** @type {number} */ a, /** @type {number} */ b) => {
+    context.moveTo(px[a], py[a]);
+    context.lineTo(px[b], py[b]);
+  };
+  for (let y = 0; y <= rows; y += 1) {
+    for (let x = 0; x <= columns; x += 1) {
+      const corner = y * (columns + 1) + x;
+      if (x < columns && at(x, y) !== at(x, y - 1)) edge(corner, corner + 1);
+      if (y < rows && at(x, y) !== at(x - 1, y)) edge(corner, corner + columns + 1);
+    }
+  }
+  context.strokeStyle = "rgba(255,255,255,.75)";
+  context.lineWidth = 1;
+  context.stroke();
+}
+
+/** The magnitude of a displacement in the middle of each cell. @param {Float32Array} displacement @param {number} columns @param {number} rows */
+export function magnitudes(displacement, columns, rows) {
+  const found = new Float32Array(columns * rows);
+  for (let y = 0, cell = 0; y < rows; y += 1) {
+    for (let x = 0; x < columns; x += 1, cell += 1) {
+      const at = 2 * (y * (columns + 1) + x);
+      const above = at + 2 * (columns + 1);
+      const mean = (/** @type {number} */ k) => (displacement[at + k] + displacement[at + 2 + k] + displacement[above + k] + displacement[above + 2 + k]) / 4;
+      found[cell] = Math.hypot(mean(0), mean(1));
+    }
+  }
+  return found;
+}
+
+/** A bar of colours with its ends. @param {HTMLCanvasElement} canvas @param {boolean} signed */
+export function drawBar(canvas, signed) {
+  const { context, width, height } = prepared(canvas, 10 / Math.max(canvas.clientWidth, 1));
+  const colours = signed ? SIGNED : SEQUENTIAL;
+  colours.forEach((style, step) => {
+    context.fillStyle = style;
+    context.fillRect((step * width) / colours.length, 0, Math.ceil(width / colours.length) + 1, height);
+  });
+}

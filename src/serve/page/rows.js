@@ -1,0 +1,227 @@
+// The rows of an artifact: a table that the server filters, sorts and pages, a histogram that selects rows, and pictures of patterns and fields.
+
+import { frame, json } from "./server.js";
+import { choice, h, labelled, number, problem, replace, settled } from "./elements.js";
+import { charts } from "./chart.js";
+import { drawMembrane, drawPattern, magnitudes } from "./membrane.js";
+import { Pattern } from "./pattern.js";
+import { save } from "./files.js";
+
+const PAGE = 24;
+
+/** Arrays of patterns, and of fields, by their rows' axis. @param {any} found @param {string} axis */
+function drawn(found, axis) {
+  const of = (/** @type {(axes: string[]) => boolean} */ fits) => found.datasets.find((/** @type {any} */ one) => one.axes[0] === axis && fits(one.axes.slice(1)));
+  return {
+    patterns: of((axes) => axes.length === 2 && axes.every((name) => name === "y" || name === "x")),
+    field: of((axes) => axes.length === 3 && axes[2] === "xy" && axes.every((name) => name !== "time")),
+  };
+}
+
+/** @param {HTMLElement} place @param {any} found @param {URLSearchParams} query */
+export async function rowsView(place, found, query) {
+  const axes = [...new Set(found.datasets.map((/** @type {any} */ one) => one.axes[0]).filter(Boolean))];
+  const asked = { along: query.get("along") ?? "", filter: query.get("filter") ?? "", sort: query.get("sort") ?? "", offset: Number(query.get("offset") ?? 0) || 0, histogram: query.get("histogram") ?? "" };
+  let chosen = query.get("row") === null ? null : Number(query.get("row"));
+  const marked = new Set();
+  const filter = h("input", { type: "search", value: asked.filter, placeholder: "max_displacement_mm > 1 and family = bezier", "aria-label": "Filter", name: "filter" });
+  const trouble = h("div", {});
+  const told = h("p", { class: "soft", id: "matched", "aria-live": "polite" });
+  const histogram = h("div", {});
+  const cards = h("div", { class: "cards" });
+  const tableBox = h("div", {});
+  const pages = h("div", { class: "tools" });
+  const one = h("div", { id: "sample" });
+  const counted = h("span", {});
+  let turn = 0;
+
+  const fill = async () => {
+    turn += 1;
+    const own = turn;
+    const words = new URLSearchParams({ limit: String(PAGE), offset: String(asked.offset) });
+    for (const name of /** @type {const} */ (["along", "filter", "sort", "histogram"])) if (asked[name]) words.set(name, asked[name]);
+    const link = new URLSearchParams(words);
+    link.delete("limit");
+    link.set("tab", "rows");
+    if (chosen !== null) link.set("row", String(chosen));
+    history.replaceState(null, "", `#/artifacts/${found.digest}?${link}`);
+    try {
+      const began = performance.now();
+      const answer = await json(`artifacts/${found.digest}/rows?${words}`);
+      if (own !== turn) return;
+      replace(trouble);
+      told.textContent = `${answer.matched} of ${answer.total} rows`;
+      told.dataset.matched = String(answer.matched);
+      told.title = `${number(performance.now() - began, 3)} ms`;
+      asked.along = answer.axis;
+      show(answer);
+      await pictures(answer);
+    } catch (error) {
+      if (own === turn) replace(trouble, problem(error));
+    }
+  };
+  const soon = settled(() => {
+    asked.filter = filter.value;
+    asked.offset = 0;
+    void fill();
+  }, 200);
+  filter.addEventListener("input", soon);
+
+  /** @param {any} answer */
+  const show = (answer) => {
+    const sorted = asked.sort.replace(/^-/, "");
+    const head = (/** @type {any} */ column) => h(
+      "th",
+      { scope: "col", class: column.is_text ? null : "number", title: column.description, "aria-sort": sorted === column.name ? (asked.sort.startsWith("-") ? "descending" : "ascending") : null },
+      h("button", { type: "button", onclick: () => {
+        asked.sort = asked.sort === column.name ? `-${column.name}` : asked.sort === `-${column.name}` ? "" : column.name;
+        asked.offset = 0;
+        void fill();
+      } }, column.name, sorted === column.name ? (asked.sort.startsWith("-") ? " ↓" : " ↑") : ""),
+    );
+    const row = (/** @type {any[]} */ values, /** @type {number} */ at) => {
+      const id = answer.numbers[at];
+      const mark = h("input", { type: "checkbox", checked: marked.has(id), "aria-label": `Mark row ${id}`, onchange: () => {
+        if (mark.checked) marked.add(id);
+        else marked.delete(id);
+        counted.textContent = `${marked.size} marked`;
+      } });
+      return h("tr", { "aria-selected": String(id === chosen) }, h("td", {}, mark), h("td", {}, h("button", { type: "button", onclick: () => choose(id, answer) }, String(id))), values.map((value, k) => h("td", { class: answer.columns[k].is_text ? "cut" : "number" }, typeof value === "number" ? number(value, 6) : value ?? "–")));
+    };
+    replace(tableBox, h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Rows" }, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, ""), h("th", { scope: "col" }, "row"), answer.columns.map(head))), h("tbody", {}, answer.rows.map(row)))));
+    const last = Math.min(asked.offset + answer.rows.length, answer.matched);
+    const page = (/** @type {string} */ text, /** @type {number} */ offset, /** @type {boolean} */ off) => h("button", { type: "button", disabled: off, onclick: () => {
+      asked.offset = offset;
+      void fill();
+    } }, text);
+    replace(pages, page("Before", Math.max(0, asked.offset - PAGE), asked.offset === 0), h("span", {}, answer.matched ? `${asked.offset + 1} to ${last} of ${answer.matched}` : "none"), page("After", asked.offset + PAGE, last >= answer.matched));
+    const columns = [["", "no histogram"], ...answer.columns.map((/** @type {any} */ column) => [column.name, column.name])];
+    const select = (/** @type {string} */ condition) => {
+      filter.value = [filter.value.trim(), condition].filter(Boolean).join(" and ");
+      soon();
+    };
+    const counts = answer.histogram;
+    replace(
+      histogram,
+      labelled("Histogram of", choice("histogram", /** @type {any} */ (columns), asked.histogram, (name) => {
+        asked.histogram = name;
+        void fill();
+      })),
+      counts?.texts ? h("div", { class: "tools" }, counts.texts.map((/** @type {[string, number]} */ [text, count]) => h("button", { type: "button", onclick: () => select(`${asked.histogram} = "${text}"`) }, `${text}: ${count}`))) : null,
+      counts?.counts ? charts.bars(counts, asked.histogram, (low, high) => select(`${asked.histogram} >= ${low} and ${asked.histogram} <= ${high}`)) : null,
+    );
+  };
+
+  /** @param {any} answer */
+  const pictures = async (answer) => {
+    const { patterns } = drawn(found, answer.axis);
+    if (!patterns || !answer.numbers.length) {
+      replace(cards);
+      replace(one);
+      return;
+    }
+    const { arrays } = await frame(`artifacts/${found.digest}/arrays?paths=${encodeURIComponent(patterns.path)}&rows=${answer.numbers.join(",")}`);
+    const { shape, data } = arrays[patterns.path];
+    const cells = shape[1] * shape[2];
+    const label = answer.columns.findIndex((/** @type {any} */ column) => /max_displacement|value_mm|error/.test(column.name));
+    const card = (/** @type {number} */ id, /** @type {number} */ at) => {
+      const canvas = h("canvas", { "aria-hidden": "true" });
+      const text = label < 0 ? "" : ` ${number(answer.rows[at][label], 4)}`;
+      const button = h("button", { type: "button", class: "card", "aria-pressed": String(id === chosen), onclick: () => choose(id, answer) }, canvas, `row ${id}${text}`);
+      return { button, canvas, pattern: new Pattern(shape[2], shape[1], Uint8Array.from(data.slice(at * cells, (at + 1) * cells))) };
+    };
+    const made = answer.numbers.map(card);
+    replace(cards, made.map((/** @type {any} */ one) => one.button));
+    made.forEach((/** @type {any} */ one) => drawPattern(one.canvas, one.pattern));
+    if (chosen !== null) await sample(chosen, answer);
+  };
+
+  /** @param {number} id @param {any} answer */
+  const choose = (id, answer) => {
+    chosen = id;
+    void fill();
+    void answer;
+  };
+
+  /** One sample with its field, its eight images, and where it comes from. @param {number} id @param {any} answer */
+  const sample = async (id, answer) => {
+    const { patterns, field } = drawn(found, answer.axis);
+    const paths = [patterns, field].filter(Boolean).map((/** @type {any} */ array) => array.path);
+    const { arrays } = await frame(`artifacts/${found.digest}/arrays?paths=${encodeURIComponent(paths.join(","))}&rows=${id}`);
+    const { shape, data } = arrays[patterns.path];
+    const pattern = new Pattern(shape[2], shape[1], Uint8Array.from(data));
+    const at = answer.numbers.indexOf(id);
+    const values = at < 0 ? [] : answer.columns.map((/** @type {any} */ column, /** @type {number} */ k) => [column.name, answer.rows[at][k]]);
+    const left = h("canvas", { role: "img", "aria-label": "Pattern" });
+    const right = h("canvas", { role: "img", "aria-label": "Field" });
+    const images = Array.from({ length: pattern.columns === pattern.rows ? 8 : 4 }, () => h("canvas", { "aria-hidden": "true" }));
+    const displacement = field ? /** @type {Float32Array} */ (arrays[field.path].data) : null;
+    replace(
+      one,
+      h("h2", {}, `Row ${id}`),
+      h("div", { class: "pair" }, left, displacement ? right : null, h("dl", { class: "results" }, values.map(([name, value]) => [h("dt", {}, name), h("dd", {}, typeof value === "number" ? number(value, 6) : value ?? "–")]))),
+      h("h3", {}, "Its images under the symmetries"),
+      h("div", { class: "eight" }, images),
+      h("div", { class: "tools" }, h("button", { type: "button", onclick: () => {
+        try {
+          sessionStorage.setItem("deaflow drawn", JSON.stringify(pattern.asRows()));
+        } catch {
+          return;
+        }
+        location.hash = "#/sketch";
+      } }, "Open in the sketchpad")),
+    );
+    drawPattern(left, pattern, { grid: true });
+    if (displacement) {
+      const extent = /** @type {[number, number]} */ (size(found, pattern));
+      drawMembrane(right, pattern, displacement, { size: extent, scale: 2, values: magnitudes(displacement, pattern.columns, pattern.rows) });
+    }
+    images.forEach((canvas, k) => drawPattern(canvas, image(pattern, k)));
+  };
+
+  replace(
+    place,
+    h(
+      "div",
+      { class: "controls" },
+      axes.length > 1 ? labelled("Rows along", choice("along", /** @type {any} */ ([["", "the usual axis"], ...axes.map((name) => [name, name])]), asked.along, (axis) => {
+        Object.assign(asked, { along: axis, sort: "", offset: 0, histogram: "" });
+        chosen = null;
+        void fill();
+      })) : null,
+      labelled("Filter", filter),
+      told,
+    ),
+    trouble,
+    histogram,
+    one,
+    cards,
+    pages,
+    tableBox,
+    h("div", { class: "tools" }, h("button", { type: "button", onclick: () => save([...marked].sort((a, b) => a - b).join("\n") + "\n", `rows-${found.digest.slice(0, 12)}.txt`) }, "Save the list of marked rows"), counted),
+  );
+  await fill();
+}
+
+/** Sides of the membrane in mm, as the scene of the artifact says them; as many as cells where it does not. @param {any} found @param {Pattern} pattern */
+function size(found, pattern) {
+  const text = found.attributes.scene ?? "";
+  const side = /side: ([\d.]+) mm/.exec(text);
+  if (side) return [Number(side[1]), Number(side[1])];
+  const both = /size: \[([\d.]+) mm, ([\d.]+) mm\]/.exec(text);
+  return both ? [Number(both[1]), Number(both[2])] : [pattern.columns, pattern.rows];
+}
+
+/** The pattern turned by quarters, or halves where it is no square, and mirrored. @param {Pattern} pattern @param {number} k */
+function image(pattern, k) {
+  const { columns, rows } = pattern;
+  const turned = new Pattern(columns, rows);
+  const square = columns === rows;
+  pattern.cells.forEach((value, at) => {
+    let [x, y] = [at % columns, Math.floor(at / columns)];
+    for (let turn = 0; turn < (square ? k % 4 : k % 2); turn += 1) [x, y] = square ? [rows - 1 - y, x] : [columns - 1 - x, rows - 1 - y];
+    if (k >= (square ? 4 : 2)) x = columns - 1 - x;
+    turned.cells[y * columns + x] = value;
+  });
+  return turned;
+}

@@ -1,0 +1,99 @@
+// Past runs: their history, one of them, and several beside each other.
+
+import { json } from "./server.js";
+import { h, number, replace, seconds, short, table, when } from "./elements.js";
+
+/** Results that a row of the history shows. */
+const RESULTS = 4;
+
+/** @param {HTMLElement} view @returns {Promise<() => void>} */
+export async function runsView(view) {
+  const chosen = new Set();
+  let ended = false;
+  const box = h("div", {});
+  const compare = h("button", { type: "button", disabled: true, onclick: () => (location.hash = `#/runs/compare/${[...chosen].join("/")}`) }, "Compare");
+  const fill = async () => {
+    const { runs, total } = await json("runs?limit=200");
+    if (ended) return;
+    const row = (/** @type {any} */ run) => {
+      const mark = h("input", { type: "checkbox", checked: chosen.has(run.id), "aria-label": `Compare run ${run.id}`, onchange: () => {
+        if (mark.checked) chosen.add(run.id);
+        else chosen.delete(run.id);
+        compare.disabled = chosen.size < 2;
+      } });
+      const built = run.stages.filter((/** @type {any} */ stage) => stage.outcome === "built").map((/** @type {any} */ stage) => stage.name);
+      const failed = run.stages.filter((/** @type {any} */ stage) => stage.outcome === "failed").map((/** @type {any} */ stage) => stage.name);
+      const results = Object.entries(run.results);
+      return [
+        mark,
+        h("a", { class: "mono", href: `#/runs/${run.id}` }, run.id),
+        when(run.created),
+        run.command === "run" ? run.pipeline : `${run.pipeline} (${run.command})`,
+        seconds(run.seconds),
+        h("span", {}, built.length > 5 ? `${built.length} of ${run.stages.length}` : built.join(", ") || "nothing", failed.length ? h("span", { class: "error" }, ` failed: ${failed.join(", ")}`) : null),
+        h("span", {}, Object.entries(run.overrides).map(([path, value]) => h("div", { class: "mono" }, `${path}=${value}`))),
+        h("span", {}, results.slice(-RESULTS).map(([name, value]) => h("div", {}, `${name} ${number(/** @type {number} */ (value))}`))),
+      ];
+    };
+    replace(box, runs.length ? table("Runs", ["", "run", "ended", "pipeline", { title: "took", number: true }, "built", "changed", "results"], runs.map(row)) : h("p", {}, "No run is remembered."), total > runs.length ? h("p", { class: "soft" }, `The last ${runs.length} of ${total}; deaflow log lists all.`) : null);
+  };
+  replace(view, h("h1", {}, "Runs"), h("div", { class: "tools" }, compare, h("span", { class: "soft" }, "mark two or more")), box);
+  await fill();
+  const listen = () => void fill().catch(() => {});
+  window.addEventListener("news", listen);
+  return () => {
+    ended = true;
+    window.removeEventListener("news", listen);
+  };
+}
+
+/** @param {HTMLElement} view @param {string} id */
+export async function runView(view, id) {
+  const run = await json(`runs/${encodeURIComponent(id)}`);
+  const stage = (/** @type {any} */ one) => [one.name, h("span", { class: one.outcome === "failed" ? "error" : null }, one.outcome), one.digest ? short(one.digest) : ""];
+  const pairs = (/** @type {Record<string, any>} */ of) => Object.entries(of).map(([name, value]) => [h("span", { class: "mono" }, name), typeof value === "number" ? number(value, 6) : String(value)]);
+  replace(
+    view,
+    h("h1", {}, `Run ${run.id}`),
+    h("p", {}, `${run.pipeline}, ${when(run.created)}, on ${run.host}, took ${seconds(run.seconds)}`),
+    h("p", { class: "mono soft" }, run.path),
+    h("h2", {}, "Stages"),
+    table("Stages", ["stage", "outcome", "artifact"], run.stages.map(stage)),
+    Object.keys(run.overrides).length ? [h("h2", {}, "Changed for this run"), table("Overrides", ["path", "value"], pairs(run.overrides))] : null,
+    h("h2", {}, "Results"),
+    table("Results", ["result", { title: "value", number: true }], pairs(run.results)),
+    h("details", {}, h("summary", {}, "Parameters"), table("Parameters", ["parameter", "value"], pairs(run.parameters))),
+  );
+}
+
+/** @param {HTMLElement} view @param {string[]} ids */
+export async function compareView(view, ids) {
+  const runs = await Promise.all(ids.map((id) => json(`runs/${encodeURIComponent(id)}`)));
+  /** Rows of what differs, or of all. @param {"parameters"|"results"} key @param {boolean} all */
+  const rows = (key, all) => {
+    const names = [...new Set(runs.flatMap((run) => Object.keys(run[key])))].sort();
+    const differs = (/** @type {string} */ name) => new Set(runs.map((run) => JSON.stringify(run[key][name]))).size > 1;
+    return names
+      .filter((name) => all || differs(name))
+      .map((name) => [h("span", { class: "mono" }, name), ...runs.map((run) => {
+        const value = run[key][name];
+        return value === undefined ? "–" : typeof value === "number" ? number(value, 6) : h("span", { class: "mono" }, String(value));
+      })]);
+  };
+  const heads = (/** @type {string} */ first, /** @type {boolean} */ are) => [first, ...runs.map((run) => ({ title: `${run.id}, ${when(run.created)}`, number: are }))];
+  const figures = runs.map((run) => {
+    const last = run.stages.filter((/** @type {any} */ stage) => ["verify", "evaluate", "design", "accuracy", "balance", "solve"].includes(stage.kind ?? "") || stage.digest).slice(-1)[0];
+    return h("div", {}, h("h3", {}, `${run.id}: ${last?.name ?? ""}`), last?.digest ? h("iframe", { sandbox: "allow-same-origin", title: `Figures of ${last.name}`, src: `/api/artifacts/${last.digest}/page` }) : null);
+  });
+  const differing = rows("parameters", false);
+  replace(
+    view,
+    h("h1", {}, `${runs.length} runs`),
+    h("h2", {}, "Parameters that differ"),
+    differing.length ? table("Parameters", heads("parameter", false), differing) : h("p", {}, "None."),
+    h("h2", {}, "Results"),
+    table("Results", heads("result", true), rows("results", true)),
+    h("h2", {}, "Figures of the last stage"),
+    h("div", { class: "pair" }, figures),
+  );
+}

@@ -1,0 +1,78 @@
+// What the page asks of the server that it came from.
+
+/** An answer that is none. */
+export class Refusal extends Error {
+  /** @param {number} status @param {{message?: string, help?: string|null, line?: number|null, column?: number|null}} error */
+  constructor(status, error) {
+    super(error.message ?? `the server answered ${status}`);
+    this.status = status;
+    this.help = error.help ?? "";
+    this.line = error.line ?? null;
+    this.column = error.column ?? null;
+  }
+}
+
+/**
+ * @param {string} path below /api/
+ * @param {{method?: string, body?: unknown, bytes?: BodyInit, signal?: AbortSignal}} [options]
+ * @returns {Promise<Response>}
+ */
+export async function ask(path, options = {}) {
+  const body = options.bytes ?? (options.body === undefined ? undefined : JSON.stringify(options.body));
+  const method = options.method ?? (body === undefined ? "GET" : "POST");
+  const response = await fetch(`/api/${path}`, { method, body, signal: options.signal, credentials: "same-origin" });
+  if (response.ok) return response;
+  let error = {};
+  try {
+    error = (await response.json()).error ?? {};
+  } catch {
+    // An answer that is no document has nothing to say.
+  }
+  throw new Refusal(response.status, error);
+}
+
+/** @param {string} path @param {Parameters<typeof ask>[1]} [options] @returns {Promise<any>} */
+export async function json(path, options) {
+  return (await ask(path, options)).json();
+}
+
+/**
+ * A document with arrays: its length as 32 bits, the document, the numbers.
+ * @param {ArrayBuffer} buffer
+ * @returns {{document: any, arrays: Record<string, {shape: number[], data: Float32Array|Uint8Array}>}}
+ */
+export function unpack(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const document = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  /** @type {Record<string, {shape: number[], data: Float32Array|Uint8Array}>} */
+  const arrays = {};
+  for (const { name, type, shape, start } of document.arrays) {
+    const count = shape.reduce((/** @type {number} */ a, /** @type {number} */ b) => a * b, 1);
+    const at = 4 + length + start;
+    arrays[name] = { shape, data: type === "f32" ? new Float32Array(buffer, at, count) : new Uint8Array(buffer, at, count) };
+  }
+  return { document, arrays };
+}
+
+/** @param {string} path @param {Parameters<typeof ask>[1]} [options] */
+export async function frame(path, options) {
+  return unpack(await (await ask(path, options)).arrayBuffer());
+}
+
+/**
+ * Documents, a line for each, as they come.
+ * @param {string} path @param {Parameters<typeof ask>[1]} options @param {(document: any) => void} each
+ */
+export async function lines(path, options, each) {
+  const response = await ask(path, options);
+  if (!response.body) return;
+  const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+  let rest = "";
+  for (;;) {
+    const { done, value } = await reader.read();
+    if (done) return;
+    const parts = (rest + value).split("\n");
+    rest = parts.pop() ?? "";
+    for (const part of parts) if (part) each(JSON.parse(part));
+  }
+}

@@ -1,0 +1,60 @@
+//! What can be drawn on.
+
+use serde_json::{Value, json};
+
+use crate::fem::effects::EFFECTS;
+use crate::pattern::Part;
+use crate::scene::Scene;
+use crate::serve::http::{Answer, Refusal, Request};
+use crate::serve::state::{NamedScene, ServedState};
+
+/// The scenes, the first of which is that of a sketch which names none.
+///
+/// # Errors
+/// When the request is not understood.
+pub fn scenes(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+    request.allow(&[])?;
+    let scenes: Vec<Value> = state.read_scenes().iter().map(document).collect();
+    Ok(json!({ "scenes": scenes }).into())
+}
+
+fn document(named: &NamedScene) -> Value {
+    let scene = &named.scene;
+    let membrane = scene.membrane();
+    let [columns, rows] = membrane.raster.sides();
+    let states: Vec<&str> = scene.states.iter().map(|(name, _)| name).collect();
+    let effect = |effect: &&dyn crate::fem::effects::Effect| {
+        json!({
+            "name": effect.name(),
+            "on": effect.is_on(&scene.effects, scene),
+            "cost": effect.cost(),
+            "in_time": effect.needs_time(),
+        })
+    };
+    json!({
+        "name": named.name,
+        "text": scene.to_text(),
+        "columns": columns,
+        "rows": rows,
+        "size_mm": membrane.size_mm,
+        "voltage": scene.voltage_v(),
+        "driven_by_charge": scene.drive.charge.is_some(),
+        "groups": scene.groups(),
+        "states": states,
+        "auto": scene.auto,
+        "effects": EFFECTS.iter().map(effect).collect::<Vec<_>>(),
+        "parts": parts(scene),
+    })
+}
+
+/// What is not membrane, row by row from below: 1 frame, 2 rigid body, else 0; none where all is membrane.
+fn parts(scene: &Scene) -> Option<Vec<u8>> {
+    let parts = scene.parts()?;
+    let [columns, rows] = scene.membrane().raster.sides();
+    let code = |at: usize| match parts.at(at % columns, at / columns) {
+        Part::Frame => 1,
+        part if part.body().is_some() => 2,
+        _ => 0,
+    };
+    Some((0..columns * rows).map(code).collect())
+}

@@ -1,0 +1,170 @@
+//! What a drawn pattern does: numbers, and fields where they are asked for.
+
+use std::time::Instant;
+
+use serde_json::{Value, json};
+
+use super::drawn::Drawn;
+use crate::design::Goal;
+use crate::fem::{CellState, MeshSolution, Method, SetupError};
+use crate::field::{Field, Simulation};
+use crate::pattern::Pattern;
+use crate::serve::held::{Bench, Setting};
+use crate::serve::http::{Answer, Array, Refusal, Request, frame};
+use crate::serve::state::ServedState;
+
+/// What can be told of each corner or cell.
+const FIELDS: [&str; 5] = ["displacement", "stress", "field", "tension", "sensitivity"];
+
+/// Simulates a pattern.
+///
+/// # Errors
+/// When the request is not understood, or the scene cannot be simulated.
+pub fn solve(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+    request.allow(&[])?;
+    let drawn: Drawn = request.json()?;
+    if let Some(other) = drawn.fields.iter().find(|field| !FIELDS.contains(&field.as_str())) {
+        return Err(
+            Refusal::bad(format!("there is no field {other:?}")).help(format!("allowed: {}", FIELDS.join(", ")))
+        );
+    }
+    let setting = drawn.setting(state)?;
+    let pattern = drawn.pattern(&setting.scene)?;
+    let goal = drawn.goal(&setting.scene, None)?;
+    let bench = state.benches.solver(&setting)?;
+    let solved = Solved::new(&setting, &bench, &pattern)?;
+    let mut document = solved.document(&setting, &pattern, goal.as_ref());
+    if !drawn.quick {
+        document["critical_voltage"] = json!(solved.critical_voltage(&bench, &pattern)?);
+        document["error"] = json!(solved.error(state, &setting, &pattern)?);
+    }
+    if drawn.fields.is_empty() {
+        return Ok(document.into());
+    }
+    let wants = |field: &str| drawn.fields.iter().any(|wanted| wanted == field);
+    let mut arrays = Vec::new();
+    let [columns, rows] = pattern.raster().sides();
+    let mut add = |name: &str, array: Array| arrays.push((name.to_owned(), array));
+    if let Some(field) = solved.simulation.field.as_ref().filter(|_| wants("displacement")) {
+        let values = field.values().iter().map(|value| *value as f32).collect();
+        add("displacement", Array::Numbers(vec![rows + 1, columns + 1, 2], values));
+    }
+    if ["stress", "field", "tension"].into_iter().any(wants)
+        && let Some(cells) = solved.cells(&bench, &pattern)?
+    {
+        let each = |of: fn(&CellState) -> f64| {
+            Array::Numbers(vec![rows, columns], cells.iter().map(|cell| of(cell) as f32).collect())
+        };
+        if wants("stress") {
+            add("stress", each(|cell| cell.stresses[0]));
+            add("least_stress", each(|cell| cell.stresses[1]));
+        }
+        if wants("field") {
+            add("field", each(|cell| cell.electric_field));
+        }
+        if wants("tension") {
+            let codes = cells.iter().map(|cell| cell.tension.code()).collect();
+            add("tension", Array::Bytes(vec![rows, columns], codes));
+        }
+    }
+    if let Some(goal) = goal.as_ref().filter(|_| wants("sensitivity")) {
+        // Of several groups of electrodes that of the drawn one is told by its share of the load.
+        if let Some(gradient) = solved.sensitivity(&bench, &pattern, goal)? {
+            let values = gradient.iter().map(|value| *value as f32).collect();
+            add("sensitivity", Array::Numbers(vec![rows, columns], values));
+        }
+    }
+    Ok(Answer::frame(frame(document, &arrays)))
+}
+
+/// A solution.
+struct Solved {
+    simulation: Simulation,
+    /// With the resolution of the mesh, where the method is Newton's.
+    whole: Option<MeshSolution>,
+    seconds: f64,
+}
+
+impl Solved {
+    fn new(setting: &Setting, bench: &Bench, pattern: &Pattern) -> Result<Self, SetupError> {
+        let start = Instant::now();
+        if setting.method == Method::Newton {
+            let solver = bench.solver.on_one_mesh()?;
+            let whole = solver.solve(pattern);
+            let seconds = start.elapsed().as_secs_f64();
+            return Ok(Self {
+                simulation: solver.simulation(pattern, &whole),
+                whole: Some(whole),
+                seconds,
+            });
+        }
+        let mut found = bench.solver.simulate(std::slice::from_ref(pattern))?;
+        Ok(Self {
+            seconds: start.elapsed().as_secs_f64(),
+            simulation: found.swap_remove(0).simulation,
+            whole: None,
+        })
+    }
+
+    fn document(&self, setting: &Setting, pattern: &Pattern, goal: Option<&Goal>) -> Value {
+        let simulation = &self.simulation;
+        let field = simulation.field.as_ref();
+        let value = |goal: &Goal| field.map(|field| goal.value_mm(std::slice::from_ref(field)));
+        json!({
+            "outcome": simulation.outcome.name(),
+            "max_displacement": field.map(Field::max_magnitude),
+            "value": goal.and_then(value),
+            "critical_voltage": null,
+            "error": null,
+            "seconds": self.seconds,
+            "bracket": simulation.outcome.bracket(),
+            "voltage": setting.scene.voltage_v(),
+            "method": setting.method.to_string(),
+            "elements_per_cell": setting.mesh.elements_per_cell(),
+            "order": setting.mesh.order().degree(),
+            "area": pattern.area_fraction(),
+            "newton_iterations": simulation.newton_iterations,
+        })
+    }
+
+    /// The voltage in V at which stability is lost on the mesh; `None` where that is not found, or an estimate says nothing of it.
+    fn critical_voltage(&self, bench: &Bench, pattern: &Pattern) -> Result<Option<f64>, SetupError> {
+        let Some(whole) = self.whole.as_ref().filter(|_| bench.scene.drive.charge.is_none()) else {
+            return Ok(None);
+        };
+        if pattern.active_cells() == 0 {
+            return Ok(None);
+        }
+        let report = bench.solver.on_one_mesh()?.stability(pattern, whole);
+        Ok(report.critical.map(|[stable, unstable]| 0.5 * (stable + unstable)))
+    }
+
+    /// The largest difference in mm, over the cell corners, from Newton's method on a finer mesh; `None` where one of them has no field.
+    fn error(&self, state: &ServedState, setting: &Setting, pattern: &Pattern) -> Result<Option<f64>, Refusal> {
+        let Some(field) = &self.simulation.field else {
+            return Ok(None);
+        };
+        let Some(bench) = state.benches.finer(setting)? else {
+            return Ok(None);
+        };
+        let finer = bench.solver.simulate(std::slice::from_ref(pattern))?.swap_remove(0);
+        Ok(finer.simulation.field.map(|finer| field.max_difference(&finer)))
+    }
+
+    /// The state of each cell; `None` without a stable solution by Newton's method.
+    fn cells(&self, bench: &Bench, pattern: &Pattern) -> Result<Option<Vec<CellState>>, SetupError> {
+        let Some(whole) = self.whole.as_ref().filter(|whole| whole.outcome.is_converged()) else {
+            return Ok(None);
+        };
+        Ok(Some(bench.solver.on_one_mesh()?.cell_states(pattern, whole)))
+    }
+
+    /// How the value changes with the activity of each cell, mm; `None` where there is no adjoint.
+    fn sensitivity(&self, bench: &Bench, pattern: &Pattern, goal: &Goal) -> Result<Option<Vec<f64>>, SetupError> {
+        let (Some(whole), Some(field)) = (&self.whole, &self.simulation.field) else {
+            return Ok(None);
+        };
+        let slope = goal.slope(std::slice::from_ref(field)).swap_remove(0);
+        Ok(bench.solver.on_one_mesh()?.gradient(pattern, whole, &slope))
+    }
+}

@@ -1,0 +1,829 @@
+//! The store and the sketchpad in a browser: what is served over the wire, who is let in, and what a person sees.
+
+mod server;
+mod tab;
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use rustix::process::Signal;
+use serde_json::{Value, json};
+
+use super::common::{Workspace, csv, files, scene_file};
+use server::Server;
+use tab::Tab;
+
+/// A disc about the middle, which stays stable.
+fn disc(x: usize, y: usize) -> bool {
+    let from = |at: usize| (at as f64 - 24.5).powi(2);
+    from(x) + from(y) < 120.0
+}
+
+fn rows(active: impl Fn(usize, usize) -> bool) -> Value {
+    let row = |y: usize| (0..50).map(|x| u8::from(active(x, y))).collect::<Vec<_>>();
+    json!((0..50).map(row).collect::<Vec<_>>())
+}
+
+fn with_scene() -> Workspace {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &scene_file());
+    workspace
+}
+
+/// What `deaflow solve` finds of a pattern: its largest displacement in mm, exit code and outcome.
+fn solved(workspace: &Workspace, pattern: &str, scene: &str, options: &[&str]) -> (f64, Option<i32>, String) {
+    let ended = workspace.run(&[&["solve", scene, pattern, "-o", "out.h5"], options].concat());
+    let shown = workspace.run(&["show", "out.h5", "--csv"]);
+    let mut lines = shown.stdout.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let row: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let of = |name: &str| {
+        row[header
+            .iter()
+            .position(|head| *head == name)
+            .unwrap_or_else(|| panic!("{header:?}"))]
+    };
+    (
+        of("max_displacement_mm").parse().unwrap(),
+        ended.code,
+        of("outcome").to_owned(),
+    )
+}
+
+#[test]
+fn a_drawn_pattern_is_solved_as_the_command_solves_it() {
+    let workspace = with_scene();
+    workspace.write("disc.csv", &csv(disc));
+    workspace.write("high.yaml", &scene_file().replace("5.25 kV", "9 kV"));
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    for (body, options) in [
+        (json!({}), &[][..]),
+        (
+            json!({ "elements_per_cell": 1, "order": 2 }),
+            &["--elements-per-cell", "1", "--order", "2"],
+        ),
+        (json!({ "method": "chord:2" }), &["--method", "chord:2"]),
+    ] {
+        let mut body = body;
+        body["pattern"] = rows(disc);
+        body["point"] = json!([35, "20 mm"]);
+        body["direction"] = json!("90 deg");
+        let reply = server.post("/api/sketch", &body);
+        assert_eq!(reply.status, 200, "{}", reply.text());
+        let found = reply.json();
+        let (largest, _, outcome) = solved(&workspace, "disc.csv", "scene.yaml", options);
+        assert_eq!(found["outcome"], outcome.as_str());
+        let drawn = found["max_displacement"].as_f64().unwrap();
+        assert!((drawn - largest).abs() < 1e-6, "{options:?}: {drawn} and {largest}");
+        assert!(found["value"].as_f64().unwrap().abs() < largest);
+        let error = found["error"].as_f64().unwrap();
+        assert!((0.0..0.1 * largest).contains(&error), "{found}");
+        assert!(found["seconds"].as_f64().unwrap() > 0.0);
+        if options.is_empty() {
+            let critical = found["critical_voltage"].as_f64().unwrap();
+            assert!((5250.0..9000.0).contains(&critical), "{found}");
+        }
+    }
+    let high = server
+        .post("/api/sketch", &json!({ "pattern": rows(disc), "voltage": "9 kV" }))
+        .json();
+    let (_, code, outcome) = solved(&workspace, "disc.csv", "high.yaml", &[]);
+    assert_eq!(
+        (code, high["outcome"].as_str()),
+        (Some(3), Some(outcome.as_str())),
+        "{high}"
+    );
+    assert!(high["max_displacement"].is_null() && high["value"].is_null());
+    let bracket = &high["bracket"];
+    let critical = high["critical_voltage"].as_f64().unwrap();
+    assert!(bracket[0].as_f64().unwrap() <= critical && critical <= bracket[1].as_f64().unwrap());
+}
+
+#[test]
+fn fields_and_sensitivities_come_as_frames() {
+    let workspace = with_scene();
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    let mut body = json!({ "pattern": rows(|x, _| x < 25), "point": [25, 25], "direction": 0, "quick": true,
+        "fields": ["displacement", "stress", "field", "tension", "sensitivity"] });
+    let reply = server.post("/api/sketch", &body);
+    let (document, data) = reply.frame();
+    let numbers = |name: &str| -> Vec<f32> {
+        let arrays = document["arrays"].as_array().unwrap();
+        let array = arrays
+            .iter()
+            .find(|array| array["name"] == name)
+            .unwrap_or_else(|| panic!("{document}"));
+        let count: u64 = array["shape"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|n| n.as_u64().unwrap())
+            .product();
+        let start = array["start"].as_u64().unwrap() as usize;
+        let each = data[start..start + 4 * count as usize].chunks_exact(4);
+        each.map(|four| f32::from_le_bytes(four.try_into().unwrap())).collect()
+    };
+    let moved = numbers("displacement");
+    let largest = moved
+        .chunks_exact(2)
+        .map(|u| f64::from(u[0]).hypot(f64::from(u[1])))
+        .fold(0.0, f64::max);
+    assert!((largest - document["max_displacement"].as_f64().unwrap()).abs() < 1e-6);
+    assert!(numbers("stress").iter().all(|stress| *stress > 0.0));
+    assert_eq!(numbers("field").iter().filter(|field| **field > 0.0).count(), 1250);
+    // The sensitivity of a cell is what the value changes by, to first order, where the cell becomes active in part: its sign is that of
+    // the change where the whole cell does.
+    let sensitivity = numbers("sensitivity");
+    let value = document["value"].as_f64().unwrap();
+    body["fields"] = json!([]);
+    for (x, y) in [(26, 25), (40, 25), (26, 40)] {
+        body["pattern"] = rows(|a, b| a < 25 || (a, b) == (x, y));
+        let changed = server.post("/api/sketch", &body).json()["value"].as_f64().unwrap() - value;
+        let told = f64::from(sensitivity[50 * y + x]);
+        assert_eq!(changed > 0.0, told > 0.0, "({x}, {y}): {changed} and {told}");
+        assert!(
+            changed.abs() < 3.0 * told.abs() && told.abs() < 3.0 * changed.abs(),
+            "({x}, {y}): {changed} and {told}"
+        );
+    }
+}
+
+#[test]
+fn a_search_is_told_step_by_step_and_gains() {
+    let workspace = with_scene();
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    let body = json!({ "pattern": rows(disc), "point": [25, 25], "direction": 0, "area": 0.3 });
+    let reply = server.post("/api/sketch/improve", &body);
+    assert_eq!(reply.status, 200, "{}", reply.text());
+    let steps: Vec<Value> = reply
+        .text()
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    let last = steps.last().unwrap();
+    assert_eq!(last["done"], true, "{last}");
+    let values: Vec<f64> = steps.iter().map(|step| step["value"].as_f64().unwrap()).collect();
+    assert!(
+        steps.len() > 2 && values.windows(2).all(|pair| pair[1] >= pair[0]),
+        "{values:?}"
+    );
+    assert!((last["area"].as_f64().unwrap() - 0.3).abs() <= 0.0051);
+    let mut again = body.clone();
+    again["pattern"] = last["pattern"].clone();
+    again.as_object_mut().unwrap().remove("area");
+    (again["elements_per_cell"], again["order"]) = (json!(1), json!(2));
+    let found = server.post("/api/sketch", &again).json();
+    assert!((found["value"].as_f64().unwrap() - last["value"].as_f64().unwrap()).abs() < 1e-6);
+    let none = server.post("/api/sketch/improve", &json!({ "pattern": rows(disc) }));
+    assert_eq!(none.status, 400, "{}", none.text());
+}
+
+#[test]
+fn files_of_drawn_patterns_are_read_back_as_they_were_drawn() {
+    let workspace = with_scene();
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    for format in ["csv", "npy", "png"] {
+        let file = server.post(
+            "/api/sketch/export",
+            &json!({ "pattern": rows(disc), "format": format }),
+        );
+        assert_eq!(file.status, 200, "{}", file.text());
+        assert!(
+            file.head.contains(&format!("filename=\"drawn.{format}\"")),
+            "{}",
+            file.head
+        );
+        let read = server.request(
+            "POST",
+            &format!("/api/sketch/import?format={format}"),
+            &[&server.bearer()],
+            &file.body,
+        );
+        assert_eq!(read.json()["patterns"], json!([rows(disc)]), "{format}");
+        std::fs::write(workspace.path(&format!("mine.{format}")), &file.body).unwrap();
+        let name = format!("mine.{format}");
+        assert_eq!(
+            workspace.run(&["solve", "scene.yaml", &name, "-o", "out.h5"]).code,
+            Some(0)
+        );
+    }
+    for format in ["svg", "dxf", "gbr"] {
+        let file = server.post(
+            "/api/sketch/export",
+            &json!({ "pattern": rows(disc), "format": format, "smooth": true }),
+        );
+        assert!(file.status == 200 && file.body.len() > 500, "{format}");
+    }
+    let wrong = server.request("POST", "/api/sketch/import?format=csv", &[&server.bearer()], b"1,2\n");
+    assert_eq!(wrong.status, 400, "{}", wrong.text());
+    assert!(wrong.json()["error"]["help"].as_str().unwrap().contains("50"));
+}
+
+#[test]
+fn nobody_is_let_in_without_the_token_or_from_elsewhere() {
+    let workspace = with_scene();
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    let (bearer, port) = (server.bearer(), server.port);
+    let ask = |lines: &[&str]| server.request("GET", "/api/start", lines, b"").status;
+    assert_eq!(ask(&[&bearer]), 200);
+    assert_eq!(ask(&[]), 401);
+    assert_eq!(ask(&["Authorization: Bearer 00"]), 401);
+    let own = format!("Origin: http://127.0.0.1:{port}");
+    assert_eq!(ask(&[&bearer, &own]), 200);
+    for line in [
+        "Host: evil.example",
+        "Host: 127.0.0.1",
+        "Origin: http://evil.example",
+        "Origin: null",
+        "Sec-Fetch-Site: cross-site",
+    ] {
+        assert_eq!(ask(&[&bearer, line]), 403, "{line}");
+    }
+    for line in [
+        format!("Host: [::1]:{port}"),
+        format!("Origin: http://localhost:{port}"),
+    ] {
+        assert_eq!(ask(&[&bearer, &line]), 403, "{line}");
+    }
+    // The page itself is shown to nobody else either.
+    assert_eq!(server.request("GET", "/", &[], b"").status, 401);
+    assert_eq!(server.request("GET", "/?token=00", &[], b"").status, 401);
+    assert_eq!(server.request("GET", "/sketch.js", &[], b"").status, 401);
+    let entered = server.request("GET", &format!("/?token={}", server.token), &[], b"");
+    assert_eq!(entered.status, 200);
+    let head = entered.head.to_ascii_lowercase();
+    let cookie = head.lines().find_map(|line| line.strip_prefix("set-cookie: ")).unwrap();
+    assert!(
+        cookie.contains("httponly") && cookie.contains("samesite=strict"),
+        "{cookie}"
+    );
+    let cookie = format!("Cookie: {}", cookie.split(';').next().unwrap());
+    assert_eq!(ask(&[&cookie]), 200);
+    let policy = head
+        .lines()
+        .find_map(|line| line.strip_prefix("content-security-policy: "))
+        .unwrap();
+    assert!(
+        policy.contains("script-src 'self';") && !policy.contains("unsafe"),
+        "{policy}"
+    );
+    for name in ["main.js", "sketch.js", "page.css"] {
+        assert_eq!(
+            server.request("GET", &format!("/{name}"), &[&cookie], b"").status,
+            200,
+            "{name}"
+        );
+    }
+    // The other side of the machine's addresses is not listened on.
+    let all = std::fs::read_to_string("/proc/net/tcp").unwrap_or_default();
+    let hex = format!(":{port:04X}");
+    let listening = all.lines().filter(|line| {
+        line.contains(" 0A ")
+            && line
+                .split_whitespace()
+                .nth(1)
+                .is_some_and(|local| local.ends_with(&hex))
+    });
+    assert!(listening.into_iter().all(|line| line.contains("0100007F:")), "{all}");
+}
+
+#[test]
+fn what_is_asked_cannot_reach_files_or_change_anything() {
+    let workspace = Workspace::small();
+    workspace.stages(&["run", "small.yaml"]);
+    workspace.write("secret.yaml", &scene_file());
+    let before = files(&workspace.path("store"));
+    let server = Server::start(&workspace, &["serve", "small.yaml"]);
+    for path in [
+        "/../small.yaml",
+        "/..%2fsmall.yaml",
+        "/api/artifacts/..%2f..%2fsmall.yaml",
+        "/api/artifacts/%2e%2e",
+        "/api/pipelines/..%2fsecret.yaml",
+        "/api/runs/..",
+        "/small.yaml",
+        "/etc/passwd",
+        "//etc/passwd",
+        "/api/pipelines/secret.yaml",
+    ] {
+        let reply = server.get(path);
+        assert_eq!(reply.status, 404, "{path}: {}", reply.text());
+    }
+    for body in [
+        json!({ "pipeline": "secret.yaml" }),
+        json!({ "set": { "scene": "secret.yaml" } }),
+        json!({ "set": { "stages.small.files": ["/etc/passwd"] } }),
+        json!({ "set": { "scene.geometry.frame": { "mask": "/etc/passwd" } } }),
+    ] {
+        let reply = server.post("/api/plan", &body);
+        assert!(matches!(reply.status, 400 | 404), "{body}: {}", reply.text());
+        assert!(!reply.text().contains("root:"));
+    }
+    let masked = scene_file().replace("cells: 50", "cells: 50, frame: { mask: /etc/passwd }");
+    let reply = server.post("/api/sketch", &json!({ "scene": masked, "pattern": rows(disc) }));
+    assert_eq!(reply.status, 400, "{}", reply.text());
+    for (method, path) in [("POST", "/api/run"), ("DELETE", "/api/run")] {
+        assert_eq!(
+            server.request(method, path, &[&server.bearer()], b"{}").status,
+            403,
+            "{method}"
+        );
+    }
+    for method in ["PUT", "PATCH", "DELETE", "OPTIONS", "TRACE"] {
+        assert_eq!(
+            server.request(method, "/api/runs", &[&server.bearer()], b"").status,
+            405,
+            "{method}"
+        );
+    }
+    let long = vec![b' '; (4 << 20) + 1];
+    assert_eq!(
+        server.request("POST", "/api/sketch", &[&server.bearer()], &long).status,
+        413
+    );
+    assert_eq!(
+        server.request("POST", "/api/sketch", &[&server.bearer()], b"[").status,
+        400
+    );
+    let ended = server.end(Signal::INT);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert_eq!(files(&workspace.path("store")), before, "nothing is left behind");
+    // Nothing is held that a collection would wait for.
+    assert_eq!(workspace.run(&["gc", "--keep-runs", "1", "-n"]).code, Some(0));
+}
+
+#[test]
+fn runs_artifacts_and_rows_are_those_of_the_commands() {
+    let workspace = Workspace::small();
+    let digests = workspace.stages(&["run", "small.yaml"]).digests();
+    let server = Server::start(&workspace, &["serve", "small.yaml"]);
+    let log = workspace.run(&["log", "--json"]).json();
+    assert_eq!(server.get("/api/runs").json()["runs"], log["runs"]);
+    let id = log["runs"][0]["id"].as_str().unwrap();
+    let run = server.get(&format!("/api/runs/{id}")).json();
+    assert_eq!(run["parameters"]["stages.small.count"], "4", "{run}");
+    let listed = server.get("/api/artifacts").json();
+    let listed: BTreeSet<&str> = listed["artifacts"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|one| one["digest"].as_str().unwrap())
+        .collect();
+    assert_eq!(listed, digests.values().map(String::as_str).collect());
+    let solved = &digests["solved"];
+    let artifact = server.get(&format!("/api/artifacts/{solved}")).json();
+    assert_eq!(
+        (artifact["kind"].as_str(), artifact["digest"].as_str()),
+        (Some("solve"), Some(solved.as_str()))
+    );
+    assert_eq!(
+        server.get(&format!("/api/artifacts/{}", &solved[..12])).json(),
+        artifact
+    );
+    // The rows are those of `show --csv`, with the area beside.
+    let shown = workspace.run(&["show", "solved", "--csv"]).stdout;
+    let header: Vec<&str> = shown.lines().next().unwrap().split(',').collect();
+    let column = header.iter().position(|name| *name == "max_displacement_mm").unwrap();
+    let mut expected: Vec<f64> = shown
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').nth(column).unwrap().parse().unwrap())
+        .collect();
+    let rows = |query: &str| server.get(&format!("/api/artifacts/{solved}/rows?{query}"));
+    let all = rows("sort=-max_displacement_mm").json();
+    let place = |name: &str| {
+        all["columns"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .position(|column| column["name"] == name)
+            .unwrap()
+    };
+    let values = |answer: &Value, at: usize| -> Vec<f64> {
+        answer["rows"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|row| row[at].as_f64().unwrap())
+            .collect()
+    };
+    let at = place("max_displacement_mm");
+    expected.sort_by(|a, b| b.total_cmp(a));
+    assert_eq!(values(&all, at), expected);
+    let middle = expected[expected.len() / 2];
+    let some = rows(&format!(
+        "filter=max_displacement_mm+%3E%3D+{middle}+and+family+%3D+small-grid&histogram=area&bins=4"
+    ))
+    .json();
+    assert!(
+        some["matched"].as_u64().unwrap() < some["total"].as_u64().unwrap(),
+        "{some}"
+    );
+    assert!(values(&some, at).iter().all(|value| *value >= middle));
+    let counts: u64 = some["histogram"]["counts"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|n| n.as_u64().unwrap())
+        .sum();
+    assert_eq!(Some(counts), some["matched"].as_u64());
+    assert_eq!(rows("filter=nothing+%3D+1").status, 400);
+    assert_eq!(rows("limit=many").status, 400);
+    assert_eq!(rows("fliter=x").status, 400);
+    // Pictures: the same cells as in the table's area, from whichever chunk.
+    let total = all["total"].as_u64().unwrap();
+    let reply = server.get(&format!(
+        "/api/artifacts/{solved}/arrays?paths=patterns,displacement&rows=0,{}",
+        total - 1
+    ));
+    let (document, data) = reply.frame();
+    assert_eq!(document["arrays"][0]["shape"], json!([2, 50, 50]));
+    let plain = rows("").json();
+    for (k, row) in [0, total as usize - 1].into_iter().enumerate() {
+        let active = data[k * 2500..(k + 1) * 2500].iter().filter(|cell| **cell == 1).count();
+        assert!((plain["rows"][row][place("area")].as_f64().unwrap() - active as f64 / 2500.0).abs() < 1e-12);
+    }
+    assert_eq!(
+        server
+            .get(&format!("/api/artifacts/{solved}/arrays?paths=patterns&rows={total}"))
+            .status,
+        404
+    );
+    for digest in digests.values() {
+        let page = server.get(&format!("/api/artifacts/{digest}/page"));
+        assert_eq!(page.status, 200, "{}", page.text());
+        assert!(!page.text().contains("<script") && page.head.contains("default-src 'none'"));
+    }
+}
+
+#[test]
+fn a_plan_is_that_of_the_command() {
+    let workspace = Workspace::small();
+    workspace.stages(&["run", "small.yaml"]);
+    let server = Server::start(&workspace, &["serve", "small.yaml", "--allow-run"]);
+    let planned = |set: &str| workspace.run(&["plan", "small.yaml", "--json", "--set", set]).json();
+    let asked = |path: &str, value: Value| {
+        let reply = server.post("/api/plan", &json!({ "pipeline": 0, "set": { path: value } }));
+        assert_eq!(reply.status, 200, "{}", reply.text());
+        reply.json()
+    };
+    for (path, value, set) in [
+        ("scene.drive.voltage", json!("4 kV"), "scene.drive.voltage=4 kV"),
+        ("stages.balanced.target", json!(3), "stages.balanced.target=3"),
+        ("stages.small.count", json!(4), "stages.small.count=4"),
+    ] {
+        let (own, command) = (asked(path, value), planned(set));
+        for key in ["pipeline", "stages", "unpriced"] {
+            assert_eq!(own[key], command[key], "{set}: {key}");
+        }
+    }
+    let wrong = server.post("/api/plan", &json!({ "set": { "stages.small.cuont": 3 } }));
+    assert_eq!(wrong.status, 400);
+    assert!(
+        wrong.json()["error"]["help"].as_str().unwrap().contains("count"),
+        "{}",
+        wrong.text()
+    );
+    // A run from here is one of `deaflow run`, and ends.
+    let begun = server.post("/api/run", &json!({ "set": { "stages.balanced.target": 3 } }));
+    assert_eq!(begun.status, 200, "{}", begun.text());
+    let told = (0..600).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(100));
+        let told = server.get("/api/run").json();
+        (told["running"] == false).then_some(told)
+    });
+    assert_eq!(told.unwrap()["exit_code"], 0);
+    assert_eq!(
+        asked("stages.balanced.target", json!(3))["stages"][3]["outcome"],
+        "reused"
+    );
+}
+
+#[test]
+fn no_request_brings_the_server_down() {
+    let workspace = Workspace::small();
+    let digests = workspace.stages(&["run", "small.yaml"]).digests();
+    let server = Server::start(&workspace, &["serve", "small.yaml"]);
+    let solved = &digests["solved"];
+    let paths = [
+        "/api/start".to_owned(),
+        "/api/scenes".into(),
+        "/api/status".into(),
+        "/api/pipelines".into(),
+        "/api/pipelines/0".into(),
+        "/api/runs".into(),
+        "/api/artifacts".into(),
+        format!("/api/artifacts/{solved}"),
+        format!("/api/artifacts/{solved}/rows"),
+        format!("/api/artifacts/{solved}/arrays"),
+        format!("/api/artifacts/{solved}/page"),
+        "/api/plan".into(),
+        "/api/run".into(),
+        "/api/sketch".into(),
+        "/api/sketch/improve".into(),
+        "/api/sketch/screen".into(),
+        "/api/sketch/export".into(),
+        "/api/sketch/import".into(),
+        "/".into(),
+        "/sketch.js".into(),
+    ];
+    // SplitMix64 (Steele, Lea and Flood 2014), so that a failure comes again.
+    let mut state = 20_u64;
+    let mut draw = |below: usize| {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = state;
+        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ z >> 31) % below as u64) as usize
+    };
+    let keys = [
+        "scene",
+        "pattern",
+        "voltage",
+        "method",
+        "elements_per_cell",
+        "order",
+        "point",
+        "direction",
+        "effects",
+        "fields",
+        "quick",
+        "area",
+        "constraints",
+        "format",
+        "size",
+        "smooth",
+        "state",
+        "set",
+        "pipeline",
+        "until",
+    ];
+    let values = [
+        "null",
+        "1",
+        "-1",
+        "0.5",
+        "1e308",
+        "\"\"",
+        "\"newton\"",
+        "\"chord:999\"",
+        "\"5 kV\"",
+        "[]",
+        "[[1]]",
+        "{}",
+        "[25,25]",
+        "true",
+        "\"\\u0000\\u202e\"",
+        "{\"scene.drive.voltage\":\"1 kV\"}",
+        "{\"a\":1}",
+        "\"small\"",
+        "[\"wrinkling\"]",
+        "99999999999999999999",
+        "[1,[2]]",
+    ];
+    let words = [
+        "filter=a+%3E+1",
+        "filter=%FF",
+        "sort=-area",
+        "limit=-1",
+        "limit=1000",
+        "offset=999999999999",
+        "histogram=family",
+        "bins=0",
+        "along=nothing",
+        "rows=0,1,99999",
+        "rows=x",
+        "paths=patterns",
+        "paths=..%2f",
+        "format=png",
+        "scene=small",
+        "token=x",
+        "%00=%00",
+    ];
+    let pattern = rows(disc).to_string();
+    for round in 0..1000 {
+        let path = &paths[draw(paths.len())];
+        let method = ["GET", "POST", "POST", "DELETE"][draw(4)];
+        let query: Vec<&str> = (0..draw(3)).map(|_| words[draw(words.len())]).collect();
+        let entries: Vec<String> = (0..draw(5))
+            .map(|_| {
+                let value = if draw(8) == 0 {
+                    pattern.as_str()
+                } else {
+                    values[draw(values.len())]
+                };
+                format!("\"{}\":{value}", keys[draw(keys.len())])
+            })
+            .collect();
+        let mut body = format!("{{{}}}", entries.join(",")).into_bytes();
+        if draw(4) == 0 {
+            let at = draw(body.len());
+            body[at] = draw(256) as u8;
+        }
+        let target = format!("{path}?{}", query.join("&"));
+        let reply = server.request(method, &target, &[&server.bearer()], &body);
+        assert!(
+            (200..500).contains(&reply.status),
+            "{round}: {method} {target} {}: {} {}",
+            String::from_utf8_lossy(&body),
+            reply.status,
+            reply.text()
+        );
+    }
+    // What is no HTTP is closed or refused, and all others are still served.
+    for bytes in [
+        &b"\x00\x01\x02\r\n\r\n"[..],
+        b"GET / HTTP/9.9\r\n\r\n",
+        b"GET /api/start HTTP/1.1\r\n\r\n",
+        &[b'A'; 100_000],
+    ] {
+        assert!(server.raw(bytes).status < 500);
+    }
+    assert_eq!(server.get("/api/start").status, 200);
+    let ended = server.end(Signal::TERM);
+    assert_eq!(ended.code, Some(0));
+    assert!(!ended.stderr.contains("panicked"), "{}", ended.stderr);
+}
+
+/// Where photographs are to be kept, for who writes the documentation.
+fn album() -> Option<std::path::PathBuf> {
+    std::env::var_os("DEAFLOW_ALBUM").map(Into::into)
+}
+
+fn photographed(tab: &mut Tab, name: &str) {
+    for (width, look) in [(1440, "light"), (1440, "dark"), (390, "light"), (390, "dark")] {
+        tab.screen(width, 900, look);
+        std::thread::sleep(Duration::from_millis(400));
+        assert!(tab.overflow() <= 0.0, "{name} at {width} px is wider than the screen");
+        if let Some(album) = album() {
+            tab.photograph(&album.join(format!("{name}-{width}-{look}.png")));
+        }
+    }
+    tab.screen(1440, 900, "light");
+}
+
+#[test]
+fn strokes_on_the_sketchpad_are_solved_and_limits_are_told() {
+    let Some(mut tab) = Tab::open() else { return };
+    let workspace = with_scene();
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    tab.screen(1440, 900, "light");
+    tab.go(&server.url);
+    tab.until("document.querySelector('#outcome')");
+    assert_eq!(
+        tab.value("location.search"),
+        "",
+        "the token does not stay in the address"
+    );
+    tab.stroke("#pad", &[[0.2, 0.3], [0.4, 0.5], [0.5, 0.3], [0.6, 0.7]]);
+    tab.click("[data-tool=ellipse]");
+    tab.stroke("#pad", &[[0.6, 0.6], [0.9, 0.9]]);
+    let settled = "document.querySelector('#error').textContent.includes('mm')";
+    tab.until(settled);
+    // The pattern is what the page itself would save.
+    let drawn = tab.value("JSON.parse(localStorage.getItem('deaflow scene'))");
+    let cells = |x: usize, y: usize| drawn[y][x] == 1;
+    let active = (0..2500).filter(|at| cells(at % 50, at / 50)).count();
+    assert!((100..1500).contains(&active), "{active}");
+    workspace.write("drawn.csv", &csv(cells));
+    let (largest, code, _) = solved(&workspace, "drawn.csv", "scene.yaml", &["--elements-per-cell", "1"]);
+    assert_eq!(code, Some(0));
+    let shown = tab.number("#max-displacement");
+    assert!((shown - largest).abs() < 1e-6, "{shown} and {largest}");
+    // The pad says where the limit is, and beyond it what has become of the membrane.
+    let told = tab.text("#critical-voltage");
+    assert!(told.starts_with("stability is lost at "), "{told}");
+    photographed(&mut tab, "sketchpad");
+    tab.write("#volts", "9000");
+    tab.until("document.querySelector('#outcome').textContent === 'pull-in' || document.querySelector('#outcome').textContent === 'not-elliptic'");
+    tab.until("document.querySelector('#notice').textContent.includes('stable up to')");
+    workspace.write("high.yaml", &scene_file().replace("5.25 kV", "9 kV"));
+    let (_, code, outcome) = solved(&workspace, "drawn.csv", "high.yaml", &["--elements-per-cell", "1"]);
+    assert_eq!((code, outcome), (Some(3), tab.text("#outcome")));
+    tab.write("#volts", "5250");
+    tab.until(settled);
+    // By the keyboard: the cursor moves, space draws, and Ctrl Z takes it back.
+    tab.value("document.querySelector('#pad').focus()");
+    let area = tab.text("#area");
+    for _ in 0..3 {
+        tab.key("ArrowLeft", 0);
+    }
+    tab.key("e", 0);
+    tab.key(" ", 0);
+    tab.until(&format!(
+        "document.querySelector('#area').textContent !== {}",
+        json!(area)
+    ));
+    tab.key("z", 2);
+    tab.until(&format!(
+        "document.querySelector('#area').textContent === {}",
+        json!(area)
+    ));
+    // A search that is stopped leaves what it has reached.
+    tab.click("#improve");
+    tab.until("document.querySelector('#course')");
+    tab.click("#stop");
+    tab.until("!document.querySelector('#improve').disabled");
+    tab.click("#screen");
+    tab.until("document.querySelector('[aria-label=Screening] tbody tr')");
+    tab.click("#compare");
+    tab.until("document.querySelectorAll('[aria-label=Methods] tbody tr').length === 6");
+    assert_eq!(tab.complaints, Vec::<String>::new());
+}
+
+#[test]
+fn pipelines_rows_and_runs_are_looked_at() {
+    let Some(mut tab) = Tab::open() else { return };
+    let workspace = Workspace::small();
+    let digests = workspace.stages(&["run", "small.yaml"]).digests();
+    let server = Server::start(&workspace, &["serve", "small.yaml"]);
+    tab.screen(1440, 900, "light");
+    tab.go(&server.url);
+    tab.click("a[href='#/pipelines/0']");
+    tab.until("document.querySelector('#bill').textContent.includes('are fresh')");
+    tab.write("input[name=find]", "voltage");
+    tab.write("[data-path='scene.drive.voltage']", "4 kV");
+    tab.until("document.querySelector('#bill').dataset.stale");
+    let planned = workspace
+        .run(&["plan", "small.yaml", "--json", "--set", "scene.drive.voltage=4 kV"])
+        .json();
+    let stale: Vec<&str> = planned["stages"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|s| s["outcome"] == "stale")
+        .map(|s| s["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(
+        tab.value("document.querySelector('#bill').dataset.stale"),
+        stale.join(" ")
+    );
+    photographed(&mut tab, "pipeline");
+    tab.write("[data-path='scene.drive.voltage']", "many");
+    tab.until("document.querySelector('[role=alert]')");
+    // Rows are filtered by the server, and the address says by what.
+    tab.go(&format!(
+        "http://127.0.0.1:{}/#/artifacts/{}?tab=rows",
+        server.port, digests["solved"]
+    ));
+    tab.until("document.querySelector('#matched')?.dataset.matched");
+    tab.write("input[name=filter]", "family = small-grid");
+    tab.until("document.querySelector('#matched').dataset.matched === '4'");
+    assert!(tab.value("location.hash").as_str().unwrap().contains("filter=family"));
+    tab.until("document.querySelectorAll('.card').length === 4");
+    tab.click(".card");
+    tab.until("document.querySelector('#sample canvas')");
+    photographed(&mut tab, "rows");
+    tab.go(&format!(
+        "http://127.0.0.1:{}/#/artifacts/{}?tab=figures",
+        server.port, digests["balanced"]
+    ));
+    tab.until("document.querySelector('iframe')?.contentDocument?.querySelector('svg')");
+    photographed(&mut tab, "figures");
+    // A run of another process appears once it has ended.
+    tab.go(&format!("http://127.0.0.1:{}/#/runs", server.port));
+    tab.until("document.querySelectorAll('tbody tr').length === 1");
+    workspace.stages(&["run", "small.yaml", "--set", "stages.balanced.target=3"]);
+    tab.until("document.querySelectorAll('tbody tr').length === 2");
+    photographed(&mut tab, "runs");
+    tab.value("document.querySelectorAll('tbody input').forEach((box) => box.click())");
+    tab.click(".tools button");
+    tab.until("document.body.innerText.includes('stages.balanced.target')");
+    photographed(&mut tab, "compare");
+    assert_eq!(tab.complaints, Vec::<String>::new());
+}
+
+#[test]
+fn a_planted_fault_is_found_drawn_and_marked() {
+    let Some(mut tab) = Tab::open() else { return };
+    let workspace = with_scene();
+    let (cells, mut fields) = super::import::solved(&workspace, 6);
+    fields[3 * 5202..4 * 5202].iter_mut().for_each(|value| *value *= 1.2);
+    super::import::npz(&workspace.path("labels.npz"), &cells, &fields);
+    let stages =
+        "  labels: { kind: import, files: [labels.npz] }\n  audited: { kind: audit, needs: [labels], samples: 6 }\n";
+    let pipeline = format!("version: 1\nname: wrong\nscene: scene.yaml\nstages:\n{stages}");
+    workspace.write("wrong.yaml", &pipeline);
+    workspace.run(&["run", "wrong.yaml"]);
+    let server = Server::start(&workspace, &["serve", "wrong.yaml"]);
+    tab.screen(1440, 900, "light");
+    tab.go(&server.url);
+    tab.click("a[href='#/audits']");
+    let button = "[...document.querySelectorAll('.panel button')].find((button) => button.textContent === 'row 3')";
+    tab.until(button);
+    tab.value(&format!("{button}.click()"));
+    tab.until("document.querySelectorAll('figcaption').length === 4");
+    tab.until("document.querySelectorAll('figcaption')[3].textContent.includes('Difference: largest')");
+    let caption = |k: usize, tab: &mut Tab| -> f64 {
+        let text = tab.value(&format!("document.querySelectorAll('figcaption')[{k}].textContent"));
+        let words: Vec<&str> = text.as_str().unwrap().split(' ').collect();
+        words[words.len() - 2].parse().unwrap()
+    };
+    let [label, again, difference] = [1, 2, 3].map(|k| caption(k, &mut tab));
+    assert!((label / again - 1.2).abs() < 0.05, "{label} and {again}");
+    assert!((difference / again - 0.2).abs() < 0.05, "{difference} of {again}");
+    photographed(&mut tab, "audit");
+    tab.value("[...document.querySelectorAll('.panel button')].find((button) => button.textContent === 'Mark these rows').click()");
+    tab.until("document.body.innerText.includes('rows marked')");
+    assert_eq!(tab.complaints, Vec::<String>::new());
+}
