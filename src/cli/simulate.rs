@@ -142,7 +142,9 @@ impl Run {
         let mut results = Vec::with_capacity(patterns.len());
         let mut seconds = Vec::with_capacity(patterns.len());
         let mut cells: Vec<States> = Vec::new();
-        for batch in patterns.chunks(BATCH * threads) {
+        // A few come first, so that there is a pace soon where each takes long.
+        let (first, rest) = patterns.split_at(threads.min(patterns.len()));
+        for batch in std::iter::once(first).chain(rest.chunks(BATCH * threads)) {
             let start = Instant::now();
             if with_cells {
                 let (found, of_cells) = solver.simulate_cells(batch)?;

@@ -1,8 +1,10 @@
 //! What is said to people: lines and tables, laid out once it is known where they go.
 
+use std::borrow::Cow;
+
 use textwrap::core::display_width;
 
-use super::columns::{Table, cut};
+use super::columns::{Table, cut, words as words_of};
 use super::tone::{Screen, Tone};
 use crate::base::printable;
 
@@ -121,12 +123,12 @@ fn wrapped(line: &str, width: usize) -> Vec<String> {
     // An indentation that leaves no room is none.
     let indent = (line.len() - words.len()).min(width / 2);
     let indents = [indent, indent + 2].map(|indent| " ".repeat(indent));
-    let options = textwrap::Options::new(width)
+    let options = words_of(width)
         .initial_indent(&indents[0])
         .subsequent_indent(&indents[1])
         .break_words(false);
     let lines = textwrap::wrap(words, &options);
-    lines.into_iter().map(std::borrow::Cow::into_owned).collect()
+    lines.into_iter().map(Cow::into_owned).collect()
 }
 
 #[cfg(test)]

@@ -147,11 +147,11 @@ impl Stage for SolveStage {
         let Ready { effects, solver } = self.ready().map_err(failed)?;
         let mut simulations = Vec::with_capacity(rows.patterns.len());
         let mut histories = Vec::new();
-        let together = match self.solver.follows_time() {
-            true => rayon::current_num_threads(),
-            false => BATCH,
-        };
-        for batch in rows.patterns.chunks(together) {
+        // A few come first, so that there is a pace soon where each takes long; histories always do.
+        let few = rayon::current_num_threads();
+        let (first, rest) = rows.patterns.split_at(few.min(rows.patterns.len()));
+        let together = if self.solver.follows_time() { few } else { BATCH };
+        for batch in std::iter::once(first).chain(rest.chunks(together)) {
             let (found, in_time) = solver.simulate_in_time(batch).map_err(failed)?;
             simulations.extend(found);
             histories.extend(in_time.into_iter().flatten());

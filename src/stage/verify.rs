@@ -256,7 +256,7 @@ impl Stage for VerifyStage {
         let patterns = [&cases.rows.patterns, own.patterns()].concat();
         let (count, steps) = (patterns.len(), targets(&designs)?);
         let (mut solved, mut told) = (Vec::with_capacity(count), 0);
-        for batch in patterns.chunks(BATCH) {
+        for batch in patterns.chunks(BATCH.min(rayon::current_num_threads())) {
             solved.extend(solvers.solve(batch).map_err(failed)?);
             let reached = steps * solved.len() as u64 / count as u64;
             job.progress.advance(reached - told);
