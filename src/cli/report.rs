@@ -92,6 +92,9 @@ fn check(history: &History, arguments: &ReportArguments) -> Result<(), CliError>
     let build = format!("build them: deaflow run {}{until}{sets}", arguments.pipeline.display());
     let path = arguments.pipeline.display();
     let message = match of == all {
+        true if missing.iter().any(|name| name.contains("removed by gc")) => {
+            format!("no stage of {path} is built as it stands now: {}", missing.join(", "))
+        }
         true => format!("no stage of {path} is built as it stands now"),
         false => format!(
             "{of} of {all} stages of {path} are not built as they stand now: {}",

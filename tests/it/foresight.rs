@@ -206,7 +206,7 @@ fn an_evaluator_that_is_known_to_err_by_more_is_warned_of() {
 fn modes_of_a_mesh_of_which_nothing_moves_are_refused() {
     let workspace = Workspace::new();
     let scene = scene_file().replace("cells: 50", "cells: 1");
-    workspace.write("one.yaml", &format!("{scene}properties: {{ density: 960 kg/m^3 }}\n"));
+    workspace.write("one.yaml", &format!("{scene}properties: {{ density: 960 kg/m3 }}\n"));
     workspace.write("p.csv", "1\n");
     let modes = |order: &str| {
         workspace.run(&[
