@@ -62,7 +62,13 @@ impl Effect for ElectromechanicalStability {
         let least = searched.min_by(|a, b| a.1.total_cmp(&b.1));
         let by_first = first.map(|(pattern, limit)| {
             let ratio = share(limit.voltage);
-            let change = format!("ends the stability of `{pattern}` at {}", voltage(&limit));
+            let room = 100.0 * (limit.voltage / scene.voltage_v() - 1.0);
+            let place = if room < 0.0 { "below" } else { "above" };
+            let change = format!(
+                "ends the stability of `{pattern}` at {}, {:.0} % {place} the voltage of the drive",
+                voltage(&limit),
+                room.abs()
+            );
             let known = Assessment::known(quantity, ratio, NEAR, change.clone());
             match limit.error {
                 Some(error) => Assessment {
@@ -183,6 +189,11 @@ mod tests {
                 "{found:?}: {assessment:?}"
             );
         }
+        let near = assess(&[found_at(1250.0)]).change;
+        assert!(
+            near.ends_with("1.25 kV on a coarse mesh, 25 % above the voltage of the drive"),
+            "{near}"
+        );
         let far = assess(&[Stability::UpTo(3_162.277_660_168)]);
         assert_eq!(
             far.change,
