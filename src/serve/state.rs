@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use serde_json::{Value, json};
 
-use super::held::{Benches, Runner, Tables, lock};
+use super::held::{Benches, Runner, StoreTotals, Tables, lock};
 use super::http::Refusal;
 use crate::base::InputError;
 use crate::orchestrator::file_of;
@@ -60,6 +60,8 @@ pub struct ServedState {
     pub benches: Benches,
     /// Tables of artifacts.
     pub tables: Tables,
+    /// What is in the store.
+    pub totals: StoreTotals,
     /// The run that was begun here.
     pub runner: Runner,
 }
@@ -92,6 +94,7 @@ impl ServedState {
             scenes: Mutex::default(),
             benches: Benches::default(),
             tables: Tables::default(),
+            totals: StoreTotals::default(),
             runner: Runner::default(),
         };
         state.read_scenes();
@@ -150,7 +153,7 @@ impl ServedState {
         let Some(store) = self.store()?.filter(|_| paths.is_empty()) else {
             return Ok(paths);
         };
-        for run in store.runs()? {
+        for run in store.runs()?.take(MOST_RUNS) {
             let path = PathBuf::from(run?.path);
             if !paths.contains(&path) && path.is_file() {
                 paths.push(path);
@@ -210,6 +213,9 @@ impl ServedState {
         })
     }
 }
+
+/// Runs that are looked through for pipelines.
+const MOST_RUNS: usize = 500;
 
 /// Pipelines of past runs that are shown.
 const MOST_PIPELINES: usize = 50;

@@ -678,7 +678,7 @@ fn strokes_on_the_sketchpad_are_solved_and_limits_are_told() {
     tab.stroke("#pad", &[[0.2, 0.3], [0.4, 0.5], [0.5, 0.3], [0.6, 0.7]]);
     tab.click("[data-tool=ellipse]");
     tab.stroke("#pad", &[[0.6, 0.6], [0.9, 0.9]]);
-    let settled = "document.querySelector('#error').textContent.includes('mm')";
+    let settled = "document.querySelector('#results').dataset.settled === 'true'";
     tab.until(settled);
     // The pattern is what the page itself would save.
     let drawn = tab.value("JSON.parse(localStorage.getItem('deaflow scene'))");
