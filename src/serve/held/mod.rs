@@ -8,6 +8,6 @@ mod totals;
 
 pub use bench::{Bench, Benches, Setting};
 pub use child::Runner;
-pub use kept::lock;
+pub use kept::{Kept, lock};
 pub use table::Tables;
 pub use totals::StoreTotals;
