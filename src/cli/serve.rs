@@ -66,7 +66,7 @@ pub fn serve(options: Options, start: Start, port: u16, output: &Output) -> Resu
             "store": store,
         }))?;
     } else {
-        output.text(&format!(
+        output.text(format!(
             "{url}\nopen this address in a browser on this machine; whoever has it can look at everything that is served. Ctrl-C ends it"
         ))?;
     }

@@ -5,13 +5,13 @@ use std::sync::{Arc, Mutex};
 
 use serde_json::{Value, json};
 
-use super::held::{Benches, Runner, Tables, lock};
+use super::held::{Benches, Kept, Runner, StoreTotals, Tables, lock};
 use super::http::Refusal;
-use crate::base::InputError;
+use crate::base::{ArtifactId, InputError};
 use crate::orchestrator::file_of;
 use crate::scene::Scene;
 use crate::stage::direct;
-use crate::store::Store;
+use crate::store::{Artifact, Store};
 
 /// Where the page opens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -58,8 +58,12 @@ pub struct ServedState {
     scenes: Mutex<Vec<NamedScene>>,
     /// Solvers that are ready.
     pub benches: Benches,
+    /// Artifacts that were looked at last: one of many chunks has opened all of them.
+    pub opened: Kept<ArtifactId, Artifact>,
     /// Tables of artifacts.
     pub tables: Tables,
+    /// What is in the store.
+    pub totals: StoreTotals,
     /// The run that was begun here.
     pub runner: Runner,
 }
@@ -91,7 +95,9 @@ impl ServedState {
             store: Mutex::default(),
             scenes: Mutex::default(),
             benches: Benches::default(),
+            opened: Kept::new(MOST_OPENED),
             tables: Tables::default(),
+            totals: StoreTotals::default(),
             runner: Runner::default(),
         };
         state.read_scenes();
@@ -150,7 +156,7 @@ impl ServedState {
         let Some(store) = self.store()?.filter(|_| paths.is_empty()) else {
             return Ok(paths);
         };
-        for run in store.runs()? {
+        for run in store.runs()?.take(MOST_RUNS) {
             let path = PathBuf::from(run?.path);
             if !paths.contains(&path) && path.is_file() {
                 paths.push(path);
@@ -210,6 +216,12 @@ impl ServedState {
         })
     }
 }
+
+/// Artifacts that are kept open.
+const MOST_OPENED: usize = 8;
+
+/// Runs that are looked through for pipelines.
+const MOST_RUNS: usize = 500;
 
 /// Pipelines of past runs that are shown.
 const MOST_PIPELINES: usize = 50;

@@ -119,7 +119,13 @@ fn figures_stand_beside_the_command_that_draws_them() {
             let path = part.split_once("](").and_then(|(_, rest)| rest.split_once(')'));
             let name = path.unwrap().0.rsplit('/').next().unwrap();
             let paragraph = before.trim_end().rsplit("\n\n").next().unwrap();
-            let is_drawn = paragraph.contains("docs/tools/figures.py") || paragraph == "This script draws the figure:";
+            let is_drawn = [
+                "docs/tools/figures.py",
+                "docs/tools/photographs.py",
+                "This script draws the figure:",
+            ]
+            .iter()
+            .any(|made| paragraph.contains(made));
             assert!(is_drawn, "{}: no command beside {name}", page.display());
             shown.insert(name.to_owned());
             before = part;

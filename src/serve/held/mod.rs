@@ -4,8 +4,10 @@ mod bench;
 mod child;
 mod kept;
 mod table;
+mod totals;
 
 pub use bench::{Bench, Benches, Setting};
 pub use child::Runner;
-pub use kept::lock;
+pub use kept::{Kept, lock};
 pub use table::Tables;
+pub use totals::StoreTotals;

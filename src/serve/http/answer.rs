@@ -5,7 +5,7 @@ use std::pin::Pin;
 use std::task::{Context, Poll};
 
 use http_body_util::Full;
-use hyper::body::{Body, Bytes, Frame};
+use hyper::body::{Body, Bytes, Frame, SizeHint};
 use serde_json::Value;
 use tokio::sync::mpsc;
 
@@ -109,6 +109,20 @@ impl Body for Outgoing {
             Self::Lines(lines) => lines
                 .poll_recv(context)
                 .map(|line| line.map(|bytes| Ok(Frame::data(bytes)))),
+        }
+    }
+
+    fn is_end_stream(&self) -> bool {
+        match self {
+            Self::Whole(full) => full.is_end_stream(),
+            Self::Lines(_) => false,
+        }
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        match self {
+            Self::Whole(full) => full.size_hint(),
+            Self::Lines(_) => SizeHint::default(),
         }
     }
 }

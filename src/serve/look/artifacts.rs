@@ -76,7 +76,11 @@ pub fn named(state: &ServedState, digits: &str) -> Result<(Arc<Store>, Artifact)
             return Err(Refusal::absent(format!("{} artifacts begin so", several.len())).help("give more digits"));
         }
     };
+    if let Some(known) = state.opened.get(&digest) {
+        return Ok((store, known.as_ref().clone()));
+    }
     let artifact = store.artifact(&digest)?;
+    state.opened.put(digest, &Arc::new(artifact.clone()));
     Ok((store, artifact))
 }
 

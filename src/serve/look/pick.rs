@@ -92,10 +92,16 @@ fn one(artifact: &Artifact, path: &str, row: usize) -> Result<Data, Refusal> {
     for chunk in artifact.chunks()? {
         let own = chunk.content(path)?.shape.first().copied().unwrap_or(0);
         if row < before + own {
-            return Ok(chunk.rows()?.elements(path, at(row - before))?);
+            return own_row(chunk, path, row - before);
         }
         before += own;
     }
+    own_row(artifact, path, row)
+}
+
+fn own_row(artifact: &Artifact, path: &str, row: usize) -> Result<Data, Refusal> {
+    // The file may have changed since the artifact was opened; a glance unless it did.
+    artifact.file_digest()?;
     Ok(artifact.rows()?.elements(path, at(row))?)
 }
 

@@ -24,14 +24,14 @@ pub fn runs(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
         request.number("offset", 0, usize::MAX)?,
     );
     let Some(store) = state.store()? else {
-        return Ok(json!({ "runs": [], "total": 0 }).into());
+        return Ok(json!({ "runs": [], "more": false }).into());
     };
     let mut all = store.runs()?;
     let some: Vec<Run> = all.by_ref().skip(offset).take(limit).collect::<Result<_, _>>()?;
-    let total = offset + some.len() + all.count();
+    let more = all.next().transpose()?.is_some();
     let gone = Gone::in_store(&store);
     let documents: Vec<Value> = some.iter().map(|run| run_document(run, &gone)).collect();
-    Ok(json!({ "runs": documents, "total": total }).into())
+    Ok(json!({ "runs": documents, "more": more }).into())
 }
 
 /// A run by its digits, with the parameters of its stages as far as their records are there.
@@ -68,7 +68,7 @@ pub fn status(state: &ServedState, request: &Request) -> Result<Answer, Refusal>
     let Some(store) = state.store()? else {
         return Ok(json!({ "store": null, "last_run": null, "in_flight": 0, "workers": [] }).into());
     };
-    let totals = store.totals()?;
+    let totals = state.totals.of(&store)?;
     let last = store.runs()?.next().transpose()?;
     let seen = workers(&store)?;
     let workers: Vec<Value> = seen

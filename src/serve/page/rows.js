@@ -159,7 +159,7 @@ export async function rowsView(place, found, query) {
     replace(
       one,
       h("h2", {}, `Row ${id}`),
-      h("div", { class: "pair" }, left, displacement ? right : null, h("dl", { class: "results" }, values.map(([name, value]) => [h("dt", {}, name), h("dd", {}, typeof value === "number" ? number(value, 6) : value ?? "–")]))),
+      h("div", { class: "pair" }, left, displacement ? right : null, h("dl", { class: "results" }, values.map((/** @type {[string, any]} */ [name, value]) => [h("dt", {}, name), h("dd", {}, typeof value === "number" ? number(value, 6) : value ?? "–")]))),
       h("h3", {}, "Its images under the symmetries"),
       h("div", { class: "eight" }, images),
       h("div", { class: "tools" }, h("button", { type: "button", onclick: () => {

@@ -13,7 +13,7 @@ export async function runsView(view) {
   const box = h("div", {});
   const compare = h("button", { type: "button", disabled: true, onclick: () => (location.hash = `#/runs/compare/${[...chosen].join("/")}`) }, "Compare");
   const fill = async () => {
-    const { runs, total } = await json("runs?limit=200");
+    const { runs, more } = await json("runs?limit=200");
     if (ended) return;
     const row = (/** @type {any} */ run) => {
       const mark = h("input", { type: "checkbox", checked: chosen.has(run.id), "aria-label": `Compare run ${run.id}`, onchange: () => {
@@ -35,7 +35,7 @@ export async function runsView(view) {
         h("span", {}, results.slice(-RESULTS).map(([name, value]) => h("div", {}, `${name} ${number(/** @type {number} */ (value))}`))),
       ];
     };
-    replace(box, runs.length ? table("Runs", ["", "run", "ended", "pipeline", { title: "took", number: true }, "built", "changed", "results"], runs.map(row)) : h("p", {}, "No run is remembered."), total > runs.length ? h("p", { class: "soft" }, `The last ${runs.length} of ${total}; deaflow log lists all.`) : null);
+    replace(box, runs.length ? table("Runs", ["", "run", "ended", "pipeline", { title: "took", number: true }, "built", "changed", "results"], runs.map(row)) : h("p", {}, "No run is remembered."), more ? h("p", { class: "soft" }, `The last ${runs.length}; deaflow log lists all.`) : null);
   };
   replace(view, h("h1", {}, "Runs"), h("div", { class: "tools" }, compare, h("span", { class: "soft" }, "mark two or more")), box);
   await fill();

@@ -256,6 +256,7 @@ class Sketchpad {
 
   effectsPanel() {
     const known = this.scene.effects.filter((/** @type {any} */ effect) => effect.on !== null && !effect.in_time && !["charge_control", "rigid_inclusion"].includes(effect.name));
+    /** @type {{name: string, box: any}[]} */
     const boxes = known.map((/** @type {any} */ effect) => {
       const box = h("input", { type: "checkbox", name: effect.name, checked: effect.on, onchange: () => this.take({ effects: boxes.filter((one) => one.box.checked).map((one) => one.name) }) });
       return { name: effect.name, box };
@@ -498,6 +499,7 @@ class Sketchpad {
   /** Something is not as it was. @param {boolean} drawn whether the pattern changed */
   changed(drawn) {
     this.version += 1;
+    this.results.dataset.settled = "false";
     if (drawn) this.draw();
     this.area.textContent = `area ${number(100 * this.pattern.area, 4)} %`;
     this.still();
@@ -584,6 +586,7 @@ class Sketchpad {
       entry("error", "error of method and mesh", quick ? "…" : number(found.error, 2), quick ? "" : "mm", found.error),
       entry("seconds", "solution", seconds(found.seconds), ""),
     );
+    if (!quick) this.results.dataset.settled = "true";
     const lost = found.bracket;
     if (found.max_displacement === null) {
       const why = lost ? `stable up to ${number(lost[0], 6)} V, lost at ${number(lost[1], 6)} V` : "nothing is known about stability";
@@ -666,7 +669,7 @@ class Sketchpad {
   /** @param {string} method @param {number} elements @param {number} order */
   adopt(method, elements, order) {
     const chosen = /** @type {[string, string][]} */ ([["method", method], ["elements", String(elements)], ["order", String(order)]]);
-    for (const [name, value] of chosen) this.view.querySelector(`select[name=${name}]`).value = value;
+    for (const [name, value] of chosen) /** @type {HTMLSelectElement} */ (this.view.querySelector(`select[name=${name}]`)).value = value;
     this.take({ method, elements, order });
   }
 
