@@ -155,7 +155,7 @@ fn a_run_says_before_the_work_what_a_plan_says() {
         first.starts_with("solved: at 6.80 kV some patterns may be unstable"),
         "{first}"
     );
-    let [warned, begun] = ["warning: solved", "samples to do"].map(|text| run.stderr.find(text));
+    let [warned, begun] = ["warning: solved", "patterns to do"].map(|text| run.stderr.find(text));
     assert!(warned.unwrap() < begun.unwrap(), "{}", run.stderr);
     let quiet = workspace.run(&["run", "short.yaml", "--set", set[1], "--quiet"]);
     assert!(quiet.stderr.contains(&format!("warning: {first}")), "{}", quiet.stderr);

@@ -97,7 +97,7 @@ fn a_failed_stage_stands_in_the_list() {
     let stages = log(&workspace, &[])[0]["stages"].clone();
     assert_eq!(
         stages[2],
-        json!({ "name": "none", "outcome": "failed", "digest": null })
+        json!({ "name": "none", "outcome": "failed", "digest": null, "removed": null })
     );
     assert_eq!(stages[1]["outcome"], "built");
 }

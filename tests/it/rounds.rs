@@ -91,7 +91,7 @@ fn a_wrong_surrogate_is_exposed_and_learns_from_what_was_verified() {
     assert_eq!(document["rounds"][0]["stage"], "verified");
     let found = |stage: usize| document["results"][stage]["largest_difference"].as_f64().unwrap();
     assert_eq!([found(0), found(1)], relative[..]);
-    let told = workspace.run(&RUN).stdout;
+    let told = workspace.run(&[&RUN[..], &["-v"]].concat()).stdout;
     for part in [
         "the evaluator is not to be trusted here",
         "verified, round by round: |predicted − simulated| of the designs",

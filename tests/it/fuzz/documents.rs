@@ -134,7 +134,7 @@ fn values_of_the_command_line() {
         "stages.surrogate.epochs=2",
         "scene.drive.voltage=\"5.25 kV\"",
         "scene.effects={ strain_stiffening: { model: gent, jm: 30 } }",
-        "stages.design.objective.direction=10 deg",
+        "stages.design.generations=10",
     ];
     let seeds = Seeds::new("set", sets.map(|text| text.as_bytes().to_vec()), YAML);
     let file = folder("pipelines/quickstart.yaml");

@@ -68,7 +68,7 @@ fn fill(root: &Path) -> ActionKey {
         .pin(&Pin {
             digest: artifact,
             label: "kept".into(),
-            result_only: false,
+            result_only: true,
             created: record.created.clone(),
         })
         .unwrap();
