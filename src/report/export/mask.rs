@@ -4,7 +4,7 @@ use super::{Drawing, Layer, Shape};
 use crate::base::SOFTWARE;
 use crate::scene::{Islands, Mask, Size};
 
-/// The drawing of a mask of what has a title, from a source, with notes beside [`mask_notes`].
+/// The drawing of a mask of what has a title, from a source, with notes beside its size, scale and area.
 #[must_use]
 pub fn mask_drawing(mask: &Mask, title: &str, source: String, more: Vec<String>) -> Drawing {
     let from = format!("from {source}, by deaflow {}", env!("CARGO_PKG_VERSION"));
