@@ -15,7 +15,7 @@ use super::output::{Exit, Output};
 use super::signals;
 use crate::serve::{Options, Routes, Served, ServedState, Start};
 
-/// Look at pipelines, runs and artifacts in a browser on this machine, and draw patterns
+/// Look at pipelines, runs and artifacts in a browser, and draw patterns
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow serve pipeline.yaml", "deaflow serve --store store --port 8080"))]
 pub struct ServeArguments {

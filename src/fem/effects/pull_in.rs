@@ -47,7 +47,7 @@ impl Effect for ElectromechanicalStability {
                 .filter_map(|one| Some((&one.pattern, one.stability?)))
         };
         if let Some((pattern, _)) = known().find(|(_, stability)| *stability == Stability::Never) {
-            let change = format!("leaves `{pattern}` without a stable state at any voltage: it has no tension to lose");
+            let change = format!("is lost by `{pattern}` at any voltage: it has no tension to lose");
             return open(Verdict::CalledFor, change);
         }
         let lost = known().filter_map(|(pattern, stability)| match stability {
@@ -65,7 +65,7 @@ impl Effect for ElectromechanicalStability {
             let room = 100.0 * (limit.voltage / scene.voltage_v() - 1.0);
             let place = if room < 0.0 { "below" } else { "above" };
             let change = format!(
-                "ends the stability of `{pattern}` at {}, {:.0} % {place} the voltage of the drive",
+                "is lost by `{pattern}` at {}, {:.0} % {place} the voltage of the drive",
                 voltage(&limit),
                 room.abs()
             );
@@ -207,7 +207,7 @@ mod tests {
         let nothing = assess(&[Stability::UpTo(0.0)]).change;
         assert!(nothing.ends_with("with the work that is allowed"), "{nothing}");
         let never = assess(&[Stability::Never]).change;
-        assert!(never.contains("`p0` without a stable state at any voltage"), "{never}");
+        assert!(never.contains("lost by `p0` at any voltage"), "{never}");
     }
 
     #[test]

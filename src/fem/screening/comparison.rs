@@ -221,7 +221,7 @@ mod tests {
         let found = assess(&[given_up.clone(), one([Outcome::Converged; 2], Some(0.01))]);
         assert_eq!((found.verdict, found.number), (Verdict::GivenUp, Some(0.01)));
         assert!(
-            found.change.contains("a longer time limit may tell more; changes"),
+            found.change.contains("a longer time limit may tell more; lowers"),
             "{}",
             found.change
         );

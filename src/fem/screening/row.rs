@@ -2,6 +2,7 @@
 
 use super::comparison::Comparison;
 use crate::fem::effects::{Assessment, DISPLACED, Effect, Verdict};
+use crate::scene::effects::names;
 use crate::scene::{Effects, Scene};
 
 /// What is known about an effect in a scene.
@@ -67,6 +68,8 @@ impl Row {
     pub fn warning(&self) -> Option<String> {
         match self.status {
             Status::On => None,
+            // A pattern that loses it is found out all the same: what is left out is how far the others are from it.
+            Status::Off if self.effect == names::STABILITY => self.says("is not computed for each pattern"),
             Status::Off => self.says("is neglected"),
             Status::NotAvailable => self.says("cannot be simulated yet"),
         }

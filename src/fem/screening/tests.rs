@@ -318,7 +318,7 @@ fn patterns_of_somebody_are_not_warned_of_what_changes_others() {
     let cell = Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (25, 25));
     let screened = Screened::for_patterns(&Scene::vhb4910(), &[cell], WorkLimit::default()).unwrap();
     assert!(
-        screened.warnings[0].contains("for `pattern 0`"),
+        screened.warnings[0].contains("of `pattern 0`"),
         "{:?}",
         screened.warnings
     );
@@ -517,6 +517,6 @@ fn a_screening_far_beyond_the_loss_of_stability_ends_and_says_what_it_does_not_k
         row(names::STABILITY)
             .warning()
             .unwrap()
-            .contains("is neglected; it was not found for `one cell`")
+            .contains("is not computed for each pattern; it was not found for `one cell`")
     );
 }

@@ -165,7 +165,9 @@ pub(in crate::report) mod tests {
             design(Role::Optimum, 50, Some(1.2)),
             design(Role::Optimum, 50, Some(1.001)),
         ];
-        designs[0].objective.value_mm = Some(1.0);
+        for design in &mut designs {
+            design.objective.value_mm = Some(1.0);
+        }
         compare(&mut designs);
         assert_eq!(designs[0].compared.optimum, Some(1.001));
     }
