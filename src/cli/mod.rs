@@ -32,6 +32,7 @@ mod modes;
 mod neglected;
 mod outcomes;
 mod output;
+mod pace;
 mod path;
 mod pin;
 mod plan;

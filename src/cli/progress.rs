@@ -1,18 +1,18 @@
 //! Progress on stderr: on a terminal one line per stage at work with rate and time left; elsewhere a plain line when a stage begins,
-//! every ten seconds, and when it ends; for programs every event as a line of JSON. Both are known before the first step is over where
-//! the work tells which part of it is done, and the time as it was foretold before that.
+//! every ten seconds, and when it ends; for programs every event as a line of JSON.
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, IsTerminal};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
+use textwrap::core::display_width;
 
 use super::columns::cut;
 use super::output::{tell, tell_of, tell_on};
+use super::pace::Pace;
 use super::table;
 use super::tone::{Screen, Tone, width_of_stderr};
 use crate::base::{Progress, printable, printable_json};
@@ -72,42 +72,25 @@ impl Lazy {
 /// Work that takes longer shows its progress.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// What a step counts in a bar, which has none but whole ones.
-const STEP: u64 = 1000;
-
 /// One piece of work under way.
 pub struct Bar {
+    begun: Instant,
+    state: Arc<Mutex<State>>,
     form: Form,
+}
+
+/// What is shown of it.
+struct State {
     name: String,
     unit: &'static str,
-}
-
-enum Form {
-    /// The steps that are done stand beside the bar, which shows parts of a step too.
-    Terminal(ProgressBar, AtomicU64),
-    Plain(Mutex<Plain>),
-}
-
-struct Plain {
-    begun: Instant,
-    said: Instant,
-    done: u64,
-    /// Of the step under way.
-    part: f64,
-    /// Of these, what was done before it began.
-    before: u64,
-    length: u64,
-    /// What all of it was foretold to take, s.
-    foretold: Option<f64>,
+    pace: Pace,
     note: String,
 }
 
-impl Plain {
-    /// How fast, in steps per second; none before anything is known.
-    fn rate(&self) -> Option<f64> {
-        let done = (self.done - self.before) as f64 + self.part;
-        (done > 0.0).then(|| done / self.begun.elapsed().as_secs_f64())
-    }
+enum Form {
+    Terminal(ProgressBar),
+    /// By lines, the last of them then.
+    Plain(Mutex<Instant>),
 }
 
 impl Bar {
@@ -129,61 +112,51 @@ impl Bar {
     /// Says a line beside it.
     pub fn say(&self, text: &str) {
         match &self.form {
-            Form::Terminal(bar, _) => bar.suspend(|| tell(text)),
+            Form::Terminal(bar) => bar.suspend(|| tell(text)),
             Form::Plain(_) => tell(text),
         }
     }
 
     /// As [`Bar::new`], below other bars of a terminal; without a terminal by lines. `foretold` is what all of it is to take, s.
     fn among(bars: Option<&MultiProgress>, name: &str, unit: &'static str, length: u64, foretold: Option<f64>) -> Self {
-        let form = if let Some(bars) = bars {
-            let narrow = width_of_stderr().is_some_and(|width| width < WIDE);
-            let prefix = cut(&printable(name), if narrow { 12 } else { 30 });
-            let bar = ProgressBar::new(STEP * length)
-                .with_style(style(unit, foretold, narrow))
-                .with_prefix(prefix);
-            let bar = bars.add(bar);
-            bar.enable_steady_tick(Duration::from_millis(200));
-            Form::Terminal(bar, AtomicU64::new(0))
-        } else {
-            let now = Instant::now();
-            Form::Plain(Mutex::new(Plain {
-                begun: now,
-                said: now,
-                done: 0,
-                part: 0.0,
-                before: 0,
-                length,
-                foretold,
-                note: String::new(),
-            }))
-        };
-        Self {
-            form,
-            name: name.to_owned(),
+        let begun = Instant::now();
+        let state = Arc::new(Mutex::new(State {
+            name: printable(name).into_owned(),
             unit,
-        }
+            pace: Pace::new(length, foretold),
+            note: String::new(),
+        }));
+        let form = match bars {
+            Some(bars) => {
+                let bar = bars.add(ProgressBar::new_spinner().with_style(style(begun, state.clone())));
+                bar.enable_steady_tick(Duration::from_millis(200));
+                Form::Terminal(bar)
+            }
+            None => Form::Plain(Mutex::new(begun)),
+        };
+        Self { begun, state, form }
     }
 
     /// Sets how much of how much is done.
     pub fn set(&self, done: u64, length: u64) {
-        match &self.form {
-            Form::Terminal(bar, steps) => {
-                steps.store(done, Ordering::Relaxed);
-                bar.set_length(STEP * length);
-                bar.set_position(STEP * done);
-            }
-            Form::Plain(plain) => {
-                let mut plain = locked(plain);
-                (plain.done, plain.part, plain.length) = (done, 0.0, length);
-                self.say_now_and_then(&mut plain);
+        self.moved(|pace, at| pace.set(at, done, length));
+    }
+
+    fn moved(&self, how: impl FnOnce(&mut Pace, f64)) {
+        let mut state = locked(&self.state);
+        how(&mut state.pace, self.begun.elapsed().as_secs_f64());
+        if let Form::Plain(said) = &self.form {
+            let mut said = locked(said);
+            if said.elapsed() >= INTERVAL {
+                *said = Instant::now();
+                tell(&state.plain(self.begun.elapsed().as_secs_f64()));
             }
         }
     }
 
     /// Is shown no more.
     pub fn clear(&self) {
-        if let Form::Terminal(bar, _) = &self.form {
+        if let Form::Terminal(bar) = &self.form {
             bar.finish_and_clear();
         }
     }
@@ -191,80 +164,79 @@ impl Bar {
     /// Ends with a line that says how.
     pub fn finish(&self, outcome: &str) {
         self.clear();
-        tell(&format!("{}: {outcome}", self.name));
-    }
-
-    fn say_now_and_then(&self, plain: &mut Plain) {
-        if plain.said.elapsed() < INTERVAL {
-            return;
-        }
-        plain.said = Instant::now();
-        let mut text = format!("{}: {}/{} {}", self.name, plain.done, plain.length, self.unit);
-        let left = plain.length.saturating_sub(plain.done) as f64 - plain.part;
-        let took = plain.begun.elapsed().as_secs_f64();
-        let pace = pace(plain.rate(), left, plain.foretold.map(|all| all - took));
-        if !pace.is_empty() {
-            text += &format!(", {pace}");
-        }
-        if !plain.note.is_empty() {
-            text += &format!(", {}", plain.note);
-        }
-        tell(&text);
+        tell(&format!("{}: {outcome}", locked(&self.state).name));
     }
 }
 
 impl Progress for Bar {
     fn advance(&self, steps: u64) {
-        match &self.form {
-            Form::Terminal(bar, done) => {
-                let done = done.fetch_add(steps, Ordering::Relaxed) + steps;
-                bar.set_position(STEP * done);
-            }
-            Form::Plain(plain) => {
-                let mut plain = locked(plain);
-                plain.done += steps;
-                plain.part = 0.0;
-                self.say_now_and_then(&mut plain);
-            }
-        }
+        self.moved(|pace, at| pace.advance(at, steps));
     }
 
     fn part(&self, done: f64) {
-        let part = done.clamp(0.0, 1.0);
-        match &self.form {
-            Form::Terminal(bar, steps) => {
-                let within = (STEP as f64 * part) as u64;
-                bar.set_position(STEP * steps.load(Ordering::Relaxed) + within.min(STEP - 1));
-            }
-            Form::Plain(plain) => {
-                let mut plain = locked(plain);
-                plain.part = part;
-                self.say_now_and_then(&mut plain);
-            }
-        }
+        self.moved(|pace, at| pace.set_part(at, done));
     }
 
     fn resume(&self, steps: u64) {
-        match &self.form {
-            Form::Terminal(bar, done) => {
-                let done = done.fetch_add(steps, Ordering::Relaxed) + steps;
-                bar.set_position(STEP * done);
-                bar.reset_eta();
-            }
-            Form::Plain(plain) => {
-                let mut plain = locked(plain);
-                plain.done += steps;
-                plain.before += steps;
-            }
-        }
+        self.moved(|pace, at| pace.resume(at, steps));
     }
 
     fn note(&self, text: &str) {
-        match &self.form {
-            Form::Terminal(bar, _) => bar.set_message(printable(text).into_owned()),
-            Form::Plain(plain) => text.clone_into(&mut locked(plain).note),
-        }
+        locked(&self.state).note = printable(text).into_owned();
     }
+}
+
+impl State {
+    fn steps(&self) -> String {
+        format!("{}/{} {}", self.pace.done, self.pace.length, self.unit)
+    }
+
+    /// In a line that says all.
+    fn plain(&self, at: f64) -> String {
+        let mut text = format!("{}: {}", self.name, self.steps());
+        let pace = self.pace.words(at);
+        for more in [pace.as_str(), self.note.as_str()]
+            .iter()
+            .filter(|more| !more.is_empty())
+        {
+            text += &format!(", {more}");
+        }
+        text
+    }
+
+    /// In a line of a terminal. What there is no room for is left out whole: a number that is cut says another one.
+    fn on_terminal(&self, at: f64, width: usize) -> String {
+        let (room, bar) = if width < WIDE { (12, 8) } else { (30, 20) };
+        let name = cut(&self.name, room);
+        let name = name.clone() + &" ".repeat(12_usize.saturating_sub(display_width(&name)));
+        let pace = self.pace.words(at);
+        let pace = match pace.is_empty() {
+            true => format!("{} so far", table::seconds(at)),
+            false => pace,
+        };
+        let mut line = format!("{name} {} {}", drawn(&self.pace, bar), self.steps());
+        if display_width(&line) > width {
+            line = format!("{} {}", name.trim_end(), self.steps());
+        }
+        let parts = std::iter::once(pace.as_str()).chain(self.note.split(", ").filter(|part| !part.is_empty()));
+        for (place, part) in parts.enumerate() {
+            let between = if place < 2 { "  " } else { ", " };
+            if display_width(&line) + display_width(between) + display_width(part) > width {
+                break;
+            }
+            line += between;
+            line += part;
+        }
+        cut(&line, width)
+    }
+}
+
+/// A bar of so many columns between brackets.
+fn drawn(pace: &Pace, columns: usize) -> String {
+    let share = (pace.position() / pace.length.max(1) as f64).clamp(0.0, 1.0);
+    let full = (share * columns as f64) as usize;
+    let head = if full < columns && share > 0.0 { ">" } else { "" };
+    format!("[{:<columns$}]", "=".repeat(full) + head)
 }
 
 /// The progress of a run: a bar for every stage at work.
@@ -429,51 +401,16 @@ fn counted(n: u64, units: &str) -> String {
 /// Columns from which on a terminal has room for long names and bars.
 const WIDE: usize = 100;
 
-fn style(unit: &'static str, foretold: Option<f64>, narrow: bool) -> ProgressStyle {
-    let template = match narrow {
-        true => "{prefix:<12} [{bar:8}] {steps}  {pace}  {wide_msg}",
-        false => "{prefix:<12} [{bar:20}] {steps}  {pace}  {wide_msg}",
-    };
-    let steps = move |state: &ProgressState, out: &mut dyn fmt::Write| {
-        let all = state.len().unwrap_or(0) / STEP;
+fn style(begun: Instant, of: Arc<Mutex<State>>) -> ProgressStyle {
+    let line = move |_: &ProgressState, out: &mut dyn fmt::Write| {
+        let at = begun.elapsed().as_secs_f64();
+        // The last column stays free: some terminals break a line that fills it.
+        let width = width_of_stderr().unwrap_or(WIDE).saturating_sub(1);
         // A bar has nowhere to report that it cannot be written.
-        let _ = write!(out, "{}/{all} {unit}", state.pos() / STEP);
+        let _ = out.write_str(&locked(&of).on_terminal(at, width));
     };
-    let pace = move |state: &ProgressState, out: &mut dyn fmt::Write| {
-        let per_second = state.per_sec() / STEP as f64;
-        let rate = (state.pos() > 0 && per_second > 0.0).then_some(per_second);
-        let left = state.len().unwrap_or(0).saturating_sub(state.pos()) as f64 / STEP as f64;
-        let took = state.elapsed().as_secs_f64();
-        let text = pace(rate, left, foretold.map(|all| all - took));
-        let _ = match text.is_empty() {
-            true => write!(out, "{} so far", table::seconds(took)),
-            false => out.write_str(&text),
-        };
-    };
-    let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-    style
-        .with_key("steps", steps)
-        .with_key("pace", pace)
-        .progress_chars("=> ")
-}
-
-/// How fast it goes, in steps per second, and how long so many steps more take; before a rate is known what was foretold and is left of
-/// that, s.
-fn pace(per_second: Option<f64>, left: f64, foretold: Option<f64>) -> String {
-    match (per_second, foretold) {
-        (Some(per_second), _) => format!("{}, {} left", rate(per_second), table::seconds(left / per_second)),
-        (None, Some(left)) if left > 0.0 => format!("about {} left", table::seconds(left)),
-        (None, _) => String::new(),
-    }
-}
-
-/// Steps that take longer than a second are counted by the minute.
-fn rate(per_second: f64) -> String {
-    if per_second > 0.0 && per_second < 1.0 {
-        format!("{:.1}/min", 60.0 * per_second)
-    } else {
-        format!("{per_second:.1}/s")
-    }
+    let style = ProgressStyle::with_template("{line}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    style.with_key("line", line)
 }
 
 /// A panic in another thread must not silence the rest of the run.
@@ -485,33 +422,38 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 mod tests {
     use super::*;
 
-    #[test]
-    fn slow_steps_are_counted_by_the_minute() {
-        assert_eq!(
-            [0.0, 0.05, 0.999, 1.0, 12.34].map(rate),
-            ["0.0/s", "3.0/min", "59.9/min", "1.0/s", "12.3/s"]
-        );
+    fn state(name: &str, note: &str) -> State {
+        let mut pace = Pace::new(40, None);
+        pace.set_part(0.0, 0.0);
+        pace.advance(100.0, 20);
+        State {
+            name: name.to_owned(),
+            unit: "generations",
+            pace,
+            note: note.to_owned(),
+        }
     }
 
     #[test]
-    fn a_pace_is_known_within_the_first_step() {
-        assert_eq!(pace(Some(0.05), 1.5, Some(3.0)), "3.0/min, 30.0 s left");
-        assert_eq!(pace(None, 2.0, Some(41.0)), "about 41.0 s left");
-        assert_eq!(pace(None, 2.0, Some(-1.0)), "");
-        let now = Instant::now();
-        let mut plain = Plain {
-            begun: now.checked_sub(Duration::from_secs(10)).unwrap_or(now),
-            said: now,
-            done: 3,
-            part: 0.0,
-            before: 3,
-            length: 5,
-            foretold: None,
-            note: String::new(),
-        };
-        assert_eq!(plain.rate(), None);
-        plain.part = 0.5;
-        assert!(plain.rate().is_some_and(|rate| rate > 0.0 && rate < 0.06));
+    fn a_bar_leaves_out_what_there_is_no_room_for_and_cuts_no_number() {
+        let note = "generation 20: best 2.1234 mm at area 0.500, of 12345";
+        let of = |width| state("design", note).on_terminal(100.0, width);
+        let start = "design       [====>   ] 20/40 generations";
+        assert_eq!(of(63), format!("{start}  12.0/min, 1 min 40 s left"));
+        assert_eq!(of(79), format!("{start}  12.0/min, 1 min 40 s left"));
+        assert_eq!(
+            of(150),
+            format!("design       [==========>         ] 20/40 generations  12.0/min, 1 min 40 s left  {note}")
+        );
+        assert_eq!(of(30), "design 20/40 generations");
+        let long = state("a stage of a very long name", note);
+        for width in 20..200 {
+            assert!(display_width(&long.on_terminal(100.0, width)) <= width, "{width}");
+        }
+        assert_eq!(
+            state("design", "loss 1").plain(100.0),
+            "design: 20/40 generations, 12.0/min, 1 min 40 s left, loss 1"
+        );
     }
 
     #[test]

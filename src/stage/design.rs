@@ -406,6 +406,15 @@ impl DesignStage {
         Canonical::map(entries)
     }
 
+    /// The length of the progress bar of a target: the first generation is none of those that were asked for.
+    fn steps(&self) -> u64 {
+        let all = self.options.steps();
+        match self.options.method {
+            Method::Ga if self.options.generations > 0 => all - 1,
+            _ => all,
+        }
+    }
+
     fn chunk(&self, target: &Target) -> Canonical {
         Canonical::map([("stage", self.common()), ("target", target.canonical())])
     }
@@ -519,7 +528,7 @@ impl Stage for DesignStage {
         let chunk = |target: &Target| Chunk {
             parameters: self.chunk(target),
             inputs: inputs.iter().map(|input| input.digest).collect(),
-            samples: self.options.steps(),
+            samples: self.steps(),
         };
         Plan::Chunks(self.targets.iter().map(chunk).collect())
     }
@@ -549,7 +558,7 @@ impl Stage for DesignStage {
             options: &self.options,
             drivers: &drivers,
             elements: &ForTarget { stage: self, target },
-            progress: &Follow::new(job),
+            progress: &Follow::new(job, self.options.generations),
         };
         let found = search.run(|| evaluators(self.evaluator, &scene, (moment, &target.goal), networks));
         let found = found.map_err(|error| match error {
@@ -577,6 +586,10 @@ impl Stage for DesignStage {
 /// Follows a search: reports its progress, and keeps the state from which it can be resumed.
 struct Follow<'a> {
     job: &'a Job<'a>,
+    /// Which part of its step the first generation is, which is none of those that were asked for: half of the one after it, if there is one.
+    first: f64,
+    /// Where the generation under way begins within its step, and which part of the step it is.
+    generation: Cell<(f64, f64)>,
     /// Steps along the gradient in the local search under way, and in those that are over with how many these are.
     steps: Cell<u32>,
     over: Cell<(u32, u32)>,
@@ -586,9 +599,12 @@ struct Follow<'a> {
 const USUAL_STEPS: f64 = 20.0;
 
 impl<'a> Follow<'a> {
-    fn new(job: &'a Job<'a>) -> Self {
+    fn new(job: &'a Job<'a>, generations: usize) -> Self {
+        let first = if generations == 0 { 1.0 } else { 0.5 };
         Self {
             job,
+            first,
+            generation: Cell::new((0.0, first)),
             steps: Cell::default(),
             over: Cell::default(),
         }
@@ -613,11 +629,18 @@ impl Watch for Follow<'_> {
         let (number, mm, area) = (report.generation, report.value_mm, report.area);
         let note = format!("generation {number}: best {mm:.4} mm at area {area:.3}");
         self.job.progress.note(&note);
-        self.job.progress.advance(1);
+        if number == 0 && self.first < 1.0 {
+            self.generation.set((self.first, 1.0 - self.first));
+            self.job.progress.part(self.first);
+        } else {
+            self.generation.set((0.0, 1.0));
+            self.job.progress.advance(1);
+        }
     }
 
     fn judged(&self, part: f64) {
-        self.job.progress.part(part);
+        let (from, share) = self.generation.get();
+        self.job.progress.part(from + share * part);
     }
 
     fn kept(&self) -> Option<Vec<u8>> {
@@ -629,7 +652,15 @@ impl Watch for Follow<'_> {
     }
 
     fn resumed(&self, report: &GenerationReport) {
-        self.job.progress.resume(report.generation as u64 + 1);
+        if report.generation == 0 {
+            self.generation.set((self.first, 1.0 - self.first));
+        } else {
+            self.generation.set((0.0, 1.0));
+        }
+        let is_one_of_none = report.generation == 0 && self.first >= 1.0;
+        self.job
+            .progress
+            .resume(report.generation as u64 + u64::from(is_one_of_none));
     }
 
     fn unusable(&self, error: &StateError) {

@@ -15,8 +15,8 @@ const STATE: &str = "training";
 /// Shows a training to the run that it is part of, which keeps its state.
 pub struct Follow<'a, 'j> {
     job: &'a Job<'j>,
-    /// The tenth of the epoch that was last told of.
-    told: Cell<u32>,
+    /// The tenth of the epoch that was last told of, if any was: the first step of all says that the examples are read.
+    told: Cell<Option<u32>>,
     rmse_mm: Cell<Option<f64>>,
 }
 
@@ -25,7 +25,7 @@ impl<'a, 'j> Follow<'a, 'j> {
     pub fn new(job: &'a Job<'j>) -> Self {
         Self {
             job,
-            told: Cell::new(0),
+            told: Cell::new(None),
             rmse_mm: Cell::new(None),
         }
     }
@@ -34,7 +34,7 @@ impl<'a, 'j> Follow<'a, 'j> {
 impl Monitor for Follow<'_, '_> {
     fn step(&self, epoch: u32, done: f64, loss: f64) {
         let tenth = (NOTES * done) as u32;
-        if tenth == self.told.replace(tenth) {
+        if Some(tenth) == self.told.replace(Some(tenth)) {
             return;
         }
         self.job.progress.part(done);

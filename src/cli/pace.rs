@@ -1,0 +1,179 @@
+//! How fast work goes and how long it still takes. Measured is what this process has done since its first sign of progress: what an earlier
+//! one had come to says nothing of it, and neither does the time that it takes to begin. Within the first step what was foretold counts,
+//! the less the more of the step is done.
+
+use super::table;
+
+/// How far a piece of work has come. Times are in seconds from when it was begun.
+#[derive(Clone, Debug, Default)]
+pub struct Pace {
+    /// Steps that are done.
+    pub done: u64,
+    /// Of the step under way.
+    pub part: f64,
+    /// Of all steps.
+    pub length: u64,
+    /// What all of it was foretold to take.
+    foretold: Option<f64>,
+    /// Steps that were done before this process began.
+    before: u64,
+    /// When progress was first told of, and how much this process had done by then.
+    first: Option<(f64, f64)>,
+}
+
+impl Pace {
+    /// Of so many steps, which are to take so long.
+    pub fn new(length: u64, foretold: Option<f64>) -> Self {
+        Self {
+            length,
+            foretold,
+            ..Self::default()
+        }
+    }
+
+    /// Sets how much of how much is done.
+    pub fn set(&mut self, at: f64, done: u64, length: u64) {
+        (self.done, self.part, self.length) = (done, 0.0, length);
+        self.told(at);
+    }
+
+    /// `steps` more are done.
+    pub fn advance(&mut self, at: f64, steps: u64) {
+        self.done += steps;
+        self.part = 0.0;
+        self.told(at);
+    }
+
+    /// Of the step under way this part is done.
+    pub fn set_part(&mut self, at: f64, part: f64) {
+        self.part = part.clamp(0.0, 1.0);
+        self.told(at);
+    }
+
+    /// `steps` were done before this process began.
+    pub fn resume(&mut self, at: f64, steps: u64) {
+        self.done += steps;
+        self.before += steps;
+        self.told(at);
+    }
+
+    /// All that is done, in steps.
+    pub fn position(&self) -> f64 {
+        self.done as f64 + self.part
+    }
+
+    /// Where a whole step is the first that is heard of, nothing tells it from what it takes to begin.
+    fn told(&mut self, at: f64) {
+        let own = self.own();
+        let first = if own < 1.0 { (at, own) } else { (0.0, 0.0) };
+        self.first.get_or_insert(first);
+    }
+
+    /// Steps of this process.
+    fn own(&self) -> f64 {
+        self.position() - self.before as f64
+    }
+
+    /// Steps per second; none before any has been measured.
+    fn rate(&self, at: f64) -> Option<f64> {
+        let (from, had) = self.first?;
+        let (took, did) = (at - from, self.own() - had);
+        (took > 0.0 && did > 0.0).then(|| did / took)
+    }
+
+    /// What is left of the time that was foretold, s; none once it is over.
+    fn foretold_left(&self, at: f64) -> Option<f64> {
+        let share = match self.length {
+            0 => 1.0,
+            length => length.saturating_sub(self.before) as f64 / length as f64,
+        };
+        self.foretold.map(|all| all * share - at).filter(|left| *left > 0.0)
+    }
+
+    /// How long it still takes, s; none where nothing is known.
+    fn left(&self, at: f64) -> Option<f64> {
+        let steps = (self.length as f64 - self.position()).max(0.0);
+        let measured = self.rate(at).map(|rate| steps / rate);
+        match (measured, self.foretold_left(at)) {
+            (Some(measured), Some(foretold)) => {
+                let weight = self.own().min(1.0);
+                Some(weight * measured + (1.0 - weight) * foretold)
+            }
+            (one, other) => one.or(other),
+        }
+    }
+
+    /// In words: how fast, in steps per second or minute, and the time left; empty where nothing is known.
+    pub fn words(&self, at: f64) -> String {
+        let left = self.left(at).map(table::seconds);
+        match (self.rate(at), left) {
+            (Some(per_second), Some(left)) => format!("{}, {left} left", rate(per_second)),
+            (_, Some(left)) => format!("about {left} left"),
+            _ => String::new(),
+        }
+    }
+}
+
+/// Steps that take longer than a second are counted by the minute.
+fn rate(per_second: f64) -> String {
+    if per_second > 0.0 && per_second < 1.0 {
+        format!("{:.1}/min", 60.0 * per_second)
+    } else {
+        format!("{per_second:.1}/s")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slow_steps_are_counted_by_the_minute() {
+        assert_eq!(
+            [0.0, 0.05, 0.999, 1.0, 12.34].map(rate),
+            ["0.0/s", "3.0/min", "59.9/min", "1.0/s", "12.3/s"]
+        );
+    }
+
+    #[test]
+    fn steps_of_an_earlier_process_are_no_part_of_the_rate() {
+        let mut pace = Pace::new(40, None);
+        pace.resume(5.0, 30);
+        assert_eq!((pace.position(), pace.words(6.0)), (30.0, String::new()));
+        // One step takes 4 s, 9 are left; that 31 of 40 are done after 9 s says otherwise.
+        pace.advance(9.0, 1);
+        assert_eq!(pace.words(9.0), "15.0/min, 36.0 s left");
+    }
+
+    #[test]
+    fn to_begin_is_no_step() {
+        let mut pace = Pace::new(10, None);
+        // After 20 s of reading, steps of 2 s.
+        pace.set_part(20.0, 0.0);
+        pace.set_part(21.0, 0.5);
+        assert_eq!(pace.words(21.0), "30.0/min, 19.0 s left");
+        // Where the first that is heard of is a whole step, it began at the beginning.
+        let mut pace = Pace::new(10, None);
+        pace.advance(2.0, 1);
+        assert_eq!(pace.words(2.0), "30.0/min, 18.0 s left");
+    }
+
+    #[test]
+    fn what_was_foretold_counts_within_the_first_step_alone() {
+        let mut pace = Pace::new(10, Some(100.0));
+        assert_eq!(pace.words(10.0), "about 1 min 30 s left");
+        pace.set_part(10.0, 0.0);
+        pace.set_part(20.0, 0.5);
+        // Measured 0.05 steps a second, so that 190 s are left; foretold 80 s: half of each.
+        assert_eq!(pace.words(20.0), "3.0/min, 2 min 15 s left");
+        pace.advance(30.0, 1);
+        assert_eq!(pace.words(30.0), "3.0/min, 3 min 00 s left");
+        // What has taken longer than foretold is not foretold any more.
+        let late = Pace::new(10, Some(5.0));
+        assert_eq!(late.words(6.0), "");
+        // A tenth was left.
+        let mut resumed = Pace::new(10, Some(100.0));
+        resumed.resume(2.0, 9);
+        assert_eq!(resumed.words(2.0), "about 8.0 s left");
+    }
+}
