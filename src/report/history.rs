@@ -8,7 +8,7 @@ use super::artifacts::{Made, RunArtifacts};
 use super::error::ReportError;
 use crate::base::{ArtifactId, Node, NodeValue};
 use crate::orchestrator::{Pipeline, Rounds, StageReport};
-use crate::store::{Artifact, Command, Cost, Run, Store};
+use crate::store::{Artifact, Command, Cost, Ended, Run, Store, StoreError};
 
 /// A pipeline with what has been built of it.
 #[derive(Clone, Debug)]
@@ -23,8 +23,17 @@ pub struct History {
     pub rounds: Vec<Rounds>,
     /// What was foreseen of its stages, and what they neglect although it matters, a line each.
     pub neglected: Vec<String>,
-    /// When the last run of the pipeline ended, in UTC; none where it is no longer remembered.
-    pub last_run: Option<String>,
+    /// The last run that built something of the pipeline as it stands; none where no run with these artifacts is remembered.
+    pub last_run: Option<LastRun>,
+}
+
+/// The run that boxes tell of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LastRun {
+    /// When it ended, in UTC, RFC 3339.
+    pub ended: String,
+    /// Whether it built something of what is there; if not, no run that is remembered did.
+    pub has_built: bool,
 }
 
 /// One stage.
@@ -80,9 +89,8 @@ impl History {
     /// When the store cannot be read.
     pub fn of(pipeline: &Pipeline, plan: &[StageReport], store: &Store) -> Result<Self, ReportError> {
         let file = pipeline.file();
-        let mut own = store.runs_of(store.runs()?, &file, &pipeline.name);
-        let last = own.find(|run| !run.as_ref().is_ok_and(|run| run.command != Command::Run));
-        let last = last.transpose()?;
+        let own = store.runs_of(store.runs()?.take(LOOKED_THROUGH), &file, &pipeline.name);
+        let last = last_of(own, plan)?;
         // What was made after the end of the run before was made by the last one, or by one that was killed since.
         let mut all = store.runs()?;
         let is_last = |run: &Run| last.as_ref().is_some_and(|last| last.id == run.id);
@@ -92,7 +100,7 @@ impl History {
         let costs = store.costs();
         let mut stages = Vec::new();
         for report in plan {
-            let digest = report.digest.filter(|_| report.staleness.is_none());
+            let digest = there(report);
             let origin = digest.map(|digest| {
                 let artifact = store.artifact(&digest)?;
                 let built = last.filter(|run| has(run, report, &digest));
@@ -115,7 +123,10 @@ impl History {
             stages,
             rounds: pipeline.rounds.clone(),
             neglected: Vec::new(),
-            last_run: last.map(|run| run.created.clone()),
+            last_run: last.map(|run| LastRun {
+                ended: run.created.clone(),
+                has_built: has_built(run, plan),
+            }),
         })
     }
 
@@ -173,6 +184,46 @@ fn scene(pipeline: &Pipeline, name: &str) -> Vec<(String, String)> {
         _ => part.written(),
     };
     parts.iter().map(|(key, part)| (key.written(), entries(part))).collect()
+}
+
+/// Runs among which the last one of a pipeline is looked for.
+const LOOKED_THROUGH: usize = 1000;
+
+/// Of runs, newest first, the one that last built something of what is there. One with other parameters, as of a sweep, built other
+/// things. Where no run is remembered that did, that which last had any of it.
+fn last_of(
+    runs: impl Iterator<Item = Result<Run, StoreError>>,
+    plan: &[StageReport],
+) -> Result<Option<Run>, StoreError> {
+    let mut had = None;
+    for run in runs {
+        let run = run?;
+        if run.command != Command::Run {
+            continue;
+        }
+        if has_built(&run, plan) {
+            return Ok(Some(run));
+        }
+        let is_of_it = |report: &&StageReport| there(report).is_some_and(|digest| has(&run, report, &digest));
+        if had.is_none() && plan.iter().any(|report| is_of_it(&report)) {
+            had = Some(run);
+        }
+    }
+    Ok(had)
+}
+
+/// The artifact of a stage that need not be built.
+fn there(report: &StageReport) -> Option<ArtifactId> {
+    report.digest.filter(|_| report.staleness.is_none())
+}
+
+/// Whether a run built an artifact that a plan has.
+fn has_built(run: &Run, plan: &[StageReport]) -> bool {
+    let built = run.stages.iter().filter(|stage| stage.outcome == Ended::Built);
+    built.into_iter().any(|stage| {
+        let of_plan = plan.iter().find(|report| report.name == stage.name);
+        of_plan.and_then(there) == Some(stage.artifact)
+    })
 }
 
 fn has(run: &Run, report: &StageReport, digest: &ArtifactId) -> bool {
@@ -260,6 +311,73 @@ fn seconds(time: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::ActionKey;
+    use crate::orchestrator::{Outcome, Staleness};
+    use crate::store::RunStage;
+
+    fn id(text: &str) -> ArtifactId {
+        ArtifactId::of(text.as_bytes())
+    }
+
+    fn run(name: &str, command: Command, stages: &[(&str, &str, Ended)]) -> Run {
+        let stage = |(name, artifact, outcome): &(&str, &str, Ended)| RunStage {
+            name: (*name).to_owned(),
+            kind: "solve".into(),
+            key: ActionKey::of(artifact.as_bytes()),
+            artifact: id(artifact),
+            outcome: *outcome,
+        };
+        Run {
+            id: name.to_owned(),
+            command,
+            stages: stages.iter().map(stage).collect(),
+            ..Run::default()
+        }
+    }
+
+    fn planned(name: &str, artifact: &str, staleness: Option<Staleness>) -> StageReport {
+        StageReport {
+            name: name.to_owned(),
+            kind: "solve".into(),
+            outcome: Outcome::Reused,
+            chunks_built: 0,
+            chunks_reused: 1,
+            digest: Some(id(artifact)),
+            seconds: 0.0,
+            size: 0,
+            size_built: 0,
+            price: None,
+            unmeasured: None,
+            why: None,
+            reasons: Vec::new(),
+            staleness,
+        }
+    }
+
+    #[test]
+    fn the_last_run_is_the_one_that_built_what_is_there() {
+        use Ended::{Built, Reused};
+        let plan = [planned("a", "a1", None), planned("b", "b1", None)];
+        let swept = run("swept", Command::Run, &[("a", "a1", Reused), ("b", "b2", Built)]);
+        let audit = run("audit", Command::Audit, &[("a", "a1", Built)]);
+        let first = run("first", Command::Run, &[("a", "a1", Built), ("b", "b1", Built)]);
+        let found = |runs: &[&Run], plan: &[StageReport]| {
+            let runs = runs.iter().map(|run| Ok((*run).clone()));
+            last_of(runs, plan)
+                .unwrap()
+                .map(|run| (run.id.clone(), has_built(&run, plan)))
+        };
+        assert_eq!(
+            found(&[&swept, &audit, &first], &plan),
+            Some(("first".to_owned(), true))
+        );
+        // The run that built it is forgotten.
+        assert_eq!(found(&[&audit, &swept], &plan), Some(("swept".to_owned(), false)));
+        assert_eq!(found(&[&audit], &plan), None);
+        // What would be built again is not there.
+        let stale = [planned("b", "b1", Some(Staleness::ArtifactMissing))];
+        assert_eq!(found(&[&first], &stale), None);
+    }
 
     #[test]
     fn times_are_seconds_apart() {

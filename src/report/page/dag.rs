@@ -73,8 +73,15 @@ pub fn cost(stage: &StageFacts) -> String {
 pub fn section(page: &mut Page, history: &History) {
     page.section("Pipeline");
     let run = match &history.last_run {
-        Some(ended) => format!("The last run that changed anything ended {}.", time(ended)),
-        None => "No run of this pipeline is remembered in the store.".to_owned(),
+        Some(run) if run.has_built => format!(
+            "The last run that built something of this pipeline, with these parameters, ended {}.",
+            time(&run.ended)
+        ),
+        Some(run) => format!(
+            "No run that built what is there is remembered; the last one that found it there ended {}.",
+            time(&run.ended)
+        ),
+        None => "No run of this pipeline with these parameters is remembered in the store.".to_owned(),
     };
     page.line(&format!(
         "{run} Each box names a stage, its kind and digest, what that run did with it, and what it took when it was built."
