@@ -86,7 +86,7 @@ impl CliError {
         let what = match self.exit {
             Exit::Findings => "stops the pipeline",
             // That the work was asked to stop is all there is to say.
-            Exit::TryAgain if !self.may_pass => "did not end",
+            Exit::TryAgain if self.is_stop() => "did not end",
             _ => "failed",
         };
         self.message = format!("stage `{stage}` {what}: {}", self.message);
@@ -113,6 +113,11 @@ impl CliError {
     /// Whether another machine, or this one later, may succeed.
     pub fn may_pass(&self) -> bool {
         self.may_pass
+    }
+
+    /// Whether the work was asked to stop, and nothing is wrong.
+    pub fn is_stop(&self) -> bool {
+        self.exit == Exit::TryAgain && !self.may_pass
     }
 
     /// What went wrong, in one line.

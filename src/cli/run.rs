@@ -338,12 +338,10 @@ fn failed(outcome: &mut RunOutcome, arguments: &RunArguments, output: &Output) -
     } else if !arguments.quiet {
         output.text(Text::of(table::of_run(&outcome.stages)))?;
     }
-    errors.iter().for_each(|error| output.complain(&error.render(false)));
-    if !output.is_json()
-        && errors
-            .iter()
-            .any(|error| error.exit() == Exit::TryAgain && !error.may_pass())
-    {
+    // That a stage was asked to stop was said when it did, and is no error.
+    let (stopped, failed): (Vec<&CliError>, Vec<&CliError>) = errors.iter().partition(|error| error.is_stop());
+    failed.iter().for_each(|error| output.complain(&error.render(false)));
+    if !stopped.is_empty() {
         output.complain(GOES_ON);
     }
     // The exit code of the gravest failure would depend on taste: that of the first one it is.

@@ -84,6 +84,14 @@ pub struct Failure {
     pub error: StageError,
 }
 
+impl Failure {
+    /// Whether the stage was asked to stop, and nothing is wrong.
+    #[must_use]
+    pub fn is_stop(&self) -> bool {
+        matches!(self.error, StageError::Stopped(_))
+    }
+}
+
 /// What a run has done.
 #[derive(Debug)]
 pub struct RunOutcome {
@@ -184,7 +192,8 @@ pub fn run(
         seconds: environment.seconds_since(began),
         log: options.log.filter(|_| stages.iter().any(is_work)).map(str::to_owned),
         stages: stages_done.into_values().collect(),
-        failures: failures.iter().map(|failure| failure.stage.clone()).collect(),
+        failures: named(&failures, |failure| !failure.is_stop()),
+        stopped: named(&failures, Failure::is_stop),
         ..Run::default()
     };
     let logged = match options.unremembered {
@@ -216,6 +225,12 @@ pub fn check_locked(pipeline: &Pipeline, until: Option<&str>, store: &Store, loc
         true => Ok(()),
         false => Err(RunError::Locked(differences)),
     }
+}
+
+/// Names of the stages of some failures.
+fn named(failures: &[Failure], which: impl Fn(&Failure) -> bool) -> Vec<String> {
+    let chosen = failures.iter().filter(|failure| which(failure));
+    chosen.map(|failure| failure.stage.clone()).collect()
 }
 
 /// Whether anything was done for a stage.

@@ -41,10 +41,10 @@ pub fn run_document(run: &Run, removed: &Gone<'_>) -> Value {
             "removed": removed.at(&done.artifact),
         })
     });
-    let failed = run
-        .failures
-        .iter()
-        .map(|name| json!({ "name": name, "outcome": "failed", "digest": null, "removed": null }));
+    let unmade =
+        |name: &String, outcome: &str| json!({ "name": name, "outcome": outcome, "digest": null, "removed": null });
+    let failed = run.failures.iter().map(|name| unmade(name, "failed"));
+    let stopped = run.stopped.iter().map(|name| unmade(name, "stopped"));
     let overrides = run.overrides.iter().map(|(path, value)| (path.clone(), typed(value)));
     json!({
         "id": run.id,
@@ -57,7 +57,7 @@ pub fn run_document(run: &Run, removed: &Gone<'_>) -> Value {
         "seconds": run.seconds,
         "log": run.log,
         "overrides": overrides.collect::<serde_json::Map<_, _>>(),
-        "stages": done.chain(failed).collect::<Vec<_>>(),
+        "stages": done.chain(failed).chain(stopped).collect::<Vec<_>>(),
         "results": run.results,
     })
 }

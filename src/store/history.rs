@@ -61,6 +61,9 @@ pub struct Run {
     /// Names of the stages that failed.
     #[serde(default)]
     pub failures: Vec<String>,
+    /// Names of the stages that were stopped; what they had come to is kept.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stopped: Vec<String>,
     /// What artifacts are worth in numbers: `STAGE.NAME`.
     #[serde(default)]
     pub results: BTreeMap<String, f64>,
@@ -276,13 +279,13 @@ impl Store {
         path.display().to_string()
     }
 
-    /// Whether something was built or failed in a run, or it says anything else than the last one of its pipeline.
+    /// Whether something was built, failed or was stopped in a run, or it says anything else than the last one of its pipeline.
     ///
     /// # Errors
     /// When the system refuses.
     pub fn is_news(&self, run: &Run) -> Result<bool, StoreError> {
         let built = |stage: &RunStage| stage.outcome == Ended::Built;
-        if run.stages.iter().any(built) || !run.failures.is_empty() {
+        if run.stages.iter().any(built) || !run.failures.is_empty() || !run.stopped.is_empty() {
             return Ok(true);
         }
         let last = self

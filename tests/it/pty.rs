@@ -399,12 +399,13 @@ fn ctrl_c_keeps_what_there_is_and_the_same_command_goes_on() {
     first.interrupt();
     let (code, _, text) = first.end();
     assert_eq!(code, Some(75), "{text}");
+    let logged = workspace.run(&["log", "tiny.yaml", "--json"]).json();
+    let stages = logged["runs"][0]["stages"].as_array().unwrap().clone();
+    let outcome = stages.iter().find(|stage| stage["name"] == "surrogate").unwrap();
+    assert_eq!(outcome["outcome"], "stopped");
     let text = lines(&text).join(" ");
-    for words in [
-        "stopping: chunks that are done,",
-        "stage `surrogate` did not end: stopped",
-        GOES_ON,
-    ] {
+    assert!(!text.contains("error:") && !text.contains("did not end"), "{text}");
+    for words in ["stopping: chunks that are done,", "surrogate: stopped after", GOES_ON] {
         assert!(
             text.split_whitespace().collect::<Vec<_>>().join(" ").contains(words),
             "{words}: {text}"
