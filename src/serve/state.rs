@@ -123,7 +123,12 @@ impl ServedState {
     pub fn store(&self) -> Result<Option<Arc<Store>>, Refusal> {
         let mut held = lock(&self.store);
         if held.is_none() && Store::is_at(&self.store_folder) {
-            *held = Some(Arc::new(Store::open_existing(&self.store_folder)?.guarded()));
+            // A page that is left open must not keep `gc` from its work.
+            let store = match self.allow_run {
+                true => Store::open_existing(&self.store_folder)?,
+                false => Store::open_aside(&self.store_folder)?,
+            };
+            *held = Some(Arc::new(store.guarded()));
         }
         Ok(held.clone())
     }

@@ -86,6 +86,11 @@ impl Hold {
         Ok(Self::by_locks(layout, choice, run))
     }
 
+    /// No right to work there; nobody waits for who looks on.
+    pub fn aside(layout: &Layout) -> Self {
+        Self::unseen(layout, locking::choose(layout))
+    }
+
     fn by_locks(layout: &Layout, choice: Choice, run: Guard) -> Self {
         Self {
             _run: Some(run),

@@ -149,6 +149,20 @@ impl Store {
         }
     }
 
+    /// Opens a store that must be there already, to look into it for long without being in the way: a collection may run meanwhile, and
+    /// what it removes is then not found.
+    ///
+    /// # Errors
+    /// When there is none, or as [`Store::open`].
+    pub fn open_aside(root: &Path) -> Result<Self, StoreError> {
+        if !Layout::is_store(root) {
+            return Err(StoreError::NoStore { path: root.to_owned() });
+        }
+        let layout = Layout::open(root)?;
+        let hold = Hold::aside(&layout);
+        Ok(Self::held(layout, hold))
+    }
+
     /// Opens a store that must be there already for one process alone, to collect in it.
     ///
     /// # Errors

@@ -439,6 +439,11 @@ fn every_run_is_remembered_but_the_last_of_a_pipeline_said_again() {
         ..run_at(8, "p", "s", "a")
     };
     assert!(store.is_news(&failed).unwrap());
+    let stopped = Run {
+        stopped: vec!["t".into()],
+        ..run_at(8, "p", "s", "a")
+    };
+    assert!(store.is_news(&stopped).unwrap());
     let overridden = Run {
         overrides: [("stages.s.count".to_owned(), "4".to_owned())].into(),
         ..run_at(6, "p", "s", "a")
@@ -543,8 +548,10 @@ fn a_store_is_collected_alone() {
     let (_folder, store) = store();
     let root = store.root().to_owned();
     assert!(matches!(Store::open_alone(&root), Err(StoreError::Busy { .. })));
+    let aside = Store::open_aside(&root).unwrap();
     drop(store);
     let alone = Store::open_alone(&root).unwrap();
+    assert!(aside.runs().is_ok(), "who looks on is in nobody's way");
     drop(alone);
     assert!(Store::open_existing(&root).is_ok());
 }

@@ -358,6 +358,10 @@ fn runs_artifacts_and_rows_are_those_of_the_commands() {
     let server = Server::start(&workspace, &["serve", "small.yaml"]);
     let log = workspace.run(&["log", "--json"]).json();
     assert_eq!(server.get("/api/runs").json()["runs"], log["runs"]);
+    // A page that is open keeps no collection from its work.
+    for gc in [&["gc", "-n"][..], &["gc"]] {
+        assert_eq!(workspace.run(gc).code, Some(0));
+    }
     let id = log["runs"][0]["id"].as_str().unwrap();
     let run = server.get(&format!("/api/runs/{id}")).json();
     assert_eq!(run["parameters"]["stages.small.count"], "4", "{run}");
