@@ -1,4 +1,4 @@
-//! The time that a thread has been on a core.
+//! The time that a thread has been on a core, and the time of day as people read it.
 
 use std::time::Instant;
 
@@ -10,4 +10,25 @@ pub fn thread_seconds() -> f64 {
     let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
     let nanoseconds = told.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
     nanoseconds.map_or_else(|| START.with(|start| start.elapsed().as_secs_f64()), |ns| 1e-9 * ns)
+}
+
+/// A time in UTC as RFC 3339 has it, for people: `2026-11-21 15:52:21 UTC`. Of another text it is that text.
+#[must_use]
+pub fn readable_time(rfc3339: &str) -> String {
+    match rfc3339.get(..19) {
+        Some(time) if time.as_bytes()[10] == b'T' => format!("{} UTC", time.replace('T', " ")),
+        _ => rfc3339.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_read_by_people() {
+        assert_eq!(readable_time("2026-11-21T15:52:21.226Z"), "2026-11-21 15:52:21 UTC");
+        assert_eq!(readable_time("soon"), "soon");
+        assert_eq!(readable_time("a text that is no time"), "a text that is no time");
+    }
 }

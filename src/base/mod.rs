@@ -27,7 +27,7 @@ mod stream;
 pub use crate::{parameters, variants, words};
 pub use background::{Background, Pauses};
 pub use canonical::Canonical;
-pub use clock::thread_seconds;
+pub use clock::{readable_time, thread_seconds};
 pub use confined::{ConfinedError, confined};
 pub use cpu::CpuLevel;
 pub use csvw::{CsvTable, SOFTWARE, csv_metadata, csv_metadata_file, uri};

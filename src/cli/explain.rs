@@ -10,7 +10,7 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::run;
-use crate::base::ArtifactId;
+use crate::base::{ArtifactId, readable_time};
 use crate::orchestrator::{Explanation, explain};
 
 /// Say why a stage would be built: every parameter and input that has changed
@@ -46,7 +46,12 @@ fn document(found: &Explanation) -> serde_json::Value {
         "key": found.key.map(|key| key.to_string()),
         "reasons": found.reasons.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "inputs": found.inputs.iter().map(|(name, digest)| json!({ "stage": name, "digest": text(digest) })).collect::<Vec<_>>(),
+        "causes": found.causes.iter().map(|(name, reasons)| json!({
+            "stage": name,
+            "reasons": reasons.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        })).collect::<Vec<_>>(),
         "last": found.last.as_ref().map(|last| json!({
+            "same": last.is_same,
             "created": last.created,
             "key": last.key.to_string(),
             "artifact": last.artifact.to_string(),
@@ -61,10 +66,14 @@ fn text(found: &Explanation) -> String {
         .digest
         .map_or_else(String::new, |digest| format!(": artifact {}", digest.short()));
     if found.reasons.is_empty() {
-        lines.push(format!("{} ({}) is up to date{made}", report.name, report.kind));
+        lines.push(format!("{} ({}) would be reused{made}", report.name, report.kind));
     } else {
         lines.push(format!("{} ({}) would be built:", report.name, report.kind));
         lines.extend(found.reasons.iter().map(|reason| format!("  {reason}")));
+        for (name, reasons) in &found.causes {
+            let reasons: Vec<String> = reasons.iter().map(ToString::to_string).collect();
+            lines.push(format!("  because of {name}: {}", reasons.join("; ")));
+        }
         lines.push(format!(
             "chunks: {} to build, {} there",
             report.chunks_built, report.chunks_reused
@@ -82,11 +91,17 @@ fn text(found: &Explanation) -> String {
         );
     }
     lines.push(match &found.last {
-        Some(last) => format!(
-            "last run that had it: {}, artifact {}",
-            last.created,
-            last.artifact.short()
-        ),
+        Some(last) => {
+            let what = match last.is_same {
+                true => "last run that had it",
+                false => "last run that had a stage of this name, with other parameters or inputs",
+            };
+            format!(
+                "{what}: {}, artifact {}",
+                readable_time(&last.created),
+                last.artifact.short()
+            )
+        }
         None => "no run has had it".to_owned(),
     });
     lines.join("\n")

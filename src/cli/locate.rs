@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::error::CliError;
 use super::run;
-use crate::base::{ArtifactId, nearest};
+use crate::base::{ArtifactId, nearest, readable_time};
 use crate::orchestrator::{Environment, StageReport, Staleness, plan};
 use crate::store::{Artifact, Lookup, Removed, Store, StoreError};
 
@@ -19,8 +19,11 @@ pub fn existing_store(path: &Path) -> Result<Store, CliError> {
 /// What was looked for in the folder of a store, or what to do where there is none.
 pub fn of_folder<T>(opened: Result<T, StoreError>) -> Result<T, CliError> {
     opened.map_err(|error| match error {
-        StoreError::NoStore { .. } => {
-            CliError::from(error).help("name it with --store or DEAFLOW_STORE; `deaflow run` makes one")
+        StoreError::NoStore { path } => {
+            // Which folder a relative path means depends on where the command is given.
+            let path = std::path::absolute(&path).unwrap_or(path);
+            CliError::bad_input(format!("there is no artifact store at {}", path.display()))
+                .help("`deaflow run PIPELINE.yaml` makes one; --store or DEAFLOW_STORE names another")
         }
         other => other.into(),
     })
@@ -31,6 +34,7 @@ pub fn of_folder<T>(opened: Result<T, StoreError>) -> Result<T, CliError> {
 /// # Errors
 /// When there is none, or several, or it is damaged.
 pub fn artifact(store: &Store, reference: &str) -> Result<Artifact, CliError> {
+    check_stage_is_named(reference, None)?;
     let digest = match split(reference) {
         Some((pipeline, stage)) => of_pipeline(store, Path::new(pipeline), stage)?,
         None => match of_last_run(store, reference)? {
@@ -39,6 +43,28 @@ pub fn artifact(store: &Store, reference: &str) -> Result<Artifact, CliError> {
         },
     };
     open(store, &digest)
+}
+
+/// Refuses a pipeline without a stage, and says which stages there are: those of a kind, or all.
+///
+/// # Errors
+/// When it is one.
+pub fn check_stage_is_named(reference: &str, kind: Option<&str>) -> Result<(), CliError> {
+    let path = Path::new(reference);
+    let is_yaml = path.extension().is_some_and(|e| e == "yaml" || e == "yml");
+    if !is_yaml || !path.is_file() {
+        return Ok(());
+    }
+    let pipeline = run::load_plain(path)?;
+    let stages = pipeline.stages.iter();
+    let named = stages.filter(|spec| kind.is_none_or(|kind| spec.kind.name() == kind));
+    let names: Vec<String> = named.map(|spec| format!("{reference}:{}", spec.name)).collect();
+    let error = CliError::bad_input(format!("{reference} is a pipeline, and one of its stages is wanted"));
+    Err(match (names.as_slice(), kind) {
+        ([], Some(kind)) => error.help(format!("it has no stage of kind `{kind}`")),
+        ([], None) => error,
+        (names, _) => error.help(format!("name one: {}", names.join(", "))),
+    })
 }
 
 /// Opens an artifact; of one that a collection has removed it is said when.
@@ -58,7 +84,7 @@ fn collected(removed: &Removed) -> CliError {
         "" => String::new(),
         kind => format!(" ({kind})"),
     };
-    let (digest, at) = (removed.digest.short(), &removed.at);
+    let (digest, at) = (removed.digest.short(), readable_time(&removed.at));
     CliError::bad_input(format!("artifact {digest}{kind} was removed by gc at {at}"))
         .help("`deaflow run` of its pipeline builds it again; `deaflow pin` keeps an artifact through every gc")
 }

@@ -20,13 +20,17 @@ pub struct Explanation {
     pub reasons: Vec<Staleness>,
     /// The stages that it needs, with what they made, as far as that is known.
     pub inputs: Vec<(String, Option<ArtifactId>)>,
-    /// The run that it was last part of, and what it made then.
+    /// What its inputs would be built for, directly or not: each of these stages with its own reasons, in topological order.
+    pub causes: Vec<(String, Vec<Staleness>)>,
+    /// The last run that did the same; or else the last one that had a stage of its name.
     pub last: Option<Last>,
 }
 
 /// The last run that had a stage.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Last {
+    /// Whether it did the same: the stage as it stands, with its parameters and inputs.
+    pub is_same: bool,
     /// When it ended.
     pub created: String,
     /// The action key then.
@@ -48,13 +52,37 @@ pub fn explain(pipeline: &Pipeline, store: &Store, stage: &str) -> Result<Explan
     let (spec, status) = (&pipeline.stages[selection[at]], &statuses[at]);
     let digests = digests_of(spec, &selection, &statuses);
     let reasons = reasons(&planner, spec, status, &digests)?;
+    let mut causes = Vec::new();
+    if !reasons.is_empty() {
+        for (&index, status) in selection.iter().zip(&statuses).take(at) {
+            let spec = &pipeline.stages[index];
+            let digests = digests_of(spec, &selection, &statuses);
+            let mut own = self::reasons(&planner, spec, status, &digests)?;
+            own.retain(|reason| !matches!(reason, Staleness::InputChanged { .. }));
+            if !own.is_empty() {
+                causes.push((spec.name.clone(), own));
+            }
+        }
+    }
+    let key = status.action.as_ref().map(|(_, key)| *key);
+    let same = match &key {
+        Some(key) => planner.remembered_by(key)?,
+        None => None,
+    };
+    let is_same = same.is_some();
+    let last = match same {
+        Some(same) => Some(same),
+        None => planner.remembered(spec)?,
+    };
     let names = spec.needs.iter().map(|&need| pipeline.stages[need].name.clone());
     Ok(Explanation {
         report: report(spec, status),
-        key: status.action.as_ref().map(|(_, key)| *key),
+        key,
+        causes,
         reasons,
         inputs: names.zip(digests).collect(),
-        last: planner.remembered(spec)?.map(|(run, stage)| Last {
+        last: last.map(|(run, stage)| Last {
+            is_same,
             created: run.created.clone(),
             key: stage.key,
             artifact: stage.artifact,

@@ -87,7 +87,9 @@ pub fn reasons(
     match &status.state {
         State::Fresh { .. } => Ok(Vec::new()),
         State::Stale { why, .. } => match why {
-            Staleness::ArtifactMissing | Staleness::ArtifactDamaged => Ok(vec![why.clone()]),
+            Staleness::ArtifactMissing | Staleness::ArtifactDamaged | Staleness::Removed { .. } => {
+                Ok(vec![why.clone()])
+            }
             _ => planner.reasons(spec, &spec.stage.parameters(), inputs),
         },
     }

@@ -236,7 +236,10 @@ impl<'a> Planner<'a> {
                 }
                 Err(why) => (why, Some(record.artifact)),
             },
-            None => (self.explain(spec, &parameters, &digests)?, None),
+            None => match self.collected(action.as_ref())? {
+                Some((at, artifact)) => (Staleness::Removed { at }, Some(artifact)),
+                None => (self.explain(spec, &parameters, &digests)?, None),
+            },
         };
         let chunks = self.chunks(spec, &work, effort)?;
         let expected = match expected {
@@ -340,11 +343,28 @@ impl<'a> Planner<'a> {
         if keyed(action)?.is_some_and(|(_, key)| key != stage.key) || self.store.has(&stage.artifact) {
             return Ok(None);
         }
-        let removed = self.removed.get_or_init(|| {
+        Ok(self.removed().get(&stage.artifact).cloned())
+    }
+
+    /// What an action made in an earlier run and a collection has removed since with its record, and when. To do the same again makes the
+    /// same, whatever other parameters the last run had.
+    fn collected(&self, action: Option<&(Action, ActionKey)>) -> Result<Option<(String, ArtifactId)>, StoreError> {
+        let Some((_, key)) = action.filter(|_| !self.removed().is_empty()) else {
+            return Ok(None);
+        };
+        let found = self.remembered_by(key)?;
+        let Some((_, stage)) = found.filter(|(_, stage)| !self.store.has(&stage.artifact)) else {
+            return Ok(None);
+        };
+        let at = self.removed().get(&stage.artifact).cloned();
+        Ok(at.map(|at| (at, stage.artifact)))
+    }
+
+    fn removed(&self) -> &BTreeMap<ArtifactId, String> {
+        self.removed.get_or_init(|| {
             let removed = self.store.removed().into_iter();
             removed.map(|removed| (removed.digest, removed.at)).collect()
-        });
-        Ok(removed.get(&stage.artifact).cloned())
+        })
     }
 
     /// The last run that had the stage.
@@ -352,7 +372,20 @@ impl<'a> Planner<'a> {
     /// # Errors
     /// When the store cannot be read.
     pub fn remembered(&self, spec: &StageSpec) -> Result<Option<(Arc<Run>, RunStage)>, StoreError> {
-        let with_stage = |run: &Arc<Run>| Some((run.clone(), run.stage(&spec.name)?.clone()));
+        self.run_with(|run| run.stage(&spec.name).cloned())
+    }
+
+    /// The last run in which an action was done, or its artifact reused.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn remembered_by(&self, key: &ActionKey) -> Result<Option<(Arc<Run>, RunStage)>, StoreError> {
+        self.run_with(|run| run.stages.iter().find(|stage| stage.key == *key).cloned())
+    }
+
+    /// The last run of the pipeline that has a stage of some sort.
+    fn run_with(&self, stage: impl Fn(&Run) -> Option<RunStage>) -> Result<Option<(Arc<Run>, RunStage)>, StoreError> {
+        let with_stage = |run: &Arc<Run>| Some((run.clone(), stage(run)?));
         // A run is pushed in one step: a panic elsewhere leaves a list that is right.
         let mut runs = self.runs.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = runs.read.iter().find_map(with_stage) {

@@ -66,6 +66,17 @@ impl StageSpec {
     }
 }
 
+/// A scene in the place of a pipeline is told as such: each of its keys would be one that a pipeline does not have.
+fn refuse_scene(root: &Node) -> Result<(), InputError> {
+    let has = |key| root.peek(key).is_some();
+    match !has("stages") && ["geometry", "material", "drive"].into_iter().any(has) {
+        true => Err(root
+            .error("this file is a scene, and a pipeline is wanted")
+            .help("a pipeline has `stages` and names its scene: `scene: FILE.yaml`; scenes are what `solve`, `screen` and `sketch` take")),
+        false => Ok(()),
+    }
+}
+
 impl Pipeline {
     /// Reads a pipeline from its file, with `--set` overrides applied after the scene's file has been read.
     ///
@@ -82,6 +93,7 @@ impl Pipeline {
     pub fn read(document: Document, overrides: &[Override], registry: &Registry) -> Result<Self, InputError> {
         let path = document.path().to_owned();
         let mut root = document.root;
+        refuse_scene(&root)?;
         splice_scene(&mut root, &path)?;
         let resolved: Vec<Override> = overrides.iter().map(with_scene_file).collect::<Result<_, _>>()?;
         let late = rounds::apply(&mut root, &resolved)?;

@@ -2,17 +2,17 @@
 
 use std::fmt;
 
-use crate::base::{ArtifactId, Canonical};
+use crate::base::{ArtifactId, Canonical, readable_time};
 use crate::store::{Condition, Record, Run};
 
 /// Why a stage is stale.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Staleness {
-    /// It has never been built here, as far as is remembered.
+    /// It has not been built here, as far as is remembered.
     NoRecord,
     /// A parameter differs from that of the last run.
     ParameterChanged {
-        /// Dotted path of the first parameter that differs.
+        /// Dotted path of the first parameter that differs, as `--set` takes it: after `stages.NAME.`, or from `scene.` on.
         which: String,
         /// Its value then.
         from: String,
@@ -45,13 +45,13 @@ pub enum Staleness {
 impl fmt::Display for Staleness {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NoRecord => f.write_str("no record"),
+            Self::NoRecord => f.write_str("not built yet"),
             Self::ParameterChanged { which, from, to } => {
                 write!(f, "parameter changed: {which} from {from} to {to}")
             }
             Self::InputChanged { which } => write!(f, "input changed: {which}"),
             Self::RecipeChanged { from, to } => write!(f, "recipe changed: from {from} to {to}"),
-            Self::Removed { at } => write!(f, "removed by gc at {at}"),
+            Self::Removed { at } => write!(f, "removed by gc at {}", readable_time(at)),
             Self::ArtifactMissing => f.write_str("artifact missing"),
             Self::ArtifactDamaged => f.write_str("artifact damaged"),
         }
@@ -111,11 +111,17 @@ fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
     changed
         .chain(dropped)
         .map(|(which, _)| Staleness::ParameterChanged {
-            which: which.clone(),
+            which: as_set(which).to_owned(),
             from: value(&then, which),
             to: value(&now, which),
         })
         .collect()
+}
+
+/// The path of a canonical parameter as `--set` takes it: chunked stages keep what all their chunks have in common under `stage`.
+#[must_use]
+pub fn as_set(path: &str) -> &str {
+    path.strip_prefix("stage.").unwrap_or(path)
 }
 
 fn recipe_changed(now: u32, then: u32) -> Option<Staleness> {

@@ -23,12 +23,12 @@ const MAX_BYTES: u64 = 64 << 20;
 fn allowed(form: PatternForm) -> String {
     let ([columns, rows], groups) = (form.raster.sides(), form.groups);
     let colours = match groups {
-        1 => "dark (below 25 % grey) = electrode, light (above 75 %) = bare".to_owned(),
+        1 => "dark (brightness below 25 %) = electrode, light (above 75 %) = bare".to_owned(),
         _ => {
             let level = |group: usize| format!("group {group} = {:.0} %", 100.0 * (group - 1) as f64 / groups as f64);
             let levels: Vec<String> = (1..=groups).map(level).collect();
             format!(
-                "the numbers of groups as indices of a palette, or as grey levels: {}, bare = 100 %",
+                "the numbers of groups as indices of a palette, or as brightness: {}, bare = 100 %",
                 levels.join(", ")
             )
         }
@@ -103,8 +103,16 @@ impl Pixel {
 
 fn undecided([column, row]: [usize; 2], pixel: Pixel, groups: usize) -> Refusal {
     let found = match pixel {
-        Pixel::Grey(grey) if groups == 1 => format!("{:.0} % grey, neither 0 nor 1", 100.0 * grey),
-        Pixel::Grey(grey) => format!("{:.0} % grey, no group of electrodes", 100.0 * grey),
+        Pixel::Grey(grey) if groups == 1 => {
+            format!(
+                "neither dark nor light: its brightness is {:.0} %, where black is 0 % and white 100 %",
+                100.0 * grey
+            )
+        }
+        Pixel::Grey(grey) => format!(
+            "of a brightness of {:.0} %, where black is 0 % and white 100 %: no group of electrodes",
+            100.0 * grey
+        ),
         Pixel::Index(index) => format!("of colour {index} of the palette, no group of electrodes"),
     };
     Refusal::new(format!("pixel (column {column}, row {row} from the top) is {found}"))

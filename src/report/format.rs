@@ -34,14 +34,6 @@ pub fn bytes(bytes: u64) -> String {
     }
 }
 
-/// A time of day without its fraction of a second: `2026-01-01 12:00:00 UTC`.
-pub fn time(rfc3339: &str) -> String {
-    match rfc3339.get(..19) {
-        Some(time) => format!("{} UTC", time.replace('T', " ")),
-        None => rfc3339.to_owned(),
-    }
-}
-
 /// A length in mm, four decimals, without its unit.
 pub fn mm(value: f64) -> String {
     signed(&format!("{:.4}", value + 0.0))
@@ -163,7 +155,6 @@ mod tests {
         }
         let sizes = [0, 999, 1_500, 999_990, 2_340_000_000].map(bytes);
         assert_eq!(sizes, ["0 B", "999 B", "1.5 kB", "1.0 MB", "2.3 GB"]);
-        assert_eq!(time("2026-01-02T03:04:05.678Z"), "2026-01-02 03:04:05 UTC");
         assert_eq!((mm(-1.23456), percent(0.9912, 1)), ("−1.2346".into(), "99.1 %".into()));
         assert_eq!(cut("abcdef", 4), "abc…");
     }

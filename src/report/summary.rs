@@ -187,8 +187,10 @@ impl Summary {
         }
         if let Some(distance) = best.distance_mm {
             text += &format!(", {} mm from what is wanted", three(distance));
-        } else if let Some(gain) = best.gain_equal_area.or(best.gain_own_area) {
-            text += &format!(", {} over the intuitive design", change(gain));
+        } else if let Some(gain) = best.gain_equal_area {
+            text += &format!(", {} over the intuitive design at equal area", change(gain));
+        } else if let Some(gain) = best.gain_own_area {
+            text += &format!(", {} over the intuitive design, which has another area", change(gain));
         }
         if let Some(ratio) = best.ratio_to_optimum.filter(|_| best.role != Role::Optimum) {
             text += &format!(", {} of the optimum", share(ratio));

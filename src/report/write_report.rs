@@ -129,7 +129,10 @@ impl Written {
             let folder = folder.map_or(String::new(), |folder| folder.display().to_string());
             lines.push(format!("  {folder}/*.csv: {} patterns", self.patterns.len()));
             if let Some(folder) = self.masks.first().and_then(|path| path.parent()) {
-                lines.push(format!("  {}/*.dxf: {} masks", folder.display(), self.masks.len()));
+                lines.push(match self.masks.len() {
+                    1 => format!("  {}/*.dxf: 1 mask", folder.display()),
+                    n => format!("  {}/*.dxf: {n} masks", folder.display()),
+                });
             }
         }
         lines.join("\n")

@@ -25,11 +25,24 @@ pub enum DirectError {
 /// # Errors
 /// When one cannot be read.
 pub fn patterns(arguments: &[String], form: PatternForm) -> Result<Vec<Pattern>, InputError> {
-    let mut all = Vec::new();
+    Ok(patterns_with_names(arguments, form)?.0)
+}
+
+/// The same with the name of each: its argument, and where that holds several the place among them, `mine.npy[3]`.
+///
+/// # Errors
+/// When one cannot be read.
+pub fn patterns_with_names(arguments: &[String], form: PatternForm) -> Result<(Vec<Pattern>, Vec<String>), InputError> {
+    let (mut all, mut names) = (Vec::new(), Vec::new());
     for argument in arguments {
-        all.extend(named_patterns(argument, form)?);
+        let found = named_patterns(argument, form)?;
+        match found.len() {
+            1 => names.push(argument.clone()),
+            n => names.extend((0..n).map(|k| format!("{argument}[{k}]"))),
+        }
+        all.extend(found);
     }
-    Ok(all)
+    Ok((all, names))
 }
 
 /// The files that are read with a scene or a pipeline: itself, the scene that it names, masks and tables of voltages. What cannot be read names
@@ -63,6 +76,11 @@ pub fn files_read(path: &Path) -> Vec<String> {
 pub fn read_scene(path: &Path) -> Result<Scene, InputError> {
     let mut root = Document::load(path)?.root;
     splice_scene(&mut root, path)?;
+    if root.peek("stages").is_some() && root.peek("scene").is_none() {
+        return Err(root
+            .error("this file is a pipeline without a scene of its own, and a scene is wanted")
+            .help("name the file of the scene"));
+    }
     super::checked_scene(root.peek("scene").unwrap_or(&root))
 }
 

@@ -40,6 +40,12 @@ fn what_the_last_runs_need_stays_and_the_rest_goes() {
     let held = done.json()["kept"][0]["held_by"][0].clone();
     assert!(held.as_str().unwrap().starts_with("run of short at "), "{held}");
 
+    // The last run had other parameters; that is not why what this one would make is gone.
+    let plan = workspace.run(&["plan", "short.yaml", "--json"]).json();
+    for stage in plan["stages"].as_array().unwrap() {
+        let why = stage["why"].as_str().unwrap();
+        assert!(why.starts_with("removed by gc at 20"), "{stage}");
+    }
     let again = workspace.stages(&["run", "short.yaml", "--set", "stages.small.seed=2"]);
     assert_eq!(again.with("reused"), ["small", "solved"]);
     let rebuilt = workspace.stages(&["run", "short.yaml"]);

@@ -149,7 +149,7 @@ fn rounds_are_planned_locked_and_added_to_like_other_stages() {
     let explained = workspace
         .run(&[&["explain", "wrong.yaml", "surrogate-2"][..], &[][..]].concat())
         .stdout;
-    assert!(explained.contains("surrogate-2 (train) is up to date"), "{explained}");
+    assert!(explained.contains("surrogate-2 (train) would be reused"), "{explained}");
     assert!(
         explained.contains("verified: ") && explained.contains("solved: "),
         "{explained}"

@@ -8,26 +8,26 @@ fn everything_is_built_once_and_nothing_twice() {
     assert_eq!(
         lab.run(&[]),
         [
-            "start small (35): no record",
+            "start small (35): not built yet",
             "chunk small 0",
             "chunk small 1",
             "chunk small 2",
             "chunk small 3",
-            "built small built 4+0: no record",
-            "start large (20): no record",
+            "built small built 4+0: not built yet",
+            "start large (20): not built yet",
             "chunk large 0",
             "chunk large 1",
-            "built large built 2+0: no record",
-            "start halved (55): no record",
+            "built large built 2+0: not built yet",
+            "start halved (55): not built yet",
             "chunk halved 0",
             "chunk halved 1",
             "chunk halved 2",
             "chunk halved 3",
             "chunk halved 4",
             "chunk halved 5",
-            "built halved built 6+0: no record",
-            "start total (1): no record",
-            "built total built 1+0: no record",
+            "built halved built 6+0: not built yet",
+            "start total (1): not built yet",
+            "built total built 1+0: not built yet",
         ]
     );
     let reused = ["reused small", "reused large", "reused halved", "reused total"];
@@ -90,10 +90,10 @@ fn a_tweak_builds_what_depends_on_it_and_says_why() {
 fn a_plan_builds_nothing() {
     let lab = Laboratory::new();
     let expected = [
-        "small stale 4+0: no record",
-        "large stale 2+0: no record",
-        "halved stale 6+0: no record",
-        "total stale 1+0: no record",
+        "small stale 4+0: not built yet",
+        "large stale 2+0: not built yet",
+        "halved stale 6+0: not built yet",
+        "total stale 1+0: not built yet",
     ];
     assert_eq!(lab.plan(&[]), expected);
     assert_eq!(lab.plan(&[]), expected);
@@ -197,7 +197,7 @@ fn until_leaves_out_what_is_not_needed() {
     let run = run(&pipeline, &lab.store(), &options, &environment(), &|_| ()).unwrap();
     assert_eq!(
         run.stages.iter().map(summary).collect::<Vec<_>>(),
-        ["large built 2+0: no record"]
+        ["large built 2+0: not built yet"]
     );
     let error = plan(&pipeline, &lab.store(), Some("larg"), &environment()).unwrap_err();
     assert_eq!(error.to_string(), "no stage `larg` in toy.yaml");
@@ -222,7 +222,7 @@ fn reports_are_written_as_documented() {
     assert_eq!(json["chunks_built"], 1);
     assert_eq!(json["chunks_reused"], 0);
     assert_eq!(json["digest"], outcome.stages[3].digest.unwrap().to_string());
-    assert_eq!(json["why"], "no record");
+    assert_eq!(json["why"], "not built yet");
     assert!(json["seconds"].as_f64().unwrap() > 0.0);
     assert!(json["size"].as_u64().unwrap() > 512);
 }
@@ -251,6 +251,7 @@ fn an_explanation_names_everything_that_changed() {
     };
     let fresh = explained(PIPELINE, "halved");
     assert_eq!((fresh.reasons.len(), fresh.report.outcome), (0, Outcome::Reused));
+    assert_eq!((fresh.causes.len(), fresh.last.as_ref().unwrap().is_same), (0, true));
     assert_eq!(fresh.last.unwrap().artifact, fresh.report.digest.unwrap());
     let tweaked = PIPELINE.replace("by: 2", "by: 3").replace("count: 35", "count: 36");
     assert_ne!(tweaked, PIPELINE);
@@ -259,4 +260,15 @@ fn an_explanation_names_everything_that_changed() {
     assert_eq!(reasons, ["parameter changed: by from 2 to 3", "input changed: small"]);
     assert_eq!(stale.inputs[0], ("small".to_owned(), None));
     assert!(stale.inputs[1].1.is_some());
+    let causes: Vec<String> = stale
+        .causes
+        .iter()
+        .map(|(name, why)| format!("{name}: {}", why[0]))
+        .collect();
+    assert_eq!(causes, ["small: parameter changed: count from 35 to 36"]);
+    assert!(!stale.last.unwrap().is_same);
+    // The last run of all had other parameters; it is the one before that did what is asked about.
+    lab.run_text(&tweaked, &[]);
+    let back = explained(PIPELINE, "halved");
+    assert_eq!(back.last.unwrap().artifact, back.report.digest.unwrap());
 }

@@ -157,7 +157,10 @@ fn a_run_that_is_asked_to_stop_begins_nothing_more_and_is_gone_on_with() {
     );
     assert_eq!(outcome.stages.len(), 1);
     let log = lab.run(&[]);
-    assert!(log.contains(&"built small built 3+1: no record".to_owned()), "{log:?}");
+    assert!(
+        log.contains(&"built small built 3+1: not built yet".to_owned()),
+        "{log:?}"
+    );
 }
 
 #[test]

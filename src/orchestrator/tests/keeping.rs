@@ -31,18 +31,18 @@ fn a_run_that_keeps_going_builds_all_that_does_not_need_the_failure() {
     assert_eq!(
         log,
         [
-            "start one (35): no record",
+            "start one (35): not built yet",
             "chunk one 0",
             "chunk one 1",
             "chunk one 3",
             "failed one",
-            "start two (10): no record",
+            "start two (10): not built yet",
             "chunk two 0",
-            "built two built 1+0: no record",
+            "built two built 1+0: not built yet",
             "skipped sum skipped 0+0: needs `one`, which failed or was not built",
             "skipped squared skipped 0+0: needs `sum`, which failed or was not built",
-            "start other (1): no record",
-            "built other built 1+0: no record",
+            "start other (1): not built yet",
+            "built other built 1+0: not built yet",
         ]
     );
     assert_eq!(outcome.failures.len(), 1);
@@ -54,9 +54,9 @@ fn a_run_that_keeps_going_builds_all_that_does_not_need_the_failure() {
     assert_eq!(
         log[..3],
         [
-            "start one (35): no record",
+            "start one (35): not built yet",
             "chunk one 2",
-            "built one built 1+3: no record"
+            "built one built 1+3: not built yet"
         ]
         .map(|line| line.replace("(35)", "(10)"))
     );

@@ -38,9 +38,9 @@ fn a_failed_run_keeps_finished_chunks() {
     assert_eq!(
         log[..3],
         [
-            "start small (5): no record",
+            "start small (5): not built yet",
             "chunk small 3",
-            "built small built 1+3: no record"
+            "built small built 1+3: not built yet"
         ]
     );
     assert_eq!(lab.digests(&[]), untroubled);
@@ -136,7 +136,7 @@ fn a_damaged_record_is_no_record() {
     let whole = fs::read(&record).unwrap();
     for broken in [&whole[..whole.len() - 5], &whole[..10], &[]] {
         fs::write(&record, broken).unwrap();
-        assert_eq!(lab.plan(&[])[3], "total stale 1+0: no record");
+        assert_eq!(lab.plan(&[])[3], "total stale 1+0: not built yet");
         assert_eq!(lab.digests(&[]), before);
     }
     fs::write(&record, &whole[1..]).unwrap();

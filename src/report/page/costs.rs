@@ -1,7 +1,8 @@
 //! What the stages cost, and where everything comes from.
 
 use super::dag::build_state;
-use crate::report::format::{bytes, percent, seconds, time};
+use crate::base::readable_time as time;
+use crate::report::format::{bytes, percent, seconds};
 use crate::report::history::{History, Origin, StageFacts};
 use crate::report::html::{Column, Page};
 

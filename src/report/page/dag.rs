@@ -3,8 +3,9 @@
 use maud::{Markup, html};
 
 use super::layout::{BOX, Layout, layout};
+use crate::base::readable_time as time;
 use crate::report::drawing::{Colour, number};
-use crate::report::format::{bytes, cut, seconds, time};
+use crate::report::format::{bytes, cut, seconds};
 use crate::report::history::{History, StageFacts};
 use crate::report::html::Page;
 
