@@ -98,10 +98,10 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     let count: usize = families.values().map(Vec::len).sum();
     let bar = Bar::new("reference", "patterns", count as u64);
     let benchmark = Benchmark::new(scene, reference, families, &bar).map_err(failed)?;
-    bar.finish("done");
+    bar.clear();
     let bar = Bar::new("measure", "methods", methods.len() as u64);
     let measured = benchmark.measure(&methods, &bar).map_err(failed)?;
-    bar.finish("done");
+    bar.clear();
     let files = write_files(arguments, &benchmark, &measured, start)?;
     let findings = Findings::new(arguments, &benchmark, &measured);
     if output.is_json() {

@@ -180,9 +180,9 @@ pub struct PatternArguments {
     /// FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
     #[arg(value_name = "PATTERN", required = true)]
     pub patterns: Vec<String>,
-    /// Where the result goes; an existing file is replaced
+    /// Where the result goes; an existing file is replaced [default of a plain `solve`: nowhere, what was found is printed]
     #[arg(short, long, value_name = "OUT.h5")]
-    pub output: PathBuf,
+    pub output: Option<PathBuf>,
 }
 
 /// How HDF5 files end, the usual way first.
@@ -195,17 +195,29 @@ pub fn ends_as_hdf5(path: &Path) -> bool {
 }
 
 impl PatternArguments {
+    /// The file of what is written in any case.
+    ///
+    /// # Errors
+    /// When none is named.
+    pub fn file(&self) -> Result<&Path, CliError> {
+        let none = || CliError::bad_input("no file is named for the result").help("name it with -o, as in -o out.h5");
+        self.output.as_deref().ok_or_else(none)
+    }
+
     /// Refuses a name that promises another format than HDF5. One without an ending promises none.
     ///
     /// # Errors
     /// When it does.
     pub fn check_ending(&self) -> Result<(), CliError> {
-        let Some(end) = self.output.extension().filter(|_| !ends_as_hdf5(&self.output)) else {
+        let Some((file, end)) = self.output.as_deref().and_then(|file| Some((file, file.extension()?))) else {
             return Ok(());
         };
+        if ends_as_hdf5(file) {
+            return Ok(());
+        }
         let message = format!(
             "{} cannot be written: the result is an HDF5 file, and not .{}",
-            self.output.display(),
+            file.display(),
             end.display()
         );
         Err(CliError::bad_input(message)

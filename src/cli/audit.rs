@@ -120,7 +120,7 @@ fn of_file(arguments: &AuditArguments, scene: &Path) -> Result<Answer, CliError>
     let file = Path::new(&arguments.dataset);
     let (bar, start) = (Bar::new("audit", "percent", 100), Instant::now());
     let audited = audit::audit_file(file, scene, &request, &bar)?;
-    bar.finish("done");
+    bar.clear();
     let mut answer = Answer::of(&arguments.dataset, audited).map_err(unreadable)?;
     answer.seconds = Some(start.elapsed().as_secs_f64());
     Ok(answer.with_rows_of(Audited::File(file)))

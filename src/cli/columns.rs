@@ -28,7 +28,7 @@ pub struct Table {
     rows: Vec<Vec<Cell>>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Column {
     title: String,
     is_number: bool,
@@ -103,8 +103,27 @@ impl Table {
         self.rows.push(cells.into_iter().map(Into::into).collect());
     }
 
-    /// As it is shown, its last line without a break.
+    /// As it is shown, its last line without a break. Without a terminal each row is one line, as scripts read them.
     pub fn show(&self, screen: Screen) -> String {
+        match screen.width {
+            None => self.unbroken().shown(screen),
+            Some(_) => self.shown(screen),
+        }
+    }
+
+    /// With the lines of each cell in one.
+    fn unbroken(&self) -> Self {
+        let cell = |cell: &Cell| Cell {
+            text: cell.text.lines().collect::<Vec<_>>().join("; "),
+            tone: cell.tone,
+        };
+        Self {
+            columns: self.columns.clone(),
+            rows: self.rows.iter().map(|row| row.iter().map(cell).collect()).collect(),
+        }
+    }
+
+    fn shown(&self, screen: Screen) -> String {
         let layout = self.layout(screen.width);
         let most = screen.width.unwrap_or(usize::MAX);
         let long: usize = layout.inline.iter().map(|(_, width)| width).sum();
@@ -249,20 +268,14 @@ impl Table {
     fn below(&self, row: &[Cell], layout: &Layout, most: usize, screen: Screen) -> Vec<String> {
         let indents = [INDENT, INDENT + 2].map(|indent| " ".repeat(indent));
         let options = words(most).initial_indent(&indents[0]).subsequent_indent(&indents[1]);
-        // Where a title stands before the first line, the others are of it.
-        let others = match layout.below.len() {
-            1 => options.clone(),
-            _ => options.clone().initial_indent(&indents[1]),
-        };
+        // A title stands before the first line, the others are of it.
+        let others = options.clone().initial_indent(&indents[1]);
         let mut lines = Vec::new();
         for &at in &layout.below {
             let Some(cell) = row.get(at).filter(|cell| !cell.text.is_empty()) else {
                 continue;
             };
-            let text = match layout.below.len() {
-                1 => cell.text.clone(),
-                _ => format!("{}: {}", self.columns[at].title, cell.text),
-            };
+            let text = format!("{}: {}", self.columns[at].title, cell.text);
             for (at, line) in text.lines().enumerate() {
                 let options = if at == 0 { &options } else { &others };
                 let wrapped = textwrap::wrap(line, options);
@@ -352,7 +365,9 @@ mod tests {
                 assert!(width < 50 || words.contains(word), "{width}: {shown}");
             }
         }
-        assert_eq!(table.show(on(300)), table.show(Screen::default()));
+        let piped = table.show(Screen::default());
+        assert_eq!(piped.lines().count(), 6, "a line for each row: {piped}");
+        assert!(piped.contains("from 1 to 2; input changed: balanced"), "{piped}");
     }
 
     #[test]
@@ -360,8 +375,8 @@ mod tests {
         let shown = plan().show(on(80));
         let lines: Vec<&str> = shown.lines().collect();
         assert!(lines[1].contains("kind") && !lines[1].contains("why"), "{shown}");
-        assert_eq!(lines[5], "    parameter changed: elements_per_cell from 1 to 2");
-        assert_eq!(lines[6], "    input changed: balanced");
+        assert_eq!(lines[5], "    why: parameter changed: elements_per_cell from 1 to 2");
+        assert_eq!(lines[6], "      input changed: balanced");
         let narrow = plan().show(on(70));
         assert!(!narrow.contains("kind") && narrow.contains("0.57 s"), "{narrow}");
     }

@@ -56,7 +56,7 @@ pub fn execute(arguments: &CopyArguments, output: &Output) -> Result<Exit, CliEr
 fn copy(store: &Store, target: &Store, artifact: &Artifact) -> Result<Copied, CliError> {
     let bar = Lazy::new("copy", "artifacts");
     let copied = store.copy_to(target, artifact.digest(), &|done, total| bar.set(done, total));
-    bar.finish(copied.is_ok());
+    bar.clear();
     Ok(copied?)
 }
 
@@ -84,14 +84,18 @@ fn document(arguments: &CopyArguments, artifact: &Artifact, copied: &Copied) -> 
 fn text(arguments: &CopyArguments, artifact: &Artifact, copied: &Copied) -> String {
     let there = match (copied.artifacts_there, copied.records_there) {
         (0, 0) => String::new(),
-        (artifacts, records) => format!("; {artifacts} artifacts and {records} records were there"),
+        (artifacts, records) => format!(
+            "; {} and {} were there",
+            table::counted(artifacts, "artifacts"),
+            table::counted(records, "records")
+        ),
     };
     format!(
-        "{} to {}: copied {} artifacts ({}) and {} records{there}",
+        "{} to {}: copied {} ({}) and {}{there}",
         artifact.digest().short(),
         arguments.to.display(),
-        copied.artifacts,
+        table::counted(copied.artifacts, "artifacts"),
         table::bytes(copied.bytes),
-        copied.records
+        table::counted(copied.records, "records")
     )
 }

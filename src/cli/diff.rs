@@ -1,5 +1,7 @@
 //! `deaflow diff`: what two runs did differently, and what came of it.
 
+use std::collections::BTreeMap;
+
 use clap::Args;
 use serde_json::{Value, json};
 
@@ -81,6 +83,8 @@ fn parameters(from: &Side, to: &Side) -> Vec<Change<Canonical>> {
         .chain(after.keys().filter(|name| !before.contains_key(*name)));
     let mut changes: Vec<Change<Canonical>> = names
         .filter(|name| before.get(*name) != after.get(*name))
+        // What one side does not know is no difference: which stages these are is said below.
+        .filter(|name| !from.is_unknown(name) && !to.is_unknown(name))
         .map(|name| Change {
             name: name.clone(),
             from: before.get(name).cloned(),
@@ -96,11 +100,13 @@ fn results(from: &Side, to: &Side) -> Vec<Change<f64>> {
         .results
         .keys()
         .chain(to.results.keys().filter(|name| !from.results.contains_key(*name)));
+    // What is no number is not known.
+    let known = |side: &Side, name: &String| side.results.get(name).copied().filter(|value| value.is_finite());
     let mut changes: Vec<Change<f64>> = names
         .map(|name| Change {
             name: name.clone(),
-            from: from.results.get(name).copied(),
-            to: to.results.get(name).copied(),
+            from: known(from, name),
+            to: known(to, name),
         })
         .filter(|change| change.from != change.to)
         .collect();
@@ -161,13 +167,16 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
         text.table(table);
     }
     text.line("");
-    if results.is_empty() {
+    let (both, one): (Vec<&Change<f64>>, Vec<&Change<f64>>) = results
+        .iter()
+        .partition(|change| change.from.is_some() && change.to.is_some());
+    if both.is_empty() {
         text.line("no result that both have differs");
     } else {
         let mut table =
             table::table(&["result", "from", "to", "change"], &["from", "to", "change"]).flowing(&["result"]);
         let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), table::number);
-        for change in results {
+        for change in both {
             table.add_row([
                 change.name.clone(),
                 number(change.from),
@@ -177,6 +186,14 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
         }
         text.table(table);
     }
+    for (side, of) in [
+        ("from", one_sided(&one, |change| change.from)),
+        ("to", one_sided(&one, |change| change.to)),
+    ] {
+        if !of.is_empty() {
+            text.line(format!("\nknown of `{side}` alone: {of}"));
+        }
+    }
     let unknown = from.unknown.iter().chain(&to.unknown);
     for why in unknown {
         text.line(format!("\nnot compared: {why}"));
@@ -184,10 +201,57 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
     text
 }
 
+/// The results that one side alone has, counted by their stages: `21 results of verified`.
+fn one_sided(changes: &[&Change<f64>], side: impl Fn(&Change<f64>) -> Option<f64>) -> String {
+    let mut counts: BTreeMap<&str, u64> = BTreeMap::new();
+    for change in changes.iter().filter(|change| side(change).is_some()) {
+        let stage = change.name.split_once('.').map_or("", |(stage, _)| stage);
+        *counts.entry(stage).or_default() += 1;
+    }
+    let each = counts
+        .into_iter()
+        .map(|(stage, n)| format!("{} of {stage}", table::counted(n, "results")));
+    each.collect::<Vec<_>>().join(", ")
+}
+
 /// A change in per cent of what was; nothing where there was none.
 fn relative(from: Option<f64>, to: Option<f64>) -> String {
     match from.zip(to) {
         Some((from, to)) if from != 0.0 => format!("{:+.1} %", 100.0 * (to - from) / from.abs()).replace('-', "−"),
         _ => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::tone::Screen;
+
+    fn side(results: &[(&str, f64)]) -> Side {
+        let mut side = Side::new("side".to_owned());
+        side.results = results
+            .iter()
+            .map(|(name, value)| ((*name).to_owned(), *value))
+            .collect();
+        side
+    }
+
+    #[test]
+    fn what_one_side_does_not_know_is_told_apart_and_what_none_knows_is_no_difference() {
+        let from = side(&[
+            ("a.x", 1.0),
+            ("a.y", f64::NAN),
+            ("b.x", 3.0),
+            ("b.y", 4.0),
+            ("c.x", f64::NAN),
+        ]);
+        let to = side(&[("a.x", 2.0), ("a.y", f64::NAN), ("c.x", 5.0), ("c.y", f64::NAN)]);
+        let found = results(&from, &to);
+        let names: Vec<&str> = found.iter().map(|change| change.name.as_str()).collect();
+        assert_eq!(names, ["a.x", "b.x", "b.y", "c.x"]);
+        let shown = text(&from, &to, &[], &found).show(Screen::default());
+        assert!(shown.contains("a.x") && !shown.contains("b.x"), "{shown}");
+        assert!(shown.contains("known of `from` alone: 2 results of b\n"), "{shown}");
+        assert!(shown.ends_with("known of `to` alone: 1 result of c"), "{shown}");
     }
 }

@@ -24,7 +24,8 @@ pub fn add_to(
         text.toned(
             Tone::Bad,
             format!(
-                "no stable solution was found for {n} samples; their outcomes stand in the artifacts under `unstable/`"
+                "no stable solution was found for {}; the outcomes stand in the artifacts under `unstable/`",
+                table::counted(n, "samples")
             ),
         );
     }

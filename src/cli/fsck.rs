@@ -40,7 +40,7 @@ pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliEr
         false => store.fsck(&progress)?,
     };
     report.damaged.splice(..0, marker);
-    bar.finish("checked");
+    bar.clear();
     if output.is_json() {
         output.document(&document(&report))?;
     } else {
@@ -90,10 +90,10 @@ fn shown(path: &Path) -> String {
 
 fn text(report: &Report, repaired: bool) -> String {
     let mut lines = vec![format!(
-        "{} artifacts ({}), {} records",
-        report.objects,
+        "{} ({}), {}",
+        table::counted(report.objects, "artifacts"),
         table::bytes(report.bytes),
-        report.records
+        table::counted(report.records, "records")
     )];
     for damage in &report.damaged {
         let aside = damage.quarantined.as_ref();

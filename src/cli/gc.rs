@@ -36,7 +36,12 @@ pub struct GcArguments {
 }
 
 pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliError> {
-    let store = locate::of_folder(Store::open_alone(&arguments.store.folder()))?;
+    let folder = arguments.store.folder();
+    // To look needs no store to itself.
+    let store = locate::of_folder(match arguments.dry_run {
+        true => Store::open_existing(&folder),
+        false => Store::open_alone(&folder),
+    })?;
     let retention = Retention {
         runs: arguments.keep_runs,
         grace: Duration::from_secs_f64(3600.0 * arguments.grace),
@@ -48,7 +53,7 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
         let at = Environment::system().now();
         store.remove(&collection, &at, &|done, total| bar.set(done, total))?;
         remove_figures(&figures)?;
-        bar.finish("removed");
+        bar.clear();
     }
     if output.is_json() {
         output.document(&document(&collection, &figures, arguments.dry_run))?;
@@ -119,25 +124,25 @@ fn text(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> Text 
     }
     let verb = if dry_run { "would remove" } else { "removed" };
     text.line(format!(
-        "{verb} {} artifacts ({}) and {} records; {} artifacts ({}) stay",
-        collection.removed.len(),
+        "{verb} {} ({}) and {}; kept: {} ({})",
+        table::counted(collection.removed.len() as u64, "artifacts"),
         table::bytes(collection.bytes_removed()),
-        collection.records,
-        collection.kept.len(),
+        table::counted(collection.records, "records"),
+        table::counted(collection.kept.len() as u64, "artifacts"),
         table::bytes(collection.bytes_kept()),
     ));
     if !collection.checkpoints.is_empty() {
         text.line(format!(
-            "{verb} what {} unfinished actions had come to ({})",
-            collection.checkpoints.len(),
+            "{verb} what {} had come to ({})",
+            table::counted(collection.checkpoints.len() as u64, "unfinished actions"),
             table::bytes(collection.checkpoint_bytes())
         ));
     }
     if !figures.is_empty() {
         let size = figures.iter().map(|figure| figure.bytes).sum();
         text.line(format!(
-            "{verb} {} figures of them ({})",
-            figures.len(),
+            "{verb} {} of them ({})",
+            table::counted(figures.len() as u64, "figures"),
             table::bytes(size)
         ));
     }

@@ -146,7 +146,7 @@ fn is_step(scene: &Scene) -> bool {
 /// # Errors
 /// When a file would be lost, the scene or a pattern cannot be used, or a file cannot be written.
 pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> Result<Exit, CliError> {
-    let file = &arguments.patterns.output;
+    let file = &arguments.patterns.file()?.to_owned();
     let (values, figure) = (file.with_extension("csv"), file.with_extension("png"));
     if [&values, &figure].contains(&file) {
         return Err(
@@ -207,7 +207,7 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
         &source,
     )?;
     draw_histories(&figure, &motions(&followed), is_step(scene))?;
-    bar.finish("done");
+    bar.clear();
     let unstable = followed
         .iter()
         .filter(|one| !one.history.outcome.is_converged())

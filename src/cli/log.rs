@@ -14,6 +14,7 @@ use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
 use super::{csv, locate, run, table};
+use crate::base::readable_time;
 use crate::orchestrator::file_of;
 use crate::report::{Gone, run_document};
 use crate::store::{Command, Ended, Run, Store, StoreError};
@@ -109,6 +110,7 @@ fn header(results: &BTreeSet<&str>) -> Vec<String> {
         "overrides",
         "built",
         "failed",
+        "stopped",
     ];
     let fixed = fixed.iter().map(|title| (*title).to_owned());
     fixed.chain(results.iter().map(|name| (*name).to_owned())).collect()
@@ -126,6 +128,7 @@ fn row(run: &Run, results: &BTreeSet<&str>) -> Vec<String> {
         overrides(run, "; "),
         built(run).join("; "),
         run.failures.join("; "),
+        run.stopped.join("; "),
     ];
     let value = |name: &&str| run.results.get(*name).map_or_else(String::new, f64::to_string);
     fixed.into_iter().chain(results.iter().map(value)).collect()
@@ -161,18 +164,14 @@ fn text(runs: &[Run], more: bool, of_all: bool, removed: &Gone<'_>) -> Text {
         .flowing(&["built and overrides", "results"])
         .dispensable(&["host"]);
     for (at, run) in runs.iter().enumerate() {
-        let tone = match run.failures.is_empty() {
-            true => Tone::Plain,
-            false => Tone::Bad,
+        let tone = match (run.failures.is_empty(), run.stopped.is_empty()) {
+            (true, true) => Tone::Plain,
+            (true, false) => Tone::Caution,
+            (false, _) => Tone::Bad,
         };
         let mut cells: Vec<Cell> = vec![
-            format!("@{}\n{}", at + 1, run.id).into(),
-            run.created
-                .replace('T', " ")
-                .chars()
-                .take(19)
-                .collect::<String>()
-                .into(),
+            format!("@{} {}", at + 1, run.id).into(),
+            readable_time(&run.created).into(),
             match run.command {
                 Command::Run => Cell::from(&run.pipeline),
                 Command::Audit => format!("{}\n(audit)", run.pipeline).into(),
@@ -198,13 +197,14 @@ fn text(runs: &[Run], more: bool, of_all: bool, removed: &Gone<'_>) -> Text {
 /// What was built, what failed, what was overridden, and what of it is gone.
 fn what(run: &Run, removed: &Gone<'_>) -> String {
     let built = built(run);
-    let all = run.stages.len();
+    let all = run.stages.len() + run.failures.len() + run.stopped.len();
     let mut lines = vec![match built.len() {
         0 => format!("none of {all}"),
         n if n > RESULTS => format!("{n} of {all}"),
         n => format!("{n} of {all}: {}", built.join(", ")),
     }];
     lines.extend(run.failures.iter().map(|name| format!("failed: {name}")));
+    lines.extend(run.stopped.iter().map(|name| format!("stopped: {name}")));
     if !run.overrides.is_empty() {
         lines.push(overrides(run, "\n"));
     }
@@ -214,7 +214,11 @@ fn what(run: &Run, removed: &Gone<'_>) -> String {
         .filter_map(|stage| removed.at(&stage.artifact))
         .collect();
     if let Some(last) = gone.iter().max() {
-        lines.push(format!("{} of {all} removed by gc at {last}", gone.len()));
+        lines.push(format!(
+            "{} of {all} removed by gc at {}",
+            gone.len(),
+            readable_time(last)
+        ));
     }
     lines.join("\n")
 }

@@ -36,6 +36,7 @@ mod pace;
 mod path;
 mod pin;
 mod plan;
+mod point;
 mod predict;
 mod progress;
 mod project;

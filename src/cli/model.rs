@@ -37,6 +37,7 @@ fn extension(reference: &str) -> Option<&str> {
 /// # Errors
 /// When there is none of that name, it cannot be read, or it is of another kind.
 pub fn of_kind(reference: &str, store: &Path, kind: &str, what: &str) -> Result<Artifact, CliError> {
+    locate::check_stage_is_named(reference, Some(kind))?;
     let path = Path::new(reference);
     let artifact = match extension(reference) {
         Some("h5") if path.is_file() => Artifact::open(path)?,

@@ -43,7 +43,7 @@ pub struct ModesArguments {
 /// # Errors
 /// When the scene or a pattern cannot be used, no density is known, or the file cannot be written.
 pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Result<Exit, CliError> {
-    let file = &arguments.patterns.output;
+    let file = &arguments.patterns.file()?.to_owned();
     let read = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
     if !read.states.is_empty() {
         return Err(
@@ -68,7 +68,7 @@ pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Resul
         found.extend(batch.par_iter().map(one).collect::<Result<Vec<_>, _>>()?);
         each.extend(seconds_each(begun, batch.len(), threads));
     }
-    bar.finish("done");
+    bar.clear();
     let seconds = start.elapsed().as_secs_f64();
     let lumped = if arguments.modes.lumped { ", lumped mass" } else { "" };
     let parameters = format!(

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
+use super::point::Watched;
 use super::simulate::Place;
 use super::table::{self, Cell};
 use super::text::Text;
@@ -23,6 +24,10 @@ pub struct Ending {
     pub outcome: String,
     /// Where it moves most, if it has a field.
     pub peak: Option<Peak>,
+    /// The file that it was read from; empty where that is not known.
+    pub name: String,
+    /// The displacement of the point that was asked about along its direction, mm.
+    pub along_mm: Option<f64>,
 }
 
 /// The largest displacement of a field.
@@ -59,23 +64,37 @@ fn hundredths(mm: f64) -> f64 {
 }
 
 /// For people; `file` holds the rows of all.
-pub fn text(endings: &[Ending], file: &Path) -> Text {
+pub fn text(endings: &[Ending], file: Option<&Path>, watched: Option<&Watched>) -> Text {
     match endings.len() {
         0 => Text::new(),
-        1..=FEW => Text::of(one_by_one(endings)),
+        1..=FEW => Text::of(one_by_one(endings, watched)),
         _ => in_numbers(endings, file),
     }
 }
 
-fn one_by_one(endings: &[Ending]) -> table::Table {
+fn one_by_one(endings: &[Ending], watched: Option<&Watched>) -> table::Table {
     let has_states = endings.iter().any(|ending| ending.place.state.is_some());
-    let mut header = vec!["pattern", "outcome", "largest displacement", "at"];
-    if has_states {
-        header.insert(1, "state");
-    }
-    let mut table = table::table(&header, &["pattern", "largest displacement"]);
-    for Ending { place, outcome, peak } in endings {
+    let has_names = endings.iter().any(|ending| !ending.name.is_empty());
+    let title = watched.map(Watched::title);
+    let mut header = vec!["pattern"];
+    header.extend(has_names.then_some("file"));
+    header.extend(has_states.then_some("state"));
+    header.extend(["outcome", "largest displacement", "at"]);
+    header.extend(title.as_deref());
+    let numbers = ["pattern", "largest displacement", title.as_deref().unwrap_or_default()];
+    let mut table = table::table(&header, &numbers).dispensable(&["pattern"]);
+    for Ending {
+        place,
+        outcome,
+        peak,
+        name,
+        along_mm,
+    } in endings
+    {
         let mut row = vec![Cell::from(place.index)];
+        if has_names {
+            row.push(Cell::from(name));
+        }
         if has_states {
             row.push(Cell::from(place.state.as_deref().unwrap_or("-")));
         }
@@ -84,12 +103,15 @@ fn one_by_one(endings: &[Ending]) -> table::Table {
             peak.map_or("-".to_owned(), |peak| format!("{:.4} mm", peak.mm)),
         ));
         row.push(Cell::from(peak.map_or("-".to_owned(), |peak| peak.at())));
+        if watched.is_some() {
+            row.push(Cell::from(along_mm.map_or("-".to_owned(), |mm| format!("{mm:.4} mm"))));
+        }
         table.add_row(row);
     }
     table
 }
 
-fn in_numbers(endings: &[Ending], file: &Path) -> Text {
+fn in_numbers(endings: &[Ending], file: Option<&Path>) -> Text {
     let counts = counts(endings);
     let counted: Vec<String> = counts.iter().map(|(outcome, n)| format!("{outcome} {n}")).collect();
     let tone = match counts.keys().any(|outcome| Tone::of_solve(outcome) == Tone::Bad) {
@@ -117,7 +139,10 @@ fn in_numbers(endings: &[Ending], file: &Path) -> Text {
             named(largest)
         ));
     }
-    text.line(format!("each pattern: deaflow show {} --csv", file.display()));
+    text.line(match file {
+        Some(file) => format!("each pattern: deaflow show {} --csv", file.display()),
+        None => "each pattern: --json, or -o OUT.h5 and `deaflow show OUT.h5 --csv`".to_owned(),
+    });
     text
 }
 
@@ -167,6 +192,8 @@ pub fn document(endings: &[Ending]) -> Value {
             "outcome": ending.outcome,
             "max_displacement_mm": ending.peak.map(|peak| peak.mm),
             "at_mm": ending.peak.and_then(|peak| peak.at_mm),
+            "file": Some(&ending.name).filter(|name| !name.is_empty()),
+            "along_mm": ending.along_mm,
         }))
     });
     let mm = |ending: &Ending| ending.peak.map(|peak| peak.mm);
@@ -193,12 +220,14 @@ mod tests {
                 mm,
                 at_mm: Some([25.0, 1.004]),
             }),
+            name: String::new(),
+            along_mm: None,
         }
     }
 
     #[test]
     fn few_are_told_one_by_one() {
-        let shown = text(&[ending(0, Some(2.15)), ending(1, None)], Path::new("o.h5")).show(Screen::default());
+        let shown = text(&[ending(0, Some(2.15)), ending(1, None)], None, None).show(Screen::default());
         let lines: Vec<&str> = shown.lines().collect();
         assert_eq!(lines[3], "       0   converged              2.1500 mm   25, 1 mm");
         assert_eq!(lines[4], "       1   pull-in                        -   -");
@@ -207,7 +236,7 @@ mod tests {
     #[test]
     fn many_are_told_in_numbers() {
         let endings: Vec<Ending> = (0..23).map(|k| ending(k, (k > 2).then_some(k as f64))).collect();
-        let shown = text(&endings, Path::new("o.h5")).show(Screen::default());
+        let shown = text(&endings, Some(Path::new("o.h5")), None).show(Screen::default());
         assert_eq!(
             shown,
             "outcomes: converged 20, pull-in 3\nlargest displacement of each: smallest 3.0000 mm (pattern 3), median 12.5000 mm, largest \
@@ -223,11 +252,7 @@ mod tests {
     #[test]
     fn nothing_is_said_of_how_far_nothing_moves() {
         let endings: Vec<Ending> = (0..30).map(|k| ending(k, None)).collect();
-        assert!(
-            !text(&endings, Path::new("o.h5"))
-                .show(Screen::default())
-                .contains("largest")
-        );
+        assert!(!text(&endings, None, None).show(Screen::default()).contains("largest"));
         assert_eq!(document(&endings)["max_displacement_mm"], Value::Null);
     }
 }

@@ -34,7 +34,7 @@ struct Followed {
 /// # Errors
 /// When a file would be lost, the scene or a pattern cannot be used, memory is short, or a file cannot be written.
 pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> Result<Exit, CliError> {
-    let file = &arguments.patterns.output;
+    let file = &arguments.patterns.file()?.to_owned();
     let (values, figure) = (file.with_extension("csv"), file.with_extension("png"));
     if [&values, &figure].contains(&file) {
         return Err(
@@ -51,7 +51,7 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
     let options = arguments.options();
     let (bar, start) = (Bar::new("path", "patterns", patterns.len() as u64), Instant::now());
     let (content, paths) = paths(&read, &patterns, options, &bar)?;
-    bar.finish("done");
+    bar.clear();
     let seconds = start.elapsed().as_secs_f64();
     let parameters = format!(
         "{}, {}, tolerance: {:e}, path",

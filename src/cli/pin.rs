@@ -9,6 +9,7 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::text::Text;
 use super::{locate, table};
+use crate::base::readable_time;
 use crate::orchestrator::Environment;
 use crate::store::{Pin, Store};
 
@@ -69,7 +70,12 @@ pub fn list(store: &Store, output: &Output) -> Result<Exit, CliError> {
         } else {
             "it and its inputs"
         };
-        table.add_row([pin.digest.short(), pin.created, keeps.to_owned(), pin.label]);
+        table.add_row([
+            pin.digest.short(),
+            readable_time(&pin.created),
+            keeps.to_owned(),
+            pin.label,
+        ]);
     }
     output.text(Text::of(table))?;
     Ok(Exit::Done)

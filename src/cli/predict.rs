@@ -3,7 +3,7 @@
 mod calibration;
 mod intervals;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
@@ -13,6 +13,7 @@ use super::error::CliError;
 use super::examples::examples;
 use super::outcomes::{Ending, Peak};
 use super::output::{Exit, Output};
+use super::point::PointArguments;
 use super::progress::Bar;
 use super::simulate::{Answer, Place, Statement, seconds_each};
 use super::text::Text;
@@ -39,6 +40,8 @@ pub struct PredictArguments {
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
     #[command(flatten)]
+    pub point: PointArguments,
+    #[command(flatten)]
     pub state: StateArguments,
     /// What a stage of kind `calibrate` made for the model, named like a model [default: of a model in the store what the last
     /// run that calibrated it made from the most patterns]; OUT.csv is written beside OUT.h5
@@ -60,7 +63,8 @@ impl PredictArguments {
 }
 
 pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, CliError> {
-    solve::check_file(&arguments.patterns.output, &arguments.patterns, &[&arguments.model])?;
+    let file = arguments.patterns.file()?;
+    solve::check_file(file, &arguments.patterns, &[&arguments.model])?;
     arguments.patterns.check_ending()?;
     if arguments.state.state.is_some() && arguments.scene.is_none() {
         return Err(CliError::bad_input("--state is one of a scene, and none is given").help("give it with --scene"));
@@ -69,7 +73,7 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     let scene = scene.map(|scene| arguments.state.of(scene)).transpose()?;
     let weights = model::weights(&arguments.model, &arguments.store_folder())?;
     let surrogate = surrogate(&weights, scene.as_ref())?;
-    let patterns = direct::patterns(&arguments.patterns.patterns, surrogate.form())?;
+    let (patterns, names) = direct::patterns_with_names(&arguments.patterns.patterns, surrogate.form())?;
     let calibration = calibration::find(arguments, &weights)?;
     if calibration.is_some() {
         check_table(arguments)?;
@@ -83,37 +87,50 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     let (fields, seconds) = predict(&surrogate, &patterns, &bar)?;
     let of = |calibration| Intervals::of(calibration, &arguments.objective, &patterns, &fields);
     let intervals = calibration.map(of).transpose()?;
-    bar.finish("done");
+    bar.clear();
     let parameters = format!("model {}", arguments.model);
     if let Some(intervals) = &intervals {
         let rows = intervals.csv().map_err(|e| CliError::failure(e.to_string()))?;
         let source = format!("{parameters}, {}", Digest::of(&weights));
-        write::csv(&table(arguments), &rows, "deaflow predict", &source)?;
+        write::csv(&table(file), &rows, "deaflow predict", &source)?;
     }
     let scene = surrogate.scene().and_then(|text| Scene::from_text(text).ok());
+    let watched = match &scene {
+        Some(scene) => arguments.point.on(scene)?,
+        None if arguments.point.is_given() => {
+            return Err(CliError::bad_input(
+                "the model does not say how large its membrane is: --point is nowhere on it",
+            ));
+        }
+        None => None,
+    };
     let cell_mm = scene.map(|scene| scene.membrane().cell_mm());
     let ending = |(index, field)| Ending {
         place: Place { index, state: None },
         outcome: PREDICTED.to_owned(),
         peak: Some(Peak::of(field, cell_mm)),
+        name: names[index].clone(),
+        along_mm: watched.map(|watched| watched.of(field)),
     };
     let answer = Answer {
         endings: fields.iter().enumerate().map(ending).collect(),
         content: content(&surrogate, &patterns, &fields, seconds, intervals.as_ref()).object(),
         samples: patterns.len(),
-        statement: statement(intervals.as_ref(), arguments),
+        watched,
+        statement: statement(intervals.as_ref(), &table(file)),
         ..Answer::default()
     };
     solve::conclude(&arguments.patterns, answer, ("predict", parameters), start, output)
 }
 
 /// Where intervals go as comma-separated values.
-fn table(arguments: &PredictArguments) -> PathBuf {
-    arguments.patterns.output.with_extension("csv")
+fn table(file: &Path) -> PathBuf {
+    file.with_extension("csv")
 }
 
 fn check_table(arguments: &PredictArguments) -> Result<(), CliError> {
-    let (file, table) = (&arguments.patterns.output, table(arguments));
+    let file = arguments.patterns.file()?;
+    let table = table(file);
     write::check_csv(&table)?;
     for read in std::iter::once(&arguments.model).chain(&arguments.calibration) {
         solve::check_file(&table, &arguments.patterns, &[read])?;
@@ -176,18 +193,17 @@ fn content(
 }
 
 /// What is said of the errors of the predictions.
-fn statement(intervals: Option<&Intervals>, arguments: &PredictArguments) -> Statement {
-    let table = table(arguments);
+fn statement(intervals: Option<&Intervals>, table: &Path) -> Statement {
     Statement {
         key: "intervals",
-        document: intervals.map(|intervals| intervals.document(&table)),
+        document: intervals.map(|intervals| intervals.document(table)),
         text: intervals.map_or_else(
             || {
                 Text::from(
                     "nothing is said of the errors: the model has no calibration here; name one with --calibration",
                 )
             },
-            |intervals| intervals.text(&table),
+            |intervals| intervals.text(table),
         ),
         tells_each: intervals.is_some(),
     }

@@ -61,10 +61,10 @@ impl Lazy {
         }
     }
 
-    /// Ends it; whether what it showed is done.
-    pub fn finish(&self, is_done: bool) {
+    /// Is shown no more.
+    pub fn clear(&self) {
         if let Some(bar) = self.bar.get() {
-            bar.finish(if is_done { "done" } else { "failed" });
+            bar.clear();
         }
     }
 }
@@ -154,17 +154,11 @@ impl Bar {
         }
     }
 
-    /// Is shown no more.
+    /// Is shown no more. How the work ended is said on stdout, or by an error.
     pub fn clear(&self) {
         if let Form::Terminal(bar) = &self.form {
             bar.finish_and_clear();
         }
-    }
-
-    /// Ends with a line that says how.
-    pub fn finish(&self, outcome: &str) {
-        self.clear();
-        tell(&format!("{}: {outcome}", locked(&self.state).name));
     }
 }
 
@@ -344,7 +338,7 @@ pub fn line(event: &Event) -> Option<String> {
             price,
             unpriced,
         } => {
-            let mut text = format!("{pipeline}: {}", counted(*stages as u64, "stages"));
+            let mut text = format!("{pipeline}: {}", table::counted(*stages as u64, "stages"));
             if *stale > 0 {
                 text += &format!(", {stale} to build");
             }
@@ -362,7 +356,7 @@ pub fn line(event: &Event) -> Option<String> {
             ..
         } => {
             let price = price.map_or_else(String::new, |price| format!(", about {}", table::time(&price.seconds)));
-            format!("{name}: {} to do ({why}){price}", counted(*steps, unit))
+            format!("{name}: {} to do ({why}){price}", table::counted(*steps, unit))
         }
         Event::StageReused(report)
         | Event::StageFinished(report)
@@ -388,14 +382,6 @@ fn ended(report: &StageReport) -> String {
         Outcome::Skipped => format!("{word}: {}", report.why.as_deref().unwrap_or_default()),
         Outcome::Reused | Outcome::Stale | Outcome::Left => format!("{word}{digest}"),
     }
-}
-
-fn counted(n: u64, units: &str) -> String {
-    let one = match units {
-        "searches" => "search",
-        units => units.trim_end_matches('s'),
-    };
-    format!("{n} {}", if n == 1 { one } else { units })
 }
 
 /// Columns from which on a terminal has room for long names and bars.
@@ -477,9 +463,5 @@ mod tests {
         assert_eq!(ended(&report(Outcome::Built)), "built af1349b9f5f9 in 1 min 01 s");
         assert_eq!(ended(&report(Outcome::Reused)), "reused af1349b9f5f9");
         assert_eq!(ended(&report(Outcome::Failed)), "failed after 1 min 01 s");
-        assert_eq!(
-            [counted(1, "steps"), counted(1, "searches"), counted(2, "epochs")],
-            ["1 step", "1 search", "2 epochs"]
-        );
     }
 }

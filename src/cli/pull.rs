@@ -81,7 +81,7 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
             pull_some(&store, &remote, &artifacts, &progress)
         }
     };
-    bar.finish(done.is_ok());
+    bar.clear();
     let pulled = done?;
     upstream::tell(&remote, output);
     if output.is_json() {
@@ -115,8 +115,8 @@ fn text(arguments: &PullArguments, name: &str, pulled: &Pulled, missing: &[Strin
         return format!("from {name}: {} records are known", pulled.records);
     }
     let mut text = format!(
-        "from {name}: {} artifacts ({}) brought; {} were here",
-        pulled.artifacts,
+        "from {name}: {} ({}) brought; {} here before",
+        table::counted(pulled.artifacts, "artifacts"),
         table::bytes(pulled.bytes),
         pulled.artifacts_here
     );

@@ -62,7 +62,7 @@ pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliEr
         again: arguments.again,
     };
     let done = push(&all, &|done, total| bar.set(done, total));
-    bar.finish(done.is_ok());
+    bar.clear();
     let pushed = done?;
     store.keep_index();
     upstream::tell(&remote, output);
@@ -113,16 +113,20 @@ fn roots(pipeline: &Pipeline, store: &Store, remote: &Arc<Remote>) -> Result<Vec
 fn text(name: &str, pushed: &Pushed) -> String {
     let there = match (pushed.objects_there, pushed.records_there) {
         (0, 0) => String::new(),
-        (objects, records) => format!("; {objects} artifacts and {records} records were there"),
+        (objects, records) => format!(
+            "; {} and {} were there",
+            table::counted(objects, "artifacts"),
+            table::counted(records, "records")
+        ),
     };
     let others = match pushed.records_of_others {
         0 => String::new(),
         n => format!("; {n} records were brought here and are not yours to sign"),
     };
     format!(
-        "to {name}: sent {} artifacts ({}) and {} records{there}{others}",
-        pushed.objects,
+        "to {name}: sent {} ({}) and {}{there}{others}",
+        table::counted(pushed.objects, "artifacts"),
         table::bytes(pushed.bytes),
-        pushed.records
+        table::counted(pushed.records, "records")
     )
 }

@@ -244,7 +244,7 @@ fn gc(configuration: &Configuration, arguments: &GcArguments, output: &Output) -
     let done = sweep(&remote, retention, key.as_ref(), arguments.dry_run, &|done, total| {
         bar.set(done, total);
     });
-    bar.finish(done.is_ok());
+    bar.clear();
     let swept = done?;
     if output.is_json() {
         output.document(&json!({

@@ -84,7 +84,7 @@ impl Range {
 /// # Errors
 /// When a file would be lost, the scene or a pattern cannot be used, or a file cannot be written.
 pub fn execute(arguments: &SolveArguments, range: Range, scene: &[&str], output: &Output) -> Result<Exit, CliError> {
-    let file = &arguments.patterns.output;
+    let file = &arguments.patterns.file()?.to_owned();
     let (values, figure) = (file.with_extension("csv"), file.with_extension("png"));
     if [&values, &figure].contains(&file) {
         return Err(
@@ -120,7 +120,7 @@ pub fn execute(arguments: &SolveArguments, range: Range, scene: &[&str], output:
         found.extend(batch.par_iter().map(one).collect::<Vec<_>>());
         each.extend(seconds_each(begun, batch.len(), threads));
     }
-    bar.finish("done");
+    bar.clear();
     let seconds = start.elapsed().as_secs_f64();
     let parameters = format!(
         "{}, {}, response at {} frequencies",

@@ -177,7 +177,10 @@ impl Shown {
             None => format!("file {}", self.path),
         });
         if !self.parts.is_empty() {
-            text.line(format!("  a manifest of {} chunks, shown as one", self.parts.len()));
+            text.line(format!(
+                "  a manifest of {}, shown as one",
+                table::counted(self.parts.len() as u64, "chunks")
+            ));
         }
         text.line("");
         let list = |title: &str, entries: &BTreeMap<String, String>| {

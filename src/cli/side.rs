@@ -5,8 +5,8 @@ use std::path::Path;
 
 use super::error::CliError;
 use super::{locate, log, run};
-use crate::base::{ArtifactId, Canonical, Override};
-use crate::orchestrator::{Environment, Kind, Registry, StageError, file_of, plan};
+use crate::base::{ArtifactId, Canonical, Override, readable_time};
+use crate::orchestrator::{Environment, Kind, Registry, StageError, as_set, file_of, plan};
 use crate::stage;
 use crate::store::{Artifact, LockFile, Record, Run, Store, StoreError};
 
@@ -28,7 +28,8 @@ pub struct Side {
 }
 
 impl Side {
-    fn new(title: String) -> Self {
+    /// Nothing known yet.
+    pub fn new(title: String) -> Self {
         Self {
             title,
             can_be_set: false,
@@ -36,6 +37,16 @@ impl Side {
             results: BTreeMap::new(),
             unknown: Vec::new(),
         }
+    }
+
+    /// Whether what a path names is of a stage whose parameters are not known here.
+    pub fn is_unknown(&self, path: &str) -> bool {
+        let of_stage = |name: &str| {
+            let rest = path.strip_prefix("stages.").and_then(|rest| rest.strip_prefix(name));
+            rest.is_some_and(|rest| rest.starts_with('.'))
+        };
+        let mut unknown = self.stages.iter().filter(|(.., parameters)| parameters.is_none());
+        unknown.any(|(name, ..)| of_stage(name))
     }
 
     /// All parameters by the paths that `--set` takes: `scene.drive.voltage`, where all stages that have it have it alike, or else
@@ -46,6 +57,7 @@ impl Side {
         for (name, kind, parameters) in &self.stages {
             all.insert(format!("stages.{name}.kind"), Canonical::from(kind.as_str()));
             for (path, value) in parameters.iter().flat_map(Canonical::leaves) {
+                let path = as_set(&path).to_owned();
                 match path.starts_with(SCENE) {
                     true => of_scene.entry(path).or_default().push((name, value)),
                     false => drop(all.insert(format!("stages.{name}.{path}"), value.clone())),
@@ -128,7 +140,12 @@ impl<'a> Places<'a> {
     }
 
     fn of_run(&self, run: &Run) -> Result<Side, CliError> {
-        let mut side = Side::new(format!("run {} of {} at {}", run.id, run.pipeline, run.created));
+        let mut side = Side::new(format!(
+            "run {} of {} at {}",
+            run.id,
+            run.pipeline,
+            readable_time(&run.created)
+        ));
         for stage in &run.stages {
             let record = self.store.record(&stage.key)?.record();
             self.stage(&mut side, &stage.name, &stage.kind, record.as_ref());

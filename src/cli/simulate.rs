@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use super::cells::{self, States};
 use super::error::CliError;
 use super::outcomes::{Ending, Peak};
+use super::point::Watched;
 use super::text::Text;
 use crate::base::Progress;
 use crate::content::{Lines, Observations, Packed, SolveFile};
@@ -65,6 +66,8 @@ pub struct Answer {
     pub content: Object,
     /// Number of patterns.
     pub samples: usize,
+    /// The point whose displacement is told too.
+    pub watched: Option<Watched>,
     /// How each pattern ended.
     pub endings: Vec<Ending>,
     /// The outcome of each pattern without a stable solution: position and words.
@@ -96,7 +99,8 @@ pub struct Statement {
     pub tells_each: bool,
 }
 
-/// Simulates patterns in a scene, in each of its states where it has such; with the state of every cell where that is wanted.
+/// Simulates patterns in a scene, in each of its states where it has such; with the state of every cell and the displacement of a point
+/// where these are wanted.
 ///
 /// # Errors
 /// When the solver cannot be set up.
@@ -104,7 +108,7 @@ pub fn solve(
     scene: &Scene,
     patterns: &[Pattern],
     parameters: &SolverParameters,
-    with_cells: bool,
+    (with_cells, watched): (bool, Option<Watched>),
     progress: &dyn Progress,
 ) -> Result<Answer, CliError> {
     let mut runs = Vec::new();
@@ -113,7 +117,7 @@ pub fn solve(
         let state = (!name.is_empty()).then(|| name.to_owned());
         runs.push(Run::new(state, &scene, patterns, parameters, with_cells, progress)?);
     }
-    Ok(answer(scene, patterns, parameters, &runs))
+    Ok(answer(scene, patterns, (parameters, watched), &runs))
 }
 
 /// What the patterns do in one state.
@@ -186,7 +190,12 @@ impl Run {
 }
 
 /// The rows of all patterns, each in all states.
-fn answer(scene: &Scene, patterns: &[Pattern], parameters: &SolverParameters, runs: &[Run]) -> Answer {
+fn answer(
+    scene: &Scene,
+    patterns: &[Pattern],
+    (parameters, watched): (&SolverParameters, Option<Watched>),
+    runs: &[Run],
+) -> Answer {
     let rows = || (0..patterns.len()).flat_map(|index| runs.iter().map(move |run| (index, run)));
     let results: Vec<&AccurateSimulation> = rows().map(|(index, run)| &run.results[index]).collect();
     let seconds: Vec<f64> = rows().map(|(index, run)| run.seconds[index]).collect();
@@ -224,6 +233,8 @@ fn answer(scene: &Scene, patterns: &[Pattern], parameters: &SolverParameters, ru
             place: run.place(index),
             outcome: simulation.outcome.name().to_owned(),
             peak: simulation.field.as_ref().map(|field| Peak::of(field, Some(cell_mm))),
+            name: String::new(),
+            along_mm: simulation.field.as_ref().and_then(|field| Some(watched?.of(field))),
         }
     });
     let unstable = rows().filter(|(index, run)| run.results[*index].simulation.field.is_none());
@@ -237,6 +248,7 @@ fn answer(scene: &Scene, patterns: &[Pattern], parameters: &SolverParameters, ru
     Answer {
         content: content.in_states(&states),
         samples: patterns.len(),
+        watched,
         endings: endings.collect(),
         unstable: unstable.collect(),
         missed: missed.filter(|(_, error)| *error > wanted).collect(),

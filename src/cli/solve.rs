@@ -14,6 +14,7 @@ use super::history::HistoryArguments;
 use super::modes::ModesArguments;
 use super::outcomes::FEW;
 use super::output::{Exit, Output};
+use super::point::PointArguments;
 use super::progress::Bar;
 use super::response::ResponseArguments;
 use super::simulate::{self, Answer};
@@ -70,6 +71,8 @@ pub struct SolveArguments {
     #[command(flatten)]
     pub response: ResponseArguments,
     #[command(flatten)]
+    pub point: PointArguments,
+    #[command(flatten)]
     pub state: StateArguments,
 }
 
@@ -104,11 +107,23 @@ impl SolveArguments {
 }
 
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
+    check_order(arguments)?;
     let scene = direct::files_read(&arguments.scene);
     let scene: Vec<&str> = scene.iter().map(String::as_str).collect();
-    check_file(&arguments.patterns.output, &arguments.patterns, &scene)?;
+    if let Some(file) = &arguments.patterns.output {
+        check_file(file, &arguments.patterns, &scene)?;
+    }
     arguments.patterns.check_ending()?;
     check_method(arguments)?;
+    let is_other = arguments.path
+        || arguments.history.history
+        || arguments.modes.modes.is_some()
+        || arguments.response.response.is_some();
+    if is_other && arguments.point.is_given() {
+        return Err(CliError::bad_input(
+            "--point is of one equilibrium, and stands beside none of --path, --history, --modes and --response",
+        ));
+    }
     if arguments.path {
         return path::execute(arguments, &scene, output);
     }
@@ -122,17 +137,51 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         return history::execute(arguments, &scene, output);
     }
     let read = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
-    let patterns = direct::patterns(&arguments.patterns.patterns, read.form())?;
+    let (patterns, names) = direct::patterns_with_names(&arguments.patterns.patterns, read.form())?;
+    let watched = arguments.point.on(&read)?;
     check_leads(read.leads.as_ref(), &patterns)?;
     let request = arguments.parameters();
     let (bar, start) = (
         Bar::new("solve", "patterns", (patterns.len() * read.in_states().len()) as u64),
         Instant::now(),
     );
-    let answer = simulate::solve(&read, &patterns, &request, arguments.cells, &bar)?;
-    bar.finish("done");
+    let mut answer = simulate::solve(&read, &patterns, &request, (arguments.cells, watched), &bar)?;
+    for ending in &mut answer.endings {
+        ending.name.clone_from(&names[ending.place.index]);
+    }
+    bar.clear();
     let parameters = format!("{}, {request}", arguments.state.described(&arguments.scene));
     conclude(&arguments.patterns, answer, ("solve", parameters), start, output)
+}
+
+/// A pattern in the place of the scene is most likely one that was named first.
+fn check_order(arguments: &SolveArguments) -> Result<(), CliError> {
+    let extension = |path: &Path| path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    let is_pattern =
+        extension(&arguments.scene).is_some_and(|e| ["csv", "npy", "png", "h5", "hdf5"].contains(&e.as_str()));
+    if !is_pattern {
+        return Ok(());
+    }
+    let patterns = &arguments.patterns.patterns;
+    let is_scene = |name: &&String| extension(Path::new(name)).is_some_and(|e| e == "yaml" || e == "yml");
+    let first = arguments.scene.display();
+    let error = CliError::bad_input(format!("{first} is a pattern, and a scene is wanted first"));
+    Err(match patterns.iter().find(is_scene) {
+        Some(scene) => {
+            let others = patterns.iter().filter(|name| *name != scene).map(String::as_str);
+            let others: Vec<&str> = others.collect();
+            let others = [
+                &[first.to_string()][..],
+                &others.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>(),
+            ]
+            .concat();
+            error.help(format!(
+                "the order is SCENE PATTERN…: deaflow solve {scene} {}",
+                others.join(" ")
+            ))
+        }
+        None => error.help("the order is SCENE PATTERN…, and a scene is a YAML file"),
+    })
 }
 
 /// An estimate is no equilibrium: it has no accuracy, no tolerance, no stresses to be trusted and no path.
@@ -205,7 +254,9 @@ pub fn conclude(
 ) -> Result<Exit, CliError> {
     let seconds = start.elapsed().as_secs_f64();
     let provenance = provenance(kind, parameters, seconds);
-    write_file(&arguments.output, &answer.content, &provenance)?;
+    if let Some(file) = &arguments.output {
+        write_file(file, &answer.content, &provenance)?;
+    }
     let (n, unstable) = (answer.samples, answer.unstable.len());
     if output.is_json() {
         let outcomes = answer
@@ -241,6 +292,9 @@ pub fn conclude(
         {
             document.extend(of_all);
         }
+        if let Some(watched) = &answer.watched {
+            document["along"] = watched.document();
+        }
         if !answer.statement.key.is_empty() {
             document[answer.statement.key] = json!(answer.statement.document);
         }
@@ -254,14 +308,21 @@ pub fn conclude(
 /// What is said of an answer.
 fn text(arguments: &PatternArguments, answer: Answer, seconds: f64) -> Text {
     let n = answer.samples;
-    let mut text = Text::from(format!(
-        "{}: {n} {} in {}",
-        arguments.output.display(),
-        if n == 1 { "pattern" } else { "patterns" },
+    let done = format!(
+        "{} in {}",
+        table::counted(n as u64, "patterns"),
         table::seconds(seconds)
-    ));
-    if answer.endings.len() > FEW || !answer.statement.tells_each {
-        text.append(outcomes::text(&answer.endings, &arguments.output));
+    );
+    let mut text = Text::from(match &arguments.output {
+        Some(file) => format!("{}: {done}", file.display()),
+        None => done,
+    });
+    if answer.endings.len() > FEW || !answer.statement.tells_each || answer.watched.is_some() {
+        text.append(outcomes::text(
+            &answer.endings,
+            arguments.output.as_deref(),
+            answer.watched.as_ref(),
+        ));
     }
     let outcomes = answer.unstable.iter();
     let outcomes = outcomes.map(|(place, outcome)| match outcome.as_str() {

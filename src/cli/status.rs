@@ -1,4 +1,4 @@
-//! `deaflow status`: what is in a store, what is at work in it, and which pipelines are up to date.
+//! `deaflow status`: what is in a store, what is at work in it, and what of pipelines would be built.
 
 use std::path::PathBuf;
 
@@ -13,11 +13,12 @@ use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
 use super::{locate, run, table};
+use crate::base::readable_time;
 use crate::executor::{SILENT, Seen, workers};
 use crate::orchestrator::{Bill, Environment, Outcome, StageReport, Staleness, file_of, plan};
 use crate::store::{Command, LockFile, Run, Store, Totals};
 
-/// Say what is in a store, what is at work in it, and which pipelines are up to date
+/// Say what is in a store, what is at work in it, and what of pipelines would be built
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow status", "deaflow status pipeline.yaml"))]
 pub struct StatusArguments {
@@ -133,13 +134,14 @@ fn document(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], stand
 
 fn text(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], standings: &[Standing]) -> Text {
     let mut text = Text::from(format!(
-        "{}: {} artifacts ({}), {} records, {runs} runs, {} pins, {} lock files",
+        "{}: {} ({}), {}, {}, {}, {}",
         store.root().display(),
-        totals.objects,
+        table::counted(totals.objects, "artifacts"),
         table::bytes(totals.bytes),
-        totals.records,
-        totals.pins,
-        totals.lock_files,
+        table::counted(totals.records, "records"),
+        table::counted(runs as u64, "runs"),
+        table::counted(totals.pins, "pins"),
+        table::counted(totals.lock_files, "lock files"),
     ));
     if totals.quarantined > 0 {
         let folder = store.root().join("quarantine");
@@ -183,7 +185,10 @@ fn text(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], standings
     if !standings.is_empty() {
         let mut rows = table::table(&["pipeline", "last run", "lock", "state"], &[]).flowing(&["state"]);
         for standing in standings {
-            let last = standing.last.as_ref().map_or("-", |run| run.created.as_str());
+            let last = standing
+                .last
+                .as_ref()
+                .map_or_else(|| "-".to_owned(), |run| readable_time(&run.created));
             let lock = if standing.locked { "yes" } else { "-" };
             let is_stale = |stage: &StageReport| stage.outcome == Outcome::Stale;
             let tone = match &standing.stages {
@@ -210,7 +215,10 @@ fn state(stages: &Result<Vec<StageReport>, String>) -> String {
     };
     let stale: Vec<&StageReport> = stages.iter().filter(|s| s.outcome == Outcome::Stale).collect();
     if stale.is_empty() {
-        return format!("up to date ({} stages)", stages.len());
+        return format!(
+            "nothing to build: {} reused",
+            table::counted(stages.len() as u64, "stages")
+        );
     }
     let named = |stage: &&StageReport| match &stage.staleness {
         Some(why @ (Staleness::ArtifactDamaged | Staleness::ArtifactMissing)) => format!("{}: {why}", stage.name),

@@ -179,3 +179,35 @@ fn chunks(lines: &[StageReport], built: &str, reused: &str) -> String {
         (n, m) => format!("{n} {built}, {m} {reused}"),
     }
 }
+
+/// So many of what has this name in the plural: `1 step`, `2 searches`.
+pub fn counted(n: u64, many: &str) -> String {
+    // The last word is that of one: `unfinished actions`.
+    let one = match many.strip_suffix("ches") {
+        Some(stem) => format!("{stem}ch"),
+        None => many.strip_suffix('s').unwrap_or(many).to_owned(),
+    };
+    if n == 1 {
+        format!("1 {one}")
+    } else {
+        format!("{n} {many}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_is_not_many() {
+        assert_eq!(
+            [
+                counted(1, "steps"),
+                counted(1, "searches"),
+                counted(2, "epochs"),
+                counted(0, "masks")
+            ],
+            ["1 step", "1 search", "2 epochs", "0 masks"]
+        );
+    }
+}

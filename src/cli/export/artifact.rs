@@ -42,7 +42,7 @@ pub fn execute(arguments: &ExportArtifactArguments, output: &Output) -> Result<E
     let ancestry = store.ancestry(&artifact)?;
     let bar = Bar::new("export", "chunks", artifact.parts().len().max(1) as u64);
     write_standalone(&arguments.output, &artifact, &ancestry, SOFTWARE, &bar)?;
-    bar.finish("done");
+    bar.clear();
     let bytes = std::fs::metadata(&arguments.output).map_or(0, |metadata| metadata.len());
     let unknown: Vec<String> = ancestry
         .iter()

@@ -63,7 +63,7 @@ pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit
         files: Vec::new(),
     };
     let object = write_all(arguments, &pipeline, &built, &store, &mut writing)?;
-    writing.bar.finish("done");
+    writing.bar.clear();
     let bytes = writing.files.iter().map(|file| file.size).sum();
     fs::rename(aside.path(), &folder).map_err(failed(&folder))?;
     if output.is_json() {

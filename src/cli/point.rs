@@ -1,0 +1,128 @@
+//! What a point moves along a direction, beside the largest displacement.
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::error::CliError;
+use crate::base::{Dimension, Quantity};
+use crate::field::Field;
+use crate::scene::Scene;
+
+/// A point of the membrane and a direction.
+#[derive(Clone, Debug, Args)]
+pub struct PointArguments {
+    /// Say how far this point moves along --direction too, from the lower left corner, as in "25 mm, 25 mm"
+    #[arg(long = "point", value_name = "X,Y", value_parser = point, requires = "direction", allow_hyphen_values = true)]
+    point: Option<Coordinates>,
+    /// The direction of --point, from the x axis counter-clockwise, as in "90 deg"
+    #[arg(long, value_name = "ANGLE", value_parser = direction, requires = "point", allow_hyphen_values = true)]
+    direction: Option<Quantity>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Coordinates([Quantity; 2]);
+
+fn point(text: &str) -> Result<Coordinates, String> {
+    let (x, y) = text
+        .trim_matches(['[', ']'])
+        .split_once(',')
+        .ok_or("a point is X,Y, as in \"25 mm, 25 mm\"")?;
+    let length = |text: &str| Quantity::parse(text.trim(), Dimension::Length).map_err(|error| error.to_string());
+    Ok(Coordinates([length(x)?, length(y)?]))
+}
+
+fn direction(text: &str) -> Result<Quantity, String> {
+    Quantity::parse(text.trim(), Dimension::Angle).map_err(|error| error.to_string())
+}
+
+/// A point and a direction on a membrane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Watched {
+    /// In mm from the lower left corner.
+    point_mm: [f64; 2],
+    /// In degrees from the x axis.
+    degrees: f64,
+    cell_mm: [f64; 2],
+}
+
+impl PointArguments {
+    /// Whether a point is asked about.
+    pub fn is_given(&self) -> bool {
+        self.point.is_some()
+    }
+
+    /// What is asked about on the membrane of a scene; none where nothing is.
+    ///
+    /// # Errors
+    /// When the point is outside.
+    pub fn on(&self, scene: &Scene) -> Result<Option<Watched>, CliError> {
+        let Some((Coordinates(point), direction)) = self.point.zip(self.direction) else {
+            return Ok(None);
+        };
+        let membrane = scene.membrane();
+        let (cell_mm, cells) = (membrane.cell_mm(), membrane.raster.sides());
+        let sides: [f64; 2] = std::array::from_fn(|k| cell_mm[k] * cells[k] as f64);
+        let point_mm = point.map(|coordinate| coordinate.value());
+        if !(0..2).all(|k| (0.0..=sides[k]).contains(&point_mm[k])) {
+            let [x, y] = point_mm;
+            return Err(
+                CliError::bad_input(format!("--point {x} mm, {y} mm is outside the membrane"))
+                    .help(format!("allowed: 0 to {} mm and 0 to {} mm", sides[0], sides[1])),
+            );
+        }
+        Ok(Some(Watched {
+            point_mm,
+            degrees: direction.value(),
+            cell_mm,
+        }))
+    }
+}
+
+impl Watched {
+    /// The displacement there along the direction, mm.
+    pub fn of(&self, field: &Field) -> f64 {
+        let [x, y] = field.at(std::array::from_fn(|k| self.point_mm[k] / self.cell_mm[k]));
+        let (sine, cosine) = self.degrees.to_radians().sin_cos();
+        x * cosine + y * sine
+    }
+
+    /// The title of a column.
+    pub fn title(&self) -> String {
+        let [x, y] = self.point_mm;
+        format!("at {x}, {y} mm along {} deg", self.degrees)
+    }
+
+    /// For programs.
+    pub fn document(&self) -> Value {
+        json!({ "point_mm": self.point_mm, "direction_deg": self.degrees })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_moves_along_a_direction() {
+        let scene = Scene::vhb4910();
+        let raster = scene.membrane().raster;
+        let values = (0..raster.corners()).flat_map(|_| [0.3, 0.4]).collect();
+        let field = Field::from_values(raster, values).unwrap();
+        let asked = |at: &str, along: &str| PointArguments {
+            point: Some(point(at).unwrap()),
+            direction: Some(direction(along).unwrap()),
+        };
+        let of = |at: &str, along: &str| asked(at, along).on(&scene).unwrap().unwrap().of(&field);
+        assert!((of("25 mm, 25 mm", "0 deg") - 0.3).abs() < 1e-12);
+        assert!((of("[10, 50]", "90") - 0.4).abs() < 1e-12);
+        assert!((of("0,0", "-90 deg") + 0.4).abs() < 1e-12);
+        let outside = asked("25 mm, 51 mm", "0 deg").on(&scene).unwrap_err();
+        assert!(outside.message().contains("outside the membrane"));
+        assert!(point("25 mm").is_err() && point("1 V, 2 mm").is_err() && direction("3 mm").is_err());
+        let none = PointArguments {
+            point: None,
+            direction: None,
+        };
+        assert_eq!(none.on(&scene).unwrap(), None);
+    }
+}
