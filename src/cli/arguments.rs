@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
+use clap::builder::{PathBufValueParser, TypedValueParser};
 
 use super::error::CliError;
 use super::output::Output;
 use super::project;
 use super::upstream::{Reading, RemoteArguments};
-use crate::base::{Dimension, NodeValue, Override, Quantity, Time};
+use crate::base::{Dimension, NodeValue, Override, Quantity, Time, read_bounded};
 use crate::fem::WorkLimit;
 use crate::scene::Scene;
 use crate::store::Store;
@@ -143,7 +144,8 @@ impl SetArguments {
 
 #[derive(Clone, Debug, Args)]
 pub struct PipelineArguments {
-    /// The pipeline, a YAML file
+    /// The pipeline, a YAML file, or a folder with one alone [default: that of this folder]
+    #[arg(default_value = ".", hide_default_value = true, value_parser = PathBufValueParser::new().try_map(pipeline_in))]
     pub pipeline: PathBuf,
     #[command(flatten)]
     pub store: StoreArguments,
@@ -157,6 +159,42 @@ pub struct PipelineArguments {
     pub verify: bool,
     #[command(flatten)]
     pub remote: RemoteArguments,
+}
+
+/// The only pipeline of a folder; a file as it is.
+fn pipeline_in(path: PathBuf) -> Result<PathBuf, String> {
+    if !path.is_dir() {
+        return Ok(path);
+    }
+    let shown = path.display();
+    let entries = std::fs::read_dir(&path).map_err(|error| format!("cannot read the folder {shown}: {error}"))?;
+    let mut found: Vec<PathBuf> = entries
+        .filter_map(|entry| Some(PathBuf::from(entry.ok()?.file_name())))
+        .filter(|name| name.extension().is_some_and(|end| end == "yaml" || end == "yml"))
+        .map(|name| if path == Path::new(".") { name } else { path.join(name) })
+        .filter(|file| has_stages(file))
+        .collect();
+    found.sort();
+    match found.as_slice() {
+        [one] => Ok(one.clone()),
+        [] => Err(format!(
+            "there is no pipeline in {shown}, which is a YAML file with `stages:`"
+        )),
+        several => {
+            let names: Vec<String> = several.iter().map(|file| file.display().to_string()).collect();
+            Err(format!("there are several pipelines in {shown}: {}", names.join(", ")))
+        }
+    }
+}
+
+/// A pipeline is longer than this only where somebody has written it out for tens of thousands of stages.
+const LONGEST_PIPELINE: u64 = 16 << 20;
+
+/// Whether a file is a pipeline, or would be but for a mistake in it.
+fn has_stages(file: &Path) -> bool {
+    let text = read_bounded(file, LONGEST_PIPELINE).unwrap_or_default();
+    text.split(|byte| *byte == b'\n')
+        .any(|line| line.starts_with(b"stages:"))
 }
 
 impl PipelineArguments {
@@ -290,6 +328,22 @@ pub fn number(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_folder_stands_for_its_only_pipeline() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let of_folder = || pipeline_in(folder.path().to_owned());
+        assert!(of_folder().unwrap_err().contains("no pipeline"));
+        std::fs::write(path("scene.yaml"), "geometry: {}\n").unwrap();
+        std::fs::write(path("a.yaml"), "name: a\nstages: {}\n").unwrap();
+        assert_eq!(of_folder(), Ok(path("a.yaml")));
+        std::fs::write(path("b.yml"), "stages:\n").unwrap();
+        let several = of_folder().unwrap_err();
+        assert!(several.contains("a.yaml") && several.contains("b.yml"), "{several}");
+        // What is no folder is read, or refused, as what it is.
+        assert_eq!(pipeline_in(path("none.yaml")), Ok(path("none.yaml")));
+    }
 
     #[test]
     fn numbers_have_bounds() {

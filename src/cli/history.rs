@@ -157,7 +157,7 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
     for beside in [&values, &figure] {
         check_file(beside, &arguments.patterns, scene)?;
     }
-    let read = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
+    let read = arguments.read_scene()?;
     if !read.states.is_empty() {
         return Err(
             CliError::bad_input("a history is that of one state of a device").help("name the state: --state NAME")
@@ -176,11 +176,7 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
         arguments.parameters().accuracy().map(|accuracy| accuracy.value()),
     );
     let seconds = start.elapsed().as_secs_f64();
-    let parameters = format!(
-        "{}, {}, history",
-        arguments.state.described(&arguments.scene),
-        arguments.parameters()
-    );
+    let parameters = format!("{}, {}, history", arguments.described(), arguments.parameters());
     let content = histories(
         &patterns,
         scene,

@@ -44,7 +44,7 @@ pub struct ModesArguments {
 /// When the scene or a pattern cannot be used, no density is known, or the file cannot be written.
 pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Result<Exit, CliError> {
     let file = &arguments.patterns.file()?.to_owned();
-    let read = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
+    let read = arguments.read_scene()?;
     if !read.states.is_empty() {
         return Err(
             CliError::bad_input("natural frequencies are those of one state of a device")
@@ -73,7 +73,7 @@ pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Resul
     let lumped = if arguments.modes.lumped { ", lumped mass" } else { "" };
     let parameters = format!(
         "{}, {}, {count} modes{lumped}",
-        arguments.state.described(&arguments.scene),
+        arguments.described(),
         arguments.parameters()
     );
     let content = vibrations(&patterns, &scene, count as usize, &found, each, arguments);

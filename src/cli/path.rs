@@ -45,7 +45,7 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
     for beside in [&values, &figure] {
         check_file(beside, &arguments.patterns, scene)?;
     }
-    let read = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
+    let read = arguments.read_scene()?;
     let patterns = direct::patterns(&arguments.patterns.patterns, read.form())?;
     check_leads(read.leads.as_ref(), &patterns)?;
     let options = arguments.options();
@@ -55,7 +55,7 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
     let seconds = start.elapsed().as_secs_f64();
     let parameters = format!(
         "{}, {}, tolerance: {:e}, path",
-        arguments.state.described(&arguments.scene),
+        arguments.described(),
         options.mesh,
         options.tolerance
     );

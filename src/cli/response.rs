@@ -95,7 +95,7 @@ pub fn execute(arguments: &SolveArguments, range: Range, scene: &[&str], output:
     for beside in [&values, &figure] {
         check_file(beside, &arguments.patterns, scene)?;
     }
-    let read = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
+    let read = arguments.read_scene()?;
     if !read.states.is_empty() {
         return Err(
             CliError::bad_input("a frequency response is that of one state of a device")
@@ -124,7 +124,7 @@ pub fn execute(arguments: &SolveArguments, range: Range, scene: &[&str], output:
     let seconds = start.elapsed().as_secs_f64();
     let parameters = format!(
         "{}, {}, response at {} frequencies",
-        arguments.state.described(&arguments.scene),
+        arguments.described(),
         arguments.parameters(),
         frequencies.len()
     );

@@ -25,6 +25,7 @@ use crate::base::Quantity;
 use crate::fem::{MeshRequest, Method, SolveOptions, SolverParameters, check_leads};
 use crate::field::{Mesh, Order};
 use crate::orchestrator::Environment;
+use crate::scene::Scene;
 use crate::stage::direct;
 use crate::store::{Provenance, write_file};
 
@@ -39,6 +40,12 @@ pub struct SolveArguments {
     pub scene: PathBuf,
     #[command(flatten)]
     pub patterns: PatternArguments,
+    /// Simulate at this voltage instead of the scene's, as in "4 kV"
+    #[arg(long, value_name = "VOLTAGE")]
+    voltage: Option<String>,
+    /// Change a value of the scene for this call, such as drive.voltage="4 kV"
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    sets: Vec<String>,
     /// How fields are found: newton, or as estimates that are no equilibria linear or chord:N (N chord steps)
     #[arg(long, value_name = "METHOD", default_value = "newton", value_parser = Method::from_str, help_heading = METHOD)]
     pub method: Method,
@@ -77,6 +84,25 @@ pub struct SolveArguments {
 }
 
 impl SolveArguments {
+    /// The scene as it is to be simulated.
+    ///
+    /// # Errors
+    /// When it cannot be read, a value cannot be changed, or it has no such state.
+    pub fn read_scene(&self) -> Result<Scene, CliError> {
+        self.state.of(direct::read_scene_with(&self.scene, &self.changes())?)
+    }
+
+    /// The scene in words: its file, state and changes.
+    pub fn described(&self) -> String {
+        let changes = self.changes().into_iter().map(|set| format!(", {set}"));
+        self.state.described(&self.scene) + &changes.collect::<String>()
+    }
+
+    fn changes(&self) -> Vec<String> {
+        let voltage = self.voltage.iter().map(|voltage| format!("drive.voltage={voltage}"));
+        self.sets.iter().cloned().chain(voltage).collect()
+    }
+
     /// The mesh.
     pub fn mesh(&self) -> Mesh {
         let (elements, order) = if self.path { (1, 2) } else { (2, 1) };
@@ -136,7 +162,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     if arguments.history.history {
         return history::execute(arguments, &scene, output);
     }
-    let read = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
+    let read = arguments.read_scene()?;
     let (patterns, names) = direct::patterns_with_names(&arguments.patterns.patterns, read.form())?;
     let watched = arguments.point.on(&read)?;
     check_leads(read.leads.as_ref(), &patterns)?;
@@ -150,7 +176,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         ending.name.clone_from(&names[ending.place.index]);
     }
     bar.clear();
-    let parameters = format!("{}, {request}", arguments.state.described(&arguments.scene));
+    let parameters = format!("{}, {request}", arguments.described());
     conclude(&arguments.patterns, answer, ("solve", parameters), start, output)
 }
 

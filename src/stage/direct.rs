@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::base::{Document, InputError};
+use crate::base::{Document, InputError, Override};
 use crate::content::named_patterns;
 use crate::orchestrator::splice_scene;
 use crate::pattern::{Pattern, PatternForm};
@@ -74,8 +74,27 @@ pub fn files_read(path: &Path) -> Vec<String> {
 /// # Errors
 /// When it cannot be read.
 pub fn read_scene(path: &Path) -> Result<Scene, InputError> {
+    read_scene_with(path, &[])
+}
+
+/// The same with values changed, each as in `drive.voltage=5 kV`; a path may begin with `scene.`, as in a pipeline.
+///
+/// # Errors
+/// When it cannot be read, or a value cannot be changed so.
+pub fn read_scene_with(path: &Path, sets: &[String]) -> Result<Scene, InputError> {
     let mut root = Document::load(path)?.root;
     splice_scene(&mut root, path)?;
+    let is_pipeline = root.peek("scene").is_some();
+    for set in sets {
+        let own = set.trim_start();
+        let own = own.strip_prefix("scene.").unwrap_or(own);
+        let set = if is_pipeline {
+            format!("scene.{own}")
+        } else {
+            own.to_owned()
+        };
+        Override::parse(&set)?.apply(&mut root)?;
+    }
     if root.peek("stages").is_some() && root.peek("scene").is_none() {
         return Err(root
             .error("this file is a pipeline without a scene of its own, and a scene is wanted")
