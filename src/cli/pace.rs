@@ -174,6 +174,6 @@ mod tests {
         // A tenth was left.
         let mut resumed = Pace::new(10, Some(100.0));
         resumed.resume(2.0, 9);
-        assert_eq!(resumed.words(2.0), "about 8.0 s left");
+        assert_eq!(resumed.words(2.0), "about 8.00 s left");
     }
 }

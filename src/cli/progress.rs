@@ -425,7 +425,8 @@ mod tests {
         let note = "generation 20: best 2.1234 mm at area 0.500, of 12345";
         let of = |width| state("design", note).on_terminal(100.0, width);
         let start = "design       [====>   ] 20/40 generations";
-        assert_eq!(of(63), format!("{start}  12.0/min, 1 min 40 s left"));
+        assert_eq!(of(67), start);
+        assert_eq!(of(68), format!("{start}  12.0/min, 1 min 40 s left"));
         assert_eq!(of(79), format!("{start}  12.0/min, 1 min 40 s left"));
         assert_eq!(
             of(150),

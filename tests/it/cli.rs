@@ -136,7 +136,7 @@ fn json_is_one_document_whatever_happens() {
     for arguments in [
         &["run", "absent.yaml", "--json"][..],
         &["run", "tiny.yaml", "--jobs", "0", "--json"],
-        &["run", "--json"],
+        &["explain", "--json"],
         &["show", "nothing", "--json"],
         &["show", "large", "--store", "elsewhere", "--json"],
         &["fsck", "--store", "elsewhere", "--json"],
