@@ -194,7 +194,8 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
             text.line(format!("\nknown of `{side}` alone: {of}"));
         }
     }
-    let unknown = from.unknown.iter().chain(&to.unknown);
+    let of_to = to.unknown.iter().filter(|why| !from.unknown.contains(why));
+    let unknown = from.unknown.iter().chain(of_to);
     for why in unknown {
         text.line(format!("\nnot compared: {why}"));
     }

@@ -105,11 +105,13 @@ impl Pace {
 
     /// In words: how fast, in steps per second or minute, and the time left; empty where nothing is known.
     pub fn words(&self, at: f64) -> String {
-        let left = self.left(at).map(table::seconds);
+        let left = self.left(at).filter(|left| *left > 0.0).map(table::seconds);
         match (self.rate(at), left) {
             (Some(per_second), Some(left)) => format!("{}, {left} left", rate(per_second)),
-            (_, Some(left)) => format!("about {left} left"),
-            _ => String::new(),
+            // All steps are done, and what they made is put together.
+            (Some(per_second), None) => rate(per_second),
+            (None, Some(left)) => format!("about {left} left"),
+            (None, None) => String::new(),
         }
     }
 }
