@@ -4,6 +4,9 @@ import { json } from "./server.js";
 import { choice, h, labelled, replace, short, table, when } from "./elements.js";
 import { rowsView } from "./rows.js";
 import { findings } from "./audit.js";
+import { evaluation, model } from "./models.js";
+import { designs } from "./designs.js";
+import { accuracy } from "./accuracy.js";
 
 /** Attributes longer than this are shown on demand. */
 const LONG = 160;
@@ -42,13 +45,17 @@ export async function artifactView(view, digest, query) {
   const hasRows = found.datasets.some((/** @type {any} */ one) => one.axes.length > 0);
   /** @type {Record<string, [string, (place: HTMLElement) => Promise<any>|any]>} */
   const tabs = {
+    ...(found.kind === "train" ? { errors: ["Errors", (/** @type {HTMLElement} */ place) => model(place, found)] } : {}),
+    ...(found.kind === "evaluate" ? { errors: ["Errors", (/** @type {HTMLElement} */ place) => evaluation(place, found)] } : {}),
+    ...(["design", "verify"].includes(found.kind) ? { designs: ["Designs", (/** @type {HTMLElement} */ place) => designs(place, found)] } : {}),
+    ...(found.kind === "accuracy" ? { accuracy: ["Settings", (/** @type {HTMLElement} */ place) => accuracy(place, found, (box) => figures(box, found.digest))] } : {}),
     ...(found.kind === "audit" ? { findings: ["Findings", (/** @type {HTMLElement} */ place) => findings(place, found)] } : {}),
     ...(hasRows ? { rows: ["Rows", (/** @type {HTMLElement} */ place) => rowsView(place, found, query)] } : {}),
     figures: ["Figures", (/** @type {HTMLElement} */ place) => figures(place, found.digest)],
     arrays: ["Arrays", (/** @type {HTMLElement} */ place) => replace(place, arrays(found))],
     origin: ["Origin", (/** @type {HTMLElement} */ place) => replace(place, origin(found))],
   };
-  const first = ["train", "balance", "evaluate", "accuracy", "verify"].includes(found.kind) ? "figures" : Object.keys(tabs)[0];
+  const first = found.kind === "balance" ? "figures" : Object.keys(tabs)[0];
   let open = query.get("tab") ?? first;
   if (!tabs[open]) open = first;
   const place = h("div", {});

@@ -2,6 +2,7 @@
 
 import { json } from "./server.js";
 import { bytes, h, problem, replace, when } from "./elements.js";
+import { listen } from "./live.js";
 import { sketchpad } from "./sketch.js";
 import { pipelineView, pipelinesView } from "./pipelines.js";
 import { compareView, runView, runsView } from "./runs.js";
@@ -12,9 +13,6 @@ const status = /** @type {HTMLElement} */ (document.getElementById("status"));
 
 /** @type {Record<string, string>} */
 const VIEWS = { pipelines: "Pipelines", runs: "Runs", artifacts: "Artifacts", audits: "Audits", accuracy: "Accuracy", sketch: "Sketchpad" };
-
-/** How often what is at work is asked for. */
-const BEAT = 2000;
 
 /** @type {() => void} */ let end = () => {};
 /** @type {any} */ let start = {};
@@ -77,27 +75,18 @@ async function opened(name, rest, query, place) {
   }
 }
 
-/** What is at work, in one line; views that show runs are told of a new one. */
-async function beat() {
-  if (document.hidden) return;
-  try {
-    const found = await json("status");
-    const parts = [];
-    if (found.store) parts.push(`${found.objects} artifacts, ${bytes(found.bytes)}`);
-    else parts.push("no store yet");
-    if (found.in_flight) parts.push(`${found.in_flight} being built`);
-    if (found.workers?.length) parts.push(`${found.workers.length} workers`);
-    if (found.last_run) parts.push(`last run ${when(found.last_run.created)}`);
-    const text = parts.join(", ");
-    if (status.textContent !== text) status.textContent = text;
-    const key = `${found.last_run?.id ?? ""} ${found.in_flight ?? 0} ${found.objects ?? 0}`;
-    if (beat.last !== key && beat.last !== "") window.dispatchEvent(new CustomEvent("news"));
-    beat.last = key;
-  } catch (error) {
-    status.textContent = `the server does not answer: ${/** @type {any} */ (error).message}`;
-  }
+/** What is at work, in one line. @param {any} found */
+function stand(found) {
+  const parts = [];
+  if (found.store) parts.push(`${found.objects} artifacts, ${bytes(found.bytes)}`);
+  else parts.push("no store yet");
+  for (const run of found.runs ?? []) parts.push(`${run.pipeline} is being built (process ${run.pid})${run.stages.length ? `: ${run.stages.map((/** @type {any} */ stage) => stage.name).join(", ")}` : ""}`);
+  if (found.in_flight && !found.runs?.length) parts.push(`${found.in_flight} being built`);
+  if (found.workers?.length) parts.push(`${found.workers.length} workers`);
+  if (found.last_run) parts.push(`last run ${when(found.last_run.created)}`);
+  const text = parts.join(", ");
+  if (status.textContent !== text) status.textContent = text;
 }
-beat.last = "";
 
 async function main() {
   // The token is in a cookie by now, and need not stay in the address.
@@ -112,8 +101,7 @@ async function main() {
   }
   window.addEventListener("hashchange", () => void show());
   await show();
-  void beat();
-  setInterval(() => void beat(), BEAT);
+  void listen(stand, (message) => (status.textContent = `the server does not answer: ${message}`));
 }
 
 void main();

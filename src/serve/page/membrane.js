@@ -1,6 +1,6 @@
 // Drawings of patterns and of deformed membranes.
 
-import { SEQUENTIAL, SIGNED, range, steps } from "./colours.js";
+import { SEQUENTIAL, SIGNED, pixel, range, steps } from "./colours.js";
 import { Pattern } from "./pattern.js";
 
 /** Colours of groups of electrodes. */
@@ -129,8 +129,11 @@ function arrow(context, x, y, degrees, length) {
 /** Around a deformed membrane, a share of its width. */
 const MARGIN = 0.04;
 
+/** The image of each canvas that has one, written anew with each drawing. @type {WeakMap<HTMLCanvasElement, ImageData>} */
+const images = new WeakMap();
+
 /**
- * The membrane where its displacement takes it, its cells coloured.
+ * The membrane where its displacement takes it, its cells coloured. Cells are filled pixel by pixel: paths take several times as long.
  * @param {HTMLCanvasElement} canvas @param {Pattern} pattern @param {Float32Array|null} displacement corners, mm
  * @param {{size: [number, number], scale?: number, values?: ArrayLike<number>|null, signed?: boolean, low?: number, high?: number, parts?: number[]|null}} more
  */
@@ -138,60 +141,88 @@ export function drawMembrane(canvas, pattern, displacement, more) {
   const { columns, rows } = pattern;
   const [sizeX, sizeY] = more.size;
   const { context, width, height } = prepared(canvas, sizeY / sizeX);
-  context.fillStyle = colour(canvas, "--card");
-  context.fillRect(0, 0, width, height);
   const unit = (width * (1 - 2 * MARGIN)) / sizeX;
   const scale = more.scale ?? 1;
   const corners = (columns + 1) * (rows + 1);
-  const px = new Float32Array(corners);
-  const py = new Float32Array(corners);
+  const [px, py] = [new Float32Array(corners), new Float32Array(corners)];
   for (let y = 0, at = 0; y <= rows; y += 1) {
     for (let x = 0; x <= columns; x += 1, at += 1) {
-      const u = displacement ? displacement[2 * at] * scale : 0;
-      const v = displacement ? displacement[2 * at + 1] * scale : 0;
+      const [u, v] = displacement ? [displacement[2 * at] * scale, displacement[2 * at + 1] * scale] : [0, 0];
       px[at] = MARGIN * width + ((x * sizeX) / columns + u) * unit;
       py[at] = height - MARGIN * height - ((y * sizeY) / rows + v) * unit;
     }
   }
-  const quad = (/** @type {number} */ cell) => {
+  const image = imageOf(canvas, context);
+  const pixels = new Uint32Array(image.data.buffer);
+  pixels.fill(pixel(colour(canvas, "--card")));
+  const dense = canvas.width / width;
+  const fill = (/** @type {number} */ cell, /** @type {number} */ value) => {
     const at = Math.floor(cell / columns) * (columns + 1) + (cell % columns);
     const above = at + columns + 1;
-    context.moveTo(px[at], py[at]);
-    context.lineTo(px[at + 1], py[at + 1]);
-    context.lineTo(px[above + 1], py[above + 1]);
-    context.lineTo(px[above], py[above]);
+    triangle(image, pixels, value, px[at] * dense, py[at] * dense, px[at + 1] * dense, py[at + 1] * dense, px[above] * dense, py[above] * dense);
+    triangle(image, pixels, value, px[at + 1] * dense, py[at + 1] * dense, px[above + 1] * dense, py[above + 1] * dense, px[above] * dense, py[above] * dense);
   };
-  const fill = (/** @type {string} */ style, /** @type {number[]} */ cells) => {
-    if (!cells.length) return;
-    context.beginPath();
-    cells.forEach(quad);
-    context.fillStyle = context.strokeStyle = style;
-    context.lineWidth = 0.7;
-    context.fill();
-    // Without it the background shows between neighbours.
-    context.stroke();
-  };
-  /** @type {number[][]} */
-  const binned = Array.from({ length: 64 }, () => []);
+  const parts = more.parts ?? null;
   if (more.values) {
     const [low, high] = more.low !== undefined && more.high !== undefined ? [more.low, more.high] : range(more.values);
-    steps(more.values, low, high).forEach((step, cell) => binned[step].push(cell));
-    const colours = more.signed ? SIGNED : SEQUENTIAL;
-    binned.forEach((cells, step) => fill(colours[step], cells));
+    const colours = (more.signed ? SIGNED : SEQUENTIAL).map(pixel);
+    steps(more.values, low, high).forEach((step, cell) => fill(cell, colours[step]));
   } else {
-    /** @type {number[]} */ const bare = [];
-    /** @type {number[][]} */ const groups = Array.from({ length: 17 }, () => []);
-    pattern.cells.forEach((value, cell) => (value ? groups[value] : bare).push(cell));
-    fill(colour(canvas, "--paper"), bare);
-    groups.forEach((cells, group) => group && fill(groupColour(group), cells));
+    const colours = [colour(canvas, "--paper"), ...Array.from({ length: 16 }, (_, group) => groupColour(group + 1))].map(pixel);
+    pattern.cells.forEach((value, cell) => fill(cell, colours[value] ?? colours[1]));
   }
-  if (more.parts) {
-    [1, 2].forEach((part) => fill(part === 1 ? FRAME : BODY, /** @type {number[]} */ (more.parts).flatMap((found, cell) => (found === part ? [cell] : []))));
+  if (parts) {
+    const colours = [0, pixel(FRAME), pixel(BODY)];
+    parts.forEach((part, cell) => part && fill(cell, colours[part]));
   }
+  context.putImageData(image, 0, 0);
   if (more.values) outline(context, pattern, px, py);
   context.strokeStyle = FRAME;
   context.lineWidth = 2;
   context.strokeRect(MARGIN * width, MARGIN * height, width * (1 - 2 * MARGIN), height * (1 - 2 * MARGIN));
+}
+
+/** @param {HTMLCanvasElement} canvas @param {CanvasRenderingContext2D} context */
+function imageOf(canvas, context) {
+  const known = images.get(canvas);
+  if (known && known.width === canvas.width && known.height === canvas.height) return known;
+  const made = context.createImageData(Math.max(canvas.width, 1), Math.max(canvas.height, 1));
+  images.set(canvas, made);
+  return made;
+}
+
+/**
+ * Fills the pixels whose middles lie in a triangle or on its edge, line by line.
+ * @param {ImageData} image @param {Uint32Array} pixels @param {number} value
+ * @param {number} ax @param {number} ay @param {number} bx @param {number} by @param {number} cx @param {number} cy
+ */
+function triangle(image, pixels, value, ax, ay, bx, by, cx, cy) {
+  const first = Math.max(0, Math.ceil(Math.min(ay, by, cy) - 0.5));
+  const last = Math.min(image.height - 1, Math.floor(Math.max(ay, by, cy) - 0.5));
+  for (let row = first; row <= last; row += 1) {
+    const y = row + 0.5;
+    let left = Infinity;
+    let right = -Infinity;
+    // Where the line crosses each edge.
+    if (ay <= y !== by <= y) {
+      const x = ax + ((y - ay) / (by - ay)) * (bx - ax);
+      left = Math.min(left, x);
+      right = Math.max(right, x);
+    }
+    if (by <= y !== cy <= y) {
+      const x = bx + ((y - by) / (cy - by)) * (cx - bx);
+      left = Math.min(left, x);
+      right = Math.max(right, x);
+    }
+    if (cy <= y !== ay <= y) {
+      const x = cx + ((y - cy) / (ay - cy)) * (ax - cx);
+      left = Math.min(left, x);
+      right = Math.max(right, x);
+    }
+    const from = Math.max(0, Math.ceil(left - 0.5));
+    const to = Math.min(image.width - 1, Math.floor(right - 0.5));
+    if (from <= to) pixels.fill(value, row * image.width + from, row * image.width + to + 1);
+  }
 }
 
 /** The edges of electrodes. @param {CanvasRenderingContext2D} context @param {Pattern} pattern @param {Float32Array} px @param {Float32Array} py */
