@@ -219,6 +219,7 @@ impl ServedState {
         json!({
             "version": env!("CARGO_PKG_VERSION"),
             "store": self.store_folder,
+            "folder": std::env::current_dir().ok(),
             "allow_run": self.allow_run,
             "pattern": self.first,
         })

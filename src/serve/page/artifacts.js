@@ -11,9 +11,11 @@ import { accuracy } from "./accuracy.js";
 /** Attributes longer than this are shown on demand. */
 const LONG = 160;
 
-/** @param {HTMLElement} view @param {URLSearchParams} query @param {string} kind @param {string} title */
-export async function artifactsView(view, query, kind, title) {
-  const { artifacts, total } = await json(`artifacts?limit=2000${kind ? `&kind=${kind}` : ""}`);
+/** @param {HTMLElement} view @param {URLSearchParams} query @param {string[]} only kinds; none for all @param {string} title */
+export async function artifactsView(view, query, only, title) {
+  const found = await json(`artifacts?limit=2000${only.length === 1 ? `&kind=${only[0]}` : ""}`);
+  const artifacts = found.artifacts.filter((/** @type {any} */ one) => !only.length || only.includes(one.kind));
+  const older = found.total - found.artifacts.length;
   const kinds = [...new Set(artifacts.map((/** @type {any} */ one) => one.kind))].sort();
   let chosen = query.get("kind") ?? "";
   const box = h("div", {});
@@ -26,17 +28,17 @@ export async function artifactsView(view, query, kind, title) {
   replace(
     view,
     h("h1", {}, title),
-    kind ? null : h("div", { class: "tools" }, labelled("Kind", choice("kind", /** @type {any} */ (kindsShown), chosen, (value) => {
+    only.length ? null : h("div", { class: "tools" }, labelled("Kind", choice("kind", /** @type {any} */ (kindsShown), chosen, (value) => {
       chosen = value;
       history.replaceState(null, "", value ? `#/artifacts?kind=${value}` : "#/artifacts");
       fill();
     }))),
     box,
-    total > artifacts.length ? h("p", { class: "soft" }, `and ${total - artifacts.length} older ones`) : null,
+    older > 0 ? h("p", { class: "soft" }, `and ${older} older ones`) : null,
   );
   fill();
-  // One accuracy or audit is what was looked for.
-  if (kind && artifacts.length === 1) location.replace(`#/artifacts/${artifacts[0].digest}`);
+  // One alone is what was looked for.
+  if (only.length && artifacts.length === 1) location.replace(`#/artifacts/${artifacts[0].digest}`);
 }
 
 /** @param {HTMLElement} view @param {string} digest @param {URLSearchParams} query @returns {Promise<() => void>} */

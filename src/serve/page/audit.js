@@ -81,7 +81,7 @@ async function waits(place, digest, blocks) {
       }
       const names = [first.join(", "), later.length ? `and after them ${later.join(", ")}` : ""].filter(Boolean).join("; ");
       const link = h("a", { href: `#/pipelines/${one.id}` }, pipeline.pipeline);
-      told.push(h("p", { "data-blocks": [...first, ...later].join(" ") }, "In ", link, first.length ? `, ${audit.name} ${blocks ? "keeps from being built" : "lets be built"}: ${names}.` : `, no stage waits for ${audit.name}.`));
+      told.push(h("p", { "data-blocks": [...first, ...later].join(" ") }, "In ", link, !first.length ? `, no stage waits for ${audit.name}.` : blocks ? `, ${audit.name} keeps from being built: ${names}.` : `, these wait for ${audit.name} and may be built: ${names}.`));
     }
   }
   replace(place, told);

@@ -69,6 +69,19 @@ export function when(time) {
   return time.replace("T", " ").slice(0, 19);
 }
 
+/** The folder in which the server was started. */
+let folder = "";
+
+/** @param {string|null} path */
+export function startedIn(path) {
+  folder = path ? `${path}/` : "";
+}
+
+/** A path as it would be named where the server was started. @param {string} path */
+export function near(path) {
+  return folder && path.startsWith(folder) ? path.slice(folder.length) : path;
+}
+
 /** @param {string} digest */
 export function short(digest) {
   return h("a", { class: "mono", href: `#/artifacts/${digest}`, title: digest }, digest.slice(0, 12));

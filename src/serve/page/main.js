@@ -1,7 +1,7 @@
 // Which view is shown: what stands after # in the address says so, so that each view has a link of its own.
 
 import { json } from "./server.js";
-import { bytes, h, problem, replace, when } from "./elements.js";
+import { bytes, h, problem, replace, startedIn, when } from "./elements.js";
 import { listen } from "./live.js";
 import { sketchpad } from "./sketch.js";
 import { pipelineView, pipelinesView } from "./pipelines.js";
@@ -12,7 +12,7 @@ const view = /** @type {HTMLElement} */ (document.getElementById("view"));
 const status = /** @type {HTMLElement} */ (document.getElementById("status"));
 
 /** @type {Record<string, string>} */
-const VIEWS = { pipelines: "Pipelines", runs: "Runs", artifacts: "Artifacts", audits: "Audits", accuracy: "Accuracy", sketch: "Sketchpad" };
+const VIEWS = { pipelines: "Pipelines", runs: "Runs", artifacts: "Artifacts", models: "Models", designs: "Designs", audits: "Audits", accuracy: "Accuracy", sketch: "Sketchpad" };
 
 /** @type {() => void} */ let end = () => {};
 /** @type {any} */ let start = {};
@@ -63,11 +63,15 @@ async function opened(name, rest, query, place) {
       if (rest[0] === "compare") return compareView(place, rest.slice(1));
       return rest.length ? runView(place, rest[0]) : runsView(place);
     case "artifacts":
-      return rest.length ? artifactView(place, rest[0], query) : artifactsView(place, query, "", "Artifacts");
+      return rest.length ? artifactView(place, rest[0], query) : artifactsView(place, query, [], "Artifacts");
+    case "models":
+      return artifactsView(place, query, ["evaluate", "train", "calibrate"], "Models and their evaluations");
+    case "designs":
+      return artifactsView(place, query, ["verify", "design"], "Designs, and what was simulated of them");
     case "audits":
-      return artifactsView(place, query, "audit", "Audits");
+      return artifactsView(place, query, ["audit"], "Audits");
     case "accuracy":
-      return artifactsView(place, query, "accuracy", "Accuracy");
+      return artifactsView(place, query, ["accuracy"], "Accuracy");
     case "pipelines":
       return rest.length ? pipelineView(place, rest[0], start.allow_run) : pipelinesView(place, start);
     default:
@@ -95,6 +99,7 @@ async function main() {
   replace(/** @type {HTMLElement} */ (document.getElementById("views")), links);
   try {
     start = await json("start");
+    startedIn(start.folder);
   } catch (error) {
     replace(view, problem(error));
     return;

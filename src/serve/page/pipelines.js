@@ -1,7 +1,7 @@
 // Pipelines: how they stand, and what a change would have built anew.
 
 import { json } from "./server.js";
-import { bytes, h, problem, replace, seconds, settled, short, table } from "./elements.js";
+import { bytes, h, near, problem, replace, seconds, settled, short, table } from "./elements.js";
 import { drawing as dag, list as stageList, progress, state } from "./dag.js";
 import { underWay } from "./live.js";
 
@@ -11,11 +11,11 @@ const FIRST = 40;
 /** @param {HTMLElement} view @param {any} start */
 export async function pipelinesView(view, start) {
   const { pipelines } = await json("pipelines");
-  const rows = pipelines.map((/** @type {any} */ one) => [h("a", { href: `#/pipelines/${one.id}` }, one.name ?? "has a problem"), h("span", { class: "mono" }, one.path)]);
+  const rows = pipelines.map((/** @type {any} */ one) => [h("a", { href: `#/pipelines/${one.id}` }, one.name ?? "has a problem"), h("span", { class: "mono" }, near(one.path))]);
   replace(
     view,
     h("h1", {}, "Pipelines"),
-    h("p", { class: "soft" }, `Store: ${start.store}`),
+    h("p", { class: "soft" }, `Store: ${near(start.store)}`),
     rows.length ? table("Pipelines", ["name", "file"], rows) : h("p", {}, "None is named, and none has been run in this store. ", h("code", {}, "deaflow serve pipeline.yaml"), " shows one; the ", h("a", { href: "#/sketch" }, "sketchpad"), " needs none."),
   );
 }
@@ -100,7 +100,7 @@ export async function pipelineView(view, id, mayRun) {
         note();
         soon();
       } });
-      const line = h("label", { class: "value" }, h("span", { class: "mono" }, one.path), input, before);
+      const line = h("label", { class: "value" }, h("span", { class: "mono" }, near(one.path)), input, before);
       note();
       return line;
     };
@@ -166,9 +166,9 @@ export async function pipelineView(view, id, mayRun) {
   };
 
   if (found.problem) {
-    replace(view, h("h1", {}, "Pipeline"), h("p", { class: "mono" }, found.path), problem(found.problem), source(found.text, found.problem.line));
+    replace(view, h("h1", {}, "Pipeline"), h("p", { class: "mono" }, near(found.path)), problem(found.problem), source(found.text, found.problem.line));
   } else {
-    replace(view, h("h1", {}, found.pipeline), h("p", { class: "mono soft" }, found.path), bill, trouble, drawing, stages, narrow, editor(), runBox, h("details", {}, h("summary", {}, "The file"), source(found.text, null)));
+    replace(view, h("h1", {}, found.pipeline), h("p", { class: "mono soft" }, near(found.path)), bill, trouble, drawing, stages, narrow, editor(), runBox, h("details", {}, h("summary", {}, "The file"), source(found.text, null)));
     replace(runBox, runner());
     show(found);
   }

@@ -15,6 +15,11 @@ const PAGE = 24;
 const CHOSEN = /(^|\/)(family|split|outcome|role|name|case|set|why|status)$/;
 const MANY = 40;
 
+/** Whether a value is a digest, whose first digits tell it from others. @param {any} value */
+function is_digest(value) {
+  return typeof value === "string" && /^[0-9a-f]{32,}$/.test(value);
+}
+
 /** Neighbours that are shown. */
 const NEAR = 6;
 
@@ -121,7 +126,7 @@ export async function rowsView(place, found, query) {
         else marked.delete(id);
         counted.textContent = `${marked.size} marked`;
       } });
-      return h("tr", { "aria-selected": String(id === chosen) }, h("td", {}, mark), h("td", {}, h("button", { type: "button", onclick: () => choose(id, answer) }, String(id))), values.map((value, k) => h("td", { class: answer.columns[k].is_text ? "cut" : "number" }, typeof value === "number" ? number(value, 6) : value ?? "–")));
+      return h("tr", { "aria-selected": String(id === chosen) }, h("td", {}, mark), h("td", {}, h("button", { type: "button", onclick: () => choose(id, answer) }, String(id))), values.map((value, k) => h("td", { class: answer.columns[k].is_text ? "cut" : "number", title: is_digest(value) ? value : null }, typeof value === "number" ? number(value, 6) : is_digest(value) ? `${value.slice(0, 12)}…` : value ?? "–")));
     };
     replace(tableBox, h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Rows" }, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, ""), h("th", { scope: "col" }, "row"), answer.columns.map(head))), h("tbody", {}, answer.rows.map(row)))));
     const last = Math.min(asked.offset + answer.rows.length, answer.matched);

@@ -336,8 +336,15 @@ class Sketchpad {
       await saveAs(format, { scene: this.scene.name, pattern: this.pattern.asRows() }, name);
       if (!["csv", "npy", "png"].includes(format)) return;
       const text = `  ${name}: { kind: patterns, files: [${name}.${format}] }\n  ${name}-solved: { kind: solve, needs: [${name}], elements_per_cell: ${this.elements}, order: ${this.order} }\n`;
-      replace(this.saved, h("p", { class: "small" }, `Put ${name}.${format} beside a pipeline with this scene, and these stages into it:`), copyable(text));
+      replace(this.saved, h("p", { class: "small" }, `Put ${name}.${format} beside a pipeline with this scene, and these stages into it:`), copyable(text), this.otherVoltage());
     });
+  }
+
+  /** What has to be said where the pattern was drawn at another voltage than the scene's, which a pipeline would take. */
+  otherVoltage() {
+    if (this.scene.driven_by_charge || this.voltage === this.scene.voltage) return null;
+    const set = `--set scene.drive.voltage="${this.voltage} V"`;
+    return h("p", { class: "small" }, `The scene is at ${number(this.scene.voltage, 6)} V, and this was drawn at ${number(this.voltage, 6)} V: change it there, or run with `, h("code", {}, set), ".");
   }
 
   /** @param {{scene?: string}} first */
