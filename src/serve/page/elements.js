@@ -87,6 +87,9 @@ export function short(digest) {
   return h("a", { class: "mono", href: `#/artifacts/${digest}`, title: digest }, digest.slice(0, 12));
 }
 
+/** A table of more columns scrolls on a narrow screen, and is not squeezed. */
+const MANY = 4;
+
 /**
  * A table that scrolls within its own box.
  * @param {string} what @param {(string|{title: string, number?: boolean})[]} columns @param {Child[][]} rows
@@ -99,7 +102,7 @@ export function table(what, columns, rows) {
     { class: "scroll", tabindex: "0", role: "region", "aria-label": what },
     h(
       "table",
-      {},
+      { class: heads.length > MANY ? "wide" : null },
       h("thead", {}, h("tr", {}, heads.map((head) => h("th", { scope: "col", class: /** @type {any} */ (head).number ? "number" : null }, head.title)))),
       h("tbody", {}, rows.map((row) => h("tr", {}, row.map(cell)))),
     ),

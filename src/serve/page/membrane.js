@@ -18,6 +18,30 @@ export function groupColour(group) {
   return GROUPS[((group - 1) % (GROUPS.length - 1)) + 1];
 }
 
+/** What each canvas shows, to be drawn again in other colours or at another width. @type {Map<HTMLCanvasElement, () => void>} */
+const shown = new Map();
+
+/** Pictures that are kept before those are forgotten that are not on the page any more. */
+const MANY = 400;
+
+/** @param {HTMLCanvasElement} canvas @param {() => void} draw */
+function remember(canvas, draw) {
+  shown.set(canvas, draw);
+  if (shown.size > MANY) forget();
+}
+
+function forget() {
+  for (const canvas of shown.keys()) if (!canvas.isConnected) shown.delete(canvas);
+}
+
+function again() {
+  forget();
+  for (const draw of [...shown.values()]) draw();
+}
+
+window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
+window.addEventListener("resize", again);
+
 /**
  * A canvas at the resolution of the screen.
  * @param {HTMLCanvasElement} canvas @param {number} ratio height over width
@@ -44,6 +68,7 @@ export function prepared(canvas, ratio) {
  * @param {{ratio?: number, grid?: boolean, parts?: number[]|null, cursor?: [number, number]|null, heat?: ArrayLike<number>|null, point?: [number, number]|null, direction?: number}} [more]
  */
 export function drawPattern(canvas, pattern, more = {}) {
+  remember(canvas, () => drawPattern(canvas, pattern, more));
   const { columns, rows } = pattern;
   const { context, width, height } = prepared(canvas, more.ratio ?? rows / columns);
   const [dx, dy] = [width / columns, height / rows];
@@ -138,6 +163,7 @@ const images = new WeakMap();
  * @param {{size: [number, number], scale?: number, values?: ArrayLike<number>|null, signed?: boolean, low?: number, high?: number, parts?: number[]|null}} more
  */
 export function drawMembrane(canvas, pattern, displacement, more) {
+  remember(canvas, () => drawMembrane(canvas, pattern, displacement, more));
   const { columns, rows } = pattern;
   const [sizeX, sizeY] = more.size;
   const { context, width, height } = prepared(canvas, sizeY / sizeX);

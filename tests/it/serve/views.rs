@@ -18,7 +18,7 @@ const STAGES: &str = "  small:    { kind: sample, family: small-grid, count: 12,
   truth:    { kind: solve, needs: [bezier], elements_per_cell: 2, order: 2 }
   judged:   { kind: evaluate, needs: [network, truth], estimates: [linear] }
   design:   { kind: design, evaluator: linear, area: 0.5, population: 20, generations: 2, seed: 6, objective: { point: [25 mm, 25 mm], direction: 0 deg } }
-  optimum:  { kind: design, method: adjoint, area: 0.5, seed: 7, objective: { point: [25 mm, 25 mm], direction: 0 deg } }
+  optimum:  { kind: design, method: adjoint, units: 20, starts: 1, area: 0.5, seed: 7, objective: { point: [25 mm, 25 mm], direction: 0 deg } }
   verified: { kind: verify, needs: [design, optimum], elements_per_cell: 1 }
   costs:    { kind: accuracy, needs: [truth], methods: [{ method: linear, elements_per_cell: 1 }, { method: newton, elements_per_cell: 1 }] }
 ";
@@ -96,7 +96,14 @@ fn models_designs_and_accuracy_have_views_of_their_own() {
     tab.until(&format!(
         "document.querySelector('#matched').dataset.matched === '{same}'"
     ));
-    tab.until("document.querySelector('select[name=only-split]')");
+    // One value of a column of texts is chosen from a list.
+    tab.go(&at(&digests["verified"], "?tab=rows"));
+    tab.write("select[name=only-role]", "optimum");
+    tab.until("document.querySelector('#matched').dataset.matched === '1'");
+    assert_eq!(
+        tab.value("document.querySelector('input[name=filter]').value"),
+        "role = \"optimum\""
+    );
     // Designs beside the optimum, with masks.
     tab.go(&at(&digests["verified"], ""));
     tab.until("document.querySelectorAll('[data-mask=dxf]').length > 1");
