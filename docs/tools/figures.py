@@ -30,7 +30,7 @@ FIGURES = {
 }
 
 # Those of few colours, which take a third of the bytes with a palette.
-CHARTS = {"accuracy", "audit", "histogram"}
+CHARTS = {"accuracy", "audit", "histogram", "sweep"}
 
 # All of them together, bytes: they are fetched with every clone.
 MOST = 1_200_000

@@ -55,6 +55,7 @@ export async function rowsView(place, found, query) {
       const answer = await json(`artifacts/${found.digest}/rows?${words}`);
       if (own !== turn) return;
       replace(trouble);
+      for (const select of quick.querySelectorAll("select")) select.value = among(select.name.replace("only-", ""));
       told.textContent = `${answer.matched} of ${answer.total} rows`;
       told.dataset.matched = String(answer.matched);
       told.title = `${number(performance.now() - began, 3)} ms`;
@@ -85,6 +86,11 @@ export async function rowsView(place, found, query) {
     soon();
   };
   const quick = h("div", { class: "tools" });
+  /** The value of a column that the filter asks for; empty where it asks for none. @param {string} name */
+  const among = (name) => {
+    const condition = filter.value.split(" and ").map((/** @type {string} */ one) => one.trim()).find((/** @type {string} */ one) => one.startsWith(`${name} =`));
+    return condition?.slice(name.length + 2).trim().replace(/^"(.*)"$/, "$1") ?? "";
+  };
   /** Columns of few different texts can be chosen from; which there are is counted once. @param {any} answer */
   const offer = async (answer) => {
     if (quick.dataset.axis === answer.axis) return;
@@ -96,8 +102,7 @@ export async function rowsView(place, found, query) {
       const counted = (await json(`artifacts/${found.digest}/rows?${words}`)).histogram?.texts ?? [];
       if (counted.length < 2 || counted.length > MANY) continue;
       const options = [["", "all"], ...counted.map((/** @type {[string, number]} */ [text, count]) => [text, `${text} (${count})`])];
-      const now = new RegExp(`(?:^| and )${column.name} = "?([^"]*?)"?(?= and |$)`).exec(filter.value)?.[1] ?? "";
-      made.push(labelled(column.name, choice(`only-${column.name}`, /** @type {any} */ (options), now, (value) => only(column.name, value))));
+      made.push(labelled(column.name, choice(`only-${column.name}`, /** @type {any} */ (options), among(column.name), (value) => only(column.name, value))));
     }
     const worst = answer.columns.find((/** @type {any} */ column) => /max_error|(^|\/)error/.test(column.name));
     if (worst) made.push(h("button", { type: "button", name: "worst", onclick: () => {
