@@ -74,11 +74,11 @@ export function drawPattern(canvas, pattern, more = {}) {
   const [dx, dy] = [width / columns, height / rows];
   context.fillStyle = colour(canvas, "--paper");
   context.fillRect(0, 0, width, height);
-  const cell = (/** @type {number} */ at) => {
-    const [x, y] = [at % columns, Math.floor(at / columns)];
-    const [left, top] = [Math.floor(x * dx), Math.floor((rows - 1 - y) * dy)];
-    context.fillRect(left, top, Math.ceil((x + 1) * dx) - left, Math.ceil((rows - y) * dy) - top);
+  const rectangle = (/** @type {number} */ from, /** @type {number} */ to, /** @type {number} */ y) => {
+    const [left, top] = [Math.floor(from * dx), Math.floor((rows - 1 - y) * dy)];
+    context.fillRect(left, top, Math.ceil(to * dx) - left, Math.ceil((rows - y) * dy) - top);
   };
+  const cell = (/** @type {number} */ at) => rectangle(at % columns, (at % columns) + 1, Math.floor(at / columns));
   if (more.heat) {
     const most = Math.max(...range(more.heat).map(Math.abs)) || 1;
     const of = steps(more.heat, -most, most);
@@ -94,9 +94,10 @@ export function drawPattern(canvas, pattern, more = {}) {
       context.fillRect((x + 0.35) * dx, (y + 0.35) * dy, 0.3 * dx, 0.3 * dy);
     });
   } else {
-    for (let group = 1; group < 17; group += 1) {
+    const groups = pattern.cells.reduce((most, value) => Math.max(most, value), 0);
+    for (let group = 1; group <= groups; group += 1) {
       context.fillStyle = groupColour(group);
-      pattern.cells.forEach((value, at) => value === group && cell(at));
+      for (let y = 0; y < rows; y += 1) runs(pattern, y, group, (from, to) => rectangle(from, to, y));
     }
   }
   if (more.parts) {
@@ -122,6 +123,17 @@ export function drawPattern(canvas, pattern, more = {}) {
     context.strokeStyle = colour(canvas, "--vermillion");
     context.lineWidth = 2;
     context.strokeRect(more.cursor[0] * dx, (rows - 1 - more.cursor[1]) * dy, dx, dy);
+  }
+}
+
+/** Neighbouring cells of a row that have one value: from the first to after the last. @param {Pattern} pattern @param {number} y @param {number} value @param {(from: number, to: number) => void} each */
+function runs(pattern, y, value, each) {
+  const { columns, cells } = pattern;
+  for (let x = 0; x < columns; x += 1) {
+    if (cells[y * columns + x] !== value) continue;
+    const from = x;
+    while (x < columns && cells[y * columns + x] === value) x += 1;
+    each(from, x);
   }
 }
 
@@ -182,11 +194,10 @@ export function drawMembrane(canvas, pattern, displacement, more) {
   const pixels = new Uint32Array(image.data.buffer);
   pixels.fill(pixel(colour(canvas, "--card")));
   const dense = canvas.width / width;
+  if (dense !== 1) for (let at = 0; at < corners; at += 1) [px[at], py[at]] = [px[at] * dense, py[at] * dense];
   const fill = (/** @type {number} */ cell, /** @type {number} */ value) => {
     const at = Math.floor(cell / columns) * (columns + 1) + (cell % columns);
-    const above = at + columns + 1;
-    triangle(image, pixels, value, px[at] * dense, py[at] * dense, px[at + 1] * dense, py[at + 1] * dense, px[above] * dense, py[above] * dense);
-    triangle(image, pixels, value, px[at + 1] * dense, py[at + 1] * dense, px[above + 1] * dense, py[above + 1] * dense, px[above] * dense, py[above] * dense);
+    quad(image.width, image.height, pixels, value, px, py, at, at + columns + 1);
   };
   const parts = more.parts ?? null;
   if (more.values) {
@@ -202,6 +213,7 @@ export function drawMembrane(canvas, pattern, displacement, more) {
     parts.forEach((part, cell) => part && fill(cell, colours[part]));
   }
   context.putImageData(image, 0, 0);
+  if (dense !== 1) for (let at = 0; at < corners; at += 1) [px[at], py[at]] = [px[at] / dense, py[at] / dense];
   if (more.values) outline(context, pattern, px, py);
   context.strokeStyle = FRAME;
   context.lineWidth = 2;
@@ -218,36 +230,44 @@ function imageOf(canvas, context) {
 }
 
 /**
- * Fills the pixels whose middles lie in a triangle or on its edge, line by line.
- * @param {ImageData} image @param {Uint32Array} pixels @param {number} value
- * @param {number} ax @param {number} ay @param {number} bx @param {number} by @param {number} cx @param {number} cy
+ * Fills the pixels whose middles lie in a cell, line by line: from where its edges cross the line first to where they cross it last.
+ * @param {number} width @param {number} height @param {Uint32Array} pixels @param {number} value
+ * @param {Float32Array} px @param {Float32Array} py corners in pixels @param {number} low the left lower corner @param {number} high the one above it
  */
-function triangle(image, pixels, value, ax, ay, bx, by, cx, cy) {
-  const first = Math.max(0, Math.ceil(Math.min(ay, by, cy) - 0.5));
-  const last = Math.min(image.height - 1, Math.floor(Math.max(ay, by, cy) - 0.5));
+function quad(width, height, pixels, value, px, py, low, high) {
+  const [ax, ay, bx, by] = [px[low], py[low], px[low + 1], py[low + 1]];
+  const [cx, cy, dx, dy] = [px[high + 1], py[high + 1], px[high], py[high]];
+  const top = Math.min(ay, by, cy, dy);
+  const bottom = Math.max(ay, by, cy, dy);
+  const first = top < 0.5 ? 0 : Math.ceil(top - 0.5);
+  const last = bottom > height - 0.5 ? height - 1 : Math.floor(bottom - 0.5);
   for (let row = first; row <= last; row += 1) {
     const y = row + 0.5;
-    let left = Infinity;
-    let right = -Infinity;
-    // Where the line crosses each edge.
+    let left = width;
+    let right = 0;
+    let x = 0;
     if (ay <= y !== by <= y) {
-      const x = ax + ((y - ay) / (by - ay)) * (bx - ax);
-      left = Math.min(left, x);
-      right = Math.max(right, x);
+      x = ax + ((y - ay) / (by - ay)) * (bx - ax);
+      if (x < left) left = x;
+      if (x > right) right = x;
     }
     if (by <= y !== cy <= y) {
-      const x = bx + ((y - by) / (cy - by)) * (cx - bx);
-      left = Math.min(left, x);
-      right = Math.max(right, x);
+      x = bx + ((y - by) / (cy - by)) * (cx - bx);
+      if (x < left) left = x;
+      if (x > right) right = x;
     }
-    if (cy <= y !== ay <= y) {
-      const x = cx + ((y - cy) / (ay - cy)) * (ax - cx);
-      left = Math.min(left, x);
-      right = Math.max(right, x);
+    if (cy <= y !== dy <= y) {
+      x = cx + ((y - cy) / (dy - cy)) * (dx - cx);
+      if (x < left) left = x;
+      if (x > right) right = x;
     }
-    const from = Math.max(0, Math.ceil(left - 0.5));
-    const to = Math.min(image.width - 1, Math.floor(right - 0.5));
-    if (from <= to) pixels.fill(value, row * image.width + from, row * image.width + to + 1);
+    if (dy <= y !== ay <= y) {
+      x = dx + ((y - dy) / (ay - dy)) * (ax - dx);
+      if (x < left) left = x;
+      if (x > right) right = x;
+    }
+    const end = row * width + (right > width - 0.5 ? width - 1 : Math.floor(right - 0.5));
+    for (let at = row * width + (left < 0.5 ? 0 : Math.ceil(left - 0.5)); at <= end; at += 1) pixels[at] = value;
   }
 }
 

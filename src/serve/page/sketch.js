@@ -77,6 +77,8 @@ class Sketchpad {
     this.rate = { count: 0, since: performance.now(), told: 0 };
     this.frame = 0;
     this.fresh = false;
+    /** What has to be drawn with the next frame. */
+    this.stale = { pad: false, membrane: false };
     this.still = settled(() => this.refine(), STILL);
     /** @type {AbortController|null} */ this.search = null;
     this.ended = false;
@@ -118,7 +120,7 @@ class Sketchpad {
       h("div", { class: "panels" }, this.pointPanel(), this.improvePanel(), this.filePanel(), this.comparePanel(), this.effectsPanel()),
     );
     this.listen();
-    this.draw();
+    this.soon();
     this.changed(true);
   }
 
@@ -524,7 +526,8 @@ class Sketchpad {
     this.results.dataset.settled = "false";
     this.still();
     this.next();
-    if (drawn) this.soon();
+    // The membrane follows with its answer.
+    this.soon(true, drawn && !this.shown?.arrays.displacement);
   }
 
   /** Asks for the latest: one request at a time, and a slow one is given up for it. */
@@ -566,7 +569,7 @@ class Sketchpad {
       const kept = quick && this.shown ? { critical_voltage: null, error: null } : {};
       this.shown = { pattern, document: { ...document, ...kept }, arrays, quick, took: performance.now() - flight.began };
       this.fresh = true;
-      this.soon();
+      this.soon(this.heat, true);
     } catch (error) {
       if (/** @type {any} */ (error).name === "AbortError" || this.ended) return;
       replace(this.notice, problem(error));
@@ -579,7 +582,9 @@ class Sketchpad {
   }
 
   /** Draws with the next frame of the screen, once, whatever has changed until then: the server works meanwhile. */
-  soon() {
+  soon(pad = true, membrane = true) {
+    this.stale.pad ||= pad;
+    this.stale.membrane ||= membrane;
     if (this.frame || this.ended) return;
     this.frame = requestAnimationFrame(() => {
       this.frame = 0;
@@ -633,7 +638,13 @@ class Sketchpad {
   }
 
   draw() {
-    const { columns, rows } = this.pattern;
+    const { pad, membrane } = this.stale;
+    this.stale = { pad: false, membrane: false };
+    if (pad) this.drawPad();
+    if (membrane) this.drawMembrane();
+  }
+
+  drawPad() {
     const { size_mm: size, parts } = this.scene;
     const sensitivity = this.heat ? this.shown?.arrays.sensitivity?.data : null;
     this.heatNote.textContent = this.heat
@@ -650,6 +661,11 @@ class Sketchpad {
       point: [this.point[0] / size[0], this.point[1] / size[1]],
       direction: this.direction,
     });
+  }
+
+  drawMembrane() {
+    const { columns, rows } = this.pattern;
+    const { size_mm: size, parts } = this.scene;
     const shown = this.shown;
     const displacement = /** @type {Float32Array|null} */ (shown?.arrays.displacement?.data ?? null);
     const pattern = displacement ? shown.pattern : this.pattern;
