@@ -3,8 +3,8 @@
     DEAFLOW_ALBUM=/tmp/album cargo test --locked --test it serve
     python3 docs/tools/photographs.py /tmp/album
 
-The tests take them in Chromium, light and dark, at two widths, into a folder that is there. Those that are shown are reduced to a few colours,
-which takes a fifth of the bytes: they are fetched with every clone.
+The tests take them in Chromium, light and dark, at two widths, into a folder that is there. Views are shown on sheets, each in a row, at a third of
+their size. All are reduced to a few colours, which takes a fifth of the bytes: they are fetched with every clone.
 """
 
 import collections
@@ -16,11 +16,26 @@ import zlib
 # Of each figure of the documentation the photograph.
 FIGURES = {
     "sketchpad": "sketchpad-1440-light",
-    "serve-pipeline": "pipeline-1440-light",
-    "serve-rows": "rows-1440-light",
 }
 
+# Of each sheet its views, from above to below.
+SHEETS = {
+    "serve-runs": ["pipeline", "running", "runs", "compare"],
+    "serve-data": ["artifacts", "rows", "sample", "audit"],
+    "serve-results": ["model", "designs", "accuracy", "sketchpad"],
+}
+
+# How each view was photographed: width of the screen, and its look.
+SCREENS = ["1440-light", "1440-dark", "390-light", "390-dark"]
+
+# Pixels of a photograph that become one on a sheet, along each side.
+SHRUNK = 3
+
+# Between the photographs of a sheet.
+GAP, BACKGROUND = 8, (255, 255, 255)
+
 COLOURS = 48
+SHEET_COLOURS = 24
 
 
 def predicted(kind, left, above, corner):
@@ -64,20 +79,53 @@ def apart(one, other):
     return sum((a - b) ** 2 for a, b in zip(one, other))
 
 
-def chosen(counts):
+def chosen(counts, most):
     """Colours that leave none far from all of them that has many pixels: each is the one that those before serve worst."""
     palette = [counts.most_common(1)[0][0]]
     missed = {pixel: apart(pixel, palette[0]) for pixel in counts}
-    while len(palette) < COLOURS and any(missed.values()):
+    while len(palette) < most and any(missed.values()):
         palette.append(max(missed, key=lambda pixel: missed[pixel] * counts[pixel] ** 0.5))
         missed = {pixel: min(worst, apart(pixel, palette[-1])) for pixel, worst in missed.items()}
     return palette
 
 
-def write(path, width, height, rows):
+def shrunk(width, height, rows):
+    """The mean of each few pixels, told to the nearest eighth of what can be told: texts have fewer colours so."""
+    small = []
+    for y in range(0, height - SHRUNK + 1, SHRUNK):
+        parts = [rows[y + k] for k in range(SHRUNK)]
+        line = []
+        for x in range(0, width - SHRUNK + 1, SHRUNK):
+            block = [pixel for part in parts for pixel in part[x : x + SHRUNK]]
+            line.append(tuple(min(255, (sum(channel) // len(block) + 4) & ~7) for channel in zip(*block)))
+        small.append(line)
+    return small
+
+
+def sheet(album, views):
+    """Width, height and rows of a sheet."""
+    rows = []
+    for view in views:
+        photographs = [shrunk(*pixels(album / f"{view}-{screen}.png")) for screen in SCREENS]
+        for y in range(max(len(photograph) for photograph in photographs)):
+            line = []
+            for photograph in photographs:
+                line += (photograph[y] if y < len(photograph) else [BACKGROUND] * len(photograph[0])) + [BACKGROUND] * GAP
+            rows.append(line[:-GAP])
+        rows += [[BACKGROUND] * len(rows[-1])] * GAP
+    return len(rows[0]), len(rows) - GAP, rows[:-GAP]
+
+
+def reduce(path):
+    """Writes a drawing of many colours anew with a few."""
+    if path.read_bytes()[25] in (2, 6):
+        write(path, *pixels(path))
+
+
+def write(path, width, height, rows, colours=COLOURS):
     """Writes a PNG of a few colours, of which each other one takes the nearest."""
     counts = collections.Counter(pixel for row in rows for pixel in row)
-    palette = chosen(counts)
+    palette = chosen(counts, colours)
     place = {pixel: min(range(len(palette)), key=lambda k: apart(palette[k], pixel)) for pixel in counts}
     lines = b"".join(b"\0" + bytes(place[pixel] for pixel in row) for row in rows)
 
@@ -92,12 +140,16 @@ def write(path, width, height, rows):
 def main(folders):
     if len(folders) != 1:
         sys.exit("name the folder of the photographs")
-    docs = pathlib.Path(__file__).resolve().parent.parent / "figures"
+    docs, album = pathlib.Path(__file__).resolve().parent.parent / "figures", pathlib.Path(folders[0])
+    of_sheets = [f"{view}-{screen}" for views in SHEETS.values() for view in views for screen in SCREENS]
+    for photograph in [*FIGURES.values(), *of_sheets]:
+        if not (album / f"{photograph}.png").is_file():
+            sys.exit(f"there is no {album / photograph}.png")
     for name, photograph in FIGURES.items():
-        path = pathlib.Path(folders[0]) / f"{photograph}.png"
-        if not path.is_file():
-            sys.exit(f"there is no {path}")
-        write(docs / f"{name}.png", *pixels(path))
+        write(docs / f"{name}.png", *pixels(album / f"{photograph}.png"))
+        print(f"docs/figures/{name}.png")
+    for name, views in SHEETS.items():
+        write(docs / f"{name}.png", *sheet(album, views), SHEET_COLOURS)
         print(f"docs/figures/{name}.png")
 
 

@@ -38,6 +38,7 @@ pub use history::{History, Origin, StageFacts};
 pub use html::{Column, Page};
 pub use kinds::PRESENTERS;
 pub use kinds::audit::audited;
+pub use page::{Layout, STAGE_HEIGHT, layout};
 pub use presenter::{DrawFigure, Presenter, Results};
 pub use research_object::{CrateFile, CrateStage, METADATA, ResearchObject};
 pub use results::{RunResults, draw_figures, figure_files};

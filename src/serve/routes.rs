@@ -22,7 +22,7 @@ impl Handler for Routes {
     }
 }
 
-fn answer(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+fn answer(state: &Arc<ServedState>, request: &Request) -> Result<Answer, Refusal> {
     let path: Vec<&str> = request.path.iter().map(String::as_str).collect();
     let (get, post) = (request.method == Method::Get, request.method == Method::Post);
     match path.as_slice() {
@@ -54,6 +54,8 @@ fn answer(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
             ["artifacts"] => look::artifacts(state, request),
             ["artifacts", digest] => look::artifact(state, request, digest),
             ["artifacts", digest, "rows"] => look::rows(state, request, digest),
+            ["events"] => look::events(state, request),
+            ["artifacts", digest, "neighbours"] => look::neighbours(state, request, digest),
             ["artifacts", digest, "arrays"] => look::arrays(state, request, digest),
             ["artifacts", digest, "page"] => look::page(state, request, digest),
             _ => Err(unknown()),
@@ -74,9 +76,9 @@ fn answer(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
 fn is_known(path: &[&str]) -> bool {
     matches!(
         path,
-        ["start" | "scenes" | "status" | "pipelines" | "runs" | "artifacts"]
+        ["start" | "scenes" | "status" | "events" | "pipelines" | "runs" | "artifacts"]
             | ["pipelines" | "runs" | "artifacts", _]
-            | ["artifacts", _, "rows" | "arrays" | "page"]
+            | ["artifacts", _, "rows" | "arrays" | "neighbours" | "page"]
     )
 }
 

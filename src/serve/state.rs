@@ -5,12 +5,13 @@ use std::sync::{Arc, Mutex};
 
 use serde_json::{Value, json};
 
-use super::held::{Benches, Kept, Runner, StoreTotals, Tables, lock};
+use super::held::{Benches, Kept, Runner, Setting, StoreTotals, Tables, lock};
 use super::http::Refusal;
 use crate::base::{ArtifactId, InputError};
-use crate::orchestrator::file_of;
+use crate::orchestrator::{Pipeline, file_of};
+use crate::pattern::Pattern;
 use crate::scene::Scene;
-use crate::stage::direct;
+use crate::stage::{self, direct};
 use crate::store::{Artifact, Store};
 
 /// Where the page opens.
@@ -58,6 +59,8 @@ pub struct ServedState {
     scenes: Mutex<Vec<NamedScene>>,
     /// Solvers that are ready.
     pub benches: Benches,
+    /// Voltages between which drawn patterns lose stability: those of a pattern are asked for at many voltages.
+    pub limits: Kept<(Setting, Pattern), Option<[f64; 2]>>,
     /// Artifacts that were looked at last: one of many chunks has opened all of them.
     pub opened: Kept<ArtifactId, Artifact>,
     /// Tables of artifacts.
@@ -72,8 +75,12 @@ impl ServedState {
     /// Reads what was named.
     ///
     /// # Errors
-    /// When the scene or the pattern cannot be used. Pipelines with problems are shown with them.
+    /// When the scene, the pattern or one of the pipelines cannot be used. Pipelines that are broken later, or that past runs name, are
+    /// shown with their problems.
     pub fn new(options: Options) -> Result<Self, InputError> {
+        for path in &options.pipelines {
+            Pipeline::load(path, &[], &stage::registry())?;
+        }
         let own_scene = options.scene.as_deref().map(named_scene).transpose()?;
         let first = match (&options.pattern, &own_scene) {
             (Some(pattern), Some(own)) => {
@@ -95,6 +102,7 @@ impl ServedState {
             store: Mutex::default(),
             scenes: Mutex::default(),
             benches: Benches::default(),
+            limits: Kept::new(MOST_LIMITS),
             opened: Kept::new(MOST_OPENED),
             tables: Tables::default(),
             totals: StoreTotals::default(),
@@ -216,11 +224,15 @@ impl ServedState {
         json!({
             "version": env!("CARGO_PKG_VERSION"),
             "store": self.store_folder,
+            "folder": std::env::current_dir().ok(),
             "allow_run": self.allow_run,
             "pattern": self.first,
         })
     }
 }
+
+/// Patterns whose limits are kept.
+const MOST_LIMITS: usize = 32;
 
 /// Artifacts that are kept open.
 const MOST_OPENED: usize = 8;

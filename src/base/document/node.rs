@@ -265,10 +265,20 @@ impl Node {
     pub fn written(&self) -> String {
         let joined = |parts: Vec<String>| parts.join(", ");
         match &self.value {
-            NodeValue::List(items) => format!("[{}]", joined(items.iter().map(Self::written).collect())),
+            NodeValue::List(items) => format!("[{}]", joined(items.iter().map(Self::written_inside).collect())),
             NodeValue::Map(entries) if entries.is_empty() => "{}".to_owned(),
             NodeValue::Map(entries) => format!("{{ {} }}", joined(written_entries(entries))),
             _ => self.describe_plain(),
+        }
+    }
+
+    /// The same within a list or a mapping, where a text with brackets or commas stands in quotes (YAML 1.2, 7.3.3).
+    fn written_inside(&self) -> String {
+        match &self.value {
+            NodeValue::Text(text) if text.contains(['{', '}', '[', ']', ',']) => {
+                format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+            }
+            _ => self.written(),
         }
     }
 
@@ -283,6 +293,6 @@ impl Node {
 }
 
 fn written_entries(entries: &[(Node, Node)]) -> Vec<String> {
-    let entry = |(key, value): &(Node, Node)| format!("{}: {}", key.describe_plain(), value.written());
+    let entry = |(key, value): &(Node, Node)| format!("{}: {}", key.describe_plain(), value.written_inside());
     entries.iter().map(entry).collect()
 }

@@ -18,6 +18,8 @@ use super::kinds::by_section;
 use super::summary::TRUSTED;
 use warned::Warned;
 
+pub use layout::{BOX as STAGE_HEIGHT, Layout, layout};
+
 /// The page of a pipeline.
 ///
 /// # Errors

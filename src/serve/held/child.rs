@@ -1,6 +1,6 @@
 //! A run of a pipeline that was begun on the page: `deaflow run` in a process of its own, which a person could have started.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::io::{self, BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
@@ -27,7 +27,76 @@ pub struct Runner(Mutex<Option<Begun>>);
 struct Begun {
     pipeline: String,
     child: Child,
-    events: Arc<Mutex<VecDeque<Value>>>,
+    told: Arc<Mutex<Told>>,
+}
+
+/// What a run has told.
+#[derive(Default)]
+struct Told {
+    /// The last events but those of progress.
+    events: VecDeque<Value>,
+    /// The stages that are under way.
+    stages: BTreeMap<String, Steps>,
+}
+
+/// How far a stage has come.
+#[derive(Default)]
+struct Steps {
+    done: u64,
+    /// The part that is done of the step that is under way.
+    part: f64,
+    all: u64,
+    unit: String,
+    note: String,
+}
+
+impl Told {
+    fn hear(&mut self, event: Value) {
+        let name = event["name"].as_str().unwrap_or_default().to_owned();
+        let steps = event["steps"].as_u64().unwrap_or_default();
+        let text = |key: &str| event[key].as_str().unwrap_or_default().to_owned();
+        match event["event"].as_str().unwrap_or_default() {
+            "stage-started" => {
+                let begun = Steps {
+                    all: steps,
+                    unit: text("unit"),
+                    ..Steps::default()
+                };
+                self.stages.insert(name, begun);
+            }
+            "stage-finished" | "stage-failed" => {
+                self.stages.remove(&name);
+            }
+            "progress" | "resumed" | "part" | "note" | "chunk-built" => {
+                let stage = self.stages.entry(name).or_default();
+                match event["event"].as_str() {
+                    Some("part") => stage.part = event["done"].as_f64().unwrap_or_default(),
+                    Some("note") => stage.note = text("text"),
+                    Some("chunk-built") => {}
+                    _ => (stage.done, stage.part) = (stage.done + steps, 0.0),
+                }
+                return;
+            }
+            _ => {}
+        }
+        self.events.push_back(event);
+        if self.events.len() > KEPT {
+            self.events.pop_front();
+        }
+    }
+
+    fn stages(&self) -> Vec<Value> {
+        let one = |(name, steps): (&String, &Steps)| {
+            json!({
+                "name": name,
+                "done": steps.done as f64 + steps.part,
+                "steps": steps.all,
+                "unit": steps.unit,
+                "note": steps.note,
+            })
+        };
+        self.stages.iter().map(one).collect()
+    }
 }
 
 impl Runner {
@@ -47,28 +116,20 @@ impl Runner {
             .stdout(Stdio::null())
             .stderr(Stdio::piped());
         let mut child = command.spawn()?;
-        let events: Arc<Mutex<VecDeque<Value>>> = Arc::default();
+        let told: Arc<Mutex<Told>> = Arc::default();
         if let Some(stderr) = child.stderr.take() {
-            let told = Arc::clone(&events);
+            let told = Arc::clone(&told);
             // It ends with the process that writes.
             let listen = move || {
                 for line in BufReader::new(stderr).lines().map_while(Result::ok) {
                     let event =
                         serde_json::from_str(&line).unwrap_or_else(|_| json!({ "event": "line", "text": line }));
-                    let mut told = lock(&told);
-                    told.push_back(event);
-                    if told.len() > KEPT {
-                        told.pop_front();
-                    }
+                    lock(&told).hear(event);
                 }
             };
             std::thread::Builder::new().name("run".to_owned()).spawn(listen)?;
         }
-        *held = Some(Begun {
-            pipeline,
-            child,
-            events,
-        });
+        *held = Some(Begun { pipeline, child, told });
         Ok(true)
     }
 
@@ -77,15 +138,30 @@ impl Runner {
     pub fn told(&self) -> Value {
         let mut held = lock(&self.0);
         let Some(begun) = held.as_mut() else {
-            return json!({ "pipeline": null, "running": false, "exit_code": null, "events": [] });
+            return json!({ "pipeline": null, "running": false, "exit_code": null, "stages": [], "events": [] });
         };
         let ended = begun.child.try_wait().ok().flatten();
+        let told = lock(&begun.told);
         json!({
             "pipeline": begun.pipeline,
             "running": ended.is_none(),
             "exit_code": ended.and_then(|status| status.code()),
-            "events": lock(&begun.events).iter().collect::<Vec<_>>(),
+            "stages": told.stages(),
+            "events": told.events.iter().collect::<Vec<_>>(),
         })
+    }
+
+    /// How far it has come; null where none goes on.
+    #[must_use]
+    pub fn progress(&self) -> Value {
+        let mut held = lock(&self.0);
+        let Some(begun) = held.as_mut() else { return Value::Null };
+        match begun.child.try_wait() {
+            Ok(None) => {
+                json!({ "pipeline": begun.pipeline, "pid": begun.child.id(), "stages": lock(&begun.told).stages() })
+            }
+            _ => Value::Null,
+        }
     }
 
     /// Asks it to end.
@@ -120,5 +196,29 @@ fn stop(child: &mut Child) {
     {
         // It may end by itself meanwhile.
         let _ = kill_process(pid, Signal::INT);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_added_up_until_the_stage_ends() {
+        let mut told = Told::default();
+        for event in [
+            json!({ "event": "stage-started", "name": "a", "kind": "solve", "steps": 8, "unit": "patterns" }),
+            json!({ "event": "resumed", "name": "a", "steps": 2 }),
+            json!({ "event": "progress", "name": "a", "steps": 3 }),
+            json!({ "event": "part", "name": "a", "done": 0.5 }),
+            json!({ "event": "note", "name": "a", "text": "so far" }),
+        ] {
+            told.hear(event);
+        }
+        let expected = json!({ "name": "a", "done": 5.5, "steps": 8, "unit": "patterns", "note": "so far" });
+        assert_eq!(told.stages(), [expected]);
+        told.hear(json!({ "event": "stage-finished", "name": "a" }));
+        assert!(told.stages().is_empty());
+        assert_eq!(told.events.len(), 2, "progress is no news");
     }
 }

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
+use super::judged::{by_predictor, sources};
 use super::kept::Kept;
 use crate::base::ArtifactId;
 use crate::pattern::Raster;
 use crate::report::{RowColumn, Rows};
 use crate::serve::http::Refusal;
-use crate::store::{Artifact, Content, Data};
+use crate::store::{Artifact, Content, Data, Store};
 
 /// Tables that are kept: a person looks at few artifacts at a time.
 const KEPT: usize = 6;
@@ -29,7 +30,7 @@ impl Tables {
     ///
     /// # Errors
     /// When it has none, or cannot be read.
-    pub fn of(&self, artifact: &Artifact, along: Option<&str>) -> Result<Arc<Rows>, Refusal> {
+    pub fn of(&self, store: &Store, artifact: &Artifact, along: Option<&str>) -> Result<Arc<Rows>, Refusal> {
         let key = (artifact.digest(), along.map(str::to_owned));
         if let Some(known) = self.0.get(&key) {
             return Ok(known);
@@ -38,6 +39,10 @@ impl Tables {
         if let Some(area) = area(artifact, &rows)? {
             rows.columns.push(area);
         }
+        let judged = by_predictor(artifact, &rows)?;
+        rows.columns.extend(judged);
+        let sources = sources(store, artifact, &rows)?;
+        rows.columns.extend(sources);
         let rows = Arc::new(rows);
         self.0.put(key, &rows);
         Ok(rows)

@@ -21,6 +21,8 @@ pub struct Refusal {
     message: String,
     help: Option<String>,
     place: Option<(usize, usize)>,
+    /// The path of the value that is refused, where one is.
+    value: Option<String>,
     /// What the path allows, where the method is not allowed.
     pub allow: Option<&'static str>,
 }
@@ -33,6 +35,7 @@ impl Refusal {
             message: message.into(),
             help: None,
             place: None,
+            value: None,
             allow: None,
         }
     }
@@ -64,6 +67,21 @@ impl Refusal {
         }
     }
 
+    /// Takes its place away: it is one in a text that nobody has written.
+    #[must_use]
+    pub fn without_place(self) -> Self {
+        Self { place: None, ..self }
+    }
+
+    /// Names the value that is refused, by its path.
+    #[must_use]
+    pub fn of_value(self, path: impl Into<String>) -> Self {
+        Self {
+            value: Some(path.into()),
+            ..self
+        }
+    }
+
     /// As a document. Lines and columns count from 1.
     #[must_use]
     pub fn document(&self) -> Value {
@@ -73,6 +91,7 @@ impl Refusal {
                 "help": self.help,
                 "line": self.place.map(|(line, _)| line),
                 "column": self.place.map(|(_, column)| column),
+                "value": self.value,
             }
         })
     }

@@ -1,7 +1,9 @@
 //! Questions about a store and its pipelines.
 
 mod artifacts;
+mod events;
 mod filter;
+mod neighbours;
 mod page;
 mod pick;
 mod pipelines;
@@ -10,6 +12,8 @@ mod run;
 mod runs;
 
 pub use artifacts::{artifact, artifacts};
+pub use events::events;
+pub use neighbours::neighbours;
 pub use page::page;
 pub use pick::arrays;
 pub use pipelines::{pipeline, pipelines, plan};

@@ -71,7 +71,7 @@ fn picked(artifact: &Artifact, path: &str, rows: &[usize]) -> Result<Array, Refu
     let shape: Vec<usize> = std::iter::once(rows.len()).chain(rest.iter().copied()).collect();
     let (mut bytes, mut numbers) = (Vec::new(), Vec::new());
     for &row in rows {
-        match one(artifact, path, row)? {
+        match elements(artifact, path, row..row + 1)? {
             Data::U8(v) => bytes.extend(v),
             Data::U32(v) => numbers.extend(v.into_iter().map(|v| v as f32)),
             Data::U64(v) => numbers.extend(v.into_iter().map(|v| v as f32)),
@@ -86,25 +86,48 @@ fn picked(artifact: &Artifact, path: &str, rows: &[usize]) -> Result<Array, Refu
     })
 }
 
-/// One row, of a manifest from the chunk that has it.
-fn one(artifact: &Artifact, path: &str, row: usize) -> Result<Data, Refusal> {
+/// Rows of an array, of a manifest from the chunks that have them.
+///
+/// # Errors
+/// When there is no such array, or it cannot be read.
+pub fn elements(artifact: &Artifact, path: &str, rows: Range<usize>) -> Result<Data, Refusal> {
+    let mut found: Option<Data> = None;
     let mut before = 0;
     for chunk in artifact.chunks()? {
         let own = chunk.content(path)?.shape.first().copied().unwrap_or(0);
-        if row < before + own {
-            return own_row(chunk, path, row - before);
+        let some = rows.start.max(before)..rows.end.min(before + own);
+        if some.start < some.end {
+            let more = own_elements(chunk, path, some.start - before..some.end - before)?;
+            found = Some(match found {
+                None => more,
+                Some(data) => {
+                    joined(data, more).ok_or_else(|| Refusal::new(409, format!("the chunks differ in {path}")))?
+                }
+            });
         }
         before += own;
     }
-    own_row(artifact, path, row)
+    match found {
+        Some(data) => Ok(data),
+        None => own_elements(artifact, path, rows),
+    }
 }
 
-fn own_row(artifact: &Artifact, path: &str, row: usize) -> Result<Data, Refusal> {
+/// Both, one after the other, where they are of one type.
+fn joined(one: Data, other: Data) -> Option<Data> {
+    Some(match (one, other) {
+        (Data::U8(a), Data::U8(b)) => Data::U8([a, b].concat()),
+        (Data::U32(a), Data::U32(b)) => Data::U32([a, b].concat()),
+        (Data::U64(a), Data::U64(b)) => Data::U64([a, b].concat()),
+        (Data::F32(a), Data::F32(b)) => Data::F32([a, b].concat()),
+        (Data::F64(a), Data::F64(b)) => Data::F64([a, b].concat()),
+        (Data::Text(a), Data::Text(b)) => Data::Text([a, b].concat()),
+        _ => return None,
+    })
+}
+
+fn own_elements(artifact: &Artifact, path: &str, rows: Range<usize>) -> Result<Data, Refusal> {
     // The file may have changed since the artifact was opened; a glance unless it did.
     artifact.file_digest()?;
-    Ok(artifact.rows()?.elements(path, at(row))?)
-}
-
-fn at(row: usize) -> Range<usize> {
-    row..row + 1
+    Ok(artifact.rows()?.elements(path, rows)?)
 }

@@ -1,6 +1,6 @@
 //! Pipelines: how they stand, and what a change would have built anew.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use crate::base::{Document, InputError, Node, NodeValue, Override};
 use crate::orchestrator::{Environment, Pipeline, foreseen, plan as planned, plan_document, splice_scene};
+use crate::report::{STAGE_HEIGHT, layout};
 use crate::serve::http::{Answer, Refusal, Request};
 use crate::serve::state::ServedState;
 use crate::stage;
@@ -32,8 +33,8 @@ pub fn pipelines(state: &ServedState, request: &Request) -> Result<Answer, Refus
     Ok(json!({ "pipelines": each.collect::<Vec<_>>() }).into())
 }
 
-/// A pipeline: its stages as `deaflow plan` has them, what each needs, every value that can be changed, and its text. One with a problem has
-/// its text, and where the problem stands.
+/// A pipeline: its stages as `deaflow plan` has them, what each needs and where it is drawn, every value that can be changed, and its text.
+/// One with a problem has its text, and where the problem stands.
 ///
 /// # Errors
 /// When there is none of that number, or the store cannot be read.
@@ -62,6 +63,7 @@ pub fn pipeline(state: &ServedState, request: &Request, number: &str) -> Result<
                 })
                 .collect();
             document["needs"] = json!(needs);
+            document["layout"] = places(&pipeline);
             document["values"] = json!(values(&path)?);
             document["problem"] = Value::Null;
             document
@@ -72,6 +74,39 @@ pub fn pipeline(state: &ServedState, request: &Request, number: &str) -> Result<
     document["path"] = json!(path);
     document["text"] = json!(text);
     Ok(document.into())
+}
+
+/// Where the stages stand as the report draws them: layers from left to right, and middles from above, in the order of the pipeline; and of
+/// each need the places that its line goes through.
+fn places(pipeline: &Pipeline) -> Value {
+    let needs = pipeline.stages.iter().map(|spec| {
+        let all: BTreeSet<usize> = spec.needs.iter().chain(&spec.gates).copied().collect();
+        all.into_iter().collect()
+    });
+    let needs: Vec<Vec<usize>> = needs.collect();
+    let placed = layout(&needs);
+    let name = |at: usize| pipeline.stages[at].name.as_str();
+    let stages: BTreeMap<&str, (usize, f64)> = placed
+        .stages
+        .iter()
+        .enumerate()
+        .map(|(at, place)| (name(at), *place))
+        .collect();
+    let pairs = needs
+        .iter()
+        .enumerate()
+        .flat_map(|(to, from)| from.iter().map(move |from| (*from, to)));
+    let lines = pairs.zip(&placed.lines).map(|((from, to), places)| {
+        let is_gate = !pipeline.stages[to].needs.contains(&from);
+        json!({ "from": name(from), "to": name(to), "gate": is_gate, "places": places })
+    });
+    json!({
+        "stages": stages,
+        "lines": lines.collect::<Vec<_>>(),
+        "layers": placed.layers,
+        "height": placed.height,
+        "stage_height": STAGE_HEIGHT,
+    })
 }
 
 #[derive(Deserialize)]
@@ -96,8 +131,24 @@ pub fn plan(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
     request.allow(&[])?;
     let asked: PlanRequest = request.json()?;
     let path = numbered(state, &asked.pipeline)?;
-    let pipeline = load(&path, &overrides(&asked.set)?)?;
+    let changes = overrides(&asked.set)?;
+    let pipeline = load(&path, &changes).map_err(|problem| match load(&path, &[]) {
+        // Without the changes there is none: it is one of them, whose place is none in the file.
+        Ok(_) => of_change(&path, &changes, problem),
+        Err(own) => own.into(),
+    })?;
     Ok(plan_of(state, &pipeline, asked.until.as_deref())?.into())
+}
+
+/// A refusal of changed values: it names the one that is refused, where one alone is.
+fn of_change(path: &Path, changes: &[Override], problem: InputError) -> Refusal {
+    let alone = |change: &&Override| load(path, std::slice::from_ref(change)).is_err();
+    let mut refused = changes.iter().filter(alone);
+    let refusal = Refusal::from(problem).without_place();
+    match (refused.next(), refused.next()) {
+        (Some(change), None) => refusal.of_value(change.said().0),
+        _ => refusal,
+    }
 }
 
 /// The file of a pipeline that is served. It is found in the list of them: what a request says is no path.
@@ -123,10 +174,12 @@ pub fn overrides(set: &BTreeMap<String, Value>) -> Result<Vec<Override>, Refusal
             Value::String(text) => text.clone(),
             other => other.to_string(),
         };
-        let set = Override::parse(&format!("{path}={text}"))?;
+        let set = Override::parse(&format!("{path}={text}"));
+        let set = set.map_err(|problem| Refusal::from(problem).without_place().of_value(path))?;
         if names_file(set.path(), set.node()) {
             return Err(Refusal::bad(format!("{path}: a request names no files"))
-                .help("change the pipeline's file, or give `--set` to `deaflow plan`"));
+                .help("change the pipeline's file, or give `--set` to `deaflow plan`")
+                .of_value(path));
         }
         Ok(set)
     };

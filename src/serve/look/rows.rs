@@ -31,10 +31,10 @@ pub fn rows(state: &ServedState, request: &Request, digits: &str) -> Result<Answ
         request.number("offset", 0, usize::MAX)?,
     );
     let bins = request.number("bins", 40, MOST_BINS)?.max(1);
-    let (_, artifact) = named(state, digits)?;
+    let (store, artifact) = named(state, digits)?;
     let table = state
         .tables
-        .of(&artifact, request.word("along").filter(|axis| !axis.is_empty()))?;
+        .of(&store, &artifact, request.word("along").filter(|axis| !axis.is_empty()))?;
     let mut matched = matching(&table.columns, table.len(), request.word("filter").unwrap_or_default())?;
     if let Some(order) = request.word("sort").filter(|order| !order.is_empty()) {
         let name = order.strip_prefix('-').unwrap_or(order);

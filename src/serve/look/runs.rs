@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use crate::executor::workers;
 use crate::report::{Gone, run_document};
+use crate::serve::held::at_work;
 use crate::serve::http::{Answer, Refusal, Request};
 use crate::serve::state::ServedState;
 use crate::store::Run;
@@ -59,14 +60,25 @@ pub fn one_run(state: &ServedState, request: &Request, id: &str) -> Result<Answe
     Err(Refusal::absent("no run of that name is remembered").help("GET /api/runs lists them"))
 }
 
-/// What is in the store and at work in it: to be asked for again and again.
+/// What is in the store and at work in it, at this moment; `/api/events` tells it again and again.
 ///
 /// # Errors
 /// When the store cannot be read.
 pub fn status(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
     request.allow(&[])?;
+    Ok(standing(state)?.into())
+}
+
+/// What is in the store and at work in it.
+///
+/// # Errors
+/// When the store cannot be read.
+pub fn standing(state: &ServedState) -> Result<Value, Refusal> {
+    let begun = state.runner.progress();
     let Some(store) = state.store()? else {
-        return Ok(json!({ "store": null, "last_run": null, "in_flight": 0, "workers": [] }).into());
+        return Ok(
+            json!({ "store": null, "last_run": null, "in_flight": 0, "workers": [], "runs": [], "begun": begun }),
+        );
     };
     let totals = state.totals.of(&store)?;
     let last = store.runs()?.next().transpose()?;
@@ -78,7 +90,8 @@ pub fn status(state: &ServedState, request: &Request) -> Result<Answer, Refusal>
                 "host": seen.worker.owner.host,
                 "pid": seen.worker.owner.pid,
                 "pipeline": seen.worker.pipeline,
-                "silent": seen.silent.as_secs(),
+                // A worker signs about once a minute; seconds would be news at every look.
+                "silent": seen.silent.as_secs() / 60 * 60,
             })
         })
         .collect();
@@ -91,6 +104,7 @@ pub fn status(state: &ServedState, request: &Request) -> Result<Answer, Refusal>
         "quarantined": totals.quarantined,
         "last_run": last.map(|run| json!({ "id": run.id, "created": run.created, "pipeline": run.pipeline })),
         "workers": workers,
-    })
-    .into())
+        "runs": at_work(&store),
+        "begun": begun,
+    }))
 }

@@ -4,13 +4,18 @@ import { json } from "./server.js";
 import { choice, h, labelled, replace, short, table, when } from "./elements.js";
 import { rowsView } from "./rows.js";
 import { findings } from "./audit.js";
+import { evaluation, model } from "./models.js";
+import { designs } from "./designs.js";
+import { accuracy } from "./accuracy.js";
 
 /** Attributes longer than this are shown on demand. */
 const LONG = 160;
 
-/** @param {HTMLElement} view @param {URLSearchParams} query @param {string} kind @param {string} title */
-export async function artifactsView(view, query, kind, title) {
-  const { artifacts, total } = await json(`artifacts?limit=2000${kind ? `&kind=${kind}` : ""}`);
+/** @param {HTMLElement} view @param {URLSearchParams} query @param {string[]} only kinds; none for all @param {string} title */
+export async function artifactsView(view, query, only, title) {
+  const found = await json(`artifacts?limit=2000${only.length === 1 ? `&kind=${only[0]}` : ""}`);
+  const artifacts = found.artifacts.filter((/** @type {any} */ one) => !only.length || only.includes(one.kind));
+  const older = found.total - found.artifacts.length;
   const kinds = [...new Set(artifacts.map((/** @type {any} */ one) => one.kind))].sort();
   let chosen = query.get("kind") ?? "";
   const box = h("div", {});
@@ -23,17 +28,17 @@ export async function artifactsView(view, query, kind, title) {
   replace(
     view,
     h("h1", {}, title),
-    kind ? null : h("div", { class: "tools" }, labelled("Kind", choice("kind", /** @type {any} */ (kindsShown), chosen, (value) => {
+    only.length ? null : h("div", { class: "tools" }, labelled("Kind", choice("kind", /** @type {any} */ (kindsShown), chosen, (value) => {
       chosen = value;
       history.replaceState(null, "", value ? `#/artifacts?kind=${value}` : "#/artifacts");
       fill();
     }))),
     box,
-    total > artifacts.length ? h("p", { class: "soft" }, `and ${total - artifacts.length} older ones`) : null,
+    older > 0 ? h("p", { class: "soft" }, `and ${older} older ones`) : null,
   );
   fill();
-  // One accuracy or audit is what was looked for.
-  if (kind && artifacts.length === 1) location.replace(`#/artifacts/${artifacts[0].digest}`);
+  // One alone is what was looked for.
+  if (only.length && artifacts.length === 1) location.replace(`#/artifacts/${artifacts[0].digest}`);
 }
 
 /** @param {HTMLElement} view @param {string} digest @param {URLSearchParams} query @returns {Promise<() => void>} */
@@ -42,13 +47,17 @@ export async function artifactView(view, digest, query) {
   const hasRows = found.datasets.some((/** @type {any} */ one) => one.axes.length > 0);
   /** @type {Record<string, [string, (place: HTMLElement) => Promise<any>|any]>} */
   const tabs = {
+    ...(found.kind === "train" ? { errors: ["Errors", (/** @type {HTMLElement} */ place) => model(place, found)] } : {}),
+    ...(found.kind === "evaluate" ? { errors: ["Errors", (/** @type {HTMLElement} */ place) => evaluation(place, found)] } : {}),
+    ...(["design", "verify"].includes(found.kind) ? { designs: ["Designs", (/** @type {HTMLElement} */ place) => designs(place, found)] } : {}),
+    ...(found.kind === "accuracy" ? { accuracy: ["Settings", (/** @type {HTMLElement} */ place) => accuracy(place, found, (box) => figures(box, found.digest))] } : {}),
     ...(found.kind === "audit" ? { findings: ["Findings", (/** @type {HTMLElement} */ place) => findings(place, found)] } : {}),
     ...(hasRows ? { rows: ["Rows", (/** @type {HTMLElement} */ place) => rowsView(place, found, query)] } : {}),
     figures: ["Figures", (/** @type {HTMLElement} */ place) => figures(place, found.digest)],
     arrays: ["Arrays", (/** @type {HTMLElement} */ place) => replace(place, arrays(found))],
     origin: ["Origin", (/** @type {HTMLElement} */ place) => replace(place, origin(found))],
   };
-  const first = ["train", "balance", "evaluate", "accuracy", "verify"].includes(found.kind) ? "figures" : Object.keys(tabs)[0];
+  const first = found.kind === "balance" ? "figures" : Object.keys(tabs)[0];
   let open = query.get("tab") ?? first;
   if (!tabs[open]) open = first;
   const place = h("div", {});

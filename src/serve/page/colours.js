@@ -14,8 +14,14 @@ function scale(stops) {
     const at = (step / (STEPS - 1)) * (stops.length - 1);
     const low = Math.min(Math.floor(at), stops.length - 2);
     const mixed = stops[low].map((value, k) => Math.round(value + (at - low) * (stops[low + 1][k] - value)));
-    return `rgb(${mixed.join(",")})`;
+    return `#${mixed.map((value) => value.toString(16).padStart(2, "0")).join("")}`;
   });
+}
+
+/** A colour `#rrggbb` as a pixel of an image has it. @param {string} text */
+export function pixel(text) {
+  const [red, green, blue] = [1, 3, 5].map((at) => parseInt(text.slice(at, at + 2), 16) || 0);
+  return new Uint32Array(Uint8Array.of(red, green, blue, 255).buffer)[0];
 }
 
 export const SEQUENTIAL = scale(VIRIDIS);

@@ -69,10 +69,26 @@ export function when(time) {
   return time.replace("T", " ").slice(0, 19);
 }
 
+/** The folder in which the server was started. */
+let folder = "";
+
+/** @param {string|null} path */
+export function startedIn(path) {
+  folder = path ? `${path}/` : "";
+}
+
+/** A path as it would be named where the server was started. @param {string} path */
+export function near(path) {
+  return folder && path.startsWith(folder) ? path.slice(folder.length) : path;
+}
+
 /** @param {string} digest */
 export function short(digest) {
   return h("a", { class: "mono", href: `#/artifacts/${digest}`, title: digest }, digest.slice(0, 12));
 }
+
+/** A table of more columns scrolls on a narrow screen, and is not squeezed. */
+const MANY = 4;
 
 /**
  * A table that scrolls within its own box.
@@ -86,7 +102,7 @@ export function table(what, columns, rows) {
     { class: "scroll", tabindex: "0", role: "region", "aria-label": what },
     h(
       "table",
-      {},
+      { class: heads.length > MANY ? "wide" : null },
       h("thead", {}, h("tr", {}, heads.map((head) => h("th", { scope: "col", class: /** @type {any} */ (head).number ? "number" : null }, head.title)))),
       h("tbody", {}, rows.map((row) => h("tr", {}, row.map(cell)))),
     ),

@@ -1,7 +1,8 @@
 // Which view is shown: what stands after # in the address says so, so that each view has a link of its own.
 
 import { json } from "./server.js";
-import { bytes, h, problem, replace, when } from "./elements.js";
+import { bytes, h, problem, replace, startedIn, when } from "./elements.js";
+import { listen } from "./live.js";
 import { sketchpad } from "./sketch.js";
 import { pipelineView, pipelinesView } from "./pipelines.js";
 import { compareView, runView, runsView } from "./runs.js";
@@ -11,10 +12,7 @@ const view = /** @type {HTMLElement} */ (document.getElementById("view"));
 const status = /** @type {HTMLElement} */ (document.getElementById("status"));
 
 /** @type {Record<string, string>} */
-const VIEWS = { pipelines: "Pipelines", runs: "Runs", artifacts: "Artifacts", audits: "Audits", accuracy: "Accuracy", sketch: "Sketchpad" };
-
-/** How often what is at work is asked for. */
-const BEAT = 2000;
+const VIEWS = { pipelines: "Pipelines", runs: "Runs", artifacts: "Artifacts", models: "Models", designs: "Designs", audits: "Audits", accuracy: "Accuracy", sketch: "Sketchpad" };
 
 /** @type {() => void} */ let end = () => {};
 /** @type {any} */ let start = {};
@@ -65,11 +63,15 @@ async function opened(name, rest, query, place) {
       if (rest[0] === "compare") return compareView(place, rest.slice(1));
       return rest.length ? runView(place, rest[0]) : runsView(place);
     case "artifacts":
-      return rest.length ? artifactView(place, rest[0], query) : artifactsView(place, query, "", "Artifacts");
+      return rest.length ? artifactView(place, rest[0], query) : artifactsView(place, query, [], "Artifacts");
+    case "models":
+      return artifactsView(place, query, ["evaluate", "train", "calibrate"], "Models and their evaluations");
+    case "designs":
+      return artifactsView(place, query, ["verify", "design"], "Designs, and what was simulated of them");
     case "audits":
-      return artifactsView(place, query, "audit", "Audits");
+      return artifactsView(place, query, ["audit"], "Audits");
     case "accuracy":
-      return artifactsView(place, query, "accuracy", "Accuracy");
+      return artifactsView(place, query, ["accuracy"], "Accuracy");
     case "pipelines":
       return rest.length ? pipelineView(place, rest[0], start.allow_run) : pipelinesView(place, start);
     default:
@@ -77,27 +79,18 @@ async function opened(name, rest, query, place) {
   }
 }
 
-/** What is at work, in one line; views that show runs are told of a new one. */
-async function beat() {
-  if (document.hidden) return;
-  try {
-    const found = await json("status");
-    const parts = [];
-    if (found.store) parts.push(`${found.objects} artifacts, ${bytes(found.bytes)}`);
-    else parts.push("no store yet");
-    if (found.in_flight) parts.push(`${found.in_flight} being built`);
-    if (found.workers?.length) parts.push(`${found.workers.length} workers`);
-    if (found.last_run) parts.push(`last run ${when(found.last_run.created)}`);
-    const text = parts.join(", ");
-    if (status.textContent !== text) status.textContent = text;
-    const key = `${found.last_run?.id ?? ""} ${found.in_flight ?? 0} ${found.objects ?? 0}`;
-    if (beat.last !== key && beat.last !== "") window.dispatchEvent(new CustomEvent("news"));
-    beat.last = key;
-  } catch (error) {
-    status.textContent = `the server does not answer: ${/** @type {any} */ (error).message}`;
-  }
+/** What is at work, in one line. @param {any} found */
+function stand(found) {
+  const parts = [];
+  if (found.store) parts.push(`${found.objects} artifacts, ${bytes(found.bytes)}`);
+  else parts.push("no store yet");
+  for (const run of found.runs ?? []) parts.push(`${run.pipeline} is being built (process ${run.pid})${run.stages.length ? `: ${run.stages.map((/** @type {any} */ stage) => stage.name).join(", ")}` : ""}`);
+  if (found.in_flight && !found.runs?.length) parts.push(`${found.in_flight} being built`);
+  if (found.workers?.length) parts.push(`${found.workers.length} workers`);
+  if (found.last_run) parts.push(`last run ${when(found.last_run.created)}`);
+  const text = parts.join(", ");
+  if (status.textContent !== text) status.textContent = text;
 }
-beat.last = "";
 
 async function main() {
   // The token is in a cookie by now, and need not stay in the address.
@@ -106,14 +99,14 @@ async function main() {
   replace(/** @type {HTMLElement} */ (document.getElementById("views")), links);
   try {
     start = await json("start");
+    startedIn(start.folder);
   } catch (error) {
     replace(view, problem(error));
     return;
   }
   window.addEventListener("hashchange", () => void show());
   await show();
-  void beat();
-  setInterval(() => void beat(), BEAT);
+  void listen(stand, (message) => (status.textContent = `the server does not answer: ${message}`));
 }
 
 void main();

@@ -1,6 +1,6 @@
 // Drawings of patterns and of deformed membranes.
 
-import { SEQUENTIAL, SIGNED, range, steps } from "./colours.js";
+import { SEQUENTIAL, SIGNED, pixel, range, steps } from "./colours.js";
 import { Pattern } from "./pattern.js";
 
 /** Colours of groups of electrodes. */
@@ -17,6 +17,30 @@ function colour(element, name) {
 export function groupColour(group) {
   return GROUPS[((group - 1) % (GROUPS.length - 1)) + 1];
 }
+
+/** What each canvas shows, to be drawn again in other colours or at another width. @type {Map<HTMLCanvasElement, () => void>} */
+const shown = new Map();
+
+/** Pictures that are kept before those are forgotten that are not on the page any more. */
+const MANY = 400;
+
+/** @param {HTMLCanvasElement} canvas @param {() => void} draw */
+function remember(canvas, draw) {
+  shown.set(canvas, draw);
+  if (shown.size > MANY) forget();
+}
+
+function forget() {
+  for (const canvas of shown.keys()) if (!canvas.isConnected) shown.delete(canvas);
+}
+
+function again() {
+  forget();
+  for (const draw of [...shown.values()]) draw();
+}
+
+window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
+window.addEventListener("resize", again);
 
 /**
  * A canvas at the resolution of the screen.
@@ -44,16 +68,17 @@ export function prepared(canvas, ratio) {
  * @param {{ratio?: number, grid?: boolean, parts?: number[]|null, cursor?: [number, number]|null, heat?: ArrayLike<number>|null, point?: [number, number]|null, direction?: number}} [more]
  */
 export function drawPattern(canvas, pattern, more = {}) {
+  remember(canvas, () => drawPattern(canvas, pattern, more));
   const { columns, rows } = pattern;
   const { context, width, height } = prepared(canvas, more.ratio ?? rows / columns);
   const [dx, dy] = [width / columns, height / rows];
   context.fillStyle = colour(canvas, "--paper");
   context.fillRect(0, 0, width, height);
-  const cell = (/** @type {number} */ at) => {
-    const [x, y] = [at % columns, Math.floor(at / columns)];
-    const [left, top] = [Math.floor(x * dx), Math.floor((rows - 1 - y) * dy)];
-    context.fillRect(left, top, Math.ceil((x + 1) * dx) - left, Math.ceil((rows - y) * dy) - top);
+  const rectangle = (/** @type {number} */ from, /** @type {number} */ to, /** @type {number} */ y) => {
+    const [left, top] = [Math.floor(from * dx), Math.floor((rows - 1 - y) * dy)];
+    context.fillRect(left, top, Math.ceil(to * dx) - left, Math.ceil((rows - y) * dy) - top);
   };
+  const cell = (/** @type {number} */ at) => rectangle(at % columns, (at % columns) + 1, Math.floor(at / columns));
   if (more.heat) {
     const most = Math.max(...range(more.heat).map(Math.abs)) || 1;
     const of = steps(more.heat, -most, most);
@@ -69,9 +94,10 @@ export function drawPattern(canvas, pattern, more = {}) {
       context.fillRect((x + 0.35) * dx, (y + 0.35) * dy, 0.3 * dx, 0.3 * dy);
     });
   } else {
-    for (let group = 1; group < 17; group += 1) {
+    const groups = pattern.cells.reduce((most, value) => Math.max(most, value), 0);
+    for (let group = 1; group <= groups; group += 1) {
       context.fillStyle = groupColour(group);
-      pattern.cells.forEach((value, at) => value === group && cell(at));
+      for (let y = 0; y < rows; y += 1) runs(pattern, y, group, (from, to) => rectangle(from, to, y));
     }
   }
   if (more.parts) {
@@ -97,6 +123,17 @@ export function drawPattern(canvas, pattern, more = {}) {
     context.strokeStyle = colour(canvas, "--vermillion");
     context.lineWidth = 2;
     context.strokeRect(more.cursor[0] * dx, (rows - 1 - more.cursor[1]) * dy, dx, dy);
+  }
+}
+
+/** Neighbouring cells of a row that have one value: from the first to after the last. @param {Pattern} pattern @param {number} y @param {number} value @param {(from: number, to: number) => void} each */
+function runs(pattern, y, value, each) {
+  const { columns, cells } = pattern;
+  for (let x = 0; x < columns; x += 1) {
+    if (cells[y * columns + x] !== value) continue;
+    const from = x;
+    while (x < columns && cells[y * columns + x] === value) x += 1;
+    each(from, x);
   }
 }
 
@@ -129,69 +166,109 @@ function arrow(context, x, y, degrees, length) {
 /** Around a deformed membrane, a share of its width. */
 const MARGIN = 0.04;
 
+/** The image of each canvas that has one, written anew with each drawing. @type {WeakMap<HTMLCanvasElement, ImageData>} */
+const images = new WeakMap();
+
 /**
- * The membrane where its displacement takes it, its cells coloured.
+ * The membrane where its displacement takes it, its cells coloured. Cells are filled pixel by pixel: paths take several times as long.
  * @param {HTMLCanvasElement} canvas @param {Pattern} pattern @param {Float32Array|null} displacement corners, mm
  * @param {{size: [number, number], scale?: number, values?: ArrayLike<number>|null, signed?: boolean, low?: number, high?: number, parts?: number[]|null}} more
  */
 export function drawMembrane(canvas, pattern, displacement, more) {
+  remember(canvas, () => drawMembrane(canvas, pattern, displacement, more));
   const { columns, rows } = pattern;
   const [sizeX, sizeY] = more.size;
   const { context, width, height } = prepared(canvas, sizeY / sizeX);
-  context.fillStyle = colour(canvas, "--card");
-  context.fillRect(0, 0, width, height);
   const unit = (width * (1 - 2 * MARGIN)) / sizeX;
   const scale = more.scale ?? 1;
   const corners = (columns + 1) * (rows + 1);
-  const px = new Float32Array(corners);
-  const py = new Float32Array(corners);
+  const [px, py] = [new Float32Array(corners), new Float32Array(corners)];
   for (let y = 0, at = 0; y <= rows; y += 1) {
     for (let x = 0; x <= columns; x += 1, at += 1) {
-      const u = displacement ? displacement[2 * at] * scale : 0;
-      const v = displacement ? displacement[2 * at + 1] * scale : 0;
+      const [u, v] = displacement ? [displacement[2 * at] * scale, displacement[2 * at + 1] * scale] : [0, 0];
       px[at] = MARGIN * width + ((x * sizeX) / columns + u) * unit;
       py[at] = height - MARGIN * height - ((y * sizeY) / rows + v) * unit;
     }
   }
-  const quad = (/** @type {number} */ cell) => {
+  const image = imageOf(canvas, context);
+  const pixels = new Uint32Array(image.data.buffer);
+  pixels.fill(pixel(colour(canvas, "--card")));
+  const dense = canvas.width / width;
+  if (dense !== 1) for (let at = 0; at < corners; at += 1) [px[at], py[at]] = [px[at] * dense, py[at] * dense];
+  const fill = (/** @type {number} */ cell, /** @type {number} */ value) => {
     const at = Math.floor(cell / columns) * (columns + 1) + (cell % columns);
-    const above = at + columns + 1;
-    context.moveTo(px[at], py[at]);
-    context.lineTo(px[at + 1], py[at + 1]);
-    context.lineTo(px[above + 1], py[above + 1]);
-    context.lineTo(px[above], py[above]);
+    quad(image.width, image.height, pixels, value, px, py, at, at + columns + 1);
   };
-  const fill = (/** @type {string} */ style, /** @type {number[]} */ cells) => {
-    if (!cells.length) return;
-    context.beginPath();
-    cells.forEach(quad);
-    context.fillStyle = context.strokeStyle = style;
-    context.lineWidth = 0.7;
-    context.fill();
-    // Without it the background shows between neighbours.
-    context.stroke();
-  };
-  /** @type {number[][]} */
-  const binned = Array.from({ length: 64 }, () => []);
+  const parts = more.parts ?? null;
   if (more.values) {
     const [low, high] = more.low !== undefined && more.high !== undefined ? [more.low, more.high] : range(more.values);
-    steps(more.values, low, high).forEach((step, cell) => binned[step].push(cell));
-    const colours = more.signed ? SIGNED : SEQUENTIAL;
-    binned.forEach((cells, step) => fill(colours[step], cells));
+    const colours = (more.signed ? SIGNED : SEQUENTIAL).map(pixel);
+    steps(more.values, low, high).forEach((step, cell) => fill(cell, colours[step]));
   } else {
-    /** @type {number[]} */ const bare = [];
-    /** @type {number[][]} */ const groups = Array.from({ length: 17 }, () => []);
-    pattern.cells.forEach((value, cell) => (value ? groups[value] : bare).push(cell));
-    fill(colour(canvas, "--paper"), bare);
-    groups.forEach((cells, group) => group && fill(groupColour(group), cells));
+    const colours = [colour(canvas, "--paper"), ...Array.from({ length: 16 }, (_, group) => groupColour(group + 1))].map(pixel);
+    pattern.cells.forEach((value, cell) => fill(cell, colours[value] ?? colours[1]));
   }
-  if (more.parts) {
-    [1, 2].forEach((part) => fill(part === 1 ? FRAME : BODY, /** @type {number[]} */ (more.parts).flatMap((found, cell) => (found === part ? [cell] : []))));
+  if (parts) {
+    const colours = [0, pixel(FRAME), pixel(BODY)];
+    parts.forEach((part, cell) => part && fill(cell, colours[part]));
   }
+  context.putImageData(image, 0, 0);
+  if (dense !== 1) for (let at = 0; at < corners; at += 1) [px[at], py[at]] = [px[at] / dense, py[at] / dense];
   if (more.values) outline(context, pattern, px, py);
   context.strokeStyle = FRAME;
   context.lineWidth = 2;
   context.strokeRect(MARGIN * width, MARGIN * height, width * (1 - 2 * MARGIN), height * (1 - 2 * MARGIN));
+}
+
+/** @param {HTMLCanvasElement} canvas @param {CanvasRenderingContext2D} context */
+function imageOf(canvas, context) {
+  const known = images.get(canvas);
+  if (known && known.width === canvas.width && known.height === canvas.height) return known;
+  const made = context.createImageData(Math.max(canvas.width, 1), Math.max(canvas.height, 1));
+  images.set(canvas, made);
+  return made;
+}
+
+/**
+ * Fills the pixels whose middles lie in a cell, line by line: from where its edges cross the line first to where they cross it last.
+ * @param {number} width @param {number} height @param {Uint32Array} pixels @param {number} value
+ * @param {Float32Array} px @param {Float32Array} py corners in pixels @param {number} low the left lower corner @param {number} high the one above it
+ */
+function quad(width, height, pixels, value, px, py, low, high) {
+  const [ax, ay, bx, by] = [px[low], py[low], px[low + 1], py[low + 1]];
+  const [cx, cy, dx, dy] = [px[high + 1], py[high + 1], px[high], py[high]];
+  const top = Math.min(ay, by, cy, dy);
+  const bottom = Math.max(ay, by, cy, dy);
+  const first = top < 0.5 ? 0 : Math.ceil(top - 0.5);
+  const last = bottom > height - 0.5 ? height - 1 : Math.floor(bottom - 0.5);
+  for (let row = first; row <= last; row += 1) {
+    const y = row + 0.5;
+    let left = width;
+    let right = 0;
+    let x = 0;
+    if (ay <= y !== by <= y) {
+      x = ax + ((y - ay) / (by - ay)) * (bx - ax);
+      if (x < left) left = x;
+      if (x > right) right = x;
+    }
+    if (by <= y !== cy <= y) {
+      x = bx + ((y - by) / (cy - by)) * (cx - bx);
+      if (x < left) left = x;
+      if (x > right) right = x;
+    }
+    if (cy <= y !== dy <= y) {
+      x = cx + ((y - cy) / (dy - cy)) * (dx - cx);
+      if (x < left) left = x;
+      if (x > right) right = x;
+    }
+    if (dy <= y !== ay <= y) {
+      x = dx + ((y - dy) / (ay - dy)) * (ax - dx);
+      if (x < left) left = x;
+      if (x > right) right = x;
+    }
+    const end = row * width + (right > width - 0.5 ? width - 1 : Math.floor(right - 0.5));
+    for (let at = row * width + (left < 0.5 ? 0 : Math.ceil(left - 0.5)); at <= end; at += 1) pixels[at] = value;
+  }
 }
 
 /** The edges of electrodes. @param {CanvasRenderingContext2D} context @param {Pattern} pattern @param {Float32Array} px @param {Float32Array} py */

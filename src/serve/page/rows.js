@@ -3,20 +3,25 @@
 import { frame, json } from "./server.js";
 import { choice, h, labelled, number, problem, replace, settled } from "./elements.js";
 import { charts } from "./chart.js";
-import { drawMembrane, drawPattern, magnitudes } from "./membrane.js";
+import { drawPattern } from "./membrane.js";
+import { card, drawField, drawn, patternsAt, rowLink } from "./pictures.js";
+import { lineage } from "./origin.js";
 import { Pattern } from "./pattern.js";
 import { save } from "./files.js";
 
 const PAGE = 24;
 
-/** Arrays of patterns, and of fields, by their rows' axis. @param {any} found @param {string} axis */
-function drawn(found, axis) {
-  const of = (/** @type {(axes: string[]) => boolean} */ fits) => found.datasets.find((/** @type {any} */ one) => one.axes[0] === axis && fits(one.axes.slice(1)));
-  return {
-    patterns: of((axes) => axes.length === 2 && axes.every((name) => name === "y" || name === "x")),
-    field: of((axes) => axes.length === 3 && axes[2] === "xy" && axes.every((name) => name !== "time")),
-  };
+/** Columns of texts of which one is chosen, and how many different texts such a column may have. */
+const CHOSEN = /(^|\/)(family|split|outcome|role|name|case|set|why|status)$/;
+const MANY = 40;
+
+/** Whether a value is a digest, whose first digits tell it from others. @param {any} value */
+function is_digest(value) {
+  return typeof value === "string" && /^[0-9a-f]{32,}$/.test(value);
 }
+
+/** Neighbours that are shown. */
+const NEAR = 6;
 
 /** @param {HTMLElement} place @param {any} found @param {URLSearchParams} query */
 export async function rowsView(place, found, query) {
@@ -50,11 +55,13 @@ export async function rowsView(place, found, query) {
       const answer = await json(`artifacts/${found.digest}/rows?${words}`);
       if (own !== turn) return;
       replace(trouble);
+      for (const select of quick.querySelectorAll("select")) select.value = among(select.name.replace("only-", ""));
       told.textContent = `${answer.matched} of ${answer.total} rows`;
       told.dataset.matched = String(answer.matched);
       told.title = `${number(performance.now() - began, 3)} ms`;
       asked.along = answer.axis;
       show(answer);
+      void offer(answer).catch(() => {});
       await pictures(answer);
     } catch (error) {
       if (own === turn) replace(trouble, problem(error));
@@ -66,6 +73,44 @@ export async function rowsView(place, found, query) {
     void fill();
   }, 200);
   filter.addEventListener("input", soon);
+
+  /** Adds a condition. @param {string} condition */
+  const select = (condition) => {
+    filter.value = [filter.value.trim(), condition].filter(Boolean).join(" and ");
+    soon();
+  };
+  /** Shows the rows of one value of a column alone. @param {string} name @param {string} value */
+  const only = (name, value) => {
+    const others = filter.value.split(" and ").map((/** @type {string} */ one) => one.trim()).filter((/** @type {string} */ one) => one && !one.startsWith(`${name} =`));
+    filter.value = value ? [...others, `${name} = "${value}"`].join(" and ") : others.join(" and ");
+    soon();
+  };
+  const quick = h("div", { class: "tools" });
+  /** The value of a column that the filter asks for; empty where it asks for none. @param {string} name */
+  const among = (name) => {
+    const condition = filter.value.split(" and ").map((/** @type {string} */ one) => one.trim()).find((/** @type {string} */ one) => one.startsWith(`${name} =`));
+    return condition?.slice(name.length + 2).trim().replace(/^"(.*)"$/, "$1") ?? "";
+  };
+  /** Columns of few different texts can be chosen from; which there are is counted once. @param {any} answer */
+  const offer = async (answer) => {
+    if (quick.dataset.axis === answer.axis) return;
+    quick.dataset.axis = answer.axis;
+    const texts = answer.columns.filter((/** @type {any} */ column) => column.is_text && CHOSEN.test(column.name));
+    const made = [];
+    for (const column of texts) {
+      const words = new URLSearchParams({ limit: "0", along: answer.axis, histogram: column.name });
+      const counted = (await json(`artifacts/${found.digest}/rows?${words}`)).histogram?.texts ?? [];
+      if (counted.length < 2 || counted.length > MANY) continue;
+      const options = [["", "all"], ...counted.map((/** @type {[string, number]} */ [text, count]) => [text, `${text} (${count})`])];
+      made.push(labelled(column.name, choice(`only-${column.name}`, /** @type {any} */ (options), among(column.name), (value) => only(column.name, value))));
+    }
+    const worst = answer.columns.find((/** @type {any} */ column) => /max_error|(^|\/)error/.test(column.name));
+    if (worst) made.push(h("button", { type: "button", name: "worst", onclick: () => {
+      Object.assign(asked, { sort: `-${worst.name}`, offset: 0 });
+      void fill();
+    } }, "Largest error first"));
+    replace(quick, made);
+  };
 
   /** @param {any} answer */
   const show = (answer) => {
@@ -86,7 +131,7 @@ export async function rowsView(place, found, query) {
         else marked.delete(id);
         counted.textContent = `${marked.size} marked`;
       } });
-      return h("tr", { "aria-selected": String(id === chosen) }, h("td", {}, mark), h("td", {}, h("button", { type: "button", onclick: () => choose(id, answer) }, String(id))), values.map((value, k) => h("td", { class: answer.columns[k].is_text ? "cut" : "number" }, typeof value === "number" ? number(value, 6) : value ?? "–")));
+      return h("tr", { "aria-selected": String(id === chosen) }, h("td", {}, mark), h("td", {}, h("button", { type: "button", onclick: () => choose(id, answer) }, String(id))), values.map((value, k) => h("td", { class: answer.columns[k].is_text ? "cut" : "number", title: is_digest(value) ? value : null }, typeof value === "number" ? number(value, 6) : is_digest(value) ? `${value.slice(0, 12)}…` : value ?? "–")));
     };
     replace(tableBox, h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Rows" }, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, ""), h("th", { scope: "col" }, "row"), answer.columns.map(head))), h("tbody", {}, answer.rows.map(row)))));
     const last = Math.min(asked.offset + answer.rows.length, answer.matched);
@@ -96,10 +141,6 @@ export async function rowsView(place, found, query) {
     } }, text);
     replace(pages, page("Before", Math.max(0, asked.offset - PAGE), asked.offset === 0), h("span", {}, answer.matched ? `${asked.offset + 1} to ${last} of ${answer.matched}` : "none"), page("After", asked.offset + PAGE, last >= answer.matched));
     const columns = [["", "no histogram"], ...answer.columns.map((/** @type {any} */ column) => [column.name, column.name])];
-    const select = (/** @type {string} */ condition) => {
-      filter.value = [filter.value.trim(), condition].filter(Boolean).join(" and ");
-      soon();
-    };
     const counts = answer.histogram;
     replace(
       histogram,
@@ -150,16 +191,31 @@ export async function rowsView(place, found, query) {
     const { arrays } = await frame(`artifacts/${found.digest}/arrays?paths=${encodeURIComponent(paths.join(","))}&rows=${id}`);
     const { shape, data } = arrays[patterns.path];
     const pattern = new Pattern(shape[2], shape[1], Uint8Array.from(data));
+    // A row that a link names may stand on another page.
     const at = answer.numbers.indexOf(id);
-    const values = at < 0 ? [] : answer.columns.map((/** @type {any} */ column, /** @type {number} */ k) => [column.name, answer.rows[at][k]]);
+    const row = at < 0 ? (await json(`artifacts/${found.digest}/rows?limit=1&offset=${id}&along=${encodeURIComponent(answer.axis)}`)).rows[0] ?? [] : answer.rows[at];
+    const values = row.length ? answer.columns.map((/** @type {any} */ column, /** @type {number} */ k) => [column.name, row[k]]) : [];
     const left = h("canvas", { role: "img", "aria-label": "Pattern" });
     const right = h("canvas", { role: "img", "aria-label": "Field" });
     const images = Array.from({ length: pattern.columns === pattern.rows ? 8 : 4 }, () => h("canvas", { "aria-hidden": "true" }));
     const displacement = field ? /** @type {Float32Array} */ (arrays[field.path].data) : null;
+    const value = (/** @type {string} */ name) => values.find((/** @type {[string, any]} */ [own]) => own === name)?.[1];
+    // Other rows that have something in common with this one.
+    const alike = ["orbit", "family", "split", "set"].flatMap((name) => {
+      const own = value(name);
+      return own ? [h("button", { type: "button", "data-alike": name, onclick: () => only(name, own) }, `Same ${name}`)] : [];
+    });
+    const from = h("div", {}, h("p", { class: "soft" }, "Looking …"));
+    const near = h("div", {}, h("p", { class: "soft" }, "Looking …"));
     replace(
       one,
       h("h2", {}, `Row ${id}`),
       h("div", { class: "pair" }, left, displacement ? right : null, h("dl", { class: "results" }, values.map((/** @type {[string, any]} */ [name, value]) => [h("dt", {}, name), h("dd", {}, typeof value === "number" ? number(value, 6) : value ?? "–")]))),
+      h("div", { class: "tools" }, alike),
+      h("h3", {}, "Where it comes from"),
+      from,
+      h("h3", {}, "Patterns most alike"),
+      near,
       h("h3", {}, "Its images under the symmetries"),
       h("div", { class: "eight" }, images),
       h("div", { class: "tools" }, h("button", { type: "button", onclick: () => {
@@ -173,10 +229,11 @@ export async function rowsView(place, found, query) {
     );
     drawPattern(left, pattern, { grid: true });
     if (displacement) {
-      const extent = /** @type {[number, number]} */ (size(found, pattern));
-      drawMembrane(right, pattern, displacement, { size: extent, scale: 2, values: magnitudes(displacement, pattern.columns, pattern.rows) });
+      drawField(right, found, pattern, displacement);
     }
     images.forEach((canvas, k) => drawPattern(canvas, image(pattern, k)));
+    lineage(from, found, Object.fromEntries(values)).catch((error) => replace(from, problem(error)));
+    void neighbours(near, found, id);
   };
 
   replace(
@@ -192,6 +249,7 @@ export async function rowsView(place, found, query) {
       labelled("Filter", filter),
       told,
     ),
+    quick,
     trouble,
     histogram,
     one,
@@ -203,13 +261,18 @@ export async function rowsView(place, found, query) {
   await fill();
 }
 
-/** Sides of the membrane in mm, as the scene of the artifact says them; as many as cells where it does not. @param {any} found @param {Pattern} pattern */
-function size(found, pattern) {
-  const text = found.attributes.scene ?? "";
-  const side = /side: ([\d.]+) mm/.exec(text);
-  if (side) return [Number(side[1]), Number(side[1])];
-  const both = /size: \[([\d.]+) mm, ([\d.]+) mm\]/.exec(text);
-  return both ? [Number(both[1]), Number(both[2])] : [pattern.columns, pattern.rows];
+/** The rows whose patterns are most like that of a row. @param {HTMLElement} place @param {any} found @param {number} row */
+export async function neighbours(place, found, row) {
+  try {
+    const near = await json(`artifacts/${found.digest}/neighbours?row=${row}&limit=${NEAR}`);
+    const rows = near.neighbours.map((/** @type {any} */ one) => one.row);
+    const patterns = await patternsAt(found, rows);
+    const words = (/** @type {any} */ one) => (one.distance === 0 ? "the same, or an image" : `${one.distance} cells differ (${number((100 * one.distance) / near.cells, 2)} %)`);
+    const cards = near.neighbours.map((/** @type {any} */ one, /** @type {number} */ at) => card(patterns[at], rowLink(found.digest, one.row), h("div", {}, `row ${one.row}`), h("div", { class: "soft" }, words(one))));
+    replace(place, rows.length ? h("div", { class: "cards", "data-neighbours": rows.join(" ") }, cards) : h("p", { class: "soft" }, "There is no other."), near.searched < near.total ? h("p", { class: "soft small" }, `Looked for among the first ${near.searched} of ${near.total} rows.`) : null);
+  } catch (error) {
+    replace(place, problem(error));
+  }
 }
 
 /** The pattern turned by quarters, or halves where it is no square, and mirrored. @param {Pattern} pattern @param {number} k */

@@ -1,7 +1,7 @@
 // Past runs: their history, one of them, and several beside each other.
 
 import { json } from "./server.js";
-import { h, number, replace, seconds, short, table, when } from "./elements.js";
+import { h, near, number, replace, seconds, short, table, when } from "./elements.js";
 
 /** Results that a row of the history shows. */
 const RESULTS = 4;
@@ -56,7 +56,7 @@ export async function runView(view, id) {
     view,
     h("h1", {}, `Run ${run.id}`),
     h("p", {}, `${run.pipeline}, ${when(run.created)}, on ${run.host}, took ${seconds(run.seconds)}`),
-    h("p", { class: "mono soft" }, run.path),
+    h("p", { class: "mono soft" }, near(run.path)),
     h("h2", {}, "Stages"),
     table("Stages", ["stage", "outcome", "artifact"], run.stages.map(stage)),
     Object.keys(run.overrides).length ? [h("h2", {}, "Changed for this run"), table("Overrides", ["path", "value"], pairs(run.overrides))] : null,

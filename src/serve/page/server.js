@@ -2,13 +2,15 @@
 
 /** An answer that is none. */
 export class Refusal extends Error {
-  /** @param {number} status @param {{message?: string, help?: string|null, line?: number|null, column?: number|null}} error */
+  /** @param {number} status @param {{message?: string, help?: string|null, line?: number|null, column?: number|null, value?: string|null}} error */
   constructor(status, error) {
     super(error.message ?? `the server answered ${status}`);
     this.status = status;
     this.help = error.help ?? "";
     this.line = error.line ?? null;
     this.column = error.column ?? null;
+    /** The path of the value that is refused. */
+    this.value = error.value ?? null;
   }
 }
 
@@ -75,4 +77,10 @@ export async function lines(path, options, each) {
     rest = parts.pop() ?? "";
     for (const part of parts) if (part) each(JSON.parse(part));
   }
+}
+
+/** Columns by name of all rows along an axis. @param {string} digest @param {string} axis @param {string} [more] @returns {Promise<Record<string, any[]>>} */
+export async function columnsOf(digest, axis, more = "") {
+  const answer = await json(`artifacts/${digest}/rows?along=${axis}&limit=1000${more}`);
+  return Object.fromEntries(answer.columns.map((/** @type {any} */ column, /** @type {number} */ at) => [column.name, answer.rows.map((/** @type {any[]} */ row) => row[at])]));
 }

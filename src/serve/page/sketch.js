@@ -13,15 +13,18 @@ const STILL = 250;
 /** A solution that takes longer does not keep the next from being asked for. */
 const PATIENCE = 250;
 
-/** What the membrane is coloured by: the array, its name, its unit and what its numbers are divided by. */
+/** What the membrane is coloured by: the array, its name, its unit, what its numbers are divided by, and whether its colours begin at zero. */
 const COLOURINGS = {
-  displacement: ["displacement", "mm", 1],
-  stress: ["larger principal stress", "kPa", 1e3],
-  least_stress: ["smaller principal stress", "kPa", 1e3],
-  field: ["true electric field", "MV/m", 1e6],
-  tension: ["tension: taut, wrinkled, slack", "", 1],
-  electrode: ["electrodes", "", 1],
+  displacement: ["displacement", "mm", 1, true],
+  stress: ["larger principal stress", "kPa", 1e3, false],
+  least_stress: ["smaller principal stress", "kPa", 1e3, false],
+  field: ["true electric field", "MV/m", 1e6, true],
+  tension: ["tension: taut, wrinkled, slack", "", 1, true],
+  electrode: ["electrodes", "", 1, true],
 };
+
+/** The highest voltage that is simulated, V. */
+const MOST_VOLTS = 1e6;
 
 /** Settings that are compared: method, elements per cell, order. */
 const COMPARED = [["linear", 1, 1], ["chord:2", 1, 1], ["newton", 1, 1], ["newton", 2, 1], ["newton", 1, 2], ["newton", 2, 2]];
@@ -72,10 +75,14 @@ class Sketchpad {
     /** @type {{controller: AbortController, began: number, version: number}|null} */ this.flight = null;
     this.latest = -1;
     this.rate = { count: 0, since: performance.now(), told: 0 };
+    this.frame = 0;
+    this.fresh = false;
+    /** What has to be drawn with the next frame. */
+    this.stale = { pad: false, membrane: false };
     this.still = settled(() => this.refine(), STILL);
     /** @type {AbortController|null} */ this.search = null;
     this.ended = false;
-    this.redraw = () => this.draw();
+    this.redraw = () => this.soon();
     window.addEventListener("resize", this.redraw);
     this.dark = window.matchMedia("(prefers-color-scheme: dark)");
     this.dark.addEventListener("change", this.redraw);
@@ -83,6 +90,7 @@ class Sketchpad {
 
   end() {
     this.ended = true;
+    cancelAnimationFrame(this.frame);
     this.flight?.controller.abort();
     this.search?.abort();
     window.removeEventListener("resize", this.redraw);
@@ -112,19 +120,22 @@ class Sketchpad {
       h("div", { class: "panels" }, this.pointPanel(), this.improvePanel(), this.filePanel(), this.comparePanel(), this.effectsPanel()),
     );
     this.listen();
-    this.draw();
+    this.soon();
     this.changed(true);
   }
 
   sceneControls() {
     const scenes = this.scenes.map((scene) => [scene.name, scene.name]);
     this.voltageRange = h("input", { type: "range", min: "0", max: String(this.mostVoltage()), step: "10", value: String(this.voltage), id: "voltage", "aria-label": "Voltage", list: "critical" });
-    this.voltageNumber = h("input", { type: "number", min: "0", max: "1000000", step: "any", value: String(this.voltage), id: "volts", "aria-label": "Voltage in V" });
+    this.voltageNumber = numeric(String(this.voltage), "Voltage in V", { id: "volts" });
     this.criticalMark = h("option", {});
     this.criticalText = h("span", { class: "soft", id: "critical-voltage" });
+    this.voltageTrouble = h("span", { class: "error", id: "voltage-trouble", role: "alert" });
     const changed = (/** @type {string} */ text) => {
       const value = Number(text);
-      if (!Number.isFinite(value) || value < 0 || value > 1e6) return;
+      const wrong = text.trim() === "" ? "a number is wanted, in V" : !Number.isFinite(value) ? `“${text}” is no number` : value < 0 || value > MOST_VOLTS ? `allowed: 0 to ${MOST_VOLTS} V` : "";
+      said(this.voltageNumber, this.voltageTrouble, wrong);
+      if (wrong) return;
       this.voltage = value;
       this.voltageRange.value = String(value);
       if (document.activeElement !== this.voltageNumber) this.voltageNumber.value = String(value);
@@ -139,7 +150,7 @@ class Sketchpad {
       this.scene.states.length ? labelled("State", choice("state", this.scene.states.map((/** @type {string} */ name) => [name, name]), this.state ?? "", (name) => this.take({ state: name }))) : null,
       this.scene.driven_by_charge
         ? h("span", { class: "soft" }, "driven by a charge")
-        : h("span", { class: "control grow" }, h("span", {}, "Voltage"), this.voltageRange, this.voltageNumber, h("span", {}, "V"), h("datalist", { id: "critical" }, this.criticalMark), this.criticalText),
+        : h("span", { class: "control grow" }, h("span", {}, "Voltage"), this.voltageRange, this.voltageNumber, h("span", {}, "V"), h("datalist", { id: "critical" }, this.criticalMark), this.voltageTrouble, this.criticalText),
     );
   }
 
@@ -191,7 +202,7 @@ class Sketchpad {
       labelled("Colour", choice("colouring", /** @type {any} */ (options), this.colouring, (name) => this.take({ colouring: name }))),
       labelled("Shown", choice("scale", /** @type {any} */ (scales), String(this.scale), (value) => {
         this.scale = Number(value);
-        this.draw();
+        this.soon();
       })),
     );
   }
@@ -211,13 +222,18 @@ class Sketchpad {
 
   pointPanel() {
     const [width, height] = this.scene.size_mm;
-    const field = (/** @type {string} */ label, /** @type {number} */ value, /** @type {number} */ least, /** @type {number} */ most, /** @type {(value: number) => void} */ set) =>
-      labelled(label, h("input", { type: "number", step: "any", min: String(least), max: String(most), value: String(value), "aria-label": label, oninput: (/** @type {any} */ event) => {
-        const found = Number(event.target.value);
-        if (event.target.value === "" || found < least || found > most) return;
+    const field = (/** @type {string} */ label, /** @type {number} */ value, /** @type {number} */ least, /** @type {number} */ most, /** @type {(value: number) => void} */ set) => {
+      const trouble = h("span", { class: "error", role: "alert" });
+      const input = numeric(String(value), label, { oninput: () => {
+        const found = Number(input.value);
+        const wrong = input.value.trim() === "" || !Number.isFinite(found) ? "a number is wanted" : found < least || found > most ? `allowed: ${number(least)} to ${number(most)}` : "";
+        said(input, trouble, wrong);
+        if (wrong) return;
         set(found);
         this.changed(false);
-      } }));
+      } });
+      return labelled(label, input, trouble);
+    };
     this.heatNote = h("p", { class: "soft small" });
     return h(
       "section",
@@ -237,7 +253,8 @@ class Sketchpad {
 
   improvePanel() {
     this.keepArea = h("input", { type: "checkbox", name: "keep-area" });
-    this.feature = h("input", { type: "number", min: "0", step: "any", placeholder: "any", "aria-label": "Least width in mm", name: "feature" });
+    this.feature = numeric("", "Least width in mm", { name: "feature", placeholder: "any" });
+    this.featureTrouble = h("span", { class: "error", role: "alert" });
     this.start = h("button", { type: "button", class: "main", onclick: () => this.improve(), id: "improve" }, "Improve");
     this.stop = h("button", { type: "button", disabled: true, onclick: () => this.search?.abort(), id: "stop" }, "Stop");
     this.course = h("div", {});
@@ -247,7 +264,7 @@ class Sketchpad {
       { class: "panel" },
       h("h2", {}, "Improve"),
       h("p", { class: "soft small" }, "Follows the gradient of the point’s displacement with Newton’s method on biquadratic elements, and shows each pattern that it reaches."),
-      h("div", { class: "tools" }, h("label", { class: "toggle" }, this.keepArea, "keep the area"), labelled("least width, mm", this.feature)),
+      h("div", { class: "tools" }, h("label", { class: "toggle" }, this.keepArea, "keep the area"), labelled("least width, mm", this.feature, this.featureTrouble)),
       h("div", { class: "tools" }, this.start, this.stop),
       this.course,
       this.bestBox,
@@ -321,8 +338,15 @@ class Sketchpad {
       await saveAs(format, { scene: this.scene.name, pattern: this.pattern.asRows() }, name);
       if (!["csv", "npy", "png"].includes(format)) return;
       const text = `  ${name}: { kind: patterns, files: [${name}.${format}] }\n  ${name}-solved: { kind: solve, needs: [${name}], elements_per_cell: ${this.elements}, order: ${this.order} }\n`;
-      replace(this.saved, h("p", { class: "small" }, `Put ${name}.${format} beside a pipeline with this scene, and these stages into it:`), copyable(text));
+      replace(this.saved, h("p", { class: "small" }, `Put ${name}.${format} beside a pipeline with this scene, and these stages into it:`), copyable(text), this.otherVoltage());
     });
+  }
+
+  /** What has to be said where the pattern was drawn at another voltage than the scene's, which a pipeline would take. */
+  otherVoltage() {
+    if (this.scene.driven_by_charge || this.voltage === this.scene.voltage) return null;
+    const set = `--set scene.drive.voltage="${this.voltage} V"`;
+    return h("p", { class: "small" }, `The scene is at ${number(this.scene.voltage, 6)} V, and this was drawn at ${number(this.voltage, 6)} V: change it there, or run with `, h("code", {}, set), ".");
   }
 
   /** @param {{scene?: string}} first */
@@ -377,7 +401,7 @@ class Sketchpad {
     canvas.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => this.key(event));
     canvas.addEventListener("blur", () => {
       this.showCursor = false;
-      this.draw();
+      this.soon();
     });
   }
 
@@ -422,7 +446,7 @@ class Sketchpad {
     else return;
     event.preventDefault();
     this.showCursor = true;
-    this.draw();
+    this.soon();
   }
 
   /** @param {string} name */
@@ -500,10 +524,10 @@ class Sketchpad {
   changed(drawn) {
     this.version += 1;
     this.results.dataset.settled = "false";
-    if (drawn) this.draw();
-    this.area.textContent = `area ${number(100 * this.pattern.area, 4)} %`;
     this.still();
     this.next();
+    // The membrane follows with its answer.
+    this.soon(true, drawn && !this.shown?.arrays.displacement);
   }
 
   /** Asks for the latest: one request at a time, and a slow one is given up for it. */
@@ -544,8 +568,8 @@ class Sketchpad {
       this.latest = flight.version;
       const kept = quick && this.shown ? { critical_voltage: null, error: null } : {};
       this.shown = { pattern, document: { ...document, ...kept }, arrays, quick, took: performance.now() - flight.began };
-      this.count();
-      this.show();
+      this.fresh = true;
+      this.soon(this.heat, true);
     } catch (error) {
       if (/** @type {any} */ (error).name === "AbortError" || this.ended) return;
       replace(this.notice, problem(error));
@@ -557,7 +581,25 @@ class Sketchpad {
     }
   }
 
-  /** Updates a second, over the last half of a second. */
+  /** Draws with the next frame of the screen, once, whatever has changed until then: the server works meanwhile. */
+  soon(pad = true, membrane = true) {
+    this.stale.pad ||= pad;
+    this.stale.membrane ||= membrane;
+    if (this.frame || this.ended) return;
+    this.frame = requestAnimationFrame(() => {
+      this.frame = 0;
+      if (this.ended) return;
+      this.area.textContent = `area ${number(100 * this.pattern.area, 4)} %`;
+      if (this.fresh) {
+        this.fresh = false;
+        this.count();
+        this.show();
+      }
+      this.draw();
+    });
+  }
+
+  /** Updates of the membrane a second, over the last half of a second. */
   count() {
     const now = performance.now();
     this.rate.count += 1;
@@ -572,7 +614,7 @@ class Sketchpad {
       this.critical = found.critical_voltage;
       this.voltageRange.max = String(Math.max(this.mostVoltage(), this.voltage));
       this.criticalMark.value = this.critical === null ? "" : String(this.critical);
-      this.criticalText.textContent = this.critical === null ? "no loss of stability was found" : `stability is lost at ${number(this.critical, 5)} V`;
+      this.criticalText.textContent = this.critical === null ? "no loss of stability was found" : `stability is lost at ${number(this.critical, 5)} V${found.critical_voltage_error ? ` ± ${number(found.critical_voltage_error, 1)} V` : ""}`;
     }
     const entry = (/** @type {string} */ name, /** @type {string} */ title, /** @type {string} */ text, /** @type {string} */ unit, /** @type {number|null} */ exact = null) => [
       h("dt", {}, title),
@@ -593,11 +635,16 @@ class Sketchpad {
       replace(this.notice, h("div", { class: "box", role: "alert" }, h("b", {}, `No stable state at ${number(found.voltage, 6)} V: ${found.outcome}`), h("p", {}, why)));
     } else replace(this.notice);
     this.timing.textContent = `${this.rate.told ? `${number(this.rate.told, 2)} updates a second, ` : ""}${number(took, 3)} ms from pen to membrane`;
-    this.draw();
   }
 
   draw() {
-    const { columns, rows } = this.pattern;
+    const { pad, membrane } = this.stale;
+    this.stale = { pad: false, membrane: false };
+    if (pad) this.drawPad();
+    if (membrane) this.drawMembrane();
+  }
+
+  drawPad() {
     const { size_mm: size, parts } = this.scene;
     const sensitivity = this.heat ? this.shown?.arrays.sensitivity?.data : null;
     this.heatNote.textContent = this.heat
@@ -614,17 +661,23 @@ class Sketchpad {
       point: [this.point[0] / size[0], this.point[1] / size[1]],
       direction: this.direction,
     });
+  }
+
+  drawMembrane() {
+    const { columns, rows } = this.pattern;
+    const { size_mm: size, parts } = this.scene;
     const shown = this.shown;
     const displacement = /** @type {Float32Array|null} */ (shown?.arrays.displacement?.data ?? null);
     const pattern = displacement ? shown.pattern : this.pattern;
     /** @type {ArrayLike<number>|null} */ let values = null;
     if (displacement && this.colouring === "displacement") values = magnitudes(displacement, columns, rows);
     else if (displacement && this.colouring !== "electrode") values = shown.arrays[this.colouring]?.data ?? null;
-    drawMembrane(this.membrane, pattern, displacement, { size, scale: this.scale, values, parts });
-    const [name, unit, factor] = /** @type {any} */ (COLOURINGS)[this.colouring];
+    const [name, unit, factor, fromZero] = /** @type {any} */ (COLOURINGS)[this.colouring];
+    const [least, high] = values ? range(values) : [0, 0];
+    const low = fromZero ? Math.min(0, least) : least;
+    drawMembrane(this.membrane, pattern, displacement, { size, scale: this.scale, values, parts, low, high });
     if (values) {
       drawBar(this.bar, false);
-      const [low, high] = range(values);
       this.legend.textContent = `${name}: ${number(low / factor, 3)} to ${number(high / factor, 3)} ${unit}`;
     } else this.legend.textContent = this.colouring === "electrode" || !shown || displacement ? "electrodes" : "no state to be shown: the membrane at rest";
     this.bar.hidden = !values;
@@ -675,12 +728,15 @@ class Sketchpad {
 
   async improve() {
     if (this.search) return;
+    const width = Number(this.feature.value);
+    const wrong = Number.isFinite(width) && width >= 0 ? "" : "a length in mm is wanted, or nothing";
+    said(this.feature, this.featureTrouble, wrong);
+    if (wrong) return;
     this.search = new AbortController();
     this.start.disabled = true;
     this.stop.disabled = false;
     const before = this.pattern.copy();
     /** @type {number[]} */ const values = [];
-    const width = Number(this.feature.value);
     const body = {
       ...this.body(true),
       fields: [],
@@ -719,6 +775,18 @@ class Sketchpad {
     replace(this.bestBox, canvas, h("div", {}, h("p", {}, `Best found: ${number(best.value, 5)} mm`), h("button", { type: "button", onclick: () => this.become(best.pattern) }, "Show it")));
     drawPattern(canvas, best.pattern);
   }
+}
+
+/** A field for a number: one of the type `number` would say nothing of a text that is none. @param {string} value @param {string} label @param {Record<string, any>} more */
+function numeric(value, label, more) {
+  return h("input", { type: "text", inputmode: "decimal", autocomplete: "off", value, "aria-label": label, ...more });
+}
+
+/** Says what is wrong beside a field; nothing where nothing is. @param {any} input @param {HTMLElement} place @param {string} wrong */
+function said(input, place, wrong) {
+  place.textContent = wrong;
+  if (wrong) input.setAttribute("aria-invalid", "true");
+  else input.removeAttribute("aria-invalid");
 }
 
 /** What was drawn last stays in this browser. @param {any} scene */

@@ -1,5 +1,6 @@
 //! What a drawn pattern does: numbers, and fields where they are asked for.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Value, json};
@@ -15,6 +16,9 @@ use crate::serve::state::ServedState;
 
 /// What can be told of each corner or cell.
 const FIELDS: [&str; 5] = ["displacement", "stress", "field", "tension", "sensitivity"];
+
+/// The voltage in V from which the limit is looked for: it moves nothing that could be seen, and keeps the ratios of several groups.
+const NEARLY_REST: f64 = 1.0;
 
 /// Simulates a pattern.
 ///
@@ -35,7 +39,9 @@ pub fn solve(state: &ServedState, request: &Request) -> Result<Answer, Refusal> 
     let solved = Solved::new(&setting, &bench, &pattern)?;
     let mut document = solved.document(&setting, &pattern, goal.as_ref());
     if !drawn.quick {
-        document["critical_voltage"] = json!(solved.critical_voltage(&bench, &pattern)?);
+        let critical = critical_voltage(state, &setting, &bench, &pattern)?;
+        document["critical_voltage"] = json!(critical.map(|[stable, unstable]| 0.5 * (stable + unstable)));
+        document["critical_voltage_error"] = json!(critical.map(|[stable, unstable]| 0.5 * (unstable - stable)));
         document["error"] = json!(solved.error(state, &setting, &pattern)?);
     }
     if drawn.fields.is_empty() {
@@ -77,6 +83,37 @@ pub fn solve(state: &ServedState, request: &Request) -> Result<Answer, Refusal> 
     Ok(Answer::frame(frame(document, &arrays)))
 }
 
+/// The voltages in V between which stability is lost on the mesh, from rest on: they are those of the pattern, whatever voltage is asked for.
+/// `None` where that is not found, or an estimate says nothing of it.
+fn critical_voltage(
+    state: &ServedState,
+    setting: &Setting,
+    bench: &Bench,
+    pattern: &Pattern,
+) -> Result<Option<[f64; 2]>, Refusal> {
+    if setting.method != Method::Newton || bench.scene.drive.charge.is_some() || pattern.active_cells() == 0 {
+        return Ok(None);
+    }
+    // With the effects as they are: what screening makes of another voltage is another model.
+    let scene = bench
+        .scene
+        .at_voltage(NEARLY_REST)
+        .with_effects(bench.scene.effects.clone());
+    let setting = Setting {
+        scene,
+        ..setting.clone()
+    };
+    let key = (setting, pattern.clone());
+    if let Some(known) = state.limits.get(&key) {
+        return Ok(*known);
+    }
+    let bench = state.benches.solver(&key.0)?;
+    let solver = bench.solver.on_one_mesh()?;
+    let found = solver.stability(pattern, &solver.solve(pattern)).critical;
+    state.limits.put(key, &Arc::new(found));
+    Ok(found)
+}
+
 /// A solution.
 struct Solved {
     simulation: Simulation,
@@ -115,6 +152,7 @@ impl Solved {
             "max_displacement": field.map(Field::max_magnitude),
             "value": goal.and_then(value),
             "critical_voltage": null,
+            "critical_voltage_error": null,
             "error": null,
             "seconds": self.seconds,
             "bracket": simulation.outcome.bracket(),
@@ -125,18 +163,6 @@ impl Solved {
             "area": pattern.area_fraction(),
             "newton_iterations": simulation.newton_iterations,
         })
-    }
-
-    /// The voltage in V at which stability is lost on the mesh; `None` where that is not found, or an estimate says nothing of it.
-    fn critical_voltage(&self, bench: &Bench, pattern: &Pattern) -> Result<Option<f64>, SetupError> {
-        let Some(whole) = self.whole.as_ref().filter(|_| bench.scene.drive.charge.is_none()) else {
-            return Ok(None);
-        };
-        if pattern.active_cells() == 0 {
-            return Ok(None);
-        }
-        let report = bench.solver.on_one_mesh()?.stability(pattern, whole);
-        Ok(report.critical.map(|[stable, unstable]| 0.5 * (stable + unstable)))
     }
 
     /// The largest difference in mm, over the cell corners, from Newton's method on a finer mesh; `None` where one of them has no field.

@@ -1,0 +1,109 @@
+// The stages of a pipeline and what they need: drawn where the report draws them, and as a list where a screen is narrow.
+
+import { h, seconds, svg } from "./elements.js";
+
+/** Width of a stage, and of the room between two layers. */
+const WIDTH = 176;
+const BETWEEN = 44;
+
+/** How small the drawing may become before it scrolls. */
+const SMALLEST = 0.72;
+
+/** Letters that fit. */
+const NAME = 20;
+const LINE = 27;
+
+/** @param {string} text @param {number} most */
+function cut(text, most) {
+  return text.length > most ? `${text.slice(0, most - 1)}…` : text;
+}
+
+/** @param {any} stage @param {Record<string, any>} working @returns {[string, string]} the class and the words of how it stands */
+export function state(stage, working) {
+  const now = working[stage.name];
+  if (now) return ["running", `building: ${now.text}`];
+  if (stage.outcome !== "stale") return ["fresh", "fresh"];
+  return ["stale", `to build${stage.price ? `, ${seconds(stage.price.seconds.likely)}` : ""}`];
+}
+
+/**
+ * How far a stage under way has come: its own steps where they are told, else chunks that are there, else the time against what was foretold.
+ * @param {any} stage @param {any} now @returns {number|null}
+ */
+export function share(stage, now) {
+  if (now.share !== null) return now.share;
+  const chunks = stage.chunks_built + stage.chunks_reused;
+  if (chunks > 1) return stage.chunks_reused / chunks;
+  const foretold = stage.price?.seconds.likely;
+  return foretold && now.since ? Math.min(0.99, (Date.now() - Date.parse(now.since)) / 1000 / foretold) : null;
+}
+
+/** @param {any} stage @param {any} now */
+export function progress(stage, now) {
+  const part = share(stage, now);
+  return h("progress", { max: "1", value: part ?? undefined, "aria-label": `${stage.name}: how far it has come`, title: part === null ? now.text : `${Math.round(100 * part)} %` });
+}
+
+/**
+ * @param {any[]} stages @param {any} layout as the server places them @param {Record<string, any>} working
+ */
+export function drawing(stages, layout, working) {
+  const high = layout.stage_height;
+  const left = (/** @type {number} */ layer) => layer * (WIDTH + BETWEEN);
+  const width = Math.max(left(layout.layers) - BETWEEN, WIDTH) + 4;
+  const height = Math.max(layout.height, high) + 4;
+  const line = (/** @type {any} */ one) => {
+    const path = one.places.slice(1).map((/** @type {[number, number]} */ [layer, y], /** @type {number} */ k) => {
+      const [before, from] = one.places[k];
+      const [x, right, half] = [left(before) + WIDTH, left(layer), BETWEEN / 2];
+      return `${k === 0 ? `M${x} ${from}` : `H${x}`}C${x + half} ${from} ${right - half} ${y} ${right} ${y}`;
+    });
+    return svg("path", { d: path.join(""), class: one.gate ? "gate" : null });
+  };
+  const box = (/** @type {any} */ stage) => {
+    const place = layout.stages[stage.name];
+    if (!place) return null;
+    const [kind, words] = state(stage, working);
+    const part = working[stage.name] ? share(stage, working[stage.name]) : null;
+    return svg(
+      "g",
+      { class: kind, transform: `translate(${left(place[0])} ${place[1] - high / 2})` },
+      svg("title", {}, [stage.name, stage.kind, words, ...stage.reasons].join("\n")),
+      svg("rect", { width: WIDTH, height: high, rx: 6 }),
+      svg("rect", { class: "stripe", width: 5, height: high, rx: 2 }),
+      svg("text", { class: "name", x: 13, y: 21 }, cut(stage.name, NAME)),
+      svg("text", { x: 13, y: 39 }, cut(stage.kind, LINE)),
+      svg("text", { x: 13, y: 56 }, cut(words, LINE)),
+      part === null ? null : svg("rect", { class: "done", x: 5, y: high - 4, width: (WIDTH - 5) * part, height: 4 }),
+    );
+  };
+  const names = stages.map((stage) => stage.name).join(", ");
+  const made = svg("svg", { class: "dag", role: "img", "aria-label": `Pipeline of ${stages.length} stages: ${names}`, viewBox: `-2 -2 ${width} ${height}` }, layout.lines.map(line), stages.map(box));
+  // It becomes smaller with the screen, and then scrolls.
+  made.style.minWidth = `${SMALLEST * width}px`;
+  made.style.maxWidth = `${width}px`;
+  return made;
+}
+
+/**
+ * The same from above to below, for narrow screens.
+ * @param {any[]} stages @param {Record<string, {needs: string[], gates: string[]}>} needs @param {Record<string, any>} working @param {(stage: any) => any} more
+ */
+export function list(stages, needs, working, more) {
+  const item = (/** @type {any} */ stage) => {
+    const [kind, words] = state(stage, working);
+    const { needs: read = [], gates = [] } = needs[stage.name] ?? {};
+    const before = [...read, ...gates.map((name) => `${name} (waits for)`)];
+    return h(
+      "li",
+      { class: `stage ${kind}` },
+      h("div", {}, h("b", {}, stage.name), " ", h("span", { class: "soft" }, stage.kind)),
+      h("div", { class: kind }, words),
+      working[stage.name] ? progress(stage, working[stage.name]) : null,
+      before.length ? h("div", { class: "soft small" }, `from ${before.join(", ")}`) : null,
+      stage.reasons.map((/** @type {string} */ reason) => h("div", { class: "small" }, reason)),
+      more(stage),
+    );
+  };
+  return h("ol", { class: "stages", "aria-label": "Stages" }, stages.map(item));
+}

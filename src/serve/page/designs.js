@@ -1,0 +1,62 @@
+// Designs: each target with its patterns beside the optimum, and masks to download.
+
+import { columnsOf } from "./server.js";
+import { h, number, problem, replace } from "./elements.js";
+import { card, patternsAt, rowLink } from "./pictures.js";
+import { saveAs } from "./files.js";
+
+const FORMATS = ["svg", "dxf", "gbr", "png", "csv"];
+
+/** The role against which others are measured: the best that gradients find. */
+const REFERENCE = "optimum";
+
+/** @param {HTMLElement} place @param {any} found */
+export async function designs(place, found) {
+  const rows = await columnsOf(found.digest, "row");
+  const values = await valuesOf(found, rows);
+  const count = rows.name.length;
+  const patterns = await patternsAt(found, Array.from({ length: count }, (_, at) => at));
+  const trouble = h("div", {});
+  const keep = async (/** @type {string} */ format, /** @type {number} */ row) => {
+    try {
+      replace(trouble);
+      const name = `${rows.name[row]}-${rows.role[row]}`.replace(/[^A-Za-z0-9_-]/g, "_");
+      await saveAs(format, { ...(found.attributes.scene ? { scene: found.attributes.scene } : {}), pattern: patterns[row].asRows(), smooth: true }, name);
+    } catch (error) {
+      replace(trouble, problem(error));
+    }
+  };
+  const target = (/** @type {string} */ name) => {
+    const own = rows.name.map((_, at) => at).filter((at) => rows.name[at] === name);
+    const optimum = own.filter((at) => rows.role[at] === REFERENCE && values[at] !== null).sort((a, b) => /** @type {number} */ (values[b]) - /** @type {number} */ (values[a]))[0];
+    const order = own.slice().sort((a, b) => (values[b] ?? -Infinity) - (values[a] ?? -Infinity));
+    const one = (/** @type {number} */ at) => {
+      const share = optimum === undefined || values[at] === null ? null : /** @type {number} */ (values[at]) / /** @type {number} */ (values[optimum]);
+      const outcome = rows.outcome?.[at];
+      return h(
+        "div",
+        {},
+        card(
+          patterns[at] ?? null,
+          rowLink(found.digest, at),
+          h("div", {}, h("b", {}, rows.role[at]), rows.member?.[at] ? ` ${rows.member[at] + 1}` : ""),
+          h("div", {}, values[at] === null ? outcome ?? "no value" : `${number(values[at], 5)} mm`, share === null || at === optimum ? null : `, ${number(100 * share, 4)} % of the optimum`),
+          h("div", { class: "soft" }, [`area ${number(100 * rows.area[at], 3)} %`, rows.case[at]].filter(Boolean).join(", ")),
+        ),
+        h("div", { class: "tools tight", role: "group", "aria-label": `Mask of ${rows.role[at]}` }, FORMATS.map((format) => h("button", { type: "button", class: "slim", "data-mask": format, onclick: () => void keep(format, at) }, format))),
+      );
+    };
+    return h("section", {}, h("h2", {}, name || "the target"), rows.objective ? h("p", { class: "soft small" }, rows.objective[own[0]]) : null, h("div", { class: "cards large" }, order.map(one)));
+  };
+  const what = found.kind === "verify" ? "Displacements along the wanted direction as they were simulated." : "Displacements along the wanted direction as the search judged them; a verify stage simulates them.";
+  replace(place, h("p", { class: "soft" }, what, " The buttons save masks at the size of the prestretched membrane."), trouble, [...new Set(rows.name)].map(target));
+}
+
+/** The value of each row in mm; null where it has no field. @param {any} found @param {Record<string, any[]>} rows @returns {Promise<(number|null)[]>} */
+async function valuesOf(found, rows) {
+  if (found.kind !== "verify") return rows.value_mm;
+  // Simulated values stand for the patterns with a field alone, in their order.
+  const { "component/simulated_mm": simulated = [] } = await columnsOf(found.digest, "simulated_row");
+  let next = 0;
+  return rows.outcome.map((outcome) => (["converged", "estimated"].includes(outcome) ? simulated[next++] ?? null : null));
+}

@@ -1,0 +1,127 @@
+// Models: their errors by family, the patterns that they predict worst, and what tells why.
+
+import { columnsOf, json } from "./server.js";
+import { h, number, problem, replace, short, table } from "./elements.js";
+import { card, patternsAt, rowLink } from "./pictures.js";
+
+/** Patterns that are shown of each predictor. */
+const WORST = 8;
+
+/** Evaluations that are looked through for those of a model. */
+const MOST = 20;
+
+/** A trained network: how it errs on its own set, and where it was evaluated. @param {HTMLElement} place @param {any} found */
+export async function model(place, found) {
+  const metrics = await columnsOf(found.digest, "metric");
+  const splits = [...new Set(metrics["metrics/split"])];
+  const families = [...new Set(metrics["metrics/family"])];
+  const value = (/** @type {string} */ name, /** @type {string} */ family, /** @type {string} */ split) => metrics[`metrics/${name}`]?.[metrics["metrics/family"].findIndex((own, at) => own === family && metrics["metrics/split"][at] === split)];
+  const rows = families.map((family) => [family, ...splits.flatMap((split) => [number(value("rmse_mm", family, split), 3), number(value("max_error_mm", family, split), 3)])]);
+  const heads = splits.flatMap((split) => [{ title: `${split}: RMS error, mm`, number: true }, { title: `${split}: largest, mm`, number: true }]);
+  const elsewhere = h("div", {}, h("p", { class: "soft" }, "Looking for evaluations …"));
+  replace(place, h("h2", {}, "Errors by family, of a component"), table("Errors by family", ["family", ...heads], rows), elsewhere);
+  const { artifacts } = await json(`artifacts?kind=evaluate&limit=${MOST}`);
+  /** @type {any[]} */ const evaluations = [];
+  for (const one of artifacts) {
+    const other = await json(`artifacts/${one.digest}`);
+    const own = other.ancestry.find((/** @type {any} */ ancestor) => ancestor.digest === other.digest);
+    if (own?.inputs.includes(found.digest)) evaluations.push({ ...other, stage: one.stage });
+  }
+  if (!evaluations.length) {
+    replace(elsewhere, h("p", { class: "soft" }, "No evaluation of this model is among what the last runs made; an ", h("code", {}, "evaluate"), " stage finds its worst patterns."));
+    return;
+  }
+  const sections = evaluations.map((other) => ({ other, box: h("div", {}) }));
+  replace(elsewhere, sections.map(({ other, box }) => h("section", {}, h("h2", {}, `Evaluated by ${other.stage} `, short(other.digest)), box)));
+  for (const { other, box } of sections) await evaluation(box, other, found.digest);
+}
+
+/** An evaluation: errors by family, and the worst patterns of each predictor. @param {HTMLElement} place @param {any} found @param {string} [only] the digest of the one predictor that is shown */
+export async function evaluation(place, found, only = "") {
+  const predictors = await columnsOf(found.digest, "predictors");
+  const families = (await columnsOf(found.digest, "families")).families;
+  const scores = await columnsOf(found.digest, "predictors");
+  const shown = predictors.predictors.map((/** @type {string} */ name, /** @type {number} */ at) => ({ name, at, digest: predictors.predictor_digests[at] })).filter((/** @type {any} */ one) => !only || one.digest === only);
+  const named = (/** @type {any} */ one) => h("span", {}, one.name, one.digest ? [" ", short(one.digest)] : null);
+  const cells = (/** @type {any} */ one) => families.map((/** @type {string} */ _, /** @type {number} */ family) => number(scores[`score/rmse.${family}_mm`]?.[one.at], 3));
+  const sections = shown.map((/** @type {any} */ one) => ({ one, box: h("div", {}, h("p", { class: "soft" }, "Reading …")) }));
+  replace(
+    place,
+    h("p", { class: "soft" }, "Root mean square error of a component, in mm, by family."),
+    table("Errors by family", ["", ...families.map((/** @type {string} */ family) => ({ title: family, number: true }))], shown.map((/** @type {any} */ one) => [named(one), ...cells(one)])),
+    sections.map(({ one, box }) => h("section", {}, h("h3", {}, "Worst patterns of ", named(one)), box)),
+  );
+  for (const { one, box } of sections) {
+    try {
+      await worst(box, found, one, families, scores);
+    } catch (error) {
+      replace(box, problem(error));
+    }
+  }
+}
+
+/** @param {HTMLElement} box @param {any} found @param {any} predictor @param {string[]} families @param {Record<string, any[]>} scores */
+async function worst(box, found, predictor, families, scores) {
+  const error = `pattern/max_error.${predictor.at}_mm`;
+  const answer = await json(`artifacts/${found.digest}/rows?along=row&limit=${WORST}&sort=-${encodeURIComponent(error)}`);
+  const at = (/** @type {string} */ name) => answer.columns.findIndex((/** @type {any} */ column) => column.name === name);
+  const places = Object.fromEntries(["pattern/family", "pattern/area", "pattern/simulated_max_mm", "set", "set_row"].map((name) => [name, at(name)]));
+  const [worstAt, rmsAt, predictedAt] = [at(error), at(`pattern/rms.${predictor.at}_mm`), at(`pattern/predicted_max.${predictor.at}_mm`)];
+  if (worstAt < 0) throw new Error("the evaluation holds no errors of patterns");
+  const known = places.set >= 0;
+  /** @type {Map<string, any>} */ const sets = new Map();
+  if (known) {
+    for (const digest of new Set(answer.rows.map((/** @type {any[]} */ row) => row[places.set]))) sets.set(/** @type {string} */ (digest), await json(`artifacts/${digest}`));
+  }
+  const training = predictor.digest ? await trainedOn(predictor.digest) : null;
+  /** @type {(() => HTMLElement)[]} */ const cards = [];
+  for (const row of answer.rows) {
+    const of = (/** @type {string} */ name) => row[places[name]];
+    const set = known ? sets.get(of("set")) : null;
+    const [pattern] = set ? await patternsAt(set, [of("set_row")]) : [null];
+    const family = of("pattern/family");
+    const column = families.indexOf(family);
+    const usual = scores[`score/rmse.${column}_mm`]?.[predictor.at];
+    const learned = scores[`trained.${column}`]?.[predictor.at];
+    const near = training && set ? await nearest(training, set.digest, of("set_row")) : null;
+    const why = [
+      predictor.digest && learned === 0 ? "it has learned from no pattern of this family" : "",
+      usual > 0 && row[rmsAt] > 2 * usual ? `RMS error ${number(row[rmsAt] / usual, 2)} times that of its family` : "",
+    ].filter(Boolean);
+    // Drawn when all are there: a picture is as wide as its place.
+    cards.push(() =>
+      card(
+        pattern,
+        set ? rowLink(set.digest, of("set_row")) : null,
+        h("div", {}, h("b", {}, `error ${number(row[worstAt], 3)} mm`)),
+        h("div", {}, `${family}, area ${number(100 * of("pattern/area"), 3)} %`),
+        h("div", {}, `largest: ${number(of("pattern/simulated_max_mm"), 4)} mm, predicted ${number(row[predictedAt], 4)} mm`),
+        why.map((words) => h("div", { class: "warning" }, words)),
+        near ? h("div", {}, `its nearest pattern in training differs in ${number((100 * near.distance) / near.cells, 3)} % of the cells`) : null,
+      ),
+    );
+  }
+  replace(box, h("div", { class: "cards large", "data-worst": predictor.name }, cards.map((made) => made())), known ? null : h("p", { class: "soft" }, "The sets that were judged by are not in the store, so there are no pictures."));
+}
+
+/** The set that a model was trained on; null where that is not in the store. @param {string} digest */
+async function trainedOn(digest) {
+  try {
+    const found = await json(`artifacts/${digest}`);
+    const own = found.ancestry.find((/** @type {any} */ one) => one.digest === found.digest);
+    const set = found.ancestry.find((/** @type {any} */ one) => own.inputs.includes(one.digest) && one.kind === "balance");
+    return set?.digest ?? null;
+  } catch {
+    return null;
+  }
+}
+
+/** @param {string} training @param {string} set @param {number} row @returns {Promise<{distance: number, cells: number}|null>} */
+async function nearest(training, set, row) {
+  try {
+    const found = await json(`artifacts/${training}/neighbours?row=${row}&of=${set}&limit=1`);
+    return found.neighbours.length ? { distance: found.neighbours[0].distance, cells: found.cells } : null;
+  } catch {
+    return null;
+  }
+}

@@ -1,0 +1,62 @@
+// Pictures of rows of artifacts: patterns, and fields where there are such.
+
+import { frame } from "./server.js";
+import { h } from "./elements.js";
+import { drawMembrane, drawPattern, magnitudes } from "./membrane.js";
+import { Pattern } from "./pattern.js";
+
+/** Arrays of patterns, and of fields, by their rows' axis. @param {any} found @param {string} axis */
+export function drawn(found, axis) {
+  const of = (/** @type {(axes: string[]) => boolean} */ fits) => found.datasets.find((/** @type {any} */ one) => one.axes[0] === axis && fits(one.axes.slice(1)));
+  return {
+    patterns: of((axes) => axes.length === 2 && axes.every((name) => name === "y" || name === "x")),
+    field: of((axes) => axes.length === 3 && axes[2] === "xy" && axes.every((name) => name !== "time")),
+  };
+}
+
+/** The array of patterns of an artifact, whatever its rows are called. @param {any} found */
+export function patternsOf(found) {
+  return found.datasets.find((/** @type {any} */ one) => one.axes.length === 3 && one.axes[1] === "y" && one.axes[2] === "x");
+}
+
+/** Patterns of some rows. @param {any} found @param {number[]} rows @returns {Promise<Pattern[]>} */
+export async function patternsAt(found, rows) {
+  const array = patternsOf(found);
+  if (!array || !rows.length) return [];
+  const { arrays } = await frame(`artifacts/${found.digest}/arrays?paths=${encodeURIComponent(array.path)}&rows=${rows.join(",")}`);
+  const { shape, data } = arrays[array.path];
+  const cells = shape[1] * shape[2];
+  return rows.map((_, at) => new Pattern(shape[2], shape[1], Uint8Array.from(data.slice(at * cells, (at + 1) * cells))));
+}
+
+/** Sides of the membrane in mm, as the scene of the artifact says them; as many as cells where it does not. @param {any} found @param {Pattern} pattern @returns {[number, number]} */
+export function size(found, pattern) {
+  const text = found.attributes.scene ?? "";
+  const side = /side: ([\d.]+) mm/.exec(text);
+  if (side) return [Number(side[1]), Number(side[1])];
+  const both = /size: \[([\d.]+) mm, ([\d.]+) mm\]/.exec(text);
+  return both ? [Number(both[1]), Number(both[2])] : [pattern.columns, pattern.rows];
+}
+
+/** @param {HTMLCanvasElement} canvas @param {any} found @param {Pattern} pattern @param {Float32Array} displacement */
+export function drawField(canvas, found, pattern, displacement) {
+  const values = magnitudes(displacement, pattern.columns, pattern.rows);
+  drawMembrane(canvas, pattern, displacement, { size: size(found, pattern), scale: 2, values, low: 0, high: Math.max(...values) });
+}
+
+/**
+ * A card with a pattern, which leads somewhere.
+ * @param {Pattern|null} pattern @param {string|null} href @param {any[]} words
+ */
+export function card(pattern, href, ...words) {
+  const canvas = h("canvas", { "aria-hidden": "true" });
+  const made = href ? h("a", { class: "card", href }, canvas, words) : h("div", { class: "card" }, canvas, words);
+  // It is as wide as its place, which is known once it has one.
+  if (pattern) requestAnimationFrame(() => drawPattern(canvas, pattern));
+  return made;
+}
+
+/** The link to one row. @param {string} digest @param {number} row */
+export function rowLink(digest, row) {
+  return `#/artifacts/${digest}?tab=rows&row=${row}`;
+}

@@ -1,0 +1,400 @@
+//! Answers of routes beyond those of commands: what is refused at start, limits, changed values, neighbours, and news.
+
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpStream;
+use std::process::{Child, Stdio};
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use super::super::common::{SHORT, Workspace, scene_file};
+use super::server::{Reply, Server};
+use super::{disc, rows, with_scene};
+
+#[test]
+fn what_is_named_must_be_there_and_be_read() {
+    let workspace = with_scene();
+    workspace.write("bad.yaml", "version: 1\nname: [\n");
+    workspace.write("wrong.yaml", &SHORT.replace("count: 60", "cuont: 60"));
+    for (arguments, told) in [
+        (&["serve", "nope.yaml"][..], "nope.yaml"),
+        (&["serve", "bad.yaml"], "bad.yaml:"),
+        (&["serve", "wrong.yaml"], "did you mean `count`"),
+        (&["serve", "scene.yaml"], "scene.yaml:"),
+        (&["sketch", "nope.yaml"], "nope.yaml"),
+        (&["sketch", "bad.yaml"], "bad.yaml:"),
+    ] {
+        let ended = workspace.run(arguments);
+        assert_eq!(ended.code, Some(2), "{arguments:?}: {}", ended.stderr);
+        assert!(ended.stderr.contains(told), "{arguments:?}: {}", ended.stderr);
+        assert_eq!(ended.stdout, "", "{arguments:?}");
+    }
+}
+
+#[test]
+fn the_critical_voltage_is_that_of_the_pattern_whatever_voltage_is_asked_for() {
+    let workspace = with_scene();
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    let at = |voltage: &str| {
+        let body = json!({ "pattern": rows(disc), "voltage": voltage, "elements_per_cell": 1 });
+        let found = server.post("/api/sketch", &body).json();
+        let number = |key: &str| found[key].as_f64().unwrap_or_else(|| panic!("{voltage}: {found}"));
+        (number("critical_voltage"), number("critical_voltage_error"), found)
+    };
+    let (limit, error, _) = at("5 kV");
+    assert!(error > 0.0 && error < 1e-3 * limit, "{error} of {limit}");
+    for voltage in ["0 V", "1 kV", "5.9 kV"] {
+        assert_eq!(at(voltage).0, limit, "{voltage}");
+    }
+    // It is where a solution is lost, to what either is known.
+    let (same, _, lost) = at("9 kV");
+    assert_eq!(same, limit);
+    let bracket = [0, 1].map(|end| lost["bracket"][end].as_f64().unwrap());
+    assert!(
+        bracket[0] < limit + 2.0 * error && bracket[1] > limit - 2.0 * error,
+        "{bracket:?} and {limit}"
+    );
+}
+
+#[test]
+fn every_value_that_is_listed_can_be_set_as_it_is_written() {
+    let workspace = Workspace::small();
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines");
+    let [quickstart, cases] = ["quickstart.yaml", "cases.yaml"].map(|name| folder.join(name).display().to_string());
+    let server = Server::start(&workspace, &["serve", "small.yaml", &quickstart, &cases]);
+    let fresh = |found: &Value| {
+        found["stages"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|stage| stage["digest"].clone())
+            .collect::<Vec<_>>()
+    };
+    for id in 0..3 {
+        let found = server.get(&format!("/api/pipelines/{id}")).json();
+        let values = found["values"].as_array().unwrap();
+        assert!(values.len() > 10, "{values:?}");
+        let layout = &found["layout"];
+        let needs: usize = found["needs"]
+            .as_object()
+            .unwrap()
+            .values()
+            .map(|of| of["needs"].as_array().unwrap().len())
+            .sum();
+        assert_eq!(layout["lines"].as_array().unwrap().len(), needs, "{layout}");
+        // Of the long one the first and last, which stand for the others.
+        let step = values.len() / 40 + 1;
+        for one in values.iter().step_by(step).chain(
+            values
+                .iter()
+                .filter(|one| one["value"].as_str().unwrap().contains("${")),
+        ) {
+            let set = json!({ one["path"].as_str().unwrap(): one["value"] });
+            let reply = server.post("/api/plan", &json!({ "pipeline": id, "set": set }));
+            assert_eq!(reply.status, 200, "{set}: {}", reply.text());
+            assert_eq!(fresh(&reply.json()), fresh(&found), "{set}");
+        }
+    }
+}
+
+#[test]
+fn a_value_that_is_refused_is_named_and_has_no_place_in_a_file() {
+    let workspace = Workspace::small();
+    let server = Server::start(&workspace, &["serve", "small.yaml"]);
+    for (set, refused) in [
+        (json!({ "stages.small.cuont": 3 }), json!("stages.small.cuont")),
+        (
+            json!({ "scene.drive.voltage": "many", "stages.small.count": 5 }),
+            json!("scene.drive.voltage"),
+        ),
+        (json!({ "stages.small.count": "[" }), json!("stages.small.count")),
+        (json!({ "stages.small.files": ["x"] }), json!("stages.small.files")),
+        // Of two that are wrong neither is the one.
+        (
+            json!({ "stages.small.cuont": 3, "scene.drive.voltage": "many" }),
+            Value::Null,
+        ),
+    ] {
+        let reply = server.post("/api/plan", &json!({ "set": set }));
+        let error = &reply.json()["error"];
+        assert_eq!(reply.status, 400, "{}", reply.text());
+        assert_eq!(
+            (&error["line"], &error["column"], &error["value"]),
+            (&Value::Null, &Value::Null, &refused),
+            "{set}: {error}"
+        );
+    }
+    // A pipeline that breaks later has its problem, with its place.
+    let text = std::fs::read_to_string(workspace.path("small.yaml")).unwrap();
+    workspace.write("small.yaml", &text.replace("count: 4", "cuont: 4"));
+    let found = server.get("/api/pipelines/0").json();
+    let line = 1 + text.lines().position(|line| line.contains("count: 4")).unwrap();
+    assert_eq!(found["problem"]["line"], line, "{found}");
+    let error = server
+        .post("/api/plan", &json!({ "set": { "stages.large.seed": 3 } }))
+        .json()["error"]
+        .clone();
+    assert_eq!(
+        (&error["line"], &error["value"]),
+        (&json!(line), &Value::Null),
+        "{error}"
+    );
+}
+
+/// Cells of all patterns of an artifact.
+fn patterns(server: &Server, digest: &str, count: usize) -> Vec<Vec<u8>> {
+    let rows: Vec<String> = (0..count).map(|row| row.to_string()).collect();
+    let reply = server.get(&format!(
+        "/api/artifacts/{digest}/arrays?paths=patterns&rows={}",
+        rows.join(",")
+    ));
+    reply.frame().1[..2500 * count]
+        .chunks_exact(2500)
+        .map(<[u8]>::to_vec)
+        .collect()
+}
+
+/// In how many cells the nearest of the eight images differs.
+fn apart(one: &[u8], other: &[u8]) -> usize {
+    let image = |turns: usize, mirrored: bool| {
+        let count = (0..2500).filter(|&at| {
+            let (mut x, mut y) = (at % 50, at / 50);
+            if mirrored {
+                x = 49 - x;
+            }
+            (0..turns).for_each(|_| (x, y) = (49 - y, x));
+            one[at] != other[50 * y + x]
+        });
+        count.count()
+    };
+    let all = (0..4).flat_map(|turns| [image(turns, false), image(turns, true)]);
+    all.min().unwrap()
+}
+
+#[test]
+fn neighbours_are_those_that_differ_in_the_fewest_cells_however_they_are_turned() {
+    let workspace = Workspace::small();
+    let digests = workspace.stages(&["run", "small.yaml"]).digests();
+    let server = Server::start(&workspace, &["serve", "small.yaml"]);
+    let (solved, balanced) = (&digests["solved"], &digests["balanced"]);
+    let ask = |query: &str| server.get(&format!("/api/artifacts/{solved}/neighbours?{query}"));
+    let total = ask("row=0&limit=0").json()["total"].as_u64().unwrap() as usize;
+    let all = patterns(&server, solved, total);
+    for row in 0..total {
+        let found = ask(&format!("row={row}&limit=100")).json();
+        let near = found["neighbours"].as_array().unwrap();
+        assert_eq!((near.len(), &found["cells"]), (total - 1, &json!(2500)));
+        let told: Vec<(usize, usize)> = near
+            .iter()
+            .map(|one| {
+                (
+                    one["distance"].as_u64().unwrap() as usize,
+                    one["row"].as_u64().unwrap() as usize,
+                )
+            })
+            .collect();
+        let mut expected: Vec<(usize, usize)> = (0..total)
+            .filter(|other| *other != row)
+            .map(|other| (apart(&all[row], &all[other]), other))
+            .collect();
+        expected.sort_unstable();
+        assert_eq!(told, expected, "row {row}");
+    }
+    // Every row of a balanced set is an image of one that was solved.
+    let of = server
+        .get(&format!(
+            "/api/artifacts/{solved}/neighbours?row=0&of={balanced}&limit=1"
+        ))
+        .json();
+    assert_eq!(of["neighbours"][0]["distance"], 0, "{of}");
+    let small = &digests["small"];
+    for (query, status) in [
+        ("", 400),
+        ("row=x", 404),
+        (&format!("row={total}"), 404),
+        ("row=0&limit=101", 400),
+        ("row=0&of=zz", 404),
+    ] {
+        assert_eq!(ask(query).status, status, "{query}");
+    }
+    assert_eq!(
+        server.get(&format!("/api/artifacts/{small}/neighbours?row=0")).status,
+        200
+    );
+}
+
+#[test]
+fn an_evaluation_says_of_each_pattern_how_it_errs_and_where_it_stands() {
+    let workspace = Workspace::small();
+    let stages = "  fresh: { kind: sample, family: small-grid, count: 5, seed: 9 }\n  truth: { kind: solve, needs: [fresh], elements_per_cell: 2 }\n  judged: { kind: evaluate, needs: [truth, solved], estimates: [linear, \"chord:1\"] }\n";
+    let text = std::fs::read_to_string(workspace.path("small.yaml")).unwrap();
+    workspace.write("small.yaml", &(text + stages));
+    let digests = workspace.stages(&["run", "small.yaml"]).digests();
+    let server = Server::start(&workspace, &["serve", "small.yaml"]);
+    let found = server
+        .get(&format!(
+            "/api/artifacts/{}/rows?sort=-pattern/max_error.0_mm",
+            digests["judged"]
+        ))
+        .json();
+    let at = |name: &str| {
+        found["columns"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .position(|column| column["name"] == name)
+            .unwrap_or_else(|| panic!("{name}: {}", found["columns"]))
+    };
+    let rows = found["rows"].as_array().unwrap();
+    let errors: Vec<f64> = rows
+        .iter()
+        .map(|row| row[at("pattern/max_error.0_mm")].as_f64().unwrap())
+        .collect();
+    assert!(
+        errors.len() == 11 && errors[0] > 0.0 && errors.windows(2).all(|two| two[0] >= two[1]),
+        "{errors:?}"
+    );
+    for row in rows {
+        let (set, place) = (row[at("set")].as_str().unwrap(), row[at("set_row")].as_u64().unwrap());
+        assert!(
+            digests["truth"].starts_with(set) || digests["solved"].starts_with(set),
+            "{set}"
+        );
+        let of_set = server
+            .get(&format!("/api/artifacts/{set}/rows?limit=1&offset={place}"))
+            .json();
+        let own = |name: &str| {
+            let at = of_set["columns"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .position(|column| column["name"] == name)
+                .unwrap();
+            of_set["rows"][0][at].clone()
+        };
+        assert_eq!(
+            (own("family"), own("max_displacement_mm")),
+            (
+                row[at("pattern/family")].clone(),
+                row[at("pattern/simulated_max_mm")].clone()
+            )
+        );
+    }
+}
+
+/// A stream of lines that is being read.
+struct News(BufReader<TcpStream>);
+
+impl News {
+    fn open(server: &Server) -> Self {
+        let mut stream = TcpStream::connect(("127.0.0.1", server.port)).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        let head = format!(
+            "GET /api/events HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n{}\r\n\r\n",
+            server.port,
+            server.bearer()
+        );
+        stream.write_all(head.as_bytes()).unwrap();
+        Self(BufReader::new(stream))
+    }
+
+    /// The next document of which something holds.
+    fn until(&mut self, holds: impl Fn(&Value) -> bool) -> Value {
+        for _ in 0..1000 {
+            let mut line = String::new();
+            assert!(self.0.read_line(&mut line).unwrap() > 0, "the stream has ended");
+            // Between the documents stand the sizes of chunks and the head.
+            if let Ok(found) = serde_json::from_str::<Value>(&line)
+                && found.is_object()
+                && holds(&found)
+            {
+                return found;
+            }
+        }
+        panic!("it is not told");
+    }
+}
+
+/// A run in a process of its own that takes longer than any test waits; it is ended by who began it.
+pub fn long_run(workspace: &Workspace) -> Child {
+    workspace.write(
+        "long.yaml",
+        &SHORT
+            .replace("count: 60", "count: 4000")
+            .replace("elements_per_cell: 1", "elements_per_cell: 4"),
+    );
+    let mut command = workspace.command(&["run", "long.yaml"]);
+    command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+}
+
+#[test]
+fn what_another_process_builds_is_told_while_it_builds() {
+    let workspace = Workspace::small();
+    let server = Server::start(&workspace, &["serve", "small.yaml"]);
+    assert_eq!(server.get("/api/events?since=1").status, 400);
+    assert_eq!(server.post("/api/events", &json!({})).status, 405);
+    assert_eq!(server.request("GET", "/api/events", &[], b"").status, 401);
+    let mut news = News::open(&server);
+    let none = news.until(|_| true);
+    assert!(none["store"].is_null() && none["runs"] == json!([]), "{none}");
+    let mut child = long_run(&workspace);
+    let told = news.until(|found| found["runs"][0]["stages"][0]["name"] == "solved");
+    let run = &told["runs"][0];
+    assert_eq!(
+        (&run["pid"], &run["pipeline"]),
+        (&json!(child.id()), &json!("short")),
+        "{run}"
+    );
+    assert!(
+        run["stages"][0]["told"]
+            .as_str()
+            .unwrap()
+            .starts_with("4000 patterns to do"),
+        "{run}"
+    );
+    assert_eq!(server.get("/api/status").json()["runs"][0]["pid"], child.id());
+    let before = told["objects"].as_u64().unwrap();
+    // Chunks appear as they are built.
+    news.until(|found| found["objects"].as_u64().unwrap() > before);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    news.until(|found| found["runs"] == json!([]));
+}
+
+#[test]
+fn a_run_that_was_begun_here_is_told_step_by_step() {
+    let workspace = Workspace::small();
+    workspace.write("long.yaml", &SHORT.replace("count: 60", "count: 300"));
+    let server = Server::start(&workspace, &["serve", "long.yaml", "--allow-run"]);
+    let mut news = News::open(&server);
+    let begun: Reply = server.post("/api/run", &json!({}));
+    assert_eq!(begun.status, 200, "{}", begun.text());
+    let told = news.until(|found| {
+        found["begun"]["stages"][0]["done"]
+            .as_f64()
+            .is_some_and(|done| done > 0.0)
+    });
+    let stage = &told["begun"]["stages"][0];
+    assert_eq!(
+        (&stage["steps"], &stage["unit"]),
+        (&json!(300), &json!("patterns")),
+        "{stage}"
+    );
+    let ended = news.until(|found| found["begun"].is_null() && !found["last_run"].is_null());
+    assert_eq!(ended["last_run"]["pipeline"], "short");
+    assert_eq!(server.get("/api/run").json()["exit_code"], 0);
+}
+
+#[test]
+fn a_scene_of_its_own_is_where_a_pattern_of_an_artifact_is_saved_from() {
+    // What the page sends of a design: the scene as it stands in the artifact.
+    let workspace = with_scene();
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    let body = json!({ "scene": scene_file(), "pattern": rows(disc), "format": "dxf", "smooth": true });
+    let file = server.post("/api/sketch/export", &body);
+    assert!(
+        file.status == 200 && file.text().contains("LWPOLYLINE"),
+        "{}",
+        file.text()
+    );
+}
