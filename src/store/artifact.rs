@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use super::action::stage_kind;
 use super::error::StoreError;
 use super::header::Header;
-use super::listing::{self, Content};
+use super::listing::{self, Content, Listing};
 use super::object::{Data, Dataset, Object};
 use super::provenance;
 use super::read::{self, Access};
@@ -168,10 +168,29 @@ impl Artifact {
     /// # Errors
     /// When it is missing or damaged.
     pub fn beside(&self, digest: &ArtifactId) -> Result<Self, StoreError> {
+        Self::load(
+            self.0.access,
+            self.path_beside(digest),
+            *digest,
+            self.0.verified.clone(),
+        )
+    }
+
+    /// The file of another artifact of the store that it stands in.
+    fn path_beside(&self, digest: &ArtifactId) -> PathBuf {
         let folder = self.0.path.parent().and_then(Path::parent).unwrap_or(Path::new(".."));
         let name = digest.to_string();
-        let path = folder.join(&name[..2]).join(format!("{name}.h5"));
-        Self::load(self.0.access, path, *digest, self.0.verified.clone())
+        folder.join(&name[..2]).join(format!("{name}.h5"))
+    }
+
+    /// What stands in each chunk, in order; in a store their files are opened only where that is not known.
+    fn listings(&self) -> Result<Vec<Arc<Listing>>, StoreError> {
+        if self.0.access == Access::Apart {
+            let listings = self.chunks()?.iter().map(|chunk| chunk.0.overview.listing.clone());
+            return Ok(listings.map(Arc::new).collect());
+        }
+        let of = |digest: &ArtifactId| Ok(self.0.verified.structure(&self.path_beside(digest), digest)?.listing);
+        self.parts().iter().map(of).collect()
     }
 
     /// Opens its file to read rows of its own datasets. Every byte was verified when the artifact was opened.
@@ -193,12 +212,9 @@ impl Artifact {
         if let Some(contents) = self.0.contents.get() {
             return Ok(contents);
         }
-        let chunks = self.chunks()?;
-        let whole = listing::concatenate(
-            chunks
-                .iter()
-                .map(|c| (c.digest(), c.0.overview.listing.contents.as_slice())),
-        )?;
+        let listings = self.listings()?;
+        let parts = self.parts().iter().zip(&listings);
+        let whole = listing::concatenate(parts.map(|(digest, listing)| (*digest, listing.contents.as_slice())))?;
         Ok(self.0.contents.get_or_init(|| whole))
     }
 
@@ -224,18 +240,39 @@ impl Artifact {
     /// When there is none of that path, or a file is missing or damaged.
     pub fn read(&self, path: &str) -> Result<Dataset, StoreError> {
         let content = self.content(path)?;
-        let Some((first, rest)) = self.chunks()?.split_first() else {
+        if !self.is_manifest() {
             return self.read_own(content);
-        };
-        let mut whole = first.read(path)?;
-        for chunk in rest {
-            let part = chunk.read(path)?;
+        }
+        let mut whole: Option<Dataset> = None;
+        for (digest, listing) in self.parts().iter().zip(self.listings()?) {
+            let part = self.read_part(digest, &listing, path)?;
+            let Some(whole) = &mut whole else {
+                whole = Some(part);
+                continue;
+            };
             if !whole.data.append(part.data) {
-                return Err(StoreError::damaged(&chunk.0.path, format!("`{path}` changed its type")));
+                let reason = format!("`{path}` changed its type");
+                return Err(StoreError::damaged(&self.path_beside(digest), reason));
             }
         }
+        let mut whole = whole.ok_or_else(|| StoreError::damaged(&self.0.path, "it has no chunks"))?;
         whole.shape.clone_from(&content.shape);
         Ok(whole)
+    }
+
+    /// One dataset of a chunk, by what is known to stand in it: its file is opened once. Every byte of it is verified.
+    fn read_part(&self, digest: &ArtifactId, listing: &Listing, path: &str) -> Result<Dataset, StoreError> {
+        let file = self.path_beside(digest);
+        let Some(content) = listing.contents.iter().find(|content| content.path == path) else {
+            return Err(StoreError::damaged(&file, format!("`{path}` is not in it")));
+        };
+        self.0.verified.verify(&file, digest)?;
+        let access = match self.0.access {
+            Access::Apart => Access::Apart,
+            _ if self.0.verified.is_described(&file, digest)? => Access::Here,
+            _ => Access::Guarded,
+        };
+        read::dataset(access, &file, content)
     }
 
     /// Verified anew, since the file may have changed after it was opened; a glance unless it did.
