@@ -137,7 +137,7 @@ fn a_stage_stands_on_one_line_and_its_reasons_below() {
     );
     assert_eq!(
         lines[at + 1].trim(),
-        "parameter changed: elements_per_cell from 1 to 2",
+        "why: parameter changed: elements_per_cell from 1 to 2",
         "{text}"
     );
     // Other programs read as long lines as there are.
@@ -469,8 +469,8 @@ fn how_far_patterns_move_is_a_table_of_few_and_numbers_of_many() {
             .split_whitespace()
             .collect::<Vec<_>>()
     };
-    assert_eq!(row(1), ["1", "converged", "0.0000", "mm", "-"]);
-    assert!(row(0)[1] != "converged" && row(0)[2..] == ["-", "-"], "{:?}", row(0));
+    assert_eq!(row(1), ["1", "bare.csv", "converged", "0.0000", "mm", "-"]);
+    assert!(row(0)[2] != "converged" && row(0)[3..] == ["-", "-"], "{:?}", row(0));
 
     let moved = [
         &["solve", "scene.yaml", "half.csv", "dot.csv"][..],

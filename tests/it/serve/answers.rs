@@ -364,20 +364,25 @@ fn what_another_process_builds_is_told_while_it_builds() {
 #[test]
 fn a_run_that_was_begun_here_is_told_step_by_step() {
     let workspace = Workspace::small();
-    workspace.write("long.yaml", &SHORT.replace("count: 60", "count: 300"));
+    // Some seconds of work: the server looks twice in each.
+    workspace.write(
+        "long.yaml",
+        &SHORT
+            .replace("count: 60", "count: 600")
+            .replace("elements_per_cell: 1", "elements_per_cell: 4"),
+    );
     let server = Server::start(&workspace, &["serve", "long.yaml", "--allow-run"]);
     let mut news = News::open(&server);
     let begun: Reply = server.post("/api/run", &json!({}));
     assert_eq!(begun.status, 200, "{}", begun.text());
     let told = news.until(|found| {
-        found["begun"]["stages"][0]["done"]
-            .as_f64()
-            .is_some_and(|done| done > 0.0)
+        let stage = &found["begun"]["stages"][0];
+        stage["unit"] == "patterns" && stage["done"].as_f64().is_some_and(|done| done > 0.0)
     });
     let stage = &told["begun"]["stages"][0];
     assert_eq!(
         (&stage["steps"], &stage["unit"]),
-        (&json!(300), &json!("patterns")),
+        (&json!(600), &json!("patterns")),
         "{stage}"
     );
     let ended = news.until(|found| found["begun"].is_null() && !found["last_run"].is_null());
