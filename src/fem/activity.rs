@@ -18,6 +18,8 @@ pub struct Activity {
     values: Both,
     /// The sides of each column and each row of elements; where they are not all 1.
     sides: Option<[Both; 2]>,
+    /// Whether each element is active or bare, and nothing between.
+    is_binary: bool,
     /// An energy beside that of the law.
     memory: Option<Arc<Memory>>,
 }
@@ -79,6 +81,7 @@ impl Activity {
         let heights = || Both::new((0..rows).map(|at| grid.sides([0, at])[1]).collect());
         Self {
             grid: grid.clone(),
+            is_binary: values.iter().all(|value| *value == 0.0 || *value == 1.0),
             values: Both::new(values),
             sides: (!grid.is_plain()).then(|| [widths(), heights()]),
             memory: None,
@@ -98,6 +101,12 @@ impl Activity {
     #[must_use]
     pub fn memory(&self) -> Option<&Memory> {
         self.memory.as_deref()
+    }
+
+    /// Whether each element is active or bare, and nothing between.
+    #[must_use]
+    pub fn is_binary(&self) -> bool {
+        self.is_binary
     }
 
     /// The elements.

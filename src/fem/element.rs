@@ -14,13 +14,32 @@ pub trait Element<const N: usize> {
     #[cfg(test)]
     const WEIGHTS: [f64; N];
     /// ∇u at each point from the nodal values of both components.
-    fn gradients<V: Value>(nodal: &[[V; N]; 2]) -> [Tensor<V>; N];
+    #[inline(always)]
+    fn gradients<V: Value>(nodal: &[[V; N]; 2]) -> [Tensor<V>; N] {
+        let mut gradients = [[[nodal[0][0]; 2]; 2]; N];
+        Self::write_gradients(nodal, &mut gradients);
+        gradients
+    }
+    /// The same into room that is there: where there are many points, taking it anew for each element takes a tenth of a solve.
+    fn write_gradients<V: Value>(nodal: &[[V; N]; 2], gradients: &mut [Tensor<V>; N]);
     /// Σ over the points of weight · stress : ∇N, for each component and node.
     fn forces<V: Value>(stresses: &[Tensor<V>; N]) -> [[V; N]; 2];
 
     /// The gradients on an element of other sides: derivatives along x and y are those on the square times two factors, and an offset is added
     /// to the diagonal.
-    fn gradients_on<V: Value>(nodal: &[[V; N]; 2], factors: [f64; 2], offset: [f64; 2]) -> [Tensor<V>; N];
+    #[inline(always)]
+    fn gradients_on<V: Value>(nodal: &[[V; N]; 2], factors: [f64; 2], offset: [f64; 2]) -> [Tensor<V>; N] {
+        let mut gradients = [[[nodal[0][0]; 2]; 2]; N];
+        Self::write_gradients_on(nodal, factors, offset, &mut gradients);
+        gradients
+    }
+    /// The same into room that is there.
+    fn write_gradients_on<V: Value>(
+        nodal: &[[V; N]; 2],
+        factors: [f64; 2],
+        offset: [f64; 2],
+        gradients: &mut [Tensor<V>; N],
+    );
 
     /// The forces on an element whose gradients are [`Element::gradients_on`], times its area: stresses along x and y are those on the square
     /// times two factors.
@@ -39,21 +58,23 @@ impl Element<4> for Bilinear {
     const WEIGHTS: [f64; 4] = [0.25; 4];
 
     #[inline(always)]
-    fn gradients<V: Value>(nodal: &[[V; 4]; 2]) -> [Tensor<V>; 4] {
-        let mut gradients = [[[nodal[0][0]; 2]; 2]; 4];
+    fn write_gradients<V: Value>(nodal: &[[V; 4]; 2], gradients: &mut [Tensor<V>; 4]) {
         for (c, [lower_left, lower_right, upper_left, upper_right]) in nodal.iter().copied().enumerate() {
             let (along, across) = (lower_right - lower_left, upper_left - lower_left);
             let twist = upper_right - upper_left - along;
-            slopes(&mut gradients, c, [along, across], twist, [1.0; 2]);
+            slopes(gradients, c, [along, across], twist, [1.0; 2]);
         }
-        gradients
     }
 
     /// Factors and offset go into the slopes of edges, of which there are half as many as entries of gradients, and into the places of the twist.
     #[inline(always)]
-    fn gradients_on<V: Value>(nodal: &[[V; 4]; 2], [x, y]: [f64; 2], offset: [f64; 2]) -> [Tensor<V>; 4] {
+    fn write_gradients_on<V: Value>(
+        nodal: &[[V; 4]; 2],
+        [x, y]: [f64; 2],
+        offset: [f64; 2],
+        gradients: &mut [Tensor<V>; 4],
+    ) {
         let number = |value: f64| nodal[0][0].constant(value);
-        let mut gradients = [[[number(0.0); 2]; 2]; 4];
         for (c, [lower_left, lower_right, upper_left, upper_right]) in nodal.iter().copied().enumerate() {
             let (along, across) = (lower_right - lower_left, upper_left - lower_left);
             let twist = upper_right - upper_left - along;
@@ -61,9 +82,8 @@ impl Element<4> for Bilinear {
                 0 => [along.madd(number(x), number(offset[0])), across * number(y)],
                 _ => [along * number(x), across.madd(number(y), number(offset[1]))],
             };
-            slopes(&mut gradients, c, edges, twist, [x, y]);
+            slopes(gradients, c, edges, twist, [x, y]);
         }
-        gradients
     }
 
     /// Factors go into the weights of the sums over the edges.
@@ -140,13 +160,18 @@ impl Element<9> for Biquadratic {
     };
 
     #[inline(always)]
-    fn gradients<V: Value>(nodal: &[[V; 9]; 2]) -> [Tensor<V>; 9] {
-        biquadratic_gradients(nodal, [1.0; 2], None)
+    fn write_gradients<V: Value>(nodal: &[[V; 9]; 2], gradients: &mut [Tensor<V>; 9]) {
+        biquadratic_gradients(nodal, [1.0; 2], None, gradients);
     }
 
     #[inline(always)]
-    fn gradients_on<V: Value>(nodal: &[[V; 9]; 2], factors: [f64; 2], offset: [f64; 2]) -> [Tensor<V>; 9] {
-        biquadratic_gradients(nodal, factors, Some(offset))
+    fn write_gradients_on<V: Value>(
+        nodal: &[[V; 9]; 2],
+        factors: [f64; 2],
+        offset: [f64; 2],
+        gradients: &mut [Tensor<V>; 9],
+    ) {
+        biquadratic_gradients(nodal, factors, Some(offset), gradients);
     }
 
     #[inline(always)]
@@ -186,10 +211,14 @@ impl Element<9> for Biquadratic {
 /// The gradients times two factors, and an offset on their diagonal: factors go into the slopes of the basis, the offset into the beginning of
 /// the sums.
 #[inline(always)]
-fn biquadratic_gradients<V: Value>(nodal: &[[V; 9]; 2], [x, y]: [f64; 2], offset: Option<[f64; 2]>) -> [Tensor<V>; 9] {
+fn biquadratic_gradients<V: Value>(
+    nodal: &[[V; 9]; 2],
+    [x, y]: [f64; 2],
+    offset: Option<[f64; 2]>,
+    gradients: &mut [Tensor<V>; 9],
+) {
     let line = &Line::QUADRATIC;
     let zero = nodal[0][0].constant(0.0);
-    let mut gradients = [[[zero; 2]; 2]; 9];
     for (c, u) in nodal.iter().enumerate() {
         for row in 0..3 {
             let (mut values, mut rises) = ([zero; 3], [zero; 3]);
@@ -208,7 +237,6 @@ fn biquadratic_gradients<V: Value>(nodal: &[[V; 9]; 2], [x, y]: [f64; 2], offset
             }
         }
     }
-    gradients
 }
 
 /// A column of a table, times the weights of the points and another factor.

@@ -156,7 +156,7 @@ pub fn solve<L: Material>(
     workspace: &mut Workspace,
 ) -> Result<Progress, (Trouble, Progress)> {
     workspace.trial.fill(0.0);
-    operator.residual(&workspace.trial, &mut workspace.residual);
+    operator.residual_at_rest(&workspace.trial, &mut workspace.residual);
     // The load of elements is rounded too, though its forces may cancel.
     let rounding = (ROUNDING * operator.material.load()).max(operator.rounding());
     if largest(&workspace.residual) <= rounding {

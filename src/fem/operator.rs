@@ -25,10 +25,10 @@ use super::memory::{self, MODULI_WITH_MEMORY};
 pub use super::precision::Precision;
 use super::sheet::Mount;
 use point::{
-    FollowingTangent, MemoryBetween, MemoryStress, MemoryTangent, Point, StressAt, StressBetween, TangentAt,
-    TangentFrom, TangentOfBoth,
+    FollowingTangent, MemoryBetween, MemoryStress, MemoryTangent, Point, StressAt, StressAtRest, StressBetween,
+    TangentAt, TangentAtRest, TangentFrom, TangentOfBoth,
 };
-use survey::{Metrics, Store, Survey, place};
+use survey::{LawAtRest, Metrics, Store, Survey, place};
 
 /// The discrete equilibrium of one pattern under one law.
 #[derive(Clone, Copy)]
@@ -83,6 +83,31 @@ impl<L: Material> Operator<'_, L> {
             });
         }
         smallest
+    }
+
+    /// The residual of a membrane that is not displaced; `rest` is zero everywhere.
+    pub fn residual_at_rest(&self, rest: &[f64], out: &mut [f64]) {
+        if self.is_uniform_at_rest() {
+            let LawAtRest { stresses, .. } = self.law_at_rest::<f64>();
+            self.without_law().sweep_plain([rest], &[], out, StressAtRest(stresses));
+        } else {
+            self.residual(rest, out);
+        }
+    }
+
+    /// Whether all bare elements are alike at rest, and all active ones, under a law that is worth asking once for each.
+    fn is_uniform_at_rest(&self) -> bool {
+        let grid = self.activity.grid();
+        let is_alone = grid.supports().is_none() && self.activity.memory().is_none();
+        L::STORES && grid.is_plain() && is_alone && self.activity.is_binary()
+    }
+
+    /// The law at rest in numbers of a kind, in the order of bare and active.
+    fn law_at_rest<T: Precision>(&self) -> LawAtRest {
+        Arch::new().dispatch(survey::AskAtRest::<L, T> {
+            material: self.material,
+            number: PhantomData,
+        })
     }
 
     /// The forces of all elements on the nodes that are not on the edge; returns the smallest [`Material::admissible`].
@@ -184,9 +209,12 @@ impl<L: Material> Operator<'_, L> {
         });
     }
 
-    /// What [`Operator::tangent_at`] wants to be kept of `u`: nothing, for laws that are quick to evaluate without a memory.
+    /// What [`Operator::tangent_at`] wants to be kept of `u`: nothing at rest, where elements are alike, and for laws that are quick to
+    /// evaluate without a memory.
     pub fn linearise<T: Precision>(&self, u: &[T], moduli: &mut Vec<T>) {
-        if L::STORES || self.activity.memory().is_some() {
+        if self.is_uniform_at_rest() && u.iter().all(|u| u.to_f64() == 0.0) {
+            moduli.clear();
+        } else if L::STORES || self.activity.memory().is_some() {
             match self.activity.grid().order() {
                 Order::Bilinear => self.store::<Bilinear, T, 4>(u, moduli),
                 Order::Biquadratic => self.store::<Biquadratic, T, 9>(u, moduli),
@@ -208,8 +236,11 @@ impl<L: Material> Operator<'_, L> {
         if self.activity.memory().is_some() {
             // The same kernel whatever the law, so that it is compiled once.
             self.without_law().sweep([u, du], moduli, out, TangentOfBoth);
+        } else if L::STORES && moduli.is_empty() {
+            let LawAtRest { moduli, .. } = self.law_at_rest::<T>();
+            self.without_law().sweep_plain([u, du], &[], out, TangentAtRest(moduli));
         } else if L::STORES {
-            self.sweep([u, du], moduli, out, TangentFrom(self.material));
+            self.without_law().sweep([u, du], moduli, out, TangentFrom);
         } else {
             self.sweep([u, du], &[], out, TangentAt(self.material));
         }
@@ -257,6 +288,20 @@ impl<L: Material> Operator<'_, L> {
         match self.activity.grid().order() {
             Order::Bilinear => self.sweep_shape::<Bilinear, T, P, 4, M>(inputs, moduli, out, point),
             Order::Biquadratic => self.sweep_shape::<Biquadratic, T, P, 9, M>(inputs, moduli, out, point),
+        }
+    }
+
+    /// On squares of side 1 that rest at f = I.
+    fn sweep_plain<T: Precision, P: Point<M>, const M: usize>(
+        &self,
+        inputs: [&[T]; M],
+        moduli: &[T],
+        out: &mut [T],
+        point: P,
+    ) -> f64 {
+        match self.activity.grid().order() {
+            Order::Bilinear => self.sweep_elements::<Bilinear, T, P, 4, M, PLAIN>(inputs, moduli, out, point),
+            Order::Biquadratic => self.sweep_elements::<Biquadratic, T, P, 9, M, PLAIN>(inputs, moduli, out, point),
         }
     }
 
@@ -366,6 +411,8 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
             .sides
             .map_or([1.0; 2], |[widths, heights]| [widths[0].to_f64(), heights[0].to_f64()]);
         let factors = [width.recip(), height.recip()];
+        let mut gradients = [[[Wide::splat(simd, 0.0); 2]; 2]; N];
+        let mut changes = gradients;
         for row in 0..self.layout.rows() {
             for first in (0..self.layout.columns()).step_by(T::lanes::<S>()) {
                 let active = Wide::load(simd, &self.activity.values[row * self.layout.part() + first..]);
@@ -375,19 +422,18 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                     _ => [zero; 2],
                 };
                 // Not a loop, which is too long to be unrolled: gradients would go through memory, a third of a tangent.
-                let mut gradients = [[[[zero; 2]; 2]; N]; M];
-                gradients[0] = self.gradients(simd, (first, row), 0, factors, self.rest, sides);
-                if let Some(gradients) = gradients.get_mut(1) {
-                    *gradients = self.gradients(simd, (first, row), 1, factors, [1.0; 2], sides);
+                self.gradients(simd, (first, row), 0, factors, self.rest, sides, &mut gradients);
+                if M > 1 {
+                    self.gradients(simd, (first, row), 1, factors, [1.0; 2], sides, &mut changes);
                 }
                 if SHAPE == VARIED {
-                    from_rest(&mut gradients[0], self.rest);
+                    from_rest(&mut gradients, self.rest);
                 }
-                let mut stresses = [[[zero; 2]; 2]; N];
-                for (q, stress) in stresses.iter_mut().enumerate() {
-                    let mut here = [[[zero; 2]; 2]; M];
-                    for (here, gradients) in here.iter_mut().zip(&gradients) {
-                        *here = gradients[q];
+                // Each gradient gives place to its stress.
+                for q in 0..N {
+                    let mut here = [gradients[q]; M];
+                    if let Some(here) = here.get_mut(1) {
+                        *here = changes[q];
                     }
                     if P::WATCHED {
                         smallest = smallest.min(self.point.watched(here[0]));
@@ -407,20 +453,21 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                             *value = Wide::load(simd, &numbers[memory::line(self.layout, N, row, q, at) + first..]);
                         }
                     }
-                    *stress = self.point.stress(here, active, moduli);
+                    let mut stress = self.point.stress(here, active, moduli);
                     if SHAPE != PLAIN && P::WATCHED {
                         let [along, across] = self.stress_at_rest;
                         stress[0][0] = stress[0][0] + zero.constant(-along);
                         stress[1][1] = stress[1][1] + zero.constant(-across);
                     }
+                    gradients[q] = stress;
                 }
                 let forces = if SHAPE == UNIFORM {
-                    E::forces_on(&stresses, [height, width])
+                    E::forces_on(&gradients, [height, width])
                 } else {
                     if SHAPE == VARIED {
-                        on_sides(&mut stresses, sides);
+                        on_sides(&mut gradients, sides);
                     }
-                    E::forces(&stresses)
+                    E::forces(&gradients)
                 };
                 self.write(&forces, first);
             }
@@ -431,8 +478,12 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
 }
 
 impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPE: u8> Sweep<'_, E, T, P, N, M, SHAPE> {
-    /// The gradients of a field at the points of some elements, less 1 on the diagonal but for what it rests at.
+    /// Writes the gradients of a field at the points of some elements, less 1 on the diagonal but for what it rests at.
     #[inline(always)]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "all of them differ between the two fields, or are known once for both"
+    )]
     fn gradients<S: Simd>(
         &self,
         simd: S,
@@ -441,15 +492,15 @@ impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPE
         factors: [f64; 2],
         rest: [f64; 2],
         sides: [Wide<S, T>; 2],
-    ) -> [Tensor<Wide<S, T>>; N] {
+        gradients: &mut [Tensor<Wide<S, T>>; N],
+    ) {
         let nodal = gather::<E, S, T, N>(simd, self.layout, self.inputs[field], first, row);
         match SHAPE {
-            PLAIN => E::gradients(&nodal),
-            UNIFORM => E::gradients_on(&nodal, factors, rest.map(|rest| rest - 1.0)),
+            PLAIN => E::write_gradients(&nodal, gradients),
+            UNIFORM => E::write_gradients_on(&nodal, factors, rest.map(|rest| rest - 1.0), gradients),
             _ => {
-                let mut gradients = E::gradients(&nodal);
-                per_side(&mut gradients, sides);
-                gradients
+                E::write_gradients(&nodal, gradients);
+                per_side(gradients, sides);
             }
         }
     }

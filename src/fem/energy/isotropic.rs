@@ -40,6 +40,31 @@ impl<P: Potential> Isotropic<P> {
             differences: half * anticonformal * (s.ii - twice + s.jj),
         }
     }
+
+    /// (m⊗N) : ∂²w/∂f² : (m⊗N) = 2φᵢ + Q(x, y), where Q is a quadratic form and |x| + |y| ≤ 1: the least is 2φᵢ, or on an
+    /// edge of that square.
+    #[inline(always)]
+    fn ellipticity_of<V: Value>(&self, q: &Form<V>, s: &Slopes<V>, at: &Invariants<V>, active: V) -> V {
+        let equal = smallest_on_edge(q.sums, q.mixed, q.differences);
+        let opposite = smallest_on_edge(q.differences, q.mixed, q.sums);
+        let least = s.i + equal.min(opposite).min(active.constant(0.0));
+        self.potential.ellipticity(least, at, active)
+    }
+
+    /// In principal axes the tangent falls apart into the shears, 2φᵢ ± φⱼ, and a two-by-two block of the stretches.
+    #[inline(always)]
+    fn convexity_of<V: Value>(&self, q: &Form<V>, s: &Slopes<V>) -> V {
+        let shift = s.j - s.j.constant(self.weight);
+        let (equal, opposite) = (
+            s.i + shift + q.sums + q.sums,
+            s.i - shift + q.differences + q.differences,
+        );
+        let half = s.j.constant(0.5);
+        let (mean, gap) = (half * (equal + opposite), half * (equal - opposite));
+        let off = q.mixed + q.mixed;
+        let block = mean - gap.madd(gap, off * off).sqrt();
+        block.min(s.i - shift.max(-shift))
+    }
 }
 
 /// 4φᵢᵢ(f:d)² + 4φᵢⱼ(f:d)(c:d) + φⱼⱼ(c:d)² for d = diag(x, y) in principal axes, in x + y and x − y.
@@ -87,25 +112,13 @@ impl<P: Potential> Material for Isotropic<P> {
 
     #[inline(always)]
     fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V> {
-        self.tangent_from(gradient, self.moduli(gradient, active), df)
+        tangent_from(gradient, self.moduli(gradient, active), df)
     }
 
     #[inline(always)]
     fn moduli<V: Value>(&self, gradient: Tensor<V>, active: V) -> [V; MODULI] {
         let s = slopes_apart(&self.potential, &Invariants::of(gradient), active);
         [s.i, s.j, s.ii, s.ij, s.jj]
-    }
-
-    #[inline(always)]
-    fn tangent_from<V: Value>(&self, gradient: Tensor<V>, moduli: [V; MODULI], df: Tensor<V>) -> Tensor<V> {
-        let [i, j, ii, ij, jj] = moduli;
-        let f = deformation(gradient);
-        let (c, dc) = (cofactor(f), cofactor(df));
-        let (along, across) = (contract(f, df), contract(c, df));
-        let (first, second) = (ii.madd(along, ij * across), ij.madd(along, jj * across));
-        let zero = along.constant(0.0);
-        let direct = add_scaled(add_scaled([[zero; 2]; 2], i, df), j, dc);
-        add_scaled(add_scaled(direct, first, f), second, c)
     }
 
     fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64> {
@@ -127,40 +140,44 @@ impl<P: Potential> Material for Isotropic<P> {
         self.largest_load
     }
 
-    /// (m⊗N) : ∂²w/∂f² : (m⊗N) = 2φᵢ + Q(x, y), where Q is a quadratic form and |x| + |y| ≤ 1: the least is 2φᵢ, or on an
-    /// edge of that square.
     #[inline(always)]
     fn ellipticity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
         let at = Invariants::of(displacement(f));
         let s = slopes_apart(&self.potential, &at, active);
-        let q = Self::form(f, &s);
-        let equal = smallest_on_edge(q.sums, q.mixed, q.differences);
-        let opposite = smallest_on_edge(q.differences, q.mixed, q.sums);
-        let least = s.i + equal.min(opposite).min(active.constant(0.0));
-        self.potential.ellipticity(least, &at, active)
+        self.ellipticity_of(&Self::form(f, &s), &s, &at, active)
     }
 
-    /// In principal axes the tangent falls apart into the shears, 2φᵢ ± φⱼ, and a two-by-two block of the stretches.
     #[inline(always)]
     fn convexity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
         let s = slopes_apart(&self.potential, &Invariants::of(displacement(f)), active);
+        self.convexity_of(&Self::form(f, &s), &s)
+    }
+
+    #[inline(always)]
+    fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> [V; 2] {
+        let at = Invariants::of(displacement(f));
+        let s = slopes_apart(&self.potential, &at, active);
         let q = Self::form(f, &s);
-        let shift = s.j - active.constant(self.weight);
-        let (equal, opposite) = (
-            s.i + shift + q.sums + q.sums,
-            s.i - shift + q.differences + q.differences,
-        );
-        let half = active.constant(0.5);
-        let (mean, gap) = (half * (equal + opposite), half * (equal - opposite));
-        let off = q.mixed + q.mixed;
-        let block = mean - gap.madd(gap, off * off).sqrt();
-        block.min(s.i - shift.max(-shift))
+        [self.ellipticity_of(&q, &s, &at, active), self.convexity_of(&q, &s)]
     }
 
     #[inline(always)]
     fn tension<V: Value>(&self, f: Tensor<V>, active: V) -> V {
         self.potential.tension(&Invariants::of(displacement(f)), active)
     }
+}
+
+/// The tangent along `df` of any isotropic potential, from its moduli at a place.
+#[inline(always)]
+pub fn tangent_from<V: Value>(gradient: Tensor<V>, moduli: [V; MODULI], df: Tensor<V>) -> Tensor<V> {
+    let [i, j, ii, ij, jj] = moduli;
+    let f = deformation(gradient);
+    let (c, dc) = (cofactor(f), cofactor(df));
+    let (along, across) = (contract(f, df), contract(c, df));
+    let (first, second) = (ii.madd(along, ij * across), ij.madd(along, jj * across));
+    let zero = along.constant(0.0);
+    let direct = add_scaled(add_scaled([[zero; 2]; 2], i, df), j, dc);
+    add_scaled(add_scaled(direct, first, f), second, c)
 }
 
 /// ∇u = f − I.

@@ -18,7 +18,7 @@ mod second_invariant;
 pub use compound::Compound;
 pub use elasticity::{Elasticity, Neo, Stiffened, relief};
 pub use first_invariant::FirstInvariant;
-pub use isotropic::Isotropic;
+pub use isotropic::{Isotropic, tangent_from};
 pub use neo_hookean::NeoHookean;
 pub use ogden::{MOST_TERMS, Ogden};
 pub use potential::{Invariants, Potential, Rest, Slopes, slopes_apart};
@@ -89,11 +89,6 @@ pub trait Material: Sync {
     /// The numbers that [`Material::tangent`] takes more time to find than to read again, for conjugate gradients that ask for it
     /// in many directions at one place.
     fn moduli<V: Value>(&self, gradient: Tensor<V>, active: V) -> [V; MODULI];
-    /// `tangent` from the moduli. Asked for only where [`Material::STORES`].
-    #[inline(always)]
-    fn tangent_from<V: Value>(&self, gradient: Tensor<V>, moduli: [V; MODULI], df: Tensor<V>) -> Tensor<V> {
-        self.tangent(gradient, moduli[0], df)
-    }
     /// Positive where the energy is finite: an equilibrium is sought only there.
     #[inline(always)]
     fn admissible<V: Value>(&self, gradient: Tensor<V>) -> V {
@@ -113,6 +108,11 @@ pub trait Material: Sync {
     /// A number that is positive where the tangent, shifted by a null Lagrangian, is positive definite at the point. If it
     /// is positive everywhere the equilibrium of a clamped membrane is certainly stable; the converse does not hold.
     fn convexity<V: Value>(&self, f: Tensor<V>, active: V) -> V;
+    /// Both of them, for laws that need the same numbers for either.
+    #[inline(always)]
+    fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> [V; 2] {
+        [self.ellipticity(f, active), self.convexity(f, active)]
+    }
     /// The largest principal stress, as far as its sign matters: not negative while there is tension. Asked for only where
     /// the membrane wrinkles.
     #[inline(always)]

@@ -1,6 +1,6 @@
 //! What an operator does at a quadrature point.
 
-use crate::fem::energy::{MODULI, Material};
+use crate::fem::energy::{MODULI, Material, tangent_from};
 use crate::fem::kinematics::Tensor;
 use crate::fem::lanes::Value;
 #[cfg(doc)]
@@ -30,7 +30,16 @@ pub(super) struct StressAt<'a, L>(pub(super) &'a L);
 pub(super) struct TangentAt<'a, L>(pub(super) &'a L);
 
 /// The same from stored moduli.
-pub(super) struct TangentFrom<'a, L>(pub(super) &'a L);
+#[derive(Clone, Copy)]
+pub(super) struct TangentFrom;
+
+/// The stress at rest, where the law says the same of all that is bare, and of all that is active.
+#[derive(Clone, Copy)]
+pub(super) struct StressAtRest(pub(super) [Tensor<f64>; 2]);
+
+/// The tangent at rest, by the moduli of what is bare and of what is active.
+#[derive(Clone, Copy)]
+pub(super) struct TangentAtRest(pub(super) [[f64; MODULI]; 2]);
 
 /// The same of a law and a [`Memory`] together.
 #[derive(Clone, Copy)]
@@ -91,14 +100,6 @@ impl<L> Clone for TangentAt<'_, L> {
 
 impl<L> Copy for TangentAt<'_, L> {}
 
-impl<L> Clone for TangentFrom<'_, L> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<L> Copy for TangentFrom<'_, L> {}
-
 impl<L: Material> Point<1> for StressAt<'_, L> {
     const WATCHED: bool = true;
     #[inline(always)]
@@ -123,7 +124,7 @@ impl<L: Material> Point<2> for TangentAt<'_, L> {
     }
 }
 
-impl<L: Material> Point<2> for TangentFrom<'_, L> {
+impl Point<2> for TangentFrom {
     const STORED: usize = MODULI;
     #[inline(always)]
     fn stress<V: Value>(
@@ -133,7 +134,38 @@ impl<L: Material> Point<2> for TangentFrom<'_, L> {
         stored: [V; MODULI_WITH_MEMORY],
     ) -> Tensor<V> {
         let [i, j, ii, ij, jj, ..] = stored;
-        self.0.tangent_from(gradient, [i, j, ii, ij, jj], change)
+        tangent_from(gradient, [i, j, ii, ij, jj], change)
+    }
+}
+
+impl Point<1> for StressAtRest {
+    #[inline(always)]
+    fn stress<V: Value>(self, _gradients: [Tensor<V>; 1], active: V, _stored: [V; MODULI_WITH_MEMORY]) -> Tensor<V> {
+        let [bare, covered] = self.0;
+        let mut stress = [[active; 2]; 2];
+        for (i, row) in stress.iter_mut().enumerate() {
+            for (k, entry) in row.iter_mut().enumerate() {
+                *entry = active.choose(active.constant(covered[i][k]), active.constant(bare[i][k]));
+            }
+        }
+        stress
+    }
+}
+
+impl Point<2> for TangentAtRest {
+    #[inline(always)]
+    fn stress<V: Value>(
+        self,
+        [gradient, change]: [Tensor<V>; 2],
+        active: V,
+        _stored: [V; MODULI_WITH_MEMORY],
+    ) -> Tensor<V> {
+        let [bare, covered] = self.0;
+        let mut moduli = [active; MODULI];
+        for (at, modulus) in moduli.iter_mut().enumerate() {
+            *modulus = active.choose(active.constant(covered[at]), active.constant(bare[at]));
+        }
+        tangent_from(gradient, moduli, change)
     }
 }
 

@@ -35,7 +35,7 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Surv
                 let active = Wide::load(simd, &self.activity.values[row * self.layout.part() + first..]);
                 for (q, gradient) in self.gradients(simd, first, row).into_iter().enumerate() {
                     let f = deformation(gradient);
-                    let mut margins = [self.material.ellipticity(f, active), self.material.convexity(f, active)];
+                    let mut margins = self.material.margins(f, active);
                     if let Some((numbers, weight)) = self.activity.memory {
                         let number =
                             |at| Wide::load(simd, &numbers[memory::line(self.layout, N, row, q, at) + first..]);
@@ -136,6 +136,42 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Stor
                 }
             }
         }
+    }
+}
+
+/// What a law says of an undisplaced point that is bare, and of one that is active.
+pub(super) struct LawAtRest {
+    pub stresses: [Tensor<f64>; 2],
+    pub moduli: [[f64; MODULI]; 2],
+}
+
+/// Asks a law for that with the registers of the kernels, so that the numbers are the same bits as theirs.
+pub(super) struct AskAtRest<'a, L, T> {
+    pub material: &'a L,
+    pub number: PhantomData<T>,
+}
+
+impl<L: Material, T: Precision> WithSimd for AskAtRest<'_, L, T> {
+    type Output = LawAtRest;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> LawAtRest {
+        let rest = [[Wide::<S, T>::splat(simd, 0.0); 2]; 2];
+        let mut law = LawAtRest {
+            stresses: [[[0.0; 2]; 2]; 2],
+            moduli: [[0.0; MODULI]; 2],
+        };
+        for (at, active) in [0.0, 1.0].into_iter().enumerate() {
+            let active = Wide::<S, T>::splat(simd, active);
+            let stress = self.material.stress(rest, active);
+            for (to, row) in law.stresses[at].iter_mut().zip(stress) {
+                *to = [row[0].smallest(), row[1].smallest()];
+            }
+            for (to, modulus) in law.moduli[at].iter_mut().zip(self.material.moduli(rest, active)) {
+                *to = modulus.smallest();
+            }
+        }
+        law
     }
 }
 

@@ -351,3 +351,49 @@ fn gradients_are_given_where_the_energy_is_linear_in_the_activity() {
         assert_eq!(gradient.is_none(), ["fringe", "wrinkling"].contains(&name), "{name}");
     }
 }
+
+/// The forces and the tangent of an undisplaced membrane, of which elements need not be asked one by one.
+struct AtRest<'a>(&'a Activity);
+
+impl PointWork for AtRest<'_> {
+    type Output = ();
+
+    fn run<L: Material>(self, material: &L) {
+        let operator = Operator {
+            material,
+            activity: self.0,
+            pulled: 1.0,
+        };
+        let rest = vec![0.0; operator.layout().vector_len()];
+        let [mut found, mut expected] = [rest.clone(), rest.clone()];
+        operator.residual_at_rest(&rest, &mut found);
+        operator.residual(&rest, &mut expected);
+        assert!(norm(&expected) > 0.0 && found == expected);
+
+        let step = self
+            .0
+            .grid()
+            .random_load(&mut Stream::new(0, "tangent at rest", 0), &rest);
+        let mut moduli = Vec::new();
+        operator.linearise(&rest, &mut moduli);
+        assert!(moduli.is_empty());
+        operator.tangent_at(&rest, &moduli, &step, &mut found);
+        operator.tangent(&rest, &step, &mut expected);
+        let difference: Vec<f64> = found.iter().zip(&expected).map(|(a, b)| a - b).collect();
+        assert!(norm(&difference) < 1e-13 * norm(&expected));
+
+        let moved: Vec<f64> = step.iter().map(|u| 0.05 * u / norm(&step)).collect();
+        operator.linearise(&moved, &mut moduli);
+        assert_eq!(moduli.is_empty(), !L::STORES);
+    }
+}
+
+#[test]
+fn an_undisplaced_membrane_is_what_its_elements_are() {
+    for mesh in [Mesh::bilinear(1), Mesh::biquadratic(1)] {
+        let activity = Activity::new(&Grid::paper(mesh), &random(2));
+        for (_, effects) in single_effects() {
+            with_law(&scene(3.0, 5.25e3, effects), AtRest(&activity));
+        }
+    }
+}
