@@ -201,7 +201,7 @@ arrays! {
         value: Vec<f64> = array("value", "mm", [step]),
         /// Area fraction.
         area: Vec<f64> = array("area", "1", [step]),
-        /// Patterns simulated up to this step.
+        /// Patterns looked at up to this step; one counts each time, though it is simulated once.
         simulations: Vec<u64> = array("simulations", "1", [step]),
     }
 }

@@ -177,17 +177,19 @@ impl<'a> SearchProblem<'a> {
         start: &Pattern,
         on_step: &'g dyn Fn(&SearchStep),
     ) -> Result<Started<LocalSearch<'g>>, PredictError> {
-        let on = self.units.of(&self.best_grouped(start)?);
-        let gains = match self.gradient(&self.units.pattern(&on))? {
-            Some(gradient) => self.gains(&on, &gradient),
-            // Where nothing is known any unit is as good as another.
-            None => Gains::uniform(&on, self.groups(), 0.0),
-        };
-        let Some(on) = self.make_feasible(&on, &gains) else {
+        let given = self.units.of(&self.best_grouped(start)?);
+        let gradient = self.gradient(&self.units.pattern(&given))?;
+        let first_order = gradient.map(|gradient| self.gains(&given, &gradient));
+        // Where nothing is known any unit is as good as another.
+        let unknown = || Gains::uniform(&given, self.groups(), 0.0);
+        let Some(on) = self.make_feasible(&given, &first_order.clone().unwrap_or_else(unknown)) else {
             return Ok(Err(Unsuited::Shape));
         };
         let state = self.best_of(vec![on], f64::NEG_INFINITY)?.ok_or(Unsuited::Field);
-        Ok(state.map(|state| LocalSearch::new(self, on_step, state)))
+        Ok(state.map(|state| {
+            let known = first_order.filter(|_| state.on == given);
+            LocalSearch::new(self, on_step, state, known)
+        }))
     }
 
     /// The pattern with its electrodes in other groups where that is better: two groups are exchanged as long as it gains. Unit by unit a

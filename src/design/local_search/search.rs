@@ -1,5 +1,7 @@
 //! A local search under way.
 
+use std::collections::{HashMap, HashSet};
+
 use super::exchange::Exchange;
 use super::gains::{Change, Gains};
 use super::problem::{SearchProblem, State};
@@ -32,18 +34,40 @@ pub(super) struct LocalSearch<'g> {
     problem: &'g SearchProblem<'g>,
     on_step: &'g dyn Fn(&SearchStep),
     state: State,
+    known: Known,
     steps: Vec<SearchStep>,
     simulations: usize,
     exhausted: bool,
 }
 
+/// What is known of a state, so that no pattern is simulated twice.
+#[derive(Default)]
+struct Known {
+    /// What changing each unit gains to first order, once it was asked for; none where there is no gradient.
+    first_order: Option<Option<Gains>>,
+    /// The score with one unit of another group, by unit and group; none where there is no field.
+    single: HashMap<(usize, u8), Option<f64>>,
+    /// Choices of units that are no gain.
+    refused: HashSet<Vec<u8>>,
+}
+
 impl<'g> LocalSearch<'g> {
-    /// From a start that was simulated twice: as it was given, and made feasible.
-    pub(super) fn new(problem: &'g SearchProblem<'g>, on_step: &'g dyn Fn(&SearchStep), state: State) -> Self {
+    /// From a start that was simulated twice: as it was given, and made feasible. `first_order` is what changing its units gains, where that is
+    /// known.
+    pub(super) fn new(
+        problem: &'g SearchProblem<'g>,
+        on_step: &'g dyn Fn(&SearchStep),
+        state: State,
+        first_order: Option<Gains>,
+    ) -> Self {
         let mut search = Self {
             problem,
             on_step,
             state,
+            known: Known {
+                first_order: first_order.map(Some),
+                ..Known::default()
+            },
             steps: Vec::new(),
             simulations: 2,
             exhausted: false,
@@ -91,8 +115,13 @@ impl<'g> LocalSearch<'g> {
     /// What changing each unit gains to first order.
     fn first_order(&mut self) -> Result<Option<Gains>, PredictError> {
         self.simulations += 1;
+        if let Some(gains) = &self.known.first_order {
+            return Ok(gains.clone());
+        }
         let gradient = self.problem.gradient(&self.state.pattern)?;
-        Ok(gradient.map(|gradient| self.problem.gains(&self.state.on, &gradient)))
+        let gains = gradient.map(|gradient| self.problem.gains(&self.state.on, &gradient));
+        self.known.first_order = Some(gains.clone());
+        Ok(gains)
     }
 
     /// Makes 1, 2, 4, … of the most profitable exchanges, and goes on from the best of these patterns where it is a gain.
@@ -118,13 +147,17 @@ impl<'g> LocalSearch<'g> {
     /// What the units near the threshold gain if they alone are changed, by simulation; nothing is known of all others.
     fn gains_near(&mut self, first_order: &Gains, most: usize) -> Result<Gains, PredictError> {
         let candidates: Vec<Change> = WAYS.map(|way| self.nearest(way, first_order, most)).concat();
+        let key = |change: &Change| (change.unit, change.to);
+        let is_new = |change: &&Change| !self.known.single.contains_key(&key(change));
+        let new: Vec<Change> = candidates.iter().filter(is_new).copied().collect();
         let changed = |change: &Change| self.problem.units().pattern(&self.changed(&[*change]));
-        let patterns: Vec<Pattern> = candidates.iter().map(changed).collect();
+        let patterns: Vec<Pattern> = new.iter().map(changed).collect();
         let scores = self.problem.scores(&patterns)?;
-        self.simulations += patterns.len();
+        self.known.single.extend(new.iter().map(key).zip(scores));
+        self.simulations += candidates.len();
         let mut gains = Gains::unknown(self.state.on.len(), self.problem.groups());
-        for (change, score) in candidates.into_iter().zip(scores) {
-            if let Some(score) = score {
+        for change in candidates {
+            if let Some(score) = self.known.single[&key(&change)] {
                 gains.set(change, score - self.state.score);
             }
         }
@@ -200,13 +233,20 @@ impl<'g> LocalSearch<'g> {
     /// Goes on from the best of some choices where it is a gain.
     fn take(&mut self, choices: Vec<Vec<u8>>) -> Result<bool, PredictError> {
         self.simulations += choices.len();
-        let best = self.problem.best_of(choices, self.state.score + GAIN)?;
-        let gained = best.is_some();
-        if let Some(state) = best {
-            self.state = state;
-            self.record_step();
+        let is_new = |on: &Vec<u8>| !self.known.refused.contains(on);
+        let new: Vec<Vec<u8>> = choices.into_iter().filter(is_new).collect();
+        match self.problem.best_of(new.clone(), self.state.score + GAIN)? {
+            Some(state) => {
+                self.state = state;
+                self.known = Known::default();
+                self.record_step();
+                Ok(true)
+            }
+            None => {
+                self.known.refused.extend(new);
+                Ok(false)
+            }
         }
-        Ok(gained)
     }
 
     fn record_step(&mut self) {

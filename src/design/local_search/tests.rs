@@ -1,3 +1,5 @@
+use std::sync::Mutex;
+
 use super::*;
 use crate::design::{Aim, Constraints, Displacement, Distance, Goal, Ground, Limits, Measure, Motion};
 use crate::field::{CORNERS, Differentiable, Field, InStates, PredictError, Predictor, StateFields, WithGradient};
@@ -136,6 +138,50 @@ fn no_exchange_of_two_units_improves_a_local_optimum() {
             gained += usize::from(physics.value(&other) / 2.5 > found.score + 1e-6);
         }
         assert_eq!(gained, 0, "{side}");
+    }
+}
+
+/// Remembers of which patterns it was asked for the field, and for the gradient.
+struct Heard {
+    physics: Quadratic,
+    simulated: Mutex<[Vec<Pattern>; 2]>,
+}
+
+impl Predictor<StateFields> for Heard {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
+        self.simulated.lock().unwrap()[0].extend_from_slice(patterns);
+        self.physics.predict_some(patterns)
+    }
+}
+
+impl Differentiable<StateFields> for Heard {
+    fn gradient(
+        &self,
+        pattern: &Pattern,
+        slope: &dyn Fn(&StateFields) -> StateFields,
+    ) -> Result<Option<WithGradient<StateFields>>, PredictError> {
+        self.simulated.lock().unwrap()[1].push(pattern.clone());
+        self.physics.gradient(pattern, slope)
+    }
+}
+
+#[test]
+fn no_pattern_is_simulated_twice() {
+    let (goal, none) = (goal(Motion::Along(0.0)), Constraints::none(Membrane::square(50.0)));
+    let physics = Heard {
+        physics: linear(),
+        simulated: Mutex::default(),
+    };
+    let problem = SearchProblem::new(&physics, &goal, [50; 2], (0.5, 0.5), &none);
+    let best = problem.refine(&half(), &|_| ()).unwrap().unwrap();
+    *physics.simulated.lock().unwrap() = Default::default();
+    // Nothing is gained any more, so all is tried, near and far, about one state.
+    let again = problem.refine(&best.pattern, &|_| ()).unwrap().unwrap();
+    assert!(again.exhausted && again.pattern == best.pattern && again.steps.len() == 1);
+    let [fields, gradients] = &*physics.simulated.lock().unwrap();
+    assert!(gradients.len() == 1 && fields.len() > 160);
+    for (at, pattern) in fields.iter().enumerate() {
+        assert!(!fields[..at].contains(pattern), "{at} of {}", fields.len());
     }
 }
 
