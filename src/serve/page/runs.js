@@ -21,8 +21,8 @@ export async function runsView(view) {
         else chosen.delete(run.id);
         compare.disabled = chosen.size < 2;
       } });
-      const built = run.stages.filter((/** @type {any} */ stage) => stage.outcome === "built").map((/** @type {any} */ stage) => stage.name);
-      const failed = run.stages.filter((/** @type {any} */ stage) => stage.outcome === "failed").map((/** @type {any} */ stage) => stage.name);
+      const that = (/** @type {string} */ outcome) => run.stages.filter((/** @type {any} */ stage) => stage.outcome === outcome).map((/** @type {any} */ stage) => stage.name);
+      const [built, failed, stopped] = ["built", "failed", "stopped"].map(that);
       const results = Object.entries(run.results);
       return [
         mark,
@@ -30,7 +30,7 @@ export async function runsView(view) {
         when(run.created),
         run.command === "run" ? run.pipeline : `${run.pipeline} (${run.command})`,
         seconds(run.seconds),
-        h("span", {}, built.length > 5 ? `${built.length} of ${run.stages.length}` : built.join(", ") || "nothing", failed.length ? h("span", { class: "error" }, ` failed: ${failed.join(", ")}`) : null),
+        h("span", {}, built.length > 5 ? `${built.length} of ${run.stages.length}` : built.join(", ") || "nothing", failed.length ? h("span", { class: "error" }, ` failed: ${failed.join(", ")}`) : null, stopped.length ? ` stopped: ${stopped.join(", ")}` : null),
         h("span", {}, Object.entries(run.overrides).map(([path, value]) => h("div", { class: "mono" }, `${path}=${value}`))),
         h("span", {}, results.slice(-RESULTS).map(([name, value]) => h("div", {}, `${name} ${number(/** @type {number} */ (value))}`))),
       ];
