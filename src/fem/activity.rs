@@ -97,6 +97,12 @@ impl Activity {
         }
     }
 
+    /// The room of an energy beside that of the law, if there is one and nobody else looks at it.
+    #[must_use]
+    pub fn into_memory(self) -> Option<Memory> {
+        Arc::into_inner(self.memory?)
+    }
+
     /// An energy beside that of the law.
     #[must_use]
     pub fn memory(&self) -> Option<&Memory> {

@@ -331,7 +331,7 @@ pub fn sprayed(activity: &Activity, scene: &Scene, charge: f64) -> Activity {
         let targets = values[start..][..layout.part()].iter_mut().zip(active);
         targets.for_each(|(value, active)| *value += thickness * active);
     }
-    activity.with_memory(Memory::new(layout, values))
+    activity.with_memory(Memory::new(layout, &values))
 }
 
 /// Moves `u` from rest to the equilibrium with charge that was sprayed evenly over the electrodes.

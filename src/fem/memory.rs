@@ -8,6 +8,8 @@
 //!
 //! However many viscoelastic branches there are, at one time they add no more than that: P is the sum of what they remember.
 
+use std::ops::Range;
+
 use pulp::Arch;
 
 use super::energy::MODULI;
@@ -20,6 +22,9 @@ use super::precision::{Both, Precision};
 
 /// Numbers at a point: P along xx, xy and yy, and P₃₃.
 pub const NUMBERS: usize = 4;
+
+/// Sums that are taken beside each other; rows are padded to a multiple of it.
+const ABREAST: usize = 8;
 
 /// Numbers that determine the tangent of a law and a memory together at a given deformation: 2φᵢ + P along xx, xy and yy, then
 /// φⱼ − P₃₃ j⁻³, 4φᵢᵢ, 2φᵢⱼ and φⱼⱼ + 3 P₃₃ j⁻⁴.
@@ -38,15 +43,67 @@ pub struct Memory {
 impl Memory {
     /// From the numbers of all points, in the lines that [`line()`] says.
     #[must_use]
-    pub fn new(layout: NodeLayout, values: Vec<f64>) -> Self {
-        let lines = values.chunks_exact(layout.part()).skip(NUMBERS - 1).step_by(NUMBERS);
-        let real = lines.flat_map(|line| &line[..layout.columns()]);
-        let (sum, count) = real.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
+    pub fn new(layout: NodeLayout, values: &[f64]) -> Self {
+        let mut memory = Self::zeros(values.len());
+        memory.refill(layout, |range, numbers| numbers.copy_from_slice(&values[range]));
+        memory
+    }
+
+    /// So many numbers, to be filled.
+    #[must_use]
+    pub fn zeros(count: usize) -> Self {
         Self {
-            largest: values.iter().fold(0.0, |largest, value| f64::max(largest, value.abs())),
-            weight: sum / f64::from(count),
-            values: Both::new(values),
+            values: Both::zeros(count),
+            largest: 0.0,
+            weight: 0.0,
         }
+    }
+
+    /// How many numbers there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.values.double().len()
+    }
+
+    /// Writes all numbers anew, those of the elements of a row at one point at a time: `fill` is told where they stand. One pass, since there
+    /// are more of them than a cache holds.
+    #[inline(always)]
+    pub fn refill(&mut self, layout: NodeLayout, mut fill: impl FnMut(Range<usize>, &mut [f64])) {
+        let size = NUMBERS * layout.part();
+        let (double, single) = self.values.parts_mut();
+        let count = double.len() / size * layout.columns();
+        let (mut largest, mut sum) = ([0.0_f64; ABREAST], [0.0; ABREAST]);
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                let rows = double.chunks_exact_mut(size).zip(single.chunks_exact_mut(size));
+                for (at, (double, single)) in rows.enumerate() {
+                    fill(at * size..(at + 1) * size, double);
+                    for (narrow, value) in single.iter_mut().zip(&*double) {
+                        *narrow = *value as f32;
+                    }
+                    for values in double.chunks_exact(ABREAST) {
+                        for (largest, value) in largest.iter_mut().zip(values) {
+                            let size = value.abs();
+                            *largest = if size > *largest { size } else { *largest };
+                        }
+                    }
+                    let normal = &double[(NUMBERS - 1) * layout.part()..][..layout.columns()];
+                    let whole = normal.chunks_exact(ABREAST);
+                    let rest = whole.remainder();
+                    for values in whole {
+                        for (sum, value) in sum.iter_mut().zip(values) {
+                            *sum += value;
+                        }
+                    }
+                    for (sum, value) in sum.iter_mut().zip(rest) {
+                        *sum += value;
+                    }
+                }
+            },
+        );
+        self.largest = largest.into_iter().fold(0.0, f64::max);
+        self.weight = sum.iter().sum::<f64>() / count as f64;
     }
 
     /// The numbers in one precision.
@@ -88,12 +145,46 @@ pub fn add_energy(part: usize, [coefficients, metric]: [&[f64]; 2], share: f64, 
                 let [xx, xy, yy, normal] = lines(part, coefficients);
                 let [ixx, ixy, iyy, square] = lines(part, metric);
                 for at in 0..part {
-                    let across = xx[at] * iyy[at] - 2.0 * xy[at] * ixy[at] + yy[at] * ixx[at];
-                    energy[at] += share * (square[at] * across + normal[at] / square[at]);
+                    let coefficients = [xx[at], xy[at], yy[at], normal[at]];
+                    energy[at] += share * paired(coefficients, [ixx[at], ixy[at], iyy[at], square[at]]);
                 }
             }
         },
     );
+}
+
+/// The same with the sums of two sets of P, between two metrics: a share of the energy at the second less that at the first.
+pub fn add_work(part: usize, coefficients: [&[f64]; 2], metric: [&[f64]; 2], share: f64, work: &mut [f64]) {
+    let size = NUMBERS * part;
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (row, work) in work.chunks_exact_mut(part).enumerate() {
+                let row = row * size;
+                let [xx, xy, yy, normal] = lines(part, &coefficients[0][row..]);
+                let [other_xx, other_xy, other_yy, other_normal] = lines(part, &coefficients[1][row..]);
+                let [ixx, ixy, iyy, square] = lines(part, &metric[0][row..]);
+                let [later_xx, later_xy, later_yy, later_square] = lines(part, &metric[1][row..]);
+                for at in 0..part {
+                    let sum = [
+                        xx[at] + other_xx[at],
+                        xy[at] + other_xy[at],
+                        yy[at] + other_yy[at],
+                        normal[at] + other_normal[at],
+                    ];
+                    let after = share * paired(sum, [later_xx[at], later_xy[at], later_yy[at], later_square[at]]);
+                    work[at] += after - share * paired(sum, [ixx[at], ixy[at], iyy[at], square[at]]);
+                }
+            }
+        },
+    );
+}
+
+/// P : c + P₃₃ j⁻² from c⁻¹ and j².
+#[inline(always)]
+fn paired([xx, xy, yy, normal]: [f64; NUMBERS], [ixx, ixy, iyy, square]: [f64; NUMBERS]) -> f64 {
+    let across = xx * iyy - 2.0 * xy * ixy + yy * ixx;
+    square * across + normal / square
 }
 
 /// The stress at f = I + ∇u.

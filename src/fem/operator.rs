@@ -351,6 +351,13 @@ impl<L: Material> Operator<'_, L> {
 /// c⁻¹ along xx, xy and yy, and j², at all quadrature points, in the lines that `memory::line` says.
 #[must_use]
 pub fn metrics(activity: &Activity, u: &[f64]) -> Vec<f64> {
+    let mut values = Vec::new();
+    write_metrics(activity, u, &mut values);
+    values
+}
+
+/// The same into room that may be there: of metrics of the same grid, whose padding is left as it is.
+pub fn write_metrics(activity: &Activity, u: &[f64], values: &mut Vec<f64>) {
     let operator = Operator {
         material: &WITHOUT_THICKNESS,
         activity,
@@ -358,19 +365,17 @@ pub fn metrics(activity: &Activity, u: &[f64]) -> Vec<f64> {
     };
     let layout = activity.grid().layout();
     let points = (layout.degree() + 1).pow(2);
-    let mut values = vec![0.0; layout.rows() * points * memory::NUMBERS * layout.part()];
-    let values_of = &mut values;
+    values.resize(layout.rows() * points * memory::NUMBERS * layout.part(), 0.0);
     match activity.grid().order() {
         Order::Bilinear => Arch::new().dispatch(Metrics {
             survey: operator.survey::<Bilinear, f64, 4>(u),
-            values: values_of,
+            values,
         }),
         Order::Biquadratic => Arch::new().dispatch(Metrics {
             survey: operator.survey::<Biquadratic, f64, 9>(u),
-            values: values_of,
+            values,
         }),
     }
-    values
 }
 
 /// Shapes of elements: squares of side 1 that rest at f = I; all of the same sides; and any.

@@ -17,6 +17,20 @@ impl Both {
         Self { double, single }
     }
 
+    /// So many zeros.
+    #[must_use]
+    pub fn zeros(count: usize) -> Self {
+        Self {
+            double: vec![0.0; count],
+            single: vec![0.0; count],
+        }
+    }
+
+    /// In both precisions, to be written.
+    pub fn parts_mut(&mut self) -> (&mut [f64], &mut [f32]) {
+        (&mut self.double, &mut self.single)
+    }
+
     /// In double precision.
     #[must_use]
     pub fn double(&self) -> &[f64] {

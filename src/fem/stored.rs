@@ -1,9 +1,11 @@
 //! What a membrane stores, and the charge on its electrodes, at one time.
 
+use pulp::Arch;
+
 use crate::fem::element::Line;
 use crate::fem::energy::Material;
 use crate::fem::kinematics::Tensor;
-use crate::fem::memory::NUMBERS;
+use crate::fem::memory::{NUMBERS, lines};
 use crate::fem::operator::Activity;
 use crate::field::Order;
 use crate::scene::Scene;
@@ -96,25 +98,45 @@ pub fn content<L: Material>(
     units: Units,
 ) -> Content {
     let layout = activity.grid().layout();
+    let (part, columns) = (layout.part(), layout.columns());
     let points = (layout.degree() + 1).pow(2);
-    let lines = metric.len() / (NUMBERS * layout.part());
-    let (mut elastic, mut charge, mut driven) = (vec![0.0; lines * layout.part()], Vec::new(), Vec::new());
-    charge.resize(elastic.len(), 0.0);
-    driven.resize(elastic.len(), 0.0);
-    for line in 0..lines {
-        let active = &activity.elements()[line / points * layout.part()..][..layout.part()];
-        for (column, active) in active.iter().enumerate().take(layout.columns()) {
-            let number = |at: usize| metric[(line * NUMBERS + at) * layout.part() + column];
-            let f = deformation([number(0), number(1), number(2), number(3)]);
-            let at = line * layout.part() + column;
-            elastic[at] = unloaded.energy(f, *active);
-            if *active > 0.0 && voltage != 0.0 {
-                let electric = elastic[at] - loaded.energy(f, *active);
-                driven[at] = 2.0 * electric / voltage;
-                charge[at] = driven[at] / active.sqrt();
+    let count = metric.len() / NUMBERS;
+    let [mut elastic, mut charge, mut driven] = [(); 3].map(|()| vec![0.0; count]);
+    let rows = metric
+        .chunks_exact(NUMBERS * part)
+        .zip(elastic.chunks_exact_mut(part))
+        .zip(charge.chunks_exact_mut(part).zip(driven.chunks_exact_mut(part)));
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (line, ((metric, elastic), (charge, driven))) in rows.enumerate() {
+                let active = &activity.elements()[line / points * part..][..columns];
+                let [xx, xy, yy, square] = lines(part, metric);
+                for at in 0..columns {
+                    elastic[at] = unloaded.energy(deformation([xx[at], xy[at], yy[at], square[at]]), active[at]);
+                }
+                if voltage == 0.0 {
+                    continue;
+                }
+                if L::STORES {
+                    // A law that takes so much time is asked of electrodes alone.
+                    for at in (0..columns).filter(|at| active[*at] > 0.0) {
+                        driven[at] = loaded.energy(deformation([xx[at], xy[at], yy[at], square[at]]), active[at]);
+                    }
+                } else {
+                    for at in 0..columns {
+                        driven[at] = loaded.energy(deformation([xx[at], xy[at], yy[at], square[at]]), active[at]);
+                    }
+                }
+                for at in 0..columns {
+                    let share = active[at];
+                    let charged = 2.0 * (elastic[at] - driven[at]) / voltage;
+                    driven[at] = if share > 0.0 { charged } else { 0.0 };
+                    charge[at] = if share > 0.0 { charged / share.sqrt() } else { 0.0 };
+                }
             }
-        }
-    }
+        },
+    );
     let integral = |values: &[f64]| units.energy * integral(activity, values);
     Content {
         elastic: integral(&elastic),
@@ -124,6 +146,7 @@ pub fn content<L: Material>(
 }
 
 /// A deformation with a given c⁻¹ and j²; laws are isotropic, so that any will do.
+#[inline(always)]
 #[must_use]
 pub fn deformation([xx, xy, yy, square]: [f64; NUMBERS]) -> Tensor<f64> {
     let [first, across] = [square * yy, -square * xy];

@@ -187,8 +187,8 @@ impl Model {
         }
         let layout = activity.grid().layout();
         let at_rest = metrics(&activity, &vec![0.0; layout.vector_len()]);
-        let values = at_rest.iter().map(|value| self.slowness * value).collect();
-        activity.with_memory(Memory::new(layout, values))
+        let values: Vec<f64> = at_rest.iter().map(|value| self.slowness * value).collect();
+        activity.with_memory(Memory::new(layout, &values))
     }
 
     /// The share of the load that each group of electrodes has.

@@ -21,7 +21,7 @@ const STILL: f64 = 1e-12;
 pub fn equilibrium<L: Material, F>(
     problem: &Problem<'_, F>,
     material: &L,
-    viscous: &Viscous,
+    viscous: &mut Viscous,
     step: f64,
     u: &mut [f64],
     workspace: &mut Workspace,
@@ -55,6 +55,7 @@ pub fn equilibrium<L: Material, F>(
             return Ok((activity, all));
         }
         if progress.steps > 0 {
+            viscous.recycle(activity);
             activity = viscous.remembered_at(problem.activity, step, u);
         }
         tolerance = (FALL * progress.residual).max(problem.tolerance);

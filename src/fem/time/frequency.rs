@@ -351,7 +351,7 @@ impl<'a> About<'a> {
         let with_branches = match self.solver.branches.is_empty() {
             true => None,
             false => {
-                let relaxed = Memory::new(grid.layout(), metrics(self.activity, self.u));
+                let relaxed = Memory::new(grid.layout(), &metrics(self.activity, self.u));
                 Some(tangent(&self.activity.with_memory(relaxed))?)
             }
         };

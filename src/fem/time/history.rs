@@ -50,7 +50,7 @@ pub struct HistoryRequest {
     pub limit: WorkLimit,
     /// How states are estimated, where they are not solved for; the steps are then those of a first pass.
     pub estimate: Option<StepEstimate>,
-    /// Whether charges and energies are wanted beside displacements; they are 0 where not.
+    /// Whether charges, energies and magnitudes of each instant are wanted beside the fields that are asked for; they are 0 where not.
     pub measures: bool,
 }
 
@@ -107,6 +107,8 @@ pub struct History {
     pub watched: [usize; 2],
     /// Estimate of the largest error in mm that steps in time leave in the fields; none where it is not known.
     pub time_error_mm: Option<f64>,
+    /// Steps in time of all passes.
+    pub steps: usize,
     /// Newton steps of all passes.
     pub newton_steps: u32,
     /// Relative residual at the end of the last step.
@@ -263,6 +265,7 @@ impl MembraneSolver {
             pass,
             fields,
             error,
+            steps,
             newton_steps,
         } = fine;
         let outcome = match pass.end {
@@ -298,6 +301,7 @@ impl MembraneSolver {
             kept: pass.kept,
             fields,
             time_error_mm: error,
+            steps,
             newton_steps,
             residual: pass.residual,
         }
@@ -309,6 +313,8 @@ struct Refined {
     pass: Pass,
     fields: Vec<Field>,
     error: Option<f64>,
+    /// Of all passes.
+    steps: usize,
     newton_steps: u32,
 }
 
@@ -432,6 +438,7 @@ impl WithMaterial for Follow<'_> {
             let refined = Refined {
                 fields: coarse.fields.clone(),
                 error: None,
+                steps: coarse.steps.len(),
                 newton_steps: coarse.newton_steps,
                 pass: coarse.clone(),
             };
@@ -448,11 +455,21 @@ impl WithMaterial for Follow<'_> {
 struct Spent<'a> {
     /// What is left to the next one.
     limit: &'a Cell<WorkLimit>,
+    steps: usize,
     newton_steps: u32,
 }
 
-impl Spent<'_> {
+impl<'a> Spent<'a> {
+    fn new(limit: &'a Cell<WorkLimit>) -> Self {
+        Self {
+            limit,
+            steps: 0,
+            newton_steps: 0,
+        }
+    }
+
     fn count(&mut self, pass: Pass) -> Pass {
+        self.steps += pass.steps.len();
         self.newton_steps += pass.newton_steps;
         self.limit.set(self.limit.get().less(pass.work));
         pass
@@ -501,7 +518,7 @@ fn refine(
     (limit, rounding): (&Cell<WorkLimit>, f64),
     mut halve: impl FnMut(&Pass) -> Pass,
 ) -> (Pass, Refined) {
-    let mut spent = Spent { limit, newton_steps: 0 };
+    let mut spent = Spent::new(limit);
     let mut coarse = spent.count(first);
     let mut fine = spent.count(halve(&coarse));
     let mut before: Option<f64> = None;
@@ -525,6 +542,7 @@ fn refine(
             let refined = Refined {
                 fields: fine.fields.clone(),
                 error: known(error, &coarse, &fine),
+                steps: spent.steps,
                 newton_steps: spent.newton_steps,
                 pass: fine,
             };
@@ -542,7 +560,7 @@ fn refine_motion(
     limit: &Cell<WorkLimit>,
     mut pass_with: impl FnMut(u32, Option<&Pass>) -> Pass,
 ) -> (Pass, Refined) {
-    let mut spent = Spent { limit, newton_steps: 0 };
+    let mut spent = Spent::new(limit);
     let mut before = spent.count(pass_with(0, None));
     let mut coarse = spent.count(pass_with(1, Some(&before)));
     let mut fine = spent.count(pass_with(2, Some(&coarse)));
@@ -573,6 +591,7 @@ fn refine_motion(
             let refined = Refined {
                 fields,
                 error: known(error, &coarse, &fine),
+                steps: spent.steps,
                 newton_steps: spent.newton_steps,
                 pass: fine,
             };

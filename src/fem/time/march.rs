@@ -68,7 +68,7 @@ pub struct Course<'a, F> {
     pub held: Option<Held<'a>>,
     /// How states are estimated where they are not solved for.
     pub estimate: Option<Estimate<'a>>,
-    /// Whether charges and energies are wanted beside displacements.
+    /// Whether charges, energies and magnitudes of each instant are wanted beside the fields that were asked for.
     pub measures: bool,
 }
 
@@ -826,7 +826,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
                 tolerance: course.problem.tolerance,
             };
             let workspace = &mut *self.workspace;
-            match equilibrium(&problem, &material, &self.viscous, seconds, &mut u, workspace) {
+            match equilibrium(&problem, &material, &mut self.viscous, seconds, &mut u, workspace) {
                 Ok((activity, progress)) => {
                     self.pass.newton_steps += progress.steps;
                     self.pass.residual = progress.residual;
@@ -835,7 +835,9 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
                         activity: &activity,
                         pulled: 1.0,
                     };
-                    match judge(&operator, problem.laplacian, &u, workspace) {
+                    let stability = judge(&operator, problem.laplacian, &u, workspace);
+                    self.viscous.recycle(activity);
+                    match stability {
                         Stability::Stable { .. } => return Ok(u),
                         Stability::Unstable => last = Some(Refusal::Lost(Loss::Stability)),
                         Stability::NotElliptic => last = Some(Refusal::Lost(Loss::Ellipticity)),
@@ -869,9 +871,9 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         if self.workspace.is_spent() {
             return Err(Refusal::Work);
         }
-        let actual = self.viscous.remembered(course.problem.activity, seconds);
+        let remembered = self.viscous.remembered(course.problem.activity, seconds);
         let slowness = self.viscous.slowness(seconds);
-        let at_rest = (self.unmoved.as_ref()).map(|unmoved| unmoved.remembered(half_active, seconds));
+        let at_rest = (self.unmoved.as_mut()).map(|unmoved| unmoved.remembered(half_active, seconds));
         let slowed = match at_rest {
             None => (course.problem.material)(share).slowed(slowness),
             Some(_) => None,
@@ -879,7 +881,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         let unit = slowed.as_ref().map_or(1.0, |_| 1.0 + slowness);
         let actual = Operator {
             material: &material,
-            activity: &actual,
+            activity: &remembered,
             pulled: 1.0,
         };
         let linear = Operator {
@@ -893,14 +895,19 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             StepEstimate::Chord(steps) if seconds == 0.0 => (guess, steps + MORE_CHORD_STEPS, INNER),
             StepEstimate::Chord(steps) => (guess, steps, INNER),
         };
-        match newton::chord(
+        let found = newton::chord(
             [&actual, &linear],
             course.problem.laplacian,
             ChordSteps { count, inner, unit },
             &rest,
             &mut u,
             self.workspace,
-        ) {
+        );
+        self.viscous.recycle(remembered);
+        if let (Some(unmoved), Some(at_rest)) = (&mut self.unmoved, at_rest) {
+            unmoved.recycle(at_rest);
+        }
+        match found {
             Ok(progress) => {
                 self.pass.newton_steps += progress.steps;
                 self.pass.residual = progress.residual;
@@ -948,7 +955,8 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         let course = self.course;
         match course.estimate.map(|estimate| estimate.how) {
             Some(StepEstimate::Linear) => self.viscous.advance_linearly(course.problem.activity, step, &self.u),
-            _ => self.viscous.advance(course.problem.activity, step, &self.u),
+            _ if self.measures => self.viscous.advance(course.problem.activity, step, &self.u),
+            _ => self.viscous.advance_later(course.problem.activity, step, &self.u),
         }
         if let Some(unmoved) = &mut self.unmoved {
             unmoved.relax(step);
@@ -970,7 +978,13 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         if self.recent.len() > 3 {
             self.recent.remove(0);
         }
-        let field = course.problem.activity.grid().sample(&self.u);
+        let [largest, watched] = match self.measures {
+            true => {
+                let field = course.problem.activity.grid().sample(&self.u);
+                [field.max_magnitude(), magnitude_at(&field, course.watched.get())]
+            }
+            false => [0.0; 2],
+        };
         self.pass.instants.push(Instant {
             time: now,
             voltage: self.volts,
@@ -980,8 +994,8 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             kinetic: 0.0,
             dissipated: self.dissipated,
             supplied: self.supplied,
-            largest: field.max_magnitude(),
-            watched: magnitude_at(&field, course.watched.get()),
+            largest,
+            watched,
             bodies: course.problem.activity.grid().motions(&self.u),
         });
     }
@@ -1053,7 +1067,12 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             return (content, self.units.energy * integral(activity, &spread));
         }
         let Some(charged) = &self.charged else {
-            let content = self.measure_at(self.volts);
+            let activity = self.course.problem.activity;
+            // Branches that have followed know it.
+            let content = match self.viscous.metric() {
+                Some(metric) => self.content_at(metric, activity, self.volts),
+                None => self.content(activity, self.volts),
+            };
             return (content, 0.5 * content.driven * self.volts);
         };
         let volts = charged.share.sqrt() * self.course.scene.voltage_v();
@@ -1087,10 +1106,14 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
 
     /// The membrane as it is, with so many V on electrodes with an activity.
     fn content(&self, activity: &Activity, volts: f64) -> Content {
+        self.content_at(&metrics(activity, &self.u), activity, volts)
+    }
+
+    /// The membrane at a metric, with so many V on electrodes with an activity.
+    fn content_at(&self, metric: &[f64], activity: &Activity, volts: f64) -> Content {
         let course = self.course;
         let full = course.scene.voltage_v();
         let ratio = if full > 0.0 { volts / full } else { 0.0 };
-        let metric = metrics(activity, &self.u);
         // The electric energy is a difference, which is lost in rounding at low voltages; it is in proportion to their square, but where the
         // membrane wrinkles.
         let (at, scale) = match L::WRINKLES {
@@ -1098,7 +1121,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             false => (1.0, ratio),
         };
         let laws = [0.0, at * at].map(|share| (course.problem.material)(share));
-        let found = content([&laws[0], &laws[1]], activity, &metric, at * full, self.units);
+        let found = content([&laws[0], &laws[1]], activity, metric, at * full, self.units);
         Content {
             charge: scale * found.charge,
             driven: scale * found.driven,

@@ -9,6 +9,7 @@
 //! c₁ the same mechanism carries A − σ c₁⁻¹, whose stress there is that of A, and whose change with strain is about that of A if σ c₁⁻¹
 //! is about the part of A that follows: a few corrections of it end at the equilibrium ([`super::equilibrium`]).
 
+use std::mem;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -18,7 +19,7 @@ use super::coefficients::Coefficients;
 use super::finite::{self, Step};
 use crate::fem::layout::NodeLayout;
 use crate::fem::memory::{self, Memory, NUMBERS, lines};
-use crate::fem::operator::{Activity, metrics};
+use crate::fem::operator::{Activity, metrics, write_metrics};
 use crate::fem::stored::{integral, integral_of_rows, sum_of_logarithms};
 use crate::scene::{Scene, ViscousLaw};
 
@@ -34,7 +35,33 @@ pub struct Viscous {
     /// A of each branch, at all points.
     states: Vec<Vec<f64>>,
     /// c⁻¹ and j² at the beginning of the next step.
+    metric: Arc<Vec<f64>>,
+    /// The step that the states have not followed yet.
+    pending: Option<Pending>,
+    /// Room that is used again: there is more in it than a cache holds, and to have it anew from the system takes as long as to fill it.
+    room: Room,
+}
+
+/// A step that the states will follow when they are read next.
+#[derive(Clone, Debug)]
+struct Pending {
+    /// c⁻¹ and j² at its beginning.
+    old: Arc<Vec<f64>>,
+    /// How long it is, in s.
+    step: f64,
+}
+
+/// Arrays that nobody looks at any more. A copy has none.
+#[derive(Debug, Default)]
+struct Room {
     metric: Vec<f64>,
+    memory: Option<Memory>,
+}
+
+impl Clone for Room {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
 }
 
 /// A branch in the units of the membrane.
@@ -71,14 +98,16 @@ impl Viscous {
             law,
             branches,
             states: Vec::new(),
-            metric: Vec::new(),
+            metric: Arc::default(),
+            pending: None,
+            room: Room::default(),
         };
         if viscous.is_empty() {
             return viscous;
         }
-        viscous.metric = metrics(activity, &vec![0.0; layout.vector_len()]);
+        viscous.metric = Arc::new(metrics(activity, &vec![0.0; layout.vector_len()]));
         let Some(rest) = &scene.drive.rest else {
-            viscous.states = vec![viscous.metric.clone(); viscous.branches.len()];
+            viscous.states = vec![viscous.metric.to_vec(); viscous.branches.len()];
             return viscous;
         };
         let fresh = [prestretch.powi(2), 0.0, prestretch.powi(2), prestretch.powi(-4)];
@@ -111,26 +140,64 @@ impl Viscous {
 
     /// An activity with what the branches add at the end of a step of so many seconds; of the finite law where it takes no time.
     #[must_use]
-    pub fn remembered(&self, activity: &Activity, step: f64) -> Activity {
+    pub fn remembered(&mut self, activity: &Activity, step: f64) -> Activity {
         if self.is_empty() {
             return activity.clone();
         }
-        let mut sum = self.known(activity);
+        let pending = self.pending.take();
         let factors = self.branches.iter().map(|branch| {
             let Coefficients { kept, before, .. } = Coefficients::new(step / branch.time);
-            [branch.modulus * kept, branch.modulus * before]
+            let followed = pending
+                .as_ref()
+                .map(|pending| Coefficients::new(pending.step / branch.time));
+            (branch.modulus * kept, branch.modulus * before, followed)
         });
-        let factors: Vec<[f64; 2]> = factors.collect();
-        in_chunks(sum.len(), |range| {
-            let (sum, metric) = (&mut sum[range.clone()], &self.metric[range.clone()]);
-            for ([kept, before], state) in factors.iter().zip(&self.states) {
-                let pairs = state[range.clone()].iter().zip(metric);
-                sum.iter_mut()
-                    .zip(pairs)
-                    .for_each(|(sum, (state, metric))| *sum += kept * state + before * metric);
-            }
-        });
-        activity.with_memory(Memory::new(self.layout, sum))
+        let factors: Vec<(f64, f64, Option<Coefficients>)> = factors.collect();
+        let mut memory = self
+            .room
+            .memory
+            .take()
+            .unwrap_or_else(|| Memory::zeros(self.metric.len()));
+        let known = activity.memory().map(Memory::view::<f64>);
+        let (states, metric) = (&mut self.states, &self.metric);
+        memory.refill(
+            self.layout,
+            #[inline(always)]
+            |range, sum| {
+                match known {
+                    Some(known) => sum.copy_from_slice(&known[range.clone()]),
+                    None => sum.fill(0.0),
+                }
+                let metric = &metric[range.clone()];
+                for ((kept, before, followed), state) in factors.iter().zip(&mut *states) {
+                    let state = &mut state[range.clone()];
+                    if let (Some(step), Some(pending)) = (followed, &pending) {
+                        follow(step, state, &pending.old[range.clone()], metric);
+                    }
+                    for ((sum, state), metric) in sum.iter_mut().zip(state).zip(metric) {
+                        *sum += kept * *state + before * metric;
+                    }
+                }
+            },
+        );
+        self.reuse(pending);
+        activity.with_memory(memory)
+    }
+
+    /// Takes back the room of what a membrane remembered.
+    pub fn recycle(&mut self, activity: Activity) {
+        if let Some(memory) = activity.into_memory()
+            && memory.count() == self.metric.len()
+        {
+            self.room.memory = Some(memory);
+        }
+    }
+
+    /// Takes back the room of the metric before a step.
+    fn reuse(&mut self, pending: Option<Pending>) {
+        if let Some(old) = pending.and_then(|pending| Arc::into_inner(pending.old)) {
+            self.room.metric = old;
+        }
     }
 
     /// The modulus of branches that have relaxed at rest beside what a step of so many seconds at rest lets them forget, in units of μλp².
@@ -149,7 +216,7 @@ impl Viscous {
 
     /// The same at the end of a step that ends about a displacement.
     #[must_use]
-    pub fn remembered_at(&self, activity: &Activity, step: f64, u: &[f64]) -> Activity {
+    pub fn remembered_at(&mut self, activity: &Activity, step: f64, u: &[f64]) -> Activity {
         if !self.depends_on_end(step) {
             return self.remembered(activity, step);
         }
@@ -169,14 +236,48 @@ impl Viscous {
                 }
             }
         }
-        activity.with_memory(Memory::new(self.layout, sum))
+        activity.with_memory(Memory::new(self.layout, &sum))
     }
 
     /// Moves the branches to the end of a step that ends at a displacement.
     pub fn advance(&mut self, activity: &Activity, step: f64, u: &[f64]) {
         if !self.is_empty() {
-            self.advance_to(metrics(activity, u), step);
+            let metric = self.metric_at(activity, u);
+            self.advance_to(metric, step);
         }
+    }
+
+    /// The same when the states are read next: by [`Viscous::remembered`], which reads them all anyway.
+    pub fn advance_later(&mut self, activity: &Activity, step: f64, u: &[f64]) {
+        if self.law == ViscousLaw::Finite || self.is_empty() {
+            return self.advance(activity, step, u);
+        }
+        self.catch_up();
+        let metric = self.metric_at(activity, u);
+        let old = mem::replace(&mut self.metric, Arc::new(metric));
+        self.pending = Some(Pending { old, step });
+    }
+
+    /// Lets the states follow the step that they have not followed yet.
+    fn catch_up(&mut self) {
+        let Some(pending) = self.pending.take() else {
+            return;
+        };
+        self.follow_all(&pending.old, pending.step);
+        self.reuse(Some(pending));
+    }
+
+    /// c⁻¹ and j² at a displacement.
+    fn metric_at(&mut self, activity: &Activity, u: &[f64]) -> Vec<f64> {
+        let mut metric = mem::take(&mut self.room.metric);
+        write_metrics(activity, u, &mut metric);
+        metric
+    }
+
+    /// c⁻¹ and j² at the end of the last step; none where there are no branches.
+    #[must_use]
+    pub fn metric(&self) -> Option<&[f64]> {
+        (!self.is_empty()).then_some(&self.metric[..])
     }
 
     /// The same to a metric as if strains were small: linear in the displacement.
@@ -197,43 +298,49 @@ impl Viscous {
 
     /// Moves the branches to the end of a step that ends at a metric.
     fn advance_to(&mut self, metric: Vec<f64>, step: f64) {
+        self.catch_up();
+        let old = mem::replace(&mut self.metric, Arc::new(metric));
         match self.law {
-            ViscousLaw::Linear => {
-                let factors = self.branches.iter().map(|branch| Coefficients::new(step / branch.time));
-                let factors: Vec<Coefficients> = factors.collect();
-                let (states, old) = (&mut self.states, &self.metric);
-                in_chunks(metric.len(), |range| {
-                    let (old, new) = (&old[range.clone()], &metric[range.clone()]);
-                    for (Coefficients { kept, before, now }, state) in factors.iter().zip(&mut *states) {
-                        let pairs = old.iter().zip(new);
-                        state[range.clone()]
-                            .iter_mut()
-                            .zip(pairs)
-                            .for_each(|(state, (old, new))| *state = kept * *state + before * old + now * new);
-                    }
-                });
-            }
+            ViscousLaw::Linear => self.follow_all(&old, step),
             ViscousLaw::Finite => {
                 for (branch, state) in self.branches.iter().zip(&mut self.states) {
                     let step = Step::new(step / branch.time);
                     change(self.layout, state, |at, state| {
-                        let [from, to] = [&self.metric, &metric].map(|values| point(self.layout, values, at));
+                        let [from, to] = [&old, &self.metric].map(|values| point(self.layout, values, at));
                         step.end(state, from, to).0
                     });
                 }
             }
         }
-        self.metric = metric;
+        self.reuse(Some(Pending { old, step }));
+    }
+
+    /// Moves the states of the linear law from a metric to the one that is now, in so many seconds.
+    fn follow_all(&mut self, old: &[f64], step: f64) {
+        let factors = self.branches.iter().map(|branch| Coefficients::new(step / branch.time));
+        let factors: Vec<Coefficients> = factors.collect();
+        let (states, metric) = (&mut self.states, &self.metric);
+        in_chunks(
+            old.len(),
+            #[inline(always)]
+            |range| {
+                let (old, new) = (&old[range.clone()], &metric[range.clone()]);
+                for (step, state) in factors.iter().zip(&mut *states) {
+                    follow(step, &mut state[range.clone()], old, new);
+                }
+            },
+        );
     }
 
     /// Lets the branches relax for so many seconds at the strain that they are at.
     pub fn relax(&mut self, seconds: f64) {
+        self.catch_up();
         for (branch, state) in self.branches.iter().zip(&mut self.states) {
             let r = seconds / branch.time;
             match self.law {
                 ViscousLaw::Linear => {
                     let kept = (-r).exp();
-                    let pairs = state.iter_mut().zip(&self.metric);
+                    let pairs = state.iter_mut().zip(&self.metric[..]);
                     pairs.for_each(|(state, metric)| *state = metric + kept * (*state - metric));
                 }
                 ViscousLaw::Finite => change(self.layout, state, |at, state| {
@@ -246,13 +353,18 @@ impl Viscous {
     /// Strains the branches at once.
     pub fn strain(&mut self, activity: &Activity, u: &[f64]) {
         if !self.is_empty() {
-            self.metric = metrics(activity, u);
+            self.catch_up();
+            self.metric = Arc::new(metrics(activity, u));
         }
     }
 
     /// What energies of this state are made of.
+    ///
+    /// # Panics
+    /// After [`Viscous::advance_later`].
     #[must_use]
     pub fn loaded(&self) -> Loaded {
+        assert!(self.pending.is_none(), "energies are of states that have followed");
         let mut sum = vec![0.0; self.metric.len()];
         in_chunks(sum.len(), |range| {
             let sum = &mut sum[range.clone()];
@@ -264,7 +376,7 @@ impl Viscous {
         Loaded {
             part: self.layout.part(),
             sum,
-            metric: self.metric.clone(),
+            metric: Arc::clone(&self.metric),
         }
     }
 
@@ -296,6 +408,14 @@ impl Viscous {
     }
 }
 
+/// Moves states through a step between two metrics.
+#[inline(always)]
+fn follow(&Coefficients { kept, before, now }: &Coefficients, state: &mut [f64], old: &[f64], new: &[f64]) {
+    for ((state, old), new) in state.iter_mut().zip(old).zip(new) {
+        *state = kept * *state + before * old + now * new;
+    }
+}
+
 /// Does work on ranges of numbers that stay in the cache from one branch to the next.
 fn in_chunks(len: usize, mut work: impl FnMut(Range<usize>)) {
     const CHUNK: usize = 1024;
@@ -316,7 +436,7 @@ pub struct Loaded {
     /// Σ gA at all points.
     sum: Vec<f64>,
     /// c⁻¹ and j².
-    metric: Vec<f64>,
+    metric: Arc<Vec<f64>>,
 }
 
 impl Loaded {
@@ -328,9 +448,8 @@ impl Loaded {
             return 0.0;
         }
         let mut work = vec![0.0; self.metric.len() / NUMBERS];
-        let both: Vec<f64> = self.sum.iter().zip(&later.sum).map(|(a, b)| a + b).collect();
-        memory::add_energy(self.part, [&both, &later.metric], 0.25, &mut work);
-        memory::add_energy(self.part, [&both, &self.metric], -0.25, &mut work);
+        let (sums, metrics) = ([&self.sum[..], &later.sum], [&self.metric[..], &later.metric]);
+        memory::add_work(self.part, sums, metrics, 0.25, &mut work);
         integral(activity, &work)
     }
 }

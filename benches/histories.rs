@@ -1,0 +1,82 @@
+//! What steps in time cost beside the static solve of the same mesh and law.
+//!
+//! `cargo bench --bench histories`. VHB 4910 with three branches (`pipelines/scenes/vhb4910-hossain.yaml`), a step of voltage held for 10 s,
+//! random patterns of 10² blocks, bilinear elements, one core. `Newton` solves for the state of every step, `chord:1` estimates it by one chord
+//! step and `linear` by one linear system; `Newton, energies` has charge and energies of every step too, as `deaflow solve --history` writes
+//! them. Steps are those of all passes. Times are those that the thread was on a core; all kinds take turns, and the best of five rounds counts.
+
+use std::path::Path;
+
+use deaflow::base::{Stream, thread_seconds};
+use deaflow::fem::{HistoryRequest, MembraneSolver, SolveOptions, StepEstimate};
+use deaflow::field::{Mesh, Simulator};
+use deaflow::pattern::{Pattern, Raster};
+use deaflow::scene::Scene;
+
+const PATTERNS: u64 = 4;
+const ROUNDS: usize = 5;
+
+/// How states are found, and whether energies are wanted.
+const KINDS: [(&str, Option<StepEstimate>, bool); 4] = [
+    ("Newton", None, false),
+    ("Newton, energies", None, true),
+    ("chord:1", Some(StepEstimate::Chord(1)), false),
+    ("linear", Some(StepEstimate::Linear), false),
+];
+
+fn main() {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .expect("a thread can be started");
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/scenes/vhb4910-hossain.yaml");
+    let scene = Scene::load(&file).expect("a scene of the repository");
+    let patterns: Vec<Pattern> = (0..PATTERNS).map(blocks).collect();
+    println!("elements  method            ms per pattern    steps  ms per step  100 steps in statics");
+    for per_cell in [1, 2] {
+        let mesh = Mesh::bilinear(per_cell);
+        let solver = MembraneSolver::new(&scene, SolveOptions::on(mesh)).expect("a valid scene");
+        pool.install(|| report(&solver, &patterns, 50 * per_cell));
+    }
+}
+
+fn report(solver: &MembraneSolver, patterns: &[Pattern], side: usize) {
+    let (mut best_static, mut best) = (f64::INFINITY, [f64::INFINITY; KINDS.len()]);
+    let mut steps = [0; KINDS.len()];
+    let count = patterns.len() as f64;
+    for _ in 0..ROUNDS {
+        let start = thread_seconds();
+        let results = solver.simulate(patterns);
+        best_static = best_static.min((thread_seconds() - start) / count);
+        assert!(results.iter().all(|result| result.outcome.is_converged()));
+        for (at, (name, estimate, measures)) in KINDS.into_iter().enumerate() {
+            let request = HistoryRequest {
+                estimate,
+                measures,
+                ..HistoryRequest::at(vec![10.0])
+            };
+            let start = thread_seconds();
+            let histories = patterns.iter().map(|pattern| solver.history(pattern, &request));
+            let histories: Vec<_> = histories.collect::<Result<_, _>>().expect("the scene can be followed");
+            best[at] = best[at].min((thread_seconds() - start) / count);
+            assert!(histories.iter().all(|history| history.fields.len() == 1), "{name}");
+            steps[at] = histories.iter().map(|history| history.steps).sum();
+        }
+    }
+    println!("{side:>7}²  {:<16}  {:>14.2}", "static", 1e3 * best_static);
+    for ((name, ..), (seconds, steps)) in KINDS.iter().zip(best.into_iter().zip(steps)) {
+        let steps = steps as f64 / count;
+        println!(
+            "{side:>7}²  {name:<16}  {:>14.2}  {steps:>7.1}  {:>11.3}  {:>20.1}",
+            1e3 * seconds,
+            1e3 * seconds / steps,
+            100.0 * seconds / steps / best_static
+        );
+    }
+}
+
+/// Half of 10² blocks of cells, drawn without replacement.
+fn blocks(index: u64) -> Pattern {
+    let drawn = Stream::new(1, "histories benchmark", index).choose(100, 50);
+    Pattern::from_fn(Raster::PAPER, |x, y| drawn.contains(&(y / 5 * 10 + x / 5)))
+}
