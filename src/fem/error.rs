@@ -125,11 +125,6 @@ pub enum SetupError {
         /// The column.
         x: usize,
     },
-    /// Rigid bodies with a mass.
-    #[error(
-        "motion with inertia is simulated without rigid bodies, and this scene has some: leave out `inertia`, or `bodies`"
-    )]
-    MovingBodies,
     /// A density that nothing says.
     #[error("inertia needs a density, and the scene has none: give `density` in `properties`")]
     Density,
@@ -187,7 +182,6 @@ impl SetupError {
                 | Self::Resistance { .. }
                 | Self::Leads
                 | Self::Island { .. }
-                | Self::MovingBodies
                 | Self::Density
                 | Self::NothingMoves
                 | Self::Steps { .. }

@@ -7,6 +7,7 @@
 use std::cell::Cell;
 use std::mem;
 
+use super::bodies;
 use super::equilibrium::equilibrium;
 use super::leads::{Charged, Circuit, Conductor, FIRST_STAGE, Relaxation};
 use super::supply::{Electrodes, Supply};
@@ -1000,7 +1001,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         let loaded = self.viscous.loaded();
         let stored = self.units.energy * self.viscous.stored(&loaded, course.problem.activity);
         let earlier = mem::replace(&mut self.loaded, loaded);
-        let [springs, work] = self.of_bodies();
+        let [springs, work] = bodies::energies(course.scene, course.problem.activity.grid(), &self.u);
         let springs_before = mem::replace(&mut self.springs, springs);
         let work_before = mem::replace(&mut self.work, work);
         let change = stored - mem::replace(&mut self.stored, stored);
@@ -1065,19 +1066,6 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             ..content
         };
         (whole, 0.5 * content.driven * volts)
-    }
-
-    /// The energy of the springs of bodies, and the work of their loads since they were at rest, in J.
-    fn of_bodies(&self) -> [f64; 2] {
-        let course = self.course;
-        let motions = course.problem.activity.grid().motions(&self.u).unwrap_or_default();
-        let bodies = course.scene.geometry.bodies.iter().flatten().zip(motions);
-        let each = bodies.map(|(body, motion)| {
-            let [x, y] = motion.translation.map(|mm| 1e-3 * mm);
-            let [along, across] = body.load_n();
-            [0.5 * body.spring_n_per_m() * (x * x + y * y), along * x + across * y]
-        });
-        each.fold([0.0; 2], |sum, energies| [sum[0] + energies[0], sum[1] + energies[1]])
     }
 
     /// The membrane as it is, with so many V on its electrodes.

@@ -2,6 +2,7 @@
 
 mod accurate;
 mod amplitude;
+mod bodies;
 mod coefficients;
 mod creep;
 mod equilibrium;

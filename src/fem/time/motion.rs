@@ -9,7 +9,12 @@
 //! where the work of F along Δu is the change of energy at the voltage in the middle of the step (Simo and Tarnow, Z. angew. Math. Phys. 43 (1992) 757;
 //! Gonzalez, J. Nonlinear Sci. 6 (1996) 449). Viscoelastic branches relax for half of a step before and after it, and are springs within
 //! it: what they lose is never negative, and stored energy, losses and supply balance to rounding.
+//!
+//! A rigid body that turns from θ₀ to θ₁ moves its nodes by Δt + (R₁ − R₀)(X − Xc) = Δt + 2 sin ½Δθ J Rₘ (X − Xc), in the span of the T of
+//! [`supports`](crate::fem::supports) at the mean angle. The equation is that along this T (Betsch and Steinmann, Int. J. Numer. Meth. Engng
+//! 53 (2002) 1775): its product with Δu has the same energies, so with bodies they balance as without, whatever angle they turn by.
 
+use super::bodies;
 use super::march::{Course, Instant, MOST_STEPS, Pass, PassEnd, magnitude_at};
 use super::viscous::Viscous;
 use crate::fem::continuation::Loss;
@@ -66,6 +71,9 @@ struct Run<'a, 'b, 'c, F> {
     elastic_at_rest: f64,
     branches: f64,
     branches_at_rest: f64,
+    /// Energy of the springs of bodies, and the work of their loads, in J.
+    springs: f64,
+    work: f64,
     dissipated: f64,
     supplied: f64,
     krylov: Scratch,
@@ -91,6 +99,8 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
             elastic_at_rest: 0.0,
             branches,
             branches_at_rest: branches,
+            springs: 0.0,
+            work: 0.0,
             dissipated: 0.0,
             supplied: 0.0,
             krylov: Scratch::new(len),
@@ -262,6 +272,9 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
         self.branches = self.stored_in_branches();
         self.dissipated += strained - self.branches;
         let work = 0.5 * course.voltage(middle, Side::After).powi(2) * self.scale();
+        let [springs, loads] = bodies::energies(course.scene, activity.grid(), &self.u);
+        self.springs = springs;
+        self.supplied += loads - std::mem::replace(&mut self.work, loads);
         self.supplied +=
             work * (self.content.driven - before.driven) + self.electric(to, Side::Before) - electric_before;
         self.pass.steps.push(to);
@@ -295,6 +308,12 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
         if self.changes.is_empty() {
             guess.iter_mut().zip(&self.v).for_each(|(sum, v)| *sum = length * v);
         }
+        self.motion
+            .course
+            .problem
+            .activity
+            .grid()
+            .settle_change(&self.u, &mut guess);
         guess
     }
 
@@ -308,19 +327,22 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
         let mut against = vec![0.0; change.len()];
         let mut single: Vec<f32> = Vec::new();
         let mut moduli = Vec::new();
+        // Of the bodies where the tangent was taken.
+        let mut poses = Vec::new();
         let mut scratch = motion.laplacian.scratch();
         let mut heavy = vec![0.0_f32; change.len()];
         let mut reference: f64 = 0.0;
         let mut size = f64::INFINITY;
         for iteration in 0..LIMIT {
-            operator.residual_between(&self.u, &change, &mut forces);
+            let halfway = grid.poses_between(&self.u, &change);
+            operator.residual_between(&self.u, &change, &halfway, &mut forces);
             let moved: Vec<f64> = change
                 .iter()
                 .zip(&self.v)
                 .map(|(change, v)| weight * (change - length * v))
                 .collect();
             motion.mass.apply(&moved, &mut against);
-            grid.restrict(&self.u, &mut against);
+            grid.restrict_at(&halfway, &mut against);
             let sums = forces.iter().zip(&against);
             residual
                 .iter_mut()
@@ -332,38 +354,51 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
                 return None;
             }
             self.pass.residual = now / reference.max(f64::MIN_POSITIVE);
-            // A residual that no longer falls is rounding.
-            if now <= TOLERANCE * reference || (now >= 0.5 * size && now <= 1e3 * TOLERANCE * reference) {
+            // A residual that no longer falls is rounding; that of a membrane at rest is rounding alone.
+            let rounding = self.rounding(operator, weight);
+            if now <= TOLERANCE * reference || (now >= 0.5 * size && now <= (1e3 * TOLERANCE * reference).max(rounding)) {
                 return Some(change);
             }
             let is_slow = now > SLOW * size;
             size = now;
             if iteration == 0 || is_slow {
-                let half: Vec<f64> = self.u.iter().zip(&change).map(|(u, change)| u + 0.5 * change).collect();
+                let mut half: Vec<f64> = self.u.iter().zip(&change).map(|(u, change)| u + 0.5 * change).collect();
+                grid.settle(&mut half);
                 single = half.iter().map(|value| *value as f32).collect();
                 operator.linearise(&single, &mut moduli);
+                poses = grid.poses(&single);
             }
             self.pass.newton_steps += 1;
             let targets = self.krylov.residual.iter_mut().zip(&residual);
             targets.for_each(|(target, r)| *target = (r / now) as f32);
+            grid.restrict_at(&poses, &mut self.krylov.residual);
             let ending = conjugate_gradients(
                 INNER,
                 &mut self.krylov,
                 |p, image| {
                     operator.tangent_at(&single, &moduli, p, image);
                     motion.mass.apply(p, &mut heavy);
+                    grid.restrict_at(&poses, &mut heavy);
                     let pairs = image.iter_mut().zip(&heavy);
                     pairs.for_each(|(k, m)| *k = 0.5 * *k + weight as f32 * m);
                 },
-                |r, z| motion.laplacian.solve(r, &[], z, &mut scratch),
+                |r, z| motion.laplacian.solve(r, &poses, z, &mut scratch),
             );
             if ending == Ending::NegativeCurvature {
                 return None;
             }
             let steps = change.iter_mut().zip(&self.krylov.solution);
             steps.for_each(|(change, step)| *change -= now * f64::from(*step));
+            grid.settle_change(&self.u, &mut change);
         }
         None
+    }
+
+    /// What rounding of displacements, stresses and inertia may leave of the residual of a step with so large a mass.
+    fn rounding(&self, operator: &Operator<'_, L>, weight: f64) -> f64 {
+        let largest = self.u.iter().fold(0.0, |largest: f64, u| largest.max(u.abs()));
+        let each = operator.rounding() + 4.0 * f64::EPSILON * (1.0 + weight) * largest;
+        each * (self.u.len() as f64).sqrt()
     }
 
     fn record(&mut self, now: f64, side: Side) {
@@ -377,14 +412,14 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
             time: now,
             voltage,
             charge: self.content.charge * self.scale() * voltage,
-            stored: self.content.elastic - self.elastic_at_rest + self.branches - self.branches_at_rest,
+            stored: self.content.elastic - self.elastic_at_rest + self.branches - self.branches_at_rest + self.springs,
             electric: self.electric(now, side),
             kinetic: 0.5 * self.units.energy * twice,
             dissipated: self.dissipated,
             supplied: self.supplied,
             largest: field.max_magnitude(),
             watched: magnitude_at(&field, course.watched.get()),
-            bodies: None,
+            bodies: course.problem.activity.grid().motions(&self.u),
         });
     }
 

@@ -1,6 +1,8 @@
 //! Known answers of viscoelasticity and inertia, orders of convergence, balances of energy, and hard cases. Values are those of the design of time:
 //! two independent routes have them.
 
+mod bodies;
+
 use super::coefficients::Coefficients;
 use super::*;
 use crate::fem::{MembraneSolver, SolveOptions, WorkLimit};
