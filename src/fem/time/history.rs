@@ -155,16 +155,8 @@ impl History {
 /// Why a scene whose effects are decided cannot be followed in time, if it cannot.
 #[must_use]
 pub fn refusal(scene: &Scene) -> Option<SetupError> {
-    if let Some(charge) = &scene.drive.charge {
-        let law = scene.effects.viscoelasticity.as_ref().map(|effect| effect.law);
-        if scene.effects.inertia.is_some() {
-            return Some(SetupError::ChargeInTime { with: "`inertia`" });
-        }
-        if charge.total.is_some() && law == Some(ViscousLaw::Finite) {
-            return Some(SetupError::ChargeInTime {
-                with: "`law: finite`, but where the charge is `immobile`",
-            });
-        }
+    if scene.drive.charge.is_some() && scene.effects.inertia.is_some() {
+        return Some(SetupError::ChargeInTime { with: "`inertia`" });
     }
     if scene.effects.inertia.is_some() && scene.drive.source.is_some() {
         return Some(SetupError::MovingSource);

@@ -8,19 +8,18 @@ use std::cell::Cell;
 use std::mem;
 
 use super::bodies;
-use super::equilibrium::equilibrium;
+use super::equilibrium::{at_charge, equilibrium};
 use super::leads::{Charged, Circuit, Conductor, FIRST_STAGE, Relaxation};
 use super::supply::{Electrodes, Supply};
 use super::viscous::{Loaded, Viscous};
 use crate::fem::charge::{self, ChargedLoading, Reached};
 use crate::fem::continuation::{Climb, Ending, Loading, Loss, Problem};
 use crate::fem::energy::Material;
-use crate::fem::memory::{self, Memory, NUMBERS};
 use crate::fem::newton::{self, ChordSteps, Trouble, Workspace};
 use crate::fem::operator::{Activity, Operator, metrics};
 use crate::fem::response::INNER;
 use crate::fem::stability::{Stability, judge};
-use crate::fem::stored::{Content, Units, content, deformation, integral};
+use crate::fem::stored::{Content, Units, content, deformation};
 use crate::fem::work::WorkLimit;
 use crate::field::{Field, Motion};
 use crate::scene::{Knot, Scene, Side, Waveform};
@@ -453,8 +452,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     /// The stable state at the end of a step of so many seconds with a charge on electrodes that conduct.
     fn held(&mut self, charge: f64, seconds: f64, guess: &[f64]) -> Result<Found, Refusal> {
         let course = self.course;
-        let activity = self.viscous.remembered(course.problem.activity, seconds);
-        let problem = course.problem_of(&activity);
+        let problem = course.problem_of(course.problem.activity);
         self.count_work();
         let mut refusal = Refusal::Unknown;
         for start in [guess, &self.u.clone()] {
@@ -465,7 +463,8 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
                 pointwise: false,
             };
             let room = (&mut *self.workspace, &mut loading);
-            let found = charge::near(&problem, course.scene, charge, start, room);
+            let branches = (&self.viscous, seconds);
+            let found = at_charge(&problem, (course.scene, charge), branches, start, room);
             self.pass.newton_steps += loading.steps;
             self.pass.residual = loading.residual;
             match found {
@@ -1047,11 +1046,10 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
                 driven: charge,
                 ..elastic
             };
-            let numbers = activity.memory().map(Memory::view).unwrap_or_default();
-            let part = activity.grid().layout().part();
-            let mut spread = vec![0.0; numbers.len() / NUMBERS];
-            memory::add_energy(part, [numbers, &metrics(activity, &self.u)], 0.5, &mut spread);
-            return (content, self.units.energy * integral(activity, &spread));
+            return (
+                content,
+                self.units.energy * charge::energy_of_sprayed(activity, &self.u),
+            );
         }
         let Some(charged) = &self.charged else {
             let content = self.measure_at(self.volts);
