@@ -155,11 +155,10 @@ impl History {
 /// Why a scene whose effects are decided cannot be followed in time, if it cannot.
 #[must_use]
 pub fn refusal(scene: &Scene) -> Option<SetupError> {
-    if scene.drive.charge.is_some() && scene.effects.inertia.is_some() {
-        return Some(SetupError::ChargeInTime { with: "`inertia`" });
-    }
-    if scene.effects.inertia.is_some() && scene.drive.source.is_some() {
-        return Some(SetupError::MovingSource);
+    let charges =
+        scene.drive.source.is_some() || scene.drive.charge.as_ref().is_some_and(|charge| charge.total.is_some());
+    if charges && scene.effects.inertia.is_some() && scene.effects.wrinkling.is_some() {
+        return Some(SetupError::MovingCharge);
     }
     if scene.effects.electrode_resistance.is_some() {
         if scene.leads.is_none() {

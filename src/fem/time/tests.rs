@@ -2,6 +2,7 @@
 //! two independent routes have them.
 
 mod bodies;
+mod charges;
 
 use super::coefficients::Coefficients;
 use super::*;
@@ -715,24 +716,6 @@ fn a_charge_is_held_on_what_cannot_bear_its_voltage() {
                 .instants
                 .iter()
                 .all(|now| now.charge == 0.0 && now.electric == 0.0)
-        );
-    }
-}
-
-#[test]
-fn what_a_charge_does_not_go_with_is_refused() {
-    for (charge, effect, said) in [
-        ("total", "inertia: { density: 960 kg/m3 }", "`inertia`"),
-        ("immobile", "inertia: { density: 960 kg/m3 }", "`inertia`"),
-    ] {
-        let scene = Scene::from_text(&format!(
-            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, \
-             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ charge: {{ {charge}: 1 uC }} }}, effects: {{ {effect} }} }}"
-        ));
-        let refused = history::refusal(&scene.unwrap()).unwrap();
-        assert!(
-            refused.to_string().contains(said) && refused.is_of_the_scene(),
-            "{refused}"
         );
     }
 }
