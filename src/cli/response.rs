@@ -183,7 +183,6 @@ fn explained(error: SetupError) -> CliError {
     let help = match error {
         SetupError::Charge => "give the drive a `voltage` in place of the `charge`",
         SetupError::NoBias => "give the drive a `voltage`, or its sine a `bias`",
-        SetupError::MovingBodies => "leave `inertia` out of the effects for a response that follows the voltage",
         SetupError::Density => "give `density` in `properties` or in the effect `inertia`",
         _ => return error.into(),
     };

@@ -11,11 +11,11 @@ use crate::scene::Scene;
 use super::continuation::{Ending, Loading, Loss, Problem};
 use super::eigenvalue::dot;
 use super::energy::Material;
-use super::memory::{Memory, NUMBERS, line};
+use super::memory::{self, Memory, NUMBERS, line};
 use super::newton::{self, Workspace, norm};
 use super::operator::{Activity, Operator, metrics};
 use super::stability::{Stability, judge};
-use super::stored::{Units, content};
+use super::stored::{Units, content, integral};
 
 /// Smallest step of the charge, in units of all of it.
 const SMALLEST: f64 = 1e-3;
@@ -332,6 +332,16 @@ pub fn sprayed(activity: &Activity, scene: &Scene, charge: f64) -> Activity {
         targets.for_each(|(value, active)| *value += thickness * active);
     }
     activity.with_memory(Memory::new(layout, &values))
+}
+
+/// The energy of the field of charge that was sprayed, in units of μH times the mean area of elements, of a membrane that remembers nothing else.
+#[must_use]
+pub fn energy_of_sprayed(activity: &Activity, u: &[f64]) -> f64 {
+    let numbers = activity.memory().map(Memory::view).unwrap_or_default();
+    let part = activity.grid().layout().part();
+    let mut spread = vec![0.0; numbers.len() / NUMBERS];
+    memory::add_energy(part, [numbers, &metrics(activity, u)], 0.5, &mut spread);
+    integral(activity, &spread)
 }
 
 /// Moves `u` from rest to the equilibrium with charge that was sprayed evenly over the electrodes.

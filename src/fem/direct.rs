@@ -139,12 +139,12 @@ impl Structure {
         self.sparsity.matrix(&self.entries(operator, u))
     }
 
-    /// The consistent mass of [`super::mass::Mass`] on and below the diagonal; `None` when memory is short.
-    pub(super) fn mass(&self, grid: &Grid) -> Option<SparseColMat<usize, f64>> {
-        let at_rest = vec![Pose::REST; self.unknowns.bodies()];
+    /// The consistent mass of [`super::mass::Mass`] at `u`, where bodies have turned, on and below the diagonal; `None` when memory is short.
+    pub(super) fn mass(&self, grid: &Grid, u: &[f64]) -> Option<SparseColMat<usize, f64>> {
+        let poses = grid.poses(u);
         let mut entries = match grid.order() {
-            Order::Bilinear => assemble_mass::<2, 4>(&self.unknowns, grid, &Line::LINEAR, &at_rest),
-            Order::Biquadratic => assemble_mass::<3, 9>(&self.unknowns, grid, &Line::QUADRATIC, &at_rest),
+            Order::Bilinear => assemble_mass::<2, 4>(&self.unknowns, grid, &Line::LINEAR, &poses),
+            Order::Biquadratic => assemble_mass::<3, 9>(&self.unknowns, grid, &Line::QUADRATIC, &poses),
         };
         entries.resize(entries.len() + 3 * self.unknowns.bodies(), 0.0);
         self.sparsity.matrix(&entries)

@@ -88,22 +88,17 @@ pub enum SetupError {
         "natural frequencies and frequency responses are those of a voltage, and the drive of this scene is a charge: give `voltage` in its place"
     )]
     Charge,
-    /// A history at a charge, beside something that is not simulated with it.
-    #[error("a history at a `charge` does not go with {with}: give `voltage` in its place, or leave that out")]
-    ChargeInTime {
-        /// What.
-        with: &'static str,
-    },
     /// A response to changes of a voltage that is zero.
     #[error(
         "the force grows with the square of the voltage: about a bias of 0 V it does not change to first order, so there is no linear response"
     )]
     NoBias,
-    /// A source and a mass.
+    /// Electrodes with a charge on a membrane that moves and wrinkles, whose energy is not in proportion to the square of a voltage.
     #[error(
-        "motion with inertia is simulated with electrodes that have their voltage at once: leave out `inertia`, or `source`"
+        "motion with inertia at a conducting `charge` or behind a `source` is simulated without wrinkles: leave out `inertia`, `wrinkling`, or what feeds \
+         the electrodes"
     )]
-    MovingSource,
+    MovingCharge,
     /// Electrodes with a resistance, and what they are not simulated with.
     #[error("electrodes with a resistance are not simulated together with {with}: leave out one of the two")]
     Resistance {
@@ -125,11 +120,6 @@ pub enum SetupError {
         /// The column.
         x: usize,
     },
-    /// Rigid bodies with a mass.
-    #[error(
-        "motion with inertia is simulated without rigid bodies, and this scene has some: leave out `inertia`, or `bodies`"
-    )]
-    MovingBodies,
     /// A density that nothing says.
     #[error("inertia needs a density, and the scene has none: give `density` in `properties`")]
     Density,
@@ -181,13 +171,11 @@ impl SetupError {
                 | Self::StepEstimates { .. }
                 | Self::Swing { .. }
                 | Self::Charge
-                | Self::ChargeInTime { .. }
                 | Self::NoBias
-                | Self::MovingSource
+                | Self::MovingCharge
                 | Self::Resistance { .. }
                 | Self::Leads
                 | Self::Island { .. }
-                | Self::MovingBodies
                 | Self::Density
                 | Self::NothingMoves
                 | Self::Steps { .. }

@@ -147,9 +147,14 @@ impl Grid {
 
     /// Leaves of a vector what changes of a displacement that are allowed see of it.
     pub fn restrict<T: Real>(&self, u: &[T], vector: &mut [T]) {
+        self.restrict_at(&self.poses(u), vector);
+    }
+
+    /// The same of a displacement that has the bodies at some poses.
+    pub fn restrict_at<T: Real>(&self, poses: &[Pose], vector: &mut [T]) {
         self.layout().clear_frame(vector);
         if let Some(supports) = self.supports() {
-            supports.restrict(&supports.poses(u), vector);
+            supports.restrict(poses, vector);
         }
     }
 
@@ -166,6 +171,20 @@ impl Grid {
     #[must_use]
     pub fn poses<T: Real>(&self, u: &[T]) -> Vec<Pose> {
         self.supports().map_or_else(Vec::new, |supports| supports.poses(u))
+    }
+
+    /// Where they are half-way in a step from a displacement by a change of it.
+    #[must_use]
+    pub fn poses_between(&self, u: &[f64], change: &[f64]) -> Vec<Pose> {
+        self.supports()
+            .map_or_else(Vec::new, |supports| supports.poses_between(u, change))
+    }
+
+    /// Makes a change of a displacement lead where the motion of every body is rigid.
+    pub fn settle_change(&self, u: &[f64], change: &mut [f64]) {
+        if let Some(supports) = self.supports() {
+            supports.settle_change(u, change);
+        }
     }
 
     /// How bodies have moved at a displacement; none where there are none.

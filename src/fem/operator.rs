@@ -24,6 +24,7 @@ use super::layout::NodeLayout;
 use super::memory::{self, MODULI_WITH_MEMORY};
 pub use super::precision::Precision;
 use super::sheet::Mount;
+use super::supports::{Pose, Supports};
 use point::{
     FollowingTangent, MemoryBetween, MemoryStress, MemoryTangent, Point, StressAt, StressAtRest, StressBetween,
     TangentAt, TangentAtRest, TangentFrom, TangentOfBoth,
@@ -72,17 +73,22 @@ impl<L: Material> Operator<'_, L> {
     pub fn residual<T: Precision>(&self, u: &[T], out: &mut [T]) -> f64 {
         let smallest = self.forces(u, out);
         if let Some(supports) = self.activity.grid().supports() {
-            let (poses, bodies) = (supports.poses(u), supports.bodies());
-            supports.restrict_with(&poses, out, |body, [x, y, moment]| {
-                let (Mount { load, spring }, [p, q]) = (bodies[body].mount, poses[body].translation);
-                [
-                    x + spring * p - self.pulled * load[0],
-                    y + spring * q - self.pulled * load[1],
-                    moment,
-                ]
-            });
+            self.mount(supports, &supports.poses(u), out);
         }
         smallest
+    }
+
+    /// Makes forces on nodes those that frames and bodies at some poses see, with loads and springs.
+    fn mount<T: Precision>(&self, supports: &Supports, poses: &[Pose], out: &mut [T]) {
+        let bodies = supports.bodies();
+        supports.restrict_with(poses, out, |body, [x, y, moment]| {
+            let (Mount { load, spring }, [p, q]) = (bodies[body].mount, poses[body].translation);
+            [
+                x + spring * p - self.pulled * load[0],
+                y + spring * q - self.pulled * load[1],
+                moment,
+            ]
+        });
     }
 
     /// The residual of a membrane that is not displaced; `rest` is zero everywhere.
@@ -117,12 +123,14 @@ impl<L: Material> Operator<'_, L> {
         smallest
     }
 
-    /// The mean residual over a step from `u` by `du`, of which the work is the change of energy, at interior nodes, into `out`. Bodies are not
-    /// seen to.
-    pub fn residual_between(&self, u: &[f64], du: &[f64], out: &mut [f64]) {
+    /// The mean residual over a step from `u` by `du`, of which the work is the change of energy, at interior nodes, into `out`; `poses` are
+    /// those of the bodies half-way.
+    pub fn residual_between(&self, u: &[f64], du: &[f64], poses: &[Pose], out: &mut [f64]) {
         self.sweep([u, du], &[], out, StressBetween(self.material));
         self.remember([u, du], out, MemoryBetween);
-        self.activity.grid().restrict(u, out);
+        if let Some(supports) = self.activity.grid().supports() {
+            self.mount(supports, poses, out);
+        }
     }
 
     /// The derivative by `u` of v · (the tangent times v) of branches of modulus 1 that have relaxed at `u`, at interior nodes, into `out`.

@@ -68,6 +68,19 @@ impl Pose {
         self.turn[1].atan2(self.turn[0])
     }
 
+    /// Half-way between two poses: the mean translation, and half of the turn from one to the other. What moves a body from the first to the last
+    /// lies in the span of T there.
+    #[must_use]
+    pub fn between(first: &Self, last: &Self) -> Self {
+        let middle = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+        let [c, s] = middle(first.turn, last.turn);
+        let size = c.hypot(s);
+        Self {
+            translation: middle(first.translation, last.translation),
+            turn: if size > 0.0 { [c / size, s / size] } else { first.turn },
+        }
+    }
+
     /// R a.
     fn turned(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [c, s] = self.turn;
@@ -169,6 +182,33 @@ impl Supports {
     pub fn settle<T: Real>(&self, u: &mut [T]) {
         for body in &self.bodies {
             body.nodes.place(&body.nodes.pose(u), u);
+        }
+    }
+
+    /// Where the bodies are half-way in a step from `u` by `change`.
+    #[must_use]
+    pub fn poses_between(&self, u: &[f64], change: &[f64]) -> Vec<Pose> {
+        if self.bodies.is_empty() {
+            return Vec::new();
+        }
+        let end: Vec<f64> = u.iter().zip(change).map(|(u, change)| u + change).collect();
+        let pairs = self.poses(u).into_iter().zip(self.poses(&end));
+        pairs.map(|(first, last)| Pose::between(&first, &last)).collect()
+    }
+
+    /// Makes a change from `u` lead where the motion of every body is rigid. It is found from the change itself, so that a small one has no
+    /// rounding of the displacement.
+    pub fn settle_change(&self, u: &[f64], change: &mut [f64]) {
+        let halfway = self.poses_between(u, change);
+        for (body, middle) in self.bodies.iter().zip(halfway) {
+            let motion = body.nodes.motion(&middle, body.nodes.force(&middle, change));
+            let first = body.nodes.pose(u);
+            // The turn of Δt + 2 sin ½Δθ J Rₘ (X − Xc), and where Rₘ is half of it.
+            let s = (0.5 * motion[2]).clamp(-1.0, 1.0);
+            let c = (1.0 - s * s).sqrt();
+            let [x, y] = first.turn;
+            let turn = [c * x - s * y, s * x + c * y];
+            body.nodes.write(&Pose { turn, ..first }, motion, change);
         }
     }
 

@@ -126,11 +126,24 @@ fn a_history_of_bodies_has_their_motion_at_each_time() {
     workspace.write("creep.yaml", PIPELINE);
     let ran = workspace.run(&["run", "creep.yaml", "--json"]);
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-    // With inertia they are refused before anything is built.
+    // With inertia they swing.
     workspace.write("scene.yaml", &scene.replace("effects: {", "effects: { inertia: {},"));
-    let refused = workspace.run(&["plan", "creep.yaml"]);
-    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
-    assert!(refused.stderr.contains("without rigid bodies"), "{}", refused.stderr);
+    let swung = workspace.run(&[
+        "solve",
+        "scene.yaml",
+        "odd.csv",
+        "-o",
+        "swing.h5",
+        "--history",
+        "--at",
+        "1 ms, 2 ms",
+    ]);
+    assert_eq!(swung.code, Some(0), "{}", swung.stderr);
+    let file = hdf5::File::open(workspace.path("swing.h5")).unwrap();
+    let moved = file.dataset("body_translation").unwrap();
+    assert_eq!(moved.shape(), [1, 2, 1, 2]);
+    let along = moved.read_raw::<f64>().unwrap()[0];
+    assert!(along > 0.0, "{along}");
 }
 
 #[test]

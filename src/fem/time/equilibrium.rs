@@ -1,10 +1,12 @@
 //! The equilibrium at the end of a step, with branches whose stress there may depend on it in any way.
 
 use super::viscous::Viscous;
-use crate::fem::continuation::Problem;
+use crate::fem::charge::{self, Reached};
+use crate::fem::continuation::{Loading, Problem};
 use crate::fem::energy::Material;
 use crate::fem::newton::{self, Progress, Trouble, Workspace};
 use crate::fem::operator::{Activity, Operator};
+use crate::scene::Scene;
 
 /// How often what branches add is corrected at most. It takes about five corrections; longer steps take more, and one that takes too many is
 /// too long.
@@ -61,4 +63,35 @@ pub fn equilibrium<L: Material, F>(
         tolerance = (FALL * progress.residual).max(problem.tolerance);
     }
     Err((Trouble::Limit, all))
+}
+
+/// The equilibrium with a charge on electrodes that conduct at the end of a step of so many seconds, from a state nearby.
+///
+/// # Errors
+/// As [`charge::near`], and when what branches add does not settle.
+pub fn at_charge<L: Material, F: Fn(f64) -> L>(
+    problem: &Problem<'_, F>,
+    (scene, charge): (&Scene, f64),
+    (viscous, step): (&Viscous, f64),
+    start: &[f64],
+    (workspace, total): (&mut Workspace, &mut Loading),
+) -> Result<Reached, charge::Refusal> {
+    let mut start = start.to_vec();
+    for _ in 0..CORRECTIONS {
+        let activity = viscous.remembered_at(problem.activity, step, &start);
+        let problem = Problem {
+            activity: &activity,
+            laplacian: problem.laplacian,
+            material: &problem.material,
+            tolerance: problem.tolerance,
+        };
+        let before = total.steps;
+        let reached = charge::near(&problem, scene, charge, &start, (&mut *workspace, &mut *total))?;
+        // What branches add at a state that takes no step is what it was found with.
+        if !viscous.depends_on_end(step) || total.steps == before {
+            return Ok(reached);
+        }
+        start = reached.u;
+    }
+    Err(charge::Refusal::Unknown)
 }

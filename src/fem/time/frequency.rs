@@ -138,7 +138,7 @@ impl FrequencySolver {
     /// The solver of a scene [`at_bias`] whose effects are decided, within a limit of work for each equilibrium.
     ///
     /// # Errors
-    /// When it cannot be set up: the drive is a charge or has no bias, the density is not known, or rigid bodies would move with inertia.
+    /// When it cannot be set up: the drive is a charge or has no bias, or the density is not known.
     pub fn new(scene: &Scene, options: SolveOptions, limit: WorkLimit) -> Result<Self, SetupError> {
         if scene.drive.charge.is_some() {
             return Err(SetupError::Charge);
@@ -147,9 +147,6 @@ impl FrequencySolver {
             return Err(SetupError::NoBias);
         }
         let has_mass = scene.effects.inertia.is_some();
-        if has_mass && scene.geometry.bodies.is_some() {
-            return Err(SetupError::MovingBodies);
-        }
         let speed = has_mass.then(|| wave_speed(scene)).transpose()?;
         let solver = MembraneSolver::new(scene, options)?.within(limit);
         let stiffness = scene.shear_modulus_pa() * scene.mean_prestretch().powi(2);
@@ -356,7 +353,7 @@ impl<'a> About<'a> {
             }
         };
         let mass = match self.solver.per_second {
-            Some(_) => Some(structure.mass(grid)?),
+            Some(_) => Some(structure.mass(grid, self.u)?),
             None => None,
         };
         let matrices = DynamicStiffness::new(

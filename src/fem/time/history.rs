@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 
+use super::bodies;
 use super::leads::Conductor;
 use super::march::{Course, Estimate, Held, IN_PERIOD, Instant, MOST_STEPS, Pass, PassEnd, StepEstimate, Steps};
 use super::modes::wave_speed;
@@ -156,19 +157,10 @@ impl History {
 /// Why a scene whose effects are decided cannot be followed in time, if it cannot.
 #[must_use]
 pub fn refusal(scene: &Scene) -> Option<SetupError> {
-    if let Some(charge) = &scene.drive.charge {
-        let law = scene.effects.viscoelasticity.as_ref().map(|effect| effect.law);
-        if scene.effects.inertia.is_some() {
-            return Some(SetupError::ChargeInTime { with: "`inertia`" });
-        }
-        if charge.total.is_some() && law == Some(ViscousLaw::Finite) {
-            return Some(SetupError::ChargeInTime {
-                with: "`law: finite`, but where the charge is `immobile`",
-            });
-        }
-    }
-    if scene.effects.inertia.is_some() && scene.drive.source.is_some() {
-        return Some(SetupError::MovingSource);
+    let charges =
+        scene.drive.source.is_some() || scene.drive.charge.as_ref().is_some_and(|charge| charge.total.is_some());
+    if charges && scene.effects.inertia.is_some() && scene.effects.wrinkling.is_some() {
+        return Some(SetupError::MovingCharge);
     }
     if scene.effects.electrode_resistance.is_some() {
         if scene.leads.is_none() {
@@ -178,8 +170,7 @@ pub fn refusal(scene: &Scene) -> Option<SetupError> {
             return Some(SetupError::Resistance { with });
         }
     }
-    let moves_bodies = scene.effects.inertia.is_some() && scene.geometry.bodies.is_some();
-    moves_bodies.then_some(SetupError::MovingBodies)
+    None
 }
 
 /// Whether a scene whose effects are decided can be followed in time.
@@ -350,8 +341,11 @@ impl Moving {
         let size = scene.membrane().size_mm;
         // Half a wave along the longer side: about the period of the first mode.
         let slowest = 2.0 * 1e-3 * f64::max(size[0], size[1]) / speed;
+        let per_second = speed / (1e-3 * solver.grid.unit_mm());
+        let mass = Mass::new(&solver.grid, false);
         let times = [
             Some(slowest),
+            bodies::shortest_period(&solver.grid, &mass).map(|period| period / per_second),
             scene.drive.force_frequency_hz().map(f64::recip),
             scene.waveform().time_s(),
             request.times.last().copied(),
@@ -362,9 +356,8 @@ impl Moving {
             .filter(|time| *time > 0.0)
             .fold(f64::INFINITY, f64::min);
         let step = shortest / STEPS_IN_PERIOD;
-        let per_second = speed / (1e-3 * solver.grid.unit_mm());
         Ok(Some(Self {
-            mass: Mass::new(&solver.grid, false),
+            mass,
             // In the middle of the steps that will be tried.
             laplacian: Laplacian::with_mass(&solver.grid, 4.0 / (0.25 * step * per_second).powi(2))?,
             per_second,

@@ -7,19 +7,19 @@
 use std::cell::Cell;
 use std::mem;
 
-use super::equilibrium::equilibrium;
+use super::bodies;
+use super::equilibrium::{at_charge, equilibrium};
 use super::leads::{Charged, Circuit, Conductor, FIRST_STAGE, Relaxation};
 use super::supply::{Electrodes, Supply};
 use super::viscous::{Loaded, Viscous};
 use crate::fem::charge::{self, ChargedLoading, Reached};
 use crate::fem::continuation::{Climb, Ending, Loading, Loss, Problem};
 use crate::fem::energy::Material;
-use crate::fem::memory::{self, Memory, NUMBERS};
 use crate::fem::newton::{self, ChordSteps, Trouble, Workspace};
 use crate::fem::operator::{Activity, Operator, metrics};
 use crate::fem::response::INNER;
 use crate::fem::stability::{Stability, judge};
-use crate::fem::stored::{Content, Units, content, deformation, integral};
+use crate::fem::stored::{Content, Units, content, deformation};
 use crate::fem::work::WorkLimit;
 use crate::field::{Field, Motion};
 use crate::scene::{Knot, Scene, Side, Waveform};
@@ -452,8 +452,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     /// The stable state at the end of a step of so many seconds with a charge on electrodes that conduct.
     fn held(&mut self, charge: f64, seconds: f64, guess: &[f64]) -> Result<Found, Refusal> {
         let course = self.course;
-        let activity = self.viscous.remembered(course.problem.activity, seconds);
-        let problem = course.problem_of(&activity);
+        let problem = course.problem_of(course.problem.activity);
         self.count_work();
         let mut refusal = Refusal::Unknown;
         for start in [guess, &self.u.clone()] {
@@ -464,7 +463,8 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
                 pointwise: false,
             };
             let room = (&mut *self.workspace, &mut loading);
-            let found = charge::near(&problem, course.scene, charge, start, room);
+            let branches = (&self.viscous, seconds);
+            let found = at_charge(&problem, (course.scene, charge), branches, start, room);
             self.pass.newton_steps += loading.steps;
             self.pass.residual = loading.residual;
             match found {
@@ -1014,7 +1014,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         let loaded = self.viscous.loaded();
         let stored = self.units.energy * self.viscous.stored(&loaded, course.problem.activity);
         let earlier = mem::replace(&mut self.loaded, loaded);
-        let [springs, work] = self.of_bodies();
+        let [springs, work] = bodies::energies(course.scene, course.problem.activity.grid(), &self.u);
         let springs_before = mem::replace(&mut self.springs, springs);
         let work_before = mem::replace(&mut self.work, work);
         let change = stored - mem::replace(&mut self.stored, stored);
@@ -1060,11 +1060,10 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
                 driven: charge,
                 ..elastic
             };
-            let numbers = activity.memory().map(Memory::view).unwrap_or_default();
-            let part = activity.grid().layout().part();
-            let mut spread = vec![0.0; numbers.len() / NUMBERS];
-            memory::add_energy(part, [numbers, &metrics(activity, &self.u)], 0.5, &mut spread);
-            return (content, self.units.energy * integral(activity, &spread));
+            return (
+                content,
+                self.units.energy * charge::energy_of_sprayed(activity, &self.u),
+            );
         }
         let Some(charged) = &self.charged else {
             let activity = self.course.problem.activity;
@@ -1084,19 +1083,6 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
             ..content
         };
         (whole, 0.5 * content.driven * volts)
-    }
-
-    /// The energy of the springs of bodies, and the work of their loads since they were at rest, in J.
-    fn of_bodies(&self) -> [f64; 2] {
-        let course = self.course;
-        let motions = course.problem.activity.grid().motions(&self.u).unwrap_or_default();
-        let bodies = course.scene.geometry.bodies.iter().flatten().zip(motions);
-        let each = bodies.map(|(body, motion)| {
-            let [x, y] = motion.translation.map(|mm| 1e-3 * mm);
-            let [along, across] = body.load_n();
-            [0.5 * body.spring_n_per_m() * (x * x + y * y), along * x + across * y]
-        });
-        each.fold([0.0; 2], |sum, energies| [sum[0] + energies[0], sum[1] + energies[1]])
     }
 
     /// The membrane as it is, with so many V on its electrodes.

@@ -2,9 +2,11 @@
 
 mod accurate;
 mod amplitude;
+mod bodies;
 mod coefficients;
 mod creep;
 mod equilibrium;
+mod feed;
 mod finite;
 mod frequency;
 mod history;

@@ -133,7 +133,9 @@ struct Direction {
 }
 
 impl Direction {
-    fn new<L: Material>(operator: &Operator<'_, L>, mass: &Mass, u: &[f64], vector: Vec<f64>) -> Self {
+    fn new<L: Material>(operator: &Operator<'_, L>, mass: &Mass, u: &[f64], mut vector: Vec<f64>) -> Self {
+        // What single precision leaves of the motion of a body is not quite rigid, and grows where most of a direction is taken away.
+        operator.activity.grid().restrict(u, &mut vector);
         let mut stiff = vec![0.0; vector.len()];
         operator.tangent(u, &vector, &mut stiff);
         let mut heavy = vec![0.0; vector.len()];
@@ -192,7 +194,7 @@ impl Direction {
 }
 
 /// The lowest eigenvalues of K v = ω² M v at `u` with their vectors; fewer where there are not so many.
-fn lowest<L: Material>(
+pub(super) fn lowest<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     mass: &Mass,

@@ -9,15 +9,23 @@
 //! where the work of F along Δu is the change of energy at the voltage in the middle of the step (Simo and Tarnow, Z. angew. Math. Phys. 43 (1992) 757;
 //! Gonzalez, J. Nonlinear Sci. 6 (1996) 449). Viscoelastic branches relax for half of a step before and after it, and are springs within
 //! it: what they lose is never negative, and stored energy, losses and supply balance to rounding.
+//!
+//! A rigid body that turns from θ₀ to θ₁ moves its nodes by Δt + (R₁ − R₀)(X − Xc) = Δt + 2 sin ½Δθ J Rₘ (X − Xc), in the span of the T of
+//! [`supports`](crate::fem::supports) at the mean angle. The equation is that along this T (Betsch and Steinmann, Int. J. Numer. Meth. Engng
+//! 53 (2002) 1775): its product with Δu has the same energies, so with bodies they balance as without, whatever angle they turn by.
 
+use super::bodies;
+use super::feed::{self, Feed, Passage};
 use super::march::{Course, Instant, MOST_STEPS, Pass, PassEnd, magnitude_at};
+use super::supply::Electrodes;
 use super::viscous::Viscous;
+use crate::fem::charge;
 use crate::fem::continuation::Loss;
 use crate::fem::energy::Material;
 use crate::fem::krylov::{Ending, Scratch, conjugate_gradients};
 use crate::fem::mass::Mass;
 use crate::fem::newton::norm;
-use crate::fem::operator::{Operator, metrics};
+use crate::fem::operator::{Activity, Operator, metrics};
 use crate::fem::precondition::Laplacian;
 use crate::fem::stored::{Content, Units, content};
 use crate::scene::{Knot, Side};
@@ -61,11 +69,17 @@ struct Run<'a, 'b, 'c, F> {
     v: Vec<f64>,
     /// The changes in the last steps since the voltage jumped, the latest first, with their lengths.
     changes: Vec<(f64, Vec<f64>)>,
+    feed: Feed<'c>,
     /// At the full voltage.
     content: Content,
+    /// The energy of the field of charge that was sprayed, in J.
+    sprayed: f64,
     elastic_at_rest: f64,
     branches: f64,
     branches_at_rest: f64,
+    /// Energy of the springs of bodies, and the work of their loads, in J.
+    springs: f64,
+    work: f64,
     dissipated: f64,
     supplied: f64,
     krylov: Scratch,
@@ -87,10 +101,14 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
             u: vec![0.0; len],
             v: vec![0.0; len],
             changes: Vec::new(),
+            feed: Feed::of(self.course),
+            sprayed: 0.0,
             content: Content::default(),
             elastic_at_rest: 0.0,
             branches,
             branches_at_rest: branches,
+            springs: 0.0,
+            work: 0.0,
             dissipated: 0.0,
             supplied: 0.0,
             krylov: Scratch::new(len),
@@ -121,7 +139,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
     fn go(&mut self) -> Result<(), PassEnd> {
         let course = self.motion.course;
         let end = course.times.last().copied().unwrap_or(0.0);
-        self.content = self.measure();
+        self.measure();
         self.elastic_at_rest = self.content.elastic;
         let charged = self.electric(0.0, Side::After);
         self.supplied += charged;
@@ -175,7 +193,12 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
 
     /// The energy of the electric field at this state and the voltage of a time, in J.
     fn electric(&self, time: f64, side: Side) -> f64 {
-        self.content.driven * self.scale() * 0.5 * self.motion.course.voltage(time, side).powi(2)
+        let capacitance = self.content.driven * self.scale();
+        match self.feed {
+            Feed::Voltage => capacitance * 0.5 * self.motion.course.voltage(time, side).powi(2),
+            Feed::Conducting { charge, .. } => feed::energy(charge, capacitance),
+            Feed::Sprayed { .. } => self.sprayed,
+        }
     }
 
     /// One over the voltage at which the content is measured.
@@ -184,18 +207,50 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
         if full > 0.0 { 1.0 / full } else { 0.0 }
     }
 
-    fn measure(&self) -> Content {
+    /// Measures the membrane as it is.
+    fn measure(&mut self) {
+        let activity = self.motion.course.problem.activity;
+        if let Feed::Sprayed { uncharged, .. } = self.feed {
+            self.content = self.content_at(uncharged, &self.u, 0.0);
+            self.sprayed = self.units.energy * charge::energy_of_sprayed(activity, &self.u);
+        } else {
+            self.content = self.content_at(activity, &self.u, self.motion.course.scene.voltage_v());
+        }
+    }
+
+    /// The content of a membrane with an activity at so many V.
+    fn content_at(&self, activity: &Activity, u: &[f64], volts: f64) -> Content {
+        let laws = [0.0, 1.0].map(|share| (self.motion.course.problem.material)(share));
+        content([&laws[0], &laws[1]], activity, &metrics(activity, u), volts, self.units)
+    }
+
+    /// What electrodes that conduct go through in a step by a change of displacement; none where they have a voltage at once, or charge that stays.
+    fn passage(&self, change: &[f64], [from, to]: [f64; 2]) -> Option<Passage> {
+        let Feed::Conducting { supply, charge } = self.feed else {
+            return None;
+        };
         let course = self.motion.course;
-        let activity = course.problem.activity;
-        let laws = [0.0, 1.0].map(|share| (course.problem.material)(share));
-        let metric = metrics(activity, &self.u);
-        content(
-            [&laws[0], &laws[1]],
-            activity,
-            &metric,
-            course.scene.voltage_v(),
-            self.units,
-        )
+        let end: Vec<f64> = self.u.iter().zip(change).map(|(u, change)| u + change).collect();
+        let after = self.content_at(course.problem.activity, &end, course.scene.voltage_v());
+        let capacitances = [self.content.driven, after.driven].map(|driven| driven * self.scale());
+        let last = supply.map_or(charge, |supply| {
+            let [before, after] = [
+                (capacitances[0], course.voltage(from, Side::After)),
+                (capacitances[1], course.voltage(to, Side::Before)),
+            ]
+            .map(|(capacitance, source)| Electrodes { capacitance, source });
+            supply.charge_after(to - from, charge, before, after)
+        });
+        Some(Passage::new([charge, last], capacitances))
+    }
+
+    /// The share of the load in a step whose electrodes go through something.
+    fn share(&self, passage: Option<Passage>, middle: f64) -> f64 {
+        match (self.feed, passage) {
+            (_, Some(passage)) => passage.square * self.scale().powi(2),
+            (Feed::Sprayed { .. }, None) => 0.0,
+            (_, None) => self.motion.course.share(middle, Side::After),
+        }
     }
 
     fn stored_in_branches(&self) -> f64 {
@@ -230,16 +285,16 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
         let mut viscous = self.viscous.clone();
         viscous.relax(0.5 * seconds);
         let remembered = viscous.remembered(activity, 0.0);
-        let middle = 0.5 * (from + to);
-        let material = (course.problem.material)(course.share(middle, Side::After));
+        let length = seconds * self.motion.per_second;
+        let Some(change) = self.solve(&remembered, [from, to], length) else {
+            return Err(lost(Loss::Stability));
+        };
+        let passage = self.passage(&change, [from, to]);
+        let material = (course.problem.material)(self.share(passage, 0.5 * (from + to)));
         let operator = Operator {
             material: &material,
             activity: &remembered,
             pulled: 1.0,
-        };
-        let length = seconds * self.motion.per_second;
-        let Some(change) = self.solve(&operator, length) else {
-            return Err(lost(Loss::Stability));
         };
         self.viscous = viscous;
         self.dissipated += self.branches - self.stored_in_branches();
@@ -253,20 +308,39 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
         if margins.ellipticity.is_nan() || margins.ellipticity <= 0.0 {
             return Err(lost(Loss::Ellipticity));
         }
-        let electric_before = self.electric(from, Side::After);
-        let before = std::mem::take(&mut self.content);
-        self.content = self.measure();
+        self.move_charge(passage, [from, to]);
         self.viscous.strain(activity, &self.u);
         let strained = self.stored_in_branches();
         self.viscous.relax(0.5 * seconds);
         self.branches = self.stored_in_branches();
         self.dissipated += strained - self.branches;
-        let work = 0.5 * course.voltage(middle, Side::After).powi(2) * self.scale();
-        self.supplied +=
-            work * (self.content.driven - before.driven) + self.electric(to, Side::Before) - electric_before;
+        let [springs, loads] = bodies::energies(course.scene, activity.grid(), &self.u);
+        self.springs = springs;
+        self.supplied += loads - std::mem::replace(&mut self.work, loads);
         self.pass.steps.push(to);
         self.record(to, Side::Before);
         Ok(())
+    }
+
+    /// Measures the membrane after a step, with what the source has supplied and its resistance has dissipated.
+    fn move_charge(&mut self, passage: Option<Passage>, [from, to]: [f64; 2]) {
+        let course = self.motion.course;
+        let electric_before = self.electric(from, Side::After);
+        let before = self.content;
+        self.measure();
+        if let (Feed::Conducting { charge, .. }, Some(passage)) = (&mut self.feed, passage) {
+            let volts = 0.5 * (course.voltage(from, Side::After) + course.voltage(to, Side::Before));
+            let moved = passage.charge - *charge;
+            // What was cut off is supplied with nothing.
+            let supplied = if moved == 0.0 { 0.0 } else { volts * moved };
+            *charge = passage.charge;
+            self.supplied += supplied;
+            self.dissipated += supplied - passage.work;
+        } else if let Feed::Voltage = self.feed {
+            let work = 0.5 * course.voltage(0.5 * (from + to), Side::After).powi(2) * self.scale();
+            self.supplied +=
+                work * (self.content.driven - before.driven) + self.electric(to, Side::Before) - electric_before;
+        }
     }
 
     /// The change of displacement in a step by the mean velocities in the last ones, as a polynomial of time.
@@ -295,32 +369,48 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
         if self.changes.is_empty() {
             guess.iter_mut().zip(&self.v).for_each(|(sum, v)| *sum = length * v);
         }
+        self.motion
+            .course
+            .problem
+            .activity
+            .grid()
+            .settle_change(&self.u, &mut guess);
         guess
     }
 
-    /// The change of displacement in a step; `None` where it leads nowhere.
-    fn solve(&mut self, operator: &Operator<'_, L>, length: f64) -> Option<Vec<f64>> {
+    /// The change of displacement in a step of a membrane with what its branches add, between two times in s; `None` where it leads nowhere.
+    fn solve(&mut self, activity: &Activity, [from, to]: [f64; 2], length: f64) -> Option<Vec<f64>> {
         let motion = self.motion;
-        let grid = operator.activity.grid();
+        let grid = activity.grid();
         let weight = 2.0 / (length * length);
         let mut change = self.guess(length);
         let (mut residual, mut forces) = (vec![0.0; change.len()], vec![0.0; change.len()]);
         let mut against = vec![0.0; change.len()];
         let mut single: Vec<f32> = Vec::new();
         let mut moduli = Vec::new();
+        // Of the bodies where the tangent was taken.
+        let mut poses = Vec::new();
         let mut scratch = motion.laplacian.scratch();
         let mut heavy = vec![0.0_f32; change.len()];
         let mut reference: f64 = 0.0;
         let mut size = f64::INFINITY;
         for iteration in 0..LIMIT {
-            operator.residual_between(&self.u, &change, &mut forces);
+            let passage = self.passage(&change, [from, to]);
+            let material = (motion.course.problem.material)(self.share(passage, 0.5 * (from + to)));
+            let operator = Operator {
+                material: &material,
+                activity,
+                pulled: 1.0,
+            };
+            let halfway = grid.poses_between(&self.u, &change);
+            operator.residual_between(&self.u, &change, &halfway, &mut forces);
             let moved: Vec<f64> = change
                 .iter()
                 .zip(&self.v)
                 .map(|(change, v)| weight * (change - length * v))
                 .collect();
             motion.mass.apply(&moved, &mut against);
-            grid.restrict(&self.u, &mut against);
+            grid.restrict_at(&halfway, &mut against);
             let sums = forces.iter().zip(&against);
             residual
                 .iter_mut()
@@ -332,38 +422,52 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
                 return None;
             }
             self.pass.residual = now / reference.max(f64::MIN_POSITIVE);
-            // A residual that no longer falls is rounding.
-            if now <= TOLERANCE * reference || (now >= 0.5 * size && now <= 1e3 * TOLERANCE * reference) {
+            // A residual that no longer falls is rounding; that of a membrane at rest is rounding alone.
+            let rounding = self.rounding(&operator, weight);
+            if now <= TOLERANCE * reference || (now >= 0.5 * size && now <= (1e3 * TOLERANCE * reference).max(rounding))
+            {
                 return Some(change);
             }
             let is_slow = now > SLOW * size;
             size = now;
             if iteration == 0 || is_slow {
-                let half: Vec<f64> = self.u.iter().zip(&change).map(|(u, change)| u + 0.5 * change).collect();
+                let mut half: Vec<f64> = self.u.iter().zip(&change).map(|(u, change)| u + 0.5 * change).collect();
+                grid.settle(&mut half);
                 single = half.iter().map(|value| *value as f32).collect();
                 operator.linearise(&single, &mut moduli);
+                poses = grid.poses(&single);
             }
             self.pass.newton_steps += 1;
             let targets = self.krylov.residual.iter_mut().zip(&residual);
             targets.for_each(|(target, r)| *target = (r / now) as f32);
+            grid.restrict_at(&poses, &mut self.krylov.residual);
             let ending = conjugate_gradients(
                 INNER,
                 &mut self.krylov,
                 |p, image| {
                     operator.tangent_at(&single, &moduli, p, image);
                     motion.mass.apply(p, &mut heavy);
+                    grid.restrict_at(&poses, &mut heavy);
                     let pairs = image.iter_mut().zip(&heavy);
                     pairs.for_each(|(k, m)| *k = 0.5 * *k + weight as f32 * m);
                 },
-                |r, z| motion.laplacian.solve(r, &[], z, &mut scratch),
+                |r, z| motion.laplacian.solve(r, &poses, z, &mut scratch),
             );
             if ending == Ending::NegativeCurvature {
                 return None;
             }
             let steps = change.iter_mut().zip(&self.krylov.solution);
             steps.for_each(|(change, step)| *change -= now * f64::from(*step));
+            grid.settle_change(&self.u, &mut change);
         }
         None
+    }
+
+    /// What rounding of displacements, stresses and inertia may leave of the residual of a step with so large a mass.
+    fn rounding(&self, operator: &Operator<'_, L>, weight: f64) -> f64 {
+        let largest = self.u.iter().fold(0.0, |largest: f64, u| largest.max(u.abs()));
+        let each = operator.rounding() + 4.0 * f64::EPSILON * (1.0 + weight) * largest;
+        each * (self.u.len() as f64).sqrt()
     }
 
     fn record(&mut self, now: f64, side: Side) {
@@ -372,19 +476,28 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
         let mut heavy = vec![0.0; self.v.len()];
         self.motion.mass.apply(&self.v, &mut heavy);
         let twice: f64 = self.v.iter().zip(&heavy).map(|(a, b)| a * b).sum();
+        let electric = self.electric(now, side);
+        let (voltage, charge) = match self.feed {
+            Feed::Voltage => (voltage, self.content.charge * self.scale() * voltage),
+            // Of sprayed charge that of the mean over it.
+            Feed::Conducting { charge, .. } | Feed::Sprayed { charge, .. } if charge > 0.0 => {
+                (2.0 * electric / charge, charge)
+            }
+            Feed::Conducting { .. } | Feed::Sprayed { .. } => (0.0, 0.0),
+        };
         let field = course.problem.activity.grid().sample(&self.u);
         self.pass.instants.push(Instant {
             time: now,
             voltage,
-            charge: self.content.charge * self.scale() * voltage,
-            stored: self.content.elastic - self.elastic_at_rest + self.branches - self.branches_at_rest,
-            electric: self.electric(now, side),
+            charge,
+            stored: self.content.elastic - self.elastic_at_rest + self.branches - self.branches_at_rest + self.springs,
+            electric,
             kinetic: 0.5 * self.units.energy * twice,
             dissipated: self.dissipated,
             supplied: self.supplied,
             largest: field.max_magnitude(),
             watched: magnitude_at(&field, course.watched.get()),
-            bodies: None,
+            bodies: course.problem.activity.grid().motions(&self.u),
         });
     }
 

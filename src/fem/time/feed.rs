@@ -1,0 +1,119 @@
+//! What feeds the electrodes of a membrane that moves: a voltage, a charge that was put on before they were cut off, or a source.
+//!
+//! The field of electrodes that conduct has the energy Q²/2C(u). Over a step it changes by what the charge brings and by what the membrane gains as it moves,
+//!
+//! ```text
+//! Q₁²/2C₁ − Q₀²/2C₀ = ½(Q₀ + Q₁) ½(1/C₀ + 1/C₁) (Q₁ − Q₀) + ¼(Q₀² + Q₁²) (1/C₁ − 1/C₀)
+//! ```
+//!
+//! and the second is the work of the mean force of a step at the voltage whose square is ½(Q₀² + Q₁²)/(C₀C₁). So the energies of a step balance to rounding whichever
+//! rule the charge follows.
+
+use super::march::{Course, Held};
+use super::supply::Supply;
+use crate::fem::operator::Activity;
+
+/// What feeds electrodes.
+#[derive(Clone, Copy, Debug)]
+pub enum Feed<'a> {
+    /// The voltage of the drive.
+    Voltage,
+    /// They conduct, and have a charge.
+    Conducting {
+        /// Where more of it comes from.
+        supply: Option<Supply>,
+        /// In C.
+        charge: f64,
+    },
+    /// Their charge was sprayed and stays where it is.
+    Sprayed {
+        /// In C.
+        charge: f64,
+        /// The membrane without it.
+        uncharged: &'a Activity,
+    },
+}
+
+impl<'a> Feed<'a> {
+    /// That of a course, as its drive begins.
+    #[must_use]
+    pub fn of<F>(course: &Course<'a, F>) -> Self {
+        match (course.held, course.supply) {
+            (
+                Some(Held {
+                    charge,
+                    uncharged: Some(uncharged),
+                }),
+                _,
+            ) => Self::Sprayed { charge, uncharged },
+            (Some(Held { charge, .. }), _) => Self::Conducting { supply: None, charge },
+            (None, Some(supply)) => Self::Conducting {
+                supply: Some(supply),
+                charge: 0.0,
+            },
+            (None, None) => Self::Voltage,
+        }
+    }
+}
+
+/// What electrodes that conduct go through in a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passage {
+    /// The square of the voltage, in V², of which the force does the work of the field as the membrane moves.
+    pub square: f64,
+    /// The charge at the end in C.
+    pub charge: f64,
+    /// The work in J that brings it there.
+    pub work: f64,
+}
+
+impl Passage {
+    /// From a charge in C to another, while the capacitance in F goes from one to another; nothing where there is no electrode.
+    #[must_use]
+    pub fn new([first, last]: [f64; 2], [before, after]: [f64; 2]) -> Self {
+        if before <= 0.0 || after <= 0.0 {
+            return Self {
+                square: 0.0,
+                charge: 0.0,
+                work: 0.0,
+            };
+        }
+        Self {
+            square: 0.5 * (first * first + last * last) / (before * after),
+            charge: last,
+            work: 0.25 * (first + last) * (before.recip() + after.recip()) * (last - first),
+        }
+    }
+}
+
+/// The energy in J of a charge in C on so much capacitance in F; none where there is no electrode.
+#[must_use]
+pub fn energy(charge: f64, capacitance: f64) -> f64 {
+    match capacitance > 0.0 {
+        true => 0.5 * charge * charge / capacitance,
+        false => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_energy_of_a_charge_is_balanced_whatever_it_and_the_capacitance_do() {
+        for (charges, capacitances) in [
+            ([2.0, 2.0], [1.0, 3.0]),
+            ([0.0, 4.0], [2.0, 2.0]),
+            ([3.0, 1.0], [5.0, 2.0]),
+        ] {
+            let Passage { square, charge, work } = Passage::new(charges, capacitances);
+            let change = energy(charges[1], capacitances[1]) - energy(charges[0], capacitances[0]);
+            // A force at a voltage does the work ½V²ΔC.
+            let gained = 0.5 * square * (capacitances[1] - capacitances[0]);
+            assert!((change - work + gained).abs() < 1e-15, "{charges:?} {capacitances:?}");
+            assert_eq!(charge, charges[1]);
+        }
+        assert_eq!(Passage::new([1.0, 2.0], [0.0, 0.0]).work, 0.0);
+        assert_eq!(energy(0.0, 0.0), 0.0);
+    }
+}
