@@ -317,7 +317,15 @@ impl Quantity {
                 dimension,
                 allowed: match dimension.symbols().join(", ") {
                     none if none.is_empty() => "none".to_owned(),
-                    symbols => symbols,
+                    symbols => match dimension
+                        .symbols()
+                        .iter()
+                        .filter(|symbol| symbol.eq_ignore_ascii_case(unit))
+                        .collect::<Vec<_>>()[..]
+                    {
+                        [meant] => format!("{symbols} (did you mean {meant}?)"),
+                        _ => symbols,
+                    },
                 },
             })?;
         let multiplied = value.times(dimension.multiple(unit));

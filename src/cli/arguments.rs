@@ -162,7 +162,7 @@ pub struct PipelineArguments {
 }
 
 /// The only pipeline of a folder; a file as it is.
-fn pipeline_in(path: PathBuf) -> Result<PathBuf, String> {
+pub fn pipeline_in(path: PathBuf) -> Result<PathBuf, String> {
     if !path.is_dir() {
         return Ok(path);
     }

@@ -1,8 +1,6 @@
 //! A table as it fits where it is shown. Without a terminal every column is as wide as it needs. On one that is too narrow texts flow
 //! within their columns, or below the line that they belong to; columns that can be done without leave; what is still too wide is cut.
 
-use std::borrow::Cow;
-
 use textwrap::core::display_width;
 use textwrap::{WordSeparator, WordSplitter};
 
@@ -131,9 +129,11 @@ impl Table {
         let rule = |line: char| line.to_string().repeat(long.min(most));
         let titles: Vec<Cell> = self.columns.iter().map(|column| Cell::from(&column.title)).collect();
         let mut lines = vec![rule('─')];
+        lines.extend(above(&titles, &layout, most, screen));
         lines.extend(self.lines(&titles, &layout, screen));
         lines.push(rule('═'));
         for row in &self.rows {
+            lines.extend(above(row, &layout, most, screen));
             lines.extend(self.lines(row, &layout, screen));
             lines.extend(self.below(row, &layout, most, screen));
         }
@@ -256,10 +256,7 @@ impl Table {
         let options = words(width).subsequent_indent("  ");
         let lines = text.lines().flat_map(|line| match display_width(line) <= width {
             true => vec![line.to_owned()],
-            false => textwrap::wrap(line, &options)
-                .into_iter()
-                .map(Cow::into_owned)
-                .collect(),
+            false => broken(line, &options),
         });
         lines.collect()
     }
@@ -271,19 +268,29 @@ impl Table {
         // A title stands before the first line, the others are of it.
         let others = options.clone().initial_indent(&indents[1]);
         let mut lines = Vec::new();
-        for &at in &layout.below {
+        for &at in layout.below.iter().filter(|at| **at > 0) {
             let Some(cell) = row.get(at).filter(|cell| !cell.text.is_empty()) else {
                 continue;
             };
             let text = format!("{}: {}", self.columns[at].title, cell.text);
             for (at, line) in text.lines().enumerate() {
                 let options = if at == 0 { &options } else { &others };
-                let wrapped = textwrap::wrap(line, options);
+                let wrapped = broken(line, options);
                 lines.extend(wrapped.iter().map(|line| cell.tone.paint(line, screen.is_coloured)));
             }
         }
         lines
     }
+}
+
+/// What stands before a row whose first column has no room in its line: it is what the row is called.
+fn above(row: &[Cell], layout: &Layout, most: usize, screen: Screen) -> Vec<String> {
+    let Some(cell) = row.first().filter(|_| layout.below.first() == Some(&0)) else {
+        return Vec::new();
+    };
+    let options = words(most).initial_indent(" ").subsequent_indent("   ");
+    let wrapped = cell.text.lines().flat_map(|line| broken(line, &options));
+    wrapped.map(|line| cell.tone.paint(&line, screen.is_coloured)).collect()
 }
 
 /// Columns that a line takes.
@@ -297,6 +304,39 @@ pub fn words(width: usize) -> textwrap::Options<'static> {
     textwrap::Options::new(width)
         .word_separator(WordSeparator::AsciiSpace)
         .word_splitter(WordSplitter::NoHyphenation)
+}
+
+/// A line in as many as it takes. A number is not parted from its unit, nor from how far it may be off.
+pub fn broken(line: &str, options: &textwrap::Options<'_>) -> Vec<String> {
+    let bound = bound(line);
+    let lines = textwrap::wrap(&bound, options).into_iter();
+    lines.map(|line| line.replace(NO_BREAK, " ")).collect()
+}
+
+/// A space at which no line is broken.
+const NO_BREAK: char = '\u{a0}';
+
+/// Units that stand after numbers.
+const UNITS: [&str; 30] = [
+    "mm", "µm", "nm", "m", "V", "kV", "MV", "V/m", "MV/m", "%", "ms", "s", "min", "h", "deg", "Hz", "kHz", "Pa", "kPa",
+    "MPa", "B", "kB", "MB", "GB", "C", "nC", "µC", "N", "cells", "UTC",
+];
+
+/// With spaces at which no line is broken between numbers and their units.
+fn bound(line: &str) -> String {
+    let mut text = String::with_capacity(line.len());
+    let mut words = line.split(' ').peekable();
+    while let Some(word) = words.next() {
+        text += word;
+        let Some(next) = words.peek() else { break };
+        let unit = next.trim_end_matches([',', ';', ':', '.', ')']);
+        let is_number = word.ends_with(|c: char| c.is_ascii_digit());
+        let is_bound = (is_number && (UNITS.contains(&unit) || unit == "±"))
+            || word == "±"
+            || (word == "<" && text.ends_with("±\u{a0}<"));
+        text.push(if is_bound { NO_BREAK } else { ' ' });
+    }
+    text
 }
 
 /// A text of no more than so many columns.
@@ -382,6 +422,21 @@ mod tests {
     }
 
     #[test]
+    fn the_name_of_a_row_stands_before_its_numbers_wherever_it_has_room() {
+        let mut table = table(&["effect", "value", "cost"], &["value"]).flowing(&["effect", "cost"]);
+        table.add_row([
+            "strain stiffening of the law",
+            "0.346",
+            "none to speak of, or hardly any",
+        ]);
+        let shown = table.show(on(30));
+        let lines: Vec<&str> = shown.lines().map(str::trim).collect();
+        assert_eq!(lines[1..3], ["effect", "value"], "{shown}");
+        assert_eq!(lines[4..6], ["strain stiffening of the law", "0.346"], "{shown}");
+        assert!(lines[6].starts_with("cost: none to speak"), "{shown}");
+    }
+
+    #[test]
     fn tones_colour_words_and_not_the_room_beside_them() {
         let mut table = table(&["stage", "outcome", "time"], &["time"]);
         table.add_row([Cell::from("a"), Cell::toned("built", Tone::Good), Cell::from("1 s")]);
@@ -392,6 +447,18 @@ mod tests {
         assert!(table.show(screen).contains("a       \u{1b}[32mbuilt\u{1b}[0m      1 s"));
         let harm = Cell::toned("\u{1b}[2J", Tone::Plain);
         assert_eq!(harm.text, "\u{fffd}[2J");
+    }
+
+    #[test]
+    fn a_number_is_not_parted_from_its_unit() {
+        let of = |text: &str, width| broken(text, &words(width));
+        assert_eq!(
+            of("simulated 2.155 mm ± < 0.0001, more", 19),
+            ["simulated", "2.155 mm", "± < 0.0001, more"]
+        );
+        assert_eq!(of("simulated 2.155 mm", 16), ["simulated", "2.155 mm"]);
+        assert_eq!(of("of 5 designs", 5), ["of 5", "designs"]);
+        assert_eq!(of("simulated 2.155 mm, more", 18), ["simulated", "2.155 mm, more"]);
     }
 
     #[test]

@@ -7,9 +7,11 @@ use std::ops::RangeInclusive;
 use clap::builder::StyledStr;
 use clap::{Args, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
+use super::columns;
 use super::error::CliError;
 use super::examples::{HEADING, examples};
 use super::output::{Exit, Output};
+use super::tone::width_of_stdout;
 use super::{
     accuracy, attach, audit, completions, copy, dag, diff, doctor, explain, export, fsck, gc, init, log, man, pin,
     plan, predict, pull, push, remote, report, run, schema, screen, serve, show, sketch, solve, status, sweep, unpin,
@@ -27,6 +29,9 @@ pub const MOST_JOBS: RangeInclusive<u16> = 1..=1024;
 
 /// The widest line of help.
 const WIDTH: usize = 100;
+
+/// The fewest columns in which the list of commands says what each does.
+const LEAST: usize = 20;
 
 /// The version, and which build of it: two builds of other sources are told apart.
 const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (build ", env!("DEAFLOW_BUILD_SHORT"), ")");
@@ -167,20 +172,25 @@ pub fn colour_in(arguments: &[OsString]) -> ColorChoice {
 /// The command line as it is declared, with the commands under their headings.
 pub fn command_line() -> clap::Command {
     let command = Cli::command().max_term_width(WIDTH);
-    let overview = overview(&command);
+    let overview = overview(&command, width_of_stdout().unwrap_or(WIDTH).min(WIDTH));
     with_styled_examples(command).help_template(overview)
 }
 
-/// The help of the program itself. Clap knows no headings among commands.
-fn overview(command: &clap::Command) -> StyledStr {
+/// The help of the program itself, in lines of no more than so many columns. Clap knows no headings among commands.
+fn overview(command: &clap::Command, most: usize) -> StyledStr {
     let header = command.get_styles().get_header();
     let literal = command.get_styles().get_literal();
     let names = || command.get_subcommands().map(|command| command.get_name().len());
     let width = names().max().unwrap_or(0);
     let mut text = "{about-with-newline}\n{usage-heading} {usage}\n".to_owned();
     let line = |text: &mut String, name: &str, about: &str| {
+        let mut lines = textwrap::wrap(about, columns::words(most.saturating_sub(width + 4).max(LEAST))).into_iter();
         // Writing to a text cannot fail.
-        let _ = writeln!(text, "  {literal}{name:width$}{literal:#}  {about}");
+        let first = lines.next().unwrap_or_default();
+        let _ = writeln!(text, "  {literal}{name:width$}{literal:#}  {first}");
+        for rest in lines {
+            let _ = writeln!(text, "{:1$}{rest}", "", width + 4);
+        }
     };
     for (at, (heading, commands)) in GROUPS.iter().enumerate() {
         let _ = writeln!(text, "\n{header}{heading}:{header:#}");
@@ -285,6 +295,24 @@ mod tests {
             for line in help.lines() {
                 assert!(line.chars().count() <= WIDTH, "{}: {line}", command.get_name());
             }
+        }
+    }
+
+    #[test]
+    fn the_list_of_commands_fits_a_narrow_terminal() {
+        for width in [60, 80, 100] {
+            let text = overview(&Cli::command(), width).to_string();
+            let lines = text.lines().filter(|line| line.starts_with("  "));
+            let mut words = String::new();
+            for line in lines {
+                assert!(line.chars().count() <= width, "{width}: {line}");
+                words += line.trim_start();
+                words += " ";
+            }
+            assert!(
+                words.contains("so that others take it instead of building it"),
+                "{words}"
+            );
         }
     }
 

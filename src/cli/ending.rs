@@ -58,18 +58,15 @@ fn built(stages: &[StageReport], seconds: f64) -> (Tone, String) {
 /// Adds where figures and artifacts are, and what comes next.
 pub fn places(text: &mut Text, results: &RunResults, store: &Store, (command, arguments): (Command, &RunArguments)) {
     let artifacts = format!("artifacts in {}", store.root().display());
+    let details = if arguments.verbose { "" } else { "; -v prints details" };
     text.line(match results.figures() {
-        Some((1, folder)) => format!("1 figure in {}, {artifacts}", folder.display()),
-        Some((n, folder)) => format!("{n} figures in {}, {artifacts}", folder.display()),
-        None => artifacts,
+        Some((1, folder)) => format!("1 figure in {}, {artifacts}{details}", folder.display()),
+        Some((n, folder)) => format!("{n} figures in {}, {artifacts}{details}", folder.display()),
+        None => format!("{artifacts}{details}"),
     });
     // A sweep is of stages that the file does not have.
     if command == Command::Run {
-        let words = words(arguments);
-        let details = if arguments.verbose { "" } else { "; -v prints details" };
-        text.line(format!("next: deaflow report {words} -o report{details}"));
-    } else if !arguments.verbose {
-        text.line("-v prints details");
+        text.whole(format!("next: deaflow report {} -o report", words(arguments)));
     }
 }
 

@@ -8,6 +8,8 @@ use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, ThemeCharacters
 use serde_json::{Value, json};
 
 use super::output::Exit;
+use super::text::lines;
+use super::tone::{Screen, Tone};
 use crate::base::{InputError, OutputError, is_unprintable, printable};
 use crate::content::ContentError;
 use crate::executor::SubmitError;
@@ -32,6 +34,9 @@ pub struct CliError {
     /// Whether another machine, or this one later, may succeed.
     may_pass: bool,
 }
+
+/// Columns of a message with a place where there is no terminal to say how many it has.
+const USUAL: usize = 120;
 
 /// The longest line of a file, in bytes, that is quoted in a message.
 const LONGEST_LINE: usize = 1000;
@@ -135,11 +140,15 @@ impl CliError {
         self.closed_pipe
     }
 
-    /// For people: with the words of the file and a caret under them where there is a place.
-    pub fn render(&self, coloured: bool) -> String {
-        let quoted = self.quoted(ThemeStyles::none());
+    /// For people, as it fits where it is shown: with the words of the file and a caret under them where there is a place.
+    pub fn render(&self, screen: Screen) -> String {
+        let width = screen.width.unwrap_or(USUAL);
+        let quoted = self.quoted(ThemeStyles::none(), width);
         if let Some(text) = quoted.filter(|text| !text.contains(is_unprintable)) {
-            let colours = coloured.then(|| self.quoted(ThemeStyles::ansi())).flatten();
+            let colours = screen
+                .is_coloured
+                .then(|| self.quoted(ThemeStyles::ansi(), width))
+                .flatten();
             return colours.unwrap_or(text);
         }
         let place = self.place().map_or(String::new(), |place| {
@@ -149,11 +158,12 @@ impl CliError {
             .help
             .as_ref()
             .map_or(String::new(), |help| format!("\n  help: {help}"));
-        printable(&format!("error: {}{place}{help}", self.message)).into_owned()
+        let text = format!("error: {}{place}{help}", self.message);
+        lines(&printable(&text), Tone::Plain, screen)
     }
 
     /// With the lines around the place; none where there is no place, or the lines are not fit for a terminal.
-    fn quoted(&self, styles: ThemeStyles) -> Option<String> {
+    fn quoted(&self, styles: ThemeStyles, width: usize) -> Option<String> {
         let input = self.input.as_ref().filter(|_| self.can_be_quoted())?;
         let characters = ThemeCharacters {
             error: "error:".into(),
@@ -161,7 +171,7 @@ impl CliError {
             ..ThemeCharacters::ascii()
         };
         let theme = GraphicalTheme { characters, styles };
-        let handler = GraphicalReportHandler::new_themed(theme).with_width(120);
+        let handler = GraphicalReportHandler::new_themed(theme).with_width(width);
         let mut text = String::new();
         handler.render_report(&mut text, input.as_ref()).ok()?;
         // Lines may end as those of other systems.
@@ -412,7 +422,7 @@ mod tests {
         let stages = document.root.peek("stages").unwrap();
         let error = CliError::from(stages.fields("`stages`", &["color"]).err().unwrap());
         assert_eq!(error.exit(), Exit::BadInput);
-        let text = error.render(false);
+        let text = error.render(Screen::default());
         let lines: Vec<&str> = text.lines().collect();
         let at = lines.iter().position(|l| l.contains("colour: red")).unwrap();
         let column = lines[at].find("colour").unwrap();

@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use serde_json::json;
 
-use super::arguments::{SetArguments, StoreArguments};
+use super::arguments::{SetArguments, StoreArguments, pipeline_in};
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
@@ -15,9 +16,10 @@ use crate::orchestrator::{Explanation, explain};
 
 /// Say why a stage would be built: every parameter and input that has changed
 #[derive(Debug, Args)]
-#[command(after_help = examples!("deaflow explain pipeline.yaml design"))]
+#[command(allow_missing_positional = true, after_help = examples!("deaflow explain pipeline.yaml design", "deaflow explain design"))]
 pub struct ExplainArguments {
-    /// The pipeline, a YAML file
+    /// The pipeline, a YAML file, or a folder with one alone [default: that of this folder]
+    #[arg(default_value = ".", hide_default_value = true, value_parser = PathBufValueParser::new().try_map(pipeline_in))]
     pub pipeline: PathBuf,
     /// The stage
     pub stage: String,

@@ -9,7 +9,7 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
-use super::progress::Bar;
+use super::progress::Lazy;
 use super::{locate, table};
 use crate::store::{Report, Store};
 
@@ -33,7 +33,7 @@ pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliEr
         ),
         false => (None, locate::existing_store(&folder)?),
     };
-    let bar = Bar::new("fsck", "files", 0);
+    let bar = Lazy::new("fsck", "files");
     let progress = |done, total| bar.set(done, total);
     let mut report = match arguments.repair {
         true => store.repair(&progress)?,

@@ -9,14 +9,14 @@ use super::arguments::{StoreArguments, number};
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
-use super::progress::Bar;
+use super::progress::Lazy;
 use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
 use super::{locate, table};
 use crate::orchestrator::Environment;
 use crate::report::{FigureFile, figures_of, remove_figures};
-use crate::store::{Collection, Group, Judged, Retention, Store, Tally};
+use crate::store::{AGE, AGE_OF_NEED, Collection, Group, Judged, Retention, Store, Tally};
 
 /// Remove artifacts that neither the last runs nor a pin nor a lock file need
 #[derive(Debug, Args)]
@@ -49,7 +49,7 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
     let collection = store.judge(&retention, store.now())?;
     let figures = figures_of(&store, &collection.removed.iter().map(|judged| judged.digest).collect());
     if !arguments.dry_run {
-        let bar = Bar::new("gc", "artifacts", 0);
+        let bar = Lazy::new("gc", "artifacts");
         let at = Environment::system().now();
         store.remove(&collection, &at, &|done, total| bar.set(done, total))?;
         remove_figures(&figures)?;
@@ -131,6 +131,11 @@ fn text(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> Text 
         table::counted(collection.kept.len() as u64, "artifacts"),
         table::bytes(collection.bytes_kept()),
     ));
+    if collection.removed.is_empty() {
+        if let Some(advice) = advice(collection) {
+            text.line(advice);
+        }
+    }
     if !collection.checkpoints.is_empty() {
         text.line(format!(
             "{verb} what {} had come to ({})",
@@ -147,6 +152,32 @@ fn text(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> Text 
         ));
     }
     text
+}
+
+/// What would have a collection that removes nothing remove something; none where nothing would but to unpin.
+fn advice(collection: &Collection) -> Option<String> {
+    let of_age = |judged: &&Judged| {
+        judged
+            .held_by
+            .iter()
+            .any(|holder| holder == AGE || holder == AGE_OF_NEED)
+    };
+    let young = collection.kept.iter().filter(of_age).map(|judged| judged.size);
+    if let n @ 1.. = young.clone().count() {
+        let artifacts = table::counted(n as u64, "artifacts");
+        return Some(format!(
+            "{artifacts} ({}) are held by their age alone: --grace 0 would remove them",
+            table::bytes(young.sum())
+        ));
+    }
+    let of_runs = |judged: &&Judged| judged.held_by.iter().all(|holder| holder.starts_with("run of "));
+    let of_runs = collection.kept.iter().filter(of_runs).count();
+    (of_runs > 0).then(|| {
+        let artifacts = table::counted(of_runs as u64, "artifacts");
+        format!(
+            "{artifacts} are held by runs alone: a smaller --keep-runs holds fewer, with --grace 0 those of today too"
+        )
+    })
 }
 
 /// How many, and their size; nothing where there are none.

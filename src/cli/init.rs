@@ -43,6 +43,16 @@ pub struct InitArguments {
 pub fn execute(arguments: &InitArguments, output: &Output) -> Result<Exit, CliError> {
     let here = Path::new("");
     let folder = arguments.folder.as_deref().unwrap_or(here);
+    if folder.is_file() {
+        let name = folder
+            .parent()
+            .filter(|parent| !parent.as_os_str().is_empty())
+            .unwrap_or(Path::new("NAME"));
+        return Err(
+            CliError::bad_input(format!("{} is a file, and a folder is wanted", folder.display()))
+                .help(format!("deaflow init {}", name.display())),
+        );
+    }
     // The folder itself may be yet to be made.
     let there = folder.ancestors().find(|folder| folder.is_dir()).unwrap_or(here);
     write::outside(&there.join("pipeline.yaml"))?;

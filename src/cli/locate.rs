@@ -6,7 +6,7 @@ use super::error::CliError;
 use super::run;
 use crate::base::{ArtifactId, nearest, readable_time};
 use crate::orchestrator::{Environment, StageReport, Staleness, plan};
-use crate::store::{Artifact, Lookup, Removed, Store, StoreError};
+use crate::store::{Artifact, Command, Lookup, Removed, Run, Store, StoreError};
 
 /// The fewest digits that name a digest.
 pub const LEAST: usize = 4;
@@ -183,7 +183,9 @@ fn gone(store: &Store, digits: &str) -> Result<Option<CliError>, CliError> {
 }
 
 fn unknown(store: &Store, reference: &str) -> Result<CliError, CliError> {
-    let last = store.runs()?.next().transpose()?.unwrap_or_default();
+    // An audit goes as far as the stage that it looks at.
+    let is_whole = |run: &Result<Run, StoreError>| !run.as_ref().is_ok_and(|run| run.command == Command::Audit);
+    let last = store.runs()?.find(is_whole).transpose()?.unwrap_or_default();
     let names: Vec<&str> = last.stages.iter().map(|s| s.name.as_str()).collect();
     let root = store.root().display();
     let error = CliError::bad_input(format!(

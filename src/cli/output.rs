@@ -132,12 +132,17 @@ impl Output {
             Err(error) => error,
         };
         if self.json && self.document(&json!({ "error": error.to_json() })).is_err() {
-            self.complain(&error.render(false));
+            self.report(&error);
             return Exit::Failure;
         }
         // Its colours are for the terminal; that nothing else in it is, `render` sees to.
-        write_line(&error.render(self.beside.is_coloured));
+        self.report(&error);
         error.exit()
+    }
+
+    /// Reports what went wrong beside what is printed. Its colours are for the terminal; that nothing else in it is, `render` sees to.
+    pub fn report(&self, error: &CliError) {
+        write_line(&error.render(self.beside));
     }
 
     /// Reports an error or a warning beside what is printed.

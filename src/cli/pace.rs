@@ -4,6 +4,15 @@
 
 use super::table;
 
+/// What is under way is heavier than what was before where it takes so many times as long as the longest time without a sign of progress.
+const LATE: f64 = 1.5;
+
+/// A time without a sign of progress that says nothing, s.
+const USUAL: f64 = 1.0;
+
+/// The part of a step that has to be done for the rest to be estimated from it alone.
+const LEAST: f64 = 0.05;
+
 /// How far a piece of work has come. Times are in seconds from when it was begun.
 #[derive(Clone, Debug, Default)]
 pub struct Pace {
@@ -19,6 +28,10 @@ pub struct Pace {
     before: u64,
     /// When progress was first told of, and how much this process had done by then.
     first: Option<(f64, f64)>,
+    /// When it was last told of.
+    last: f64,
+    /// The longest time between two tellings.
+    longest: f64,
 }
 
 impl Pace {
@@ -66,7 +79,20 @@ impl Pace {
     fn told(&mut self, at: f64) {
         let own = self.own();
         let first = if own < 1.0 { (at, own) } else { (0.0, 0.0) };
+        if self.first.is_some() || own >= 1.0 {
+            self.longest = self.longest.max(at - self.last);
+        }
+        self.last = at;
         self.first.get_or_insert(first);
+    }
+
+    /// For how long nothing has been heard, s, where that is longer than ever: what is under way is heavier than what was measured, which
+    /// says nothing of how long it takes.
+    fn overdue(&self, at: f64) -> Option<f64> {
+        let silent = at - self.last;
+        let is_last_of_all = self.position() >= self.length as f64;
+        let is_measured = self.rate(at).is_some() && !is_last_of_all;
+        (is_measured && silent > LATE * self.longest.max(USUAL)).then_some(silent)
     }
 
     /// Steps of this process.
@@ -93,8 +119,11 @@ impl Pace {
     /// How long it still takes, s; none where nothing is known.
     fn left(&self, at: f64) -> Option<f64> {
         let steps = (self.length as f64 - self.position()).max(0.0);
-        let measured = self.rate(at).map(|rate| steps / rate);
+        // Of a small part of the first step nobody can tell.
+        let is_told = |_: &f64| self.foretold.is_some() || self.own() >= LEAST;
+        let measured = self.rate(at).map(|rate| steps / rate).filter(is_told);
         match (measured, self.foretold_left(at)) {
+            _ if self.overdue(at).is_some() => None,
             (Some(measured), Some(foretold)) => {
                 let weight = self.own().min(1.0);
                 Some(weight * measured + (1.0 - weight) * foretold)
@@ -108,6 +137,10 @@ impl Pace {
         let left = self.left(at).filter(|left| *left > 0.0).map(table::seconds);
         match (self.rate(at), left) {
             (Some(per_second), Some(left)) => format!("{}, {left} left", rate(per_second)),
+            (Some(per_second), None) if self.overdue(at).is_some() => {
+                let silent = at - self.last;
+                format!("{}, {} in this one so far", rate(per_second), table::seconds(silent))
+            }
             // All steps are done, and what they made is put together.
             (Some(per_second), None) => rate(per_second),
             (None, Some(left)) => format!("about {left} left"),
@@ -158,6 +191,34 @@ mod tests {
         let mut pace = Pace::new(10, None);
         pace.advance(2.0, 1);
         assert_eq!(pace.words(2.0), "30.0/min, 18.0 s left");
+    }
+
+    #[test]
+    fn a_step_that_takes_longer_than_any_before_has_no_time_left() {
+        let mut pace = Pace::new(41, Some(5.0));
+        for step in 1..=40 {
+            pace.advance(0.25 * f64::from(step), 1);
+        }
+        assert_eq!(pace.words(10.0), "4.0/s, 0.25 s left");
+        assert_eq!(pace.words(10.5), "3.8/s, 0.26 s left", "half a second says nothing");
+        assert_eq!(pace.words(14.0), "2.9/s, 4.00 s in this one so far");
+        pace.advance(15.0, 1);
+        assert_eq!(pace.words(20.5), "2.0/s", "all steps are done");
+        // Where steps are long, nothing is heard for as long.
+        let mut pace = Pace::new(4, None);
+        pace.advance(20.0, 1);
+        assert_eq!(pace.words(45.0), "1.3/min, 2 min 15 s left");
+        assert_eq!(pace.words(55.0), "1.1/min, 35.0 s in this one so far");
+    }
+
+    #[test]
+    fn of_a_small_part_of_the_first_step_nobody_can_tell() {
+        let mut pace = Pace::new(7, None);
+        pace.set_part(1.0, 0.0);
+        pace.set_part(3.0, 0.01);
+        assert_eq!(pace.words(3.0), "0.3/min");
+        pace.set_part(5.0, 0.5);
+        assert_eq!(pace.words(5.0), "7.5/min, 52.0 s left");
     }
 
     #[test]

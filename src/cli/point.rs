@@ -11,8 +11,8 @@ use crate::scene::Scene;
 /// A point of the membrane and a direction.
 #[derive(Clone, Debug, Args)]
 pub struct PointArguments {
-    /// Say how far this point moves along --direction too, from the lower left corner, as in "25 mm, 25 mm"
-    #[arg(long = "point", value_name = "X,Y", value_parser = point, requires = "direction", allow_hyphen_values = true)]
+    /// Say how far this point moves too, along --direction or in all, from the lower left corner, as in "25 mm, 25 mm"
+    #[arg(long = "point", value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
     point: Option<Coordinates>,
     /// The direction of --point, from the x axis counter-clockwise, as in "90 deg"
     #[arg(long, value_name = "ANGLE", value_parser = direction, requires = "point", allow_hyphen_values = true)]
@@ -40,8 +40,8 @@ fn direction(text: &str) -> Result<Quantity, String> {
 pub struct Watched {
     /// In mm from the lower left corner.
     point_mm: [f64; 2],
-    /// In degrees from the x axis.
-    degrees: f64,
+    /// In degrees from the x axis; none where the size of the displacement is asked for.
+    degrees: Option<f64>,
     cell_mm: [f64; 2],
 }
 
@@ -56,7 +56,7 @@ impl PointArguments {
     /// # Errors
     /// When the point is outside.
     pub fn on(&self, scene: &Scene) -> Result<Option<Watched>, CliError> {
-        let Some((Coordinates(point), direction)) = self.point.zip(self.direction) else {
+        let Some(Coordinates(point)) = self.point else {
             return Ok(None);
         };
         let membrane = scene.membrane();
@@ -72,24 +72,42 @@ impl PointArguments {
         }
         Ok(Some(Watched {
             point_mm,
-            degrees: direction.value(),
+            degrees: self.direction.map(|direction| direction.value()),
             cell_mm,
         }))
     }
 }
 
 impl Watched {
-    /// The displacement there along the direction, mm.
+    /// The displacement there along the direction, or its size without one, mm.
     pub fn of(&self, field: &Field) -> f64 {
         let [x, y] = field.at(std::array::from_fn(|k| self.point_mm[k] / self.cell_mm[k]));
-        let (sine, cosine) = self.degrees.to_radians().sin_cos();
-        x * cosine + y * sine
+        match self.degrees {
+            None => x.hypot(y),
+            Some(degrees) => {
+                let (sine, cosine) = degrees.to_radians().sin_cos();
+                x * cosine + y * sine
+            }
+        }
+    }
+
+    /// The displacements of patterns, NaN where there is none, and what is asked about in words, for a file.
+    pub fn of_all(self, along_mm: impl Iterator<Item = Option<f64>>) -> (Vec<f64>, String) {
+        let values = along_mm.map(|mm| mm.unwrap_or(f64::NAN)).collect();
+        let [x, y] = self.point_mm;
+        let along = self
+            .degrees
+            .map_or_else(String::new, |degrees| format!(", {degrees} deg"));
+        (values, format!("{x} mm, {y} mm{along}"))
     }
 
     /// The title of a column.
     pub fn title(&self) -> String {
         let [x, y] = self.point_mm;
-        format!("at {x}, {y} mm along {} deg", self.degrees)
+        match self.degrees {
+            Some(degrees) => format!("at {x}, {y} mm along {degrees} deg"),
+            None => format!("at {x}, {y} mm"),
+        }
     }
 
     /// For programs.
@@ -116,6 +134,16 @@ mod tests {
         assert!((of("25 mm, 25 mm", "0 deg") - 0.3).abs() < 1e-12);
         assert!((of("[10, 50]", "90") - 0.4).abs() < 1e-12);
         assert!((of("0,0", "-90 deg") + 0.4).abs() < 1e-12);
+        let size = PointArguments {
+            direction: None,
+            ..asked("25 mm, 25 mm", "0 deg")
+        };
+        let size = size.on(&scene).unwrap().unwrap();
+        assert!(
+            (size.of(&field) - 0.5).abs() < 1e-12,
+            "without a direction it is the size"
+        );
+        assert_eq!(size.title(), "at 25, 25 mm");
         let outside = asked("25 mm, 51 mm", "0 deg").on(&scene).unwrap_err();
         assert!(outside.message().contains("outside the membrane"));
         assert!(point("25 mm").is_err() && point("1 V, 2 mm").is_err() && direction("3 mm").is_err());

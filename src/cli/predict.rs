@@ -112,9 +112,17 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
         name: names[index].clone(),
         along_mm: watched.map(|watched| watched.of(field)),
     };
+    let (at_point, point) = watched
+        .map(|watched| watched.of_all(fields.iter().map(|field| Some(watched.of(field)))))
+        .unzip();
+    let content = SolveFile {
+        at_point,
+        point,
+        ..content(&surrogate, &patterns, &fields, seconds, intervals.as_ref())
+    };
     let answer = Answer {
         endings: fields.iter().enumerate().map(ending).collect(),
-        content: content(&surrogate, &patterns, &fields, seconds, intervals.as_ref()).object(),
+        content: content.object(),
         samples: patterns.len(),
         watched,
         statement: statement(intervals.as_ref(), &table(file)),

@@ -305,7 +305,13 @@ impl RunProgress {
             }
             Event::Progress { name, steps } => current.get(name).iter().for_each(|bar| bar.advance(*steps)),
             Event::Part { name, done } => current.get(name).iter().for_each(|bar| bar.part(*done)),
-            Event::Resumed { name, steps } => current.get(name).iter().for_each(|bar| bar.resume(*steps)),
+            Event::Resumed { name, steps } => {
+                if let Some(bar) = current.get(name) {
+                    bar.resume(*steps);
+                    let done = table::counted(*steps, locked(&bar.state).unit);
+                    self.say(&format!("{name}: goes on after {done} that an earlier run has done"));
+                }
+            }
             Event::Note { name, text } => current.get(name).iter().for_each(|bar| bar.note(text)),
             Event::ChunkBuilt { .. } | Event::Warning { .. } => {}
             Event::StageReused(report)

@@ -146,7 +146,7 @@ fn list(configuration: &Configuration, output: &Output) -> Result<Exit, CliError
             Ok(Some(remote)) => remote,
             Ok(None) => continue,
             Err(error) => {
-                output.complain(&CliError::from(error).render(false));
+                output.report(&CliError::from(error));
                 is_sound = false;
                 continue;
             }

@@ -340,7 +340,7 @@ fn failed(outcome: &mut RunOutcome, arguments: &RunArguments, output: &Output) -
     }
     // That a stage was asked to stop was said when it did, and is no error.
     let (stopped, failed): (Vec<&CliError>, Vec<&CliError>) = errors.iter().partition(|error| error.is_stop());
-    failed.iter().for_each(|error| output.complain(&error.render(false)));
+    failed.iter().for_each(|error| output.report(error));
     if !stopped.is_empty() {
         output.complain(GOES_ON);
     }

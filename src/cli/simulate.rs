@@ -209,7 +209,15 @@ fn answer(
         observations.wrinkled_fraction = Some(cells.iter().map(fraction).collect());
     }
     let warnings: Vec<String> = runs.iter().flat_map(Run::warnings).collect();
+    let (at_point, point) = watched
+        .map(|watched| {
+            let fields = results.iter().map(|result| result.simulation.field.as_ref());
+            watched.of_all(fields.map(|field| field.map(|field| watched.of(field))))
+        })
+        .unzip();
     let content = SolveFile {
+        at_point,
+        point,
         observations,
         meshes: solver
             .estimates_errors()

@@ -1,10 +1,8 @@
 //! What is said to people: lines and tables, laid out once it is known where they go.
 
-use std::borrow::Cow;
-
 use textwrap::core::display_width;
 
-use super::columns::{Table, cut, words as words_of};
+use super::columns::{Table, broken, cut, words as words_of};
 use super::tone::{Screen, Tone};
 use crate::base::printable;
 
@@ -17,6 +15,8 @@ pub struct Text {
 #[derive(Debug)]
 enum Block {
     Lines(Tone, String),
+    /// A line that is not broken: a command to be copied.
+    Whole(String),
     Table(Table),
 }
 
@@ -44,6 +44,12 @@ impl Text {
         self
     }
 
+    /// Adds a line that is never broken, so that the command in it can be copied.
+    pub fn whole(&mut self, text: impl Into<String>) -> &mut Self {
+        self.blocks.push(Block::Whole(text.into()));
+        self
+    }
+
     /// Adds a table.
     pub fn table(&mut self, table: Table) -> &mut Self {
         self.blocks.push(Block::Table(table));
@@ -67,6 +73,7 @@ impl Text {
     pub fn show(&self, screen: Screen) -> String {
         let block = |block: &Block| match block {
             Block::Lines(tone, text) => lines(&printable(text), *tone, screen),
+            Block::Whole(text) => printable(text).into_owned(),
             Block::Table(table) => table.show(screen),
         };
         self.blocks.iter().map(block).collect::<Vec<_>>().join("\n")
@@ -127,8 +134,7 @@ fn wrapped(line: &str, width: usize) -> Vec<String> {
         .initial_indent(&indents[0])
         .subsequent_indent(&indents[1])
         .break_words(false);
-    let lines = textwrap::wrap(words, &options);
-    lines.into_iter().map(Cow::into_owned).collect()
+    broken(words, &options)
 }
 
 #[cfg(test)]
@@ -149,6 +155,16 @@ mod tests {
         assert_eq!(
             path.show(NARROW),
             "figures:\n  /a/path/that/is/longer/than/the/terminal"
+        );
+    }
+
+    #[test]
+    fn a_command_to_be_copied_is_not_broken() {
+        let mut text = Text::from("a line of many words beside it");
+        text.whole("next: deaflow report pipeline.yaml -o report");
+        assert_eq!(
+            text.show(NARROW).lines().last(),
+            Some("next: deaflow report pipeline.yaml -o report")
         );
     }
 

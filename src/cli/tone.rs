@@ -97,6 +97,11 @@ fn width(stream: &(impl AsFd + IsTerminal)) -> Option<usize> {
         })
 }
 
+/// Columns of the terminal that results are shown on; none where it is none.
+pub fn width_of_stdout() -> Option<usize> {
+    width(&io::stdout())
+}
+
 /// Columns of the terminal that progress is shown on; none where it is none.
 pub fn width_of_stderr() -> Option<usize> {
     width(&io::stderr())

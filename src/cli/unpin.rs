@@ -7,6 +7,8 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::{locate, pin};
+use crate::base::ArtifactId;
+use crate::store::{Pin, Store};
 
 /// Let gc take an artifact again
 #[derive(Debug, Args)]
@@ -17,6 +19,40 @@ pub struct UnpinArguments {
     artifact: String,
     #[command(flatten)]
     store: StoreArguments,
+}
+
+/// Of a stage of past runs the pinned artifact is meant, whatever the last run made; else what the name means elsewhere.
+fn of_stage(store: &Store, pins: &[Pin], reference: &str) -> Result<ArtifactId, CliError> {
+    let is_pinned = |digest: &ArtifactId| pins.iter().any(|pin| pin.digest == *digest);
+    let located = locate::artifact(store, reference).map(|artifact| artifact.digest());
+    if let Ok(digest) = &located
+        && is_pinned(digest)
+    {
+        return Ok(*digest);
+    }
+    // An artifact that is gone, or is not the last, may be pinned: its name is that of its stage in the run that had it.
+    let mut named: Vec<ArtifactId> = Vec::new();
+    for run in store.runs()? {
+        let run = run?;
+        let stages = run
+            .stages
+            .iter()
+            .filter(|stage| stage.name == reference && is_pinned(&stage.artifact));
+        for stage in stages {
+            if !named.contains(&stage.artifact) {
+                named.push(stage.artifact);
+            }
+        }
+    }
+    match named.as_slice() {
+        [one] => Ok(*one),
+        [] => located,
+        several => {
+            let list: Vec<String> = several.iter().map(ArtifactId::short).collect();
+            let message = format!("{} pinned artifacts are of a stage `{reference}`", several.len());
+            Err(CliError::bad_input(message).help(format!("name one: {}", list.join(", "))))
+        }
+    }
 }
 
 /// The artifact may be gone: pins are found by their own digests first.
@@ -30,13 +66,25 @@ pub fn execute(arguments: &UnpinArguments, output: &Output) -> Result<Exit, CliE
         .collect();
     let digest = match pinned.as_slice() {
         [one] if wanted.len() >= 4 => one.digest,
-        _ => locate::artifact(&store, &arguments.artifact)?.digest(),
+        _ => of_stage(&store, &pins, &arguments.artifact)?,
     };
+    let label = |pin: &Pin| match pin.label.as_str() {
+        "" => String::new(),
+        label => format!(" ({label})"),
+    };
+    let label = pins
+        .iter()
+        .find(|pin| pin.digest == digest)
+        .map(label)
+        .unwrap_or_default();
     if !store.unpin(&digest)? {
         return Err(
             CliError::bad_input(format!("artifact {} is not pinned", digest.short()))
                 .help("`deaflow pin` without an artifact lists the pins"),
         );
+    }
+    if !output.is_json() {
+        output.text(format!("unpinned {}{label}", digest.short()))?;
     }
     pin::list(&store, output)
 }

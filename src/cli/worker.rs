@@ -192,7 +192,7 @@ fn build(
     } else if !arguments.quiet {
         output.text(Text::of(table::of_run(&outcome.stages)))?;
     }
-    errors.iter().for_each(|error| output.complain(&error.render(false)));
+    errors.iter().for_each(|error| output.report(error));
     let hopeless = errors.iter().map(CliError::exit).find(|exit| *exit != Exit::TryAgain);
     Ok(match hopeless {
         Some(exit) => exit,

@@ -23,6 +23,9 @@ arrays! {
         outcome: Vec<String> = array("outcome", "", [sample]),
         /// Largest displacement magnitude over the corners; NaN where there is none.
         max_displacement: Vec<f64> = array("max_displacement", "mm", [sample]),
+        /// Where a point was asked about, how far it moves along the direction that was asked for, or in all without one; NaN where there is no
+        /// displacement.
+        at_point: Option<Vec<f64>> = array("at_point", "mm", [sample]),
         /// Relative residual of the non-linear equilibrium.
         residual: Option<Vec<f64>> = array("residual", "1", [sample]),
         /// Processor time of the sample, the mean over its batch.
@@ -43,6 +46,8 @@ arrays! {
         effects: Option<String> = attribute("effects"),
         /// Effects that matter and were left out, one to a line.
         warnings: Option<Lines> = attribute("warnings"),
+        /// The point that was asked about, from the lower left corner, and its direction.
+        point: Option<String> = attribute("point"),
         /// The network that predicted.
         network: Option<String> = attribute("network"),
         /// Probability that the intervals cover, for patterns like those of the calibration.

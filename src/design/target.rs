@@ -5,7 +5,7 @@ use std::fmt;
 
 use serde_json::json;
 
-use super::objective::{Goal, Objective};
+use super::objective::{Goal, GoalError, Objective};
 use crate::base::{
     Canonical, Decimal, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, is_plain_name,
     parameters,
@@ -100,7 +100,11 @@ impl Targets {
             let goal = objective
                 .goal(scene, area.fraction(), penalty)
                 .map_err(|e| match node {
-                    Some(node) => node.error(e.to_string()),
+                    // Of a point alone the fault is in its own value, which `--set` may have given.
+                    Some(node) => match &e {
+                        GoalError::Point { .. } => node.peek("point").unwrap_or(node).error(e.to_string()),
+                        _ => node.error(e.to_string()),
+                    },
                     None => InputError::new(e.to_string()),
                 })?;
             Ok(Target {
@@ -179,7 +183,12 @@ impl Parameter for Area {
             None => Decimal::read(node, key, &(0.0..=1.0)).ok(),
         };
         area.map(|area| Self(Some(area))).ok_or_else(|| {
-            node.error(format!("`{key}` is {}", node.found()))
+            let why = match percentage(node) {
+                Some(area) if area.to_f64() > 1.0 => ": more than all of the membrane",
+                Some(_) => ": less than nothing",
+                None => "",
+            };
+            node.error(format!("`{key}` is {}{why}", node.found()))
                 .help("allowed: an area fraction from 0 to 1, one in per cent such as `50 %`, or `free`")
         })
     }

@@ -4,7 +4,7 @@
 //! be built are unknown; but where a record says what an action made, building it again makes the same, so that a lost
 //! artifact does not make everything after it stale.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use rayon::prelude::*;
@@ -89,6 +89,9 @@ struct PastRuns {
     unread: Option<RunsOf<std::iter::Take<Runs>>>,
     read: Vec<Arc<Run>>,
 }
+
+/// How many of the last runs of a pipeline a stage is compared with.
+const COMPARED_WITH: usize = 30;
 
 /// How many of the last runs of a store are looked through for those of a pipeline.
 const LOOKED_THROUGH: usize = 1000;
@@ -302,7 +305,7 @@ impl<'a> Planner<'a> {
         Ok(self.reasons(spec, parameters, digests)?.remove(0))
     }
 
-    /// All that makes a stage without a record stale, in comparison with the last run; never empty.
+    /// All that makes a stage without a record stale, in comparison with that of the last runs which is nearest to it; never empty.
     ///
     /// # Errors
     /// When the store cannot be read.
@@ -328,7 +331,34 @@ impl<'a> Planner<'a> {
         {
             return Ok(vec![Staleness::Removed { at }]);
         }
-        Ok(Staleness::all_since(&current, previous.as_ref(), Some(&run)))
+        let mut nearest = Staleness::all_since(&current, previous.as_ref(), Some(&run));
+        let (mut is_known, mut seen) = (previous.is_some(), BTreeSet::from([stage.key]));
+        for run in self.last_runs()? {
+            let Some(stage) = run.stage(&spec.name).filter(|stage| seen.insert(stage.key)) else {
+                continue;
+            };
+            let Some(record) = self.store.record(&stage.key)?.record() else {
+                continue;
+            };
+            let since = Staleness::all_since(&current, Some(&record), Some(&run));
+            // Of those that are as near the latest counts.
+            if !is_known || since.len() < nearest.len() {
+                (nearest, is_known) = (since, true);
+            }
+        }
+        Ok(nearest)
+    }
+
+    /// The last runs of the pipeline that a stage is compared with, newest first.
+    fn last_runs(&self) -> Result<Vec<Arc<Run>>, StoreError> {
+        let mut left = COMPARED_WITH;
+        let is_beyond = |_: &Run| {
+            left = left.saturating_sub(1);
+            (left == 0).then_some(())
+        };
+        self.read_runs(is_beyond)?;
+        let runs = self.runs.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(runs.read.iter().take(COMPARED_WITH).cloned().collect())
     }
 
     /// When a collection removed what a stage made in an earlier run, if it would make the same now, as far as that is known.
@@ -385,10 +415,15 @@ impl<'a> Planner<'a> {
 
     /// The last run of the pipeline that has a stage of some sort.
     fn run_with(&self, stage: impl Fn(&Run) -> Option<RunStage>) -> Result<Option<(Arc<Run>, RunStage)>, StoreError> {
-        let with_stage = |run: &Arc<Run>| Some((run.clone(), stage(run)?));
+        self.read_runs(stage)
+    }
+
+    /// Reads runs of the pipeline, newest first, as far as one in which something is found.
+    fn read_runs<T>(&self, mut found: impl FnMut(&Run) -> Option<T>) -> Result<Option<(Arc<Run>, T)>, StoreError> {
+        let mut with_stage = |run: &Arc<Run>| Some((run.clone(), found(run)?));
         // A run is pushed in one step: a panic elsewhere leaves a list that is right.
         let mut runs = self.runs.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = runs.read.iter().find_map(with_stage) {
+        if let Some(found) = runs.read.iter().find_map(&mut with_stage) {
             return Ok(Some(found));
         }
         let file = self.pipeline.file();

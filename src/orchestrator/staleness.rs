@@ -10,7 +10,7 @@ use crate::store::{Condition, Record, Run};
 pub enum Staleness {
     /// It has not been built here, as far as is remembered.
     NoRecord,
-    /// A parameter differs from that of the last run.
+    /// A parameter differs from that of the nearest of the last runs.
     ParameterChanged {
         /// Dotted path of the first parameter that differs, as `--set` takes it: after `stages.NAME.`, or from `scene.` on.
         which: String,
@@ -19,7 +19,7 @@ pub enum Staleness {
         /// Its value now.
         to: String,
     },
-    /// An input differs from that of the last run, or has yet to be built.
+    /// An input differs from that of the nearest of the last runs, or has yet to be built.
     InputChanged {
         /// Name of the first stage whose artifact differs.
         which: String,
@@ -69,7 +69,7 @@ pub struct Current<'a> {
 }
 
 impl Staleness {
-    /// Why a stage without a record of its own key is stale, given the record that it had in the last run.
+    /// Why a stage without a record of its own key is stale, given the record that it had in an earlier run.
     #[must_use]
     pub fn since(current: &Current<'_>, previous: Option<&Record>, run: Option<&Run>) -> Self {
         Self::all_since(current, previous, run).remove(0)

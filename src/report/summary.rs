@@ -6,7 +6,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::artifacts::Source;
-use super::designs::{LEAST_MM, is_to_be_met};
+use super::designs::{LEAST_MM, SAME_AREA, is_to_be_met};
 use super::error::ReportError;
 use super::format::{change, counted, share, three, uncertainty};
 use super::headline::Headline;
@@ -65,7 +65,7 @@ pub struct RowSummary {
     pub status: String,
     /// Gain over the intuitive design at its own area, a fraction; none where a displacement is to be met, as more of it is not better.
     pub gain_own_area: Option<f64>,
-    /// Gain over the intuitive design at the area of the design.
+    /// Gain over the intuitive design at the area of the design; none where none of that area is there.
     pub gain_equal_area: Option<f64>,
     /// Displacement as a fraction of that of the optimum, on the same units where there is one on them.
     pub ratio_to_optimum: Option<f64>,
@@ -183,7 +183,7 @@ impl Summary {
         };
         text += &format!(", {word} {mm:.3} mm");
         if let Some(error) = best.simulated_error_mm {
-            text += &format!(" {}", uncertainty(error));
+            text += &format!(" {} (mesh)", uncertainty(error));
         }
         if let Some(distance) = best.distance_mm {
             text += &format!(", {} mm from what is wanted", three(distance));
@@ -279,10 +279,11 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, ContentError> {
 /// A row with what others of its target make of it.
 fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
     let others: Vec<&RowSummary> = rows.iter().filter(|other| other.same_target(row)).collect();
-    let gain = |role: Role| {
+    let gain = |role: Role, most: f64| {
         let mut of_role: Vec<&&RowSummary> = others.iter().filter(|other| other.role == role).collect();
         of_role.sort_by(|a, b| (a.area - row.area).abs().total_cmp(&(b.area - row.area).abs()));
-        let other = of_role.first()?.simulated_mm.filter(|mm| mm.abs() > 1e-9)?;
+        let nearest = of_role.first().filter(|other| (other.area - row.area).abs() <= most)?;
+        let other = nearest.simulated_mm.filter(|mm| mm.abs() > 1e-9)?;
         Some((row.simulated_mm? - other) / other.abs())
     };
     let best = |same_units: bool| {
@@ -293,7 +294,8 @@ fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
     let optimum = best(true).or_else(|| best(false)).filter(|mm| mm.abs() > 1e-9);
     let mut row = row.clone();
     if row.role.is_compared() && row.distance_mm.is_none() {
-        (row.gain_own_area, row.gain_equal_area) = (gain(Role::Intuitive), gain(Role::IntuitiveEqualArea));
+        row.gain_own_area = gain(Role::Intuitive, f64::INFINITY);
+        row.gain_equal_area = gain(Role::IntuitiveEqualArea, SAME_AREA);
         row.ratio_to_optimum = row.simulated_mm.zip(optimum).map(|(own, optimum)| own / optimum);
     }
     row
@@ -323,6 +325,12 @@ impl fmt::Display for Summary {
             .unwrap_or(0);
         for row in &self.rows {
             writeln!(f, "  {:<width$}  {}", row.title(), Line(row))?;
+        }
+        if self.rows.iter().any(|row| row.simulated_error_mm.is_some()) {
+            writeln!(
+                f,
+                "  ±: the error of the mesh, estimated from two; that of the model, with the effects it leaves out, is no part of it"
+            )?;
         }
         if self.not_stable > 0 {
             writeln!(

@@ -15,7 +15,13 @@ use super::error::StoreError;
 use super::history;
 use super::open::Store;
 use super::reach::Records;
-use crate::base::ArtifactId;
+use crate::base::{ArtifactId, readable_time};
+
+/// What holds what is younger than the grace age.
+pub const AGE: &str = "its age";
+
+/// What holds what that needs.
+pub const AGE_OF_NEED: &str = "the age of what needs it";
 
 /// How many of the last runs say which stages had artifacts.
 const NAMED_BY: usize = 1000;
@@ -197,7 +203,7 @@ impl Store {
             let metadata = fs::symlink_metadata(&path).map_err(StoreError::io("read", &path))?;
             let mut held_by: Vec<String> = holders.remove(&digest).unwrap_or_default().into_iter().collect();
             if held_by.is_empty() && is_young(&metadata, retention.grace, now) {
-                held_by.push("its age".to_owned());
+                held_by.push(AGE.to_owned());
             }
             let kind = records.get(&digest).and_then(|made| made.first());
             let judged = Judged {
@@ -303,22 +309,28 @@ impl Store {
 
     /// The roots by name, with the artifacts that they hold.
     fn roots(&self, retention: &Retention) -> Result<Vec<Root>, StoreError> {
-        let mut runs = Vec::new();
+        let (mut runs, mut counted, mut audits) = (Vec::new(), 0, 0);
         for path in &self.run_files()? {
-            if runs.len() == retention.runs {
+            if counted == retention.runs {
                 break;
             }
             let Some(run) = history::read(path)? else {
                 let reason = "nobody knows what this run needs; `deaflow fsck` moves its file aside";
                 return Err(StoreError::damaged(path, reason));
             };
+            // An audit adds one stage to what a run has made: it does not take the place of one.
+            let is_audit = run.command == history::Command::Audit;
+            if is_audit && audits == retention.runs {
+                continue;
+            }
             let artifacts: Vec<ArtifactId> = run.stages.iter().map(|stage| stage.artifact).collect();
             // Runs that take turns count once each.
             if runs.iter().any(|root: &Root| root.artifacts == artifacts) {
                 continue;
             }
+            *if is_audit { &mut audits } else { &mut counted } += 1;
             runs.push(Root {
-                name: format!("run of {} at {}", run.pipeline, run.created),
+                name: format!("run of {} at {}", run.pipeline, readable_time(&run.created)),
                 artifacts,
                 hold: Hold::Run,
             });
@@ -348,13 +360,13 @@ impl Store {
     }
 
     fn keep_reached_by_young(&self, collection: &mut Collection, records: &Records) -> Result<(), StoreError> {
-        let young = collection.kept.iter().filter(|judged| judged.held_by == ["its age"]);
+        let young = collection.kept.iter().filter(|judged| judged.held_by == [AGE]);
         let (reached, _) = self.reach(young.map(|judged| judged.digest).collect(), records)?;
         let (mut saved, gone): (Vec<Judged>, Vec<Judged>) = std::mem::take(&mut collection.removed)
             .into_iter()
             .partition(|judged| reached.contains(&judged.digest));
         for judged in &mut saved {
-            judged.held_by.push("the age of what needs it".to_owned());
+            judged.held_by.push(AGE_OF_NEED.to_owned());
         }
         collection.kept.append(&mut saved);
         collection.removed = gone;

@@ -71,7 +71,7 @@ pub use element_type::ElementType;
 pub use error::StoreError;
 pub use examine::{Examination, Trial, Verdict};
 pub use fsck::{Absence, Damage, Report};
-pub use gc::{Collection, Group, Judged, Retention, StageName, Tally};
+pub use gc::{AGE, AGE_OF_NEED, Collection, Group, Judged, Retention, StageName, Tally};
 pub use grid::{Grid, write_grid};
 pub use history::{Command, Ended, Run, RunStage, Runs, RunsOf};
 pub use holdings::Holding;

@@ -149,6 +149,34 @@ fn a_plan_has_a_price_and_a_run_says_how_it_came_out() {
 }
 
 #[test]
+fn unpinning_says_what_was_unpinned_and_a_collection_what_would_free_something() {
+    let workspace = workspace();
+    workspace.stages(&["run", "short.yaml"]);
+    let first = workspace
+        .run(&["pin", "solved", "--label", "figure 3", "--json"])
+        .json()["pins"][0]["digest"]
+        .clone();
+    workspace.stages(&["run", "short.yaml", "--set", "stages.solved.elements_per_cell=2"]);
+    // The pinned artifact is meant, not that of the last run.
+    let unpinned = workspace.run(&["unpin", "solved"]);
+    assert_eq!(unpinned.code, Some(0), "{}", unpinned.stderr);
+    let line = format!("unpinned {} (figure 3)\n", &first.as_str().unwrap()[..12]);
+    assert_eq!(unpinned.stdout, format!("{line}no pins\n"));
+    assert_eq!(workspace.run(&["unpin", "solved"]).code, Some(2));
+    let nothing = workspace.run(&["gc", "-n", "--keep-runs", "0"]).stdout;
+    assert!(
+        nothing.contains("are held by their age alone: --grace 0 would remove them"),
+        "{nothing}"
+    );
+    let of_runs = workspace.run(&["gc", "-n", "--grace", "0"]).stdout;
+    assert!(
+        of_runs.contains("are held by runs alone: a smaller --keep-runs"),
+        "{of_runs}"
+    );
+    assert!(of_runs.contains(" UTC") && !of_runs.contains("Z,"), "{of_runs}");
+}
+
+#[test]
 fn quiet_is_quiet_and_json_progress_is_one_event_a_line() {
     let workspace = workspace();
     let quiet = workspace.run(&["run", "short.yaml", "--quiet"]);

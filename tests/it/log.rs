@@ -242,4 +242,42 @@ fn an_audit_is_in_the_list_and_dates_no_report() {
     let runs = log(&workspace, &[]);
     assert_eq!(runs[0]["command"], "audit");
     assert_eq!(last(&workspace), before);
+    // It is no run of the pipeline: what that made is kept.
+    let kept = workspace.run(&["gc", "--keep-runs", "1", "--grace", "0", "--json"]);
+    assert_eq!(kept.code, Some(0), "{}", kept.stderr);
+    let plan = workspace.run(&["plan", "short.yaml", "--json"]).json();
+    let stages = plan["stages"].as_array().unwrap();
+    assert!(stages.iter().all(|stage| stage["outcome"] == "reused"), "{plan}");
+    let unknown = workspace.run(&["show", "nothing-of-the-kind"]);
+    assert!(!unknown.stderr.contains("audit-of"), "{}", unknown.stderr);
+}
+
+#[test]
+fn a_stage_is_compared_with_the_nearest_of_past_runs() {
+    let workspace = Workspace::new();
+    workspace.write("short.yaml", super::common::SHORT);
+    workspace.stages(&["run", "short.yaml"]);
+    workspace.stages(&[
+        "run",
+        "short.yaml",
+        "--set",
+        "stages.small.seed=9",
+        "--set",
+        "stages.solved.order=2",
+    ]);
+    let reasons = |sets: &[&str]| {
+        let plan = workspace
+            .run(&[&["plan", "short.yaml", "--json"][..], sets].concat())
+            .json();
+        let stages = plan["stages"].as_array().unwrap().clone();
+        let solved = stages.into_iter().find(|stage| stage["name"] == "solved").unwrap();
+        solved["reasons"].as_array().unwrap().clone()
+    };
+    // The last run had other samples; that of the file's own parameters differs in the mesh alone.
+    let found = reasons(&["--set", "stages.solved.elements_per_cell=2"]);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(
+        found[0].as_str().unwrap().contains("elements_per_cell from 1 to 2"),
+        "{found:?}"
+    );
 }

@@ -40,6 +40,22 @@ fn a_new_project_is_complete_and_nothing_is_replaced() {
         Some(0)
     );
 
+    let screened = workspace.run(&["screen", "tweezers/scene.yaml", "--json"]);
+    assert_eq!(screened.code, Some(0), "{}", screened.stderr);
+    let effects = screened.json()["effects"].as_array().unwrap().clone();
+    let stiffening = effects.iter().find(|row| row["effect"] == "strain_stiffening").unwrap();
+    assert_eq!(
+        stiffening["called_for"], true,
+        "what matters most is judged: {stiffening}"
+    );
+    let file = workspace.run(&["init", "tweezers/pipeline.yaml"]);
+    assert_eq!(file.code, Some(2));
+    assert!(
+        file.stderr.contains("is a file, and a folder is wanted"),
+        "{}",
+        file.stderr
+    );
+
     let again = workspace.run(&["init", "tweezers"]);
     assert_eq!(again.code, Some(2));
     assert!(
@@ -350,11 +366,50 @@ fn a_field_that_lacks_a_step_is_found() {
         ("drive.voltage=5 kV", "did you mean `scene.drive.voltage`?"),
         ("scene.voltage.now=5 kV", "did you mean `scene.drive.voltage.now`?"),
         ("stage.small.count=4", "did you mean `stages`?"),
+        ("scene.effects.wrinkling.modell=x", "modell"),
     ] {
         let ended = workspace.run(&["plan", "small.yaml", "--set", set]);
         assert_eq!(ended.code, Some(2), "{set}");
         assert!(ended.stderr.contains(said), "{set}: {}", ended.stderr);
     }
+}
+
+#[test]
+fn a_part_that_is_not_written_yet_can_be_set() {
+    let workspace = Workspace::tiny();
+    let planned = |set: &str| workspace.run(&["plan", "tiny.yaml", "--set", set]);
+    let ended = planned("stages.design.constraints.min_feature=2 mm");
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let misspelt = planned("stages.design.constraints.min_featur=2 mm");
+    assert_eq!(misspelt.code, Some(2));
+    assert!(
+        misspelt.stderr.contains("did you mean `min_feature`?"),
+        "{}",
+        misspelt.stderr
+    );
+    let nothing = planned("stages.design.colours.red=2");
+    assert!(nothing.stderr.contains("unknown key `colours`"), "{}", nothing.stderr);
+    // A point that is set is refused where it stands.
+    let point = planned("stages.design.objective.point=[375 mm, 25 mm]");
+    assert!(
+        point.stderr.contains("--set stages.design.objective.point:1:"),
+        "{}",
+        point.stderr
+    );
+}
+
+#[test]
+fn a_pipeline_alone_in_a_folder_need_not_be_named() {
+    let workspace = Workspace::small();
+    workspace.stages(&["run", "small.yaml"]);
+    let explained = workspace.run(&["explain", "solved"]);
+    assert_eq!(explained.code, Some(0), "{}", explained.stderr);
+    assert_eq!(
+        explained.stdout,
+        workspace.run(&["explain", "small.yaml", "solved"]).stdout
+    );
+    let reported = workspace.run(&["report", "-o", "page"]);
+    assert_eq!(reported.code, Some(0), "{}", reported.stderr);
 }
 
 #[test]

@@ -109,6 +109,18 @@ fn no_line_is_longer_than_the_terminal() {
             }
         }
     }
+    // Help, and what is refused with a place in a file.
+    let misspelt = "stages.solved.elements_per_cel=2";
+    for arguments in [
+        &["help"][..],
+        &["run", "-h"],
+        &["plan", "small.yaml", "--set", misspelt],
+    ] {
+        let (_, text) = shown(&workspace, 80, arguments);
+        for line in lines(&text) {
+            assert!(line.chars().count() <= 80, "{arguments:?}: {line}\n{text}");
+        }
+    }
     let (_, wide) = shown(&workspace, 160, &["pin"]);
     assert!(wide.contains(long), "a wide terminal is used: {wide}");
 }
@@ -193,7 +205,7 @@ fn a_run_ends_with_the_lines_that_matter() {
             ": the evaluator is not to be trusted here",
         ],
         &["figures in store/figures/tiny, artifacts in store"],
-        &["next: deaflow report tiny.yaml --until verified -o report; -v prints details"],
+        &["next: deaflow report tiny.yaml --until verified -o report"],
     ]) {
         assert!(words.iter().all(|word| line.contains(word)), "{words:?}: {line}");
     }

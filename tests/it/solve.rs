@@ -303,6 +303,38 @@ fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
 }
 
 #[test]
+fn the_displacement_of_a_point_stands_in_the_file_too() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &SCENE.replace("VOLTAGE", "5 kV"));
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    let solve = |more: &[&str]| {
+        let options = [
+            "solve",
+            "scene.yaml",
+            "half.csv",
+            "-o",
+            "out.h5",
+            "--elements-per-cell",
+            "1",
+            "--json",
+        ];
+        let ended = workspace.run(&[&options[..], &["--point", "25 mm, 20 mm"], more].concat());
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let told = ended.json()["patterns"][0]["along_mm"].as_f64().unwrap();
+        assert_eq!(column(&workspace, "out.h5", "at_point"), [told]);
+        told
+    };
+    let [x, y] = ["0 deg", "90 deg"].map(|angle| solve(&["--direction", angle]));
+    assert!(x.abs() > 0.1 && y.abs() > 1e-6, "{x} {y}");
+    // Without a direction it is the size of the displacement.
+    assert!((solve(&[]) - x.hypot(y)).abs() < 1e-12);
+    let rows = workspace.run(&["show", "out.h5", "--csv"]).stdout;
+    assert!(rows.lines().next().unwrap().contains("at_point"), "{rows}");
+    let shown = workspace.run(&["show", "out.h5"]).stdout;
+    assert!(shown.contains("25 mm, 20 mm"), "{shown}");
+}
+
+#[test]
 fn cells_tell_stresses_and_where_the_membrane_would_wrinkle() {
     let workspace = Workspace::new();
     workspace.write(

@@ -1,6 +1,6 @@
 //! `--set`: values from the command line, checked like those of the file.
 
-use super::error::{InputError, suggestion};
+use super::error::{InputError, nearest, suggestion};
 use super::node::{Node, NodeValue};
 
 /// What is replaced as a whole by a path of one step.
@@ -91,7 +91,8 @@ impl Override {
         &self.path
     }
 
-    /// Puts the value into the tree. Every step but the last must exist.
+    /// Puts the value into the tree. Every step but the last must exist; within a stage, or a part of the scene, one that does not, and is no
+    /// misspelling of one that does, is taken for a mapping of which nothing is written yet. Whoever reads it knows whether it is one.
     ///
     /// # Errors
     /// When a step does not exist or is not a mapping.
@@ -100,6 +101,9 @@ impl Override {
         let (last, steps) = self.path.split_last().expect("a path has at least one step");
         for (depth, step) in steps.iter().enumerate() {
             let (known, holder) = (at.keys(), at.holder_of(step));
+            if depth >= DEEP && holder.is_none() && at.child_mut(step).is_none() && !is_near(step, &known) {
+                at.put(step, self.keys[depth].with_value(NodeValue::Map(Vec::new())));
+            }
             let Some(child) = at.child_mut(step) else {
                 let place = self.path[..depth].join(".");
                 let place = if place.is_empty() {
@@ -129,6 +133,14 @@ impl Override {
         }
         Ok(())
     }
+}
+
+/// From so many steps on a path leads into a stage, or a part of the scene.
+const DEEP: usize = 2;
+
+/// Whether a word is likely to be one of those that are known.
+fn is_near(step: &str, known: &[String]) -> bool {
+    nearest(step, &known.iter().map(String::as_str).collect::<Vec<_>>()).is_some()
 }
 
 /// Advice on a path that lacks a step.

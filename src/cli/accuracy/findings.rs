@@ -47,6 +47,21 @@ fn bound(method: &Measured) -> f64 {
     method.largest(|family| family.bound)
 }
 
+/// Why a faster setting whose bound is at most the target is not the one: none where there is no such.
+fn passed_over(measured: &[Measured], target_mm: f64, chosen: &Measured) -> Option<String> {
+    let faster = measured.iter().filter(|m| {
+        let is_within = m.network().is_none() && m.known() > 0 && bound(m) <= target_mm;
+        is_within && m.mismatches() > 0 && m.seconds_per_pattern() < chosen.seconds_per_pattern()
+    });
+    let fastest = faster.min_by(|a, b| a.seconds_per_pattern().total_cmp(&b.seconds_per_pattern()))?;
+    Some(format!(
+        "{{ {} }} is faster, with a bound of {} mm, but disagrees with the reference on what is stable for {}",
+        fastest.settings,
+        millimetres(bound(fastest)),
+        table::counted(fastest.mismatches(), "patterns"),
+    ))
+}
+
 /// The flags of `deaflow solve` for some settings.
 fn flags(settings: &str) -> String {
     let pairs = settings.split(", ").filter_map(|pair| pair.split_once(": "));
@@ -90,8 +105,19 @@ impl<'a> Findings<'a> {
         let mut parts = vec![self.notes()];
         parts.extend(networks::worth(self.measured));
         parts.extend(self.verdict());
-        parts.extend(files.iter().map(|path| path.display().to_string()));
         text.line(parts.join("\n"));
+        if let Some(Some(method)) = self.chosen {
+            let scene = self.arguments.scene.to_string_lossy().into_owned();
+            let scene = shlex::try_quote(&scene).map_or_else(|_| scene.clone(), |quoted| quoted.into_owned());
+            text.whole(format!(
+                "  deaflow solve {scene} PATTERN… -o OUT.h5 {}",
+                flags(&method.settings)
+            ));
+            text.whole(format!("  {{ kind: solve, needs: […], {} }}\n", method.settings));
+        }
+        for path in files {
+            text.whole(path.display().to_string());
+        }
         text
     }
 
@@ -140,7 +166,8 @@ impl<'a> Findings<'a> {
         };
         format!(
             "patterns: {}\nreference: {}, itself within {} mm\nmax and bound: displacement errors at the corners, the worst \
-             family; {meaning}\n",
+             family; {meaning}\ndisagree: patterns of which it says otherwise than the reference whether they are stable; such a method is \
+             recommended for no target\nfront: * where no other is both faster and more exact (RMS)\n",
             families.join(", "),
             self.benchmark.reference.settings(),
             millimetres(self.reference_error()),
@@ -156,15 +183,12 @@ impl<'a> Findings<'a> {
         let target = self.arguments.target?;
         Some(match self.chosen? {
             Some(method) => format!(
-                "{target} is reached by {{ {} }}: bound {} mm, {:.2} ms per pattern, as measured on {}\n  deaflow solve {} PATTERN… -o OUT.h5 {}\n  \
-                 {{ kind: solve, needs: […], {} }}\n",
+                "{target} is reached by {{ {} }}: bound {} mm, {:.2} ms per pattern, as measured on {}{}",
                 method.settings,
                 millimetres(bound(method)),
                 1e3 * method.seconds_per_pattern(),
                 self.benchmark.families.join(", "),
-                self.arguments.scene.display(),
-                flags(&method.settings),
-                method.settings
+                passed_over(self.measured, target.value(), method).map_or_else(String::new, |why| format!("\n{why}")),
             ),
             None => match self.best() {
                 Some(best) => format!(
@@ -299,6 +323,21 @@ mod tests {
             "what is blind to instability is never picked"
         );
         assert_eq!(pick(1e-4), None);
+    }
+
+    #[test]
+    fn a_faster_setting_that_is_blind_to_instability_is_named_with_the_reason() {
+        let all = [measured("slow", 3.0, 0.001, 0), measured("blind", 0.5, 0.001, 1)];
+        let why = passed_over(&all, 0.01, &all[0]).unwrap();
+        assert_eq!(
+            why,
+            "{ blind } is faster, with a bound of 1.0e-3 mm, but disagrees with the reference on what is stable for 1 pattern"
+        );
+        assert!(
+            passed_over(&all, 0.0001, &all[0]).is_none(),
+            "its bound is beyond the target"
+        );
+        assert!(passed_over(&all[..1], 0.01, &all[0]).is_none());
     }
 
     #[test]

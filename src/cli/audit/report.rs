@@ -132,8 +132,8 @@ impl Answer {
         let mut lines = vec![self.labels_line(), self.resimulated_line()];
         let spread = &summary.displacement;
         lines.push(format!(
-            "{} patterns different under the symmetries, {} repeats; largest displacement up to {:.3} mm, {} of {} bins below \
-             are empty between others",
+            "{} patterns different under the symmetries, {} repeats; largest displacement up to {:.3} mm; {} of {} bins are \
+             empty although fuller ones lie on both sides",
             summary.orbits,
             summary.repeats,
             spread.edges.last().copied().unwrap_or(0.0),
@@ -194,8 +194,8 @@ impl Answer {
             None => "; nothing is declared".to_owned(),
         };
         format!(
-            "{} on a finer mesh: error {} at the most, {} in the mean{allowed}; {} at fault: a rate of faults above {:.2} % is \
-             excluded at 95 %",
+            "{} on a finer mesh: error {} at the most, {} in the mean{allowed}; {} at fault: with 95 % confidence at most {:.2} % of \
+             all labels are",
             counted(found.samples, "random sample"),
             mm(found.largest_error),
             mm(found.mean_error),

@@ -97,7 +97,7 @@ pub fn assess(comparisons: &[Comparison]) -> Assessment {
         Some(unknown) if by_number.verdict != Verdict::CalledFor => Assessment {
             verdict: Verdict::GivenUp,
             change: format!(
-                "could not be judged by `{}`: it takes more work than is allowed, and a screening with a longer time limit may tell more{}",
+                "could not be judged by `{}`, which takes more work than is allowed: a screening with a longer time limit may tell more{}",
                 unknown.pattern,
                 number.map_or_else(String::new, |_| format!("; {}", by_number.change))
             ),

@@ -1,13 +1,13 @@
 //! What a design is compared with: the intuitive one at its own and at equal area, and the best that gradients find.
 
-use super::{Design, LEAST_MM, Role};
+use super::{Design, LEAST_MM, Role, SAME_AREA};
 
 /// Simulated displacements along the wanted directions in mm, of the same case and target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Compared {
     /// Of the intuitive design at its own area.
     pub intuitive_own: Option<f64>,
-    /// Of the intuitive design at the area of this one, or the nearest to it.
+    /// Of the intuitive design at the area of this one; none where none of that area is there.
     pub intuitive_equal_area: Option<f64>,
     /// Of the optimum: of the same units where there is one of these, else the best.
     pub optimum: Option<f64>,
@@ -30,15 +30,13 @@ fn of(design: &Design, all: &[Design]) -> Compared {
             .filter(move |other| other.role == role && design.is_beside(other))
     };
     let distance = |other: &Design| (other.area - design.area).abs();
-    let nearest = |role: Role| {
-        let nearest = beside(role).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        nearest.and_then(|other| other.simulated_mm)
-    };
+    let nearest = |role: Role| beside(role).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let equal = nearest(Role::IntuitiveEqualArea).filter(|other| distance(other) <= SAME_AREA);
     let optimum = optimum(design, &beside(Role::Optimum).collect::<Vec<_>>());
     let ratio = |optimum: f64| Some(design.simulated_mm? / optimum);
     Compared {
-        intuitive_own: nearest(Role::Intuitive),
-        intuitive_equal_area: nearest(Role::IntuitiveEqualArea),
+        intuitive_own: nearest(Role::Intuitive).and_then(|other| other.simulated_mm),
+        intuitive_equal_area: equal.and_then(|other| other.simulated_mm),
         optimum,
         ratio: optimum
             // Of next to nothing, or of a way back, there is no share.
@@ -173,15 +171,19 @@ pub(in crate::report) mod tests {
     }
 
     #[test]
-    fn of_several_intuitive_designs_the_one_of_the_nearest_area_counts() {
+    fn of_several_intuitive_designs_the_one_of_the_same_area_counts() {
         let mut designs = vec![
             design(Role::Refined, 50, Some(2.0)),
             design(Role::IntuitiveEqualArea, 50, Some(1.6)),
             design(Role::IntuitiveEqualArea, 50, Some(1.7)),
         ];
         designs[0].area = 0.4;
-        designs[2].area = 0.41;
+        designs[2].area = 0.4004;
         compare(&mut designs);
         assert_eq!(designs[0].compared.intuitive_equal_area, Some(1.7));
+        // One of another area says nothing of a gain at equal area.
+        designs[2].area = 0.41;
+        compare(&mut designs);
+        assert_eq!(designs[0].compared.intuitive_equal_area, None);
     }
 }

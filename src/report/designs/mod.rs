@@ -28,6 +28,9 @@ pub use read::designs;
 /// Of less than a micrometre a difference is no share: nothing may be what is wanted.
 pub(super) const LEAST_MM: f64 = 1e-3;
 
+/// Area fractions that differ by no more are equal: two cells of 50 × 50.
+pub(super) const SAME_AREA: f64 = 1e-3;
+
 /// The role in tables and files: both intuitive designs have the same word.
 pub(super) fn role_word(role: Role) -> &'static str {
     match role {

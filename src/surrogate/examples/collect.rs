@@ -251,5 +251,8 @@ fn nothing(unstable: u64, left_out: &[LeftOut]) -> NoExamples {
     for left_out in left_out.iter().take(3) {
         text += &format!("; {left_out}");
     }
+    if unstable > 0 && left_out.is_empty() {
+        text += ". A lower voltage, a thicker or a stiffer membrane stays stable; `deaflow plan` says above which voltage a membrane is lost";
+    }
     NoExamples(text)
 }

@@ -235,7 +235,10 @@ fn inputs_without_any_label_to_learn_from_are_refused_with_the_reason() {
     );
     let unstable = bench.manifest(&[solved(&[], &[], &["pull-in", "slack"])]);
     let error = read(&[unstable], &Scene::vhb4910(), 8).err().unwrap().to_string();
-    assert!(error.contains("2 samples have no stable solution"), "{error}");
+    assert!(
+        error.contains("2 samples have no stable solution. A lower voltage"),
+        "what helps is said: {error}"
+    );
     let mut torn = balanced(&[pattern(0)], &[field(1.0)], &[Split::Train]);
     torn.datasets.remove("split");
     let none = Dataset::new("", "d", &[0], Data::Text(Vec::new()));
