@@ -454,7 +454,7 @@ mod tests {
         let of = |text: &str, width| broken(text, &words(width));
         assert_eq!(
             of("simulated 2.155 mm ± < 0.0001, more", 19),
-            ["simulated", "2.155 mm", "± < 0.0001, more"]
+            ["simulated 2.155 mm", "± < 0.0001, more"]
         );
         assert_eq!(of("simulated 2.155 mm", 16), ["simulated", "2.155 mm"]);
         assert_eq!(of("of 5 designs", 5), ["of 5", "designs"]);

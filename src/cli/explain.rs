@@ -16,7 +16,7 @@ use crate::orchestrator::{Explanation, explain};
 
 /// Say why a stage would be built: every parameter and input that has changed
 #[derive(Debug, Args)]
-#[command(allow_missing_positional = true, after_help = examples!("deaflow explain pipeline.yaml design", "deaflow explain design"))]
+#[command(allow_missing_positional = true, after_help = examples!("deaflow explain pipeline.yaml design"))]
 pub struct ExplainArguments {
     /// The pipeline, a YAML file, or a folder with one alone [default: that of this folder]
     #[arg(default_value = ".", hide_default_value = true, value_parser = PathBufValueParser::new().try_map(pipeline_in))]

@@ -331,7 +331,7 @@ mod tests {
         let why = passed_over(&all, 0.01, &all[0]).unwrap();
         assert_eq!(
             why,
-            "{ blind } is faster, with a bound of 1.0e-3 mm, but disagrees with the reference on what is stable for 1 pattern"
+            "{ blind } is faster, with a bound of 0.0010 mm, but disagrees with the reference on what is stable for 1 pattern"
         );
         assert!(
             passed_over(&all, 0.0001, &all[0]).is_none(),

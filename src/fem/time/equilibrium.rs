@@ -72,7 +72,7 @@ pub fn equilibrium<L: Material, F>(
 pub fn at_charge<L: Material, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
     (scene, charge): (&Scene, f64),
-    (viscous, step): (&Viscous, f64),
+    (viscous, step): (&mut Viscous, f64),
     start: &[f64],
     (workspace, total): (&mut Workspace, &mut Loading),
 ) -> Result<Reached, charge::Refusal> {

@@ -463,7 +463,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
                 pointwise: false,
             };
             let room = (&mut *self.workspace, &mut loading);
-            let branches = (&self.viscous, seconds);
+            let branches = (&mut self.viscous, seconds);
             let found = at_charge(&problem, (course.scene, charge), branches, start, room);
             self.pass.newton_steps += loading.steps;
             self.pass.residual = loading.residual;
