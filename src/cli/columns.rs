@@ -457,7 +457,7 @@ mod tests {
             ["simulated 2.155 mm", "± < 0.0001, more"]
         );
         assert_eq!(of("simulated 2.155 mm", 16), ["simulated", "2.155 mm"]);
-        assert_eq!(of("of 5 designs", 5), ["of 5", "designs"]);
+        assert_eq!(of("of 5 designs", 7), ["of 5", "designs"]);
         assert_eq!(of("simulated 2.155 mm, more", 18), ["simulated", "2.155 mm, more"]);
     }
 
