@@ -66,7 +66,7 @@ pub fn places(text: &mut Text, results: &RunResults, store: &Store, (command, ar
     });
     // A sweep is of stages that the file does not have.
     if command == Command::Run {
-        text.whole(format!("next: deaflow report {} -o report", words(arguments)));
+        text.command(format!("next: deaflow report {} -o report", words(arguments)));
     }
 }
 

@@ -15,8 +15,10 @@ pub struct Text {
 #[derive(Debug)]
 enum Block {
     Lines(Tone, String),
-    /// A line that is not broken: a command to be copied.
+    /// A line that is not broken.
     Whole(String),
+    /// A command to be copied.
+    Command(String),
     Table(Table),
 }
 
@@ -44,7 +46,13 @@ impl Text {
         self
     }
 
-    /// Adds a line that is never broken, so that the command in it can be copied.
+    /// Adds a command, which is broken where a shell goes on in the next line, so that it can be copied.
+    pub fn command(&mut self, text: impl Into<String>) -> &mut Self {
+        self.blocks.push(Block::Command(text.into()));
+        self
+    }
+
+    /// Adds a line that is never broken.
     pub fn whole(&mut self, text: impl Into<String>) -> &mut Self {
         self.blocks.push(Block::Whole(text.into()));
         self
@@ -74,6 +82,7 @@ impl Text {
         let block = |block: &Block| match block {
             Block::Lines(tone, text) => lines(&printable(text), *tone, screen),
             Block::Whole(text) => printable(text).into_owned(),
+            Block::Command(text) => command(&printable(text), screen),
             Block::Table(table) => table.show(screen),
         };
         self.blocks.iter().map(block).collect::<Vec<_>>().join("\n")
@@ -137,6 +146,37 @@ fn wrapped(line: &str, width: usize) -> Vec<String> {
     broken(words, &options)
 }
 
+/// A command in as many lines as it takes, each but the last with the sign that it goes on. What is quoted stays together.
+fn command(line: &str, screen: Screen) -> String {
+    let room = screen.width.unwrap_or(usize::MAX).saturating_sub(2);
+    if display_width(line) <= room.saturating_add(2) {
+        return line.to_owned();
+    }
+    let whole = line.trim_start();
+    let mut words: Vec<String> = Vec::new();
+    let mut is_quoted = false;
+    for part in whole.split(' ') {
+        match words.last_mut().filter(|_| is_quoted) {
+            Some(word) => *word = format!("{word} {part}"),
+            None => words.push(part.to_owned()),
+        }
+        is_quoted ^= part.matches('\'').count() % 2 == 1;
+    }
+    let mut lines = vec![line[..line.len() - whole.len()].to_owned()];
+    for word in words {
+        let at = lines.last_mut().expect("there is a line");
+        if at.trim_start().is_empty() {
+            at.push_str(&word);
+        } else if display_width(at) + 1 + display_width(&word) <= room {
+            *at = format!("{at} {word}");
+        } else {
+            *at += " \\";
+            lines.push(format!("  {word}"));
+        }
+    }
+    lines.join("\n")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -159,11 +199,42 @@ mod tests {
     }
 
     #[test]
-    fn a_command_to_be_copied_is_not_broken() {
-        let mut text = Text::from("a line of many words beside it");
-        text.whole("next: deaflow report pipeline.yaml -o report");
+    fn a_command_is_broken_where_a_shell_goes_on() {
+        let narrow = Screen {
+            width: Some(30),
+            is_coloured: false,
+        };
+        let shown = Text::from("")
+            .command("next: deaflow report pipeline.yaml --set 'a=one two' -o report")
+            .show(narrow);
+        let lines: Vec<&str> = shown.lines().skip(1).collect();
         assert_eq!(
-            text.show(NARROW).lines().last(),
+            lines,
+            [
+                r"next: deaflow report \",
+                r"  pipeline.yaml --set \",
+                r"  'a=one two' -o report"
+            ]
+        );
+        let joined = lines.join("\n").replace("\\\n", "");
+        let words = shlex::split(joined.trim_start_matches("next: ")).unwrap();
+        assert_eq!(
+            words,
+            [
+                "deaflow",
+                "report",
+                "pipeline.yaml",
+                "--set",
+                "a=one two",
+                "-o",
+                "report"
+            ]
+        );
+        let piped = Text::from("")
+            .command("next: deaflow report pipeline.yaml -o report")
+            .show(Screen::default());
+        assert_eq!(
+            piped.lines().last(),
             Some("next: deaflow report pipeline.yaml -o report")
         );
     }

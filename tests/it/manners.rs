@@ -45,7 +45,7 @@ fn a_new_project_is_complete_and_nothing_is_replaced() {
     let effects = screened.json()["effects"].as_array().unwrap().clone();
     let stiffening = effects.iter().find(|row| row["effect"] == "strain_stiffening").unwrap();
     assert_eq!(
-        stiffening["called_for"], true,
+        stiffening["called_for"], "yes",
         "what matters most is judged: {stiffening}"
     );
     let file = workspace.run(&["init", "tweezers/pipeline.yaml"]);

@@ -109,7 +109,7 @@ impl<'a> Findings<'a> {
         if let Some(Some(method)) = self.chosen {
             let scene = self.arguments.scene.to_string_lossy().into_owned();
             let scene = shlex::try_quote(&scene).map_or_else(|_| scene.clone(), |quoted| quoted.into_owned());
-            text.whole(format!(
+            text.command(format!(
                 "  deaflow solve {scene} PATTERN… -o OUT.h5 {}",
                 flags(&method.settings)
             ));
