@@ -131,10 +131,10 @@ fn text(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> Text 
         table::counted(collection.kept.len() as u64, "artifacts"),
         table::bytes(collection.bytes_kept()),
     ));
-    if collection.removed.is_empty() {
-        if let Some(advice) = advice(collection) {
-            text.line(advice);
-        }
+    if collection.removed.is_empty()
+        && let Some(advice) = advice(collection)
+    {
+        text.line(advice);
     }
     if !collection.checkpoints.is_empty() {
         text.line(format!(

@@ -151,7 +151,7 @@ fn text(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], standings
     if totals.checkpoints > 0 {
         text.line(format!(
             "unfinished and to be gone on with: {} ({})",
-            table::counted(totals.checkpoints as u64, "actions"),
+            table::counted(totals.checkpoints, "actions"),
             table::bytes(totals.checkpoint_bytes)
         ));
     }
