@@ -22,12 +22,14 @@ fn turning() -> Pattern {
     Pattern::from_fn(ten(), |x, y| (x < 5 && y < 4) || (x >= 5 && y >= 6) || (x < 2 && y < 6))
 }
 
-fn solver(scene: &Scene) -> MembraneSolver {
+/// On one bilinear element per cell.
+pub fn solver(scene: &Scene) -> MembraneSolver {
     let mesh = Mesh::bilinear(1);
     MembraneSolver::new(scene, SolveOptions { mesh, tolerance: 1e-11 }).unwrap()
 }
 
-fn within(scene: &Scene, pattern: &Pattern, times: Vec<f64>, accuracy_mm: f64) -> History {
+/// A history with no more than an error in time.
+pub fn within(scene: &Scene, pattern: &Pattern, times: Vec<f64>, accuracy_mm: f64) -> History {
     let request = HistoryRequest {
         accuracy_mm: Some(accuracy_mm),
         ..HistoryRequest::at(times)

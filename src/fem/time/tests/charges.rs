@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::bodies::{by_steps, open_balance};
+use super::bodies::{by_steps, open_balance, solver, within};
 use super::*;
 use crate::fem::SetupError;
 use crate::fem::charge::sprayed;
@@ -17,19 +17,6 @@ const FED: [&str; 4] = [
     "voltage: 4 kV, source: { resistance: 5 MOhm }",
     "voltage: 4 kV, source: { resistance: 1 MOhm, current_limit: 0.2 mA }, waveform: { ramp: { time: 2 ms } }",
 ];
-
-fn solver(scene: &Scene) -> MembraneSolver {
-    let mesh = Mesh::bilinear(1);
-    MembraneSolver::new(scene, SolveOptions { mesh, tolerance: 1e-11 }).unwrap()
-}
-
-fn within(scene: &Scene, pattern: &Pattern, times: Vec<f64>, accuracy_mm: f64) -> History {
-    let request = HistoryRequest {
-        accuracy_mm: Some(accuracy_mm),
-        ..HistoryRequest::at(times)
-    };
-    solver(scene).history(pattern, &request).unwrap()
-}
 
 fn moving(drive: &str, more: &str) -> Scene {
     scene(&format!(
