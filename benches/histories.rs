@@ -3,7 +3,7 @@
 //! `cargo bench --bench histories`. VHB 4910 with three branches (`pipelines/scenes/vhb4910-hossain.yaml`), a step of voltage held for 10 s,
 //! random patterns of 10² blocks, bilinear elements, one core. `Newton` solves for the state of every step, `chord:1` estimates it by one chord
 //! step and `linear` by one linear system; `Newton, energies` has charge and energies of every step too, as `deaflow solve --history` writes
-//! them. Steps are those of all passes. Times are those that the thread was on a core; all kinds take turns, and the best of five rounds counts.
+//! them. What stands behind `--` picks the kinds whose names begin so: `cargo bench --bench histories -- chord`. Steps are those of all passes. Times are those that the thread was on a core; all kinds take turns, and the best of five rounds counts.
 
 use std::path::Path;
 
@@ -55,6 +55,9 @@ fn report(solver: &MembraneSolver, patterns: &[Pattern], side: usize) {
         }
         best_static = best_static.min((thread_seconds() - start) / (STATICS as f64 * count));
         for (at, (name, estimate, measures)) in KINDS.into_iter().enumerate() {
+            if !is_wanted(name) {
+                continue;
+            }
             let request = HistoryRequest {
                 estimate,
                 measures,
@@ -70,6 +73,9 @@ fn report(solver: &MembraneSolver, patterns: &[Pattern], side: usize) {
     }
     println!("{side:>7}²  {:<16}  {:>14.2}", "static", 1e3 * best_static);
     for ((name, ..), (seconds, steps)) in KINDS.iter().zip(best.into_iter().zip(steps)) {
+        if !is_wanted(name) {
+            continue;
+        }
         let steps = steps as f64 / count;
         println!(
             "{side:>7}²  {name:<16}  {:>14.2}  {steps:>7.1}  {:>11.3}  {:>20.1}",
@@ -78,6 +84,12 @@ fn report(solver: &MembraneSolver, patterns: &[Pattern], side: usize) {
             100.0 * seconds / steps / best_static
         );
     }
+}
+
+/// Whether a kind was asked for: all are where none is named.
+fn is_wanted(name: &str) -> bool {
+    let mut named = std::env::args().skip(1).filter(|named| !named.starts_with('-')).peekable();
+    named.peek().is_none() || named.any(|named| name.starts_with(&named))
 }
 
 /// Half of 10² blocks of cells, drawn without replacement.
