@@ -39,6 +39,23 @@ pub struct Progress {
     pub residual: f64,
 }
 
+/// A residual at rest that serves iterations that follow each other in time.
+#[derive(Clone, Copy, Debug)]
+struct Reference {
+    load: f64,
+    residual: f64,
+    /// How often it still may.
+    uses: u32,
+}
+
+impl Reference {
+    /// While the load is the same and the membrane remembers about the same.
+    fn reused(self, load: f64) -> Option<Self> {
+        let uses = self.uses.checked_sub(1).filter(|_| self.load == load)?;
+        Some(Self { uses, ..self })
+    }
+}
+
 /// Vectors that the iteration works on.
 pub struct Workspace {
     residual: Vec<f64>,
@@ -55,6 +72,8 @@ pub struct Workspace {
     limit: WorkLimit,
     /// Whether iterations begin next to where they end.
     near: bool,
+    /// What residuals of these are relative to.
+    reference: Option<Reference>,
     /// Work other than conjugate gradients, and their iterations before the count began.
     other_work: u64,
     iterations_before: u32,
@@ -75,6 +94,7 @@ impl Workspace {
             structure: None,
             limit: WorkLimit::default(),
             near: false,
+            reference: None,
             other_work: 0,
             iterations_before: 0,
         }
@@ -85,6 +105,11 @@ impl Workspace {
     #[must_use]
     pub fn near(self) -> Self {
         Self { near: true, ..self }
+    }
+
+    /// Makes residuals relative to those at rest of what is solved next, and of all that follows while the load is the same.
+    pub fn refer_anew(&mut self) {
+        self.reference = None;
     }
 
     /// Counts work from here on, against another limit than before.
@@ -135,6 +160,8 @@ impl Workspace {
 
 const MAX_STEPS: u32 = 25;
 const MAX_HALVINGS: u32 = 8;
+/// Steps in time that have the same reference.
+const USES: u32 = 8;
 /// The first forcing term, and the largest.
 const LOOSEST: f64 = 0.02;
 /// The smallest forcing term that single precision can meet.
@@ -155,20 +182,34 @@ pub fn solve<L: Material>(
     u: &mut [f64],
     workspace: &mut Workspace,
 ) -> Result<Progress, (Trouble, Progress)> {
-    workspace.trial.fill(0.0);
-    operator.residual_at_rest(&workspace.trial, &mut workspace.residual);
+    let load = operator.material.load();
     // The load of elements is rounded too, though its forces may cancel.
-    let rounding = (ROUNDING * operator.material.load()).max(operator.rounding());
-    if largest(&workspace.residual) <= rounding {
-        u.fill(0.0);
-        return Ok(Progress {
-            steps: 0,
-            residual: 0.0,
-        });
-    }
-    let reference = norm(&workspace.residual);
+    let rounding = (ROUNDING * load).max(operator.rounding());
+    let is_displaced = u.iter().any(|&u| u != 0.0);
+    let known = workspace.reference.filter(|_| workspace.near && is_displaced);
+    let reference = match known.and_then(|known| known.reused(load)) {
+        Some(known) => known,
+        None => {
+            workspace.trial.fill(0.0);
+            operator.residual_at_rest(&workspace.trial, &mut workspace.residual);
+            if largest(&workspace.residual) <= rounding {
+                u.fill(0.0);
+                return Ok(Progress {
+                    steps: 0,
+                    residual: 0.0,
+                });
+            }
+            Reference {
+                load,
+                residual: norm(&workspace.residual),
+                uses: USES,
+            }
+        }
+    };
+    workspace.reference = Some(reference);
+    let reference = reference.residual;
     let mut size = reference;
-    if u.iter().any(|&u| u != 0.0) {
+    if is_displaced {
         operator.residual(u, &mut workspace.residual);
         size = norm(&workspace.residual);
     }
