@@ -48,7 +48,7 @@ pub fn prices(
 fn work(spec: &StageSpec, status: &StageStatus, input_bytes: Option<u64>, environment: &Environment) -> Work {
     Work {
         kind: spec.kind.name().to_owned(),
-        recipe: spec.kind.recipe(),
+        recipe: spec.recipe(),
         parameters: parameters(spec, &status.work),
         host: environment.host.clone(),
         jobs: rayon::current_num_threads() as u64,

@@ -197,6 +197,11 @@ pub trait Stage: Send + Sync {
         false
     }
 
+    /// What is added to the RECIPE of its kind: more than 0 where results with its parameters changed and those with others did not.
+    fn revision(&self) -> u32 {
+        0
+    }
+
     /// What the steps of its progress are, in the plural.
     fn unit(&self) -> &'static str {
         "steps"

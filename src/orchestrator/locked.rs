@@ -45,7 +45,7 @@ fn other_key(
         .collect();
     let digests: Vec<Option<ArtifactId>> = inputs.iter().map(|(_, digest)| *digest).collect();
     let parameters = spec.stage.parameters();
-    let action = Action::of_stage(spec.kind.name(), spec.kind.recipe(), &parameters, &digests);
+    let action = Action::of_stage(spec.kind.name(), spec.recipe(), &parameters, &digests);
     let Some(key) = action.map(|action| action.key()).transpose()? else {
         // An input is not in the lock file: that is told of the input.
         return Ok(None);
@@ -54,7 +54,7 @@ fn other_key(
         return Ok(None);
     }
     let current = Current {
-        recipe: spec.kind.recipe(),
+        recipe: spec.recipe(),
         parameters: &parameters,
         inputs: &inputs,
     };

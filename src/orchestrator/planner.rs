@@ -220,12 +220,7 @@ impl<'a> Planner<'a> {
         let spec = &self.pipeline.stages[index];
         let digests: Vec<Option<ArtifactId>> = inputs.iter().map(|input| input.digest).collect();
         let parameters = spec.stage.parameters();
-        let action = keyed(Action::of_stage(
-            spec.kind.name(),
-            spec.kind.recipe(),
-            &parameters,
-            &digests,
-        ))?;
+        let action = keyed(Action::of_stage(spec.kind.name(), spec.recipe(), &parameters, &digests))?;
         let work = spec.stage.plan(inputs);
         let effort = match spec.stage.is_judged() {
             true => Effort::Thorough,
@@ -318,7 +313,7 @@ impl<'a> Planner<'a> {
         let names = spec.needs.iter().map(|&need| self.pipeline.stages[need].name.as_str());
         let inputs: Vec<(&str, Option<ArtifactId>)> = names.zip(digests.iter().copied()).collect();
         let current = Current {
-            recipe: spec.kind.recipe(),
+            recipe: spec.recipe(),
             parameters,
             inputs: &inputs,
         };
@@ -369,7 +364,7 @@ impl<'a> Planner<'a> {
         digests: &[Option<ArtifactId>],
         stage: &RunStage,
     ) -> Result<Option<String>, StoreError> {
-        let action = Action::of_stage(spec.kind.name(), spec.kind.recipe(), parameters, digests);
+        let action = Action::of_stage(spec.kind.name(), spec.recipe(), parameters, digests);
         if keyed(action)?.is_some_and(|(_, key)| key != stage.key) || self.store.has(&stage.artifact) {
             return Ok(None);
         }
@@ -450,7 +445,7 @@ impl<'a> Planner<'a> {
         let Plan::Chunks(chunks) = work else {
             return Ok(Vec::new());
         };
-        let (kind, recipe) = (spec.kind.name(), spec.kind.recipe());
+        let (kind, recipe) = (spec.kind.name(), spec.recipe());
         let chunks = chunks.par_iter().with_min_len(FEW);
         let keyed = |chunk: &Chunk| keyed(Action::of_chunk(kind, recipe, &chunk.parameters, &chunk.inputs));
         let actions: Vec<Option<(Action, ActionKey)>> = chunks.map(keyed).collect::<Result<_, _>>()?;

@@ -59,6 +59,12 @@ pub struct StageSpec {
 }
 
 impl StageSpec {
+    /// The RECIPE number of its results.
+    #[must_use]
+    pub fn recipe(&self) -> u32 {
+        self.kind.recipe() + self.stage.revision()
+    }
+
     /// The stages that have to be done before this one, whether it reads them or not.
     #[must_use]
     pub fn waits_for(&self) -> Vec<usize> {

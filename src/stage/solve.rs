@@ -119,6 +119,10 @@ impl Stage for SolveStage {
         self.solver.weight()
     }
 
+    fn revision(&self) -> u32 {
+        self.solver.revision()
+    }
+
     fn unit(&self) -> &'static str {
         "patterns"
     }

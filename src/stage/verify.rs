@@ -235,6 +235,10 @@ impl Stage for VerifyStage {
         self.solver.weight()
     }
 
+    fn revision(&self) -> u32 {
+        self.solver.revision()
+    }
+
     fn unit(&self) -> &'static str {
         "targets"
     }

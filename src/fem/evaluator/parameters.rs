@@ -159,6 +159,12 @@ impl SolverParameters {
         self.history.is_some()
     }
 
+    /// What is added to the RECIPE of a kind: histories are extrapolated from three passes, and were the last of four before.
+    #[must_use]
+    pub fn revision(&self) -> u32 {
+        u32::from(self.follows_time())
+    }
+
     /// The parts of a scene that decide about a result.
     #[must_use]
     pub fn decisive(&self, scene: &Scene) -> Scene {

@@ -204,7 +204,7 @@ fn chunk_keys(lab: &Laboratory, text: &str) -> Vec<ActionKey> {
         panic!("it has chunks");
     };
     let key = |chunk: &Chunk| {
-        let action = Action::of_chunk(spec.kind.name(), spec.kind.recipe(), &chunk.parameters, &chunk.inputs);
+        let action = Action::of_chunk(spec.kind.name(), spec.recipe(), &chunk.parameters, &chunk.inputs);
         action.unwrap().key().unwrap()
     };
     chunks.iter().map(key).collect()
