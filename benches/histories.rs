@@ -88,7 +88,10 @@ fn report(solver: &MembraneSolver, patterns: &[Pattern], side: usize) {
 
 /// Whether a kind was asked for: all are where none is named.
 fn is_wanted(name: &str) -> bool {
-    let mut named = std::env::args().skip(1).filter(|named| !named.starts_with('-')).peekable();
+    let mut named = std::env::args()
+        .skip(1)
+        .filter(|named| !named.starts_with('-'))
+        .peekable();
     named.peek().is_none() || named.any(|named| name.starts_with(&named))
 }
 

@@ -3,8 +3,11 @@
 use std::cell::Cell;
 
 use super::bodies;
+use super::extrapolation::Extrapolation;
 use super::leads::Conductor;
-use super::march::{Course, Estimate, Held, IN_PERIOD, Instant, MOST_STEPS, Pass, PassEnd, StepEstimate, Steps};
+use super::march::{
+    Course, Estimate, HARDLY, Held, IN_PERIOD, Instant, MOST_STEPS, Pass, PassEnd, StepEstimate, Steps,
+};
 use super::modes::wave_speed;
 use super::motion::Motion;
 use super::supply::Supply;
@@ -27,6 +30,8 @@ pub const USUAL_ERROR: f64 = 2e-5;
 /// Error of a step of the first pass over what is wanted at the times that were asked for: what a step errs is forgotten while the membrane
 /// relaxes, and passes with shorter steps follow where that is not enough.
 const LOOSE: f64 = 30.0;
+/// The same of a first pass that others follow, of which three are extrapolated: with steps twice as long.
+const LOOSER: f64 = 240.0;
 /// Difference between the times at which two passes lose the last stable state that is none, over these.
 const TOGETHER: f64 = 3e-4;
 /// Steps of the first pass over the shortest time of a motion.
@@ -251,13 +256,13 @@ impl MembraneSolver {
     }
 
     fn conclude(&self, coarse: &Pass, fine: Refined, is_estimate: bool) -> History {
-        let watched = coarse.fields.last().map_or([0; 2], Field::most_moved);
         let Refined {
             pass,
             fields,
             error,
             steps,
             newton_steps,
+            watched,
         } = fine;
         let outcome = match pass.end {
             PassEnd::Done if is_estimate => Outcome::Estimated,
@@ -307,6 +312,8 @@ struct Refined {
     /// Of all passes.
     steps: usize,
     newton_steps: u32,
+    /// The corner that is followed.
+    watched: [usize; 2],
 }
 
 /// Following a pattern.
@@ -396,8 +403,8 @@ impl WithMaterial for Follow<'_> {
         };
         // The corner that moves most is known from the pass before.
         let watch = |pass: &Pass| {
-            if let Some(field) = pass.fields.last() {
-                course.watched.set(field.most_moved());
+            if !pass.fields.is_empty() {
+                course.watched.set(most_moved(pass));
             }
         };
         if let Some(Moving {
@@ -425,7 +432,8 @@ impl WithMaterial for Follow<'_> {
         // A bound that every membrane has until its displacement is known.
         let guess = 1e-2 * solver.scene.side_mm();
         let wanted = request.accuracy_mm.unwrap_or(USUAL_ERROR * guess);
-        let steps = Steps::Within(LOOSE * wanted / solver.grid.unit_mm());
+        let loose = if estimate.is_some() { LOOSE } else { LOOSER };
+        let steps = Steps::Within(loose * wanted / solver.grid.unit_mm());
         let coarse = course.pass(steps, &mut workspace);
         if estimate.is_some() {
             let refined = Refined {
@@ -433,13 +441,18 @@ impl WithMaterial for Follow<'_> {
                 error: None,
                 steps: coarse.steps.len(),
                 newton_steps: coarse.newton_steps,
+                watched: most_moved(&coarse),
                 pass: coarse.clone(),
             };
             return (coarse, refined);
         }
         refine(coarse, request, (&course.limit, solver.tolerance), |coarse| {
-            watch(coarse);
-            course.pass(Steps::At(&halved(&coarse.steps)), &mut workspace)
+            // One corner in all passes, which are extrapolated from each other.
+            if course.watched.get() == [0; 2] {
+                watch(coarse);
+            }
+            let pass = course.pass(Steps::At(&halved(&coarse.steps)), &mut workspace);
+            (pass, course.watched.get())
         })
     }
 }
@@ -499,50 +512,71 @@ fn change(fine: &Pass, coarse: &Pass) -> f64 {
     }
 }
 
+/// The corner that moves most at the last time that was asked for.
+fn most_moved(pass: &Pass) -> [usize; 2] {
+    pass.fields.last().map_or([0; 2], Field::most_moved)
+}
+
 fn largest(fields: &[Field]) -> f64 {
     fields.iter().map(Field::max_magnitude).fold(0.0, f64::max)
 }
 
-/// Passes with steps that are halved each time until their error is small enough, from the first one on: the last but one and the last. What
-/// equilibria leave is an error too, `rounding` of the displacement.
+/// Passes with steps that are halved each time until their error is small enough, from the first one on: the last but one and the last,
+/// extrapolated where three passes say that this errs less. What equilibria leave is an error too, `rounding` of the displacement.
 fn refine(
     first: Pass,
     request: &HistoryRequest,
     (limit, rounding): (&Cell<WorkLimit>, f64),
-    mut halve: impl FnMut(&Pass) -> Pass,
+    mut halve: impl FnMut(&Pass) -> (Pass, [usize; 2]),
 ) -> (Pass, Refined) {
     let mut spent = Spent::new(limit);
+    let mut before: Option<Pass> = None;
     let mut coarse = spent.count(first);
-    let mut fine = spent.count(halve(&coarse));
-    let mut before: Option<f64> = None;
+    let (fine, mut watched) = halve(&coarse);
+    let mut fine = spent.count(fine);
     let mut halvings = 1;
     loop {
         let difference = change(&fine, &coarse);
+        let old = before.as_ref().map(|before| change(&coarse, before));
         // Second order divides it by four; where it falls less, more is left.
-        let ratio = before.map_or(0.25, |before| (difference / before).clamp(0.25, 0.75));
+        let ratio = old.map_or(0.25, |old| (difference / old).clamp(0.25, 0.75));
         let share = ratio / (1.0 - ratio);
-        let error = share * difference + rounding * largest(&fine.fields);
-        let is_small = match request.accuracy_mm {
-            Some(accuracy) => error <= accuracy,
-            None => has_all(&fine, &coarse) && share * fine.relative_difference(&coarse) <= USUAL_ERROR,
+        let rounded = rounding * largest(&fine.fields);
+        let extrapolated = before
+            .as_ref()
+            .and_then(|before| Extrapolation::of([before, &coarse, &fine]));
+        let extrapolated = extrapolated.filter(|found| found.error() < share * difference);
+        let error = rounded + extrapolated.as_ref().map_or(share * difference, Extrapolation::error);
+        let is_small = match (request.accuracy_mm, &extrapolated) {
+            (Some(accuracy), _) => error <= accuracy,
+            (None, Some(found)) => found.relative_error(HARDLY) <= USUAL_ERROR,
+            (None, None) => has_all(&fine, &coarse) && share * fine.relative_difference(&coarse) <= USUAL_ERROR,
         };
         let is_enough = is_small && end_together(&fine, &coarse);
         // What falls slowly is not smooth in time, as the mesh's own vibrations after a jump are.
-        let is_slow = halvings >= PATIENCE && before.is_some_and(|before| difference > 0.5 * before);
+        let is_slow = halvings >= PATIENCE && old.is_some_and(|old| difference > 0.5 * old);
         let is_last = is_enough || is_slow || halvings == MOST_HALVINGS || fine.is_last();
-        let finer = (!is_last).then(|| spent.count(halve(&fine)));
-        let Some(finer) = finer.filter(|finer| !finer.is_cut_short()) else {
+        let finer = (!is_last).then(|| {
+            let (pass, corner) = halve(&fine);
+            (spent.count(pass), corner)
+        });
+        let Some((finer, corner)) = finer.filter(|(finer, _)| !finer.is_cut_short()) else {
+            let pass = match extrapolated {
+                Some(found) => found.applied(&coarse, fine, watched),
+                None => fine,
+            };
             let refined = Refined {
-                fields: fine.fields.clone(),
-                error: known(error, &coarse, &fine),
+                fields: pass.fields.clone(),
+                error: known(error, &coarse, &pass),
                 steps: spent.steps,
                 newton_steps: spent.newton_steps,
-                pass: fine,
+                watched,
+                pass,
             };
             return (coarse, refined);
         };
-        before = Some(difference);
-        (coarse, fine) = (fine, finer);
+        (before, coarse, fine) = (Some(coarse), fine, finer);
+        watched = corner;
         halvings += 1;
     }
 }
@@ -586,6 +620,7 @@ fn refine_motion(
                 error: known(error, &coarse, &fine),
                 steps: spent.steps,
                 newton_steps: spent.newton_steps,
+                watched: most_moved(&coarse),
                 pass: fine,
             };
             return (coarse, refined);

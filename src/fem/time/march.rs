@@ -35,7 +35,7 @@ const SHARE: f64 = 0.1;
 /// Steps of a sine at least, over a period.
 pub const IN_PERIOD: f64 = 40.0;
 /// Displacement that is hardly any, in units of the largest over all times.
-const HARDLY: f64 = 0.02;
+pub const HARDLY: f64 = 0.02;
 /// Solutions for the voltage behind a source at most, and when it is found, over that of the scene.
 const MOST_ITERATIONS: usize = 30;
 const SETTLED: f64 = 1e-10;
@@ -280,7 +280,7 @@ impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
                 .estimate
                 .filter(|estimate| !estimate.in_law)
                 .map(|_| viscous.clone()),
-            loaded: viscous.loaded(),
+            loaded: Loaded::default(),
             viscous,
             u: vec![0.0; activity.grid().layout().vector_len()],
             volts: 0.0,
@@ -307,6 +307,7 @@ impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
             },
         };
         run.workspace.begin(self.limit.get());
+        run.workspace.refer_anew();
         run.pass.end = run.go(steps).err().unwrap_or(PassEnd::Done);
         run.pass.work += run.workspace.work();
         run.pass
@@ -352,9 +353,12 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
     fn go(&mut self, steps: Steps<'_>) -> Result<(), PassEnd> {
         let course = self.course;
         let end = course.times.last().copied().unwrap_or(0.0);
-        self.elastic_at_rest = self.measure_at(0.0).elastic;
-        self.stored_at_rest = self.units.energy * self.viscous.stored(&self.loaded, course.problem.activity);
-        self.stored = self.stored_at_rest;
+        if self.measures {
+            self.elastic_at_rest = self.measure_at(0.0).elastic;
+            self.loaded = self.viscous.loaded();
+            self.stored_at_rest = self.units.energy * self.viscous.stored(&self.loaded, course.problem.activity);
+            self.stored = self.stored_at_rest;
+        }
         self.begin()?;
         let mut knots = course.waveform.knots(end);
         knots.push(Knot {

@@ -6,6 +6,7 @@ mod bodies;
 mod coefficients;
 mod creep;
 mod equilibrium;
+mod extrapolation;
 mod feed;
 mod finite;
 mod frequency;

@@ -312,6 +312,68 @@ fn errors_in_time_fall_with_the_square_of_the_step_and_are_estimated() {
 }
 
 #[test]
+fn passes_are_extrapolated_where_the_solution_is_smooth() {
+    // A jump in between, and electrodes that charge slowly: what has an instant of its own in each pass, and what is found by iteration.
+    let drives = [
+        "voltage: 5 kV, waveform: { table: VOLTAGES }",
+        "voltage: 5 kV, source: { resistance: 1 GOhm }",
+    ];
+    let table = std::env::temp_dir().join(format!("deaflow-extrapolated-{}.csv", std::process::id()));
+    std::fs::write(&table, "t_s,voltage_V\n0,5000\n0.5,5000\n0.5,3000\n").unwrap();
+    for drive in drives {
+        let drive = drive.replace("VOLTAGES", table.to_str().unwrap());
+        let scene = scene(&format!("{SQUARE}, drive: {{ {drive} }}, {}", one("linear")));
+        let options = SolveOptions {
+            mesh: Mesh::bilinear(1),
+            tolerance: 1e-11,
+        };
+        let solver = MembraneSolver::new(&scene, options).unwrap();
+        let at = |accuracy_mm: f64| {
+            let request = HistoryRequest {
+                accuracy_mm: Some(accuracy_mm),
+                ..HistoryRequest::at(vec![0.0, 0.2, 0.5, 1.0])
+            };
+            solver.history(&odd(ten()), &request).unwrap()
+        };
+        let (found, truth) = (at(1e-5), at(3e-8));
+        assert!(
+            found.difference(&truth) <= 1e-5,
+            "{drive}: {:e}",
+            found.difference(&truth)
+        );
+        // A pass of second order with so few steps errs by ten times as much.
+        assert!(found.steps < 200, "{drive}: {}", found.steps);
+        assert_eq!(found.watched, truth.watched);
+        for (instant, field) in found.asked().zip(&found.fields) {
+            assert_eq!(instant.largest, field.max_magnitude());
+        }
+        for (one, other) in found.asked().zip(truth.asked()) {
+            assert!((one.watched - other.watched).abs() < 1e-5);
+            assert!(
+                (one.charge - other.charge).abs() < 2e-5 * truth.instants.last().unwrap().charge,
+                "{drive}"
+            );
+            let open = one.stored + one.electric + one.dissipated - one.supplied;
+            assert!(
+                open.abs() < 1e-4 * truth.instants.last().unwrap().supplied,
+                "{drive}: {open:e}"
+            );
+        }
+        // At all instants, those between two of the coarser pass too.
+        let peak = found.instants.iter().map(|now| now.charge).fold(0.0, f64::max);
+        for pair in found.instants.windows(2) {
+            assert!(
+                pair[1].time > pair[0].time || pair[1].voltage != pair[0].voltage,
+                "{drive}"
+            );
+            let step = (pair[1].charge - pair[0].charge).abs();
+            assert!(step < 0.5 * peak, "{drive}: {step:e}");
+        }
+    }
+    std::fs::remove_file(table).unwrap();
+}
+
+#[test]
 fn prestretch_that_has_not_relaxed_makes_a_membrane_stiffer() {
     for law in LAWS {
         let size = |rest: &str| {

@@ -430,7 +430,7 @@ fn in_chunks(len: usize, mut work: impl FnMut(Range<usize>)) {
 }
 
 /// What energies of branches in a state are made of.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Loaded {
     part: usize,
     /// Σ gA at all points.

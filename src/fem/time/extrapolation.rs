@@ -1,0 +1,202 @@
+//! Passes over the time extrapolated to no step.
+//!
+//! What a pass leaves is C Δt² and little else where the solution is smooth within its steps: a pass with steps twice as long tells C. Two
+//! such extrapolations, from three passes, tell what they leave themselves.
+
+use super::march::{Instant, Pass, PassEnd, magnitude_at};
+use crate::field::{Field, Motion};
+
+/// What a pass is moved by, over its difference from that with steps twice as long.
+const SHARE: f64 = 1.0 / 3.0;
+/// What is left of the difference of two extrapolations in the later one: an eighth of what the earlier one has, where errors are of third
+/// order, and less where they are of fourth.
+const LEFT: f64 = 1.0 / 7.0;
+/// The largest ratio of the differences between passes that are of second order.
+const SMOOTH: f64 = 0.35;
+
+/// The last of three passes extrapolated, the steps of each halved in the next.
+pub struct Extrapolation {
+    /// The displacement at the times that were asked for.
+    pub fields: Vec<Field>,
+    /// How far each is from where the two passes before it lead, with what that says of its error.
+    changes: Vec<f64>,
+}
+
+impl Extrapolation {
+    /// None where a pass did not get to the end, or their differences do not fall as the square of the step.
+    #[must_use]
+    pub fn of([before, coarse, fine]: [&Pass; 3]) -> Option<Self> {
+        let passes = [before, coarse, fine];
+        if passes.iter().any(|pass| pass.end != PassEnd::Done) {
+            return None;
+        }
+        if fine.difference(coarse) > SMOOTH * coarse.difference(before) {
+            return None;
+        }
+        let [first, fields] = [[before, coarse], [coarse, fine]].map(|[coarse, fine]| {
+            let pairs = fine.fields.iter().zip(&coarse.fields);
+            let each = pairs.map(|(fine, coarse)| fine.extrapolated(coarse, SHARE));
+            each.collect::<Vec<Field>>()
+        });
+        let changes = first.iter().zip(&fields).map(|(a, b)| LEFT * a.max_difference(b));
+        Some(Self {
+            changes: changes.collect(),
+            fields,
+        })
+    }
+
+    /// Estimate of the largest error in mm.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        self.changes.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// The same in units of the largest displacement at each time, but for times at which there is hardly any.
+    #[must_use]
+    pub fn relative_error(&self, hardly: f64) -> f64 {
+        let sizes: Vec<f64> = self.fields.iter().map(Field::max_magnitude).collect();
+        let least = hardly * sizes.iter().copied().fold(0.0, f64::max);
+        let ratios = self
+            .changes
+            .iter()
+            .zip(sizes)
+            .map(|(change, size)| change / size.max(least));
+        ratios.filter(|ratio| !ratio.is_nan()).fold(0.0, f64::max)
+    }
+
+    /// The last of the passes with these fields, and with its instants extrapolated from the one before where that has them too.
+    #[must_use]
+    pub fn applied(self, coarse: &Pass, fine: Pass, watched: [usize; 2]) -> Pass {
+        let mut pass = Pass {
+            fields: self.fields,
+            ..fine
+        };
+        let Some(instants) = instants(&coarse.instants, &pass.instants) else {
+            return pass;
+        };
+        pass.instants = instants;
+        for (&at, field) in pass.kept.iter().zip(&pass.fields) {
+            let instant = &mut pass.instants[at];
+            instant.largest = field.max_magnitude();
+            instant.watched = magnitude_at(field, watched);
+        }
+        pass
+    }
+}
+
+/// The instants of a pass extrapolated from those of one with steps twice as long. Between its instants the extrapolation changes linearly:
+/// sums that are kept, as the balance of energies, are kept by it.
+fn instants(coarse: &[Instant], fine: &[Instant]) -> Option<Vec<Instant>> {
+    let mut at = 0;
+    let mut pairs = Vec::with_capacity(coarse.len());
+    for of_coarse in coarse {
+        at += fine[at..].iter().position(|instant| instant.time == of_coarse.time)?;
+        pairs.push((at, Change::between(of_coarse, &fine[at])));
+        at += 1;
+    }
+    let ((first, _), (last, _)) = (pairs.first()?, pairs.last()?);
+    if *first != 0 || last + 1 != fine.len() {
+        return None;
+    }
+    let mut found = vec![pairs[0].1.added_to(&fine[0])];
+    for pair in pairs.windows(2) {
+        let [(from, before), (to, after)] = [&pair[0], &pair[1]];
+        let (start, end) = (fine[*from].time, fine[*to].time);
+        for (offset, instant) in fine[from + 1..=*to].iter().enumerate() {
+            let is_end = from + 1 + offset == *to;
+            let share = if is_end {
+                1.0
+            } else {
+                (instant.time - start) / (end - start)
+            };
+            found.push(before.towards(after, share).added_to(instant));
+        }
+    }
+    Some(found)
+}
+
+/// What is added to an instant: all its numbers but the time, then those of each body.
+struct Change {
+    numbers: [f64; 9],
+    bodies: Vec<[f64; 3]>,
+}
+
+impl Change {
+    fn between(coarse: &Instant, fine: &Instant) -> Self {
+        let (own, other) = (numbers(fine), numbers(coarse));
+        let bodies = fine.bodies.iter().flatten().zip(coarse.bodies.iter().flatten());
+        Self {
+            numbers: std::array::from_fn(|k| SHARE * (own[k] - other[k])),
+            bodies: bodies
+                .map(|(fine, coarse)| {
+                    let turn = the_shorter_way(fine.rotation - coarse.rotation);
+                    let [x, y] = [0, 1].map(|axis| fine.translation[axis] - coarse.translation[axis]);
+                    [x, y, turn].map(|change| SHARE * change)
+                })
+                .collect(),
+        }
+    }
+
+    /// A part of the way to another one.
+    fn towards(&self, other: &Self, share: f64) -> Self {
+        let between = |a: f64, b: f64| a + share * (b - a);
+        let bodies = self.bodies.iter().zip(&other.bodies);
+        Self {
+            numbers: std::array::from_fn(|k| between(self.numbers[k], other.numbers[k])),
+            bodies: bodies
+                .map(|(a, b)| std::array::from_fn(|k| between(a[k], b[k])))
+                .collect(),
+        }
+    }
+
+    fn added_to(&self, instant: &Instant) -> Instant {
+        let own = numbers(instant);
+        let [
+            voltage,
+            charge,
+            stored,
+            electric,
+            kinetic,
+            dissipated,
+            supplied,
+            largest,
+            watched,
+        ] = std::array::from_fn(|k| own[k] + self.numbers[k]);
+        let moved = |(motion, [x, y, turn]): (&Motion, &[f64; 3])| Motion {
+            translation: [motion.translation[0] + x, motion.translation[1] + y],
+            rotation: the_shorter_way(motion.rotation + turn),
+        };
+        Instant {
+            time: instant.time,
+            voltage,
+            charge,
+            stored,
+            electric,
+            kinetic,
+            dissipated,
+            supplied,
+            largest: largest.max(0.0),
+            watched: watched.max(0.0),
+            bodies: (instant.bodies.as_ref()).map(|bodies| bodies.iter().zip(&self.bodies).map(moved).collect()),
+        }
+    }
+}
+
+/// An angle in degrees from −180 to 180.
+fn the_shorter_way(turn: f64) -> f64 {
+    turn - 360.0 * (turn / 360.0).round()
+}
+
+fn numbers(instant: &Instant) -> [f64; 9] {
+    [
+        instant.voltage,
+        instant.charge,
+        instant.stored,
+        instant.electric,
+        instant.kinetic,
+        instant.dissipated,
+        instant.supplied,
+        instant.largest,
+        instant.watched,
+    ]
+}
