@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use serde_json::{Value, json};
 
-use super::held::{Benches, Kept, Runner, Setting, StoreTotals, Tables, lock};
+use super::held::{Benches, Critical, Kept, Runner, Setting, StoreTotals, Tables, lock};
 use super::http::Refusal;
 use crate::base::{ArtifactId, InputError};
 use crate::orchestrator::{Pipeline, file_of};
@@ -59,8 +59,8 @@ pub struct ServedState {
     scenes: Mutex<Vec<NamedScene>>,
     /// Solvers that are ready.
     pub benches: Benches,
-    /// Voltages between which drawn patterns lose stability: those of a pattern are asked for at many voltages.
-    pub limits: Kept<(Setting, Pattern), Option<[f64; 2]>>,
+    /// Where drawn patterns lose stability: that of a pattern is asked for at many voltages.
+    pub limits: Kept<(Setting, Pattern), Option<Critical>>,
     /// Artifacts that were looked at last: one of many chunks has opened all of them.
     pub opened: Kept<ArtifactId, Artifact>,
     /// Tables of artifacts.

@@ -614,7 +614,8 @@ class Sketchpad {
       this.critical = found.critical_voltage;
       this.voltageRange.max = String(Math.max(this.mostVoltage(), this.voltage));
       this.criticalMark.value = this.critical === null ? "" : String(this.critical);
-      this.criticalText.textContent = this.critical === null ? "no loss of stability was found" : `stability is lost at ${number(this.critical, 5)} V${found.critical_voltage_error ? ` ± ${number(found.critical_voltage_error, 1)} V` : ""}`;
+      this.criticalText.textContent = this.critical === null ? "no loss of stability was found" : `stability is lost at ${number(this.critical, 5)} V${found.critical_voltage_error ? ` ± ${number(found.critical_voltage_error, 2)} V` : " on this mesh"}`;
+      this.criticalText.title = found.critical_bracket ? `on this mesh alone between ${number(found.critical_bracket[0], 6)} and ${number(found.critical_bracket[1], 6)} V` : "";
     }
     const entry = (/** @type {string} */ name, /** @type {string} */ title, /** @type {string} */ text, /** @type {string} */ unit, /** @type {number|null} */ exact = null) => [
       h("dt", {}, title),
