@@ -273,10 +273,10 @@ class Sketchpad {
 
   effectsPanel() {
     const known = this.scene.effects.filter((/** @type {any} */ effect) => effect.on !== null && !effect.in_time && !["charge_control", "rigid_inclusion"].includes(effect.name));
-    /** @type {{name: string, box: any}[]} */
+    /** @type {{name: string, box: any, refused: string|null}[]} */
     const boxes = known.map((/** @type {any} */ effect) => {
-      const box = h("input", { type: "checkbox", name: effect.name, checked: effect.on, onchange: () => this.take({ effects: boxes.filter((one) => one.box.checked).map((one) => one.name) }) });
-      return { name: effect.name, box };
+      const box = h("input", { type: "checkbox", name: effect.name, checked: effect.on, disabled: Boolean(effect.refused), onchange: () => this.take({ effects: boxes.filter((one) => one.box.checked).map((one) => one.name) }) });
+      return { name: effect.name, box, refused: effect.refused ?? null };
     });
     this.screening = h("div", {});
     return h(
@@ -284,7 +284,7 @@ class Sketchpad {
       { class: "panel wide" },
       h("h2", {}, "Effects"),
       this.scene.auto ? h("p", { class: "soft small" }, "The scene leaves them to screening; a choice here takes their place.") : null,
-      h("div", { class: "boxes" }, boxes.map((one) => h("label", { class: "toggle" }, one.box, one.name.replaceAll("_", " ")))),
+      h("div", { class: "boxes" }, boxes.map((one) => h("label", { class: "toggle" }, one.box, h("span", {}, one.name.replaceAll("_", " "), one.refused ? h("span", { class: "soft small", "data-refused": one.name }, `: ${one.refused}`) : null)))),
       h("button", { type: "button", onclick: () => this.screen(), id: "screen" }, "Which does this pattern call for?"),
       this.screening,
     );
