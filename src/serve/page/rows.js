@@ -11,6 +11,9 @@ import { save } from "./files.js";
 
 const PAGE = 24;
 
+/** Rows that are marked, by the digests of their artifacts: they stay when one goes back. @type {Map<string, Set<number>>} */
+const MARKED = new Map();
+
 /** Columns of texts of which one is chosen, and how many different texts such a column may have. */
 const CHOSEN = /(^|\/)(family|split|outcome|role|name|case|set|why|status)$/;
 const MANY = 40;
@@ -28,9 +31,12 @@ export async function rowsView(place, found, query) {
   const axes = [...new Set(found.datasets.map((/** @type {any} */ one) => one.axes[0]).filter(Boolean))];
   const asked = { along: query.get("along") ?? "", filter: query.get("filter") ?? "", sort: query.get("sort") ?? "", offset: Number(query.get("offset") ?? 0) || 0, histogram: query.get("histogram") ?? "" };
   let chosen = query.get("row") === null ? null : Number(query.get("row"));
-  const marked = new Set();
+  const model = query.get("model") ?? "";
+  const marked = MARKED.get(found.digest) ?? new Set();
+  MARKED.set(found.digest, marked);
   const filter = h("input", { type: "search", value: asked.filter, placeholder: "max_displacement_mm > 1 and family = bezier", "aria-label": "Filter", name: "filter" });
   const trouble = h("div", {});
+  const unknown = h("div", { id: "unknown" });
   const told = h("p", { class: "soft", id: "matched", "aria-live": "polite" });
   const histogram = h("div", {});
   const cards = h("div", { class: "cards" });
@@ -39,6 +45,7 @@ export async function rowsView(place, found, query) {
   const one = h("div", { id: "sample" });
   const counted = h("span", {});
   let turn = 0;
+  const old = (/** @type {boolean} */ is) => [told, histogram, cards, tableBox, pages].forEach((element) => element.classList.toggle("old", is));
 
   const fill = async () => {
     turn += 1;
@@ -49,7 +56,10 @@ export async function rowsView(place, found, query) {
     link.delete("limit");
     link.set("tab", "rows");
     if (chosen !== null) link.set("row", String(chosen));
-    history.replaceState(null, "", `#/artifacts/${found.digest}?${link}`);
+    if (model) link.set("model", model);
+    const wanted = `#/artifacts/${found.digest}?${link}`;
+    if (first) history.replaceState(null, "", wanted);
+    else if (location.hash !== wanted) history.pushState(null, "", wanted);
     try {
       const began = performance.now();
       const answer = await json(`artifacts/${found.digest}/rows?${words}`);
@@ -57,6 +67,8 @@ export async function rowsView(place, found, query) {
       replace(trouble);
       for (const select of quick.querySelectorAll("select")) select.value = among(select.name.replace("only-", ""));
       told.textContent = `${answer.matched} of ${answer.total} rows`;
+      old(false);
+      replace(unknown, answer.unknown.map((/** @type {any} */ one) => h("p", { class: "box", role: "alert" }, `No row has ${one.column} “${one.value}”; there are: ${one.known.join(", ")}.`)));
       told.dataset.matched = String(answer.matched);
       told.title = `${number(performance.now() - began, 3)} ms`;
       asked.along = answer.axis;
@@ -64,7 +76,13 @@ export async function rowsView(place, found, query) {
       void offer(answer).catch(() => {});
       await pictures(answer);
     } catch (error) {
-      if (own === turn) replace(trouble, problem(error));
+      if (own !== turn) return;
+      // What stands below is of the filter before.
+      told.textContent = "no count with this filter";
+      delete told.dataset.matched;
+      replace(unknown);
+      old(true);
+      replace(trouble, problem(error));
     }
   };
   const soon = settled(() => {
@@ -255,10 +273,44 @@ export async function rowsView(place, found, query) {
     one,
     cards,
     pages,
+    unknown,
     tableBox,
     h("div", { class: "tools" }, h("button", { type: "button", onclick: () => save([...marked].sort((a, b) => a - b).join("\n") + "\n", `rows-${found.digest.slice(0, 12)}.txt`) }, "Save the list of marked rows"), counted),
   );
-  await fill();
+  await fill(true);
+}
+
+/** The largest magnitude of a field over the cell corners. @param {Float32Array} field */
+function largest(field) {
+  let most = 0;
+  for (let at = 0; at < field.length; at += 2) most = Math.max(most, Math.hypot(field[at], field[at + 1]));
+  return most;
+}
+
+/** What a model says of a row, beside its label, and where they differ. @param {HTMLElement} place @param {any} found @param {number} row @param {string} model */
+async function prediction(place, found, row, model) {
+  replace(place, h("p", { class: "soft" }, "Predicting …"));
+  const { document: told, arrays } = await frame(`artifacts/${model}/prediction?row=${row}&of=${found.digest}`);
+  const { shape, data } = arrays.pattern;
+  const pattern = new Pattern(shape[1], shape[0], Uint8Array.from(data));
+  const [label, predicted] = [arrays.label, arrays.predicted].map((array) => /** @type {Float32Array} */ (array.data));
+  const difference = label.map((value, at) => predicted[at] - value);
+  const [most, wrong] = [[label, predicted], [difference]].map((fields) => Math.max(...fields.flatMap((field) => Array.from(magnitudes(field, pattern.columns, pattern.rows)))));
+  /** @type {[string, Float32Array, number, number][]} */
+  const views = [["Label", label, 2, most], ["Prediction", predicted, 2, most], ["Error", difference, 1, wrong]];
+  const made = views.map(([name]) => ({ canvas: h("canvas", { role: "img", "aria-label": name }), note: h("figcaption", { class: "small soft" }) }));
+  replace(
+    place,
+    h("h3", {}, "Prediction of ", short(model)),
+    h("p", { "data-error": String(told.max_error_mm) }, `${told.network}: largest error of a component ${number(told.max_error_mm, 4)} mm, RMS ${number(told.rms_mm, 4)} mm`),
+    h("div", { class: "pair", id: "prediction" }, made.map(({ canvas, note }) => h("figure", {}, canvas, note))),
+  );
+  views.forEach(([name, field, scale, high], at) => {
+    const values = magnitudes(field, pattern.columns, pattern.rows);
+    // Label and prediction have one scale of colours; the error has its own, on the undeformed membrane.
+    drawMembrane(made[at].canvas, pattern, name === "Error" ? new Float32Array(field.length) : field, { size: size(found, pattern), scale, values, low: 0, high });
+    made[at].note.textContent = `${name}: largest ${number(largest(field), 4)} mm`;
+  });
 }
 
 /** The rows whose patterns are most like that of a row. @param {HTMLElement} place @param {any} found @param {number} row */
