@@ -1,10 +1,10 @@
 // The rows of an artifact: a table that the server filters, sorts and pages, a histogram that selects rows, and pictures of patterns and fields.
 
 import { frame, json } from "./server.js";
-import { choice, h, labelled, number, problem, replace, settled } from "./elements.js";
+import { choice, h, labelled, number, problem, replace, settled, short } from "./elements.js";
 import { charts } from "./chart.js";
-import { drawPattern } from "./membrane.js";
-import { card, drawField, drawn, patternsAt, rowLink } from "./pictures.js";
+import { drawMembrane, drawPattern, magnitudes } from "./membrane.js";
+import { card, drawField, drawn, patternsAt, rowLink, size } from "./pictures.js";
 import { lineage } from "./origin.js";
 import { Pattern } from "./pattern.js";
 import { save } from "./files.js";
@@ -43,11 +43,12 @@ export async function rowsView(place, found, query) {
   const tableBox = h("div", {});
   const pages = h("div", { class: "tools" });
   const one = h("div", { id: "sample" });
-  const counted = h("span", {});
+  const counted = h("span", {}, marked.size ? `${marked.size} marked` : "");
   let turn = 0;
   const old = (/** @type {boolean} */ is) => [told, histogram, cards, tableBox, pages].forEach((element) => element.classList.toggle("old", is));
 
-  const fill = async () => {
+  /** @param {boolean} first whether it is what the address says already, so that nothing is to be gone back to */
+  const fill = async (first = false) => {
     turn += 1;
     const own = turn;
     const words = new URLSearchParams({ limit: String(PAGE), offset: String(asked.offset) });
@@ -66,9 +67,9 @@ export async function rowsView(place, found, query) {
       if (own !== turn) return;
       replace(trouble);
       for (const select of quick.querySelectorAll("select")) select.value = among(select.name.replace("only-", ""));
-      told.textContent = `${answer.matched} of ${answer.total} rows`;
       old(false);
       replace(unknown, answer.unknown.map((/** @type {any} */ one) => h("p", { class: "box", role: "alert" }, `No row has ${one.column} “${one.value}”; there are: ${one.known.join(", ")}.`)));
+      told.textContent = `${answer.matched} of ${answer.total} rows`;
       told.dataset.matched = String(answer.matched);
       told.title = `${number(performance.now() - began, 3)} ms`;
       asked.along = answer.axis;
@@ -223,6 +224,7 @@ export async function rowsView(place, found, query) {
       const own = value(name);
       return own ? [h("button", { type: "button", "data-alike": name, onclick: () => only(name, own) }, `Same ${name}`)] : [];
     });
+    const predicted = h("div", {});
     const from = h("div", {}, h("p", { class: "soft" }, "Looking …"));
     const near = h("div", {}, h("p", { class: "soft" }, "Looking …"));
     replace(
@@ -230,6 +232,7 @@ export async function rowsView(place, found, query) {
       h("h2", {}, `Row ${id}`),
       h("div", { class: "pair" }, left, displacement ? right : null, h("dl", { class: "results" }, values.map((/** @type {[string, any]} */ [name, value]) => [h("dt", {}, name), h("dd", {}, typeof value === "number" ? number(value, 6) : value ?? "–")]))),
       h("div", { class: "tools" }, alike),
+      predicted,
       h("h3", {}, "Where it comes from"),
       from,
       h("h3", {}, "Patterns most alike"),
@@ -250,6 +253,7 @@ export async function rowsView(place, found, query) {
       drawField(right, found, pattern, displacement);
     }
     images.forEach((canvas, k) => drawPattern(canvas, image(pattern, k)));
+    if (model) prediction(predicted, found, id, model).catch((error) => replace(predicted, problem(error)));
     lineage(from, found, Object.fromEntries(values)).catch((error) => replace(from, problem(error)));
     void neighbours(near, found, id);
   };
@@ -269,11 +273,11 @@ export async function rowsView(place, found, query) {
     ),
     quick,
     trouble,
+    unknown,
     histogram,
     one,
     cards,
     pages,
-    unknown,
     tableBox,
     h("div", { class: "tools" }, h("button", { type: "button", onclick: () => save([...marked].sort((a, b) => a - b).join("\n") + "\n", `rows-${found.digest.slice(0, 12)}.txt`) }, "Save the list of marked rows"), counted),
   );
