@@ -73,7 +73,7 @@ async function opened(name, rest, query, place) {
     case "accuracy":
       return artifactsView(place, query, ["accuracy"], "Accuracy");
     case "pipelines":
-      return rest.length ? pipelineView(place, rest[0], start.allow_run) : pipelinesView(place, start);
+      return rest.length ? pipelineView(place, rest[0], start.allow_run, query) : pipelinesView(place, start);
     default:
       throw new Error("there is no such view");
   }
