@@ -61,6 +61,12 @@ impl Page {
         }
     }
 
+    /// Whether nothing stands in it yet.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.head.is_empty() && self.body.is_empty()
+    }
+
     /// Says under the title what the page is about.
     pub fn lead(&mut self, text: &str) {
         self.head.push(html! { p.lead { (text) } });

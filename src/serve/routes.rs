@@ -11,8 +11,8 @@ pub struct Routes(pub Arc<ServedState>);
 
 impl Handler for Routes {
     fn lane(&self, path: &[String]) -> Lane {
-        match path.get(1).map(String::as_str) {
-            Some("sketch") => Lane::Simulating,
+        match (path.get(1).map(String::as_str), path.get(3).map(String::as_str)) {
+            (Some("sketch"), _) | (Some("artifacts"), Some("judged" | "prediction")) => Lane::Simulating,
             _ => Lane::Reading,
         }
     }
@@ -56,6 +56,8 @@ fn answer(state: &Arc<ServedState>, request: &Request) -> Result<Answer, Refusal
             ["artifacts", digest, "rows"] => look::rows(state, request, digest),
             ["events"] => look::events(state, request),
             ["artifacts", digest, "neighbours"] => look::neighbours(state, request, digest),
+            ["artifacts", digest, "judged"] => look::judged(state, request, digest),
+            ["artifacts", digest, "prediction"] => look::prediction(state, request, digest),
             ["artifacts", digest, "arrays"] => look::arrays(state, request, digest),
             ["artifacts", digest, "page"] => look::page(state, request, digest),
             _ => Err(unknown()),
@@ -78,7 +80,11 @@ fn is_known(path: &[&str]) -> bool {
         path,
         ["start" | "scenes" | "status" | "events" | "pipelines" | "runs" | "artifacts"]
             | ["pipelines" | "runs" | "artifacts", _]
-            | ["artifacts", _, "rows" | "arrays" | "neighbours" | "page"]
+            | [
+                "artifacts",
+                _,
+                "rows" | "arrays" | "neighbours" | "judged" | "prediction" | "page"
+            ]
     )
 }
 

@@ -5,14 +5,16 @@ use std::sync::{Arc, Mutex};
 
 use serde_json::{Value, json};
 
-use super::held::{Benches, Kept, Runner, Setting, StoreTotals, Tables, lock};
+use super::held::{Benches, Critical, Kept, Runner, Setting, StoreTotals, Tables, lock};
 use super::http::Refusal;
+use super::look::Judgement;
 use crate::base::{ArtifactId, InputError};
 use crate::orchestrator::{Pipeline, file_of};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::stage::{self, direct};
 use crate::store::{Artifact, Store};
+use crate::surrogate::Surrogate;
 
 /// Where the page opens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -59,10 +61,14 @@ pub struct ServedState {
     scenes: Mutex<Vec<NamedScene>>,
     /// Solvers that are ready.
     pub benches: Benches,
-    /// Voltages between which drawn patterns lose stability: those of a pattern are asked for at many voltages.
-    pub limits: Kept<(Setting, Pattern), Option<[f64; 2]>>,
+    /// Where drawn patterns lose stability: that of a pattern is asked for at many voltages.
+    pub limits: Kept<(Setting, Pattern), Option<Critical>>,
     /// Artifacts that were looked at last: one of many chunks has opened all of them.
     pub opened: Kept<ArtifactId, Artifact>,
+    /// Trained networks that were asked last.
+    pub networks: Kept<ArtifactId, Surrogate>,
+    /// What they say of the rows that their sets kept for tests.
+    pub judgements: Kept<ArtifactId, Judgement>,
     /// Tables of artifacts.
     pub tables: Tables,
     /// What is in the store.
@@ -104,6 +110,8 @@ impl ServedState {
             benches: Benches::default(),
             limits: Kept::new(MOST_LIMITS),
             opened: Kept::new(MOST_OPENED),
+            networks: Kept::new(MOST_NETWORKS),
+            judgements: Kept::new(MOST_NETWORKS),
             tables: Tables::default(),
             totals: StoreTotals::default(),
             runner: Runner::default(),
@@ -236,6 +244,9 @@ const MOST_LIMITS: usize = 32;
 
 /// Artifacts that are kept open.
 const MOST_OPENED: usize = 8;
+
+/// Networks that are kept.
+const MOST_NETWORKS: usize = 4;
 
 /// Runs that are looked through for pipelines.
 const MOST_RUNS: usize = 500;

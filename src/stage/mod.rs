@@ -23,7 +23,7 @@ mod table;
 mod train;
 mod verify;
 
-pub use results::words_of as result_words;
+pub use results::{unit as result_unit, words_of as result_words};
 
 use crate::base::{Fields, InputError, Node, Schema};
 use crate::content::{ContentError, StoredAttribute};

@@ -82,6 +82,7 @@ fn a_drawn_pattern_is_solved_as_the_command_solves_it() {
         assert!((0.0..0.1 * largest).contains(&error), "{found}");
         assert!(found["seconds"].as_f64().unwrap() > 0.0);
         if options.is_empty() {
+            assert!(found["critical_voltage_error"].as_f64().unwrap() > 0.0, "{found}");
             let critical = found["critical_voltage"].as_f64().unwrap();
             assert!((5250.0..9000.0).contains(&critical), "{found}");
         }
@@ -525,6 +526,8 @@ fn no_request_brings_the_server_down() {
         format!("/api/artifacts/{solved}/arrays"),
         format!("/api/artifacts/{solved}/page"),
         format!("/api/artifacts/{solved}/neighbours"),
+        format!("/api/artifacts/{solved}/judged"),
+        format!("/api/artifacts/{solved}/prediction"),
         // Without a query it has no end.
         "/api/events?x=1".into(),
         "/api/plan".into(),
@@ -669,6 +672,7 @@ fn photographed(tab: &mut Tab, name: &str) {
         tab.value("scrollTo(0, 0)");
         std::thread::sleep(Duration::from_millis(400));
         assert!(tab.overflow() <= 0.0, "{name} at {width} px is wider than the screen");
+        assert_eq!(tab.small_targets(), json!([]), "{name} at {width} px");
         if let Some(album) = album() {
             tab.photograph(&album.join(format!("{name}-{width}-{look}.png")));
         }
@@ -773,8 +777,24 @@ fn pipelines_rows_and_runs_are_looked_at() {
         stale.join(" ")
     );
     photographed(&mut tab, "pipeline");
+    assert_eq!(tab.value("document.title"), "small – Pipelines – deaflow");
+    // What is changed has a link of its own.
+    let link = tab.value("location.hash");
+    assert_eq!(link, "#/pipelines/0?set=scene.drive.voltage%3D4+kV");
     tab.write("[data-path='scene.drive.voltage']", "many");
     tab.until("document.querySelector('[role=alert]')");
+    // The plan of before is grey, and no longer counted.
+    tab.until("document.querySelector('svg.dag').closest('.old')");
+    assert_eq!(tab.value("document.querySelector('#bill').dataset.stale"), "");
+    assert!(tab.text("#bill").starts_with("No plan"));
+    tab.write("[data-path='scene.drive.voltage']", "4 kV");
+    tab.until("document.querySelector('#bill').dataset.stale && !document.querySelector('.old')");
+    tab.go("about:blank");
+    tab.go(&format!("http://127.0.0.1:{}/{}", server.port, link.as_str().unwrap()));
+    tab.until(&format!(
+        "document.querySelector('#bill').dataset.stale === {}",
+        json!(stale.join(" "))
+    ));
     // Rows are filtered by the server, and the address says by what.
     tab.go(&format!(
         "http://127.0.0.1:{}/#/artifacts/{}?tab=rows",
@@ -788,6 +808,31 @@ fn pipelines_rows_and_runs_are_looked_at() {
     tab.click(".card");
     tab.until("document.querySelector('#sample canvas')");
     photographed(&mut tab, "rows");
+    assert!(
+        tab.value("document.title")
+            .as_str()
+            .unwrap()
+            .starts_with("solved solve ")
+    );
+    // A filter that is none leaves no count; a family that there is not is said; the button back goes through all of it.
+    tab.write("input[name=filter]", "family");
+    tab.until("document.querySelector('#matched').textContent.includes('no count') && !document.querySelector('#matched').dataset.matched");
+    tab.until("document.querySelector('.cards.old')");
+    tab.write("input[name=filter]", "family = smallgrid");
+    tab.until("document.querySelector('#unknown').textContent.includes('there are: large-grid, small-grid')");
+    tab.until("document.querySelector('#matched').dataset.matched === '0' && !document.querySelector('.old')");
+    tab.value("history.go(-2)");
+    tab.until("document.querySelector('input[name=filter]').value === 'family = small-grid' && document.querySelector('#sample canvas')");
+    tab.value("history.back()");
+    tab.until(
+        "document.querySelector('#matched')?.dataset.matched === '4' && !document.querySelector('#sample canvas')",
+    );
+    // Arrow keys go through the tabs.
+    tab.value("document.querySelector('[role=tab][aria-selected=true]').focus()");
+    tab.key("ArrowRight", 0);
+    tab.until("document.activeElement.id === 'tab-figures' && location.hash.includes('tab=figures')");
+    tab.key("ArrowLeft", 0);
+    tab.until("document.activeElement.id === 'tab-rows' && document.querySelectorAll('[role=tab][tabindex=\"0\"]').length === 1");
     tab.go(&format!(
         "http://127.0.0.1:{}/#/artifacts/{}?tab=figures",
         server.port, digests["balanced"]
@@ -803,6 +848,12 @@ fn pipelines_rows_and_runs_are_looked_at() {
     tab.value("document.querySelectorAll('tbody input').forEach((box) => box.click())");
     tab.click(".tools button");
     tab.until("document.body.innerText.includes('stages.balanced.target')");
+    let shown = tab.value("document.querySelectorAll('[aria-label=Results] tbody tr').length");
+    tab.click("input[name=equal]");
+    let all = tab.value("document.querySelectorAll('[aria-label=Results] tbody tr').length");
+    assert!(shown.as_u64() < all.as_u64(), "{shown} of {all}");
+    assert!(tab.text("[aria-label=Results]").contains("solved.max_displacement, mm"));
+    tab.click("input[name=equal]");
     photographed(&mut tab, "compare");
     assert_eq!(tab.complaints, Vec::<String>::new());
 }

@@ -56,7 +56,35 @@ fn document(process: u32, path: &Path) -> Option<Value> {
     let text = read_own(path, LONGEST).ok()?;
     let text = String::from_utf8_lossy(&text);
     let told = told(&text)?;
-    Some(json!({ "pid": process, "began": told.began, "pipeline": told.pipeline, "stages": told.stages }))
+    Some(
+        json!({ "pid": process, "began": told.began, "pipeline": told.pipeline, "stages": told.stages, "set": values(process) }),
+    )
+}
+
+/// The values that a run was given with `--set`, by their paths, as its command line says them; none where that cannot be read.
+fn values(process: u32) -> Option<BTreeMap<String, String>> {
+    let line = read_own(Path::new(&format!("/proc/{process}/cmdline")), LONGEST).ok()?;
+    let words: Vec<String> = line
+        .split(|byte| *byte == 0)
+        .map(|word| String::from_utf8_lossy(word).into_owned())
+        .collect();
+    Some(set_by(&words))
+}
+
+/// The values among the words of a command: `--set PATH=VALUE` or `--set=PATH=VALUE`.
+fn set_by(words: &[String]) -> BTreeMap<String, String> {
+    let mut found = BTreeMap::new();
+    for (at, word) in words.iter().enumerate() {
+        let value = match word.strip_prefix("--set") {
+            Some("") => words.get(at + 1).map(String::as_str),
+            Some(rest) => rest.strip_prefix('='),
+            None => None,
+        };
+        if let Some((path, value)) = value.and_then(|value| value.split_once('=')) {
+            found.insert(path.trim().to_owned(), value.trim().to_owned());
+        }
+    }
+    found
 }
 
 /// What a log says of a run that goes on.
@@ -112,6 +140,26 @@ mod tests {
             ]
         );
         assert!(super::told("").is_none() && super::told("nothing of ours\n").is_none());
+    }
+
+    #[test]
+    fn the_values_of_a_run_are_those_of_its_command() {
+        let words = [
+            "deaflow",
+            "run",
+            "a.yaml",
+            "--set",
+            "scene.drive.voltage=4 kV",
+            "--set=b=c=d",
+            "--settle=x=y",
+        ];
+        let found = set_by(&words.map(str::to_owned));
+        let expected = [("b", "c=d"), ("scene.drive.voltage", "4 kV")];
+        assert_eq!(
+            found,
+            expected.map(|(path, value)| (path.to_owned(), value.to_owned())).into()
+        );
+        assert_eq!(values(std::process::id()), Some(BTreeMap::new()));
     }
 
     #[test]

@@ -23,6 +23,17 @@ pub struct Setting {
     pub mesh: Mesh,
 }
 
+/// Where a pattern loses stability.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Critical {
+    /// The critical voltage, V, by two meshes; by that of the setting alone where `error` is none.
+    pub voltage: f64,
+    /// How far the truth may lie on either side, V.
+    pub error: Option<f64>,
+    /// The voltages between which the mesh of the setting loses it, V.
+    pub bracket: [f64; 2],
+}
+
 /// A solver with its scene.
 pub struct Bench {
     /// The scene with its effects decided.

@@ -9,7 +9,7 @@ mod table;
 mod totals;
 
 pub use at_work::at_work;
-pub use bench::{Bench, Benches, Setting};
+pub use bench::{Bench, Benches, Critical, Setting};
 pub use child::Runner;
 pub use kept::{Kept, lock};
 pub use table::Tables;

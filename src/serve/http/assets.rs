@@ -29,6 +29,7 @@ assets! {
     "models.js": "text/javascript; charset=utf-8",
     "designs.js": "text/javascript; charset=utf-8",
     "accuracy.js": "text/javascript; charset=utf-8",
+    "quantity.js": "text/javascript; charset=utf-8",
     "sketch.js": "text/javascript; charset=utf-8",
     "pipelines.js": "text/javascript; charset=utf-8",
     "runs.js": "text/javascript; charset=utf-8",

@@ -82,6 +82,15 @@ impl Refusal {
         }
     }
 
+    /// What is wrong and what helps, as one text.
+    #[must_use]
+    pub fn words(&self) -> String {
+        match &self.help {
+            Some(help) => format!("{}: {help}", self.message),
+            None => self.message.clone(),
+        }
+    }
+
     /// As a document. Lines and columns count from 1.
     #[must_use]
     pub fn document(&self) -> Value {

@@ -1,6 +1,7 @@
 //! Which rows of a table are wanted: `max_displacement_mm > 1.5 and family = bezier`.
 
 use std::cmp::Ordering;
+use std::collections::BTreeSet;
 
 use crate::report::RowColumn;
 use crate::serve::http::Refusal;
@@ -8,6 +9,9 @@ use crate::store::Data;
 
 /// Conditions in one filter.
 const MOST: usize = 32;
+
+/// Texts of a column that are told where one is not among them.
+const MOST_KNOWN: usize = 30;
 
 /// Comparisons, the longer ones first, so that none is taken for another.
 const COMPARISONS: [(&str, Comparison); 7] = [
@@ -70,6 +74,24 @@ pub fn matching(columns: &[RowColumn], count: usize, filter: &str) -> Result<Vec
         }
     }
     Ok(rows)
+}
+
+/// Texts that a column is to equal, and which no row has: the column, the text, and the texts that there are.
+///
+/// # Errors
+/// As [`matching`].
+pub fn unknown<'f>(columns: &[RowColumn], filter: &'f str) -> Result<Vec<(&'f str, &'f str, Vec<String>)>, Refusal> {
+    let mut found = Vec::new();
+    for (name, comparison, value) in conditions(filter)? {
+        let Data::Text(texts) = &column(columns, name)?.values else {
+            continue;
+        };
+        if comparison == Comparison::Equals && texts.iter().all(|text| text != value) {
+            let known: BTreeSet<&String> = texts.iter().collect();
+            found.push((name, value, known.into_iter().take(MOST_KNOWN).cloned().collect()));
+        }
+    }
+    Ok(found)
 }
 
 /// The column of a name.
@@ -152,6 +174,16 @@ mod tests {
         assert_eq!(rows("u_mm != 0.5"), [1, 2, 3]);
         assert_eq!(rows("family ~ a and units = 2"), [0, 3]);
         assert_eq!(rows("family = \"ab\""), [1]);
+    }
+
+    #[test]
+    fn a_text_that_no_row_has_is_told_with_those_that_there_are() {
+        let told = |filter: &str| unknown(&columns(), filter).unwrap();
+        let known = ["a", "ab", "b"].map(str::to_owned).to_vec();
+        assert_eq!(told("family = nope and units = 2"), [("family", "nope", known)]);
+        for filter in ["", "family = a", "family != nope", "family ~ nope", "u_mm = 7"] {
+            assert!(told(filter).is_empty(), "{filter}");
+        }
     }
 
     #[test]

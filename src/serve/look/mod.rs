@@ -3,6 +3,7 @@
 mod artifacts;
 mod events;
 mod filter;
+mod judged;
 mod neighbours;
 mod page;
 mod pick;
@@ -13,6 +14,7 @@ mod runs;
 
 pub use artifacts::{artifact, artifacts};
 pub use events::events;
+pub use judged::{Judgement, judged, prediction};
 pub use neighbours::neighbours;
 pub use page::page;
 pub use pick::arrays;

@@ -28,12 +28,12 @@ struct Neighbour {
 }
 
 /// The rows whose patterns differ in the fewest cells from that of a row, or from an image of it: `?row=`, `?limit=`; with `?of=DIGEST` the
-/// row is one of another artifact.
+/// row is one of another artifact, and with `?split=` the rows are looked through that are in that part of a balanced set.
 ///
 /// # Errors
 /// When the artifacts have no patterns, no such row, or patterns of other cells.
 pub fn neighbours(state: &ServedState, request: &Request, digits: &str) -> Result<Answer, Refusal> {
-    request.allow(&["row", "limit", "of"])?;
+    request.allow(&["row", "limit", "of", "split"])?;
     let limit = request.number("limit", 8, MOST)?;
     let (_, artifact) = named(state, digits)?;
     let (path, shape) = patterns(&artifact)?;
@@ -52,6 +52,7 @@ pub fn neighbours(state: &ServedState, request: &Request, digits: &str) -> Resul
     let row: usize = wanted.parse().ok().filter(|row| *row < of[0]).ok_or_else(|| {
         Refusal::absent(format!("{source} has no row {wanted:?}")).help(format!("rows 0 to {}", of[0] - 1))
     })?;
+    let splits = splits(&artifact, request.word("split"))?;
     let images = images(&cells_of(&from, &source, row..row + 1)?, [columns, rows]);
     let searched = total.min((MOST_CELLS / cells).max(1));
     let mut found: Vec<Neighbour> = Vec::with_capacity(limit + BLOCK);
@@ -60,7 +61,7 @@ pub fn neighbours(state: &ServedState, request: &Request, digits: &str) -> Resul
         let read = cells_of(&artifact, &path, block.clone())?;
         let each = block
             .zip(read.chunks_exact(cells))
-            .filter(|(other, _)| !own || *other != row);
+            .filter(|(other, _)| (!own || *other != row) && splits.as_ref().is_none_or(|splits| splits[*other]));
         found.extend(each.filter_map(|(row, pattern)| nearest(row, pattern, &images)));
         // Those beyond the limit are not kept, however many there are.
         found.sort_by_key(|neighbour| (neighbour.distance, neighbour.row));
@@ -79,7 +80,10 @@ pub fn neighbours(state: &ServedState, request: &Request, digits: &str) -> Resul
 }
 
 /// The path of the array of patterns, and its shape, of which nothing is zero.
-fn patterns(artifact: &Artifact) -> Result<(String, [usize; 3]), Refusal> {
+///
+/// # Errors
+/// When there is none.
+pub fn patterns(artifact: &Artifact) -> Result<(String, [usize; 3]), Refusal> {
     let is_patterns = |content: &&Content| content.axes.len() == 3 && content.axes[1..] == ["y", "x"];
     let found = artifact.contents()?.iter().find(is_patterns).ok_or_else(none)?;
     let shape = <[usize; 3]>::try_from(found.shape.as_slice()).ok();
@@ -87,11 +91,26 @@ fn patterns(artifact: &Artifact) -> Result<(String, [usize; 3]), Refusal> {
     Ok((found.path.clone(), shape))
 }
 
+/// Whether each row is in a part of its set; none where all are looked through.
+fn splits(artifact: &Artifact, wanted: Option<&str>) -> Result<Option<Vec<bool>>, Refusal> {
+    let Some(wanted) = wanted.filter(|split| !split.is_empty()) else {
+        return Ok(None);
+    };
+    match artifact.read("split").map(|read| read.data) {
+        Ok(Data::Text(splits)) => Ok(Some(splits.iter().map(|split| split == wanted).collect())),
+        _ => Err(Refusal::bad("the set is not divided into parts").help("a `balance` stage divides it")),
+    }
+}
+
 fn none() -> Refusal {
     Refusal::absent("the artifact holds no patterns").help("GET /api/artifacts/DIGEST lists what it holds")
 }
 
-fn cells_of(artifact: &Artifact, path: &str, rows: std::ops::Range<usize>) -> Result<Vec<u8>, Refusal> {
+/// The cells of some rows, one after the other.
+///
+/// # Errors
+/// When they cannot be read.
+pub fn cells_of(artifact: &Artifact, path: &str, rows: std::ops::Range<usize>) -> Result<Vec<u8>, Refusal> {
     match elements(artifact, path, rows)? {
         Data::U8(cells) => Ok(cells),
         _ => Err(none()),

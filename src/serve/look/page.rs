@@ -33,5 +33,8 @@ pub fn page(state: &ServedState, request: &Request, digits: &str) -> Result<Answ
         }
         presenter.section(&mut page, &run)?;
     }
+    if page.is_empty() {
+        page.lead(&format!("What a stage of kind {kind} makes has no figures."));
+    }
     Ok(Answer::Page(page.finish()))
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde_json::{Value, json};
 
 use super::artifacts::named;
-use super::filter::{column, matching, number};
+use super::filter::{column, matching, number, unknown};
 use crate::serve::http::{Answer, Refusal, Request};
 use crate::serve::state::ServedState;
 use crate::store::Data;
@@ -36,6 +36,10 @@ pub fn rows(state: &ServedState, request: &Request, digits: &str) -> Result<Answ
         .tables
         .of(&store, &artifact, request.word("along").filter(|axis| !axis.is_empty()))?;
     let mut matched = matching(&table.columns, table.len(), request.word("filter").unwrap_or_default())?;
+    let unknown: Vec<Value> = unknown(&table.columns, request.word("filter").unwrap_or_default())?
+        .into_iter()
+        .map(|(column, value, known)| json!({ "column": column, "value": value, "known": known }))
+        .collect();
     if let Some(order) = request.word("sort").filter(|order| !order.is_empty()) {
         let name = order.strip_prefix('-').unwrap_or(order);
         sort(&column(&table.columns, name)?.values, &mut matched);
@@ -65,6 +69,7 @@ pub fn rows(state: &ServedState, request: &Request, digits: &str) -> Result<Answ
         "axis": table.axis,
         "total": table.len(),
         "matched": matched.len(),
+        "unknown": unknown,
         "columns": columns.collect::<Vec<_>>(),
         "numbers": shown.clone().collect::<Vec<_>>(),
         "rows": shown.map(row).collect::<Vec<_>>(),

@@ -9,6 +9,7 @@ use crate::report::{Gone, run_document};
 use crate::serve::held::at_work;
 use crate::serve::http::{Answer, Refusal, Request};
 use crate::serve::state::ServedState;
+use crate::stage::result_unit;
 use crate::store::Run;
 
 /// Runs in one answer.
@@ -55,9 +56,22 @@ pub fn one_run(state: &ServedState, request: &Request, id: &str) -> Result<Answe
         }
         let mut document = run_document(&run, &Gone::in_store(&store));
         document["parameters"] = json!(parameters);
+        document["units"] = json!(units(&run));
         return Ok(document.into());
     }
     Err(Refusal::absent("no run of that name is remembered").help("GET /api/runs lists them"))
+}
+
+/// The units of the results that have one, by their names, which begin with that of the stage.
+fn units(run: &Run) -> BTreeMap<&str, &'static str> {
+    let stage = |name: &str| {
+        let own = run.stages.iter().map(|stage| stage.name.as_str());
+        own.filter_map(|stage| name.strip_prefix(stage)?.strip_prefix('.').map(str::len))
+            .min()
+    };
+    let unit = |name: &str| result_unit(&name[name.len() - stage(name).unwrap_or(name.len())..]);
+    let all = run.results.iter().map(|(name, _)| (name.as_str(), unit(name)));
+    all.filter(|(_, unit)| *unit != "1").collect()
 }
 
 /// What is in the store and at work in it, at this moment; `/api/events` tells it again and again.

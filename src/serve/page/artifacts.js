@@ -1,7 +1,7 @@
 // Artifacts: which there are, and what is in one.
 
 import { json } from "./server.js";
-import { choice, h, labelled, replace, short, table, when } from "./elements.js";
+import { choice, h, labelled, replace, short, table, titled, when } from "./elements.js";
 import { rowsView } from "./rows.js";
 import { findings } from "./audit.js";
 import { evaluation, model } from "./models.js";
@@ -60,16 +60,30 @@ export async function artifactView(view, digest, query) {
   const first = found.kind === "balance" ? "figures" : Object.keys(tabs)[0];
   let open = query.get("tab") ?? first;
   if (!tabs[open]) open = first;
-  const place = h("div", {});
-  const buttons = h("div", { class: "tabs", role: "tablist" });
+  const place = h("div", { role: "tabpanel", id: "panel", "aria-labelledby": `tab-${open}` });
+  const names = Object.keys(tabs);
+  /** @param {string} name */
+  const turn = (name) => {
+    open = name;
+    const words = new URLSearchParams(location.hash.split("?")[1] ?? "");
+    words.set("tab", name);
+    history.pushState(null, "", `#/artifacts/${found.digest}?${words}`);
+    void show();
+  };
+  // Arrow keys go from tab to tab, as the pattern of tabs has it (WAI-ARIA Authoring Practices).
+  const key = (/** @type {KeyboardEvent} */ event) => {
+    const at = names.indexOf(open);
+    const to = /** @type {Record<string, number>} */ ({ ArrowRight: at + 1, ArrowLeft: at - 1 + names.length, Home: 0, End: names.length - 1 })[event.key];
+    if (to === undefined) return;
+    event.preventDefault();
+    turn(names[to % names.length]);
+    /** @type {HTMLElement|null} */ (buttons.querySelector("[aria-selected=true]"))?.focus();
+  };
+  const buttons = h("div", { class: "tabs", role: "tablist", "aria-label": "What is shown of the artifact", onkeydown: key });
+  const tab = (/** @type {string} */ name) => h("button", { type: "button", role: "tab", id: `tab-${name}`, "aria-controls": "panel", tabindex: name === open ? "0" : "-1", "aria-selected": String(name === open), onclick: () => turn(name) }, tabs[name][0]);
   const show = async () => {
-    replace(buttons, Object.entries(tabs).map(([name, [text]]) => h("button", { type: "button", role: "tab", "aria-selected": String(name === open), "aria-pressed": String(name === open), onclick: () => {
-      open = name;
-      const words = new URLSearchParams(location.hash.split("?")[1] ?? "");
-      words.set("tab", name);
-      history.replaceState(null, "", `#/artifacts/${found.digest}?${words}`);
-      void show();
-    } }, text)));
+    replace(buttons, names.map(tab));
+    place.setAttribute("aria-labelledby", `tab-${open}`);
     replace(place);
     try {
       await tabs[open][1](place);
@@ -78,9 +92,17 @@ export async function artifactView(view, digest, query) {
       replace(place, problem(error));
     }
   };
-  replace(view, h("h1", {}, `${found.kind || "artifact"} `, h("span", { class: "mono soft" }, found.digest.slice(0, 12))), buttons, place);
+  const stage = await stageOf(found);
+  titled([stage, found.kind || "artifact", found.digest.slice(0, 12)].filter(Boolean).join(" "));
+  replace(view, h("h1", {}, stage ? `${stage}: ` : "", `${found.kind || "artifact"} `, h("span", { class: "mono soft" }, found.digest.slice(0, 12))), buttons, place);
   await show();
   return () => {};
+}
+
+/** The name of the stage that made an artifact, as the last runs know it. @param {any} found @returns {Promise<string>} */
+async function stageOf(found) {
+  const { artifacts } = await json(`artifacts?limit=5000&kind=${encodeURIComponent(found.kind)}`);
+  return artifacts.find((/** @type {any} */ one) => one.digest === found.digest)?.stage ?? "";
 }
 
 /** The charts of a report, drawn by the server, in a frame without scripts. @param {HTMLElement} place @param {string} digest */

@@ -69,6 +69,11 @@ export function when(time) {
   return time.replace("T", " ").slice(0, 19);
 }
 
+/** Says in the title of the window what is shown. @param {string} what */
+export function titled(what) {
+  document.title = what ? `${what} – deaflow` : "deaflow";
+}
+
 /** The folder in which the server was started. */
 let folder = "";
 

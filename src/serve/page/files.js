@@ -3,6 +3,9 @@
 import { ask, json } from "./server.js";
 import { Pattern } from "./pattern.js";
 
+/** Formats that are opened. */
+export const READ = ["png", "csv", "npy", "svg", "dxf"];
+
 /** Points of a cell's side at which a drawing is looked at. */
 const SAMPLES = 8;
 
@@ -12,6 +15,7 @@ const SAMPLES = 8;
  */
 export async function fromFile(file, scene) {
   const format = (file.name.split(".").pop() ?? "").toLowerCase();
+  if (!READ.includes(format)) throw Object.assign(new Error(`“${file.name}” is of no format that is opened here`), { help: `allowed: ${READ.join(", ")}` });
   if (format === "svg") return fromDrawing(file, scene);
   if (format === "dxf") return fromPolygons(await file.text(), scene);
   const query = new URLSearchParams({ format, scene: scene.name });

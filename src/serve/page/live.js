@@ -2,8 +2,9 @@
 
 import { lines } from "./server.js";
 
-/** Before the server is asked again that has not answered, ms. */
+/** Before the server is asked again that has not answered, ms: each time twice as long, up to a limit. */
 const PAUSE = 1000;
+const LONGEST = 30000;
 
 /** What was told last. @type {any} */
 let last = null;
@@ -18,6 +19,7 @@ export function standing() {
  * @param {(found: any) => void} told @param {(message: string) => void} failed
  */
 export async function listen(told, failed) {
+  let pause = PAUSE;
   for (;;) {
     if (document.hidden) await new Promise((resolve) => document.addEventListener("visibilitychange", resolve, { once: true }));
     const controller = new AbortController();
@@ -26,6 +28,7 @@ export async function listen(told, failed) {
     try {
       await lines("events", { signal: controller.signal }, (found) => {
         if (found.error) throw new Error(found.error.message);
+        pause = PAUSE;
         const before = last;
         last = found;
         told(found);
@@ -37,7 +40,8 @@ export async function listen(told, failed) {
     } finally {
       document.removeEventListener("visibilitychange", hide);
     }
-    await new Promise((resolve) => setTimeout(resolve, PAUSE));
+    await new Promise((resolve) => setTimeout(resolve, pause));
+    pause = Math.min(2 * pause, LONGEST);
   }
 }
 
@@ -46,20 +50,35 @@ function key(found) {
   return `${found.last_run?.id ?? ""} ${found.in_flight ?? 0} ${found.objects ?? 0} ${JSON.stringify((found.runs ?? []).map((/** @type {any} */ run) => [run.pid, run.stages]))}`;
 }
 
+/** Whether two sets of changed values are the same. @param {Record<string, string>} one @param {Record<string, string>} other */
+function alike(one, other) {
+  const names = Object.keys(one);
+  return names.length === Object.keys(other).length && names.every((name) => one[name].trim() === other[name]?.trim());
+}
+
 /**
- * How far the stages of a pipeline have come that are being built, by their names.
- * @param {string} pipeline its name @param {string} path its file
+ * Runs of a pipeline that go on with other values than those that are looked at.
+ * @param {string} pipeline its name @param {Record<string, string>} set @returns {any[]}
+ */
+export function others(pipeline, set) {
+  return (last?.runs ?? []).filter((/** @type {any} */ run) => run.pipeline === pipeline && run.set && !alike(run.set, set));
+}
+
+/**
+ * How far the stages of a pipeline have come that are being built with these values, by their names.
+ * @param {string} pipeline its name @param {string} path its file @param {Record<string, string>} set
  * @returns {Record<string, {text: string, share: number|null, since: string|null}>}
  */
-export function underWay(pipeline, path) {
+export function underWay(pipeline, path, set) {
+  const elsewhere = new Set(others(pipeline, set).map((run) => run.pid));
   /** @type {Record<string, {text: string, share: number|null, since: string|null}>} */
   const found = {};
   for (const run of last?.runs ?? []) {
-    if (run.pipeline !== pipeline) continue;
+    if (run.pipeline !== pipeline || elsewhere.has(run.pid)) continue;
     for (const stage of run.stages) found[stage.name] = { text: stage.told.replace(/ \(.*/, ""), share: null, since: stage.since };
   }
   // Of a run that was begun here every step is known.
-  if (last?.begun?.pipeline === path) {
+  if (last?.begun?.pipeline === path && !elsewhere.has(last.begun.pid)) {
     for (const stage of last.begun.stages) {
       const done = `${Math.floor(stage.done)} of ${stage.steps} ${stage.unit}`;
       found[stage.name] = { text: stage.note ? `${done}, ${stage.note}` : done, share: stage.steps ? stage.done / stage.steps : null, since: found[stage.name]?.since ?? null };

@@ -1,7 +1,7 @@
 // Which view is shown: what stands after # in the address says so, so that each view has a link of its own.
 
 import { json } from "./server.js";
-import { bytes, h, problem, replace, startedIn, when } from "./elements.js";
+import { bytes, h, problem, replace, startedIn, titled, when } from "./elements.js";
 import { listen } from "./live.js";
 import { sketchpad } from "./sketch.js";
 import { pipelineView, pipelinesView } from "./pipelines.js";
@@ -36,7 +36,7 @@ async function show() {
     if (link.getAttribute("href") === `#/${name}`) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-  document.title = `${VIEWS[name] ?? "deaflow"} – deaflow`;
+  titled(VIEWS[name] ?? "");
   const place = h("div", {});
   try {
     const made = await opened(name, rest, query, place);
@@ -73,7 +73,7 @@ async function opened(name, rest, query, place) {
     case "accuracy":
       return artifactsView(place, query, ["accuracy"], "Accuracy");
     case "pipelines":
-      return rest.length ? pipelineView(place, rest[0], start.allow_run) : pipelinesView(place, start);
+      return rest.length ? pipelineView(place, rest[0], start.allow_run, query) : pipelinesView(place, start);
     default:
       throw new Error("there is no such view");
   }

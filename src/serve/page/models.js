@@ -4,8 +4,13 @@ import { columnsOf, json } from "./server.js";
 import { h, number, problem, replace, short, table } from "./elements.js";
 import { card, patternsAt, rowLink } from "./pictures.js";
 
+/** @typedef {import("./pattern.js").Pattern} Pattern */
+
 /** Patterns that are shown of each predictor. */
 const WORST = 8;
+
+/** A share of what was learned from that is small. */
+const RARE = 0.05;
 
 /** Evaluations that are looked through for those of a model. */
 const MOST = 20;
@@ -18,22 +23,75 @@ export async function model(place, found) {
   const value = (/** @type {string} */ name, /** @type {string} */ family, /** @type {string} */ split) => metrics[`metrics/${name}`]?.[metrics["metrics/family"].findIndex((own, at) => own === family && metrics["metrics/split"][at] === split)];
   const rows = families.map((family) => [family, ...splits.flatMap((split) => [number(value("rmse_mm", family, split), 3), number(value("max_error_mm", family, split), 3)])]);
   const heads = splits.flatMap((split) => [{ title: `${split}: RMS error, mm`, number: true }, { title: `${split}: largest, mm`, number: true }]);
+  const own = h("div", {}, h("p", { class: "soft" }, "Predicting the test rows …"));
   const elsewhere = h("div", {}, h("p", { class: "soft" }, "Looking for evaluations …"));
-  replace(place, h("h2", {}, "Errors by family, of a component"), table("Errors by family", ["family", ...heads], rows), elsewhere);
+  replace(place, h("h2", {}, "Errors by family, of a component"), table("Errors by family", ["family", ...heads], rows), h("section", {}, h("h2", {}, "Worst patterns of its own test rows"), own), elsewhere);
+  try {
+    await ownWorst(own, found.digest);
+  } catch (error) {
+    replace(own, problem(error));
+  }
   const { artifacts } = await json(`artifacts?kind=evaluate&limit=${MOST}`);
   /** @type {any[]} */ const evaluations = [];
   for (const one of artifacts) {
     const other = await json(`artifacts/${one.digest}`);
-    const own = other.ancestry.find((/** @type {any} */ ancestor) => ancestor.digest === other.digest);
-    if (own?.inputs.includes(found.digest)) evaluations.push({ ...other, stage: one.stage });
+    const made = other.ancestry.find((/** @type {any} */ ancestor) => ancestor.digest === other.digest);
+    if (made?.inputs.includes(found.digest)) evaluations.push({ ...other, stage: one.stage });
   }
   if (!evaluations.length) {
-    replace(elsewhere, h("p", { class: "soft" }, "No evaluation of this model is among what the last runs made; an ", h("code", {}, "evaluate"), " stage finds its worst patterns."));
+    replace(elsewhere, h("p", { class: "soft" }, "No evaluation of this model by other patterns is among what the last runs made; an ", h("code", {}, "evaluate"), " stage makes one."));
     return;
   }
   const sections = evaluations.map((other) => ({ other, box: h("div", {}) }));
   replace(elsewhere, sections.map(({ other, box }) => h("section", {}, h("h2", {}, `Evaluated by ${other.stage} `, short(other.digest)), box)));
   for (const { other, box } of sections) await evaluation(box, other, found.digest);
+}
+
+/** The test rows that a model predicts worst. @param {HTMLElement} place @param {string} digest */
+async function ownWorst(place, digest) {
+  const found = await json(`artifacts/${digest}/judged?limit=${WORST}`);
+  if (!found.judged) {
+    replace(place, h("p", { class: "soft" }, "Its set keeps no rows for tests; an ", h("code", {}, "evaluate"), " stage judges it by other patterns."));
+    return;
+  }
+  /** @type {Map<string, any>} */ const sets = new Map();
+  for (const set of found.sets) sets.set(set, await json(`artifacts/${set}`));
+  const families = new Map(found.families.map((/** @type {any} */ one) => [one.family, one]));
+  /** @type {(() => HTMLElement)[]} */ const cards = [];
+  for (const row of found.rows) {
+    const [pattern] = await patternsAt(sets.get(row.set), [row.row]);
+    const near = await nearest(found.sets, row.set, row.row);
+    const family = families.get(row.family);
+    const share = found.learned ? family.learned / found.learned : null;
+    const why = [
+      family.learned === 0 ? "it has learned from no pattern of this family" : share !== null && share < RARE ? `only ${family.learned} of the ${found.learned} rows that it has learned from are of this family` : "",
+      row.moves_more_than >= 1 - RARE ? `it moves more than ${number(100 * row.moves_more_than, 3)} % of the rows that were learned from` : "",
+      family.rmse_mm > 0 && row.rms_mm > 2 * family.rmse_mm ? `RMS error ${number(row.rms_mm / family.rmse_mm, 2)} times that of its family` : "",
+    ];
+    const told = { error: row.max_error_mm, family: row.family, area: row.area, simulated: row.simulated_max_mm, predicted: row.predicted_max_mm };
+    cards.push(() => worstCard(pattern, rowLink(row.set, row.row, digest), told, why, near));
+  }
+  const all = families.get("all");
+  const beyond = found.total - found.judged;
+  replace(
+    place,
+    h("p", { class: "soft" }, `Predicted here: ${found.judged} rows of `, found.sets.map((/** @type {string} */ set) => [short(set), " "]), `that were kept for tests, with an RMS error of a component of ${number(all.rmse_mm, 3)} mm. A card leads to the row, with the prediction beside its label and their difference.`),
+    h("div", { class: "cards large", "data-own": String(found.judged) }, cards.map((made) => made())),
+    beyond > 0 ? h("p", { class: "soft" }, `${beyond} more test rows are left out here.`) : null,
+  );
+}
+
+/** What a card says of a pattern that is predicted badly. @param {Pattern|null} pattern @param {string|null} link @param {{error: number, family: string, area: number, simulated: number, predicted: number}} told @param {string[]} why @param {{distance: number, cells: number}|null} near */
+function worstCard(pattern, link, told, why, near) {
+  return card(
+    pattern,
+    link,
+    h("div", {}, h("b", {}, `error ${number(told.error, 3)} mm`)),
+    h("div", {}, `${told.family}, area ${number(100 * told.area, 3)} %`),
+    h("div", {}, `largest: ${number(told.simulated, 4)} mm, predicted ${number(told.predicted, 4)} mm`),
+    why.filter(Boolean).map((words) => h("div", { class: "warning" }, words)),
+    near ? h("div", {}, `its nearest pattern in training differs in ${number((100 * near.distance) / near.cells, 3)} % of the cells`) : null,
+  );
 }
 
 /** An evaluation: errors by family, and the worst patterns of each predictor. @param {HTMLElement} place @param {any} found @param {string} [only] the digest of the one predictor that is shown */
@@ -73,7 +131,7 @@ async function worst(box, found, predictor, families, scores) {
   if (known) {
     for (const digest of new Set(answer.rows.map((/** @type {any[]} */ row) => row[places.set]))) sets.set(/** @type {string} */ (digest), await json(`artifacts/${digest}`));
   }
-  const training = predictor.digest ? await trainedOn(predictor.digest) : null;
+  const training = predictor.digest ? await trainedOn(predictor.digest) : [];
   /** @type {(() => HTMLElement)[]} */ const cards = [];
   for (const row of answer.rows) {
     const of = (/** @type {string} */ name) => row[places[name]];
@@ -83,44 +141,40 @@ async function worst(box, found, predictor, families, scores) {
     const column = families.indexOf(family);
     const usual = scores[`score/rmse.${column}_mm`]?.[predictor.at];
     const learned = scores[`trained.${column}`]?.[predictor.at];
-    const near = training && set ? await nearest(training, set.digest, of("set_row")) : null;
+    const near = training.length && set ? await nearest(training, set.digest, of("set_row")) : null;
     const why = [
       predictor.digest && learned === 0 ? "it has learned from no pattern of this family" : "",
       usual > 0 && row[rmsAt] > 2 * usual ? `RMS error ${number(row[rmsAt] / usual, 2)} times that of its family` : "",
-    ].filter(Boolean);
+    ];
+    const told = { error: row[worstAt], family, area: of("pattern/area"), simulated: of("pattern/simulated_max_mm"), predicted: row[predictedAt] };
     // Drawn when all are there: a picture is as wide as its place.
-    cards.push(() =>
-      card(
-        pattern,
-        set ? rowLink(set.digest, of("set_row")) : null,
-        h("div", {}, h("b", {}, `error ${number(row[worstAt], 3)} mm`)),
-        h("div", {}, `${family}, area ${number(100 * of("pattern/area"), 3)} %`),
-        h("div", {}, `largest: ${number(of("pattern/simulated_max_mm"), 4)} mm, predicted ${number(row[predictedAt], 4)} mm`),
-        why.map((words) => h("div", { class: "warning" }, words)),
-        near ? h("div", {}, `its nearest pattern in training differs in ${number((100 * near.distance) / near.cells, 3)} % of the cells`) : null,
-      ),
-    );
+    cards.push(() => worstCard(pattern, set ? rowLink(set.digest, of("set_row"), predictor.digest) : null, told, why, near));
   }
   replace(box, h("div", { class: "cards large", "data-worst": predictor.name }, cards.map((made) => made())), known ? null : h("p", { class: "soft" }, "The sets that were judged by are not in the store, so there are no pictures."));
 }
 
-/** The set that a model was trained on; null where that is not in the store. @param {string} digest */
+/** The balanced sets that a model was trained on; none where they are not in the store. @param {string} digest @returns {Promise<string[]>} */
 async function trainedOn(digest) {
   try {
     const found = await json(`artifacts/${digest}`);
     const own = found.ancestry.find((/** @type {any} */ one) => one.digest === found.digest);
-    const set = found.ancestry.find((/** @type {any} */ one) => own.inputs.includes(one.digest) && one.kind === "balance");
-    return set?.digest ?? null;
+    return found.ancestry.filter((/** @type {any} */ one) => own.inputs.includes(one.digest) && one.kind === "balance").map((/** @type {any} */ one) => one.digest);
   } catch {
-    return null;
+    return [];
   }
 }
 
-/** @param {string} training @param {string} set @param {number} row @returns {Promise<{distance: number, cells: number}|null>} */
+/** How far the nearest pattern is that was learned from. @param {string[]} training @param {string} set @param {number} row @returns {Promise<{distance: number, cells: number}|null>} */
 async function nearest(training, set, row) {
   try {
-    const found = await json(`artifacts/${training}/neighbours?row=${row}&of=${set}&limit=1`);
-    return found.neighbours.length ? { distance: found.neighbours[0].distance, cells: found.cells } : null;
+    /** @type {{distance: number, cells: number}|null} */ let best = null;
+    for (const one of training) {
+      // Rows that were kept for tests, the pattern itself among them, have taught nothing.
+      const found = await json(`artifacts/${one}/neighbours?row=${row}&of=${set}&limit=1&split=train`);
+      const first = found.neighbours[0];
+      if (first && (!best || first.distance < best.distance)) best = { distance: first.distance, cells: found.cells };
+    }
+    return best;
   } catch {
     return null;
   }

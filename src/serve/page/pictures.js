@@ -56,7 +56,7 @@ export function card(pattern, href, ...words) {
   return made;
 }
 
-/** The link to one row. @param {string} digest @param {number} row */
-export function rowLink(digest, row) {
-  return `#/artifacts/${digest}?tab=rows&row=${row}`;
+/** The link to one row, with what a model says of it where one is named. @param {string} digest @param {number} row @param {string} [model] its digest */
+export function rowLink(digest, row, model = "") {
+  return `#/artifacts/${digest}?tab=rows&row=${row}${model ? `&model=${model}` : ""}`;
 }

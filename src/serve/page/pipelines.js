@@ -1,12 +1,16 @@
 // Pipelines: how they stand, and what a change would have built anew.
 
 import { json } from "./server.js";
-import { bytes, h, near, problem, replace, seconds, settled, short, table } from "./elements.js";
+import { bytes, h, near, problem, replace, seconds, settled, short, table, titled } from "./elements.js";
 import { drawing as dag, list as stageList, progress, state } from "./dag.js";
-import { underWay } from "./live.js";
+import { others, underWay } from "./live.js";
 
 /** Values that are listed before more are asked for. */
 const FIRST = 40;
+
+/** Between two looks at a run, ms, and the longest where the server does not answer. */
+const LOOK = 700;
+const LONGEST = 30000;
 
 /** @param {HTMLElement} view @param {any} start */
 export async function pipelinesView(view, start) {
@@ -20,10 +24,17 @@ export async function pipelinesView(view, start) {
   );
 }
 
-/** @param {HTMLElement} view @param {string} id @param {boolean} mayRun @returns {Promise<() => void>} */
-export async function pipelineView(view, id, mayRun) {
+/** @param {HTMLElement} view @param {string} id @param {boolean} mayRun @param {URLSearchParams} query @returns {Promise<() => void>} */
+export async function pipelineView(view, id, mayRun, query) {
   let found = await json(`pipelines/${encodeURIComponent(id)}`);
-  /** @type {Record<string, string>} */ let set = {};
+  // What is changed stands in the address, so that a plan has a link of its own.
+  /** @type {Record<string, string>} */ let set = Object.fromEntries(query.getAll("set").filter((one) => one.includes("=")).map((one) => [one.slice(0, one.indexOf("=")), one.slice(one.indexOf("=") + 1)]));
+  const keep = () => {
+    const words = new URLSearchParams(Object.entries(set).map(([path, value]) => ["set", `${path}=${value}`]));
+    const wanted = `#/pipelines/${encodeURIComponent(id)}${Object.keys(set).length ? `?${words}` : ""}`;
+    if (location.hash !== wanted) history.replaceState(null, "", wanted);
+  };
+  let turn = 0;
   /** The value that is refused. @type {string|null} */ let refused = null;
   let mark = () => {};
   let ended = false;
@@ -32,6 +43,7 @@ export async function pipelineView(view, id, mayRun) {
   const narrow = h("div", { class: "narrow-only" });
   /** @type {any} */ let planned = found;
   const bill = h("p", { id: "bill" });
+  const elsewhere = h("div", { id: "elsewhere", "aria-live": "polite" });
   const trouble = h("div", {});
   const runBox = h("div", {});
 
@@ -47,7 +59,12 @@ export async function pipelineView(view, id, mayRun) {
   };
 
   const show_stages = () => {
-    const working = underWay(found.pipeline, found.path);
+    const working = underWay(found.pipeline, found.path, set);
+    const told = others(found.pipeline, set).map((run) => {
+      const values = Object.entries(run.set).map(([path, value]) => `${path}=${value}`).join(", ") || "the values of the file";
+      return h("p", { class: "box" }, `Another run of this pipeline goes on, with ${values} (process ${run.pid})${run.stages.length ? `: ${run.stages.map((/** @type {any} */ stage) => stage.name).join(", ")}` : ""}.`);
+    });
+    replace(elsewhere, told);
     replace(drawing, dag(planned.stages, found.layout, working));
     const made = (/** @type {any} */ stage) => (stage.digest && stage.outcome !== "stale" ? short(stage.digest) : "");
     const chunks = (/** @type {any} */ stage) => (stage.chunks_built ? `${stage.chunks_built} of ${stage.chunks_built + stage.chunks_reused}` : "");
@@ -68,15 +85,26 @@ export async function pipelineView(view, id, mayRun) {
     replace(narrow, stageList(planned.stages, found.needs, working, (stage) => h("div", { class: "small" }, chunks(stage) ? `${chunks(stage)} chunks to build ` : "", made(stage))));
   };
 
+  const old = (/** @type {boolean} */ is) => [drawing, stages, narrow].forEach((element) => element.classList.toggle("old", is));
+
   const replan = async () => {
+    turn += 1;
+    const own = turn;
     try {
       const plan = Object.keys(set).length ? await json("plan", { body: { pipeline: id, set } }) : found;
-      if (ended) return;
+      if (ended || own !== turn) return;
+      keep();
+      old(false);
       replace(trouble);
       refused = null;
       show(plan);
     } catch (error) {
+      if (ended || own !== turn) return;
       refused = /** @type {any} */ (error).value ?? null;
+      // What is drawn is the plan of the values before.
+      bill.textContent = "No plan with these values; what is shown in grey is that of the values before.";
+      bill.dataset.stale = "";
+      old(true);
       replace(trouble, problem(error));
     }
     mark();
@@ -127,21 +155,34 @@ export async function pipelineView(view, id, mayRun) {
       fill();
       void replan();
     } }, "As in the file");
-    return h("section", {}, h("h2", {}, "Change a value"), h("p", { class: "soft small" }, "What would be built anew is shown at once; nothing is built and no file is changed. Paths are those of ", h("code", {}, "--set"), "."), h("div", { class: "tools" }, search, back), list);
+    return h("section", {}, h("h2", {}, "Change a value"), h("p", { class: "soft small" }, "What would be built anew is shown at once; nothing is built and no file is changed. Paths are those of ", h("code", {}, "--set"), "; quantities have their unit: ", h("code", {}, "4 kV"), ", ", h("code", {}, "25 mm"), "."), h("div", { class: "tools" }, search, back), list);
   };
 
   const runner = () => {
     if (!mayRun) return h("p", { class: "soft small" }, "Nothing is run from here; ", h("code", {}, "deaflow serve --allow-run"), " allows it.");
     const log = h("div", { "aria-live": "polite" });
     let timer = 0;
+    let pause = LOOK;
     const look = async () => {
-      const told = await json("run");
+      clearTimeout(timer);
+      /** @type {any} */ let told;
+      try {
+        told = await json("run");
+        pause = LOOK;
+      } catch (error) {
+        if (ended) return;
+        replace(log, problem(error));
+        // A server that does not answer is asked ever more seldom.
+        pause = Math.min(2 * pause, LONGEST);
+        timer = setTimeout(() => void look(), pause);
+        return;
+      }
       if (ended) return;
       const last = told.events.slice(-12).map((/** @type {any} */ event) => event.text ?? [event.event, event.name ?? event.pipeline, event.why].filter(Boolean).join(" "));
       const state = told.running ? h("span", { class: "running" }, "running") : told.pipeline ? `ended with exit code ${told.exit_code}` : "";
       replace(log, h("p", {}, state), last.length ? h("pre", {}, last.join("\n")) : null);
       clearTimeout(timer);
-      if (told.running) timer = setTimeout(() => void look(), 700);
+      if (told.running) timer = setTimeout(() => void look(), pause);
       else if (told.pipeline) {
         found = await json(`pipelines/${encodeURIComponent(id)}`);
         await replan();
@@ -168,9 +209,11 @@ export async function pipelineView(view, id, mayRun) {
   if (found.problem) {
     replace(view, h("h1", {}, "Pipeline"), h("p", { class: "mono" }, near(found.path)), problem(found.problem), source(found.text, found.problem.line));
   } else {
-    replace(view, h("h1", {}, found.pipeline), h("p", { class: "mono soft" }, near(found.path)), bill, trouble, drawing, stages, narrow, editor(), runBox, h("details", {}, h("summary", {}, "The file"), source(found.text, null)));
+    replace(view, h("h1", {}, found.pipeline), h("p", { class: "mono soft" }, near(found.path)), bill, elsewhere, trouble, drawing, stages, narrow, editor(), runBox, h("details", {}, h("summary", {}, "The file"), source(found.text, null)));
     replace(runBox, runner());
+    titled(`${found.pipeline} – Pipelines`);
     show(found);
+    if (Object.keys(set).length) void replan();
   }
   const news = async () => {
     if (ended) return;

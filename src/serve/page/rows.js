@@ -1,15 +1,18 @@
 // The rows of an artifact: a table that the server filters, sorts and pages, a histogram that selects rows, and pictures of patterns and fields.
 
 import { frame, json } from "./server.js";
-import { choice, h, labelled, number, problem, replace, settled } from "./elements.js";
+import { choice, h, labelled, number, problem, replace, settled, short } from "./elements.js";
 import { charts } from "./chart.js";
-import { drawPattern } from "./membrane.js";
-import { card, drawField, drawn, patternsAt, rowLink } from "./pictures.js";
+import { drawMembrane, drawPattern, magnitudes } from "./membrane.js";
+import { card, drawField, drawn, patternsAt, rowLink, size } from "./pictures.js";
 import { lineage } from "./origin.js";
 import { Pattern } from "./pattern.js";
 import { save } from "./files.js";
 
 const PAGE = 24;
+
+/** Rows that are marked, by the digests of their artifacts: they stay when one goes back. @type {Map<string, Set<number>>} */
+const MARKED = new Map();
 
 /** Columns of texts of which one is chosen, and how many different texts such a column may have. */
 const CHOSEN = /(^|\/)(family|split|outcome|role|name|case|set|why|status)$/;
@@ -28,19 +31,24 @@ export async function rowsView(place, found, query) {
   const axes = [...new Set(found.datasets.map((/** @type {any} */ one) => one.axes[0]).filter(Boolean))];
   const asked = { along: query.get("along") ?? "", filter: query.get("filter") ?? "", sort: query.get("sort") ?? "", offset: Number(query.get("offset") ?? 0) || 0, histogram: query.get("histogram") ?? "" };
   let chosen = query.get("row") === null ? null : Number(query.get("row"));
-  const marked = new Set();
+  const model = query.get("model") ?? "";
+  const marked = MARKED.get(found.digest) ?? new Set();
+  MARKED.set(found.digest, marked);
   const filter = h("input", { type: "search", value: asked.filter, placeholder: "max_displacement_mm > 1 and family = bezier", "aria-label": "Filter", name: "filter" });
   const trouble = h("div", {});
+  const unknown = h("div", { id: "unknown" });
   const told = h("p", { class: "soft", id: "matched", "aria-live": "polite" });
   const histogram = h("div", {});
   const cards = h("div", { class: "cards" });
   const tableBox = h("div", {});
   const pages = h("div", { class: "tools" });
   const one = h("div", { id: "sample" });
-  const counted = h("span", {});
+  const counted = h("span", {}, marked.size ? `${marked.size} marked` : "");
   let turn = 0;
+  const old = (/** @type {boolean} */ is) => [told, histogram, cards, tableBox, pages].forEach((element) => element.classList.toggle("old", is));
 
-  const fill = async () => {
+  /** @param {boolean} first whether it is what the address says already, so that nothing is to be gone back to */
+  const fill = async (first = false) => {
     turn += 1;
     const own = turn;
     const words = new URLSearchParams({ limit: String(PAGE), offset: String(asked.offset) });
@@ -49,13 +57,18 @@ export async function rowsView(place, found, query) {
     link.delete("limit");
     link.set("tab", "rows");
     if (chosen !== null) link.set("row", String(chosen));
-    history.replaceState(null, "", `#/artifacts/${found.digest}?${link}`);
+    if (model) link.set("model", model);
+    const wanted = `#/artifacts/${found.digest}?${link}`;
+    if (first) history.replaceState(null, "", wanted);
+    else if (location.hash !== wanted) history.pushState(null, "", wanted);
     try {
       const began = performance.now();
       const answer = await json(`artifacts/${found.digest}/rows?${words}`);
       if (own !== turn) return;
       replace(trouble);
       for (const select of quick.querySelectorAll("select")) select.value = among(select.name.replace("only-", ""));
+      old(false);
+      replace(unknown, answer.unknown.map((/** @type {any} */ one) => h("p", { class: "box", role: "alert" }, `No row has ${one.column} “${one.value}”; there are: ${one.known.join(", ")}.`)));
       told.textContent = `${answer.matched} of ${answer.total} rows`;
       told.dataset.matched = String(answer.matched);
       told.title = `${number(performance.now() - began, 3)} ms`;
@@ -64,7 +77,13 @@ export async function rowsView(place, found, query) {
       void offer(answer).catch(() => {});
       await pictures(answer);
     } catch (error) {
-      if (own === turn) replace(trouble, problem(error));
+      if (own !== turn) return;
+      // What stands below is of the filter before.
+      told.textContent = "no count with this filter";
+      delete told.dataset.matched;
+      replace(unknown);
+      old(true);
+      replace(trouble, problem(error));
     }
   };
   const soon = settled(() => {
@@ -205,6 +224,7 @@ export async function rowsView(place, found, query) {
       const own = value(name);
       return own ? [h("button", { type: "button", "data-alike": name, onclick: () => only(name, own) }, `Same ${name}`)] : [];
     });
+    const predicted = h("div", {});
     const from = h("div", {}, h("p", { class: "soft" }, "Looking …"));
     const near = h("div", {}, h("p", { class: "soft" }, "Looking …"));
     replace(
@@ -212,6 +232,7 @@ export async function rowsView(place, found, query) {
       h("h2", {}, `Row ${id}`),
       h("div", { class: "pair" }, left, displacement ? right : null, h("dl", { class: "results" }, values.map((/** @type {[string, any]} */ [name, value]) => [h("dt", {}, name), h("dd", {}, typeof value === "number" ? number(value, 6) : value ?? "–")]))),
       h("div", { class: "tools" }, alike),
+      predicted,
       h("h3", {}, "Where it comes from"),
       from,
       h("h3", {}, "Patterns most alike"),
@@ -232,6 +253,7 @@ export async function rowsView(place, found, query) {
       drawField(right, found, pattern, displacement);
     }
     images.forEach((canvas, k) => drawPattern(canvas, image(pattern, k)));
+    if (model) prediction(predicted, found, id, model).catch((error) => replace(predicted, problem(error)));
     lineage(from, found, Object.fromEntries(values)).catch((error) => replace(from, problem(error)));
     void neighbours(near, found, id);
   };
@@ -251,6 +273,7 @@ export async function rowsView(place, found, query) {
     ),
     quick,
     trouble,
+    unknown,
     histogram,
     one,
     cards,
@@ -258,7 +281,40 @@ export async function rowsView(place, found, query) {
     tableBox,
     h("div", { class: "tools" }, h("button", { type: "button", onclick: () => save([...marked].sort((a, b) => a - b).join("\n") + "\n", `rows-${found.digest.slice(0, 12)}.txt`) }, "Save the list of marked rows"), counted),
   );
-  await fill();
+  await fill(true);
+}
+
+/** The largest magnitude of a field over the cell corners. @param {Float32Array} field */
+function largest(field) {
+  let most = 0;
+  for (let at = 0; at < field.length; at += 2) most = Math.max(most, Math.hypot(field[at], field[at + 1]));
+  return most;
+}
+
+/** What a model says of a row, beside its label, and where they differ. @param {HTMLElement} place @param {any} found @param {number} row @param {string} model */
+async function prediction(place, found, row, model) {
+  replace(place, h("p", { class: "soft" }, "Predicting …"));
+  const { document: told, arrays } = await frame(`artifacts/${model}/prediction?row=${row}&of=${found.digest}`);
+  const { shape, data } = arrays.pattern;
+  const pattern = new Pattern(shape[1], shape[0], Uint8Array.from(data));
+  const [label, predicted] = [arrays.label, arrays.predicted].map((array) => /** @type {Float32Array} */ (array.data));
+  const difference = label.map((value, at) => predicted[at] - value);
+  const [most, wrong] = [[label, predicted], [difference]].map((fields) => Math.max(...fields.flatMap((field) => Array.from(magnitudes(field, pattern.columns, pattern.rows)))));
+  /** @type {[string, Float32Array, number, number][]} */
+  const views = [["Label", label, 2, most], ["Prediction", predicted, 2, most], ["Error", difference, 1, wrong]];
+  const made = views.map(([name]) => ({ canvas: h("canvas", { role: "img", "aria-label": name }), note: h("figcaption", { class: "small soft" }) }));
+  replace(
+    place,
+    h("h3", {}, "Prediction of ", short(model)),
+    h("p", { "data-error": String(told.max_error_mm) }, `${told.network}: largest error of a component ${number(told.max_error_mm, 4)} mm, RMS ${number(told.rms_mm, 4)} mm`),
+    h("div", { class: "pair", id: "prediction" }, made.map(({ canvas, note }) => h("figure", {}, canvas, note))),
+  );
+  views.forEach(([name, field, scale, high], at) => {
+    const values = magnitudes(field, pattern.columns, pattern.rows);
+    // Label and prediction have one scale of colours; the error has its own, on the undeformed membrane.
+    drawMembrane(made[at].canvas, pattern, name === "Error" ? new Float32Array(field.length) : field, { size: size(found, pattern), scale, values, low: 0, high });
+    made[at].note.textContent = `${name}: largest ${number(largest(field), 4)} mm`;
+  });
 }
 
 /** The rows whose patterns are most like that of a row. @param {HTMLElement} place @param {any} found @param {number} row */

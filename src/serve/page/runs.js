@@ -1,7 +1,7 @@
 // Past runs: their history, one of them, and several beside each other.
 
 import { json } from "./server.js";
-import { h, near, number, replace, seconds, short, table, when } from "./elements.js";
+import { h, near, number, replace, seconds, short, table, titled, when } from "./elements.js";
 
 /** Results that a row of the history shows. */
 const RESULTS = 4;
@@ -50,6 +50,7 @@ export async function runsView(view) {
 /** @param {HTMLElement} view @param {string} id */
 export async function runView(view, id) {
   const run = await json(`runs/${encodeURIComponent(id)}`);
+  titled(`Run ${run.id} of ${run.pipeline}`);
   const stage = (/** @type {any} */ one) => [one.name, h("span", { class: one.outcome === "failed" ? "error" : null }, one.outcome), one.digest ? short(one.digest) : ""];
   const pairs = (/** @type {Record<string, any>} */ of) => Object.entries(of).map(([name, value]) => [h("span", { class: "mono" }, name), typeof value === "number" ? number(value, 6) : String(value)]);
   replace(
@@ -61,7 +62,7 @@ export async function runView(view, id) {
     table("Stages", ["stage", "outcome", "artifact"], run.stages.map(stage)),
     Object.keys(run.overrides).length ? [h("h2", {}, "Changed for this run"), table("Overrides", ["path", "value"], pairs(run.overrides))] : null,
     h("h2", {}, "Results"),
-    table("Results", ["result", { title: "value", number: true }], pairs(run.results)),
+    table("Results", ["result", { title: "value", number: true }, "unit"], pairs(run.results).map(([name, value], at) => [name, value, run.units?.[Object.keys(run.results)[at]] ?? ""])),
     h("details", {}, h("summary", {}, "Parameters"), table("Parameters", ["parameter", "value"], pairs(run.parameters))),
   );
 }
@@ -69,13 +70,16 @@ export async function runView(view, id) {
 /** @param {HTMLElement} view @param {string[]} ids */
 export async function compareView(view, ids) {
   const runs = await Promise.all(ids.map((id) => json(`runs/${encodeURIComponent(id)}`)));
+  // What was changed by `--set` stands among the parameters, by the path that was set.
+  for (const run of runs) run.parameters = { ...run.parameters, ...run.overrides };
+  /** @type {Record<string, string>} */ const units = Object.assign({}, ...runs.map((run) => run.units ?? {}));
   /** Rows of what differs, or of all. @param {"parameters"|"results"} key @param {boolean} all */
   const rows = (key, all) => {
     const names = [...new Set(runs.flatMap((run) => Object.keys(run[key])))].sort();
     const differs = (/** @type {string} */ name) => new Set(runs.map((run) => JSON.stringify(run[key][name]))).size > 1;
     return names
       .filter((name) => all || differs(name))
-      .map((name) => [h("span", { class: "mono" }, name), ...runs.map((run) => {
+      .map((name) => [h("span", { class: "mono" }, name, key === "results" && units[name] ? h("span", { class: "soft" }, `, ${units[name]}`) : null), ...runs.map((run) => {
         const value = run[key][name];
         return value === undefined ? "–" : typeof value === "number" ? number(value, 6) : h("span", { class: "mono" }, String(value));
       })]);
@@ -86,13 +90,22 @@ export async function compareView(view, ids) {
     return h("div", {}, h("h3", {}, `${run.id}: ${last?.name ?? ""}`), last?.digest ? h("iframe", { sandbox: "allow-same-origin", title: `Figures of ${last.name}`, src: `/api/artifacts/${last.digest}/page` }) : null);
   });
   const differing = rows("parameters", false);
+  const results = rows("results", false);
+  const equal = rows("results", true).length - results.length;
+  const box = h("div", {});
+  const fill = (/** @type {boolean} */ all) => {
+    const shown = all ? rows("results", true) : results;
+    replace(box, shown.length ? table("Results", heads("result", true), shown) : h("p", {}, "All are the same."));
+  };
+  fill(false);
   replace(
     view,
     h("h1", {}, `${runs.length} runs`),
     h("h2", {}, "Parameters that differ"),
     differing.length ? table("Parameters", heads("parameter", false), differing) : h("p", {}, "None."),
     h("h2", {}, "Results"),
-    table("Results", heads("result", true), rows("results", true)),
+    equal ? h("label", { class: "toggle" }, h("input", { type: "checkbox", name: "equal", onchange: (/** @type {any} */ event) => fill(event.target.checked) }), `Show ${equal} that are equal, too`) : null,
+    box,
     h("h2", {}, "Figures of the last stage"),
     h("div", { class: "pair" }, figures),
   );

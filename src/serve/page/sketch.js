@@ -6,7 +6,8 @@ import { charts } from "./chart.js";
 import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { range } from "./colours.js";
 import { History, Mirrors, Pattern } from "./pattern.js";
-import { fromFile, saveAs } from "./files.js";
+import { fromFile, READ, saveAs } from "./files.js";
+import { HINTS, quantity } from "./quantity.js";
 
 /** After so many milliseconds without a stroke the critical voltage and the error are asked for. */
 const STILL = 250;
@@ -22,6 +23,9 @@ const COLOURINGS = {
   tension: ["tension: taut, wrinkled, slack", "", 1, true],
   electrode: ["electrodes", "", 1, true],
 };
+
+/** Tools that take two corners. */
+const SHAPES = ["rectangle", "ellipse", "line"];
 
 /** The highest voltage that is simulated, V. */
 const MOST_VOLTS = 1e6;
@@ -70,6 +74,10 @@ class Sketchpad {
     this.critical = null;
     /** @type {any} */ this.shown = null;
     /** @type {{pattern: Pattern, value: number}|null} */ this.best = null;
+    /** What is wanted of the point, mm; null where nothing is. @type {number|null} */ this.wanted = null;
+    /** Fields that hold something wrong: what is shown belongs to values of before. @type {Set<string>} */ this.wrong = new Set();
+    /** Whether the last question had no answer. */ this.failed = false;
+    /** The first corner of a shape that is drawn by keys. @type {{from: [number, number], before: Pattern}|null} */ this.corner = null;
     this.version = 0;
     this.sent = -1;
     /** @type {{controller: AbortController, began: number, version: number}|null} */ this.flight = null;
@@ -84,6 +92,8 @@ class Sketchpad {
     this.ended = false;
     this.redraw = () => this.soon();
     window.addEventListener("resize", this.redraw);
+    this.back = (/** @type {KeyboardEvent} */ event) => this.takeBack(event);
+    window.addEventListener("keydown", this.back);
     this.dark = window.matchMedia("(prefers-color-scheme: dark)");
     this.dark.addEventListener("change", this.redraw);
   }
@@ -94,11 +104,12 @@ class Sketchpad {
     this.flight?.controller.abort();
     this.search?.abort();
     window.removeEventListener("resize", this.redraw);
+    window.removeEventListener("keydown", this.back);
     this.dark.removeEventListener("change", this.redraw);
   }
 
   build() {
-    const label = "Drawing area. Arrow keys move the cursor, space draws, B E R O L F choose a tool, Ctrl Z takes back.";
+    const label = "Drawing area. Arrow keys move the cursor, space draws, B E R O L F choose a tool, Ctrl Z takes back. Of a rectangle, an ellipse or a line, space sets the first corner and draws at the second; Escape drops it.";
     this.canvas = h("canvas", { class: "pad", tabindex: "0", role: "application", "aria-label": label, id: "pad" });
     this.membrane = h("canvas", { class: "membrane", role: "img", "aria-label": "The membrane as it deforms", id: "membrane" });
     this.bar = h("canvas", { class: "bar", "aria-hidden": "true" });
@@ -106,9 +117,11 @@ class Sketchpad {
     this.results = h("dl", { class: "results", "aria-live": "polite", id: "results" });
     this.notice = h("div", { id: "notice" });
     this.timing = h("p", { class: "soft small", id: "timing" });
+    this.line = h("p", { class: "narrow-only sticky", id: "value-line", "aria-hidden": "true" });
     replace(
       this.view,
       h("h1", {}, "Sketchpad"),
+      this.line,
       this.sceneControls(),
       h(
         "div",
@@ -127,14 +140,13 @@ class Sketchpad {
   sceneControls() {
     const scenes = this.scenes.map((scene) => [scene.name, scene.name]);
     this.voltageRange = h("input", { type: "range", min: "0", max: String(this.mostVoltage()), step: "10", value: String(this.voltage), id: "voltage", "aria-label": "Voltage", list: "critical" });
-    this.voltageNumber = numeric(String(this.voltage), "Voltage in V", { id: "volts" });
+    this.voltageNumber = numeric(String(this.voltage), `Voltage, ${HINTS.voltage}`, { id: "volts", title: HINTS.voltage });
     this.criticalMark = h("option", {});
     this.criticalText = h("span", { class: "soft", id: "critical-voltage" });
     this.voltageTrouble = h("span", { class: "error", id: "voltage-trouble", role: "alert" });
     const changed = (/** @type {string} */ text) => {
-      const value = Number(text);
-      const wrong = text.trim() === "" ? "a number is wanted, in V" : !Number.isFinite(value) ? `“${text}” is no number` : value < 0 || value > MOST_VOLTS ? `allowed: 0 to ${MOST_VOLTS} V` : "";
-      said(this.voltageNumber, this.voltageTrouble, wrong);
+      const { value, wrong } = quantity(text, "voltage", 0, MOST_VOLTS);
+      this.said("voltage", this.voltageNumber, this.voltageTrouble, wrong);
       if (wrong) return;
       this.voltage = value;
       this.voltageRange.value = String(value);
@@ -150,7 +162,7 @@ class Sketchpad {
       this.scene.states.length ? labelled("State", choice("state", this.scene.states.map((/** @type {string} */ name) => [name, name]), this.state ?? "", (name) => this.take({ state: name }))) : null,
       this.scene.driven_by_charge
         ? h("span", { class: "soft" }, "driven by a charge")
-        : h("span", { class: "control grow" }, h("span", {}, "Voltage"), this.voltageRange, this.voltageNumber, h("span", {}, "V"), h("datalist", { id: "critical" }, this.criticalMark), this.voltageTrouble, this.criticalText),
+        : h("span", { class: "control grow" }, h("span", {}, "Voltage"), this.voltageRange, this.voltageNumber, h("span", { class: "soft" }, "V, or 4 kV"), h("datalist", { id: "critical" }, this.criticalMark), this.voltageTrouble, this.criticalText),
     );
   }
 
@@ -179,8 +191,8 @@ class Sketchpad {
       h(
         "div",
         { class: "tools" },
-        h("button", { type: "button", onclick: () => this.undo(), title: "Ctrl Z" }, "Undo"),
-        h("button", { type: "button", onclick: () => this.redo(), title: "Ctrl Y" }, "Redo"),
+        (this.undoButton = h("button", { type: "button", disabled: true, name: "undo", onclick: () => this.undo(), title: "Ctrl Z" }, "Undo")),
+        (this.redoButton = h("button", { type: "button", disabled: true, name: "redo", onclick: () => this.redo(), title: "Ctrl Y" }, "Redo")),
         h("button", { type: "button", onclick: () => this.become(new Pattern(this.scene.columns, this.scene.rows)) }, "Clear"),
         h("button", { type: "button", onclick: () => this.inverted() }, "Invert"),
         h("button", { type: "button", onclick: () => this.turned() }, this.scene.columns === this.scene.rows ? "Turn" : "Turn by half"),
@@ -222,18 +234,25 @@ class Sketchpad {
 
   pointPanel() {
     const [width, height] = this.scene.size_mm;
-    const field = (/** @type {string} */ label, /** @type {number} */ value, /** @type {number} */ least, /** @type {number} */ most, /** @type {(value: number) => void} */ set) => {
+    const field = (/** @type {string} */ label, /** @type {"length"|"angle"} */ dimension, /** @type {number} */ value, /** @type {number} */ least, /** @type {number} */ most, /** @type {(value: number) => void} */ set) => {
       const trouble = h("span", { class: "error", role: "alert" });
-      const input = numeric(String(value), label, { oninput: () => {
-        const found = Number(input.value);
-        const wrong = input.value.trim() === "" || !Number.isFinite(found) ? "a number is wanted" : found < least || found > most ? `allowed: ${number(least)} to ${number(most)}` : "";
-        said(input, trouble, wrong);
-        if (wrong) return;
-        set(found);
+      const input = numeric(String(value), label, { title: HINTS[dimension], oninput: () => {
+        const found = quantity(input.value, dimension, least, most);
+        this.said(label, input, trouble, found.wrong);
+        if (found.wrong) return;
+        set(found.value);
         this.changed(false);
       } });
       return labelled(label, input, trouble);
     };
+    const trouble = h("span", { class: "error", role: "alert" });
+    const wanted = numeric("", "wanted value", { name: "wanted", placeholder: "none", title: `${HINTS.length}; Improve stops once it is reached`, oninput: () => {
+      const found = wanted.value.trim() ? quantity(wanted.value, "length", -1e3, 1e3) : { value: NaN, wrong: "" };
+      said(wanted, trouble, found.wrong);
+      if (found.wrong) return;
+      this.wanted = Number.isFinite(found.value) ? found.value : null;
+      if (this.shown) this.show();
+    } });
     this.heatNote = h("p", { class: "soft small" });
     return h(
       "section",
@@ -242,9 +261,10 @@ class Sketchpad {
       h(
         "div",
         { class: "tools" },
-        field("x, mm", this.point[0], 0, width, (value) => (this.point = [value, this.point[1]])),
-        field("y, mm", this.point[1], 0, height, (value) => (this.point = [this.point[0], value])),
-        field("direction, °", this.direction, -360, 360, (value) => (this.direction = value)),
+        field("x, mm", "length", this.point[0], 0, width, (value) => (this.point = [value, this.point[1]])),
+        field("y, mm", "length", this.point[1], 0, height, (value) => (this.point = [this.point[0], value])),
+        field("direction, °", "angle", this.direction, -360, 360, (value) => (this.direction = value)),
+        labelled("wanted, mm", wanted, trouble),
       ),
       h("label", { class: "toggle" }, h("input", { type: "checkbox", name: "heat", onchange: (/** @type {any} */ event) => this.take({ heat: event.target.checked }) }), "Show what each cell would add or take (adjoint)"),
       this.heatNote,
@@ -273,10 +293,10 @@ class Sketchpad {
 
   effectsPanel() {
     const known = this.scene.effects.filter((/** @type {any} */ effect) => effect.on !== null && !effect.in_time && !["charge_control", "rigid_inclusion"].includes(effect.name));
-    /** @type {{name: string, box: any}[]} */
+    /** @type {{name: string, box: any, refused: string|null}[]} */
     const boxes = known.map((/** @type {any} */ effect) => {
-      const box = h("input", { type: "checkbox", name: effect.name, checked: effect.on, onchange: () => this.take({ effects: boxes.filter((one) => one.box.checked).map((one) => one.name) }) });
-      return { name: effect.name, box };
+      const box = h("input", { type: "checkbox", name: effect.name, checked: effect.on, disabled: Boolean(effect.refused), onchange: () => this.take({ effects: boxes.filter((one) => one.box.checked).map((one) => one.name) }) });
+      return { name: effect.name, box, refused: effect.refused ?? null };
     });
     this.screening = h("div", {});
     return h(
@@ -284,7 +304,7 @@ class Sketchpad {
       { class: "panel wide" },
       h("h2", {}, "Effects"),
       this.scene.auto ? h("p", { class: "soft small" }, "The scene leaves them to screening; a choice here takes their place.") : null,
-      h("div", { class: "boxes" }, boxes.map((one) => h("label", { class: "toggle" }, one.box, one.name.replaceAll("_", " ")))),
+      h("div", { class: "boxes" }, boxes.map((one) => h("label", { class: "toggle" }, one.box, h("span", {}, one.name.replaceAll("_", " "), one.refused ? h("span", { class: "soft small", "data-refused": one.name }, `: ${one.refused}`) : null)))),
       h("button", { type: "button", onclick: () => this.screen(), id: "screen" }, "Which does this pattern call for?"),
       this.screening,
     );
@@ -303,7 +323,7 @@ class Sketchpad {
   }
 
   filePanel() {
-    const file = h("input", { type: "file", accept: ".png,.csv,.npy,.svg,.dxf", "aria-label": "Open a pattern", onchange: async () => {
+    const file = h("input", { type: "file", accept: READ.map((format) => `.${format}`).join(","), "aria-label": "Open a pattern", onchange: async () => {
       const chosen = file.files?.[0];
       file.value = "";
       if (chosen) await this.attempt(this.saved, async () => this.become(await fromFile(chosen, this.scene)));
@@ -311,12 +331,19 @@ class Sketchpad {
     this.saved = h("div", {});
     this.name = h("input", { type: "text", value: "mine", pattern: "[A-Za-z0-9_-]+", "aria-label": "Name of the file", name: "name" });
     const formats = ["csv", "npy", "png", "svg", "dxf", "gbr"].map((format) => h("button", { type: "button", "data-format": format, onclick: () => this.keep(format) }, format));
+    this.stages = h("div", { id: "stages" });
+    this.name.addEventListener("input", () => this.showStages());
+    this.showStages();
     return h(
       "section",
       { class: "panel" },
       h("h2", {}, "Files"),
       labelled("Open png, csv, npy, svg or dxf", file),
-      h("div", { class: "tools" }, labelled("Save", this.name), formats),
+      h("div", { class: "tools" }, labelled("Name", this.name)),
+      h("div", { class: "tools", role: "group", "aria-label": "Save as a file" }, h("span", { class: "soft" }, "Save as"), formats),
+      h("h3", {}, "Into a pipeline"),
+      h("div", { class: "tools" }, h("button", { type: "button", class: "main", id: "into-pipeline", onclick: () => this.keep("csv") }, "Save to a pipeline")),
+      this.stages,
       this.saved,
     );
   }
@@ -333,13 +360,23 @@ class Sketchpad {
 
   /** @param {string} format */
   async keep(format) {
-    const name = this.name.value.replace(/[^A-Za-z0-9_-]/g, "_") || "mine";
+    const name = this.fileName();
     await this.attempt(this.saved, async () => {
       await saveAs(format, { scene: this.scene.name, pattern: this.pattern.asRows() }, name);
-      if (!["csv", "npy", "png"].includes(format)) return;
-      const text = `  ${name}: { kind: patterns, files: [${name}.${format}] }\n  ${name}-solved: { kind: solve, needs: [${name}], elements_per_cell: ${this.elements}, order: ${this.order} }\n`;
-      replace(this.saved, h("p", { class: "small" }, `Put ${name}.${format} beside a pipeline with this scene, and these stages into it:`), copyable(text), this.otherVoltage());
+      if (["csv", "npy", "png"].includes(format)) this.showStages(format);
+      replace(this.saved, h("p", { class: "small" }, `${name}.${format} is saved.`));
     });
+  }
+
+  fileName() {
+    return this.name.value.replace(/[^A-Za-z0-9_-]/g, "_") || "mine";
+  }
+
+  /** The stages that put the pattern into a pipeline, as they stand there. @param {string} format */
+  showStages(format = "csv") {
+    const name = this.fileName();
+    const text = `  ${name}: { kind: patterns, files: [${name}.${format}] }\n  ${name}-solved: { kind: solve, needs: [${name}], elements_per_cell: ${this.elements}, order: ${this.order} }\n`;
+    replace(this.stages, h("p", { class: "small" }, `The button saves ${name}.csv. Put it beside a pipeline with this scene, and these stages into it:`), copyable(text), this.otherVoltage());
   }
 
   /** What has to be said where the pattern was drawn at another voltage than the scene's, which a pipeline would take. */
@@ -358,6 +395,7 @@ class Sketchpad {
   /** @param {Record<string, any>} values */
   take(values) {
     Object.assign(this, values);
+    this.showStages();
     this.changed(false);
   }
 
@@ -369,6 +407,7 @@ class Sketchpad {
     canvas.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => {
       if (event.button > 2) return;
       event.preventDefault();
+      this.drop();
       canvas.focus({ preventScroll: true });
       this.showCursor = false;
       canvas.setPointerCapture(event.pointerId);
@@ -400,6 +439,7 @@ class Sketchpad {
     canvas.addEventListener("contextmenu", (/** @type {Event} */ event) => event.preventDefault());
     canvas.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => this.key(event));
     canvas.addEventListener("blur", () => {
+      this.drop();
       this.showCursor = false;
       this.soon();
     });
@@ -425,12 +465,6 @@ class Sketchpad {
     const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
     const move = /** @type {any} */ (moves)[event.key];
     const tool = TOOLS.find(([, , key]) => key === event.key.toLowerCase());
-    if ((event.ctrlKey || event.metaKey) && ["z", "y"].includes(event.key.toLowerCase())) {
-      event.preventDefault();
-      if (event.key.toLowerCase() === "y" || event.shiftKey) this.redo();
-      else this.undo();
-      return;
-    }
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const value = this.tool === "eraser" ? 0 : this.group;
     if (move) {
@@ -438,8 +472,15 @@ class Sketchpad {
       const before = this.cursor;
       this.cursor = [Math.max(0, Math.min(columns - 1, before[0] + move[0])), Math.max(0, Math.min(rows - 1, before[1] + move[1]))];
       // With shift the pen is down.
-      if (event.shiftKey) this.edit((pattern) => pattern.stroke(before, this.cursor, this.diameter, value, this.mirrors));
-    } else if (event.key === " " || event.key === "Enter") {
+      if (this.corner) {
+        this.apply(this.corner.before, this.corner.from, this.cursor, value);
+        this.changed(true);
+      } else if (event.shiftKey) this.edit((pattern) => pattern.stroke(before, this.cursor, this.diameter, value, this.mirrors));
+    } else if (event.key === "Escape") {
+      if (!this.corner) return;
+      this.drop();
+    } else if ((event.key === " " || event.key === "Enter") && SHAPES.includes(this.tool)) this.setCorner(value);
+    else if (event.key === " " || event.key === "Enter") {
       const [x, y] = this.cursor;
       this.edit((pattern) => (this.tool === "fill" ? pattern.flood(x, y, value, this.mirrors) : pattern.dab(x, y, this.diameter, value, this.mirrors)));
     } else if (tool) this.choose(tool[0]);
@@ -449,8 +490,44 @@ class Sketchpad {
     this.soon();
   }
 
+  /** The first corner of a shape, or the second, which draws it. @param {number} value */
+  setCorner(value) {
+    if (!this.corner) {
+      this.corner = { from: this.cursor, before: this.pattern.copy() };
+      this.apply(this.corner.before, this.cursor, this.cursor, value);
+      this.changed(true);
+      return;
+    }
+    const { before } = this.corner;
+    this.corner = null;
+    if (before.equals(this.pattern)) return;
+    this.history.push(before);
+    remember(this.scene, this.pattern);
+    this.soon();
+  }
+
+  /** Takes back a shape that has one corner alone. */
+  drop() {
+    if (!this.corner) return;
+    this.pattern.cells.set(this.corner.before.cells);
+    this.corner = null;
+    this.changed(true);
+  }
+
+  /** Ctrl Z and Ctrl Y anywhere on the page but where text is written. @param {KeyboardEvent} event */
+  takeBack(event) {
+    const key = event.key.toLowerCase();
+    const writes = event.target instanceof HTMLInputElement && ["text", "search"].includes(event.target.type);
+    if (!(event.ctrlKey || event.metaKey) || event.altKey || !["z", "y"].includes(key) || writes) return;
+    event.preventDefault();
+    if (this.corner) this.drop();
+    else if (key === "y" || event.shiftKey) this.redo();
+    else this.undo();
+  }
+
   /** @param {string} name */
   choose(name) {
+    this.drop();
     this.tool = name;
     for (const button of this.tools.children) button.setAttribute("aria-pressed", String(button.dataset.tool === name));
   }
@@ -566,19 +643,39 @@ class Sketchpad {
       // An answer that was overtaken is not shown.
       if (this.ended || flight.version < this.latest || (!quick && flight.version !== this.version)) return;
       this.latest = flight.version;
+      this.failed = false;
       const kept = quick && this.shown ? { critical_voltage: null, error: null } : {};
       this.shown = { pattern, document: { ...document, ...kept }, arrays, quick, took: performance.now() - flight.began };
       this.fresh = true;
       this.soon(this.heat, true);
     } catch (error) {
       if (/** @type {any} */ (error).name === "AbortError" || this.ended) return;
+      // The failure of an older request says nothing of what is shown by now.
+      if (flight.version < this.latest || flight.version !== this.version) return;
+      this.failed ||= flight.version > this.latest;
       replace(this.notice, problem(error));
+      this.grey();
     } finally {
       if (this.flight === flight) {
         this.flight = null;
         this.next();
       }
     }
+  }
+
+  /** Says what is wrong beside a field; numbers are greyed until it is right. @param {string} name @param {any} input @param {HTMLElement} place @param {string} wrong */
+  said(name, input, place, wrong) {
+    said(input, place, wrong);
+    if (wrong) this.wrong.add(name);
+    else this.wrong.delete(name);
+    this.grey();
+  }
+
+  /** Whether what is shown is of before: a field is wrong, or the last question had no answer. */
+  grey() {
+    const old = this.failed || this.wrong.size > 0;
+    for (const element of [this.results, this.membrane, this.bar, this.legend, this.line, this.criticalText]) element?.classList.toggle("old", old);
+    this.results.title = old ? "of the values before" : "";
   }
 
   /** Draws with the next frame of the screen, once, whatever has changed until then: the server works meanwhile. */
@@ -590,6 +687,8 @@ class Sketchpad {
       this.frame = 0;
       if (this.ended) return;
       this.area.textContent = `area ${number(100 * this.pattern.area, 4)} %`;
+      this.undoButton.disabled = !this.history.past.length;
+      this.redoButton.disabled = !this.history.future.length;
       if (this.fresh) {
         this.fresh = false;
         this.count();
@@ -614,7 +713,8 @@ class Sketchpad {
       this.critical = found.critical_voltage;
       this.voltageRange.max = String(Math.max(this.mostVoltage(), this.voltage));
       this.criticalMark.value = this.critical === null ? "" : String(this.critical);
-      this.criticalText.textContent = this.critical === null ? "no loss of stability was found" : `stability is lost at ${number(this.critical, 5)} V${found.critical_voltage_error ? ` ± ${number(found.critical_voltage_error, 1)} V` : ""}`;
+      this.criticalText.textContent = this.critical === null ? "no loss of stability was found" : `stability is lost at ${number(this.critical, 5)} V${found.critical_voltage_error ? ` ± ${number(found.critical_voltage_error, 2)} V` : " on this mesh"}`;
+      this.criticalText.title = found.critical_bracket ? `on this mesh alone between ${number(found.critical_bracket[0], 6)} and ${number(found.critical_bracket[1], 6)} V` : "";
     }
     const entry = (/** @type {string} */ name, /** @type {string} */ title, /** @type {string} */ text, /** @type {string} */ unit, /** @type {number|null} */ exact = null) => [
       h("dt", {}, title),
@@ -625,9 +725,12 @@ class Sketchpad {
       entry("outcome", "outcome", found.outcome, ""),
       entry("max-displacement", "largest displacement", number(found.max_displacement, 6), "mm", found.max_displacement),
       entry("value", "value at the point", number(found.value, 6), "mm", found.value),
+      this.wanted === null || found.value === null ? null : entry("wanted", `wanted ${number(this.wanted, 6)} mm`, found.value >= this.wanted ? "reached" : `${number(this.wanted - found.value, 3)} mm short`, "", found.value - this.wanted),
       entry("error", "error of method and mesh", quick ? "…" : number(found.error, 2), quick ? "" : "mm", found.error),
       entry("seconds", "solution", seconds(found.seconds), ""),
     );
+    this.line.textContent = found.max_displacement === null ? `no stable state: ${found.outcome}` : `value ${number(found.value, 4)} mm, largest ${number(found.max_displacement, 4)} mm`;
+    this.grey();
     if (!quick) this.results.dataset.settled = "true";
     const lost = found.bracket;
     if (found.max_displacement === null) {
@@ -728,8 +831,7 @@ class Sketchpad {
 
   async improve() {
     if (this.search) return;
-    const width = Number(this.feature.value);
-    const wrong = Number.isFinite(width) && width >= 0 ? "" : "a length in mm is wanted, or nothing";
+    const { value: width, wrong } = this.feature.value.trim() ? quantity(this.feature.value, "length", 0, Math.max(...this.scene.size_mm)) : { value: 0, wrong: "" };
     said(this.feature, this.featureTrouble, wrong);
     if (wrong) return;
     this.search = new AbortController();
@@ -737,6 +839,7 @@ class Sketchpad {
     this.stop.disabled = false;
     const before = this.pattern.copy();
     /** @type {number[]} */ const values = [];
+    let reached = false;
     const body = {
       ...this.body(true),
       fields: [],
@@ -753,18 +856,23 @@ class Sketchpad {
         this.pattern.cells.set(pattern.cells);
         this.changed(true);
         const told = `${values.length} patterns, value ${number(values[0], 5)} → ${number(step.value, 5)} mm, area ${number(100 * step.area, 4)} %`;
-        replace(this.course, h("p", { id: "course" }, step.done ? `Done: ${told}; nothing to first order gains any more.` : told), charts.line(values, "value, mm"));
+        if (this.wanted !== null && step.value >= this.wanted && !step.done) {
+          reached = true;
+          this.search?.abort();
+        }
+        replace(this.course, h("p", { id: "course" }, reached ? `Reached: ${told}.` : step.done ? `Done: ${told}; nothing to first order gains any more.` : told), charts.line(values, "value, mm"));
         this.showBest();
       });
     } catch (error) {
       if (/** @type {any} */ (error).name !== "AbortError") replace(this.course, problem(error));
-      else this.course.prepend(h("p", {}, "Stopped."));
+      else if (!reached) this.course.prepend(h("p", {}, "Stopped."));
     } finally {
       this.search = null;
       this.start.disabled = false;
       this.stop.disabled = true;
       if (!before.equals(this.pattern)) this.history.push(before);
       remember(this.scene, this.pattern);
+      this.soon();
     }
   }
 

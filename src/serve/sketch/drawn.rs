@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use crate::base::{Dimension, Document, Quantity};
 use crate::design::{Goal, Objective};
-use crate::fem::effects::{EFFECTS, Model};
+use crate::fem::effects::{EFFECTS, Effect, Model, Verdict};
 use crate::fem::{Method, check_leads};
 use crate::field::Mesh;
 use crate::pattern::Pattern;
@@ -179,7 +179,10 @@ impl Drawn {
 }
 
 /// The scene with exactly the effects of these names, with the parameters that it knows of them.
-fn with_effects(scene: &Scene, names: &[String]) -> Result<Scene, Refusal> {
+///
+/// # Errors
+/// When one is not known, lacks what it takes, or does not go with another.
+pub fn with_effects(scene: &Scene, names: &[String]) -> Result<Scene, Refusal> {
     let mut effects = Effects::default();
     for name in names {
         let known = EFFECTS.iter().find(|effect| effect.name() == name);
@@ -204,12 +207,25 @@ fn with_effects(scene: &Scene, names: &[String]) -> Result<Scene, Refusal> {
     Model::new(&scene)?;
     for name in names {
         let effect = EFFECTS.iter().find(|effect| effect.name() == name);
-        if effect.is_some_and(|effect| effect.is_on(&scene.effects, &scene) == Some(false)) {
-            return Err(Refusal::bad(format!("the scene does not know what `{name}` takes"))
-                .help("give its parameters under `properties` of the scene"));
+        if let Some(effect) = effect.filter(|effect| effect.is_on(&scene.effects, &scene) == Some(false)) {
+            return Err(lacking(*effect, &scene));
         }
     }
     Ok(scene)
+}
+
+/// Why an effect stays off: what screening says of it without its parameters.
+fn lacking(effect: &dyn Effect, scene: &Scene) -> Refusal {
+    let (name, found) = (effect.name(), effect.assess(scene));
+    match found {
+        Some(found) if found.verdict != Verdict::Unknown => Refusal::bad(format!("`{name}` {}", found.change)),
+        Some(found) => {
+            let why = format!("the scene does not know what `{name}` takes ({})", found.change);
+            Refusal::bad(why).help("give its parameters under `properties` of the scene")
+        }
+        None => Refusal::bad(format!("the scene does not know what `{name}` takes"))
+            .help("give its parameters under `properties` of the scene"),
+    }
 }
 
 /// Effects of both, those of the second where both have them.

@@ -37,7 +37,10 @@ pub fn import(state: &ServedState, request: &Request) -> Result<Answer, Refusal>
     let format = request.word("format").unwrap_or_default();
     if !READ.contains(&format) {
         return Err(
-            Refusal::bad(format!("{format:?} is no format that is read")).help(format!("allowed: {}", READ.join(", ")))
+            Refusal::bad(format!("{format:?} is no format that is read here")).help(format!(
+                "allowed: {}; svg and dxf are read by the page itself",
+                READ.join(", ")
+            )),
         );
     }
     let scene = state.scene(request.word("scene"));

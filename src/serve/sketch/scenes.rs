@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 
+use super::drawn::with_effects;
 use crate::fem::effects::EFFECTS;
 use crate::pattern::Part;
 use crate::scene::Scene;
@@ -23,10 +24,18 @@ fn document(named: &NamedScene) -> Value {
     let membrane = scene.membrane();
     let [columns, rows] = membrane.raster.sides();
     let states: Vec<&str> = scene.states.iter().map(|(name, _)| name).collect();
+    let first = scene.in_states().swap_remove(0).1;
     let effect = |effect: &&dyn crate::fem::effects::Effect| {
+        let on = effect.is_on(&scene.effects, scene);
+        // Whether it could be switched on by itself; what two of them are to each other is told once both are.
+        let refused = match on {
+            Some(false) => with_effects(&first, &[effect.name().to_owned()]).err(),
+            _ => None,
+        };
         json!({
             "name": effect.name(),
-            "on": effect.is_on(&scene.effects, scene),
+            "on": on,
+            "refused": refused.map(|refusal| refusal.words()),
             "cost": effect.cost(),
             "in_time": effect.needs_time(),
         })

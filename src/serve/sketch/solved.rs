@@ -7,10 +7,10 @@ use serde_json::{Value, json};
 
 use super::drawn::Drawn;
 use crate::design::Goal;
-use crate::fem::{CellState, MeshSolution, Method, SetupError};
+use crate::fem::{CellState, CriticalSearch, MeshSolution, Method, SetupError, SolveOptions};
 use crate::field::{Field, Simulation};
 use crate::pattern::Pattern;
-use crate::serve::held::{Bench, Setting};
+use crate::serve::held::{Bench, Critical, Setting};
 use crate::serve::http::{Answer, Array, Refusal, Request, frame};
 use crate::serve::state::ServedState;
 
@@ -40,8 +40,9 @@ pub fn solve(state: &ServedState, request: &Request) -> Result<Answer, Refusal> 
     let mut document = solved.document(&setting, &pattern, goal.as_ref());
     if !drawn.quick {
         let critical = critical_voltage(state, &setting, &bench, &pattern)?;
-        document["critical_voltage"] = json!(critical.map(|[stable, unstable]| 0.5 * (stable + unstable)));
-        document["critical_voltage_error"] = json!(critical.map(|[stable, unstable]| 0.5 * (unstable - stable)));
+        document["critical_voltage"] = json!(critical.map(|found| found.voltage));
+        document["critical_voltage_error"] = json!(critical.and_then(|found| found.error));
+        document["critical_bracket"] = json!(critical.map(|found| found.bracket));
         document["error"] = json!(solved.error(state, &setting, &pattern)?);
     }
     if drawn.fields.is_empty() {
@@ -83,14 +84,14 @@ pub fn solve(state: &ServedState, request: &Request) -> Result<Answer, Refusal> 
     Ok(Answer::frame(frame(document, &arrays)))
 }
 
-/// The voltages in V between which stability is lost on the mesh, from rest on: they are those of the pattern, whatever voltage is asked for.
+/// Where stability is lost, from rest on: it is that of the pattern, whatever voltage is asked for.
 /// `None` where that is not found, or an estimate says nothing of it.
 fn critical_voltage(
     state: &ServedState,
     setting: &Setting,
     bench: &Bench,
     pattern: &Pattern,
-) -> Result<Option<[f64; 2]>, Refusal> {
+) -> Result<Option<Critical>, Refusal> {
     if setting.method != Method::Newton || bench.scene.drive.charge.is_some() || pattern.active_cells() == 0 {
         return Ok(None);
     }
@@ -109,9 +110,30 @@ fn critical_voltage(
     }
     let bench = state.benches.solver(&key.0)?;
     let solver = bench.solver.on_one_mesh()?;
-    let found = solver.stability(pattern, &solver.solve(pattern)).critical;
+    let bracket = solver.stability(pattern, &solver.solve(pattern)).critical;
+    let found = match bracket {
+        Some(bracket) => Some(refined(&key.0, pattern, bracket)?),
+        None => None,
+    };
     state.limits.put(key, &Arc::new(found));
     Ok(found)
+}
+
+/// The critical voltage by two biquadratic meshes, of which the loss between two voltages in V on the mesh of a setting says where to look.
+fn refined(setting: &Setting, pattern: &Pattern, bracket: [f64; 2]) -> Result<Critical, SetupError> {
+    let middle = 0.5 * (bracket[0] + bracket[1]);
+    let scene = setting
+        .scene
+        .at_voltage(middle)
+        .with_effects(setting.scene.effects.clone());
+    // On no finer meshes than watch over solutions elsewhere: somebody waits.
+    let search = CriticalSearch::beside(&scene, SolveOptions::on(setting.mesh))?;
+    let found = search.from(pattern, setting.mesh, middle);
+    Ok(Critical {
+        voltage: found.voltage,
+        error: found.error,
+        bracket,
+    })
 }
 
 /// A solution.
@@ -153,6 +175,7 @@ impl Solved {
             "value": goal.and_then(value),
             "critical_voltage": null,
             "critical_voltage_error": null,
+            "critical_bracket": null,
             "error": null,
             "seconds": self.seconds,
             "bracket": simulation.outcome.bracket(),

@@ -254,6 +254,11 @@ impl Tab {
         found.as_f64().unwrap()
     }
 
+    /// What is to be hit with a finger and is less than 24 pixels high or wide (WCAG 2.2, 2.5.8): what stands in a line of text, or is drawn, may be.
+    pub fn small_targets(&mut self) -> Value {
+        self.value("[...document.querySelectorAll('button, input:not([type=file]), select, summary, nav a')].filter((e) => { const b = e.getBoundingClientRect(); return b.width > 0 && (b.width < 23.9 || b.height < 23.9) }).map((e) => e.outerHTML.slice(0, 90) + ' ' + e.getBoundingClientRect().width + ' x ' + e.getBoundingClientRect().height)")
+    }
+
     /// Writes an image of the screen.
     pub fn photograph(&mut self, path: &Path) {
         let found = self.call("Page.captureScreenshot", json!({ "format": "png" }));

@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::super::import;
-use super::answers::long_run;
+use super::answers::{MODEL, long_run};
 use super::server::Server;
 use super::tab::Tab;
 use super::{photographed, with_scene};
@@ -132,6 +132,150 @@ fn models_designs_and_accuracy_have_views_of_their_own() {
 }
 
 #[test]
+fn the_worst_pattern_of_a_model_and_why_are_found_without_an_evaluation() {
+    let Some(mut tab) = Tab::open() else { return };
+    let workspace = with_scene();
+    workspace.write(
+        "model.yaml",
+        &format!("version: 1\nname: model\nscene: scene.yaml\nstages:\n{MODEL}"),
+    );
+    let digests = workspace.stages(&["run", "model.yaml"]).digests();
+    let server = Server::start(&workspace, &["serve", "model.yaml"]);
+    let worst = server
+        .get(&format!("/api/artifacts/{}/judged?limit=1", digests["network"]))
+        .json();
+    tab.screen(1440, 900, "light");
+    tab.go(&server.url);
+    // From the menu: the model, its worst pattern, and the row with what is predicted of it.
+    tab.click("a[href='#/models']");
+    tab.until("document.querySelector('[data-own] .card')");
+    let first = tab.value("document.querySelector('[data-own] .card').innerText");
+    let first = first.as_str().unwrap();
+    assert!(
+        first.contains("small-grid") && first.contains("its nearest pattern in training differs in"),
+        "{first}"
+    );
+    assert!(!first.contains("differs in 0 %"), "{first}");
+    tab.click("[data-own] .card");
+    tab.until("document.querySelectorAll('#prediction canvas').length === 3 && document.querySelectorAll('#prediction figcaption')[2].textContent.startsWith('Error: largest')");
+    assert_eq!(
+        tab.value("Number(document.querySelector('[data-error]').dataset.error)"),
+        worst["rows"][0]["max_error_mm"]
+    );
+    assert!(
+        tab.value("location.hash")
+            .as_str()
+            .unwrap()
+            .contains(&format!("row={}", worst["rows"][0]["row"]))
+    );
+    photographed(&mut tab, "prediction");
+    assert_eq!(tab.complaints, Vec::<String>::new());
+}
+
+/// Cells of the drawn pattern that are active.
+fn drawn(tab: &mut Tab) -> f64 {
+    let text = tab.value("document.querySelector('#area').textContent.split(' ')[1]");
+    text.as_str().unwrap().parse::<f64>().unwrap() * 25.0
+}
+
+#[test]
+fn numbers_of_before_are_grey_and_shapes_are_drawn_by_keys() {
+    let Some(mut tab) = Tab::open() else { return };
+    let workspace = with_scene();
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    tab.screen(1440, 900, "light");
+    tab.go(&server.url);
+    tab.until("document.querySelector('#outcome')");
+    // The stages stand there before anything is saved.
+    assert!(
+        tab.text("#stages pre")
+            .contains("mine: { kind: patterns, files: [mine.csv] }")
+    );
+    tab.value(
+        "window.saved = []; HTMLAnchorElement.prototype.click = function () { window.saved.push(this.download) }",
+    );
+    tab.write("input[name=name]", "disc");
+    assert!(
+        tab.text("#stages pre")
+            .contains("disc: { kind: patterns, files: [disc.csv] }")
+    );
+    tab.click("#into-pipeline");
+    tab.until("window.saved.length === 1 && window.saved[0] === 'disc.csv'");
+    // What is no pattern is refused before it is sent.
+    tab.value("(() => { const input = document.querySelector('input[type=file]'); const data = new DataTransfer(); data.items.add(new File(['x'], 'notes.txt')); input.files = data.files; input.dispatchEvent(new Event('change')) })()");
+    tab.until("document.body.innerText.includes('“notes.txt” is of no format that is opened here') && document.body.innerText.includes('allowed: png, csv, npy, svg, dxf')");
+    // An effect without data cannot be switched on, and says why.
+    assert_eq!(
+        tab.value("document.querySelector('input[name=strain_stiffening]').disabled"),
+        true
+    );
+    assert!(tab.text("[data-refused=strain_stiffening]").contains("no data"));
+    assert_eq!(
+        tab.value("document.querySelector('input[name=wrinkling]').disabled"),
+        false
+    );
+    // A shape by two corners: the second is seen while it moves, and Escape drops it.
+    tab.value("document.querySelector('#pad').focus()");
+    assert_eq!(tab.value("document.querySelector('button[name=undo]').disabled"), true);
+    let corner = |tab: &mut Tab, more: &str| {
+        tab.key("r", 0);
+        tab.key(" ", 0);
+        (0..3).for_each(|_| tab.key("ArrowRight", 0));
+        (0..2).for_each(|_| tab.key("ArrowUp", 0));
+        tab.until("document.querySelector('#area').textContent === 'area 0.48 %'");
+        tab.key(more, 0);
+    };
+    corner(&mut tab, "Escape");
+    tab.until("document.querySelector('#area').textContent === 'area 0 %'");
+    corner(&mut tab, " ");
+    tab.until("!document.querySelector('button[name=undo]').disabled");
+    assert_eq!(drawn(&mut tab), 12.0);
+    // Ctrl Z works wherever nothing is written.
+    tab.value("document.querySelector('#compare').focus()");
+    tab.key("z", 2);
+    tab.until("document.querySelector('#area').textContent === 'area 0 %' && document.querySelector('button[name=undo]').disabled");
+    tab.key("y", 2);
+    tab.until("document.querySelector('#area').textContent === 'area 0.48 %' && document.querySelector('button[name=redo]').disabled");
+    // A wrong value greys the numbers of before, and a unit is none.
+    let grey = "document.querySelector('#results').classList.contains('old')";
+    let clear = "!document.querySelector('#results').classList.contains('old')";
+    let settled = "document.querySelector('#results').dataset.settled === 'true'";
+    tab.write("#volts", "many");
+    tab.until(grey);
+    tab.write("#volts", "4 kV");
+    tab.until(clear);
+    assert_eq!(tab.value("document.querySelector('#voltage').value"), "4000");
+    tab.write("input[aria-label='x, mm']", "80");
+    tab.until(grey);
+    tab.write("input[aria-label='x, mm']", "2.5 cm");
+    tab.until(clear);
+    tab.until(settled);
+    // So does a question that has no answer; a late refusal of an older one says nothing.
+    tab.value("window.own = window.fetch; window.fetch = () => Promise.reject(new Error('gone'))");
+    tab.write("#volts", "4100");
+    tab.until(grey);
+    tab.until("document.querySelector('#notice').textContent.includes('gone')");
+    tab.value("window.fetch = window.own");
+    tab.write("#volts", "4200");
+    tab.until(clear);
+    tab.until(settled);
+    tab.value("window.fetch = (...all) => new Promise((_, reject) => { setTimeout(() => reject(new Error('late')), 1500); window.fetch = window.own })");
+    tab.write("#volts", "4300");
+    tab.write("#volts", "4400");
+    tab.until(settled);
+    tab.value("new Promise((resolve) => setTimeout(resolve, 1800))");
+    assert_eq!(tab.value(clear), true);
+    assert!(!tab.text("#notice").contains("late"));
+    // A wanted value is held against the one that there is.
+    tab.write("input[name=wanted]", "1 mm");
+    tab.until("document.querySelector('#wanted').textContent.endsWith('mm short')");
+    tab.screen(390, 900, "light");
+    tab.value("scrollTo(0, 1200)");
+    tab.until("document.querySelector('#value-line').getBoundingClientRect().top === 0 && document.querySelector('#value-line').textContent.startsWith('value ')");
+    assert_eq!(tab.complaints, Vec::<String>::new());
+}
+
+#[test]
 fn a_wrong_number_is_told_beside_its_field_and_all_values_can_be_reached() {
     let Some(mut tab) = Tab::open() else { return };
     let workspace = with_scene();
@@ -197,7 +341,7 @@ fn the_drawing_of_stages_keeps_lines_clear_of_boxes_and_shows_what_goes_on() {
         "views.yaml",
         &format!("version: 1\nname: views\nscene: scene.yaml\nstages:\n{STAGES}"),
     );
-    let child = long_run(&workspace);
+    let child = long_run(&workspace, &[]);
     let server = Server::start(&workspace, &["serve", "views.yaml", "long.yaml"]);
     tab.screen(1440, 900, "light");
     tab.go(&server.url);
@@ -210,6 +354,13 @@ fn the_drawing_of_stages_keeps_lines_clear_of_boxes_and_shows_what_goes_on() {
     tab.until("document.querySelector('[data-state=running] progress').value > 0");
     assert!(tab.text("#status").contains("short is being built"));
     photographed(&mut tab, "running");
+    // With other values it is another run, which is said, and nothing of this plan is under way.
+    tab.write("input[name=find]", "elements_per_cell");
+    tab.write("[data-path='stages.solved.elements_per_cell']", "3");
+    tab.until("document.querySelector('#elsewhere').textContent.includes('with the values of the file')");
+    tab.until("!document.querySelector('[data-state=running]')");
+    tab.write("[data-path='stages.solved.elements_per_cell']", "4");
+    tab.until("document.querySelector('[data-state=running]') && !document.querySelector('#elsewhere').textContent");
     let mut child = child;
     child.kill().unwrap();
     child.wait().unwrap();
