@@ -27,6 +27,9 @@ const SHOWN: usize = 20;
 /// Changes of the files that are told of a run.
 const CHANGES: usize = 3;
 
+/// Runs of more stages, as those of large sweeps, are not compared: each stage is a file to be read.
+const MOST_COMPARED: usize = 200;
+
 /// Results of a run that people are shown.
 const RESULTS: usize = 4;
 
@@ -240,7 +243,10 @@ fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
     let places = Places::new(store);
     let sides: Vec<Side> = runs
         .iter()
-        .map(|run| places.parameters_of_run(run))
+        .map(|run| match run.stages.len() {
+            0..=MOST_COMPARED => places.parameters_of_run(run),
+            _ => Ok(Side::new(run.id.clone())),
+        })
         .collect::<Result<_, _>>()?;
     let of = |at: usize| {
         let is_same = |other: &usize| runs[*other].path == runs[at].path && runs[*other].command == runs[at].command;

@@ -125,14 +125,23 @@ impl Estimate {
         }
     }
 
-    /// The range and the median of some values, widened by a factor. Of an even number the lower one in the middle: other work on the
+    /// The range and the median of some times, widened by a factor. Of an even number the lower one in the middle: other work on the
     /// machine makes a stage slower and never faster.
+    fn of_times(mut values: Vec<f64>, widening: f64) -> Option<Self> {
+        values.sort_by(f64::total_cmp);
+        let likely = *values.get(values.len().checked_sub(1)? / 2)?;
+        let range = Self::of(values, widening)?;
+        Some(Self { likely, ..range })
+    }
+
+    /// The range and the median of some values, widened by a factor.
     fn of(mut values: Vec<f64>, widening: f64) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let (low, high) = (values.first()?, values.last()?);
+        let (left, right) = (values[(values.len() - 1) / 2], values[values.len() / 2]);
         Some(Self {
             low: low / widening,
-            likely: values[(values.len() - 1) / 2],
+            likely: 0.5 * (left + right),
             high: high * widening,
         })
     }
@@ -217,7 +226,7 @@ pub fn price(costs: &[Cost], work: &Work) -> Result<Price, Unmeasured> {
             (None, None, _) => cost.seconds / each(cost),
         }
     });
-    let seconds = Estimate::of(seconds.collect(), widening).ok_or(Unmeasured::Kind)?;
+    let seconds = Estimate::of_times(seconds.collect(), widening).ok_or(Unmeasured::Kind)?;
     let threads = work.chunks.map_or(1, |chunks| work.jobs.min(chunks)).max(1);
     let steps = work.steps as f64;
     let amount = match by_input {
