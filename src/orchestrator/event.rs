@@ -49,6 +49,7 @@ pub struct StageReport {
     /// Of these, what this run wrote, bytes.
     pub size_built: u64,
     /// Steps that an earlier run had done before it was stopped, and that this one went on from.
+    #[serde(skip_serializing_if = "is_none")]
     pub resumed: u64,
     /// Of a skipped stage the one that was not built: that which failed, or else one that it needs.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -64,6 +65,11 @@ pub struct StageReport {
     /// Why it was stale.
     #[serde(skip)]
     pub staleness: Option<Staleness>,
+}
+
+/// A number is written where there is something to count.
+fn is_none(number: &u64) -> bool {
+    *number == 0
 }
 
 fn hexadecimal<S: Serializer>(digest: &Option<ArtifactId>, serializer: S) -> Result<S::Ok, S::Error> {
