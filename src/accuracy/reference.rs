@@ -97,7 +97,7 @@ impl Reference {
     ) -> Result<(Vec<Option<Field>>, Vec<f64>), SetupError> {
         let solver = self.0.build(scene)?;
         let mut results = Vec::with_capacity(patterns.len());
-        for batch in patterns.chunks(2 * rayon::current_num_threads()) {
+        for batch in patterns.chunks(rayon::current_num_threads()) {
             results.extend(solver.simulate(batch)?);
             progress.advance(batch.len() as u64);
         }

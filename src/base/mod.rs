@@ -23,6 +23,7 @@ mod quantity;
 mod schema;
 mod side_by_side;
 mod stream;
+mod unbroken;
 
 pub use crate::{parameters, variants, words};
 pub use background::{Background, Pauses};
@@ -53,3 +54,4 @@ pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
 pub use schema::{Fields, Schema};
 pub use side_by_side::side_by_side;
 pub use stream::Stream;
+pub use unbroken::{NO_BREAK, unbroken};

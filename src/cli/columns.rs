@@ -1,11 +1,11 @@
 //! A table as it fits where it is shown. Without a terminal every column is as wide as it needs. On one that is too narrow texts flow
 //! within their columns, or below the line that they belong to; columns that can be done without leave; what is still too wide is cut.
 
-use textwrap::core::display_width;
+use textwrap::core::{Word, display_width};
 use textwrap::{WordSeparator, WordSplitter};
 
 use super::tone::{Screen, Tone};
-use crate::base::printable;
+use crate::base::{NO_BREAK, printable, unbroken};
 
 /// The least width of a column in which a text flows; on less it flows below.
 const LEAST: usize = 24;
@@ -254,8 +254,11 @@ impl Table {
             return text.lines().map(|line| cut(line, width)).collect();
         }
         let options = words(width).subsequent_indent("  ");
+        let in_parts = options.clone().word_separator(WordSeparator::Custom(parts));
+        let is_too_long = |word: &str| display_width(word) + 2 > width;
         let lines = text.lines().flat_map(|line| match display_width(line) <= width {
             true => vec![line.to_owned()],
+            false if line.split(' ').any(is_too_long) => broken(line, &in_parts),
             false => broken(line, &options),
         });
         lines.collect()
@@ -306,37 +309,31 @@ pub fn words(width: usize) -> textwrap::Options<'static> {
         .word_splitter(WordSplitter::NoHyphenation)
 }
 
-/// A line in as many as it takes. A number is not parted from its unit, nor from how far it may be off.
-pub fn broken(line: &str, options: &textwrap::Options<'_>) -> Vec<String> {
-    let bound = bound(line);
-    let lines = textwrap::wrap(&bound, options).into_iter();
-    lines.map(|line| line.replace(NO_BREAK, " ")).collect()
+/// Words, and the parts of dotted paths and of names of several words: a path that is longer than its column is broken between them.
+fn parts(line: &str) -> Box<dyn Iterator<Item = Word<'_>> + '_> {
+    let mut ends = Vec::new();
+    let mut before = ' ';
+    for (at, c) in line.char_indices() {
+        let is_joint = matches!(before, '.' | '_' | '/') && c.is_alphanumeric();
+        if (is_joint || before == ' ') && c != ' ' && at > 0 {
+            ends.push(at);
+        }
+        before = c;
+    }
+    ends.push(line.len());
+    let mut from = 0;
+    Box::new(ends.into_iter().map(move |end| {
+        let word = Word::from(&line[from..end]);
+        from = end;
+        word
+    }))
 }
 
-/// A space at which no line is broken.
-const NO_BREAK: char = '\u{a0}';
-
-/// Units that stand after numbers.
-const UNITS: [&str; 30] = [
-    "mm", "µm", "nm", "m", "V", "kV", "MV", "V/m", "MV/m", "%", "ms", "s", "min", "h", "deg", "Hz", "kHz", "Pa", "kPa",
-    "MPa", "B", "kB", "MB", "GB", "C", "nC", "µC", "N", "cells", "UTC",
-];
-
-/// With spaces at which no line is broken between numbers and their units.
-fn bound(line: &str) -> String {
-    let mut text = String::with_capacity(line.len());
-    let mut words = line.split(' ').peekable();
-    while let Some(word) = words.next() {
-        text += word;
-        let Some(next) = words.peek() else { break };
-        let unit = next.trim_end_matches([',', ';', ':', '.', ')']);
-        let is_number = word.ends_with(|c: char| c.is_ascii_digit());
-        let is_bound = (is_number && (UNITS.contains(&unit) || unit == "±"))
-            || word == "±"
-            || (word == "<" && text.ends_with("±\u{a0}<"));
-        text.push(if is_bound { NO_BREAK } else { ' ' });
-    }
-    text
+/// A line in as many as it takes. A number is not parted from its unit, nor from how far it may be off.
+pub fn broken(line: &str, options: &textwrap::Options<'_>) -> Vec<String> {
+    let unbroken = unbroken(line);
+    let lines = textwrap::wrap(&unbroken, options).into_iter();
+    lines.map(|line| line.replace(NO_BREAK, " ")).collect()
 }
 
 /// A text of no more than so many columns.
@@ -447,6 +444,22 @@ mod tests {
         assert!(table.show(screen).contains("a       \u{1b}[32mbuilt\u{1b}[0m      1 s"));
         let harm = Cell::toned("\u{1b}[2J", Tone::Plain);
         assert_eq!(harm.text, "\u{fffd}[2J");
+    }
+
+    #[test]
+    fn a_path_that_is_longer_than_its_column_is_broken_between_its_parts() {
+        let mut table = table(&["parameter", "from"], &[]).flowing(&["parameter", "from"]);
+        table.add_row([
+            "stages.design.constraints.min_feature",
+            "one value that is as long as that and more",
+        ]);
+        let shown = table.show(on(60));
+        let first = |line: &str| line.get(1..30).map(|cell| cell.trim().to_owned()).unwrap_or_default();
+        let cells: Vec<String> = shown.lines().skip(3).map(first).collect();
+        for word in ["stages", "design", "constraints", "min", "feature"] {
+            assert!(cells.iter().any(|cell| cell.contains(word)), "{word}: {shown}");
+        }
+        assert!(shown.lines().all(|line| display_width(line) <= 60), "{shown}");
     }
 
     #[test]

@@ -35,10 +35,10 @@ pub struct DiffArguments {
 }
 
 /// A value that differs.
-struct Change<T> {
-    name: String,
-    from: Option<T>,
-    to: Option<T>,
+pub struct Change<T> {
+    pub name: String,
+    pub from: Option<T>,
+    pub to: Option<T>,
 }
 
 pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliError> {
@@ -76,7 +76,7 @@ pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliEr
 }
 
 /// All parameters that differ, by the paths that `--set` takes. What all stages have from the scene alike is told once.
-fn parameters(from: &Side, to: &Side) -> Vec<Change<Canonical>> {
+pub fn parameters(from: &Side, to: &Side) -> Vec<Change<Canonical>> {
     let (before, after) = (from.parameters(), to.parameters());
     let names = before
         .keys()
@@ -161,8 +161,8 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
     } else {
         let mut table = table::table(&["parameter", "from", "to"], &[]).flowing(&["parameter", "from", "to"]);
         let said = |value: &Option<Canonical>| value.as_ref().map_or_else(|| "–".to_owned(), Canonical::to_string);
-        for change in parameters {
-            table.add_row([change.name.clone(), said(&change.from), said(&change.to)]);
+        for (name, change) in together(parameters) {
+            table.add_row([name, said(&change.from), said(&change.to)]);
         }
         text.table(table);
     }
@@ -202,6 +202,49 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
     text
 }
 
+/// Changes under the names that people know. A number within a path is one value of a list, such as one of several `units`: what changes for
+/// several of these alike is told once, of all of them by the field that a pipeline has for it.
+pub fn together(changes: &[Change<Canonical>]) -> Vec<(String, &Change<Canonical>)> {
+    let mut told: Vec<(Option<[&str; 2]>, Vec<&str>, &Change<Canonical>)> = Vec::new();
+    for change in changes {
+        let parts = of_list(&change.name);
+        let is_alike = |(known, _, first): &&mut (Option<[&str; 2]>, Vec<&str>, &Change<Canonical>)| {
+            let ends = parts.map(|[before, _, after]| [before, after]);
+            ends.is_some() && *known == ends && (&first.from, &first.to) == (&change.from, &change.to)
+        };
+        match (told.iter_mut().find(is_alike), parts) {
+            (Some((_, numbers, _)), Some([_, number, _])) => numbers.push(number),
+            (_, Some([before, number, after])) => told.push((Some([before, after]), vec![number], change)),
+            (_, None) => told.push((None, Vec::new(), change)),
+        }
+    }
+    let named = told.into_iter().map(|(ends, numbers, change)| {
+        let name = match (ends, numbers.as_slice()) {
+            (Some([before, "count"]), [_, _, ..]) if before.ends_with(".units") => {
+                format!("{}.count_per_units", before.trim_end_matches(".units"))
+            }
+            (Some([before, after]), [_, _, ..]) => format!("{before}.{{{}}}.{after}", numbers.join(",")),
+            _ => change.name.clone(),
+        };
+        (name, change)
+    });
+    named.collect()
+}
+
+/// What stands before a number in a path, the number, and what stands after it.
+fn of_list(path: &str) -> Option<[&str; 3]> {
+    let mut from = 0;
+    for step in path.split('.') {
+        let end = from + step.len();
+        let is_within = from > 0 && end < path.len();
+        if is_within && !step.is_empty() && step.bytes().all(|byte| byte.is_ascii_digit()) {
+            return Some([&path[..from - 1], step, &path[end + 1..]]);
+        }
+        from = end + 1;
+    }
+    None
+}
+
 /// The results that one side alone has, counted by their stages: `21 results of verified`.
 fn one_sided(changes: &[&Change<f64>], side: impl Fn(&Change<f64>) -> Option<f64>) -> String {
     let mut counts: BTreeMap<&str, u64> = BTreeMap::new();
@@ -235,6 +278,33 @@ mod tests {
             .map(|(name, value)| ((*name).to_owned(), *value))
             .collect();
         side
+    }
+
+    #[test]
+    fn what_changes_alike_for_several_values_of_a_list_is_told_once() {
+        let change = |name: &str, to: u64| Change {
+            name: name.to_owned(),
+            from: Some(Canonical::from(40_u64)),
+            to: Some(Canonical::from(to)),
+        };
+        let changes = [
+            change("stages.a.units.3.count", 50),
+            change("stages.a.units.5.count", 50),
+            change("stages.a.units.7.count", 60),
+            change("stages.b.list.0.x", 50),
+            change("stages.b.list.1.x", 50),
+            change("stages.c.count", 50),
+        ];
+        let names: Vec<String> = together(&changes).into_iter().map(|(name, _)| name).collect();
+        assert_eq!(
+            names,
+            [
+                "stages.a.count_per_units",
+                "stages.a.units.7.count",
+                "stages.b.list.{0,1}.x",
+                "stages.c.count"
+            ]
+        );
     }
 
     #[test]

@@ -170,8 +170,7 @@ fn advice(collection: &Collection) -> Option<String> {
             table::bytes(young.sum())
         ));
     }
-    let of_runs = |judged: &&Judged| judged.held_by.iter().all(|holder| holder.starts_with("run of "));
-    let of_runs = collection.kept.iter().filter(of_runs).count();
+    let of_runs = collection.kept.iter().filter(|judged| judged.by_runs_alone).count();
     (of_runs > 0).then(|| {
         let artifacts = table::counted(of_runs as u64, "artifacts");
         format!(

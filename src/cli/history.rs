@@ -228,7 +228,11 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
         for warning in &screened.warnings_in_time {
             text.line(format!("model warning: {warning}"));
         }
-        let files = [file, &values, &figure].map(|path| path.display().to_string());
+        let files = [
+            file.display().to_string(),
+            write::with_metadata(&values),
+            figure.display().to_string(),
+        ];
         text.line(format!("{} in {}", files.join(", "), table::seconds(seconds)));
         output.text(text)?;
     }
@@ -437,7 +441,10 @@ fn motions(followed: &[AccurateHistory]) -> Vec<figures::Motion> {
     followed.iter().enumerate().map(motion).collect()
 }
 
-/// One line for each pattern.
+/// Rows that people are shown; of more than that each pattern has one, of its last time.
+const MOST_ROWS: usize = 30;
+
+/// One line for each time of each pattern; where these are too many, one for each pattern.
 fn overview(followed: &[AccurateHistory]) -> table::Table {
     let header = [
         "pattern",
@@ -453,6 +460,7 @@ fn overview(followed: &[AccurateHistory]) -> table::Table {
         &["time", "displacement", "error in time", "error in space", "steps"],
     )
     .dispensable(&["steps", "error in space", "error in time"]);
+    let are_all = followed.iter().map(|one| one.history.fields.len()).sum::<usize>() <= MOST_ROWS;
     for (
         index,
         AccurateHistory {
@@ -462,18 +470,24 @@ fn overview(followed: &[AccurateHistory]) -> table::Table {
         },
     ) in followed.iter().enumerate()
     {
-        let last = history.asked().last();
+        let each = || history.asked().zip(&history.fields);
+        let at = |time: f64| format!("{} s", rounded(time));
         let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
+        let before = match are_all {
+            true => history.fields.len().saturating_sub(1),
+            false => 0,
+        };
+        for (instant, field) in each().take(before) {
+            let [none, more, others, steps] = [(); 4].map(|()| String::new());
+            let moved = format!("{:.4} mm", field.max_magnitude());
+            table.add_row([index.to_string(), none, at(instant.time), moved, more, others, steps]);
+        }
+        let last = each().last();
         table.add_row([
             index.to_string(),
             history.outcome.to_string(),
-            or_dash(last.map(|instant| format!("{} s", rounded(instant.time)))),
-            or_dash(
-                history
-                    .fields
-                    .last()
-                    .map(|field| format!("{:.4} mm", field.max_magnitude())),
-            ),
+            or_dash(last.map(|(instant, _)| at(instant.time))),
+            or_dash(last.map(|(_, field)| format!("{:.4} mm", field.max_magnitude()))),
             or_dash(history.time_error_mm.map(|error| format!("{error:.1e} mm"))),
             or_dash(space_error_mm.map(|error| format!("{error:.1e} mm"))),
             history.instants.len().to_string(),

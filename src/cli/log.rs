@@ -10,17 +10,25 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
+use super::run_log::{Unfinished, unfinished};
+use super::side::{Places, Side};
 use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
-use super::{csv, locate, run, table};
-use crate::base::readable_time;
+use super::{csv, diff, locate, run, table};
+use crate::base::{Canonical, readable_time};
 use crate::orchestrator::file_of;
 use crate::report::{Gone, run_document};
 use crate::store::{Command, Ended, Run, Store, StoreError};
 
 /// Runs that people are shown unless they ask for others.
 const SHOWN: usize = 20;
+
+/// Changes of the files that are told of a run.
+const CHANGES: usize = 3;
+
+/// Runs of more stages, as those of large sweeps, are not compared: each stage is a file to be read.
+const MOST_COMPARED: usize = 200;
 
 /// Results of a run that people are shown.
 const RESULTS: usize = 4;
@@ -47,16 +55,48 @@ pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliErr
     let most = arguments.last.map(|last| last as usize).or(in_words.then_some(SHOWN));
     let (runs, more) = past(&store, arguments.pipeline.as_deref(), most)?;
     let removed = Gone::in_store(&store);
+    let unfinished = unfinished_of(&store, arguments.pipeline.as_deref())?;
     if output.is_json() {
         let runs: Vec<Value> = runs.iter().map(|run| run_document(run, &removed)).collect();
-        output.document(&json!({ "runs": runs }))?;
+        let unfinished = unfinished
+            .iter()
+            .map(|run| json!({ "path": run.path, "begun": run.begun, "last": run.last, "log": run.log }));
+        output.document(&json!({ "runs": runs, "unfinished": unfinished.collect::<Vec<_>>() }))?;
     } else if arguments.csv {
         let names = names(&runs);
         output.plain(&csv::text(&header(&names), runs.iter().map(|run| row(run, &names)))?)?;
     } else {
-        output.text(text(&runs, more, arguments.pipeline.is_none(), &removed))?;
+        let changed = changed(&runs, &store)?;
+        let mut text = text(&runs, &changed, more, arguments.pipeline.is_none(), &removed);
+        if !unfinished.is_empty() {
+            text.line("");
+        }
+        for run in unfinished.iter().take(RESULTS) {
+            text.toned(Tone::Caution, not_ended(run, &store));
+        }
+        output.text(text)?;
     }
     Ok(Exit::Done)
+}
+
+/// Runs that were killed or go on, of one pipeline or of all.
+fn unfinished_of(store: &Store, pipeline: Option<&Path>) -> Result<Vec<Unfinished>, CliError> {
+    let mut found = unfinished(store)?;
+    if let Some(path) = pipeline {
+        let file = file_of(path);
+        found.retain(|run| run.path == file);
+    }
+    Ok(found)
+}
+
+fn not_ended(run: &Unfinished, store: &Store) -> String {
+    format!(
+        "killed, or still at work: the run of {} begun at {}; its last words: {} ({})",
+        run.path.display(),
+        readable_time(&run.begun),
+        run.last,
+        store.root().join(&run.log).display()
+    )
 }
 
 /// The last runs, of one pipeline or of all, newest first; and whether there are more.
@@ -77,12 +117,15 @@ fn past(store: &Store, pipeline: Option<&Path>, most: Option<usize>) -> Result<(
         runs.push(run);
     }
     match pipeline {
-        Some(path) if runs.is_empty() => Err(CliError::bad_input(format!(
-            "no run of {} is remembered in {}",
-            path.display(),
-            store.root().display()
-        ))
-        .help("`deaflow log` lists the runs of all pipelines")),
+        // One that was killed is told of.
+        Some(path) if runs.is_empty() && unfinished_of(store, Some(path))?.is_empty() => {
+            Err(CliError::bad_input(format!(
+                "no run of {} is remembered in {}",
+                path.display(),
+                store.root().display()
+            ))
+            .help("`deaflow log` lists the runs of all pipelines"))
+        }
         _ => Ok((runs, false)),
     }
 }
@@ -144,7 +187,7 @@ fn built(run: &Run) -> Vec<&str> {
     built.map(|stage| stage.name.as_str()).collect()
 }
 
-fn text(runs: &[Run], more: bool, of_all: bool, removed: &Gone<'_>) -> Text {
+fn text(runs: &[Run], changed: &[Vec<String>], more: bool, of_all: bool, removed: &Gone<'_>) -> Text {
     if runs.is_empty() {
         return Text::from("no run is remembered");
     }
@@ -178,7 +221,7 @@ fn text(runs: &[Run], more: bool, of_all: bool, removed: &Gone<'_>) -> Text {
                 Command::Sweep => format!("{}\n(sweep)", run.pipeline).into(),
             },
             table::seconds(run.seconds).into(),
-            Cell::toned(&what(run, removed), tone),
+            Cell::toned(&what(run, &changed[at], removed), tone),
             results(run).into(),
             Cell::from(&run.host),
         ];
@@ -194,8 +237,42 @@ fn text(runs: &[Run], more: bool, of_all: bool, removed: &Gone<'_>) -> Text {
     text
 }
 
+/// What each run had otherwise than the one before it of the same pipeline, without what `--set` changed in one of them: what was written
+/// into its files. Of the last run that is listed nothing is said.
+fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
+    let places = Places::new(store);
+    let sides: Vec<Side> = runs
+        .iter()
+        .map(|run| match run.stages.len() {
+            0..=MOST_COMPARED => places.parameters_of_run(run),
+            _ => Ok(Side::new(run.id.clone())),
+        })
+        .collect::<Result<_, _>>()?;
+    let of = |at: usize| {
+        let is_same = |other: &usize| runs[*other].path == runs[at].path && runs[*other].command == runs[at].command;
+        let Some(before) = (at + 1..runs.len()).find(is_same) else {
+            return Vec::new();
+        };
+        let is_set = |change: &diff::Change<Canonical>| {
+            let sets = runs[at].overrides.keys().chain(runs[before].overrides.keys());
+            sets.into_iter().any(|path| {
+                let rest = change.name.strip_prefix(path.as_str());
+                rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+            })
+        };
+        let mut changes = diff::parameters(&sides[before], &sides[at]);
+        // A stage that one of them did not reach says nothing.
+        changes.retain(|change| change.from.is_some() && change.to.is_some() && !is_set(change));
+        let told = diff::together(&changes).into_iter();
+        let said = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
+        told.map(|(name, change)| format!("{name} from {} to {}", said(&change.from), said(&change.to)))
+            .collect()
+    };
+    Ok((0..runs.len()).map(of).collect())
+}
+
 /// What was built, what failed, what was overridden, and what of it is gone.
-fn what(run: &Run, removed: &Gone<'_>) -> String {
+fn what(run: &Run, changed: &[String], removed: &Gone<'_>) -> String {
     let built = built(run);
     let all = run.stages.len() + run.failures.len() + run.stopped.len();
     let mut lines = vec![match built.len() {
@@ -207,6 +284,14 @@ fn what(run: &Run, removed: &Gone<'_>) -> String {
     lines.extend(run.stopped.iter().map(|name| format!("stopped: {name}")));
     if !run.overrides.is_empty() {
         lines.push(overrides(run, "\n"));
+    }
+    if !changed.is_empty() {
+        let more = changed.len().saturating_sub(CHANGES);
+        lines.push(format!(
+            "changed in the files: {}",
+            changed[..changed.len() - more].join(", ")
+        ));
+        lines.extend((more > 0).then(|| format!("and {more} more: deaflow diff")));
     }
     let gone: Vec<&str> = run
         .stages

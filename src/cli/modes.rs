@@ -43,7 +43,7 @@ pub struct ModesArguments {
 /// # Errors
 /// When the scene or a pattern cannot be used, no density is known, or the file cannot be written.
 pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Result<Exit, CliError> {
-    let file = &arguments.patterns.file()?.to_owned();
+    let file = arguments.patterns.output.as_deref();
     let read = arguments.read_scene()?;
     if !read.states.is_empty() {
         return Err(
@@ -77,7 +77,9 @@ pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Resul
         arguments.parameters()
     );
     let content = vibrations(&patterns, &scene, count as usize, &found, each, arguments);
-    write_file(file, &content.object(), &provenance("solve", parameters, seconds))?;
+    if let Some(file) = file {
+        write_file(file, &content.object(), &provenance("solve", parameters, seconds))?;
+    }
     let unstable = found.iter().filter(|one| one.equilibrium.is_none()).count();
     if output.is_json() {
         output.document(&json!({
@@ -93,7 +95,10 @@ pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Resul
         for warning in warnings(&scene) {
             text.line(format!("model warning: {warning}"));
         }
-        text.line(format!("{} in {time}", file.display()));
+        text.line(match file {
+            Some(file) => format!("{} in {time}", file.display()),
+            None => format!("{} in {time}", table::counted(patterns.len() as u64, "patterns")),
+        });
         output.text(text)?;
     }
     Ok(if unstable > 0 { Exit::Unstable } else { Exit::Done })

@@ -22,7 +22,7 @@ pub struct Pace {
     pub part: f64,
     /// Of all steps.
     pub length: u64,
-    /// What all of it was foretold to take.
+    /// What is left of it was foretold to take, apart from steps of an earlier process.
     foretold: Option<f64>,
     /// Steps that were done before this process began.
     before: u64,
@@ -109,11 +109,7 @@ impl Pace {
 
     /// What is left of the time that was foretold, s; none once it is over.
     fn foretold_left(&self, at: f64) -> Option<f64> {
-        let share = match self.length {
-            0 => 1.0,
-            length => length.saturating_sub(self.before) as f64 / length as f64,
-        };
-        self.foretold.map(|all| all * share - at).filter(|left| *left > 0.0)
+        self.foretold.map(|all| all - at).filter(|left| *left > 0.0)
     }
 
     /// How long it still takes, s; none where nothing is known.
@@ -234,8 +230,8 @@ mod tests {
         // What has taken longer than foretold is not foretold any more.
         let late = Pace::new(10, Some(5.0));
         assert_eq!(late.words(6.0), "");
-        // A tenth was left.
-        let mut resumed = Pace::new(10, Some(100.0));
+        // What an earlier process has done is no part of what was foretold.
+        let mut resumed = Pace::new(10, Some(10.0));
         resumed.resume(2.0, 9);
         assert_eq!(resumed.words(2.0), "about 8.00 s left");
     }

@@ -82,7 +82,11 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
             "seconds": seconds,
         }))?;
     } else {
-        let files = [file, &values, &figure].map(|path| path.display().to_string());
+        let files = [
+            file.display().to_string(),
+            write::with_metadata(&values),
+            figure.display().to_string(),
+        ];
         let time = table::seconds(seconds);
         let mut text = Text::of(overview(&paths));
         text.line(format!("{} in {time}", files.join(", ")));

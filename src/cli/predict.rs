@@ -44,7 +44,7 @@ pub struct PredictArguments {
     #[command(flatten)]
     pub state: StateArguments,
     /// What a stage of kind `calibrate` made for the model, named like a model [default: of a model in the store what the last
-    /// run that calibrated it made from the most patterns]; OUT.csv is written beside OUT.h5
+    /// run that calibrated it made from the most patterns]; beside OUT.h5 they go into OUT.csv
     #[arg(long, value_name = "CALIBRATION")]
     pub calibration: Option<String>,
     /// State the interval of a displacement too, as in "{ point: [25 mm, 25 mm], direction: 0 deg }"; may be given again
@@ -63,8 +63,10 @@ impl PredictArguments {
 }
 
 pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, CliError> {
-    let file = arguments.patterns.file()?;
-    solve::check_file(file, &arguments.patterns, &[&arguments.model])?;
+    let file = arguments.patterns.output.as_deref();
+    if let Some(file) = file {
+        solve::check_file(file, &arguments.patterns, &[&arguments.model])?;
+    }
     arguments.patterns.check_ending()?;
     if arguments.state.state.is_some() && arguments.scene.is_none() {
         return Err(CliError::bad_input("--state is one of a scene, and none is given").help("give it with --scene"));
@@ -89,10 +91,11 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     let intervals = calibration.map(of).transpose()?;
     bar.clear();
     let parameters = format!("model {}", arguments.model);
-    if let Some(intervals) = &intervals {
+    let rows_file = file.map(table);
+    if let (Some(intervals), Some(file)) = (&intervals, &rows_file) {
         let rows = intervals.csv().map_err(|e| CliError::failure(e.to_string()))?;
         let source = format!("{parameters}, {}", Digest::of(&weights));
-        write::csv(&table(file), &rows, "deaflow predict", &source)?;
+        write::csv(file, &rows, "deaflow predict", &source)?;
     }
     let scene = surrogate.scene().and_then(|text| Scene::from_text(text).ok());
     let watched = match &scene {
@@ -125,7 +128,7 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
         content: content.object(),
         samples: patterns.len(),
         watched,
-        statement: statement(intervals.as_ref(), &table(file)),
+        statement: statement(intervals.as_ref(), rows_file.as_deref()),
         ..Answer::default()
     };
     solve::conclude(&arguments.patterns, answer, ("predict", parameters), start, output)
@@ -137,7 +140,9 @@ fn table(file: &Path) -> PathBuf {
 }
 
 fn check_table(arguments: &PredictArguments) -> Result<(), CliError> {
-    let file = arguments.patterns.file()?;
+    let Some(file) = arguments.patterns.output.as_deref() else {
+        return Ok(());
+    };
     let table = table(file);
     write::check_csv(&table)?;
     for read in std::iter::once(&arguments.model).chain(&arguments.calibration) {
@@ -201,7 +206,7 @@ fn content(
 }
 
 /// What is said of the errors of the predictions.
-fn statement(intervals: Option<&Intervals>, table: &Path) -> Statement {
+fn statement(intervals: Option<&Intervals>, table: Option<&Path>) -> Statement {
     Statement {
         key: "intervals",
         document: intervals.map(|intervals| intervals.document(table)),

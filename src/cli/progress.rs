@@ -305,12 +305,9 @@ impl RunProgress {
             }
             Event::Progress { name, steps } => current.get(name).iter().for_each(|bar| bar.advance(*steps)),
             Event::Part { name, done } => current.get(name).iter().for_each(|bar| bar.part(*done)),
-            Event::Resumed { name, steps } => {
-                if let Some(bar) = current.get(name) {
-                    bar.resume(*steps);
-                    let done = table::counted(*steps, locked(&bar.state).unit);
-                    self.say(&format!("{name}: goes on after {done} that an earlier run has done"));
-                }
+            Event::Resumed { name, steps, .. } => {
+                current.get(name).iter().for_each(|bar| bar.resume(*steps));
+                line(event).iter().for_each(|text| self.say(text));
             }
             Event::Note { name, text } => current.get(name).iter().for_each(|bar| bar.note(text)),
             Event::ChunkBuilt { .. } | Event::Warning { .. } => {}
@@ -369,11 +366,11 @@ pub fn line(event: &Event) -> Option<String> {
         | Event::StageFailed(report)
         | Event::StageSkipped(report) => format!("{}: {}", report.name, ended(report)),
         Event::Warning { text } => format!("warning: {text}"),
-        Event::Progress { .. }
-        | Event::Part { .. }
-        | Event::Resumed { .. }
-        | Event::Note { .. }
-        | Event::ChunkBuilt { .. } => return None,
+        Event::Resumed { name, steps, unit } => {
+            let done = table::counted(*steps, unit);
+            format!("{name}: goes on after {done} that an earlier run has done")
+        }
+        Event::Progress { .. } | Event::Part { .. } | Event::Note { .. } | Event::ChunkBuilt { .. } => return None,
     })
 }
 
@@ -461,6 +458,8 @@ mod tests {
             seconds: 61.2,
             size: 0,
             size_built: 0,
+            resumed: 0,
+            missing: None,
             price: None,
             unmeasured: None,
             why: None,

@@ -159,7 +159,11 @@ pub fn execute(arguments: &SolveArguments, range: Range, scene: &[&str], output:
         for warning in &warnings {
             summary.line(format!("model warning: {warning}"));
         }
-        let files = [file, &values, &figure].map(|path| path.display().to_string());
+        let files = [
+            file.display().to_string(),
+            write::with_metadata(&values),
+            figure.display().to_string(),
+        ];
         summary.line(format!("{} in {}", files.join(", "), table::seconds(seconds)));
         output.text(summary)?;
     } else {

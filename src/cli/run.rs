@@ -107,7 +107,7 @@ pub fn of_pipeline(
     })?;
     let told = progress.clone();
     let watch = reading.watch(move |text| told.note(text));
-    let log = RunLog::new(store);
+    let log = RunLog::new(store, &pipeline.file());
     let listener = |event: &_| {
         log.tell(event);
         progress.tell(event);
@@ -124,6 +124,7 @@ pub fn of_pipeline(
     };
     let start = Instant::now();
     let done = run(pipeline, store, &options, &Environment::system(), &listener);
+    log.end();
     drop(watch);
     reading.end(output, arguments.quiet);
     let (is_stopped, seconds) = (stop.end(), start.elapsed().as_secs_f64());

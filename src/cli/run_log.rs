@@ -1,13 +1,21 @@
-//! The log file of a run: each event in a line, with its time. A run that builds nothing writes none.
+//! The log file of a run: each event in a line, with its time. A run that builds nothing writes none. The first line names the file of the
+//! pipeline and the last says that the run has ended: where that is missing it was killed, or goes on.
 
 use std::fs::File;
 use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use super::progress::line;
 use crate::base::printable;
 use crate::orchestrator::{Environment, Event};
 use crate::store::{Store, StoreError, log_name};
+
+/// The first words of a log, before the path of the pipeline.
+const BEGUN: &str = "run of ";
+
+/// Its last line.
+const ENDED: &str = "ended";
 
 /// A log file that is created when there is something to say.
 pub struct RunLog<'a> {
@@ -26,11 +34,26 @@ enum State {
 }
 
 impl<'a> RunLog<'a> {
-    pub fn new(store: &'a Store) -> Self {
+    pub fn new(store: &'a Store, pipeline: &Path) -> Self {
+        let now = Environment::system().now();
+        let first = format!("{now} {BEGUN}{}\n", printable(&pipeline.display().to_string()));
         Self {
             store,
-            name: log_name(&Environment::system().now(), std::process::id()),
-            state: Mutex::new(State::Waiting(Vec::new())),
+            name: log_name(&now, std::process::id()),
+            state: Mutex::new(State::Waiting(vec![
+                first.replace('\n', " ").trim_end().to_owned() + "\n",
+            ])),
+        }
+    }
+
+    /// Writes down that the run has ended, however it did.
+    pub fn end(&self) {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        if let State::Open(file) = &mut *state {
+            let text = format!("{} {ENDED}\n", Environment::system().now());
+            if let Err(why) = file.write_all(text.as_bytes()) {
+                *state = State::Failed(why.to_string());
+            }
         }
     }
 
@@ -76,6 +99,39 @@ impl<'a> RunLog<'a> {
             State::Waiting(_) | State::Open(_) => None,
         }
     }
+}
+
+/// A run that was killed, or goes on.
+pub struct Unfinished {
+    /// The file of its pipeline.
+    pub path: PathBuf,
+    /// When it began, in UTC, RFC 3339.
+    pub begun: String,
+    /// The last that it said.
+    pub last: String,
+    /// Its log file, in the folder of the store.
+    pub log: String,
+}
+
+/// Runs of which the log does not say that they have ended, newest first.
+///
+/// # Errors
+/// When the store cannot be read.
+pub fn unfinished(store: &Store) -> Result<Vec<Unfinished>, StoreError> {
+    let read = |log: String| {
+        let text = store.read_log(&log)?;
+        let mut lines = text.lines().filter_map(|line| line.split_once(' '));
+        let (begun, first) = lines.next()?;
+        let path = PathBuf::from(first.strip_prefix(BEGUN)?);
+        let last = lines.last().map_or("", |(_, said)| said);
+        (last != ENDED).then(|| Unfinished {
+            path,
+            begun: begun.to_owned(),
+            last: last.to_owned(),
+            log,
+        })
+    };
+    Ok(store.logs()?.into_iter().filter_map(read).collect())
 }
 
 fn written(mut file: File, text: &str) -> Result<State, String> {

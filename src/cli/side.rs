@@ -139,6 +139,19 @@ impl<'a> Places<'a> {
         )
     }
 
+    /// What a run did, without what came of it.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn parameters_of_run(&self, run: &Run) -> Result<Side, CliError> {
+        let mut side = Side::new(run.id.clone());
+        for stage in &run.stages {
+            let record = self.store.record(&stage.key)?.record();
+            self.stage(&mut side, &stage.name, &stage.kind, record.as_ref());
+        }
+        Ok(side)
+    }
+
     fn of_run(&self, run: &Run) -> Result<Side, CliError> {
         let mut side = Side::new(format!(
             "run {} of {} at {}",

@@ -16,7 +16,7 @@ use super::{locate, run, table};
 use crate::base::readable_time;
 use crate::executor::{SILENT, Seen, workers};
 use crate::orchestrator::{Bill, Environment, Outcome, StageReport, Staleness, file_of, plan};
-use crate::store::{Command, LockFile, Run, Store, Totals};
+use crate::store::{Command, LockFile, Reached, Run, Store, Totals};
 
 /// Say what is in a store, what is at work in it, and what of pipelines would be built
 #[derive(Debug, Args)]
@@ -62,9 +62,9 @@ pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, Cli
     let totals = store.totals()?;
     let workers = workers(&store)?;
     if output.is_json() {
-        output.document(&document(&store, &totals, runs.len(), &workers, &standings))?;
+        output.document(&document(&store, &totals, runs.len(), &workers, &standings)?)?;
     } else {
-        output.text(text(&store, &totals, runs.len(), &workers, &standings))?;
+        output.text(text(&store, &totals, runs.len(), &workers, &standings)?)?;
     }
     Ok(Exit::Done)
 }
@@ -95,7 +95,18 @@ fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<S
     })
 }
 
-fn document(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], standings: &[Standing]) -> Value {
+fn document(
+    store: &Store,
+    totals: &Totals,
+    runs: usize,
+    workers: &[Seen],
+    standings: &[Standing],
+) -> Result<Value, CliError> {
+    let unfinished = store.checkpoints()?.into_iter().filter(|kept| kept.size > 0);
+    let unfinished = unfinished.map(|kept| {
+        let reached = kept.reached.unwrap_or_default();
+        json!({ "key": kept.key.to_string(), "stage": reached.stage, "steps": reached.steps, "unit": reached.unit, "bytes": kept.size })
+    });
     let workers = workers.iter().map(|seen| {
         json!({
             "host": seen.worker.owner.host,
@@ -115,7 +126,7 @@ fn document(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], stand
             "error": standing.stages.as_ref().err(),
         })
     });
-    json!({
+    Ok(json!({
         "store": store.root(),
         "objects": totals.objects,
         "bytes": totals.bytes,
@@ -125,14 +136,43 @@ fn document(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], stand
         "lock_files": totals.lock_files,
         "checkpoints": totals.checkpoints,
         "checkpoint_bytes": totals.checkpoint_bytes,
+        "unfinished": unfinished.collect::<Vec<_>>(),
         "quarantined": totals.quarantined,
         "in_flight": totals.in_flight,
         "workers": workers.collect::<Vec<_>>(),
         "pipelines": pipelines.collect::<Vec<_>>(),
+    }))
+}
+
+/// Unfinished actions that are named.
+const NAMED: usize = 5;
+
+/// Which stages what is kept is of, and how far each has come.
+fn unfinished(store: &Store) -> Result<String, CliError> {
+    let kept = store.checkpoints()?.into_iter();
+    let reached: Vec<Reached> = kept.filter_map(|kept| kept.reached).collect();
+    let named = reached
+        .iter()
+        .take(NAMED)
+        .map(|Reached { stage, steps, unit }| match steps {
+            0 => stage.clone(),
+            _ => format!("{stage} after {}", table::counted(*steps, unit)),
+        });
+    let named = named.collect::<Vec<_>>().join(", ");
+    Ok(match reached.len() {
+        0 => String::new(),
+        n if n > NAMED => format!(": {named} and {} more", n - NAMED),
+        _ => format!(": {named}"),
     })
 }
 
-fn text(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], standings: &[Standing]) -> Text {
+fn text(
+    store: &Store,
+    totals: &Totals,
+    runs: usize,
+    workers: &[Seen],
+    standings: &[Standing],
+) -> Result<Text, CliError> {
     let mut text = Text::from(format!(
         "{}: {} ({}), {}, {}, {}, {}",
         store.root().display(),
@@ -150,9 +190,10 @@ fn text(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], standings
     }
     if totals.checkpoints > 0 {
         text.line(format!(
-            "unfinished and to be gone on with: {} ({})",
+            "unfinished and to be gone on with: {} ({}){}",
             table::counted(totals.checkpoints, "actions"),
-            table::bytes(totals.checkpoint_bytes)
+            table::bytes(totals.checkpoint_bytes),
+            unfinished(store)?
         ));
     }
     text.line(match totals.in_flight {
@@ -205,7 +246,7 @@ fn text(store: &Store, totals: &Totals, runs: usize, workers: &[Seen], standings
         }
         text.line("").table(rows);
     }
-    text
+    Ok(text)
 }
 
 fn state(stages: &Result<Vec<StageReport>, String>) -> String {

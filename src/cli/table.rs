@@ -121,6 +121,10 @@ fn outcomes(lines: &[StageReport]) -> Cell {
         }
     }
     match counts[..] {
+        [(Outcome::Skipped, _)] if lines[0].missing.is_some() => {
+            let missing = lines[0].missing.as_deref().unwrap_or_default();
+            Cell::toned(&format!("skipped (needs {missing})"), Tone::of(Outcome::Skipped))
+        }
         [(one, _)] => Cell::toned(outcome(one), Tone::of(one)),
         _ => {
             let tones: Vec<Tone> = counts.iter().map(|(of, _)| Tone::of(*of)).collect();

@@ -44,6 +44,13 @@ pub fn csv(path: &Path, rows: &[u8], title: &str, source: &str) -> Result<(), Cl
     file(&csv_metadata_file(path), &csv_metadata(&[table]))
 }
 
+/// Comma-separated values and what is said of them, as they are told of: both files.
+pub fn with_metadata(path: &Path) -> String {
+    let metadata = csv_metadata_file(path);
+    let name = metadata.file_name().unwrap_or_default().to_string_lossy();
+    format!("{} (described by {name})", path.display())
+}
+
 /// As [`check_file`], of comma-separated values and what is said of them.
 ///
 /// # Errors

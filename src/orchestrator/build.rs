@@ -1,7 +1,7 @@
 //! Does the work of one stage: a whole under its lock, or its missing chunks in parallel, each recorded as it finishes, so
 //! that a killed run loses no more than the chunks in flight.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -51,6 +51,19 @@ pub struct Done {
     pub record: Record,
     /// Whether it was built here and now.
     pub built: bool,
+    /// Steps that an earlier run had done, which this one went on with.
+    pub resumed: u64,
+}
+
+impl Done {
+    /// Work that had been done.
+    fn there(record: Record) -> Self {
+        Self {
+            record,
+            built: false,
+            resumed: 0,
+        }
+    }
 }
 
 /// What has become of a stage's chunks.
@@ -315,10 +328,7 @@ impl Builder<'_> {
         let Lookup::Found(record, _) = self.store.record(key)? else {
             return Ok(None);
         };
-        Ok(self.store.has_made(&record).then_some(Done {
-            record: *record,
-            built: false,
-        }))
+        Ok(self.store.has_made(&record).then(|| Done::there(*record)))
     }
 
     /// Some chunks of a stage that has none are not what anybody means.
@@ -414,7 +424,7 @@ impl Builder<'_> {
     ) -> Result<Option<Done>, StageError> {
         if let (Some(record), true, false) = (&state.record, state.intact, state.elsewhere) {
             let record = record.clone();
-            return Ok(Some(Done { record, built: false }));
+            return Ok(Some(Done::there(record)));
         }
         if stop.load(Ordering::Relaxed) || self.is_stopped() {
             return Ok(None);
@@ -459,7 +469,7 @@ impl Builder<'_> {
             return Err(Stopped.into());
         }
         if let Some(record) = self.built_meanwhile(&piece.key)? {
-            return Ok(Done { record, built: false });
+            return Ok(Done::there(record));
         }
         let inputs: Result<Vec<Artifact>, StoreError> = piece
             .action
@@ -467,14 +477,19 @@ impl Builder<'_> {
             .iter()
             .map(|digest| self.store.artifact(digest))
             .collect();
+        let (steps, resumed) = (AtomicU64::new(0), AtomicU64::new(0));
         let reporter = Reporter {
             name: &piece.spec.name,
+            unit: piece.spec.stage.unit(),
             listener: self.listener,
+            steps: &steps,
+            resumed: &resumed,
         };
         let measured = Mutex::default();
         let warn = |text: String| (self.listener)(&Event::Warning { text });
-        let build = format!("build {}, {}", self.environment.build, self.environment.target);
-        let scratch = Scratch::new(self.store, piece.key, build, &warn, self.stop);
+        let of = (piece.spec.name.as_str(), piece.spec.stage.unit());
+        let key = (piece.key, self.environment.build_of_checkpoints());
+        let scratch = Scratch::new(self.store, key, of, &steps, &warn, self.stop);
         let start = (self.environment.clock)();
         let object = piece.spec.stage.build(&Job {
             chunk: piece.chunk.map(|(_, chunk)| chunk),
@@ -494,7 +509,11 @@ impl Builder<'_> {
             let name = piece.spec.name.clone();
             (self.listener)(&Event::ChunkBuilt { name, chunk });
         }
-        Ok(Done { record, built: true })
+        Ok(Done {
+            record,
+            built: true,
+            resumed: resumed.into_inner(),
+        })
     }
 
     /// What has been made of an action since it was looked at. A damaged artifact is moved aside here, in case the rebuilt one has
@@ -590,11 +609,17 @@ fn piece<'a>(spec: &'a StageSpec, chunk: (usize, &'a Chunk), state: &'a ChunkSta
 
 struct Reporter<'a> {
     name: &'a str,
+    unit: &'static str,
     listener: Listener<'a>,
+    /// Steps that are done.
+    steps: &'a AtomicU64,
+    /// Those of them that an earlier run has done.
+    resumed: &'a AtomicU64,
 }
 
 impl Progress for Reporter<'_> {
     fn advance(&self, steps: u64) {
+        self.steps.fetch_add(steps, Ordering::Relaxed);
         let name = self.name.to_owned();
         (self.listener)(&Event::Progress { name, steps });
     }
@@ -605,8 +630,11 @@ impl Progress for Reporter<'_> {
     }
 
     fn resume(&self, steps: u64) {
+        self.steps.fetch_add(steps, Ordering::Relaxed);
+        self.resumed.fetch_add(steps, Ordering::Relaxed);
         let name = self.name.to_owned();
-        (self.listener)(&Event::Resumed { name, steps });
+        let unit = self.unit;
+        (self.listener)(&Event::Resumed { name, steps, unit });
     }
 
     fn note(&self, text: &str) {

@@ -2,7 +2,7 @@
 
 use super::event::StageReport;
 use super::kind::{Chunk, Plan};
-use super::planner::{ChunkState, StageStatus, State};
+use super::planner::{ChunkState, MANY, StageStatus, State};
 use super::price::{Leaves, Price, Work, leaves, price};
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
@@ -32,10 +32,16 @@ pub fn prices(
         let spec = &pipeline.stages[index];
         let input_bytes = spec.needs.iter().map(|&need| lengths[need]).sum();
         let foretold = match status.is_stale() {
-            true => match price(&costs, &work(spec, status, input_bytes, environment)) {
-                Ok(price) => (Some(price), None),
-                Err(unmeasured) => (None, Some(unmeasured.to_string())),
-            },
+            true => {
+                let mut work = work(spec, status, input_bytes, environment);
+                // What an earlier run has done is not done again; to end it takes a step at least.
+                let kept = kept(status, store, &environment.build_of_checkpoints());
+                work.steps = work.steps.saturating_sub(kept).max(work.steps.min(1));
+                match price(&costs, &work) {
+                    Ok(price) => (Some(price), None),
+                    Err(unmeasured) => (None, Some(unmeasured.to_string())),
+                }
+            }
             false => (None, None),
         };
         lengths[index] = length(status, foretold.0.as_ref());
@@ -72,19 +78,43 @@ pub fn steps(status: &StageStatus) -> u64 {
     }
 }
 
-/// The cost of a stage that was built here and now in so many seconds, for the memory of the store; `None` where another process had a
+/// Steps that an earlier run has done of what is to be built, and that can be gone on with.
+fn kept(status: &StageStatus, store: &Store, build: &str) -> u64 {
+    let State::Stale { chunks, .. } = &status.state else {
+        return 0;
+    };
+    let actions = match &status.work {
+        // So many are each small, and so is what is kept of them.
+        Plan::Chunks(all) if all.len() >= MANY => return 0,
+        Plan::Chunks(_) => chunks
+            .iter()
+            .filter(|chunk| !chunk.intact)
+            .map(|chunk| &chunk.action)
+            .collect(),
+        Plan::Whole { .. } => vec![&status.action],
+    };
+    let kept = actions
+        .into_iter()
+        .flatten()
+        .filter_map(|(_, key)| store.reached(key, build));
+    kept.map(|reached| reached.steps).sum()
+}
+
+/// The cost of a stage that was built here and now in so many seconds, for the memory of the store, with how many of
+/// its samples have no stable solution; `None` where another process had a
 /// share.
 pub fn cost(
     spec: &StageSpec,
     status: &StageStatus,
     report: &StageReport,
-    seconds: f64,
+    (seconds, unstable): (f64, u64),
     input_bytes: u64,
     environment: &Environment,
 ) -> Option<Cost> {
     let work = work(spec, status, Some(input_bytes), environment);
     let chunks = work.chunks.unwrap_or(1);
-    if report.chunks_built != chunks {
+    let done_here = work.steps.saturating_sub(report.resumed);
+    if report.chunks_built != chunks || done_here == 0 {
         return None;
     }
     Some(Cost {
@@ -93,10 +123,11 @@ pub fn cost(
         parameters: work.parameters,
         host: work.host,
         jobs: work.jobs,
-        steps: work.steps,
+        steps: done_here,
         weight: work.weight,
         chunks,
         input_bytes,
+        unstable,
         seconds,
         bytes: report.size_built,
         created: environment.now(),

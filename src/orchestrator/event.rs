@@ -48,6 +48,12 @@ pub struct StageReport {
     pub size: u64,
     /// Of these, what this run wrote, bytes.
     pub size_built: u64,
+    /// Steps that an earlier run had done before it was stopped, and that this one went on from.
+    #[serde(skip_serializing_if = "is_none")]
+    pub resumed: u64,
+    /// Of a skipped stage the one that was not built: that which failed, or else one that it needs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub missing: Option<String>,
     /// What building was foretold to take; none where nothing like it has been built in this store, or nothing is to be built.
     pub price: Option<Price>,
     /// Why there is no price, as in `never measured for network qin2024`; none where there is one, or nothing is to be built.
@@ -59,6 +65,11 @@ pub struct StageReport {
     /// Why it was stale.
     #[serde(skip)]
     pub staleness: Option<Staleness>,
+}
+
+/// A number is written where there is something to count.
+fn is_none(number: &u64) -> bool {
+    *number == 0
 }
 
 fn hexadecimal<S: Serializer>(digest: &Option<ArtifactId>, serializer: S) -> Result<S::Ok, S::Error> {
@@ -124,6 +135,8 @@ pub enum Event {
         name: String,
         /// How many.
         steps: u64,
+        /// What its steps are: "patterns", "epochs".
+        unit: &'static str,
     },
     /// A short text to show beside the progress.
     Note {

@@ -386,7 +386,7 @@ impl<'a> Execution<'a> {
                         continue;
                     };
                     open.left.remove(&index);
-                    if let Some(skipped) = self.skipped(index) {
+                    if let Some(skipped) = self.skipped(index, &concluded.reports) {
                         concluded.reports.insert(index, skipped);
                         continue;
                     }
@@ -455,8 +455,30 @@ impl<'a> Execution<'a> {
                 self.conclude(index, start, report, &mut concluded);
             }
         });
+        let has_failed = concluded.failures.values().any(|failure| !failure.is_stop());
+        if self.ours.is_none() && builder.only.is_none() && has_failed {
+            self.skip_what_follows(selection, &mut concluded);
+        }
         let Concluded { reports, failures } = concluded;
         (reports.into_values().collect(), failures.into_values().collect())
+    }
+
+    /// Lists the stages that were not begun because one that they need, directly or not, failed.
+    fn skip_what_follows(&self, selection: &[usize], concluded: &mut Concluded) {
+        for &index in selection {
+            if concluded.reports.contains_key(&index) {
+                continue;
+            }
+            let waits_for = self.pipeline.stages[index].waits_for();
+            let is_missing = |need: &&usize| {
+                let is_skipped = |report: &StageReport| report.outcome == Outcome::Skipped;
+                concluded.failures.contains_key(need) || concluded.reports.get(need).is_some_and(is_skipped)
+            };
+            if let Some(missing) = waits_for.iter().find(is_missing) {
+                let report = self.skip(index, *missing, &concluded.reports);
+                concluded.reports.insert(index, report);
+            }
+        }
     }
 
     /// Whether more may be begun.
@@ -573,7 +595,8 @@ impl<'a> Execution<'a> {
             self.sizes.remove(&index);
         }
         if report.outcome == Outcome::Built && !waited {
-            self.remember_cost(spec, &status, &report, share.unwrap_or(report.seconds));
+            let took = (share.unwrap_or(report.seconds), record.unstable);
+            self.remember_cost(spec, &status, &report, took);
         }
         Ok(report)
     }
@@ -726,11 +749,11 @@ impl<'a> Execution<'a> {
     }
 
     /// A cost that cannot be written is no reason to stop: it is told at the end.
-    fn remember_cost(&mut self, spec: &StageSpec, status: &StageStatus, report: &StageReport, seconds: f64) {
+    fn remember_cost(&mut self, spec: &StageSpec, status: &StageStatus, report: &StageReport, took: (f64, u64)) {
         let input_bytes: Option<u64> = spec.needs.iter().map(|need| self.sizes.get(need)).sum();
         let Some(input_bytes) = input_bytes else { return };
         let environment = self.builder.environment;
-        let cost = cost_estimate::cost(spec, status, report, seconds, input_bytes, environment);
+        let cost = cost_estimate::cost(spec, status, report, took, input_bytes, environment);
         if let Some(Err(error)) = cost.map(|cost| self.builder.store.put_cost(&cost)) {
             self.not_logged.get_or_insert(error);
         }
@@ -767,20 +790,25 @@ impl<'a> Execution<'a> {
     }
 
     /// The report of a stage that needs something that was not built.
-    fn skipped(&self, index: usize) -> Option<StageReport> {
+    fn skipped(&self, index: usize, reports: &BTreeMap<usize, StageReport>) -> Option<StageReport> {
         let spec = &self.pipeline.stages[index];
         let waits_for = spec.waits_for();
         let missing = waits_for.iter().find(|need| !self.inputs.contains_key(need))?;
-        let report = StageReport {
-            outcome: Outcome::Skipped,
-            why: Some(format!(
-                "needs `{}`, which failed or was not built",
-                self.pipeline.stages[*missing].name
-            )),
-            ..self.unbuilt(index)
-        };
+        let report = self.skip(index, *missing, reports);
         (self.builder.listener)(&Event::StageSkipped(report.clone()));
         Some(report)
+    }
+
+    /// The report of a stage that needs one that is missing, or was skipped itself.
+    fn skip(&self, index: usize, missing: usize, reports: &BTreeMap<usize, StageReport>) -> StageReport {
+        let name = &self.pipeline.stages[missing].name;
+        let first = reports.get(&missing).and_then(|report| report.missing.clone());
+        StageReport {
+            outcome: Outcome::Skipped,
+            why: Some(format!("needs `{name}`, which failed or was not built")),
+            missing: Some(first.unwrap_or_else(|| name.clone())),
+            ..self.unbuilt(index)
+        }
     }
 
     fn unbuilt(&self, index: usize) -> StageReport {
@@ -795,6 +823,8 @@ impl<'a> Execution<'a> {
             seconds: 0.0,
             size: 0,
             size_built: 0,
+            resumed: 0,
+            missing: None,
             price: None,
             unmeasured: None,
             why: None,

@@ -118,6 +118,8 @@ pub fn report(spec: &StageSpec, status: &StageStatus) -> StageReport {
         seconds: 0.0,
         size,
         size_built: 0,
+        resumed: 0,
+        missing: None,
         price: None,
         unmeasured: None,
         reasons: staleness.iter().map(ToString::to_string).collect(),

@@ -125,6 +125,15 @@ impl Estimate {
         }
     }
 
+    /// The range and the median of some times, widened by a factor. Of an even number the lower one in the middle: other work on the
+    /// machine makes a stage slower and never faster.
+    fn of_times(mut values: Vec<f64>, widening: f64) -> Option<Self> {
+        values.sort_by(f64::total_cmp);
+        let likely = *values.get(values.len().checked_sub(1)? / 2)?;
+        let range = Self::of(values, widening)?;
+        Some(Self { likely, ..range })
+    }
+
     /// The range and the median of some values, widened by a factor.
     fn of(mut values: Vec<f64>, widening: f64) -> Option<Self> {
         values.sort_by(f64::total_cmp);
@@ -194,6 +203,10 @@ pub fn price(costs: &[Cost], work: &Work) -> Result<Price, Unmeasured> {
         return Err(latest.and_then(|cost| apart(cost, work)).unwrap_or(Unmeasured::Kind));
     };
     known.retain(|(distance, _)| *distance == nearest);
+    // Where membranes are lost at other parameters says nothing of these.
+    if nearest > 0 && !known.iter().all(|(_, cost)| is_lost(cost)) {
+        known.retain(|(_, cost)| !is_lost(cost));
+    }
     let known = alike(known.into_iter().map(|(_, cost)| cost).collect(), work);
     let latest: Vec<&Cost> = known.iter().rev().take(LATEST).copied().collect();
     let by_input = latest.iter().all(|cost| cost.input_bytes > 0) && work.chunks.is_none();
@@ -213,7 +226,7 @@ pub fn price(costs: &[Cost], work: &Work) -> Result<Price, Unmeasured> {
             (None, None, _) => cost.seconds / each(cost),
         }
     });
-    let seconds = Estimate::of(seconds.collect(), widening).ok_or(Unmeasured::Kind)?;
+    let seconds = Estimate::of_times(seconds.collect(), widening).ok_or(Unmeasured::Kind)?;
     let threads = work.chunks.map_or(1, |chunks| work.jobs.min(chunks)).max(1);
     let steps = work.steps as f64;
     let amount = match by_input {
@@ -245,6 +258,11 @@ fn apart(cost: &Cost, work: &Work) -> Option<Unmeasured> {
             .get(*path)
             .map_or_else(|| "none".to_owned(), Clone::clone),
     })
+}
+
+/// Whether most of what was solved has no stable solution.
+fn is_lost(cost: &Cost) -> bool {
+    2 * cost.unstable > cost.steps
 }
 
 /// Of some costs those of about as much work, or all where there are none.
@@ -320,6 +338,7 @@ mod tests {
             weight: 1.0,
             chunks: 10,
             input_bytes: 1000,
+            unstable: 0,
             seconds,
             bytes: 50 * steps,
             created: String::new(),
@@ -404,6 +423,28 @@ mod tests {
         let costs = [cost(1000, 5.0), cost(10, 0.5)];
         let found = price(&costs, &work(Some(10), 900)).unwrap();
         assert!((found.seconds.likely - 4.5).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn where_membranes_were_lost_or_something_else_was_at_work_says_nothing_of_others() {
+        let mut here = work(Some(10), 100);
+        here.parameters.insert("voltage".into(), "5".into());
+        let at = |voltage: &str, unstable: u64, seconds: f64| {
+            let mut cost = Cost {
+                unstable,
+                ..cost(100, seconds)
+            };
+            cost.parameters.insert("voltage".into(), voltage.into());
+            cost
+        };
+        let costs = [at("3", 0, 1.0), at("12", 100, 20.0)];
+        let likely = |costs: &[Cost]| price(costs, &here).unwrap().seconds.likely;
+        assert!((likely(&costs) - 1.0).abs() < 1e-12);
+        // Where they are lost at the same parameters they will be again, and better than nothing it is.
+        assert!((likely(&[at("3", 0, 1.0), at("5", 100, 20.0)]) - 20.0).abs() < 1e-12);
+        assert!((likely(&costs[1..]) - 20.0).abs() < 1e-12);
+        // One slow stage of two does not count for half.
+        assert!((likely(&[at("3", 0, 9.0), at("4", 0, 1.0)]) - 1.0).abs() < 1e-12);
     }
 
     #[test]

@@ -48,6 +48,12 @@ impl Environment {
         }
     }
 
+    /// Which build can go on with what this one keeps of unfinished work.
+    #[must_use]
+    pub fn build_of_checkpoints(&self) -> String {
+        format!("build {}, {}", self.build, self.target)
+    }
+
     /// The time in UTC, RFC 3339 with milliseconds.
     #[must_use]
     pub fn now(&self) -> String {

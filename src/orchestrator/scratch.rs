@@ -2,12 +2,12 @@
 //!
 //! It is a convenience: what cannot be kept or read costs time and nothing else, so it is told and never stops the work.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::base::{ActionKey, Stopped};
-use crate::store::{Store, StoreError};
+use crate::store::{Reached, Store, StoreError};
 
 /// Keeping may take this part of the time at most.
 const SHARE: u32 = 20;
@@ -17,6 +17,8 @@ pub struct Scratch<'a> {
     store: &'a Store,
     key: ActionKey,
     build: String,
+    of: (&'a str, &'static str),
+    steps: &'a AtomicU64,
     warn: &'a (dyn Fn(String) + Sync),
     stop: Option<&'a AtomicBool>,
     kept: Mutex<Kept>,
@@ -32,11 +34,13 @@ enum Kept {
 }
 
 impl<'a> Scratch<'a> {
-    /// The scratch of an action; `build` says which program can go on from what is kept.
+    /// The scratch of an action; `build` says which program can go on from what is kept. `of`: its stage and what the steps of that
+    /// are, of which `steps` are done.
     pub(super) fn new(
         store: &'a Store,
-        key: ActionKey,
-        build: String,
+        (key, build): (ActionKey, String),
+        of: (&'a str, &'static str),
+        steps: &'a AtomicU64,
         warn: &'a (dyn Fn(String) + Sync),
         stop: Option<&'a AtomicBool>,
     ) -> Self {
@@ -44,6 +48,8 @@ impl<'a> Scratch<'a> {
             store,
             key,
             build,
+            of,
+            steps,
             warn,
             stop,
             kept: Mutex::new(Kept::NotYet),
@@ -89,7 +95,15 @@ impl<'a> Scratch<'a> {
         }
         let start = Instant::now();
         let Some(content) = content() else { return };
-        *kept = match self.store.put_checkpoint(&self.key, name, &self.build, &content) {
+        let reached = Reached {
+            stage: self.of.0.to_owned(),
+            steps: self.steps.load(Ordering::Relaxed),
+            unit: self.of.1.to_owned(),
+        };
+        let put = self
+            .store
+            .put_checkpoint(&self.key, name, &self.build, &reached, &content);
+        *kept = match put {
             Ok(()) => Kept::At(Instant::now(), start.elapsed()),
             Err(error) => {
                 (self.warn)(format!("if this run is killed it will begin again: {error}"));
@@ -117,17 +131,27 @@ mod tests {
 
     use super::*;
 
+    static STEPS: AtomicU64 = AtomicU64::new(3);
+
+    fn of_build(build: &str) -> (ActionKey, String) {
+        (ActionKey::of(b"key"), build.to_owned())
+    }
+
+    const OF: (&str, &str) = ("surrogate", "epochs");
+
     #[test]
     fn what_is_kept_is_found_by_the_next_run_of_the_same_build_only() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
         let warnings = Mutex::new(Vec::new());
         let warn = |text: String| warnings.lock().unwrap().push(text);
-        let scratch = |build: &str| Scratch::new(&store, ActionKey::of(b"key"), build.to_owned(), &warn, None);
+        let scratch = |build: &str| Scratch::new(&store, of_build(build), OF, &STEPS, &warn, None);
         assert_eq!(scratch("one").kept("state"), None);
         let first = scratch("one");
         first.keep("state", &|| Some(b"content".to_vec())).unwrap();
         assert_eq!(scratch("one").kept("state").as_deref(), Some(&b"content"[..]));
+        let reached = store.reached(&ActionKey::of(b"key"), "one").unwrap();
+        assert_eq!((reached.stage.as_str(), reached.steps), ("surrogate", 3));
         assert!(warnings.lock().unwrap().is_empty());
         assert_eq!(scratch("two").kept("state"), None);
         assert!(warnings.lock().unwrap()[0].contains("another build"), "{warnings:?}");
@@ -140,7 +164,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
         let warn = |text: String| panic!("{text}");
-        let scratch = Scratch::new(&store, ActionKey::of(b"key"), "build".to_owned(), &warn, None);
+        let scratch = Scratch::new(&store, of_build("build"), OF, &STEPS, &warn, None);
         let made = Mutex::new(0);
         let keep = || {
             scratch.keep("state", &|| {
@@ -160,7 +184,7 @@ mod tests {
         let store = Store::open(folder.path()).unwrap();
         let warn = |text: String| panic!("{text}");
         let stop = AtomicBool::new(false);
-        let scratch = Scratch::new(&store, ActionKey::of(b"key"), "build".to_owned(), &warn, Some(&stop));
+        let scratch = Scratch::new(&store, of_build("build"), OF, &STEPS, &warn, Some(&stop));
         let keep = |content: u8| {
             scratch.keep("state", &|| {
                 std::thread::sleep(Duration::from_millis(20));
@@ -180,7 +204,7 @@ mod tests {
         std::fs::write(folder.path().join("checkpoints"), "in the way").unwrap();
         let warnings = Mutex::new(Vec::new());
         let warn = |text: String| warnings.lock().unwrap().push(text);
-        let scratch = Scratch::new(&store, ActionKey::of(b"key"), "build".to_owned(), &warn, None);
+        let scratch = Scratch::new(&store, of_build("build"), OF, &STEPS, &warn, None);
         for _ in 0..2 {
             scratch.keep("state", &|| Some(vec![1])).unwrap();
         }

@@ -47,6 +47,7 @@ pub struct Made {
     chunks_reused: u64,
     size: u64,
     size_built: u64,
+    resumed: u64,
     /// Whether the size is that of all its files, and not only of those that were looked at here.
     pub is_sized: bool,
 }
@@ -145,6 +146,7 @@ impl Made {
             chunks_reused: done.iter().filter(|done| !done.built).count() as u64,
             size: done.iter().map(|done| done.record.size).sum(),
             size_built: built().map(|done| done.record.size).sum(),
+            resumed: done.iter().map(|done| done.resumed).sum(),
         }
     }
 
@@ -155,5 +157,6 @@ impl Made {
         report.chunks_reused = self.chunks_reused;
         report.size = self.size;
         report.size_built = self.size_built;
+        report.resumed = self.resumed;
     }
 }

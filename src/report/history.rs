@@ -346,6 +346,8 @@ mod tests {
             seconds: 0.0,
             size: 0,
             size_built: 0,
+            resumed: 0,
+            missing: None,
             price: None,
             unmeasured: None,
             why: None,

@@ -3,7 +3,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::drawing::{Chart, DRAWING_STYLE, PAGE_STYLE};
-use crate::base::printable;
+use crate::base::{printable, unbroken};
 
 /// A page.
 pub struct Page {
@@ -69,7 +69,7 @@ impl Page {
 
     /// Says under the title what the page is about.
     pub fn lead(&mut self, text: &str) {
-        self.head.push(html! { p.lead { (text) } });
+        self.head.push(html! { p.lead { (prose(text)) } });
     }
 
     /// Puts numbers with what they are at the top; nothing where there are none.
@@ -85,14 +85,14 @@ impl Page {
     /// Puts something that nobody should overlook at the top.
     pub fn notice(&mut self, lines: &[String]) {
         self.head
-            .push(html! { div.box role="note" { @for line in lines { p { (line) } } } });
+            .push(html! { div.box role="note" { @for line in lines { p { (prose(line)) } } } });
     }
 
     /// Puts warnings at the top, a line for each; nothing where there are none.
     pub fn warnings(&mut self, title: &str, warnings: &[String]) {
         if !warnings.is_empty() {
             self.head.push(html! {
-                div.box role="note" { p { b { (title) } } ul { @for warning in warnings { li { (warning) } } } }
+                div.box role="note" { p { b { (title) } } ul { @for warning in warnings { li { (prose(warning)) } } } }
             });
         }
     }
@@ -137,7 +137,7 @@ impl Page {
 
     /// Adds a paragraph.
     pub fn line(&mut self, text: &str) {
-        self.add(html! { p { (text) } });
+        self.add(html! { p { (prose(text)) } });
     }
 
     /// Adds a paragraph for each line.
@@ -152,7 +152,7 @@ impl Page {
 
     /// Adds a remark.
     pub fn note(&mut self, text: &str) {
-        self.add(html! { p.note { (text) } });
+        self.add(html! { p.note { (prose(text)) } });
     }
 
     /// Adds a table. Cells of the first column give their rows' class.
@@ -170,7 +170,7 @@ impl Page {
             (k, _) if is_digest(k) && text.len() > SHORT => {
                 html! { td.key { span.mono title=(text) { (text.chars().take(SHORT).collect::<String>()) } } }
             }
-            _ => html! { td class=[class(k)] { (text) } },
+            _ => html! { td class=[class(k)] { (prose(text)) } },
         };
         let table = html! {
             table {
@@ -194,7 +194,7 @@ impl Page {
 
     /// Adds a drawing with a caption.
     pub fn figure(&mut self, caption: &str, drawing: &Markup) {
-        self.add(html! { figure { (drawing) figcaption { (caption) } } });
+        self.add(html! { figure { (drawing) figcaption { (prose(caption)) } } });
     }
 
     /// Adds markup.
@@ -255,6 +255,20 @@ impl Page {
     }
 }
 
+/// A text in which what stands between backticks is code, and no number is parted from its unit.
+fn prose(text: &str) -> Markup {
+    let parts: Vec<&str> = text.split('`').collect();
+    // One without its other half is one that somebody wrote.
+    if parts.len() % 2 == 0 {
+        return html! { (unbroken(text)) };
+    }
+    html! {
+        @for (k, part) in parts.iter().enumerate() {
+            @if k % 2 == 1 { code { (part) } } @else { (unbroken(part)) }
+        }
+    }
+}
+
 /// The class of a word that is to be seen.
 fn mark(word: &str) -> Option<&'static str> {
     ["error", "warning"].into_iter().find(|class| *class == word)
@@ -271,6 +285,19 @@ mod tests {
         let text = page.finish();
         assert!(text.contains("&lt;b&gt;") && text.contains("a&quot;&amp;"));
         assert!(!text.contains("http"), "nothing is fetched");
+    }
+
+    #[test]
+    fn what_stands_between_backticks_is_code_and_units_stay_with_their_numbers() {
+        let mut page = Page::new("t");
+        page.line("the `one <cell>` moves 2.1 mm");
+        page.line("a ` alone");
+        let text = page.finish();
+        assert!(
+            text.contains("<p>the <code>one &lt;cell&gt;</code> moves 2.1\u{a0}mm</p>"),
+            "{text}"
+        );
+        assert!(text.contains("<p>a ` alone</p>"), "{text}");
     }
 
     #[test]

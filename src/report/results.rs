@@ -122,8 +122,9 @@ impl RunResults {
             .flat_map(|results| &results.text)
             .cloned()
             .collect();
+        let warnings = self.model_warnings.iter().cloned().chain(self.about_warnings());
         for (title, lines) in [
-            ("model warnings", &self.model_warnings),
+            ("model warnings", &warnings.collect()),
             ("figures", &self.told_figures()),
         ] {
             if !lines.is_empty() {
@@ -143,6 +144,12 @@ impl RunResults {
         let folder = folder.map_or_else(String::new, |folder| folder.display().to_string());
         let many = format!("and {} of the stages of sweeps in {folder}", self.of_sweeps.len());
         others.cloned().chain([many]).collect()
+    }
+
+    /// What the warnings of the model are judged by, where there are any: `deaflow screen` looks at more, so its numbers are others.
+    fn about_warnings(&self) -> Option<String> {
+        let about = "judged by half the membrane and one cell, stability on a coarse mesh; `deaflow screen` looks at more patterns and at two meshes";
+        (!self.model_warnings.is_empty()).then(|| about.to_owned())
     }
 
     /// The warnings alone, a line for each.

@@ -116,7 +116,49 @@ impl Rows {
                 _ => rows.add(source, array, length)?,
             }
         }
+        rows.add_coordinates(source, contents, length)?;
         Ok(rows)
+    }
+
+    /// Adds what stands along the other axes of the columns, such as the times of a history: the same in each row.
+    fn add_coordinates(
+        &mut self,
+        source: &dyn RowSource,
+        contents: &[Content],
+        length: usize,
+    ) -> Result<(), RowsError> {
+        let is_column = |array: &&Content| {
+            let width: usize = array.shape.iter().skip(1).product();
+            self.has(array, length) && width <= MOST_COLUMNS
+        };
+        let axes = contents
+            .iter()
+            .filter(is_column)
+            .flat_map(|array| array.axes.iter().skip(1));
+        let axes: Vec<&String> = axes.collect();
+        let is_along = |array: &&Content| {
+            let is_row = first_axis(array) == Some(&self.axis);
+            array.shape.len() == 1 && !is_row && first_axis(array).is_some_and(|axis| axes.contains(&axis))
+        };
+        let along: Vec<&Content> = contents.iter().filter(is_along).collect();
+        for array in along {
+            let elements = source.elements(&array.path)?;
+            // As if each row had all of them.
+            let shape = vec![length, array.shape[0]];
+            let axes = [&[self.axis.clone()][..], &array.axes].concat();
+            let each = Content {
+                shape,
+                axes,
+                ..array.clone()
+            };
+            for (at, name) in names(&each).into_iter().enumerate() {
+                let one = every(&elements, at, usize::MAX);
+                self.push(name, array, repeated(&one, length));
+            }
+            let title = format!("{} (", array.path);
+            self.left_out.retain(|left_out| !left_out.starts_with(&title));
+        }
+        Ok(())
     }
 
     /// How many rows there are.
@@ -245,6 +287,24 @@ fn every(data: &Data, from: usize, step: usize) -> Data {
         Data::F32(v) => Data::F32(each(v, from, step)),
         Data::F64(v) => Data::F64(each(v, from, step)),
         Data::Text(v) => Data::Text(each(v, from, step)),
+    }
+}
+
+/// The one element of some data so many times.
+fn repeated(data: &Data, times: usize) -> Data {
+    fn each<T: Clone>(values: &[T], times: usize) -> Vec<T> {
+        values
+            .iter()
+            .flat_map(|value| std::iter::repeat_n(value.clone(), times))
+            .collect()
+    }
+    match data {
+        Data::U8(v) => Data::U8(each(v, times)),
+        Data::U32(v) => Data::U32(each(v, times)),
+        Data::U64(v) => Data::U64(each(v, times)),
+        Data::F32(v) => Data::F32(each(v, times)),
+        Data::F64(v) => Data::F64(each(v, times)),
+        Data::Text(v) => Data::Text(each(v, times)),
     }
 }
 

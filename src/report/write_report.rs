@@ -124,7 +124,7 @@ impl Written {
     pub fn text(&self) -> String {
         let mut lines = vec![format!("written:\n  {}", self.page.display())];
         if let Some(designs) = &self.designs {
-            lines.push(format!("  {}", designs.display()));
+            lines.push(format!("  {}, described by {ABOUT}", designs.display()));
             let folder = self.patterns.first().and_then(|path| path.parent());
             let folder = folder.map_or(String::new(), |folder| folder.display().to_string());
             lines.push(format!("  {folder}/*.csv: {} patterns", self.patterns.len()));

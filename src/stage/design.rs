@@ -189,6 +189,8 @@ impl Kind for DesignKind {
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        let here = (DesignParameters::WHAT, &keys()[..]);
+        stage.refuse_misplaced(here, "constraints", &ConstraintParameters::keys())?;
         let map = stage.fields(DesignParameters::WHAT, &keys())?;
         let scene = super::scene_in_states_of(stage, scene)?;
         let DesignParameters {

@@ -38,12 +38,15 @@ fn beyond(scene: &Scene) -> Option<String> {
     Some(if scene.voltage_v() > limit {
         format!(
             "the voltage of {drive} is beyond what membranes bear: one that is covered everywhere is unstable above {limit_text}, \
-             and patterns with bare parts mostly from about {lowest} to there{model}; patterns that are unstable get no result"
+             and patterns with bare parts mostly from about {lowest} to there{model}; patterns that are unstable get no result, and to find \
+             that out takes many times as long as to solve; \
+             both voltages are estimates in closed form: `deaflow screen` finds that of one cell on two meshes"
         )
     } else {
         format!(
             "at {drive} some patterns may be unstable and get no result: single cells are so above about {lowest}, one that is covered \
-             everywhere above {limit_text}, and most patterns from somewhere between{model}"
+             everywhere above {limit_text}, and most patterns from somewhere between{model}; both voltages are estimates in closed form: \
+             `deaflow screen` finds that of one cell on two meshes"
         )
     })
 }

@@ -5,18 +5,21 @@
 //! looks sound.
 //!
 //! ```text
-//! deaflow-checkpoint 1
+//! deaflow-checkpoint 2
 //! <BLAKE3 of all that follows>
 //! <action key>
 //! <name>
 //! <build>
+//! <how far it has come, a JSON document>
 //! content
 //! ```
 
 use std::fs;
-use std::io::ErrorKind;
+use std::io::{BufRead, BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
+
+use serde::{Deserialize, Serialize};
 
 use super::atomic;
 use super::entries::{files_in_optional, is_folder, is_hidden};
@@ -24,7 +27,21 @@ use super::error::StoreError;
 use super::open::Store;
 use crate::base::{ActionKey, Digest, open_own};
 
-const TITLE: &str = "deaflow-checkpoint 1";
+const TITLE: &str = "deaflow-checkpoint 2";
+
+/// The title without a word of how far the work has come.
+const FIRST_TITLE: &str = "deaflow-checkpoint 1";
+
+/// How far an unfinished action has come.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Reached {
+    /// The stage of which it is a part.
+    pub stage: String,
+    /// Steps that are done.
+    pub steps: u64,
+    /// What its steps are: "epochs".
+    pub unit: String,
+}
 
 /// The checkpoints of one action.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,6 +54,8 @@ pub struct Checkpoints {
     pub size: u64,
     /// When one of them was last written or removed; none where the system does not say.
     pub written: Option<SystemTime>,
+    /// How far the work has come, where that can be read.
+    pub reached: Option<Reached>,
 }
 
 impl Checkpoints {
@@ -53,8 +72,16 @@ impl Store {
     ///
     /// # Errors
     /// When the system refuses (disk full); what was kept before stays then.
-    pub fn put_checkpoint(&self, key: &ActionKey, name: &str, build: &str, content: &[u8]) -> Result<(), StoreError> {
-        let body = [origin(key, name, build).as_bytes(), content].concat();
+    pub fn put_checkpoint(
+        &self,
+        key: &ActionKey,
+        name: &str,
+        build: &str,
+        reached: &Reached,
+        content: &[u8],
+    ) -> Result<(), StoreError> {
+        let reached = serde_json::to_string(reached).map_err(|error| StoreError::Json(error.to_string()))?;
+        let body = [origin(key, name, build).as_bytes(), reached.as_bytes(), b"\n", content].concat();
         let head = format!("{TITLE}\n{}\n", Digest::of(&body));
         let temporary = self.temporary_file()?;
         let folder = self.layout.checkpoints_of(key);
@@ -71,13 +98,23 @@ impl Store {
         let path = self.layout.checkpoints_of(key).join(name);
         let Some(body) = body(&path)? else { return Ok(None) };
         let origin = origin(key, name, build);
-        match body.strip_prefix(origin.as_bytes()) {
+        let rest = body.strip_prefix(origin.as_bytes());
+        let content = rest.and_then(|rest| rest.splitn(2, |byte| *byte == b'\n').nth(1));
+        match content {
             Some(content) => Ok(Some(content.to_vec())),
             None => Err(StoreError::damaged(
                 &path,
                 "it was written by another build or for other work",
             )),
         }
+    }
+
+    /// How far an action has come that the same build can go on with; none where nothing is kept.
+    #[must_use]
+    pub fn reached(&self, key: &ActionKey, build: &str) -> Option<Reached> {
+        let files = files_in_optional(&self.layout.checkpoints_of(key)).ok()?;
+        let (wrote, reached) = files.iter().find_map(|path| head(path))?;
+        (wrote == one_line(build)).then_some(reached)
     }
 
     /// Removes all that was kept of an action.
@@ -136,8 +173,28 @@ pub(super) fn remove(folder: &Path) -> Result<(), StoreError> {
 }
 
 fn origin(key: &ActionKey, name: &str, build: &str) -> String {
-    format!("{key}\n{name}\n{}\n", build.replace('\n', " "))
+    format!("{key}\n{name}\n{}\n", one_line(build))
 }
+
+fn one_line(text: &str) -> String {
+    text.replace('\n', " ")
+}
+
+/// By which build a checkpoint was written, and how far the work had come; none where that cannot be read. It is for people and for
+/// what is foretold, and is not checked against the digest.
+fn head(path: &Path) -> Option<(String, Reached)> {
+    let file = BufReader::new(open_own(path).ok()?);
+    let mut lines = std::io::Read::take(file, LONGEST_HEAD).lines().map_while(Result::ok);
+    if lines.next()? != TITLE {
+        return None;
+    }
+    // After the digest, the key and the name.
+    let build = lines.nth(3)?;
+    Some((build, serde_json::from_str(&lines.next()?).ok()?))
+}
+
+/// What stands before the content is shorter, bytes.
+const LONGEST_HEAD: u64 = 1 << 16;
 
 /// All that the digest covers; none where there is no such file.
 fn body(path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
@@ -150,8 +207,10 @@ fn body(path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
         }
         read => read.map_err(StoreError::io("read", path))?,
     };
-    let checked = bytes
-        .strip_prefix(format!("{TITLE}\n").as_bytes())
+    let titled = [TITLE, FIRST_TITLE];
+    let checked = titled
+        .iter()
+        .find_map(|title| bytes.strip_prefix(format!("{title}\n").as_bytes()))
         .and_then(|rest| rest.split_at_checked(65));
     match checked {
         Some((digest, body)) if digest == format!("{}\n", Digest::of(body)).as_bytes() => Ok(Some(body.to_vec())),
@@ -167,6 +226,7 @@ fn weigh(key: ActionKey, path: PathBuf) -> Result<Checkpoints, StoreError> {
     let mut checkpoints = Checkpoints {
         key,
         size: 0,
+        reached: None,
         written: fs::metadata(&path).and_then(|metadata| metadata.modified()).ok(),
         path,
     };
@@ -175,6 +235,7 @@ fn weigh(key: ActionKey, path: PathBuf) -> Result<Checkpoints, StoreError> {
         if let Ok(metadata) = fs::symlink_metadata(&file) {
             checkpoints.size += metadata.len();
             checkpoints.written = checkpoints.written.max(metadata.modified().ok());
+            checkpoints.reached = checkpoints.reached.or_else(|| Some(head(&file)?.1));
         }
     }
     Ok(checkpoints)
@@ -197,13 +258,24 @@ mod tests {
         let (_folder, store) = store();
         let (key, other) = (ActionKey::of(b"key"), ActionKey::of(b"other"));
         assert_eq!(store.checkpoint(&key, "state", "b").unwrap(), None);
+        let reached = Reached {
+            stage: "a\nb".into(),
+            steps: 7,
+            unit: "epochs".into(),
+        };
         for content in [&b"first"[..], b"second\nwith lines\n", b""] {
-            store.put_checkpoint(&key, "state", "b", content).unwrap();
+            store.put_checkpoint(&key, "state", "b", &reached, content).unwrap();
             assert_eq!(store.checkpoint(&key, "state", "b").unwrap().as_deref(), Some(content));
         }
+        // How far it has come is known to the build that can go on with it, and to whoever lists them.
+        assert_eq!(store.reached(&key, "b"), Some(reached.clone()));
+        assert_eq!((store.reached(&key, "c"), store.reached(&other, "b")), (None, None));
+        assert_eq!(store.checkpoints().unwrap()[0].reached, Some(reached));
         assert_eq!(store.checkpoint(&key, "more", "b").unwrap(), None);
         assert_eq!(store.checkpoint(&other, "state", "b").unwrap(), None);
-        store.put_checkpoint(&other, "state", "b", b"1234").unwrap();
+        store
+            .put_checkpoint(&other, "state", "b", &Reached::default(), b"1234")
+            .unwrap();
         let found: Vec<ActionKey> = store.checkpoints().unwrap().into_iter().map(|c| c.key).collect();
         assert!(found.len() == 2 && found.contains(&key) && found.contains(&other));
         store.remove_checkpoints(&key).unwrap();
@@ -216,7 +288,9 @@ mod tests {
     fn every_flipped_byte_is_noticed_and_so_is_the_work_of_others() {
         let (_folder, store) = store();
         let (key, other) = (ActionKey::of(b"key"), ActionKey::of(b"other"));
-        store.put_checkpoint(&key, "state", "build 1", b"content").unwrap();
+        store
+            .put_checkpoint(&key, "state", "build 1", &Reached::default(), b"content")
+            .unwrap();
         let path = store.layout.checkpoints_of(&key).join("state");
         let bytes = fs::read(&path).unwrap();
         let refused = |key: &ActionKey, name: &str, build: &str| {
@@ -247,7 +321,9 @@ mod tests {
         let (folder, store) = store();
         let [sound, damaged] = [b"1", b"2"].map(|k| ActionKey::of(k));
         for key in [&sound, &damaged] {
-            store.put_checkpoint(key, "state", "b", b"content").unwrap();
+            store
+                .put_checkpoint(key, "state", "b", &Reached::default(), b"content")
+                .unwrap();
         }
         let file = |key| store.layout.checkpoints_of(key).join("state");
         fs::write(file(&damaged), "something").unwrap();

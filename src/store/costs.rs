@@ -38,6 +38,9 @@ pub struct Cost {
     pub chunks: u64,
     /// Length of all inputs, bytes.
     pub input_bytes: u64,
+    /// Samples that have no stable solution: to find that out takes many times as long as to solve.
+    #[serde(default)]
+    pub unstable: u64,
     /// From the beginning of the stage to its end, s.
     pub seconds: f64,
     /// Length of the files that were written, bytes.
@@ -121,6 +124,7 @@ mod tests {
             weight: 4.0,
             chunks: 1,
             input_bytes: 10,
+            unstable: 0,
             seconds: 0.5,
             bytes: 100,
             created: "2026-01-01T00:00:00.000Z".into(),

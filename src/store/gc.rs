@@ -48,6 +48,8 @@ pub struct Judged {
     pub stage: Option<StageName>,
     /// What holds it: roots, or its age; empty where it goes.
     pub held_by: Vec<String>,
+    /// Whether runs alone hold it.
+    pub by_runs_alone: bool,
 }
 
 /// A stage in the history of runs.
@@ -175,6 +177,7 @@ impl Store {
     pub fn judge(&self, retention: &Retention, now: SystemTime) -> Result<Collection, StoreError> {
         let records = self.known_records()?;
         let mut holders: BTreeMap<ArtifactId, BTreeSet<String>> = BTreeMap::new();
+        let mut by_others: BTreeSet<ArtifactId> = BTreeSet::new();
         let stages = self.stages_of_artifacts()?;
         for mut root in self.roots(retention)? {
             if root.hold == Hold::LockFile {
@@ -192,6 +195,9 @@ impl Store {
                 });
             }
             for digest in reached {
+                if root.hold != Hold::Run {
+                    by_others.insert(digest);
+                }
                 holders.entry(digest).or_default().insert(root.name.clone());
             }
         }
@@ -202,6 +208,7 @@ impl Store {
             };
             let metadata = fs::symlink_metadata(&path).map_err(StoreError::io("read", &path))?;
             let mut held_by: Vec<String> = holders.remove(&digest).unwrap_or_default().into_iter().collect();
+            let by_runs_alone = !held_by.is_empty() && !by_others.contains(&digest);
             if held_by.is_empty() && is_young(&metadata, retention.grace, now) {
                 held_by.push(AGE.to_owned());
             }
@@ -212,6 +219,7 @@ impl Store {
                 kind: kind.map_or_else(String::new, |record| record.kind.clone()),
                 stage: stages.get(&digest).cloned(),
                 held_by,
+                by_runs_alone,
             };
             if judged.held_by.is_empty() {
                 collection.removed.push(judged);

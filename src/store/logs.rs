@@ -3,13 +3,17 @@
 use std::fs::{self, File};
 use std::path::PathBuf;
 
-use super::entries::files_in;
+use super::entries::{files_in, files_in_optional};
 use super::error::StoreError;
 use super::layout::LOGS;
 use super::open::Store;
+use crate::base::read_own;
 
 /// How many are kept.
 const KEPT: usize = 1000;
+
+/// Longer ones are not read, bytes.
+const LONG: u64 = 16 << 20;
 
 /// The name of a log file, in the folder of the store, of a run that begins at a time (RFC 3339, UTC) in a process.
 #[must_use]
@@ -18,6 +22,28 @@ pub fn log_name(time: &str, process: u32) -> String {
 }
 
 impl Store {
+    /// Names of the log files in the folder of the store, newest first.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn logs(&self) -> Result<Vec<String>, StoreError> {
+        let folder = self.root().join(LOGS);
+        let mut logs: Vec<PathBuf> = files_in_optional(&folder)?
+            .into_iter()
+            .filter(|path| is_log(path))
+            .collect();
+        logs.sort_unstable_by(|a, b| b.cmp(a));
+        let name = |path: &PathBuf| Some(format!("{LOGS}/{}", path.file_name()?.to_str()?));
+        Ok(logs.iter().filter_map(name).collect())
+    }
+
+    /// What stands in a log file; none where it cannot be read.
+    #[must_use]
+    pub fn read_log(&self, name: &str) -> Option<String> {
+        let bytes = read_own(&self.root().join(name), LONG).ok()?;
+        Some(String::from_utf8_lossy(&bytes).into_owned())
+    }
+
     /// Creates a log file of that name, and removes the oldest beyond a thousand.
     ///
     /// # Errors

@@ -64,7 +64,7 @@ pub use action::Action;
 pub use ancestry::Ancestor;
 pub use artifact::{Artifact, long_texts};
 pub use board::Board;
-pub use checkpoint::Checkpoints;
+pub use checkpoint::{Checkpoints, Reached};
 pub use copy::Copied;
 pub use costs::Cost;
 pub use element_type::ElementType;

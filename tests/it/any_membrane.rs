@@ -290,6 +290,14 @@ fn networks_learn_a_rectangle_are_calibrated_and_judged() {
         assert!(agrees, "{model}: {said}");
     }
 
+    // Without a file the table alone is printed.
+    let told = workspace.run(&["predict", "trained.yaml:physics", "p0.csv"]);
+    assert_eq!(told.code, Some(0), "{}", told.stderr);
+    assert!(
+        told.stdout.contains("1 pattern in ") && told.stdout.contains("predicted"),
+        "{}",
+        told.stdout
+    );
     // A model of another device is refused with the difference.
     workspace.write(
         "other.yaml",

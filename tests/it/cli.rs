@@ -363,7 +363,12 @@ fn a_stage_that_fails_ends_the_run_and_is_told_of() {
     let stages = Stages::read(&document);
     assert_eq!(stages.with("failed"), ["balanced"], "{document}");
     // What was at work beside it is finished, and nothing is begun after it.
-    assert!(!stages.names().contains(&"surrogate"), "{document}");
+    assert!(stages.with("skipped").contains(&"surrogate"), "{document}");
+    let of_stage = |name: &str| {
+        let all = document["stages"].as_array().unwrap();
+        all.iter().find(|stage| stage["name"] == name).unwrap().clone()
+    };
+    assert_eq!(of_stage("surrogate")["missing"], "balanced");
     assert!(
         document["error"]["message"]
             .as_str()
@@ -385,6 +390,21 @@ fn a_stage_that_fails_ends_the_run_and_is_told_of() {
         text.stderr.contains("error: stage `balanced` failed"),
         "{}",
         text.stderr
+    );
+    assert!(
+        text.stdout
+            .lines()
+            .any(|l| l.contains("surrogate") && l.contains("skipped (needs balanced)")),
+        "{}",
+        text.stdout
+    );
+    // A constraint that stands beside `constraints` is told where it belongs.
+    let misplaced = workspace.run(&["plan", "fails.yaml", "--set", "stages.design.min_feature=2 mm"]);
+    assert_eq!(misplaced.code, Some(2), "{}", misplaced.stderr);
+    assert!(
+        misplaced.stderr.contains("belongs under `constraints`"),
+        "{}",
+        misplaced.stderr
     );
 }
 

@@ -25,6 +25,20 @@ fn what_the_last_runs_need_stays_and_the_rest_goes() {
     let both = objects(&store);
     assert!(both.is_superset(&first) && both.len() == 2 * first.len());
 
+    // What a pin holds too is not held by runs alone, whatever it is called.
+    let advice = || {
+        let text = workspace.run(&["gc", "--grace", "0", "-n"]).stdout;
+        let line = text.lines().find(|line| line.contains("are held by runs alone"));
+        line.map(|line| line.split(' ').next().unwrap().parse::<usize>().unwrap())
+    };
+    let before = advice().expect("all are held by runs");
+    assert_eq!(before, both.len());
+    assert_eq!(
+        workspace.run(&["pin", "solved", "--label", "run of mine"]).code,
+        Some(0)
+    );
+    assert!(advice().expect("the others are") < before);
+    assert_eq!(workspace.run(&["unpin", "solved"]).code, Some(0));
     // Young as everything is, nothing goes.
     let young = workspace.run(&["gc", "--keep-runs", "1", "--json"]).json();
     assert_eq!(young["removed"].as_array().unwrap().len(), 0);

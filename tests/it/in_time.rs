@@ -61,6 +61,29 @@ fn a_history_has_its_arrays_its_table_and_its_figure() {
             .unwrap()
             .starts_with(b"\x89PNG")
     );
+    // Each time has its row, and the rows of the file their times.
+    let told = workspace.run(&[
+        "solve",
+        "scene.yaml",
+        "odd.csv",
+        "-o",
+        "out.h5",
+        "--history",
+        "--at",
+        "0 s, 1 s, 10 s",
+    ]);
+    for words in ["0 s", "1 s", "10 s"] {
+        let has = |line: &str| line.split("  ").any(|cell| cell.trim() == words);
+        assert!(told.stdout.lines().any(has), "{words}: {}", told.stdout);
+    }
+    assert!(told.stdout.contains("out.csv-metadata.json"), "{}", told.stdout);
+    let rows = workspace.run(&["show", "out.h5", "--csv"]).stdout;
+    let header: Vec<&str> = rows.lines().next().unwrap().split(',').collect();
+    let of = |name: &str| {
+        let at = header.iter().position(|column| *column == name).expect(name);
+        rows.lines().nth(1).unwrap().split(',').nth(at).unwrap()
+    };
+    assert_eq!((of("time.0_s"), of("time.1_s"), of("time.2_s")), ("0.0", "1.0", "10.0"));
     // The end of creep is the equilibrium, which says what it leaves out.
     let still = workspace.run(&["solve", "scene.yaml", "odd.csv", "-o", "still.h5"]);
     assert_eq!(still.code, Some(0), "{}", still.stderr);
@@ -259,6 +282,13 @@ fn natural_frequencies_are_written_with_their_modes() {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
     assert_eq!(file.dataset("modes").unwrap().shape(), [1, 3, 11, 11, 2]);
+    let told = workspace.run(&["solve", "scene.yaml", "odd.csv", "--modes", "2"]);
+    assert_eq!(told.code, Some(0), "{}", told.stderr);
+    assert!(
+        told.stdout.contains(" Hz") && told.stdout.contains("1 pattern in "),
+        "{}",
+        told.stdout
+    );
     let hertz = file.dataset("frequencies").unwrap().read_raw::<f64>().unwrap();
     assert!(
         hertz[0] > 250.0 && hertz[0] <= hertz[1] && hertz[1] <= hertz[2] && hertz[2] < 600.0,

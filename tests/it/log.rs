@@ -64,6 +64,21 @@ fn runs_are_listed_with_what_was_changed_built_and_found() {
         assert!(!last[key].as_str().unwrap().is_empty(), "{key}");
     }
     assert!(last["created"].as_str() > first["created"].as_str());
+    // What `--set` changed is said as such; what was written into a file is told.
+    let told = workspace.run(&["log"]).stdout;
+    assert!(!told.contains("changed in the files"), "{told}");
+    let edited = Workspace::new();
+    edited.write("short.yaml", SHORT);
+    edited.stages(&["run", "short.yaml"]);
+    let text = SHORT.replacen("5.25 kV", "4 kV", 1);
+    assert_ne!(text, SHORT);
+    edited.write("short.yaml", &text);
+    edited.stages(&["run", "short.yaml"]);
+    let told = edited.run(&["log"]).stdout;
+    assert!(
+        told.contains("changed in the files: scene.drive.voltage from 5250 V to 4000 V"),
+        "{told}"
+    );
     // Said again it is no news; said as before it is.
     workspace.stages(&SECOND);
     assert_eq!(log(&workspace, &[]), runs);

@@ -44,6 +44,21 @@ fn a_killed_training_is_gone_on_with_to_the_same_bits() {
     kill_in_the_training(&killed);
     let status = killed.run(&["status", "--json"]).json();
     assert_eq!(status["checkpoints"], 1, "{status}");
+    let unfinished = &status["unfinished"][0];
+    assert_eq!(
+        (&unfinished["stage"], &unfinished["unit"]),
+        (&"surrogate".into(), &"epochs".into())
+    );
+    let steps = unfinished["steps"].as_u64().unwrap();
+    assert!((1..120).contains(&steps), "{unfinished}");
+    let told = killed.run(&["status"]).stdout;
+    assert!(told.contains(": surrogate after "), "{told}");
+    // A run that did not end stands in the log, and no more once it has been run to its end.
+    let log = killed.run(&["log", "train.yaml", "--json"]).json();
+    let path = log["unfinished"][0]["path"].as_str().unwrap();
+    assert!(path.ends_with("train.yaml"), "{log}");
+    let told = killed.run(&["log", "train.yaml"]).stdout;
+    assert!(told.contains("killed, or still at work"), "{told}");
     let fsck = killed.run(&["fsck", "--json"]).json();
     assert_eq!((&fsck["sound"], &fsck["checkpoints"]), (&true.into(), &1.into()));
 
@@ -65,6 +80,12 @@ fn a_killed_training_is_gone_on_with_to_the_same_bits() {
     };
     let (gone_on, told) = run(&killed, &[]);
     assert!(told.contains(r#""event":"resumed","name":"surrogate""#), "{told}");
+    // What it cost is that of the epochs that were left.
+    let costs = fs::read_to_string(killed.path("store/costs.jsonl")).unwrap();
+    let costs: Vec<serde_json::Value> = costs.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let cost = costs.iter().rfind(|cost| cost["kind"] == "train").unwrap();
+    let did = cost["steps"].as_u64().unwrap();
+    assert!(did < 120 && did + steps >= 120, "{did} after {steps}");
     let (begun_again, told) = run(&damaged, &[]);
     assert!(told.contains("is not used") && !told.contains("resumed"), "{told}");
     // Of one thread too.

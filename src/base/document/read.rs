@@ -39,6 +39,29 @@ impl Node {
         Ok(Map { node: self, entries })
     }
 
+    /// Refuses keys of a mapping that belong into the one under the key `under`, and says so.
+    ///
+    /// # Errors
+    /// When there is one that is not allowed here.
+    pub fn refuse_misplaced(
+        &self,
+        (what, allowed): (&str, &[&str]),
+        under: &str,
+        theirs: &[&str],
+    ) -> Result<(), InputError> {
+        for (key, _) in self.entries(what)? {
+            let name = key.describe_plain();
+            if theirs.contains(&name.as_str()) && !allowed.contains(&name.as_str()) {
+                return Err(key
+                    .error_labelled(format!("unknown key `{name}` in {what}"), "not known here")
+                    .help(format!(
+                        "it belongs under `{under}`: `{under}: {{ {name}: … }}`, or `{under}.{name}` in a path of --set"
+                    )));
+            }
+        }
+        Ok(())
+    }
+
     /// The entries of a mapping whose keys are free.
     ///
     /// # Errors

@@ -10,6 +10,7 @@ use crate::accuracy::{Benchmark, FamilyError, Measured};
 use crate::cli::accuracy::AccuracyArguments;
 use crate::cli::table;
 use crate::cli::text::Text;
+use crate::cli::write;
 use crate::report::figures::pareto_front;
 
 /// Methods that no other beats in both time and root mean square error, over all families.
@@ -116,7 +117,11 @@ impl<'a> Findings<'a> {
             text.whole(format!("  {{ kind: solve, needs: […], {} }}\n", method.settings));
         }
         for path in files {
-            text.whole(path.display().to_string());
+            let is_table = path.extension().is_some_and(|end| end == "csv");
+            text.whole(match is_table {
+                true => write::with_metadata(path),
+                false => path.display().to_string(),
+            });
         }
         text
     }

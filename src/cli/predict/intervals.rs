@@ -12,6 +12,7 @@ use crate::cli::outcomes::FEW as SHOWN;
 use crate::cli::table::{Cell, Table, table};
 use crate::cli::text::Text;
 use crate::cli::tone::Tone;
+use crate::cli::write;
 use crate::content::{LongTexts, ObjectiveIntervals, PredictionIntervals};
 use crate::design::{Goal, Objective};
 use crate::field::Field;
@@ -158,7 +159,7 @@ impl Intervals {
     }
 
     /// For programs.
-    pub fn document(&self, table: &Path) -> Value {
+    pub fn document(&self, table: Option<&Path>) -> Value {
         let ends =
             |[value, lower, upper]: [f64; 3]| json!({ "predicted_mm": value, "lower_mm": lower, "upper_mm": upper });
         let row = |(index, row): (usize, &Row)| {
@@ -183,11 +184,14 @@ impl Intervals {
     }
 
     /// For people.
-    pub fn text(&self, table: &Path) -> Text {
+    pub fn text(&self, table: Option<&Path>) -> Text {
         let mut text = Text::of(self.overview());
         let more = self.rows.len().saturating_sub(SHOWN);
         if more > 0 {
-            text.line(format!("and {more} more in {}", table.display()));
+            text.line(match table {
+                Some(table) => format!("and {more} more in {}", table.display()),
+                None => format!("and {more} more: --json has all, and -o OUT.h5 writes them"),
+            });
         }
         for (k, objective) in self.objectives.iter().enumerate() {
             text.line(format!("objective {}: {objective}", k + 1));
@@ -211,7 +215,10 @@ impl Intervals {
                 self.rows.len()
             ),
         };
-        text.toned(tone, verdict).line(table.display().to_string());
+        text.toned(tone, verdict);
+        if let Some(table) = table {
+            text.line(write::with_metadata(table));
+        }
         text
     }
 

@@ -52,6 +52,12 @@ pub struct ConstraintParameters {
 }
 
 impl ConstraintParameters {
+    /// The keys that constraints may have.
+    #[must_use]
+    pub fn keys() -> Vec<&'static str> {
+        Written::keys()
+    }
+
     /// Nothing asked.
     #[must_use]
     pub fn none(membrane: Membrane) -> Self {

@@ -99,7 +99,7 @@ pub fn assess(comparisons: &[Comparison]) -> Assessment {
             change: format!(
                 "could not be judged by `{}`, which takes more work than is allowed: a screening with a longer time limit may tell more{}",
                 unknown.pattern,
-                number.map_or_else(String::new, |_| format!("; {}", by_number.change))
+                number.map_or_else(String::new, |_| format!("; by the others it {}", by_number.change))
             ),
             ..by_number
         },
@@ -221,7 +221,9 @@ mod tests {
         let found = assess(&[given_up.clone(), one([Outcome::Converged; 2], Some(0.01))]);
         assert_eq!((found.verdict, found.number), (Verdict::GivenUp, Some(0.01)));
         assert!(
-            found.change.contains("a longer time limit may tell more; lowers"),
+            found
+                .change
+                .contains("a longer time limit may tell more; by the others it lowers"),
             "{}",
             found.change
         );

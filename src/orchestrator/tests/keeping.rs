@@ -64,6 +64,21 @@ fn a_run_that_keeps_going_builds_all_that_does_not_need_the_failure() {
     assert_eq!(log.last().unwrap(), "reused other");
 }
 
+#[test]
+fn a_failed_run_lists_what_was_not_begun_because_of_the_failure() {
+    let lab = Laboratory::new();
+    lab.count.fails.store(2, Ordering::SeqCst);
+    let (outcome, _) = lab.run_text(FORKED, &[]);
+    let skipped = |stage: &StageReport| (stage.outcome == Outcome::Skipped).then(|| stage.missing.clone());
+    let missing: Vec<(&str, Option<Option<String>>)> = outcome
+        .stages
+        .iter()
+        .map(|stage| (stage.name.as_str(), skipped(stage)))
+        .collect();
+    let of_one = Some(Some("one".to_owned()));
+    assert_eq!(missing, [("one", None), ("sum", of_one.clone()), ("squared", of_one)]);
+}
+
 fn locked<'a>(lock: &'a LockFile) -> RunOptions<'a> {
     RunOptions {
         lock: Some(lock),

@@ -2,6 +2,7 @@
 
 use maud::{Markup, html};
 
+use crate::base::unbroken;
 use crate::pattern::CELLS;
 use crate::report::designs::{Design, LEAST_MM, Role, StateField, Way, role_title};
 use crate::report::drawing::{Ground, direction};
@@ -177,7 +178,7 @@ fn rows(design: &Design) -> Markup {
     ];
     html! {
         @for (name, value, more) in rows.into_iter().flatten() {
-            dt { (name) } dd { (value) } dd { (more) }
+            dt { (name) } dd { (unbroken(&value)) } dd { (unbroken(&more)) }
         }
     }
 }

@@ -34,15 +34,19 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
         1.0 => "true to scale".to_owned(),
         scale => format!("{scale} times as large as they are"),
     };
+    let has_optimum = designs.iter().any(|design| design.role == Role::Optimum);
+    let optimum = match has_optimum {
+        true => {
+            " The optimum is the best pattern that gradient search finds from several starts; nothing proves that there is no better one."
+        }
+        false => "",
+    };
     page.lines(&[
         "Values are the mean displacement along the wanted directions. Each design is shown at rest, with the wanted point and \
          direction, and deformed, with the displacement of the point. Numbers without a unit are mm; \
          gains are over the intuitive design at its own area and at that of the design."
             .to_owned(),
-        format!(
-            "Displacements are drawn {times}; the faint grid is the membrane at rest. The optimum is the best pattern that gradient search \
-             finds from several starts; nothing proves that there is no better one."
-        ),
+        format!("Displacements are drawn {times}; the faint grid is the membrane at rest.{optimum}"),
     ]);
     page.add(html! {
         p {

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use bolero::check;
 use deaflow::base::{ActionKey, ArtifactId, Canonical, FileDigest};
 use deaflow::store::{
-    Action, Cost, Data, Dataset, Ended, LockFile, LockedStage, Lookup, Object, Pin, Provenance, Record, Run, RunStage,
-    Store, StoreError,
+    Action, Cost, Data, Dataset, Ended, LockFile, LockedStage, Lookup, Object, Pin, Provenance, Reached, Record, Run,
+    RunStage, Store, StoreError,
 };
 
 use super::checked::{in_time, is_told};
@@ -77,7 +77,10 @@ fn fill(root: &Path) -> ActionKey {
         "input_bytes": 0, "seconds": 0.5, "bytes": 600, "created": record.created,
     });
     store.put_cost(&serde_json::from_value::<Cost>(cost).unwrap()).unwrap();
-    store.put_checkpoint(&record.key, "training", BUILD, &[7; 40]).unwrap();
+    let reached = Reached::default();
+    store
+        .put_checkpoint(&record.key, "training", BUILD, &reached, &[7; 40])
+        .unwrap();
     let locked = LockedStage {
         key: record.key,
         artifact,
