@@ -205,17 +205,18 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
 /// Changes under the names that people know. A number within a path is one value of a list, such as one of several `units`: what changes for
 /// several of these alike is told once, of all of them by the field that a pipeline has for it.
 pub fn together(changes: &[Change<Canonical>]) -> Vec<(String, &Change<Canonical>)> {
-    let mut told: Vec<(Option<[&str; 2]>, Vec<&str>, &Change<Canonical>)> = Vec::new();
+    /// What stands before and after the number, the numbers, and the first change.
+    type Told<'a> = (Option<[&'a str; 2]>, Vec<&'a str>, &'a Change<Canonical>);
+    let mut told: Vec<Told<'_>> = Vec::new();
     for change in changes {
         let parts = of_list(&change.name);
-        let is_alike = |(known, _, first): &&mut (Option<[&str; 2]>, Vec<&str>, &Change<Canonical>)| {
-            let ends = parts.map(|[before, _, after]| [before, after]);
+        let ends = parts.map(|[before, _, after]| [before, after]);
+        let same = told.iter_mut().find(|(known, _, first)| {
             ends.is_some() && *known == ends && (&first.from, &first.to) == (&change.from, &change.to)
-        };
-        match (told.iter_mut().find(is_alike), parts) {
+        });
+        match (same, parts) {
             (Some((_, numbers, _)), Some([_, number, _])) => numbers.push(number),
-            (_, Some([before, number, after])) => told.push((Some([before, after]), vec![number], change)),
-            (_, None) => told.push((None, Vec::new(), change)),
+            (_, parts) => told.push((ends, parts.iter().map(|[_, number, _]| *number).collect(), change)),
         }
     }
     let named = told.into_iter().map(|(ends, numbers, change)| {

@@ -123,7 +123,7 @@ pub fn unfinished(store: &Store) -> Result<Vec<Unfinished>, StoreError> {
         let mut lines = text.lines().filter_map(|line| line.split_once(' '));
         let (begun, first) = lines.next()?;
         let path = PathBuf::from(first.strip_prefix(BEGUN)?);
-        let last = lines.last().map_or("", |(_, said)| said);
+        let last = lines.next_back().map_or("", |(_, said)| said);
         (last != ENDED).then(|| Unfinished {
             path,
             begun: begun.to_owned(),

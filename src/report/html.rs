@@ -259,7 +259,7 @@ impl Page {
 fn prose(text: &str) -> Markup {
     let parts: Vec<&str> = text.split('`').collect();
     // One without its other half is one that somebody wrote.
-    if parts.len() % 2 == 0 {
+    if parts.len().is_multiple_of(2) {
         return html! { (unbroken(text)) };
     }
     html! {

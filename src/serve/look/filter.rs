@@ -76,11 +76,22 @@ pub fn matching(columns: &[RowColumn], count: usize, filter: &str) -> Result<Vec
     Ok(rows)
 }
 
-/// Texts that a column is to equal, and which no row has: the column, the text, and the texts that there are.
+/// A text that a column is to equal, and which no row has.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unknown {
+    /// The column.
+    pub column: String,
+    /// The text.
+    pub value: String,
+    /// Texts that there are.
+    pub known: Vec<String>,
+}
+
+/// The texts in a filter that no row has.
 ///
 /// # Errors
 /// As [`matching`].
-pub fn unknown<'f>(columns: &[RowColumn], filter: &'f str) -> Result<Vec<(&'f str, &'f str, Vec<String>)>, Refusal> {
+pub fn unknown(columns: &[RowColumn], filter: &str) -> Result<Vec<Unknown>, Refusal> {
     let mut found = Vec::new();
     for (name, comparison, value) in conditions(filter)? {
         let Data::Text(texts) = &column(columns, name)?.values else {
@@ -88,7 +99,11 @@ pub fn unknown<'f>(columns: &[RowColumn], filter: &'f str) -> Result<Vec<(&'f st
         };
         if comparison == Comparison::Equals && texts.iter().all(|text| text != value) {
             let known: BTreeSet<&String> = texts.iter().collect();
-            found.push((name, value, known.into_iter().take(MOST_KNOWN).cloned().collect()));
+            found.push(Unknown {
+                column: name.to_owned(),
+                value: value.to_owned(),
+                known: known.into_iter().take(MOST_KNOWN).cloned().collect(),
+            });
         }
     }
     Ok(found)
@@ -180,7 +195,10 @@ mod tests {
     fn a_text_that_no_row_has_is_told_with_those_that_there_are() {
         let told = |filter: &str| unknown(&columns(), filter).unwrap();
         let known = ["a", "ab", "b"].map(str::to_owned).to_vec();
-        assert_eq!(told("family = nope and units = 2"), [("family", "nope", known)]);
+        let found = told("family = nope and units = 2");
+        assert_eq!(found.len(), 1);
+        assert_eq!((&*found[0].column, &*found[0].value), ("family", "nope"));
+        assert_eq!(found[0].known, known);
         for filter in ["", "family = a", "family != nope", "family ~ nope", "u_mm = 7"] {
             assert!(told(filter).is_empty(), "{filter}");
         }

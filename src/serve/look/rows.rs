@@ -38,7 +38,7 @@ pub fn rows(state: &ServedState, request: &Request, digits: &str) -> Result<Answ
     let mut matched = matching(&table.columns, table.len(), request.word("filter").unwrap_or_default())?;
     let unknown: Vec<Value> = unknown(&table.columns, request.word("filter").unwrap_or_default())?
         .into_iter()
-        .map(|(column, value, known)| json!({ "column": column, "value": value, "known": known }))
+        .map(|unknown| json!({ "column": unknown.column, "value": unknown.value, "known": unknown.known }))
         .collect();
     if let Some(order) = request.word("sort").filter(|order| !order.is_empty()) {
         let name = order.strip_prefix('-').unwrap_or(order);

@@ -70,7 +70,7 @@ fn units(run: &Run) -> BTreeMap<&str, &'static str> {
             .min()
     };
     let unit = |name: &str| result_unit(&name[name.len() - stage(name).unwrap_or(name.len())..]);
-    let all = run.results.iter().map(|(name, _)| (name.as_str(), unit(name)));
+    let all = run.results.keys().map(|name| (name.as_str(), unit(name)));
     all.filter(|(_, unit)| *unit != "1").collect()
 }
 
