@@ -294,7 +294,7 @@ fn networks_learn_a_rectangle_are_calibrated_and_judged() {
     let told = workspace.run(&["predict", "trained.yaml:physics", "p0.csv"]);
     assert_eq!(told.code, Some(0), "{}", told.stderr);
     assert!(
-        told.stdout.contains("1 pattern in ") && told.stdout.contains("predicted"),
+        told.stdout.contains("1 pattern in ") && told.stdout.contains("novelty"),
         "{}",
         told.stdout
     );

@@ -157,10 +157,10 @@ fn a_free_sheet_pulls_in_after_the_known_time() {
 }
 
 fn scene(text: &str) -> Scene {
-    let rest = "material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }";
-    Scene::from_text(&format!("{{ {rest}, {text} }}")).unwrap()
+    Scene::from_text(&format!("{{ {MATERIAL}, {text} }}")).unwrap()
 }
 
+const MATERIAL: &str = "material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }";
 const SQUARE: &str = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }";
 const ONE: &str = "effects: { viscoelasticity: { branches: [{ modulus: 45 kPa, time: 1 s }] } }";
 const LAWS: [&str; 2] = ["linear", "finite"];
@@ -315,14 +315,23 @@ fn errors_in_time_fall_with_the_square_of_the_step_and_are_estimated() {
 fn passes_are_extrapolated_where_the_solution_is_smooth() {
     // A jump in between, and electrodes that charge slowly: what has an instant of its own in each pass, and what is found by iteration.
     let drives = [
-        "voltage: 5 kV, waveform: { table: VOLTAGES }",
+        "waveform: { table: voltages.csv }",
         "voltage: 5 kV, source: { resistance: 1 GOhm }",
     ];
-    let table = std::env::temp_dir().join(format!("deaflow-extrapolated-{}.csv", std::process::id()));
-    std::fs::write(&table, "t_s,voltage_V\n0,5000\n0.5,5000\n0.5,3000\n").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(
+        folder.path().join("voltages.csv"),
+        "t_s,voltage_V\n0,5000\n0.5,5000\n0.5,3000\n",
+    )
+    .unwrap();
     for drive in drives {
-        let drive = drive.replace("VOLTAGES", table.to_str().unwrap());
-        let scene = scene(&format!("{SQUARE}, drive: {{ {drive} }}, {}", one("linear")));
+        let file = folder.path().join("scene.yaml");
+        std::fs::write(
+            &file,
+            format!("{{ {MATERIAL}, {SQUARE}, drive: {{ {drive} }}, {} }}", one("linear")),
+        )
+        .unwrap();
+        let scene = Scene::load(&file).unwrap();
         let options = SolveOptions {
             mesh: Mesh::bilinear(1),
             tolerance: 1e-11,
@@ -341,8 +350,8 @@ fn passes_are_extrapolated_where_the_solution_is_smooth() {
             "{drive}: {:e}",
             found.difference(&truth)
         );
-        // A pass of second order with so few steps errs by ten times as much.
-        assert!(found.steps < 200, "{drive}: {}", found.steps);
+        // Of three passes or four.
+        assert!(found.steps < 300, "{drive}: {}", found.steps);
         assert_eq!(found.watched, truth.watched);
         for (instant, field) in found.asked().zip(&found.fields) {
             assert_eq!(instant.largest, field.max_magnitude());
@@ -370,7 +379,6 @@ fn passes_are_extrapolated_where_the_solution_is_smooth() {
             assert!(step < 0.5 * peak, "{drive}: {step:e}");
         }
     }
-    std::fs::remove_file(table).unwrap();
 }
 
 #[test]
