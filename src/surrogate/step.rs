@@ -4,6 +4,7 @@
 //! parts, so the sum has the same bits whatever the number of threads.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use candle_core::{Result, Tensor, Var};
 use rayon::prelude::*;
@@ -64,6 +65,17 @@ impl<'a> Shown<'a> {
     }
 }
 
+/// Examples of which is known at a time what is not trained of their answers: 10 MB on the paper's membrane.
+pub(crate) const AHEAD: usize = 512;
+/// Of which it is computed together.
+const TOGETHER: usize = 64;
+
+/// The numbers of some of so many examples that have equally many.
+pub(crate) fn of_examples(all: &[f32], examples: usize, of: Range<usize>) -> &[f32] {
+    let each = all.len() / examples;
+    &all[of.start * each..of.end * each]
+}
+
 /// A loss summed over examples, and the gradient of its mean with respect to each weight, all its values in a row.
 ///
 /// Plain numbers, because candle hands sums of large tensors to threads of its own, for which those of this room would wait one
@@ -82,12 +94,33 @@ pub(crate) struct Assessment {
 }
 
 impl Problem<'_> {
-    /// The loss summed over a batch, and the gradient of its mean with respect to each weight, all its values in a row.
-    pub(crate) fn gradient(&self, batch: &[Shown<'_>]) -> Result<(f64, Vec<Vec<f32>>)> {
+    /// What of the answers to some examples is not trained, one example after the other; none where all of it is.
+    pub(crate) fn untrained(&self, shown: &[Shown<'_>]) -> Result<Option<Vec<f32>>> {
+        let parts = shown.par_chunks(TOGETHER).map(|part| {
+            let patterns: Vec<Cow<'_, Pattern>> = part.iter().map(|shown| shown.pattern()).collect();
+            self.network.untrained(&patterns_to_tensor(
+                self.raster,
+                self.loads,
+                patterns.iter().map(AsRef::as_ref),
+            )?)
+        });
+        let parts: Vec<Option<Vec<f32>>> = parts.collect::<Result<_>>()?;
+        Ok(parts
+            .into_iter()
+            .collect::<Option<Vec<Vec<f32>>>>()
+            .map(|parts| parts.concat()))
+    }
+
+    /// The loss summed over a batch, and the gradient of its mean with respect to each weight, all its values in a row; with what is not
+    /// trained of its answers, where that is known.
+    pub(crate) fn gradient(&self, batch: &[Shown<'_>], untrained: Option<&[f32]>) -> Result<(f64, Vec<Vec<f32>>)> {
         let share = 1.0 / batch.len() as f64;
-        let parts = batch
-            .par_chunks(self.network.examples_per_part())
-            .map(|part| self.part(part, share));
+        let size = self.network.examples_per_part();
+        let parts = batch.par_chunks(size).enumerate().map(|(at, part)| {
+            let first = at * size;
+            let own = untrained.map(|all| of_examples(all, batch.len(), first..first + part.len()));
+            self.part(part, own, share)
+        });
         let parts: Vec<Gradient> = parts.collect::<Result<_>>()?;
         let loss = parts.iter().map(|part| part.loss).sum();
         let sum_of = |i: usize| {
@@ -101,8 +134,8 @@ impl Problem<'_> {
         Ok((loss, gradients))
     }
 
-    fn part(&self, part: &[Shown<'_>], share: f64) -> Result<Gradient> {
-        let (_, loss) = self.answer(part)?;
+    fn part(&self, part: &[Shown<'_>], untrained: Option<&[f32]>, share: f64) -> Result<Gradient> {
+        let (_, loss) = self.answer(part, untrained)?;
         let mut store = (&loss * share)?.backward()?;
         let gradient = |(_, var): &(String, Var)| match store.remove(var) {
             Some(gradient) => gradient.flatten_all()?.to_vec1::<f32>(),
@@ -115,35 +148,43 @@ impl Problem<'_> {
     }
 
     /// What the network answers, and the loss summed over the examples.
-    fn answer(&self, part: &[Shown<'_>]) -> Result<(Output, Tensor)> {
+    fn answer(&self, part: &[Shown<'_>], untrained: Option<&[f32]>) -> Result<(Output, Tensor)> {
         let patterns: Vec<Cow<'_, Pattern>> = part.iter().map(|shown| shown.pattern()).collect();
         let labels: Vec<Cow<'_, Label>> = part.iter().map(|shown| shown.label()).collect();
         let patterns = patterns_to_tensor(self.raster, self.loads, patterns.iter().map(AsRef::as_ref))?;
         let labels = labels_to_tensor(self.raster, labels.iter().map(AsRef::as_ref), self.scale_mm)?;
-        let output = self.network.forward_for_training(&patterns)?;
+        let output = self.network.forward_for_training(&patterns, untrained)?;
         let loss = total_loss(&output, &labels, self.loss)?;
         Ok((output, loss))
     }
 
     /// The loss and the agreement of each example, without gradients.
     pub(crate) fn assess(&self, examples: &[&Example]) -> Result<Assessment> {
-        let assess = |part: &[&Example]| {
-            let shown: Vec<Shown<'_>> = part.iter().map(|example| Shown::upright(example)).collect();
-            let (output, loss) = self.answer(&shown)?;
+        let size = self.network.examples_per_part();
+        let assess = |(shown, untrained): (&[Shown<'_>], Option<&[f32]>)| {
+            let (output, loss) = self.answer(shown, untrained)?;
             let predicted = output.displacement.flatten_all()?.to_vec1::<f32>()?;
-            let predicted = predicted.chunks_exact(predicted.len() / part.len());
-            let pairs = part.iter().zip(predicted);
+            let predicted = predicted.chunks_exact(predicted.len() / shown.len());
+            let pairs = shown.iter().zip(predicted);
             Ok(Assessment {
                 loss: f64::from(loss.to_scalar::<f32>()?),
                 agreements: pairs
-                    .map(|(example, predicted)| Agreement::of(&example.label, predicted, self.scale_mm))
+                    .map(|(shown, predicted)| Agreement::of(&shown.example.label, predicted, self.scale_mm))
                     .collect(),
             })
         };
-        let parts: Vec<Assessment> = examples
-            .par_chunks(self.network.examples_per_part())
-            .map(assess)
-            .collect::<Result<_>>()?;
+        let shown: Vec<Shown<'_>> = examples.iter().map(|example| Shown::upright(example)).collect();
+        let mut parts: Vec<Assessment> = Vec::new();
+        for shown in shown.chunks(AHEAD.next_multiple_of(size)) {
+            let untrained = self.untrained(shown)?;
+            let own = |(at, part): (usize, &[Shown<'_>])| {
+                let of = at * size..at * size + part.len();
+                let untrained = untrained.as_ref().map(|all| of_examples(all, shown.len(), of));
+                assess((part, untrained))
+            };
+            let assessed = shown.par_chunks(size).enumerate().map(own);
+            parts.extend(assessed.collect::<Result<Vec<Assessment>>>()?);
+        }
         Ok(Assessment {
             loss: parts.iter().map(|part| part.loss).sum(),
             agreements: parts.into_iter().flat_map(|part| part.agreements).collect(),
@@ -181,7 +222,7 @@ mod tests {
         let examples = examples(5, Split::Train);
         let plain: Vec<&Example> = examples.iter().collect();
         let batch: Vec<Shown<'_>> = plain.iter().map(|example| Shown::upright(example)).collect();
-        let (sum, gradients) = problem.gradient(&batch).unwrap();
+        let (sum, gradients) = problem.gradient(&batch, None).unwrap();
         let loss = || problem.assess(&plain).unwrap().loss;
         assert!((sum / loss() - 1.0).abs() < 1e-6);
         // Along the gradient of each weight the mean loss changes by the square of its length.

@@ -21,7 +21,7 @@ use super::outcome::{Ending, EpochReport, TrainError, Trained};
 use super::parameters::Drawn;
 use super::schedule::learning_rate_factor;
 use super::start::Start;
-use super::step::{Problem, Shown};
+use super::step::{AHEAD, Problem, Shown, of_examples};
 use super::weights::to_bytes;
 use crate::base::Stream;
 use crate::dataset::{Split, SymmetryGroup};
@@ -220,20 +220,27 @@ impl<'a> Trainer<'a> {
         monitor: &dyn Monitor,
     ) -> Result<Option<EpochReport>, TrainError> {
         let order = self.order(epoch);
-        let batches = order.chunks(self.options.batch as usize);
+        let size = self.options.batch as usize;
         let (before, all) = (u64::from(epoch - 1), u64::from(self.options.epochs));
-        let steps = batches.len() as u64;
+        let steps = order.len().div_ceil(size) as u64;
         let (mut sum, mut shown, mut learning_rate) = (0.0, 0, 0.0);
-        for (step, batch) in (before * steps..).zip(batches) {
-            learning_rate = self.options.learning_rate * learning_rate_factor(step, all * steps);
-            let (loss, gradients) = self.problem().gradient(batch)?;
-            if !loss.is_finite() {
-                return Ok(None);
+        let mut step = before * steps;
+        for ahead in order.chunks(size * (AHEAD / size).max(1)) {
+            let untrained = self.problem().untrained(ahead)?;
+            for (at, batch) in ahead.chunks(size).enumerate() {
+                learning_rate = self.options.learning_rate * learning_rate_factor(step, all * steps);
+                let of = at * size..at * size + batch.len();
+                let own = untrained.as_ref().map(|all| of_examples(all, ahead.len(), of));
+                let (loss, gradients) = self.problem().gradient(batch, own)?;
+                if !loss.is_finite() {
+                    return Ok(None);
+                }
+                self.optimizer.step(gradients, learning_rate)?;
+                sum += loss;
+                shown += batch.len();
+                step += 1;
+                monitor.step(epoch, shown as f64 / order.len() as f64, sum / shown as f64);
             }
-            self.optimizer.step(gradients, learning_rate)?;
-            sum += loss;
-            shown += batch.len();
-            monitor.step(epoch, shown as f64 / order.len() as f64, sum / shown as f64);
         }
         let (train_loss, standing) = (sum / order.len() as f64, self.standing()?);
         // In the network's unit of length an answer of zero has a loss of about 1.

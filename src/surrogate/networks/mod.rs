@@ -56,8 +56,16 @@ pub(crate) struct Output {
 
 /// A network: a module from patterns (n, rows, columns, 1), −½ or ½ per cell, to displacements (n, rows − 1, columns − 1, 2).
 pub(crate) trait Network: Module + Export + Send + Sync {
-    /// The displacement with the auxiliary answer, where the network has one.
-    fn forward_for_training(&self, patterns: &Tensor) -> Result<Output> {
+    /// What of the answers to patterns does not change while the network is trained, one pattern after the other; none where all of it does.
+    /// Of many patterns together it takes less time.
+    fn untrained(&self, patterns: &Tensor) -> Result<Option<Vec<f32>>> {
+        let _ = patterns;
+        Ok(None)
+    }
+
+    /// The displacement with the auxiliary answer, where the network has one; with [`Network::untrained`] of these patterns, where that is known.
+    fn forward_for_training(&self, patterns: &Tensor, untrained: Option<&[f32]>) -> Result<Output> {
+        let _ = untrained;
         Ok(Output {
             displacement: self.forward(patterns)?,
             half_resolution: None,

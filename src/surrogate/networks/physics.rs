@@ -20,7 +20,7 @@ use candle_nn::{Init, VarBuilder};
 
 use super::orientations::Orientations;
 use super::response::Response;
-use super::{Network, names};
+use super::{Network, Output, names};
 use crate::pattern::{Raster, Symmetries};
 use crate::surrogate::layers::{self, FEATURES, Green, Ground, MODES, Scale, Supports, Workspace, correct};
 use crate::surrogate::onnx::{Export, Graph, Value};
@@ -98,13 +98,16 @@ impl Physics {
         cells
     }
 
-    /// The displacement by operations that have a gradient.
-    fn differentiable(&self, patterns: &Tensor) -> Result<Tensor> {
+    /// The displacement by operations that have a gradient, from the linear response where that is known.
+    fn differentiable(&self, patterns: &Tensor, linear: Option<&[f32]>) -> Result<Tensor> {
         let [columns, rows] = self.raster.sides();
         let n = patterns.dim(0)?;
         let patterns = self.masked(patterns.flatten_all()?.to_vec1()?);
+        let mut displacement = match linear {
+            Some(linear) => self.response.tensor(linear.to_vec())?,
+            None => self.response.tensor(self.response.evaluate(&patterns))?,
+        };
         let patterns = Tensor::from_vec(patterns, (n, rows, columns), &Device::Cpu)?;
-        let mut displacement = self.response.forward(&patterns)?;
         for law in &self.laws {
             let (factors, stresses) = (law.factors()?, law.stresses()?);
             displacement = correct(
@@ -155,12 +158,27 @@ impl Module for Physics {
     fn forward(&self, patterns: &Tensor) -> Result<Tensor> {
         match &self.fixed {
             Some(laws) => self.evaluate(laws, patterns),
-            None => self.differentiable(patterns),
+            None => self.differentiable(patterns, None),
         }
     }
 }
 
 impl Network for Physics {
+    fn untrained(&self, patterns: &Tensor) -> Result<Option<Vec<f32>>> {
+        let cells = self.masked(patterns.flatten_all()?.to_vec1()?);
+        Ok(Some(self.response.evaluate(&cells)))
+    }
+
+    fn forward_for_training(&self, patterns: &Tensor, untrained: Option<&[f32]>) -> Result<Output> {
+        Ok(Output {
+            displacement: match &self.fixed {
+                Some(_) => self.forward(patterns)?,
+                None => self.differentiable(patterns, untrained)?,
+            },
+            half_resolution: None,
+        })
+    }
+
     fn patterns_per_thread(&self) -> usize {
         // The matrix of the response is read once for all.
         64

@@ -99,7 +99,7 @@ impl Module for Qin2024 {
 }
 
 impl Network for Qin2024 {
-    fn forward_for_training(&self, patterns: &Tensor) -> Result<Output> {
+    fn forward_for_training(&self, patterns: &Tensor, _: Option<&[f32]>) -> Result<Output> {
         let features = self.features(patterns)?;
         let (first, second) = &self.auxiliary;
         Ok(Output {
@@ -298,7 +298,7 @@ mod tests {
             let weights = Drawn::new(&constants, 1);
             let network = Qin2024::new(&weights.builder(), raster).unwrap();
             let patterns = Tensor::zeros((2, rows, columns, 1), DType::F32, &Device::Cpu).unwrap();
-            let output = network.forward_for_training(&patterns).unwrap();
+            let output = network.forward_for_training(&patterns, None).unwrap();
             assert_eq!(output.displacement.dims(), [2, rows - 1, columns - 1, 2]);
             let half = output.half_resolution.unwrap();
             assert_eq!(half.dims(), [2, rows / 2, columns / 2, 1]);

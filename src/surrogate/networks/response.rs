@@ -69,12 +69,10 @@ impl Response {
         self.strain * self.strain * self.side_mm
     }
 
-    /// The linear response (n, 2, rows − 1, columns − 1) to patterns (n, rows, columns), ±½ per cell; it has no gradient.
-    pub(crate) fn forward(&self, patterns: &Tensor) -> Result<Tensor> {
-        let n = patterns.dim(0)?;
-        let cells: Vec<f32> = patterns.flatten_all()?.to_vec1()?;
-        let displacements = self.evaluate(&cells);
+    /// Linear responses one after the other as (n, 2, rows − 1, columns − 1); they have no gradient.
+    pub(crate) fn tensor(&self, displacements: Vec<f32>) -> Result<Tensor> {
         let [columns, rows] = self.fold.inner();
+        let n = displacements.len() / (2 * rows * columns);
         Tensor::from_vec(displacements, (n, 2, rows, columns), &Device::Cpu)
     }
 
@@ -120,7 +118,7 @@ impl Response {
         Ok(graph.add(&sum, &loaded))
     }
 
-    /// The same on plain numbers.
+    /// The linear response (2, rows − 1, columns − 1) to each of some patterns (rows, columns), ±½ per cell.
     pub(crate) fn evaluate(&self, cells: &[f32]) -> Vec<f32> {
         let (fold, area, values) = (self.fold, self.fold.area(), self.fold.values());
         let (all, image) = (fold.raster().cells(), 2 * fold.inner().into_iter().product::<usize>());

@@ -310,3 +310,36 @@ fn holds(scene: &Scene, field: &Field) {
         }
     }
 }
+
+#[test]
+fn what_is_not_trained_is_the_same_bits_however_many_patterns_it_is_computed_of() {
+    let constants = constants(5250.0).1;
+    let network = network(&constants).0;
+    let cells = |index: u32| -> Vec<f32> {
+        let cell = |at: u32| {
+            if (at * at + 7 * index + at * index) % 11 < 5 {
+                0.5
+            } else {
+                -0.5
+            }
+        };
+        (0..2500).map(cell).collect()
+    };
+    let tensor = |of: std::ops::Range<u32>| {
+        let count = of.len();
+        let values: Vec<f32> = of.flat_map(cells).collect();
+        Tensor::from_vec(values, (count, 50, 50, 1), &Device::Cpu).unwrap()
+    };
+    let untrained = |of: std::ops::Range<u32>| network.untrained(&tensor(of)).unwrap().unwrap();
+    let all = untrained(0..64);
+    for part in [0..1, 0..2, 20..22, 61..64, 10..40] {
+        let each = all.len() / 64;
+        let of_all = &all[part.start as usize * each..part.end as usize * each];
+        assert_eq!(untrained(part.clone()), of_all, "{part:?}");
+        let [alone, with] = [None, Some(of_all)].map(|known| {
+            let output = network.forward_for_training(&tensor(part.clone()), known).unwrap();
+            output.displacement.flatten_all().unwrap().to_vec1::<f32>().unwrap()
+        });
+        assert_eq!(alone, with);
+    }
+}
