@@ -17,7 +17,7 @@ use crate::base::{Dimension, Progress, Quantity, Time};
 use crate::content::{Histories, Lines, Packed};
 use crate::fem::screening::Screened;
 use crate::fem::{AccurateHistory, History, HistorySolver, Instant, USUAL_TIME_ERROR, check_leads};
-use crate::field::{Field, Motion};
+use crate::field::{Field, Mesh, Motion};
 use crate::pattern::Pattern;
 use crate::report::figures::{self, draw_histories};
 use crate::scene::{Scene, Side};
@@ -170,7 +170,7 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
     let screened = Screened::for_patterns(&read, &patterns, arguments.time.work_limit())?;
     let scene = &screened.scene;
     let solver = arguments.parameters().history_solver(scene, times.clone())?;
-    let (followed, each) = follow(&solver, &patterns, &bar)?;
+    let (followed, displacement, each) = follow(&solver, &patterns, &bar)?;
     let missed = missed(
         &followed,
         arguments.parameters().accuracy().map(|accuracy| accuracy.value()),
@@ -181,7 +181,7 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
         &patterns,
         scene,
         &times,
-        (&followed, each),
+        (&followed, displacement, each),
         arguments.accuracy.is_some(),
     );
     let content = Histories {
@@ -239,24 +239,73 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
     Ok(if unstable > 0 { Exit::Unstable } else { Exit::Done })
 }
 
+/// A history whose fields stand with those of all patterns: there may be gigabytes of them, and no room for two of each.
+struct Followed {
+    history: History,
+    mesh: Mesh,
+    space_error_mm: Option<f64>,
+    /// The largest displacement magnitude in mm at the times that were asked for, as far as it got.
+    largest: Vec<f64>,
+}
+
+impl Followed {
+    /// Moves the fields of a history to others; times that it did not get to have none.
+    fn of(found: AccurateHistory, times: usize, row: usize, displacement: &mut Vec<f64>) -> Self {
+        let AccurateHistory {
+            mut history,
+            mesh,
+            space_error_mm,
+        } = found;
+        let fields = std::mem::take(&mut history.fields);
+        let end = displacement.len() + times * row;
+        for field in &fields {
+            displacement.extend_from_slice(field.values());
+        }
+        displacement.resize(end, f64::NAN);
+        Self {
+            history,
+            mesh,
+            space_error_mm,
+            largest: fields.iter().map(Field::max_magnitude).collect(),
+        }
+    }
+}
+
+/// The histories, the displacement of all at all times, and how many seconds each took.
 fn follow(
     solver: &HistorySolver,
     patterns: &[Pattern],
     progress: &dyn Progress,
-) -> Result<(Vec<AccurateHistory>, Vec<f64>), CliError> {
+) -> Result<(Vec<Followed>, Vec<f64>, Vec<f64>), CliError> {
     let one = |pattern: &Pattern| -> Result<AccurateHistory, CliError> {
         let found = solver.follow(pattern)?;
         progress.advance(1);
         Ok(found)
     };
-    let threads = rayon::current_num_threads();
+    let (threads, times) = (rayon::current_num_threads(), solver.times().len());
+    let row = patterns.first().map_or(0, |pattern| 2 * pattern.raster().corners());
+    let mut displacement: Vec<f64> = Vec::new();
+    let all = patterns.len() * times * row;
+    displacement.try_reserve_exact(all).map_err(|_| {
+        let gigabytes = (all * size_of::<f64>()) as f64 / 1e9;
+        CliError::failure(format!(
+            "the displacement of {} patterns at {times} times takes {gigabytes:.1} GB of memory",
+            patterns.len()
+        ))
+        .help("follow fewer patterns at a time, or a `solve` stage with a `history`: it writes them chunk by chunk")
+    })?;
     let (mut followed, mut seconds) = (Vec::with_capacity(patterns.len()), Vec::new());
     for batch in patterns.chunks(threads) {
         let start = Clock::now();
-        followed.extend(batch.par_iter().map(one).collect::<Result<Vec<_>, _>>()?);
+        let found = batch.par_iter().map(one).collect::<Result<Vec<_>, _>>()?;
         seconds.extend(seconds_each(start, batch.len(), threads));
+        followed.extend(
+            found
+                .into_iter()
+                .map(|found| Followed::of(found, times, row, &mut displacement)),
+        );
     }
-    Ok((followed, seconds))
+    Ok((followed, displacement, seconds))
 }
 
 /// The arrays, without what is said of how they were found.
@@ -264,21 +313,11 @@ fn histories(
     patterns: &[Pattern],
     scene: &Scene,
     times: &[f64],
-    (followed, seconds): (&[AccurateHistory], Vec<f64>),
+    (followed, displacement, seconds): (&[Followed], Vec<f64>, Vec<f64>),
     with_accuracy: bool,
 ) -> Histories {
-    let row = 2 * scene.membrane().raster.corners();
-    let mut displacement = Vec::with_capacity(followed.len() * times.len() * row);
-    for AccurateHistory { history, .. } in followed {
-        history
-            .fields
-            .iter()
-            .for_each(|field| displacement.extend_from_slice(field.values()));
-        let missing = times.len() - history.kept.len();
-        displacement.extend(std::iter::repeat_n(f64::NAN, missing * row));
-    }
     let each = |value: &dyn Fn(&History, usize) -> f64| {
-        let of = |one: &AccurateHistory| -> Vec<f64> {
+        let of = |one: &Followed| -> Vec<f64> {
             let history = &one.history;
             let known = history.kept.iter().map(|&at| value(history, at));
             known.chain(std::iter::repeat(f64::NAN)).take(times.len()).collect()
@@ -286,7 +325,7 @@ fn histories(
         Packed(followed.iter().flat_map(of).collect())
     };
     let largest = followed.iter().flat_map(|one| {
-        let known = one.history.fields.iter().map(Field::max_magnitude);
+        let known = one.largest.iter().copied();
         known.chain(std::iter::repeat(f64::NAN)).take(times.len())
     });
     let of_instant = |value: fn(&Instant) -> f64| each(&|history: &History, at: usize| value(&history.instants[at]));
@@ -304,7 +343,7 @@ fn histories(
     let bodies = scene.geometry.bodies.as_ref().map_or(0, Vec::len);
     let motions: Vec<Motion> = followed
         .iter()
-        .flat_map(|AccurateHistory { history, .. }| {
+        .flat_map(|Followed { history, .. }| {
             let none = || Motion {
                 translation: [f64::NAN; 2],
                 rotation: f64::NAN,
@@ -384,7 +423,7 @@ fn histories(
 }
 
 /// All steps of all patterns as comma-separated values with a header.
-fn steps_table(followed: &[AccurateHistory]) -> Result<String, CliError> {
+fn steps_table(followed: &[Followed]) -> Result<String, CliError> {
     let header = [
         "pattern",
         "time_s",
@@ -402,7 +441,7 @@ fn steps_table(followed: &[AccurateHistory]) -> Result<String, CliError> {
     let rows = followed
         .iter()
         .enumerate()
-        .flat_map(|(pattern, AccurateHistory { history, .. })| {
+        .flat_map(|(pattern, Followed { history, .. })| {
             let current = history.current();
             let row = move |(at, instant): (usize, &Instant)| {
                 let numbers = [
@@ -431,8 +470,8 @@ fn steps_table(followed: &[AccurateHistory]) -> Result<String, CliError> {
     csv::text(&header.map(str::to_owned), rows)
 }
 
-fn motions(followed: &[AccurateHistory]) -> Vec<figures::Motion> {
-    let motion = |(index, AccurateHistory { history, .. }): (usize, &AccurateHistory)| figures::Motion {
+fn motions(followed: &[Followed]) -> Vec<figures::Motion> {
+    let motion = |(index, Followed { history, .. }): (usize, &Followed)| figures::Motion {
         name: format!("pattern {index}"),
         time: history.instants.iter().map(|instant| instant.time).collect(),
         displacement: history.instants.iter().map(|instant| instant.watched).collect(),
@@ -445,7 +484,7 @@ fn motions(followed: &[AccurateHistory]) -> Vec<figures::Motion> {
 const MOST_ROWS: usize = 30;
 
 /// One line for each time of each pattern; where these are too many, one for each pattern.
-fn overview(followed: &[AccurateHistory]) -> table::Table {
+fn overview(followed: &[Followed]) -> table::Table {
     let header = [
         "pattern",
         "outcome",
@@ -460,26 +499,27 @@ fn overview(followed: &[AccurateHistory]) -> table::Table {
         &["time", "displacement", "error in time", "error in space", "steps"],
     )
     .dispensable(&["steps", "error in space", "error in time"]);
-    let are_all = followed.iter().map(|one| one.history.fields.len()).sum::<usize>() <= MOST_ROWS;
+    let are_all = followed.iter().map(|one| one.largest.len()).sum::<usize>() <= MOST_ROWS;
     for (
         index,
-        AccurateHistory {
+        Followed {
             history,
             space_error_mm,
+            largest,
             ..
         },
     ) in followed.iter().enumerate()
     {
-        let each = || history.asked().zip(&history.fields);
+        let each = || history.asked().zip(largest);
         let at = |time: f64| format!("{} s", rounded(time));
         let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
         let before = match are_all {
-            true => history.fields.len().saturating_sub(1),
+            true => largest.len().saturating_sub(1),
             false => 0,
         };
-        for (instant, field) in each().take(before) {
+        for (instant, largest) in each().take(before) {
             let [none, more, others, steps] = [(); 4].map(|()| String::new());
-            let moved = format!("{:.4} mm", field.max_magnitude());
+            let moved = format!("{largest:.4} mm");
             table.add_row([index.to_string(), none, at(instant.time), moved, more, others, steps]);
         }
         let last = each().last();
@@ -487,7 +527,7 @@ fn overview(followed: &[AccurateHistory]) -> table::Table {
             index.to_string(),
             history.outcome.to_string(),
             or_dash(last.map(|(instant, _)| at(instant.time))),
-            or_dash(last.map(|(_, field)| format!("{:.4} mm", field.max_magnitude()))),
+            or_dash(last.map(|(_, largest)| format!("{largest:.4} mm"))),
             or_dash(history.time_error_mm.map(|error| format!("{error:.1e} mm"))),
             or_dash(space_error_mm.map(|error| format!("{error:.1e} mm"))),
             history.instants.len().to_string(),
@@ -497,11 +537,11 @@ fn overview(followed: &[AccurateHistory]) -> table::Table {
 }
 
 /// The patterns whose errors are larger than was asked for, with what is said of them.
-fn missed(followed: &[AccurateHistory], accuracy_mm: Option<f64>) -> Vec<(usize, String)> {
+fn missed(followed: &[Followed], accuracy_mm: Option<f64>) -> Vec<(usize, String)> {
     let Some(accuracy) = accuracy_mm else {
         return imprecise(followed);
     };
-    let line = |(index, found): (usize, &AccurateHistory)| {
+    let line = |(index, found): (usize, &Followed)| {
         let [time, space] = [found.history.time_error_mm, found.space_error_mm]
             .map(|error| error.filter(|error| found.history.outcome.is_converged() && *error > accuracy));
         let said = [
@@ -516,10 +556,10 @@ fn missed(followed: &[AccurateHistory], accuracy_mm: Option<f64>) -> Vec<(usize,
 }
 
 /// The patterns whose error in time is larger than is usual, where none was asked for.
-fn imprecise(followed: &[AccurateHistory]) -> Vec<(usize, String)> {
-    let line = |(index, found): (usize, &AccurateHistory)| {
+fn imprecise(followed: &[Followed]) -> Vec<(usize, String)> {
+    let line = |(index, found): (usize, &Followed)| {
         let history = &found.history;
-        let largest = history.fields.iter().map(Field::max_magnitude).fold(0.0, f64::max);
+        let largest = found.largest.iter().copied().fold(0.0, f64::max);
         let (error, usual) = (history.time_error_mm?, USUAL_TIME_ERROR * largest);
         let line = format!(
             "pattern {index}: steps in time leave an estimated error of {error:.1e} mm, more than the usual {usual:.1e} mm"
@@ -534,14 +574,14 @@ fn rounded(time: f64) -> f64 {
     format!("{time:.5e}").parse().unwrap_or(time)
 }
 
-fn document((index, found): (usize, &AccurateHistory)) -> Value {
+fn document((index, found): (usize, &Followed)) -> Value {
     let history = &found.history;
     json!({
         "index": index,
         "outcome": history.outcome.name(),
         "time_bracket": history.outcome.time_bracket(),
         "voltage_bracket": history.outcome.bracket(),
-        "max_displacement": history.fields.iter().map(Field::max_magnitude).collect::<Vec<_>>(),
+        "max_displacement": found.largest,
         "charge": history.asked().map(|instant| instant.charge).collect::<Vec<_>>(),
         "watched_corner": history.watched,
         "error_in_time": history.time_error_mm,
