@@ -170,7 +170,7 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
     let screened = Screened::for_patterns(&read, &patterns, arguments.time.work_limit())?;
     let scene = &screened.scene;
     let solver = arguments.parameters().history_solver(scene, times.clone())?;
-    let (followed, displacement, each) = follow(&solver, &patterns, &bar)?;
+    let (followed, displacement) = follow(&solver, &patterns, &bar)?;
     let missed = missed(
         &followed,
         arguments.parameters().accuracy().map(|accuracy| accuracy.value()),
@@ -181,7 +181,7 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
         &patterns,
         scene,
         &times,
-        (&followed, displacement, each),
+        (&followed, displacement),
         arguments.accuracy.is_some(),
     );
     let content = Histories {
@@ -246,18 +246,20 @@ struct Followed {
     space_error_mm: Option<f64>,
     /// The largest displacement magnitude in mm at the times that were asked for, as far as it got.
     largest: Vec<f64>,
+    /// What it took.
+    seconds: f64,
 }
 
 impl Followed {
-    /// Moves the fields of a history to others; times that it did not get to have none.
-    fn of(found: AccurateHistory, times: usize, row: usize, displacement: &mut Vec<f64>) -> Self {
+    /// Moves the fields of a history to others, as so many numbers; times that it did not get to have none.
+    fn of((found, seconds): (AccurateHistory, f64), numbers: usize, displacement: &mut Vec<f64>) -> Self {
         let AccurateHistory {
             mut history,
             mesh,
             space_error_mm,
         } = found;
         let fields = std::mem::take(&mut history.fields);
-        let end = displacement.len() + times * row;
+        let end = displacement.len() + numbers;
         for field in &fields {
             displacement.extend_from_slice(field.values());
         }
@@ -267,16 +269,17 @@ impl Followed {
             mesh,
             space_error_mm,
             largest: fields.iter().map(Field::max_magnitude).collect(),
+            seconds,
         }
     }
 }
 
-/// The histories, the displacement of all at all times, and how many seconds each took.
+/// The histories, and the displacement of all at all times.
 fn follow(
     solver: &HistorySolver,
     patterns: &[Pattern],
     progress: &dyn Progress,
-) -> Result<(Vec<Followed>, Vec<f64>, Vec<f64>), CliError> {
+) -> Result<(Vec<Followed>, Vec<f64>), CliError> {
     let one = |pattern: &Pattern| -> Result<AccurateHistory, CliError> {
         let found = solver.follow(pattern)?;
         progress.advance(1);
@@ -294,18 +297,14 @@ fn follow(
         ))
         .help("follow fewer patterns at a time, or a `solve` stage with a `history`: it writes them chunk by chunk")
     })?;
-    let (mut followed, mut seconds) = (Vec::with_capacity(patterns.len()), Vec::new());
+    let mut followed = Vec::with_capacity(patterns.len());
     for batch in patterns.chunks(threads) {
         let start = Clock::now();
         let found = batch.par_iter().map(one).collect::<Result<Vec<_>, _>>()?;
-        seconds.extend(seconds_each(start, batch.len(), threads));
-        followed.extend(
-            found
-                .into_iter()
-                .map(|found| Followed::of(found, times, row, &mut displacement)),
-        );
+        let found = found.into_iter().zip(seconds_each(start, batch.len(), threads));
+        followed.extend(found.map(|found| Followed::of(found, times * row, &mut displacement)));
     }
-    Ok((followed, displacement, seconds))
+    Ok((followed, displacement))
 }
 
 /// The arrays, without what is said of how they were found.
@@ -313,7 +312,7 @@ fn histories(
     patterns: &[Pattern],
     scene: &Scene,
     times: &[f64],
-    (followed, displacement, seconds): (&[Followed], Vec<f64>, Vec<f64>),
+    (followed, displacement): (&[Followed], Vec<f64>),
     with_accuracy: bool,
 ) -> Histories {
     let each = |value: &dyn Fn(&History, usize) -> f64| {
@@ -414,7 +413,7 @@ fn histories(
         }),
         steps: followed.iter().map(|one| one.history.instants.len() as u64).collect(),
         residual: followed.iter().map(|one| one.history.residual).collect(),
-        solve_seconds: seconds,
+        solve_seconds: followed.iter().map(|one| one.seconds).collect(),
         scene: scene.clone(),
         solver: String::new(),
         effects: String::new(),
