@@ -4,7 +4,6 @@
 //! parts, so the sum has the same bits whatever the number of threads.
 
 use std::borrow::Cow;
-use std::ops::Range;
 
 use candle_core::{Result, Tensor, Var};
 use rayon::prelude::*;
@@ -70,10 +69,26 @@ pub(crate) const AHEAD: usize = 512;
 /// Of which it is computed together.
 const TOGETHER: usize = 64;
 
-/// The numbers of some of so many examples that have equally many.
-pub(crate) fn of_examples(all: &[f32], examples: usize, of: Range<usize>) -> &[f32] {
-    let each = all.len() / examples;
-    &all[of.start * each..of.end * each]
+/// Examples that are shown, with what is not trained of the answers to them, where that is known.
+#[derive(Clone, Copy)]
+pub(crate) struct Batch<'a> {
+    /// The examples.
+    pub(crate) shown: &'a [Shown<'a>],
+    /// Equally many numbers for each, one example after the other.
+    pub(crate) untrained: Option<&'a [f32]>,
+}
+
+impl<'a> Batch<'a> {
+    /// In parts of so many examples, of which the last may have fewer.
+    pub(crate) fn parts(self, size: usize) -> Vec<Self> {
+        let each = self.untrained.map_or(0, |all| all.len() / self.shown.len());
+        let parts = self.shown.chunks(size).enumerate();
+        let part = |(at, shown): (usize, &'a [Shown<'a>])| Self {
+            shown,
+            untrained: self.untrained.map(|all| &all[at * size * each..][..shown.len() * each]),
+        };
+        parts.map(part).collect()
+    }
 }
 
 /// A loss summed over examples, and the gradient of its mean with respect to each weight, all its values in a row.
@@ -96,14 +111,8 @@ pub(crate) struct Assessment {
 impl Problem<'_> {
     /// What of the answers to some examples is not trained, one example after the other; none where all of it is.
     pub(crate) fn untrained(&self, shown: &[Shown<'_>]) -> Result<Option<Vec<f32>>> {
-        let parts = shown.par_chunks(TOGETHER).map(|part| {
-            let patterns: Vec<Cow<'_, Pattern>> = part.iter().map(|shown| shown.pattern()).collect();
-            self.network.untrained(&patterns_to_tensor(
-                self.raster,
-                self.loads,
-                patterns.iter().map(AsRef::as_ref),
-            )?)
-        });
+        let parts = shown.par_chunks(TOGETHER);
+        let parts = parts.map(|part| self.network.untrained(&self.patterns(part)?));
         let parts: Vec<Option<Vec<f32>>> = parts.collect::<Result<_>>()?;
         Ok(parts
             .into_iter()
@@ -111,16 +120,11 @@ impl Problem<'_> {
             .map(|parts| parts.concat()))
     }
 
-    /// The loss summed over a batch, and the gradient of its mean with respect to each weight, all its values in a row; with what is not
-    /// trained of its answers, where that is known.
-    pub(crate) fn gradient(&self, batch: &[Shown<'_>], untrained: Option<&[f32]>) -> Result<(f64, Vec<Vec<f32>>)> {
-        let share = 1.0 / batch.len() as f64;
-        let size = self.network.examples_per_part();
-        let parts = batch.par_chunks(size).enumerate().map(|(at, part)| {
-            let first = at * size;
-            let own = untrained.map(|all| of_examples(all, batch.len(), first..first + part.len()));
-            self.part(part, own, share)
-        });
+    /// The loss summed over a batch, and the gradient of its mean with respect to each weight, all its values in a row.
+    pub(crate) fn gradient(&self, batch: Batch<'_>) -> Result<(f64, Vec<Vec<f32>>)> {
+        let share = 1.0 / batch.shown.len() as f64;
+        let parts = batch.parts(self.network.examples_per_part());
+        let parts = parts.into_par_iter().map(|part| self.part(part, share));
         let parts: Vec<Gradient> = parts.collect::<Result<_>>()?;
         let loss = parts.iter().map(|part| part.loss).sum();
         let sum_of = |i: usize| {
@@ -134,8 +138,8 @@ impl Problem<'_> {
         Ok((loss, gradients))
     }
 
-    fn part(&self, part: &[Shown<'_>], untrained: Option<&[f32]>, share: f64) -> Result<Gradient> {
-        let (_, loss) = self.answer(part, untrained)?;
+    fn part(&self, part: Batch<'_>, share: f64) -> Result<Gradient> {
+        let (_, loss) = self.answer(part)?;
         let mut store = (&loss * share)?.backward()?;
         let gradient = |(_, var): &(String, Var)| match store.remove(var) {
             Some(gradient) => gradient.flatten_all()?.to_vec1::<f32>(),
@@ -147,13 +151,18 @@ impl Problem<'_> {
         })
     }
 
+    /// The patterns of examples as a network sees them.
+    fn patterns(&self, shown: &[Shown<'_>]) -> Result<Tensor> {
+        let patterns: Vec<Cow<'_, Pattern>> = shown.iter().map(|shown| shown.pattern()).collect();
+        patterns_to_tensor(self.raster, self.loads, patterns.iter().map(AsRef::as_ref))
+    }
+
     /// What the network answers, and the loss summed over the examples.
-    fn answer(&self, part: &[Shown<'_>], untrained: Option<&[f32]>) -> Result<(Output, Tensor)> {
-        let patterns: Vec<Cow<'_, Pattern>> = part.iter().map(|shown| shown.pattern()).collect();
-        let labels: Vec<Cow<'_, Label>> = part.iter().map(|shown| shown.label()).collect();
-        let patterns = patterns_to_tensor(self.raster, self.loads, patterns.iter().map(AsRef::as_ref))?;
+    fn answer(&self, part: Batch<'_>) -> Result<(Output, Tensor)> {
+        let patterns = self.patterns(part.shown)?;
+        let labels: Vec<Cow<'_, Label>> = part.shown.iter().map(|shown| shown.label()).collect();
         let labels = labels_to_tensor(self.raster, labels.iter().map(AsRef::as_ref), self.scale_mm)?;
-        let output = self.network.forward_for_training(&patterns, untrained)?;
+        let output = self.network.forward_for_training(&patterns, part.untrained)?;
         let loss = total_loss(&output, &labels, self.loss)?;
         Ok((output, loss))
     }
@@ -161,11 +170,11 @@ impl Problem<'_> {
     /// The loss and the agreement of each example, without gradients.
     pub(crate) fn assess(&self, examples: &[&Example]) -> Result<Assessment> {
         let size = self.network.examples_per_part();
-        let assess = |(shown, untrained): (&[Shown<'_>], Option<&[f32]>)| {
-            let (output, loss) = self.answer(shown, untrained)?;
+        let assess = |part: Batch<'_>| {
+            let (output, loss) = self.answer(part)?;
             let predicted = output.displacement.flatten_all()?.to_vec1::<f32>()?;
-            let predicted = predicted.chunks_exact(predicted.len() / shown.len());
-            let pairs = shown.iter().zip(predicted);
+            let predicted = predicted.chunks_exact(predicted.len() / part.shown.len());
+            let pairs = part.shown.iter().zip(predicted);
             Ok(Assessment {
                 loss: f64::from(loss.to_scalar::<f32>()?),
                 agreements: pairs
@@ -177,12 +186,11 @@ impl Problem<'_> {
         let mut parts: Vec<Assessment> = Vec::new();
         for shown in shown.chunks(AHEAD.next_multiple_of(size)) {
             let untrained = self.untrained(shown)?;
-            let own = |(at, part): (usize, &[Shown<'_>])| {
-                let of = at * size..at * size + part.len();
-                let untrained = untrained.as_ref().map(|all| of_examples(all, shown.len(), of));
-                assess((part, untrained))
+            let batch = Batch {
+                shown,
+                untrained: untrained.as_deref(),
             };
-            let assessed = shown.par_chunks(size).enumerate().map(own);
+            let assessed = batch.parts(size).into_par_iter().map(assess);
             parts.extend(assessed.collect::<Result<Vec<Assessment>>>()?);
         }
         Ok(Assessment {
@@ -222,7 +230,12 @@ mod tests {
         let examples = examples(5, Split::Train);
         let plain: Vec<&Example> = examples.iter().collect();
         let batch: Vec<Shown<'_>> = plain.iter().map(|example| Shown::upright(example)).collect();
-        let (sum, gradients) = problem.gradient(&batch, None).unwrap();
+        let (sum, gradients) = problem
+            .gradient(Batch {
+                shown: &batch,
+                untrained: None,
+            })
+            .unwrap();
         let loss = || problem.assess(&plain).unwrap().loss;
         assert!((sum / loss() - 1.0).abs() < 1e-6);
         // Along the gradient of each weight the mean loss changes by the square of its length.

@@ -21,7 +21,7 @@ use super::outcome::{Ending, EpochReport, TrainError, Trained};
 use super::parameters::Drawn;
 use super::schedule::learning_rate_factor;
 use super::start::Start;
-use super::step::{AHEAD, Problem, Shown, of_examples};
+use super::step::{AHEAD, Batch, Problem, Shown};
 use super::weights::to_bytes;
 use crate::base::Stream;
 use crate::dataset::{Split, SymmetryGroup};
@@ -227,17 +227,19 @@ impl<'a> Trainer<'a> {
         let mut step = before * steps;
         for ahead in order.chunks(size * (AHEAD / size).max(1)) {
             let untrained = self.problem().untrained(ahead)?;
-            for (at, batch) in ahead.chunks(size).enumerate() {
+            let ahead = Batch {
+                shown: ahead,
+                untrained: untrained.as_deref(),
+            };
+            for batch in ahead.parts(size) {
                 learning_rate = self.options.learning_rate * learning_rate_factor(step, all * steps);
-                let of = at * size..at * size + batch.len();
-                let own = untrained.as_ref().map(|all| of_examples(all, ahead.len(), of));
-                let (loss, gradients) = self.problem().gradient(batch, own)?;
+                let (loss, gradients) = self.problem().gradient(batch)?;
                 if !loss.is_finite() {
                     return Ok(None);
                 }
                 self.optimizer.step(gradients, learning_rate)?;
                 sum += loss;
-                shown += batch.len();
+                shown += batch.shown.len();
                 step += 1;
                 monitor.step(epoch, shown as f64 / order.len() as f64, sum / shown as f64);
             }

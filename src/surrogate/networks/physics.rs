@@ -171,10 +171,7 @@ impl Network for Physics {
 
     fn forward_for_training(&self, patterns: &Tensor, untrained: Option<&[f32]>) -> Result<Output> {
         Ok(Output {
-            displacement: match &self.fixed {
-                Some(_) => self.forward(patterns)?,
-                None => self.differentiable(patterns, untrained)?,
-            },
+            displacement: self.differentiable(patterns, untrained)?,
             half_resolution: None,
         })
     }
