@@ -66,7 +66,7 @@ impl Extrapolation {
 
     /// The last of the passes with these fields, and with its instants extrapolated from the one before where that has them too.
     #[must_use]
-    pub fn applied(self, coarse: &Pass, fine: Pass, watched: [usize; 2]) -> Pass {
+    pub fn applied(self, coarse: &Pass, fine: Pass) -> Pass {
         let mut pass = Pass {
             fields: self.fields,
             ..fine
@@ -78,7 +78,7 @@ impl Extrapolation {
         for (&at, field) in pass.kept.iter().zip(&pass.fields) {
             let instant = &mut pass.instants[at];
             instant.largest = field.max_magnitude();
-            instant.watched = magnitude_at(field, watched);
+            instant.watched = magnitude_at(field, pass.watched);
         }
         pass
     }
@@ -91,7 +91,7 @@ fn instants(coarse: &[Instant], fine: &[Instant]) -> Option<Vec<Instant>> {
     let mut pairs = Vec::with_capacity(coarse.len());
     for of_coarse in coarse {
         at += fine[at..].iter().position(|instant| instant.time == of_coarse.time)?;
-        pairs.push((at, Change::between(of_coarse, &fine[at])));
+        pairs.push((at, Numbers::between(of_coarse, &fine[at])));
         at += 1;
     }
     let ((first, _), (last, _)) = (pairs.first()?, pairs.last()?);
@@ -115,42 +115,65 @@ fn instants(coarse: &[Instant], fine: &[Instant]) -> Option<Vec<Instant>> {
     Some(found)
 }
 
-/// What is added to an instant: all its numbers but the time, then those of each body.
-struct Change {
-    numbers: [f64; 9],
-    bodies: Vec<[f64; 3]>,
+/// All numbers of an instant but the time, or what is added to them.
+struct Numbers {
+    of_all: [f64; 9],
+    of_bodies: Vec<[f64; 3]>,
 }
 
-impl Change {
-    fn between(coarse: &Instant, fine: &Instant) -> Self {
-        let (own, other) = (numbers(fine), numbers(coarse));
-        let bodies = fine.bodies.iter().flatten().zip(coarse.bodies.iter().flatten());
+impl Numbers {
+    fn of(instant: &Instant) -> Self {
+        let bodies = instant.bodies.iter().flatten();
         Self {
-            numbers: std::array::from_fn(|k| SHARE * (own[k] - other[k])),
-            bodies: bodies
-                .map(|(fine, coarse)| {
-                    let turn = the_shorter_way(fine.rotation - coarse.rotation);
-                    let [x, y] = [0, 1].map(|axis| fine.translation[axis] - coarse.translation[axis]);
-                    [x, y, turn].map(|change| SHARE * change)
-                })
+            of_all: [
+                instant.voltage,
+                instant.charge,
+                instant.stored,
+                instant.electric,
+                instant.kinetic,
+                instant.dissipated,
+                instant.supplied,
+                instant.largest,
+                instant.watched,
+            ],
+            of_bodies: bodies
+                .map(
+                    |Motion {
+                         translation: [x, y],
+                         rotation,
+                     }| [*x, *y, *rotation],
+                )
                 .collect(),
         }
+    }
+
+    /// Each number with its counterpart.
+    fn with(&self, other: &Self, both: impl Fn(f64, f64) -> f64) -> Self {
+        let bodies = self.of_bodies.iter().zip(&other.of_bodies);
+        Self {
+            of_all: std::array::from_fn(|k| both(self.of_all[k], other.of_all[k])),
+            of_bodies: bodies
+                .map(|(own, other)| std::array::from_fn(|k| both(own[k], other[k])))
+                .collect(),
+        }
+    }
+
+    /// What is added to an instant by that of a pass with steps twice as long.
+    fn between(coarse: &Instant, fine: &Instant) -> Self {
+        let (own, mut other) = (Self::of(fine), Self::of(coarse));
+        for ([.., own], [.., other]) in own.of_bodies.iter().zip(&mut other.of_bodies) {
+            *other = own - the_shorter_way(own - *other);
+        }
+        own.with(&other, |fine, coarse| SHARE * (fine - coarse))
     }
 
     /// A part of the way to another one.
     fn towards(&self, other: &Self, share: f64) -> Self {
-        let between = |a: f64, b: f64| a + share * (b - a);
-        let bodies = self.bodies.iter().zip(&other.bodies);
-        Self {
-            numbers: std::array::from_fn(|k| between(self.numbers[k], other.numbers[k])),
-            bodies: bodies
-                .map(|(a, b)| std::array::from_fn(|k| between(a[k], b[k])))
-                .collect(),
-        }
+        self.with(other, |from, to| from + share * (to - from))
     }
 
     fn added_to(&self, instant: &Instant) -> Instant {
-        let own = numbers(instant);
+        let sum = Self::of(instant).with(self, |own, change| own + change);
         let [
             voltage,
             charge,
@@ -161,10 +184,10 @@ impl Change {
             supplied,
             largest,
             watched,
-        ] = std::array::from_fn(|k| own[k] + self.numbers[k]);
-        let moved = |(motion, [x, y, turn]): (&Motion, &[f64; 3])| Motion {
-            translation: [motion.translation[0] + x, motion.translation[1] + y],
-            rotation: the_shorter_way(motion.rotation + turn),
+        ] = sum.of_all;
+        let moved = |[x, y, rotation]: [f64; 3]| Motion {
+            translation: [x, y],
+            rotation: the_shorter_way(rotation),
         };
         Instant {
             time: instant.time,
@@ -177,7 +200,7 @@ impl Change {
             supplied,
             largest: largest.max(0.0),
             watched: watched.max(0.0),
-            bodies: (instant.bodies.as_ref()).map(|bodies| bodies.iter().zip(&self.bodies).map(moved).collect()),
+            bodies: (instant.bodies.as_ref()).map(|_| sum.of_bodies.into_iter().map(moved).collect()),
         }
     }
 }
@@ -185,18 +208,4 @@ impl Change {
 /// An angle in degrees from −180 to 180.
 fn the_shorter_way(turn: f64) -> f64 {
     turn - 360.0 * (turn / 360.0).round()
-}
-
-fn numbers(instant: &Instant) -> [f64; 9] {
-    [
-        instant.voltage,
-        instant.charge,
-        instant.stored,
-        instant.electric,
-        instant.kinetic,
-        instant.dissipated,
-        instant.supplied,
-        instant.largest,
-        instant.watched,
-    ]
 }

@@ -262,7 +262,6 @@ impl MembraneSolver {
             error,
             steps,
             newton_steps,
-            watched,
         } = fine;
         let outcome = match pass.end {
             PassEnd::Done if is_estimate => Outcome::Estimated,
@@ -292,7 +291,7 @@ impl MembraneSolver {
         };
         History {
             outcome,
-            watched,
+            watched: pass.watched,
             instants: pass.instants,
             kept: pass.kept,
             fields,
@@ -312,8 +311,6 @@ struct Refined {
     /// Of all passes.
     steps: usize,
     newton_steps: u32,
-    /// The corner that is followed.
-    watched: [usize; 2],
 }
 
 /// Following a pattern.
@@ -434,14 +431,14 @@ impl WithMaterial for Follow<'_> {
         let wanted = request.accuracy_mm.unwrap_or(USUAL_ERROR * guess);
         let loose = if estimate.is_some() { LOOSE } else { LOOSER };
         let steps = Steps::Within(loose * wanted / solver.grid.unit_mm());
-        let coarse = course.pass(steps, &mut workspace);
+        let mut coarse = course.pass(steps, &mut workspace);
         if estimate.is_some() {
+            coarse.watched = most_moved(&coarse);
             let refined = Refined {
                 fields: coarse.fields.clone(),
                 error: None,
                 steps: coarse.steps.len(),
                 newton_steps: coarse.newton_steps,
-                watched: most_moved(&coarse),
                 pass: coarse.clone(),
             };
             return (coarse, refined);
@@ -451,8 +448,7 @@ impl WithMaterial for Follow<'_> {
             if course.watched.get() == [0; 2] {
                 watch(coarse);
             }
-            let pass = course.pass(Steps::At(&halved(&coarse.steps)), &mut workspace);
-            (pass, course.watched.get())
+            course.pass(Steps::At(&halved(&coarse.steps)), &mut workspace)
         })
     }
 }
@@ -527,13 +523,12 @@ fn refine(
     first: Pass,
     request: &HistoryRequest,
     (limit, rounding): (&Cell<WorkLimit>, f64),
-    mut halve: impl FnMut(&Pass) -> (Pass, [usize; 2]),
+    mut halve: impl FnMut(&Pass) -> Pass,
 ) -> (Pass, Refined) {
     let mut spent = Spent::new(limit);
     let mut before: Option<Pass> = None;
     let mut coarse = spent.count(first);
-    let (fine, mut watched) = halve(&coarse);
-    let mut fine = spent.count(fine);
+    let mut fine = spent.count(halve(&coarse));
     let mut halvings = 1;
     loop {
         let difference = change(&fine, &coarse);
@@ -556,13 +551,10 @@ fn refine(
         // What falls slowly is not smooth in time, as the mesh's own vibrations after a jump are.
         let is_slow = halvings >= PATIENCE && old.is_some_and(|old| difference > 0.5 * old);
         let is_last = is_enough || is_slow || halvings == MOST_HALVINGS || fine.is_last();
-        let finer = (!is_last).then(|| {
-            let (pass, corner) = halve(&fine);
-            (spent.count(pass), corner)
-        });
-        let Some((finer, corner)) = finer.filter(|(finer, _)| !finer.is_cut_short()) else {
+        let finer = (!is_last).then(|| spent.count(halve(&fine)));
+        let Some(finer) = finer.filter(|finer| !finer.is_cut_short()) else {
             let pass = match extrapolated {
-                Some(found) => found.applied(&coarse, fine, watched),
+                Some(found) => found.applied(&coarse, fine),
                 None => fine,
             };
             let refined = Refined {
@@ -570,13 +562,11 @@ fn refine(
                 error: known(error, &coarse, &pass),
                 steps: spent.steps,
                 newton_steps: spent.newton_steps,
-                watched,
                 pass,
             };
             return (coarse, refined);
         };
         (before, coarse, fine) = (Some(coarse), fine, finer);
-        watched = corner;
         halvings += 1;
     }
 }
@@ -620,7 +610,6 @@ fn refine_motion(
                 error: known(error, &coarse, &fine),
                 steps: spent.steps,
                 newton_steps: spent.newton_steps,
-                watched: most_moved(&coarse),
                 pass: fine,
             };
             return (coarse, refined);

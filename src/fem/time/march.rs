@@ -172,6 +172,8 @@ pub struct Pass {
     pub kept: Vec<usize>,
     /// The displacement then.
     pub fields: Vec<Field>,
+    /// The corner (column, row) whose displacement was followed.
+    pub watched: [usize; 2],
     /// Newton steps.
     pub newton_steps: u32,
     /// Work, in the units of [`WorkLimit`].
@@ -301,6 +303,7 @@ impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
                 instants: Vec::new(),
                 kept: Vec::new(),
                 fields: Vec::new(),
+                watched: self.watched.get(),
                 newton_steps: 0,
                 work: 0,
                 residual: 0.0,

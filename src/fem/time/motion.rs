@@ -118,6 +118,7 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
                 instants: Vec::new(),
                 kept: Vec::new(),
                 fields: Vec::new(),
+                watched: self.course.watched.get(),
                 newton_steps: 0,
                 work: 0,
                 residual: 0.0,
