@@ -53,9 +53,14 @@ pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliErr
     let store = locate::existing_store(&arguments.store.folder_for(arguments.pipeline.as_deref()))?;
     let in_words = !output.is_json() && !arguments.csv;
     let most = arguments.last.map(|last| last as usize).or(in_words.then_some(SHOWN));
-    let (runs, more) = past(&store, arguments.pipeline.as_deref(), most)?;
-    let removed = Gone::in_store(&store);
     let unfinished = unfinished_of(&store, arguments.pipeline.as_deref())?;
+    let (runs, more) = past(&store, arguments.pipeline.as_deref(), most)?;
+    match &arguments.pipeline {
+        // One that was killed is told of.
+        Some(path) if runs.is_empty() && unfinished.is_empty() => return Err(none_of(path, &store)),
+        _ => {}
+    }
+    let removed = Gone::in_store(&store);
     if output.is_json() {
         let runs: Vec<Value> = runs.iter().map(|run| run_document(run, &removed)).collect();
         let unfinished = unfinished
@@ -116,18 +121,16 @@ fn past(store: &Store, pipeline: Option<&Path>, most: Option<usize>) -> Result<(
         }
         runs.push(run);
     }
-    match pipeline {
-        // One that was killed is told of.
-        Some(path) if runs.is_empty() && unfinished_of(store, Some(path))?.is_empty() => {
-            Err(CliError::bad_input(format!(
-                "no run of {} is remembered in {}",
-                path.display(),
-                store.root().display()
-            ))
-            .help("`deaflow log` lists the runs of all pipelines"))
-        }
-        _ => Ok((runs, false)),
-    }
+    Ok((runs, false))
+}
+
+fn none_of(pipeline: &Path, store: &Store) -> CliError {
+    CliError::bad_input(format!(
+        "no run of {} is remembered in {}",
+        pipeline.display(),
+        store.root().display()
+    ))
+    .help("`deaflow log` lists the runs of all pipelines")
 }
 
 /// The name in a pipeline's file, where that can be read: its runs are then found although it was moved.

@@ -36,13 +36,11 @@ enum State {
 impl<'a> RunLog<'a> {
     pub fn new(store: &'a Store, pipeline: &Path) -> Self {
         let now = Environment::system().now();
-        let first = format!("{now} {BEGUN}{}\n", printable(&pipeline.display().to_string()));
+        let first = one_line(&now, &format!("{BEGUN}{}", pipeline.display()));
         Self {
             store,
             name: log_name(&now, std::process::id()),
-            state: Mutex::new(State::Waiting(vec![
-                first.replace('\n', " ").trim_end().to_owned() + "\n",
-            ])),
+            state: Mutex::new(State::Waiting(vec![first])),
         }
     }
 
@@ -50,7 +48,7 @@ impl<'a> RunLog<'a> {
     pub fn end(&self) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         if let State::Open(file) = &mut *state {
-            let text = format!("{} {ENDED}\n", Environment::system().now());
+            let text = one_line(&Environment::system().now(), ENDED);
             if let Err(why) = file.write_all(text.as_bytes()) {
                 *state = State::Failed(why.to_string());
             }
@@ -63,11 +61,7 @@ impl<'a> RunLog<'a> {
         if let Event::StageFailed(report) = event {
             text += &format!(": {}", report.why.as_deref().unwrap_or_default());
         }
-        let text = format!(
-            "{} {}\n",
-            Environment::system().now(),
-            printable(&text).replace('\n', " ")
-        );
+        let text = one_line(&Environment::system().now(), &text);
         // It is changed in one step: a panic elsewhere leaves a state that is right.
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let next = match std::mem::replace(&mut *state, State::Waiting(Vec::new())) {
@@ -132,6 +126,11 @@ pub fn unfinished(store: &Store) -> Result<Vec<Unfinished>, StoreError> {
         })
     };
     Ok(store.logs()?.into_iter().filter_map(read).collect())
+}
+
+/// A line of a log.
+fn one_line(now: &str, text: &str) -> String {
+    format!("{now} {}\n", printable(text).replace('\n', " "))
 }
 
 fn written(mut file: File, text: &str) -> Result<State, String> {

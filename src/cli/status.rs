@@ -16,7 +16,7 @@ use super::{locate, run, table};
 use crate::base::readable_time;
 use crate::executor::{SILENT, Seen, workers};
 use crate::orchestrator::{Bill, Environment, Outcome, StageReport, Staleness, file_of, plan};
-use crate::store::{Command, LockFile, Reached, Run, Store, Totals};
+use crate::store::{Checkpoints, Command, LockFile, Reached, Run, Store, Totals};
 
 /// Say what is in a store, what is at work in it, and what of pipelines would be built
 #[derive(Debug, Args)]
@@ -60,11 +60,12 @@ pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, Cli
         standings.push(standing(&store, &runs, path, !arguments.pipelines.is_empty())?);
     }
     let totals = store.totals()?;
+    let kept = store.checkpoints()?;
     let workers = workers(&store)?;
     if output.is_json() {
-        output.document(&document(&store, &totals, runs.len(), &workers, &standings)?)?;
+        output.document(&document(&store, &totals, &kept, runs.len(), &workers, &standings))?;
     } else {
-        output.text(text(&store, &totals, runs.len(), &workers, &standings)?)?;
+        output.text(text(&store, &totals, &kept, runs.len(), &workers, &standings))?;
     }
     Ok(Exit::Done)
 }
@@ -98,13 +99,14 @@ fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<S
 fn document(
     store: &Store,
     totals: &Totals,
+    kept: &[Checkpoints],
     runs: usize,
     workers: &[Seen],
     standings: &[Standing],
-) -> Result<Value, CliError> {
-    let unfinished = store.checkpoints()?.into_iter().filter(|kept| kept.size > 0);
+) -> Value {
+    let unfinished = kept.iter().filter(|kept| kept.size > 0);
     let unfinished = unfinished.map(|kept| {
-        let reached = kept.reached.unwrap_or_default();
+        let reached = kept.reached.clone().unwrap_or_default();
         json!({ "key": kept.key.to_string(), "stage": reached.stage, "steps": reached.steps, "unit": reached.unit, "bytes": kept.size })
     });
     let workers = workers.iter().map(|seen| {
@@ -126,7 +128,7 @@ fn document(
             "error": standing.stages.as_ref().err(),
         })
     });
-    Ok(json!({
+    json!({
         "store": store.root(),
         "objects": totals.objects,
         "bytes": totals.bytes,
@@ -141,16 +143,15 @@ fn document(
         "in_flight": totals.in_flight,
         "workers": workers.collect::<Vec<_>>(),
         "pipelines": pipelines.collect::<Vec<_>>(),
-    }))
+    })
 }
 
 /// Unfinished actions that are named.
 const NAMED: usize = 5;
 
 /// Which stages what is kept is of, and how far each has come.
-fn unfinished(store: &Store) -> Result<String, CliError> {
-    let kept = store.checkpoints()?.into_iter();
-    let reached: Vec<Reached> = kept.filter_map(|kept| kept.reached).collect();
+fn unfinished(kept: &[Checkpoints]) -> String {
+    let reached: Vec<&Reached> = kept.iter().filter_map(|kept| kept.reached.as_ref()).collect();
     let named = reached
         .iter()
         .take(NAMED)
@@ -159,20 +160,21 @@ fn unfinished(store: &Store) -> Result<String, CliError> {
             _ => format!("{stage} after {}", table::counted(*steps, unit)),
         });
     let named = named.collect::<Vec<_>>().join(", ");
-    Ok(match reached.len() {
+    match reached.len() {
         0 => String::new(),
         n if n > NAMED => format!(": {named} and {} more", n - NAMED),
         _ => format!(": {named}"),
-    })
+    }
 }
 
 fn text(
     store: &Store,
     totals: &Totals,
+    kept: &[Checkpoints],
     runs: usize,
     workers: &[Seen],
     standings: &[Standing],
-) -> Result<Text, CliError> {
+) -> Text {
     let mut text = Text::from(format!(
         "{}: {} ({}), {}, {}, {}, {}",
         store.root().display(),
@@ -193,7 +195,7 @@ fn text(
             "unfinished and to be gone on with: {} ({}){}",
             table::counted(totals.checkpoints, "actions"),
             table::bytes(totals.checkpoint_bytes),
-            unfinished(store)?
+            unfinished(kept)
         ));
     }
     text.line(match totals.in_flight {
@@ -246,7 +248,7 @@ fn text(
         }
         text.line("").table(rows);
     }
-    Ok(text)
+    text
 }
 
 fn state(stages: &Result<Vec<StageReport>, String>) -> String {
