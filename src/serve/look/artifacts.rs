@@ -84,7 +84,18 @@ pub fn named(state: &ServedState, digits: &str) -> Result<(Arc<Store>, Artifact)
     Ok((store, artifact))
 }
 
-/// Kind, attributes, datasets, provenance, and everything that it was made from.
+/// The stage that made an artifact, as the last runs know it.
+fn made_by(store: &Store, artifact: &ArtifactId) -> Result<Option<String>, Refusal> {
+    for run in store.runs()?.take(MOST_RUNS) {
+        let made = run?.stages.into_iter().rev().find(|stage| stage.artifact == *artifact);
+        if let Some(stage) = made {
+            return Ok(Some(stage.name));
+        }
+    }
+    Ok(None)
+}
+
+/// Kind, attributes, datasets, provenance, everything that it was made from, and the stage that made it.
 ///
 /// # Errors
 /// When it is not there, or damaged.
@@ -114,6 +125,7 @@ pub fn artifact(state: &ServedState, request: &Request, digits: &str) -> Result<
     Ok(json!({
         "digest": artifact.digest().to_string(),
         "kind": artifact.kind(),
+        "stage": made_by(&store, &artifact.digest())?,
         "attributes": artifact.attributes(),
         "parts": artifact.parts().iter().map(ArtifactId::to_string).collect::<Vec<_>>(),
         "datasets": datasets,

@@ -92,17 +92,11 @@ export async function artifactView(view, digest, query) {
       replace(place, problem(error));
     }
   };
-  const stage = await stageOf(found);
+  const { stage } = found;
   titled([stage, found.kind || "artifact", found.digest.slice(0, 12)].filter(Boolean).join(" "));
   replace(view, h("h1", {}, stage ? `${stage}: ` : "", `${found.kind || "artifact"} `, h("span", { class: "mono soft" }, found.digest.slice(0, 12))), buttons, place);
   await show();
   return () => {};
-}
-
-/** The name of the stage that made an artifact, as the last runs know it. @param {any} found @returns {Promise<string>} */
-async function stageOf(found) {
-  const { artifacts } = await json(`artifacts?limit=5000&kind=${encodeURIComponent(found.kind)}`);
-  return artifacts.find((/** @type {any} */ one) => one.digest === found.digest)?.stage ?? "";
 }
 
 /** The charts of a report, drawn by the server, in a frame without scripts. @param {HTMLElement} place @param {string} digest */
