@@ -3,7 +3,8 @@
 //! `cargo bench --bench histories`. VHB 4910 with three branches (`pipelines/scenes/vhb4910-hossain.yaml`), a step of voltage held for 10 s,
 //! random patterns of 10² blocks, bilinear elements, one core. `Newton` solves for the state of every step, `chord:1` estimates it by one chord
 //! step and `linear` by one linear system; `Newton, energies` has charge and energies of every step too, as `deaflow solve --history` writes
-//! them. What stands behind `--` picks the kinds whose names begin so: `cargo bench --bench histories -- chord`. Steps are those of all passes. Times are those that the thread was on a core; all kinds take turns, and the best of five rounds counts.
+//! them. Steps are those of all passes. Times are those that the thread was on a core; all kinds take turns, and the best of five rounds counts.
+//! With names behind `--` only kinds that begin so are measured.
 
 use std::path::Path;
 
@@ -19,7 +20,9 @@ const ROUNDS: usize = 5;
 const STATICS: usize = 20;
 
 /// How states are found, and whether energies are wanted.
-const KINDS: [(&str, Option<StepEstimate>, bool); 4] = [
+type Kind = (&'static str, Option<StepEstimate>, bool);
+
+const KINDS: [Kind; 4] = [
     ("Newton", None, false),
     ("Newton, energies", None, true),
     ("chord:1", Some(StepEstimate::Chord(1)), false),
@@ -34,17 +37,20 @@ fn main() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/scenes/vhb4910-hossain.yaml");
     let scene = Scene::load(&file).expect("a scene of the repository");
     let patterns: Vec<Pattern> = (0..PATTERNS).map(blocks).collect();
+    let names: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
+    let wanted = |(name, ..): &Kind| names.is_empty() || names.iter().any(|wanted| name.starts_with(wanted));
+    let kinds: Vec<Kind> = KINDS.into_iter().filter(wanted).collect();
     println!("elements  method            ms per pattern    steps  ms per step  100 steps in statics");
     for per_cell in [1, 2] {
         let mesh = Mesh::bilinear(per_cell);
         let solver = MembraneSolver::new(&scene, SolveOptions::on(mesh)).expect("a valid scene");
-        pool.install(|| report(&solver, &patterns, 50 * per_cell));
+        pool.install(|| report(&solver, &patterns, &kinds, 50 * per_cell));
     }
 }
 
-fn report(solver: &MembraneSolver, patterns: &[Pattern], side: usize) {
-    let (mut best_static, mut best) = (f64::INFINITY, [f64::INFINITY; KINDS.len()]);
-    let mut steps = [0; KINDS.len()];
+fn report(solver: &MembraneSolver, patterns: &[Pattern], kinds: &[Kind], side: usize) {
+    let (mut best_static, mut best) = (f64::INFINITY, vec![f64::INFINITY; kinds.len()]);
+    let mut steps = vec![0; kinds.len()];
     let count = patterns.len() as f64;
     for _ in 0..ROUNDS {
         // Systems count time on a core in ticks of some milliseconds.
@@ -54,10 +60,7 @@ fn report(solver: &MembraneSolver, patterns: &[Pattern], side: usize) {
             assert!(results.iter().all(|result| result.outcome.is_converged()));
         }
         best_static = best_static.min((thread_seconds() - start) / (STATICS as f64 * count));
-        for (at, (name, estimate, measures)) in KINDS.into_iter().enumerate() {
-            if !is_wanted(name) {
-                continue;
-            }
+        for (at, (name, estimate, measures)) in kinds.iter().copied().enumerate() {
             let request = HistoryRequest {
                 estimate,
                 measures,
@@ -72,10 +75,7 @@ fn report(solver: &MembraneSolver, patterns: &[Pattern], side: usize) {
         }
     }
     println!("{side:>7}²  {:<16}  {:>14.2}", "static", 1e3 * best_static);
-    for ((name, ..), (seconds, steps)) in KINDS.iter().zip(best.into_iter().zip(steps)) {
-        if !is_wanted(name) {
-            continue;
-        }
+    for ((name, ..), (seconds, steps)) in kinds.iter().zip(best.into_iter().zip(steps)) {
         let steps = steps as f64 / count;
         println!(
             "{side:>7}²  {name:<16}  {:>14.2}  {steps:>7.1}  {:>11.3}  {:>20.1}",
@@ -84,15 +84,6 @@ fn report(solver: &MembraneSolver, patterns: &[Pattern], side: usize) {
             100.0 * seconds / steps / best_static
         );
     }
-}
-
-/// Whether a kind was asked for: all are where none is named.
-fn is_wanted(name: &str) -> bool {
-    let mut named = std::env::args()
-        .skip(1)
-        .filter(|named| !named.starts_with('-'))
-        .peekable();
-    named.peek().is_none() || named.any(|named| name.starts_with(&named))
 }
 
 /// Half of 10² blocks of cells, drawn without replacement.

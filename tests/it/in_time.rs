@@ -28,17 +28,8 @@ fn workspace(drive: &str) -> Workspace {
 #[test]
 fn a_history_has_its_arrays_its_table_and_its_figure() {
     let workspace = workspace("voltage: 5 kV, waveform: { step: {} }, duration: 10 s");
-    let ended = workspace.run(&[
-        "solve",
-        "scene.yaml",
-        "odd.csv",
-        "-o",
-        "out.h5",
-        "--history",
-        "--at",
-        "10 s, 0 s, 1 s",
-        "--json",
-    ]);
+    const HISTORY: [&str; 7] = ["solve", "scene.yaml", "odd.csv", "-o", "out.h5", "--history", "--at"];
+    let ended = workspace.run(&[&HISTORY[..], &["10 s, 0 s, 1 s", "--json"]].concat());
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let document = ended.json();
     assert_eq!(document["times"], serde_json::json!([0.0, 1.0, 10.0]));
@@ -62,16 +53,7 @@ fn a_history_has_its_arrays_its_table_and_its_figure() {
             .starts_with(b"\x89PNG")
     );
     // Each time has its row, and the rows of the file their times.
-    let told = workspace.run(&[
-        "solve",
-        "scene.yaml",
-        "odd.csv",
-        "-o",
-        "out.h5",
-        "--history",
-        "--at",
-        "0 s, 1 s, 10 s",
-    ]);
+    let told = workspace.run(&[&HISTORY[..], &["0 s, 1 s, 10 s"]].concat());
     for words in ["0 s", "1 s", "10 s"] {
         let has = |line: &str| line.split("  ").any(|cell| cell.trim() == words);
         assert!(told.stdout.lines().any(has), "{words}: {}", told.stdout);

@@ -680,14 +680,20 @@ fn photographed(tab: &mut Tab, name: &str) {
     tab.screen(1440, 900, "light");
 }
 
-#[test]
-fn strokes_on_the_sketchpad_are_solved_and_limits_are_told() {
-    let Some(mut tab) = Tab::open() else { return };
+/// Opens the sketchpad with a scene and waits for its first answer.
+fn on_the_sketchpad(tab: &mut Tab) -> (Workspace, Server) {
     let workspace = with_scene();
     let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
     tab.screen(1440, 900, "light");
     tab.go(&server.url);
     tab.until("document.querySelector('#outcome')");
+    (workspace, server)
+}
+
+#[test]
+fn strokes_on_the_sketchpad_are_solved_and_limits_are_told() {
+    let Some(mut tab) = Tab::open() else { return };
+    let (workspace, _server) = on_the_sketchpad(&mut tab);
     assert_eq!(
         tab.value("location.search"),
         "",

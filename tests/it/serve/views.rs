@@ -6,7 +6,7 @@ use super::super::import;
 use super::answers::{MODEL, long_run};
 use super::server::Server;
 use super::tab::Tab;
-use super::{photographed, with_scene};
+use super::{on_the_sketchpad, photographed, with_scene};
 
 /// A stage of each kind that has a view of its own, as small as they may be.
 const STAGES: &str = "  small:    { kind: sample, family: small-grid, count: 12, seed: 1 }
@@ -181,11 +181,7 @@ fn drawn(tab: &mut Tab) -> f64 {
 #[test]
 fn numbers_of_before_are_grey_and_shapes_are_drawn_by_keys() {
     let Some(mut tab) = Tab::open() else { return };
-    let workspace = with_scene();
-    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
-    tab.screen(1440, 900, "light");
-    tab.go(&server.url);
-    tab.until("document.querySelector('#outcome')");
+    let (_workspace, _server) = on_the_sketchpad(&mut tab);
     // The stages stand there before anything is saved.
     assert!(
         tab.text("#stages pre")
