@@ -241,8 +241,11 @@ impl<P: Potential> Potential for TensionField<P> {
     #[inline(always)]
     fn energy<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
         let principal = self.principal(at, active);
-        let strip = self.strip_apart(principal.first, active);
         let flat = self.flat.energy(at, active);
+        if !principal.compression.any_positive() {
+            return flat;
+        }
+        let strip = self.strip_apart(principal.first, active);
         let relaxed = strip.stress.choose(
             self.flat.energy(&strip.at, active),
             self.flat.energy(&self.unloaded(active), active),
@@ -291,14 +294,20 @@ impl<P: Potential> Potential for TensionField<P> {
 
     #[inline(always)]
     fn tension<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
-        let principal = self.principal(at, active);
+        let (principal, taut) = (self.principal(at, active), active.constant(1.0));
+        if !principal.compression.any_positive() {
+            return taut;
+        }
         let strip = self.strip_apart(principal.first, active);
-        principal.compression.choose(strip.stress, active.constant(1.0))
+        principal.compression.choose(strip.stress, taut)
     }
 
     #[inline(always)]
     fn ellipticity<V: Value>(&self, least: V, at: &Invariants<V>, active: V) -> V {
         let principal = self.principal(at, active);
+        if !principal.compression.any_positive() {
+            return least;
+        }
         let strip = self.strip_apart(principal.first, active);
         let missed = active.constant(WIDTH_TOLERANCE) - strip.across.max(-strip.across);
         let width = strip.lateral.min(missed);
