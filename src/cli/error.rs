@@ -282,6 +282,7 @@ impl From<StageError> for CliError {
             StageError::Locked(difference) => Self::locked(difference.to_string()),
             StageError::Blocked(why) => Self::new(Exit::Findings, why)
                 .help("`deaflow show PIPELINE:STAGE` of the audit tells what they are; with `fail_on: never` the pipeline goes on"),
+            StageError::Advised { message, help } => Self::failure(message).help(help),
             other => Self::failure(other.to_string()),
         }
     }

@@ -294,6 +294,14 @@ pub enum StageError {
     /// An input artifact lacks what the stage needs, or holds what it cannot use.
     #[error("{0}")]
     Input(String),
+    /// The inputs are sound, and nothing can be made of them; what helps.
+    #[error("{message}")]
+    Advised {
+        /// What is wrong.
+        message: String,
+        /// What the user can do.
+        help: String,
+    },
     /// The work itself failed.
     #[error("{0}")]
     Failed(String),

@@ -19,6 +19,19 @@ pub fn of_stability(stage: &Foreseeable<'_>) -> Option<String> {
     beyond(&scene)
 }
 
+/// What makes patterns of a scene stable of which none is.
+pub fn advice(scene: &Scene) -> String {
+    let known = match covered_limit(scene, 1.0 / FIRST_LOST) {
+        Ok(Some(limit)) => format!(
+            ": single cells are lost above about {}, a membrane that is covered everywhere above {}",
+            kilovolts(FIRST_LOST * limit),
+            kilovolts(limit)
+        ),
+        Ok(None) | Err(_) => String::new(),
+    };
+    format!("a lower voltage, a thicker or a stiffer membrane stays stable{known}; `deaflow screen` finds the voltage of one cell")
+}
+
 fn beyond(scene: &Scene) -> Option<String> {
     let mut simulated = scene.clone();
     if scene.auto {

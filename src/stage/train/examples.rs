@@ -8,7 +8,7 @@ use crate::field::Outcome;
 use crate::orchestrator::StageError;
 use crate::pattern::{Pattern, Raster};
 use crate::scene::Scene;
-use crate::stage::model;
+use crate::stage::{foresight, model};
 use crate::store::Artifact;
 use crate::surrogate::{Collector, Examples, Label, LabelError, LabelledRow, Origin};
 
@@ -42,7 +42,13 @@ pub fn read(inputs: &[Artifact], scene: &Scene, verified_weight: u32) -> Result<
     let longer_side_mm = scene.membrane().size_mm.into_iter().fold(0.0, f64::max);
     collector
         .finish(longer_side_mm, verified_weight)
-        .map_err(|e| StageError::Input(e.to_string()))
+        .map_err(|none| match none.all_unstable {
+            true => StageError::Advised {
+                message: none.to_string(),
+                help: foresight::advice(scene),
+            },
+            false => StageError::Input(none.to_string()),
+        })
 }
 
 /// How many samples have no stable solution.

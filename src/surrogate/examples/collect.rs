@@ -60,8 +60,12 @@ pub struct Examples {
 
 /// Nothing is left to learn from; why.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no label to learn from{0}")]
-pub struct NoExamples(String);
+#[error("there is no label to learn from{why}")]
+pub struct NoExamples {
+    why: String,
+    /// Whether it is only that no sample has a stable solution.
+    pub all_unstable: bool,
+}
 
 /// Takes the rows of datasets, one input after the other.
 ///
@@ -251,8 +255,8 @@ fn nothing(unstable: u64, left_out: &[LeftOut]) -> NoExamples {
     for left_out in left_out.iter().take(3) {
         text += &format!("; {left_out}");
     }
-    if unstable > 0 && left_out.is_empty() {
-        text += ". A lower voltage, a thicker or a stiffer membrane stays stable; `deaflow plan` says above which voltage a membrane is lost";
+    NoExamples {
+        why: text,
+        all_unstable: unstable > 0 && left_out.is_empty(),
     }
-    NoExamples(text)
 }

@@ -234,11 +234,12 @@ fn inputs_without_any_label_to_learn_from_are_refused_with_the_reason() {
         "{error}"
     );
     let unstable = bench.manifest(&[solved(&[], &[], &["pull-in", "slack"])]);
-    let error = read(&[unstable], &Scene::vhb4910(), 8).err().unwrap().to_string();
-    assert!(
-        error.contains("2 samples have no stable solution. A lower voltage"),
-        "what helps is said: {error}"
-    );
+    let error = read(&[unstable], &Scene::vhb4910().at_voltage(12e3), 8).err().unwrap();
+    let StageError::Advised { message, help } = error else {
+        panic!("what helps is said: {error}");
+    };
+    assert!(message.ends_with("2 samples have no stable solution"), "{message}");
+    assert!(help.contains("covered everywhere above 10.98 kV"), "{help}");
     let mut torn = balanced(&[pattern(0)], &[field(1.0)], &[Split::Train]);
     torn.datasets.remove("split");
     let none = Dataset::new("", "d", &[0], Data::Text(Vec::new()));
