@@ -10,7 +10,7 @@ use crate::pattern::Pattern;
 use crate::store::Artifact;
 use crate::surrogate::Surrogate;
 
-/// Patterns at a time.
+/// Patterns at a time on each thread, as many as a network takes at once.
 const BATCH: usize = 64;
 
 /// Patterns with their simulated fields and the families that they were drawn from.
@@ -91,8 +91,9 @@ fn of_chunk(
         Labelled::Verified(_) => Vec::new(),
     };
     let values = labelled.displacement(0..patterns.len())?;
-    let batches = rows.len().div_ceil(BATCH);
-    for (done, rows) in rows.chunks(BATCH).enumerate() {
+    let batch = BATCH * rayon::current_num_threads();
+    let batches = rows.len().div_ceil(batch);
+    for (done, rows) in rows.chunks(batch).enumerate() {
         part(done as f64 / batches as f64);
         let field = |&row: &usize| {
             let raster = patterns[row].raster();

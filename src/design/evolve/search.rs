@@ -1,6 +1,7 @@
 //! Generation after generation.
 
 use std::collections::HashMap;
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
@@ -22,8 +23,12 @@ const VIOLATION: f64 = 1.0;
 /// What it costs in F for each share of the membrane that does not keep them.
 const VIOLATED_SHARE: f64 = 10.0;
 
-/// Patterns that are judged between two reports, unless there are many threads: what takes seconds for each is followed then.
+/// Patterns that are judged between two reports at least: what takes seconds for each is followed then. A network takes as many at once on
+/// each thread, so that multiples of them are parted alike.
 const BATCH: usize = 64;
+
+/// Twice as many are judged next where they took less, half as many where they took ten times as long.
+const SOON: Duration = Duration::from_millis(100);
 
 /// What is known of a genome, and its pattern.
 struct Entry {
@@ -38,6 +43,8 @@ pub(super) struct Search<'a> {
     /// The units that may be on.
     allowed: Genome,
     known: HashMap<Genome, Entry>,
+    /// How many patterns are judged between two reports.
+    batch: usize,
 }
 
 impl<'a> Search<'a> {
@@ -47,6 +54,7 @@ impl<'a> Search<'a> {
             options,
             allowed: allowed_units(setting.constraints),
             known: HashMap::new(),
+            batch: BATCH * rayon::current_num_threads().next_power_of_two(),
         }
     }
 
@@ -129,14 +137,18 @@ impl<'a> Search<'a> {
     }
 
     /// What is known of patterns once they are predicted.
-    fn predicted(&self, layers: &[Layers], watch: &dyn Watch) -> Result<Vec<Known>, PredictError> {
+    fn predicted(&mut self, layers: &[Layers], watch: &dyn Watch) -> Result<Vec<Known>, PredictError> {
         let patterns: Vec<Pattern> = layers.iter().map(Layers::pattern).collect();
         let mut fields = Vec::with_capacity(patterns.len());
-        let batch = BATCH.max(4 * rayon::current_num_threads());
-        for some in patterns.chunks(batch) {
+        let mut judged = 0;
+        while judged < patterns.len() {
+            let begun = Instant::now();
+            let some = &patterns[judged..patterns.len().min(judged + self.batch)];
             fields.extend(self.setting.predictor.predict_some(some)?);
-            if fields.len() < patterns.len() {
-                watch.judged(fields.len() as f64 / patterns.len() as f64);
+            judged += some.len();
+            if judged < patterns.len() {
+                self.batch = paced(self.batch, begun.elapsed());
+                watch.judged(judged as f64 / patterns.len() as f64);
             }
         }
         check_count(fields.len(), "fields", patterns.len())?;
@@ -338,6 +350,17 @@ impl Known {
             feasible: Some(feasible),
             ..self
         }
+    }
+}
+
+/// How many patterns to judge next, after so many took so long.
+fn paced(batch: usize, took: Duration) -> usize {
+    if took < SOON {
+        2 * batch
+    } else if took > 10 * SOON {
+        BATCH.max(batch / 2)
+    } else {
+        batch
     }
 }
 
