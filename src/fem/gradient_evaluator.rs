@@ -78,4 +78,9 @@ impl Differentiable for GradientEvaluator {
         };
         Ok(Some((field, of_groups(&self.loads, &of_cells))))
     }
+
+    fn predict_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+        let start = self.solver.solve(base);
+        Ok(self.solver.fields_near(&start, patterns))
+    }
 }

@@ -14,7 +14,7 @@ use super::effects::{Model, WithMaterial, breakdown_ratio};
 use super::energy::Material;
 use super::error::SetupError;
 use super::grid::Grid;
-use super::newton::Workspace;
+use super::newton::{self, Workspace};
 use super::observable::{CellState, Survey, states};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
@@ -227,6 +227,36 @@ impl MembraneSolver {
         }
     }
 
+    /// The displacement at the cell corners, in mm, of patterns that differ little from that of a solution: equilibria next to it, to
+    /// [`NEAR`] of the residual at rest. Whether they are stable is not asked; `None` where there is none.
+    #[must_use]
+    pub(super) fn fields_near(&self, solution: &MeshSolution, patterns: &[Pattern]) -> Vec<Option<Field>> {
+        // A charge is held by a search for its voltage, from rest.
+        if !solution.outcome.is_converged() || self.scene.drive.charge.is_some() {
+            return self.simulate(patterns).into_iter().map(|found| found.field).collect();
+        }
+        let room = || {
+            let Room {
+                displacement,
+                workspace,
+            } = self.room(self.limit);
+            Room {
+                displacement,
+                workspace: workspace.near(),
+            }
+        };
+        let near = |room: &mut Room, pattern: &Pattern| {
+            room.displacement.copy_from_slice(&solution.displacement);
+            let found = self.model.with(Near {
+                solver: self,
+                activity: &self.model.activity(&self.grid, pattern),
+                room,
+            });
+            found.then(|| self.grid.sample(&room.displacement))
+        };
+        patterns.par_iter().map_init(room, near).collect()
+    }
+
     /// The gradient of J = Σ weights · u, with u in mm at the cell corners, with respect to the activity of each cell,
     /// `[y][x]`, at a solution of [`MembraneSolver::solve`]. It is that of letting the activity of a cell vary
     /// between 0 and 1. `None` when the solution is not a converged one, and
@@ -396,6 +426,34 @@ impl WithMaterial for Load<'_> {
             Some(_) => charge::conducting(&problem, &self.solver.scene, coulombs, u, workspace),
             None => charge::immobile(&problem, &self.solver.scene, coulombs, u, workspace),
         }
+    }
+}
+
+/// The relative residual at which equilibria next to a known one are found: a hundred thousandth of what a cell changes, or less.
+const NEAR: f64 = 1e-7;
+
+/// From where the room is to the equilibrium of an activity next to it; whether there is one.
+struct Near<'a> {
+    solver: &'a MembraneSolver,
+    activity: &'a Activity,
+    room: &'a mut Room,
+}
+
+impl WithMaterial for Near<'_> {
+    type Output = bool;
+
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
+        let operator = Operator {
+            material: &material(1.0),
+            activity: self.activity,
+            pulled: 1.0,
+        };
+        let Room {
+            displacement: u,
+            workspace,
+        } = self.room;
+        workspace.begin_again();
+        newton::solve(&operator, &self.solver.laplacian, NEAR, u, workspace).is_ok()
     }
 }
 

@@ -258,4 +258,13 @@ pub trait Differentiable<F = Field>: Predictor<F> {
     /// # Errors
     /// When the model cannot be evaluated.
     fn gradient(&self, pattern: &Pattern, slope: &dyn Fn(&F) -> F) -> Result<Option<WithGradient<F>>, PredictError>;
+
+    /// The fields of patterns that differ little from one that has a field, by less work where that can be, and good enough to say which of
+    /// them is best. Whether they are stable is not asked.
+    ///
+    /// # Errors
+    /// When the model cannot be evaluated.
+    fn predict_near(&self, _base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<F>>, PredictError> {
+        self.predict_some(patterns)
+    }
 }

@@ -27,11 +27,16 @@ impl<P> InStates<P> {
     }
 }
 
-impl<P: Deref<Target: Predictor> + Sync> Predictor<StateFields> for InStates<P> {
-    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
+impl<P> InStates<P> {
+    /// What `of_state` says of so many patterns in each state, where it has a field in all of them.
+    fn in_all(
+        &self,
+        patterns: &[Pattern],
+        of_state: impl Fn(&P) -> Result<Vec<Option<Field>>, PredictError>,
+    ) -> Result<Vec<Option<StateFields>>, PredictError> {
         let mut found = vec![Some(StateFields::with_capacity(self.0.len())); patterns.len()];
         for state in &self.0 {
-            let fields = state.predict_some(patterns)?;
+            let fields = of_state(state)?;
             if fields.len() != patterns.len() {
                 let message = format!("{} fields for {} patterns", fields.len(), patterns.len());
                 return Err(PredictError::failed(message));
@@ -44,6 +49,12 @@ impl<P: Deref<Target: Predictor> + Sync> Predictor<StateFields> for InStates<P> 
             }
         }
         Ok(found)
+    }
+}
+
+impl<P: Deref<Target: Predictor> + Sync> Predictor<StateFields> for InStates<P> {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
+        self.in_all(patterns, |state| state.predict_some(patterns))
     }
 }
 
@@ -108,6 +119,10 @@ impl<P: Deref<Target: Differentiable> + Sync> Differentiable<StateFields> for In
         let Solved { fields, gradient, .. } = solved.into_inner();
         Ok(all.then_some((fields, gradient)))
     }
+
+    fn predict_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
+        self.in_all(patterns, |state| state.predict_near(base, patterns))
+    }
 }
 
 /// A weighted sum of what several predict of a pattern.
@@ -164,5 +179,10 @@ impl<P: Deref<Target: Differentiable> + Sync> Differentiable for Weighted<P> {
         };
         let found = self.parts.gradient(pattern, &of_parts)?;
         Ok(found.map(|(fields, gradient)| (self.sum(&fields), gradient)))
+    }
+
+    fn predict_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+        let each = self.parts.predict_near(base, patterns)?.into_iter();
+        Ok(each.map(|fields| fields.map(|fields| self.sum(&fields))).collect())
     }
 }

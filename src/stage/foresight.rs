@@ -29,7 +29,9 @@ pub fn advice(scene: &Scene) -> String {
         ),
         Ok(None) | Err(_) => String::new(),
     };
-    format!("a lower voltage, a thicker or a stiffer membrane stays stable{known}; `deaflow screen` finds the voltage of one cell")
+    format!(
+        "a lower voltage, a thicker or a stiffer membrane stays stable{known}; `deaflow screen` finds the voltage of one cell"
+    )
 }
 
 fn beyond(scene: &Scene) -> Option<String> {

@@ -400,6 +400,32 @@ impl<'a> SearchProblem<'a> {
             .collect())
     }
 
+    /// The score of each pattern where it has a field, good enough to rank patterns that differ little from one.
+    pub(super) fn scores_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<f64>>, PredictError> {
+        let fields = self.physics.predict_near(base, patterns)?.into_iter();
+        Ok(fields
+            .map(|fields| fields.map(|fields| self.goal.score(&fields)))
+            .collect())
+    }
+
+    /// Those of some choices of units that may be and whose score is above `least` as far as [`SearchProblem::scores_near`] knows, the best
+    /// first.
+    pub(super) fn promising(
+        &self,
+        base: &Pattern,
+        choices: Vec<Vec<u8>>,
+        least: f64,
+    ) -> Result<Vec<Vec<u8>>, PredictError> {
+        let (chosen, patterns): (Vec<Vec<u8>>, Vec<Pattern>) =
+            choices.into_iter().filter_map(|on| self.allowed(on)).unzip();
+        let scores = self.scores_near(base, &patterns)?;
+        let known = chosen.into_iter().zip(scores);
+        let mut known: Vec<(Vec<u8>, f64)> = known.filter_map(|(on, score)| Some((on, score?))).collect();
+        known.retain(|(_, score)| *score > least);
+        known.sort_by(|a, b| b.1.total_cmp(&a.1));
+        Ok(known.into_iter().map(|(on, _)| on).collect())
+    }
+
     pub(super) fn value_mm(&self, fields: &[Field]) -> f64 {
         self.goal.value_mm(fields)
     }

@@ -13,6 +13,12 @@ use crate::pattern::Pattern;
 /// Gains below this are rounding of the solver: 0.25 nm on a membrane whose displacements are of the order of 1 mm.
 const GAIN: f64 = 1e-7;
 
+/// What a score that is found near another may be short of, ten times what it is: what promises as much less than a gain is simulated.
+const DOUBT: f64 = 1e-6;
+
+/// So many of those that promise most are simulated together.
+const TOGETHER: usize = 8;
+
 /// Most steps of either kind; a search takes some tens.
 const STEPS: usize = 200;
 
@@ -152,7 +158,7 @@ impl<'g> LocalSearch<'g> {
         let new: Vec<Change> = candidates.iter().filter(is_new).copied().collect();
         let changed = |change: &Change| self.problem.units().pattern(&self.changed(&[*change]));
         let patterns: Vec<Pattern> = new.iter().map(changed).collect();
-        let scores = self.problem.scores(&patterns)?;
+        let scores = self.problem.scores_near(&self.state.pattern, &patterns)?;
         self.known.single.extend(new.iter().map(key).zip(scores));
         self.simulations += candidates.len();
         let mut gains = Gains::unknown(self.state.on.len(), self.problem.groups());
@@ -184,7 +190,7 @@ impl<'g> LocalSearch<'g> {
             known.map(|change| (gains.of(change), vec![change])).collect()
         });
         let choices = self.pairs(&adds, &removes, most);
-        self.take(choices)
+        self.take_promising(choices)
     }
 
     /// The same with squares of the least width, one turned on, one off, or both.
@@ -204,7 +210,7 @@ impl<'g> LocalSearch<'g> {
         let mut removes = of(0);
         removes.push(none());
         let choices = self.pairs(&adds, &removes, most);
-        self.take(choices)
+        self.take_promising(choices)
     }
 
     /// The pairs of units, or several of them, to turn on and off that promise most, as choices.
@@ -232,21 +238,45 @@ impl<'g> LocalSearch<'g> {
 
     /// Goes on from the best of some choices where it is a gain.
     fn take(&mut self, choices: Vec<Vec<u8>>) -> Result<bool, PredictError> {
-        self.simulations += choices.len();
-        let is_new = |on: &Vec<u8>| !self.known.refused.contains(on);
-        let new: Vec<Vec<u8>> = choices.into_iter().filter(is_new).collect();
-        match self.problem.best_of(new.clone(), self.state.score + GAIN)? {
-            Some(state) => {
-                self.state = state;
-                self.known = Known::default();
-                self.record_step();
-                Ok(true)
-            }
-            None => {
-                self.known.refused.extend(new);
-                Ok(false)
+        let new = self.new_ones(choices);
+        let gained = self.go_on(new.clone())?;
+        if !gained {
+            self.known.refused.extend(new);
+        }
+        Ok(gained)
+    }
+
+    /// The same of choices that change few cells: all are ranked by what is found near the state, and only those are simulated from rest
+    /// that may be a gain.
+    fn take_promising(&mut self, choices: Vec<Vec<u8>>) -> Result<bool, PredictError> {
+        let new = self.new_ones(choices);
+        let least = self.state.score + GAIN - DOUBT;
+        let promising = self.problem.promising(&self.state.pattern, new.clone(), least)?;
+        for some in promising.chunks(TOGETHER) {
+            if self.go_on(some.to_vec())? {
+                return Ok(true);
             }
         }
+        self.known.refused.extend(new);
+        Ok(false)
+    }
+
+    /// Those of some choices that were not refused.
+    fn new_ones(&mut self, choices: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
+        self.simulations += choices.len();
+        let is_new = |on: &Vec<u8>| !self.known.refused.contains(on);
+        choices.into_iter().filter(is_new).collect()
+    }
+
+    /// Goes on from the best of some choices where it is a gain.
+    fn go_on(&mut self, choices: Vec<Vec<u8>>) -> Result<bool, PredictError> {
+        let Some(state) = self.problem.best_of(choices, self.state.score + GAIN)? else {
+            return Ok(false);
+        };
+        self.state = state;
+        self.known = Known::default();
+        self.record_step();
+        Ok(true)
     }
 
     fn record_step(&mut self) {

@@ -141,10 +141,10 @@ fn no_exchange_of_two_units_improves_a_local_optimum() {
     }
 }
 
-/// Remembers of which patterns it was asked for the field, and for the gradient.
+/// Remembers of which patterns it was asked for the field, for the gradient, and for the field near another.
 struct Heard {
     physics: Quadratic,
-    simulated: Mutex<[Vec<Pattern>; 2]>,
+    simulated: Mutex<[Vec<Pattern>; 3]>,
 }
 
 impl Predictor<StateFields> for Heard {
@@ -163,6 +163,11 @@ impl Differentiable<StateFields> for Heard {
         self.simulated.lock().unwrap()[1].push(pattern.clone());
         self.physics.gradient(pattern, slope)
     }
+
+    fn predict_near(&self, _base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
+        self.simulated.lock().unwrap()[2].extend_from_slice(patterns);
+        self.physics.predict_some(patterns)
+    }
 }
 
 #[test]
@@ -178,10 +183,14 @@ fn no_pattern_is_simulated_twice() {
     // Nothing is gained any more, so all is tried, near and far, about one state.
     let again = problem.refine(&best.pattern, &|_| ()).unwrap().unwrap();
     assert!(again.exhausted && again.pattern == best.pattern && again.steps.len() == 1);
-    let [fields, gradients] = &*physics.simulated.lock().unwrap();
-    assert!(gradients.len() == 1 && fields.len() > 160);
-    for (at, pattern) in fields.iter().enumerate() {
-        assert!(!fields[..at].contains(pattern), "{at} of {}", fields.len());
+    let [fields, gradients, near] = &*physics.simulated.lock().unwrap();
+    assert!(gradients.len() == 1 && near.len() > 160);
+    // From rest only what is about as good.
+    assert!(fields.len() < near.len() / 2, "{} of {}", fields.len(), near.len());
+    for patterns in [fields, near] {
+        for (at, pattern) in patterns.iter().enumerate() {
+            assert!(!patterns[..at].contains(pattern), "{at} of {}", patterns.len());
+        }
     }
 }
 

@@ -13,6 +13,7 @@ mod known;
 mod laws;
 mod limits;
 mod material;
+mod near;
 mod outcome;
 mod paths;
 mod rectangles;

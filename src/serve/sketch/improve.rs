@@ -192,4 +192,9 @@ impl Differentiable<StateFields> for Told<'_> {
         }
         Ok(found)
     }
+
+    fn predict_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
+        self.go_on()?;
+        self.inner.predict_near(base, patterns)
+    }
 }
