@@ -1,8 +1,9 @@
 //! Where the time of a training goes: the matrix products of the network of the paper, each with the share of the machine's
 //! arithmetic bound that it reaches, and a whole training step on one core.
 //!
-//! `cargo bench --bench training`. The bound is measured: independent fused multiply–adds in the widest registers. Operations of
-//! a product are counted as two for each pair of numbers.
+//! `RAYON_NUM_THREADS=1 cargo bench --bench training`. The bound is measured: independent fused multiply–adds in the widest registers.
+//! Operations of a product are counted as two for each pair of numbers. Beside it stands the same network in candle's own layers, which
+//! would take more threads without that variable; `benches/peers/training.py` is the same in PyTorch.
 
 use std::cell::Cell;
 use std::hint::black_box;
@@ -65,6 +66,139 @@ fn main() {
             1e3 * step,
             100.0 * products / step
         );
+    }
+    if candle_core::utils::get_num_threads() > 1 {
+        println!("candle's own layers are left out: they would take more than one core (RAYON_NUM_THREADS=1)");
+        return;
+    }
+    let step = pool.install(plain::epoch).expect("it trains") / EXAMPLES as f64;
+    println!("candle's own layers, AdamW, the same: {:.2} ms", 1e3 * step);
+}
+
+/// The same network in candle's own layers, as one would write it first.
+mod plain {
+    use candle_core::{DType, Device, Result, Tensor};
+    use candle_nn::loss::huber;
+    use candle_nn::ops::leaky_relu;
+    use candle_nn::{
+        AdamW, Conv2d, Conv2dConfig, ConvTranspose2d, ConvTranspose2dConfig, Init, Module, Optimizer, ParamsAdamW,
+        VarBuilder, VarMap, conv_transpose2d, conv2d,
+    };
+    use deaflow::base::thread_seconds;
+
+    use super::EXAMPLES;
+
+    const BATCH: usize = 8;
+    const SLOPE: f64 = 0.7;
+    const GROUPS: usize = 8;
+    const COARSE: usize = 13;
+
+    struct Network {
+        encoder: Vec<Conv2d>,
+        mixing: Tensor,
+        channels: Conv2d,
+        decoders: [(Conv2d, [ConvTranspose2d; 2]); 2],
+        auxiliary: (Conv2d, ConvTranspose2d),
+    }
+
+    fn layer(from: usize, to: usize, window: [usize; 3], weights: VarBuilder<'_>) -> Result<Conv2d> {
+        let [side, stride, padding] = window;
+        let config = Conv2dConfig {
+            stride,
+            padding,
+            ..Conv2dConfig::default()
+        };
+        conv2d(from, to, side, config, weights)
+    }
+
+    fn enlarged(from: usize, to: usize, weights: VarBuilder<'_>) -> Result<ConvTranspose2d> {
+        let config = ConvTranspose2dConfig {
+            stride: 2,
+            padding: 2,
+            ..ConvTranspose2dConfig::default()
+        };
+        conv_transpose2d(from, to, 5, config, weights)
+    }
+
+    impl Network {
+        fn new(weights: &VarBuilder<'_>) -> Result<Self> {
+            let windows = [[10, 2, 4], [7, 2, 3], [5, 1, 2], [3, 1, 1], [3, 1, 1]];
+            let widths = [1, 16, 32, 64, 64, 64];
+            let encoder =
+                (0..5).map(|i| layer(widths[i], widths[i + 1], windows[i], weights.pp(format!("encoder.{i}"))));
+            let decoder = |name: &str| {
+                let weights = weights.pp(name);
+                let last = [enlarged(32, 16, weights.pp(1))?, enlarged(16, 1, weights.pp(2))?];
+                Ok::<_, candle_core::Error>((layer(64, 32, [3, 1, 1], weights.pp(0))?, last))
+            };
+            let init = Init::Randn {
+                mean: 0.0,
+                stdev: 1.0 / COARSE as f64,
+            };
+            let positions = COARSE * COARSE;
+            Ok(Self {
+                encoder: encoder.collect::<Result<_>>()?,
+                mixing: weights.get_with_hints((GROUPS, positions, positions), "mixing", init)?,
+                channels: layer(64, 64, [1, 1, 0], weights.pp("channels"))?,
+                decoders: [decoder("x")?, decoder("y")?],
+                auxiliary: (
+                    layer(64, 16, [3, 1, 1], weights.pp("auxiliary.0"))?,
+                    enlarged(16, 1, weights.pp("auxiliary.1"))?,
+                ),
+            })
+        }
+
+        fn forward(&self, patterns: &Tensor) -> Result<[Tensor; 2]> {
+            let activated = |layer: &Conv2d, x: &Tensor| leaky_relu(&layer.forward(x)?, SLOPE);
+            let mut x = patterns.clone();
+            for (i, layer) in self.encoder.iter().enumerate() {
+                let y = activated(layer, &x)?;
+                x = if i < 3 { y } else { (x + y)? };
+            }
+            let n = x.dim(0)?;
+            let grouped = x.reshape((n, GROUPS, 64 / GROUPS, COARSE * COARSE))?;
+            let mixed = grouped.broadcast_matmul(&self.mixing.transpose(1, 2)?.contiguous()?)?;
+            let mixed = mixed.reshape(x.shape())?;
+            let x = (&x + activated(&self.channels, &mixed)?)?;
+            let decoded = |(first, [second, third]): &(Conv2d, [ConvTranspose2d; 2])| {
+                let y = leaky_relu(&second.forward(&activated(first, &x)?)?, SLOPE)?;
+                third.forward(&y)
+            };
+            let field = Tensor::cat(&[decoded(&self.decoders[0])?, decoded(&self.decoders[1])?], 1)?;
+            let (first, second) = &self.auxiliary;
+            Ok([field, second.forward(&activated(first, &x)?)?])
+        }
+    }
+
+    fn loss(network: &Network, patterns: &Tensor, targets: &Tensor, half: &Tensor) -> Result<Tensor> {
+        let [field, auxiliary] = network.forward(patterns)?;
+        let largest = (&field - targets)?.abs()?.flatten_from(1)?.max(1)?.mean_all()?;
+        let loss = (huber(&field, targets, 1.0)? + (largest * 0.1)?)?;
+        loss + (huber(&auxiliary, half, 1.0)? * 0.2)?
+    }
+
+    /// The least processor time of an epoch of some, in s.
+    pub fn epoch() -> Result<f64> {
+        let (map, device) = (VarMap::new(), Device::Cpu);
+        let network = Network::new(&VarBuilder::from_varmap(&map, DType::F32, &device))?;
+        let parameters = ParamsAdamW {
+            lr: 2e-3,
+            weight_decay: 1e-4,
+            ..ParamsAdamW::default()
+        };
+        let mut optimizer = AdamW::new(map.all_vars(), parameters)?;
+        let patterns = Tensor::rand(-0.5f32, 0.5, (BATCH, 1, 50, 50), &device)?;
+        let targets = Tensor::zeros((BATCH, 2, 49, 49), DType::F32, &device)?;
+        let half = Tensor::zeros((BATCH, 1, 25, 25), DType::F32, &device)?;
+        let mut least = f64::INFINITY;
+        for _ in 0..2 {
+            let begun = thread_seconds();
+            for _ in 0..EXAMPLES / BATCH {
+                optimizer.backward_step(&loss(&network, &patterns, &targets, &half)?)?;
+            }
+            least = least.min(thread_seconds() - begun);
+        }
+        Ok(least)
     }
 }
 
