@@ -1,10 +1,17 @@
 //! Where a pattern is active on a mesh, element by element.
+//!
+//! Electrodes whose edges lie within elements, as a fringe field has them, are told of point by point: the activities of the points of an
+//! element are such that the integral over it of activity times any function of the degree of its gradients is exact, and so are the forces
+//! of the voltage at rest. Near an edge they may be a little below 0, or above what the strongest electrode there has.
 
 use std::sync::Arc;
 
-use crate::pattern::{Part, Pattern};
+use pulp::Simd;
+
+use crate::pattern::Pattern;
 
 use super::grid::Grid;
+use super::lanes::{Value, Wide};
 #[cfg(doc)]
 use super::layout::NodeLayout;
 use super::memory::Memory;
@@ -18,10 +25,30 @@ pub struct Activity {
     values: Both,
     /// The sides of each column and each row of elements; where they are not all 1.
     sides: Option<[Both; 2]>,
+    /// Of each of its points, where they differ.
+    points: Option<Arc<Points>>,
     /// Whether each element is active or bare, and nothing between.
     is_binary: bool,
     /// An energy beside that of the law.
     memory: Option<Arc<Memory>>,
+}
+
+/// Activities within elements.
+#[derive(Debug)]
+struct Points {
+    /// Of each point, in lines of [`NodeLayout::part`] numbers for the points of each row of elements.
+    values: Both,
+    /// The most that an electrode in the element has.
+    strongest: Both,
+}
+
+/// What the points of an element are active to, and what the strongest electrode in it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Within<const N: usize> {
+    /// Of each point.
+    pub points: [f64; N],
+    /// Of the strongest electrode.
+    pub strongest: f64,
 }
 
 impl Activity {
@@ -54,26 +81,47 @@ impl Activity {
     pub fn from_elements(grid: &Grid, share: impl Fn(usize, usize) -> f64) -> Self {
         let layout = grid.layout();
         let mut values = vec![0.0; layout.rows() * layout.part()];
-        for (row, shares) in values.chunks_exact_mut(layout.part()).enumerate() {
-            let elements = shares[..layout.columns()].iter_mut().enumerate();
-            elements.for_each(|(column, value)| *value = share(column, row));
+        for [column, row] in layout.each_element() {
+            values[row * layout.part() + column] = share(column, row);
         }
         Self::of_values(grid, values)
+    }
+
+    /// Elements (column, row) whose points, of these weights, differ.
+    #[must_use]
+    pub fn from_points<const N: usize>(
+        grid: &Grid,
+        weights: [f64; N],
+        within: impl Fn(usize, usize) -> Within<N>,
+    ) -> Self {
+        let (layout, part) = (grid.layout(), grid.layout().part());
+        let zeros = || vec![0.0; layout.rows() * part];
+        let (mut values, mut strongest, mut points) = (zeros(), zeros(), vec![0.0; layout.rows() * N * part]);
+        for [column, row] in layout.each_element().filter(|element| is_electric(grid, *element)) {
+            let found = within(column, row);
+            let at = row * part + column;
+            strongest[at] = found.strongest;
+            for (q, (share, weight)) in found.points.into_iter().zip(weights).enumerate() {
+                values[at] += weight * share;
+                points[(row * N + q) * part + column] = share;
+            }
+        }
+        let points = Points {
+            values: Both::new(points),
+            strongest: Both::new(strongest),
+        };
+        Self {
+            points: Some(Arc::new(points)),
+            is_binary: false,
+            ..Self::of_values(grid, values)
+        }
     }
 
     fn of_values(grid: &Grid, mut values: Vec<f64>) -> Self {
         let layout = grid.layout();
         let [columns, rows] = grid.elements();
-        // Nothing is electric in frames and bodies.
-        if let Some(parts) = grid.parts() {
-            let [along, across] = grid.per_cell();
-            for (row, elements) in values.chunks_exact_mut(layout.part()).enumerate() {
-                for (column, value) in elements[..columns].iter_mut().enumerate() {
-                    if parts.at(column / along, row / across) != Part::Membrane {
-                        *value = 0.0;
-                    }
-                }
-            }
+        for [column, row] in layout.each_element().filter(|element| !is_electric(grid, *element)) {
+            values[row * layout.part() + column] = 0.0;
         }
         // Beyond the last element 1, by which kernels divide.
         let width = |at: usize| if at < columns { grid.sides([at, 0])[0] } else { 1.0 };
@@ -83,6 +131,7 @@ impl Activity {
             grid: grid.clone(),
             is_binary: values.iter().all(|value| *value == 0.0 || *value == 1.0),
             values: Both::new(values),
+            points: None,
             sides: (!grid.is_plain()).then(|| [widths(), heights()]),
             memory: None,
         }
@@ -127,6 +176,24 @@ impl Activity {
         self.values.double()
     }
 
+    /// The activity of point `q` of the elements of a row, of so many points each.
+    #[must_use]
+    pub fn at_point(&self, row: usize, q: usize, points: usize) -> &[f64] {
+        let part = self.grid.layout().part();
+        match &self.points {
+            Some(within) => &within.values.double()[(row * points + q) * part..][..part],
+            None => &self.values.double()[row * part..][..part],
+        }
+    }
+
+    /// The activity of the strongest electrode in each element of a row.
+    #[must_use]
+    pub fn strongest(&self, row: usize) -> &[f64] {
+        let part = self.grid.layout().part();
+        let all = self.points.as_ref().map_or(&self.values, |within| &within.strongest);
+        &all.double()[row * part..][..part]
+    }
+
     /// The active area of an element (column, row), in units of the mean area of elements.
     #[must_use]
     pub fn area(&self, [column, row]: [usize; 2]) -> f64 {
@@ -137,8 +204,18 @@ impl Activity {
     /// What kernels read.
     #[must_use]
     pub(super) fn view<T: Precision>(&self) -> View<'_, T> {
+        let part = self.grid.layout().part();
+        let (values, strides, strongest) = match &self.points {
+            Some(within) => {
+                let points = (self.grid.layout().degree() + 1).pow(2);
+                (&within.values, [points * part, part], &within.strongest)
+            }
+            None => (&self.values, [part, 0], &self.values),
+        };
         View {
-            values: T::of(&self.values),
+            values: T::of(values),
+            strides,
+            strongest: T::of(strongest),
             sides: self
                 .sides
                 .as_ref()
@@ -164,10 +241,38 @@ pub fn load_of(group: u8, loads: &[f64]) -> f64 {
 /// An activity in one precision; the fields are those of [`Activity`].
 #[derive(Clone, Copy)]
 pub(super) struct View<'a, T> {
+    /// Of the points of elements.
     pub values: &'a [T],
+    /// From a row of elements to the next, and from one of their points to the next.
+    pub strides: [usize; 2],
+    /// Of the strongest electrode in each element, in rows of [`NodeLayout::part`] numbers.
+    pub strongest: &'a [T],
     pub sides: Option<[&'a [T]; 2]>,
     /// Whether all elements have the same sides.
     pub is_uniform: bool,
     /// The coefficients of an energy beside that of the law, and their [`Memory::weight`].
     pub memory: Option<(&'a [T], f64)>,
+}
+
+impl<T: Precision> View<'_, T> {
+    /// Of point `q` of the elements from `first` on of a row.
+    #[inline(always)]
+    pub fn at<S: Simd>(&self, simd: S, [first, row]: [usize; 2], q: usize) -> Wide<S, T> {
+        let [rows, points] = self.strides;
+        Wide::load(simd, &self.values[row * rows + q * points + first..])
+    }
+
+    /// The same as it counts for a loss of stability: what is a part of an electrode is lost no sooner than all of it.
+    #[inline(always)]
+    pub fn within_electrode<S: Simd>(&self, simd: S, part: usize, [first, row]: [usize; 2], q: usize) -> Wide<S, T> {
+        let active = self.at(simd, [first, row], q);
+        let strongest = Wide::load(simd, &self.strongest[row * part + first..]);
+        active.max(active.constant(0.0)).min(strongest)
+    }
+}
+
+/// Whether there can be a field in an element (column, row): not in frames and bodies.
+fn is_electric(grid: &Grid, [column, row]: [usize; 2]) -> bool {
+    let [along, across] = grid.per_cell();
+    grid.is_membrane(column / along, row / across)
 }

@@ -327,7 +327,7 @@ pub fn sprayed(activity: &Activity, scene: &Scene, charge: f64) -> Activity {
         .map_or_else(none, |memory| memory.view::<f64>().to_vec());
     for (row, q) in (0..layout.rows()).flat_map(|row| (0..points).map(move |q| (row, q))) {
         let start = line(layout, points, row, q, NUMBERS - 1);
-        let active = &activity.elements()[row * layout.part()..][..layout.part()];
+        let active = activity.at_point(row, q, points);
         let targets = values[start..][..layout.part()].iter_mut().zip(active);
         targets.for_each(|(value, active)| *value += thickness * active);
     }

@@ -402,8 +402,8 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
         }
         let mut changes = units[c][node];
         per_side(&mut changes, sides);
-        let active = operator.activity.elements()[row * layout.part() + column];
         let mut stresses = std::array::from_fn(|q| {
+            let active = operator.activity.at_point(row, q, N)[column];
             let of_law = operator.material.tangent(gradients[q], active, changes[q]);
             let Some(memory) = operator.activity.memory() else {
                 return of_law;

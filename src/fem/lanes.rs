@@ -16,6 +16,8 @@ pub const WIDEST: usize = 16;
 
 /// What a kernel may do with its numbers.
 pub trait Value: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self> {
+    /// Whether it has the digits of single precision alone, for which a shorter series does.
+    const SINGLE: bool;
     /// A constant, of the same kind as `self`.
     fn constant(self, value: f64) -> Self;
     /// self · factor + term.
@@ -37,6 +39,7 @@ pub trait Value: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = S
 }
 
 impl Value for f64 {
+    const SINGLE: bool = false;
     #[inline(always)]
     fn constant(self, value: f64) -> Self {
         value
@@ -77,6 +80,8 @@ impl Value for f64 {
 
 /// A number that registers can be filled with: `f64` for residuals, `f32` where a few digits do.
 pub trait Real: Copy + Default + Send + Sync + 'static {
+    /// As [`Value::SINGLE`].
+    const SINGLE: bool;
     /// A register.
     type Register<S: Simd>: Copy;
     /// Numbers in a register.
@@ -128,6 +133,7 @@ macro_rules! real {
     ($t:ident, $register:ident, $lanes:ident, $slice:ident, $slice_mut:ident, $splat:ident, $partial:ident, $reduce:ident,
      $largest:ident, $greater:ident, $select:ident, $madd:ident, $neg:ident, $sqrt:ident, $($method:ident $with:ident),*) => {
         impl Real for $t {
+            const SINGLE: bool = size_of::<$t>() == size_of::<f32>();
             type Register<S: Simd> = S::$register;
             #[inline(always)]
             fn lanes<S: Simd>() -> usize {
@@ -263,6 +269,7 @@ impl<S: Simd, T: Real> Neg for Wide<S, T> {
 }
 
 impl<S: Simd, T: Real> Value for Wide<S, T> {
+    const SINGLE: bool = T::SINGLE;
     #[inline(always)]
     fn constant(self, value: f64) -> Self {
         Self::splat(self.simd, value)

@@ -60,7 +60,9 @@ pub use covered::{FIRST_LOST, covered_limit};
 pub use critical::{CriticalVoltage, MeshLimit};
 pub use effects::breakdown_strength;
 pub use error::SetupError;
-pub use evaluator::{CellStates, MeshRequest, Method, Solver, SolverParameters, UnknownMethod, check_leads};
+pub use evaluator::{
+    CellStates, MeshRequest, Method, Solver, SolverParameters, UnknownMethod, check_leads, revision_of,
+};
 pub use gradient_evaluator::GradientEvaluator;
 pub use limit::CriticalSearch;
 pub use margin::StabilityReport;

@@ -14,7 +14,7 @@ use pulp::{Arch, Simd, WithSimd};
 use crate::field::Order;
 
 use super::activity::View;
-pub use super::activity::{Activity, load_of};
+pub use super::activity::{Activity, Within, load_of};
 use super::eigenvalue::WITHOUT_THICKNESS;
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::{MODULI, Material, NeoHookean};
@@ -428,8 +428,7 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
         let mut changes = gradients;
         for row in 0..self.layout.rows() {
             for first in (0..self.layout.columns()).step_by(T::lanes::<S>()) {
-                let active = Wide::load(simd, &self.activity.values[row * self.layout.part() + first..]);
-                let zero = active.constant(0.0);
+                let zero = Wide::splat(simd, 0.0);
                 let sides = match self.activity.sides {
                     Some(all) if SHAPE == VARIED => sides(simd, all, first, row),
                     _ => [zero; 2],
@@ -466,6 +465,7 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                             *value = Wide::load(simd, &numbers[memory::line(self.layout, N, row, q, at) + first..]);
                         }
                     }
+                    let active = self.activity.at(simd, [first, row], q);
                     let mut stress = self.point.stress(here, active, moduli);
                     if SHAPE != PLAIN && P::WATCHED {
                         let [along, across] = self.stress_at_rest;

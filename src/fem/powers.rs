@@ -36,13 +36,18 @@ pub fn logarithm_of_one_plus<V: Value>(d: V) -> V {
     // Two interleaved chains wait half as long for each other.
     let square = t * t;
     let fourth = square * square;
-    let (mut sum, mut other) = (one.constant(1.0 / 17.0), one.constant(1.0 / 15.0));
-    for odd in [13.0, 9.0, 5.0, 1.0] {
+    let (mut sum, mut other) = if V::SINGLE {
+        (one.constant(1.0 / 9.0), one.constant(1.0 / 7.0))
+    } else {
+        let mut sum = one.constant(1.0 / 17.0).madd(fourth, one.constant(1.0 / 13.0));
+        sum = sum.madd(fourth, one.constant(1.0 / 9.0));
+        let other = one.constant(1.0 / 15.0).madd(fourth, one.constant(1.0 / 11.0));
+        (sum, other.madd(fourth, one.constant(1.0 / 7.0)))
+    };
+    for odd in [5.0, 1.0] {
         sum = sum.madd(fourth, one.constant(1.0 / odd));
     }
-    for odd in [11.0, 7.0, 3.0] {
-        other = other.madd(fourth, one.constant(1.0 / odd));
-    }
+    other = other.madd(fourth, one.constant(1.0 / 3.0));
     let sum = other.madd(square, sum);
     one.constant(32.0) * t * sum
 }
@@ -53,15 +58,16 @@ pub fn exponential_minus_one<V: Value>(z: V) -> V {
     let one = z.constant(1.0);
     let small = z.constant(1.0 / 32.0) * z;
     let square = small * small;
+    let last = if V::SINGLE { 6 } else { 12 };
     let (mut even, mut odd) = (
-        one.constant(INVERSE_FACTORIALS[12]),
-        one.constant(INVERSE_FACTORIALS[11]),
+        one.constant(INVERSE_FACTORIALS[last]),
+        one.constant(INVERSE_FACTORIALS[last - 1]),
     );
-    for n in [10, 8, 6, 4, 2, 0] {
-        even = even.madd(square, one.constant(INVERSE_FACTORIALS[n]));
-    }
-    for n in [9, 7, 5, 3, 1] {
-        odd = odd.madd(square, one.constant(INVERSE_FACTORIALS[n]));
+    for pair in (0..last / 2).rev() {
+        even = even.madd(square, one.constant(INVERSE_FACTORIALS[2 * pair]));
+        if pair > 0 {
+            odd = odd.madd(square, one.constant(INVERSE_FACTORIALS[2 * pair - 1]));
+        }
     }
     let mut e = small * odd.madd(small, even);
     for _ in 0..5 {

@@ -110,7 +110,8 @@ pub fn content<L: Material>(
         #[inline(always)]
         || {
             for (line, ((metric, elastic), (charge, driven))) in rows.enumerate() {
-                let active = &activity.elements()[line / points * part..][..columns];
+                let active = &activity.at_point(line / points, line % points, points)[..columns];
+                let strongest = activity.strongest(line / points);
                 let [xx, xy, yy, square] = lines(part, metric);
                 for at in 0..columns {
                     elastic[at] = unloaded.energy(deformation([xx[at], xy[at], yy[at], square[at]]), active[at]);
@@ -120,7 +121,7 @@ pub fn content<L: Material>(
                 }
                 if L::STORES {
                     // A law that takes so much time is asked of electrodes alone.
-                    for at in (0..columns).filter(|at| active[*at] > 0.0) {
+                    for at in (0..columns).filter(|at| active[*at] != 0.0) {
                         driven[at] = loaded.energy(deformation([xx[at], xy[at], yy[at], square[at]]), active[at]);
                     }
                 } else {
@@ -129,10 +130,14 @@ pub fn content<L: Material>(
                     }
                 }
                 for at in 0..columns {
-                    let share = active[at];
                     let charged = 2.0 * (elastic[at] - driven[at]) / voltage;
-                    driven[at] = if share > 0.0 { charged } else { 0.0 };
-                    charge[at] = if share > 0.0 { charged / share.sqrt() } else { 0.0 };
+                    let is_electric = active[at] != 0.0;
+                    driven[at] = if is_electric { charged } else { 0.0 };
+                    charge[at] = if is_electric {
+                        charged / strongest[at].sqrt()
+                    } else {
+                        0.0
+                    };
                 }
             }
         },

@@ -70,7 +70,7 @@ impl Kind for AuditKind {
     }
 
     fn recipe(&self) -> u32 {
-        4
+        5
     }
 
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {

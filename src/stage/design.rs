@@ -25,7 +25,9 @@ use crate::design::{
 };
 use crate::fem::Method as Evaluation;
 use crate::fem::screening::decided_states;
-use crate::fem::{GradientEvaluator, SafetyMargins, SetupError, Swing, ThreeSolves, at_peak, breakdown_strength};
+use crate::fem::{
+    GradientEvaluator, SafetyMargins, SetupError, Swing, ThreeSolves, at_peak, breakdown_strength, revision_of,
+};
 use crate::field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
 use crate::orchestrator::{Chunk, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use crate::pattern::{Part, Pattern, Symmetries};
@@ -520,6 +522,10 @@ impl Stage for DesignStage {
 
     fn weight(&self) -> f64 {
         self.options.weight()
+    }
+
+    fn revision(&self) -> u32 {
+        revision_of(&self.scene)
     }
 
     fn unit(&self) -> &'static str {

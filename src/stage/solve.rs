@@ -120,7 +120,7 @@ impl Stage for SolveStage {
     }
 
     fn revision(&self) -> u32 {
-        self.solver.revision()
+        self.solver.revision(&self.scene)
     }
 
     fn unit(&self) -> &'static str {

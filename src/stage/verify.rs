@@ -236,7 +236,7 @@ impl Stage for VerifyStage {
     }
 
     fn revision(&self) -> u32 {
-        self.solver.revision()
+        self.solver.revision(&self.scene)
     }
 
     fn unit(&self) -> &'static str {

@@ -1,6 +1,6 @@
 //! The law of an isotropic potential: stress, tangent and the margins of stability, in closed form.
 
-use super::potential::{Invariants, Potential, Slopes, slopes_apart};
+use super::potential::{Invariants, Potential, Slopes, first_slopes_apart, slopes_apart};
 use super::{MODULI, Material, Rest};
 use crate::fem::kinematics::{Tensor, add_scaled, cofactor, conformal_split, contract, deformation};
 use crate::fem::lanes::Value;
@@ -96,16 +96,16 @@ impl<P: Potential> Material for Isotropic<P> {
     #[inline(always)]
     fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V> {
         // 2φᵢ(I + ∇u) + φⱼ(I + cof ∇u) without the self-stress.
-        let s = slopes_apart(&self.potential, &Invariants::of(gradient), active);
+        let [pressure, i, j] = first_slopes_apart(&self.potential, &Invariants::of(gradient), active);
         let c = cofactor(gradient);
         [
             [
-                s.i.madd(gradient[0][0], s.j.madd(c[0][0], s.pressure)),
-                s.i.madd(gradient[0][1], s.j * c[0][1]),
+                i.madd(gradient[0][0], j.madd(c[0][0], pressure)),
+                i.madd(gradient[0][1], j * c[0][1]),
             ],
             [
-                s.i.madd(gradient[1][0], s.j * c[1][0]),
-                s.i.madd(gradient[1][1], s.j.madd(c[1][1], s.pressure)),
+                i.madd(gradient[1][0], j * c[1][0]),
+                i.madd(gradient[1][1], j.madd(c[1][1], pressure)),
             ],
         ]
     }

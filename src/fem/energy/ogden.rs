@@ -26,6 +26,8 @@ use crate::fem::powers::{exponential_minus_one, logarithm_of_one_plus};
 pub const MOST_TERMS: usize = 3;
 /// Terms of the series of T. They suffice to rounding for stretch ratios up to 5 at |α| ≤ 5, and up to 2 at |α| ≤ 15.
 const SERIES: usize = 10;
+/// The same to single precision.
+const SINGLE_SERIES: usize = 6;
 const DOUBLINGS: usize = 3;
 
 /// The energy of one to three terms at a prestretch.
@@ -126,7 +128,8 @@ impl Term {
         let number = |value: f64| z.constant(value);
         let square = number(self.beta * self.beta);
         let (mut value, mut slope, mut curvature) = (number(0.0), number(0.0), number(0.0));
-        for at in (0..SERIES).rev() {
+        let terms = if V::SINGLE { SINGLE_SERIES } else { SERIES };
+        for at in (0..terms).rev() {
             let n = (at + 1) as f64;
             value = value.madd(z, number(self.series[at]));
             if at > 0 {

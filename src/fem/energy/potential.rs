@@ -226,3 +226,21 @@ impl<P: Potential, V: Value> WithSimd for SlopesAt<'_, P, V> {
         self.potential.slopes(self.at, self.active)
     }
 }
+
+/// What stress needs of [`Potential::slopes`]: `pressure`, `i` and `j`. Compiled apart from the others, so that nothing else is computed.
+#[inline(never)]
+pub fn first_slopes_apart<P: Potential, V: Value>(potential: &P, at: &Invariants<V>, active: V) -> [V; 3] {
+    active.apart(FirstSlopesAt(SlopesAt { potential, at, active }))
+}
+
+struct FirstSlopesAt<'a, P, V>(SlopesAt<'a, P, V>);
+
+impl<P: Potential, V: Value> WithSimd for FirstSlopesAt<'_, P, V> {
+    type Output = [V; 3];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> [V; 3] {
+        let slopes = self.0.with_simd(simd);
+        [slopes.pressure, slopes.i, slopes.j]
+    }
+}

@@ -14,7 +14,7 @@ use crate::fem::error::SetupError;
 use crate::fem::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
 use crate::fem::work::WorkLimit;
 use crate::field::{Mesh, Order};
-use crate::scene::Scene;
+use crate::scene::{Effects, Scene, Stiffening};
 
 /// Where the unknowns stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -159,10 +159,11 @@ impl SolverParameters {
         self.history.is_some()
     }
 
-    /// What is added to the RECIPE of a kind: histories are extrapolated from three passes, and were the last of four before.
+    /// What is added to the RECIPE of a kind: histories are extrapolated from three passes, and were the last of four before; and
+    /// [`revision_of`] the scene.
     #[must_use]
-    pub fn revision(&self) -> u32 {
-        u32::from(self.follows_time())
+    pub fn revision(&self, scene: &Scene) -> u32 {
+        u32::from(self.follows_time()) + revision_of(scene)
     }
 
     /// The parts of a scene that decide about a result.
@@ -426,6 +427,22 @@ impl SolverKeys {
             None => Ok(()),
         }
     }
+}
+
+/// What is added to the RECIPE of kinds that simulate a scene: a fringe field is integrated within bilinear elements, which were parted along
+/// it before, and powers of stretches in single precision are sums of fewer terms.
+#[must_use]
+pub fn revision_of(scene: &Scene) -> u32 {
+    let Effects {
+        strain_stiffening,
+        stretch_dependent_permittivity,
+        fringe_field,
+        ..
+    } = &scene.effects;
+    let has_powers =
+        matches!(strain_stiffening, Some(Stiffening::Ogden(_))) || stretch_dependent_permittivity.is_some();
+    // What screening may turn on is not known before it.
+    2 * u32::from(scene.auto || fringe_field.is_some() || has_powers)
 }
 
 #[cfg(test)]

@@ -32,8 +32,10 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Surv
         let (mut convexity, mut tension) = (ellipticity, ellipticity);
         for row in 0..self.layout.rows() {
             for first in (0..self.layout.columns()).step_by(T::lanes::<S>()) {
-                let active = Wide::load(simd, &self.activity.values[row * self.layout.part() + first..]);
                 for (q, gradient) in self.gradients(simd, first, row).into_iter().enumerate() {
+                    let active = self
+                        .activity
+                        .within_electrode(simd, self.layout.part(), [first, row], q);
                     let f = deformation(gradient);
                     let mut margins = self.material.margins(f, active);
                     if let Some((numbers, weight)) = self.activity.memory {
@@ -116,8 +118,8 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Stor
         let lanes = T::lanes::<S>();
         for row in 0..layout.rows() {
             for first in (0..layout.columns()).step_by(lanes) {
-                let active = Wide::load(simd, &activity.values[row * layout.part() + first..]);
                 for (q, gradient) in self.survey.gradients(simd, first, row).into_iter().enumerate() {
+                    let active = activity.at(simd, [first, row], q);
                     let moduli = material.moduli(gradient, active);
                     if let Some((numbers, _)) = activity.memory {
                         let number = |at| Wide::load(simd, &numbers[memory::line(layout, N, row, q, at) + first..]);
