@@ -226,7 +226,7 @@ impl Effect for FringeField {
     }
 
     fn cost(&self) -> &'static str {
-        "1.4× a solve, several times one with wide strips or biquadratic elements"
+        "1.4× to 6× a solve"
     }
 
     fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
