@@ -7,6 +7,7 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::text::Text;
+use super::tone::Tone;
 use super::{run, table};
 use crate::orchestrator::{Environment, Pipeline, bill, foreseen, plan, plan_document};
 
@@ -50,6 +51,12 @@ pub fn of_pipeline(pipeline: &Pipeline, arguments: &PipelineArguments, output: &
     };
     let mut text = Text::of(table::of_plan(&stages));
     text.line("").line(summary);
+    if bill.price.is_some() && bill.stale > 1 && rayon::current_num_threads() > 1 {
+        text.toned(
+            Tone::Dim,
+            "time: a stage's part of the time of the run; of stages that are built at once each is at work for longer",
+        );
+    }
     output.text(text)?;
     for warning in warnings {
         output.complain(&format!("warning: {warning}"));

@@ -358,7 +358,9 @@ pub fn line(event: &Event) -> Option<String> {
             price,
             ..
         } => {
-            let price = price.map_or_else(String::new, |price| format!(", about {}", table::time(&price.seconds)));
+            let price = price.map_or_else(String::new, |price| {
+                format!(", about {} of the run's time", table::time(&price.seconds))
+            });
             format!("{name}: {} to do ({why}){price}", table::counted(*steps, unit))
         }
         Event::StageReused(report)
@@ -380,7 +382,13 @@ fn ended(report: &StageReport) -> String {
         .digest
         .map_or_else(String::new, |digest| format!(" {}", digest.short()));
     match report.outcome {
-        Outcome::Built => format!("{word}{digest} in {}", table::seconds(report.seconds)),
+        Outcome::Built => {
+            let took = table::seconds(report.seconds);
+            match report.part.map(table::seconds).filter(|part| *part != took) {
+                Some(part) => format!("{word}{digest} in {took} ({part} of the run's time)"),
+                None => format!("{word}{digest} in {took}"),
+            }
+        }
         Outcome::Failed | Outcome::Stopped => format!("{word} after {}", table::seconds(report.seconds)),
         Outcome::Skipped => format!("{word}: {}", report.why.as_deref().unwrap_or_default()),
         Outcome::Reused | Outcome::Stale | Outcome::Left => format!("{word}{digest}"),
@@ -456,6 +464,7 @@ mod tests {
             chunks_reused: 0,
             digest: Some(crate::base::ArtifactId::of(b"")),
             seconds: 61.2,
+            part: None,
             size: 0,
             size_built: 0,
             resumed: 0,
@@ -467,6 +476,14 @@ mod tests {
             staleness: None,
         };
         assert_eq!(ended(&report(Outcome::Built)), "built af1349b9f5f9 in 1 min 01 s");
+        let shared = StageReport {
+            part: Some(30.6),
+            ..report(Outcome::Built)
+        };
+        assert_eq!(
+            ended(&shared),
+            "built af1349b9f5f9 in 1 min 01 s (30.6 s of the run's time)"
+        );
         assert_eq!(ended(&report(Outcome::Reused)), "reused af1349b9f5f9");
         assert_eq!(ended(&report(Outcome::Failed)), "failed after 1 min 01 s");
     }

@@ -152,7 +152,7 @@ pub fn of_pipeline(
     built(store, &outcome.stages)?;
     if !output.is_json() && arguments.verbose {
         // Before the figures: what was built is told even where they cannot be drawn.
-        output.text(Text::of(table::of_run(&outcome.stages)))?;
+        output.text(table::of_run(&outcome.stages))?;
     }
     let (made, elsewhere): (Vec<Made>, Vec<Made>) = made(&outcome)
         .into_iter()
@@ -318,7 +318,7 @@ fn stopped(outcome: &RunOutcome, arguments: &RunArguments, output: &Output) -> R
         document["errors"] = json!([error.to_json()]);
         output.document(&document)?;
     } else if !arguments.quiet {
-        output.text(Text::of(table::of_run(&outcome.stages)))?;
+        output.text(table::of_run(&outcome.stages))?;
     }
     output.complain(GOES_ON);
     Ok(error.exit())
@@ -337,7 +337,7 @@ fn failed(outcome: &mut RunOutcome, arguments: &RunArguments, output: &Output) -
         document["errors"] = errors.iter().map(CliError::to_json).collect();
         output.document(&document)?;
     } else if !arguments.quiet {
-        output.text(Text::of(table::of_run(&outcome.stages)))?;
+        output.text(table::of_run(&outcome.stages))?;
     }
     // That a stage was asked to stop was said when it did, and is no error.
     let (stopped, failed): (Vec<&CliError>, Vec<&CliError>) = errors.iter().partition(|error| error.is_stop());

@@ -3,19 +3,41 @@
 pub use super::columns::{Cell, Table, table};
 pub use crate::report::{bytes, number, seconds};
 
+use super::text::Text;
 use super::tone::Tone;
 use crate::orchestrator::{Bill, Estimate, Outcome, Price, StageReport};
 
+/// What parts of the time are, beside times.
+const PARTS: &str = "part: what a stage has of the time of the run, which stages that are built at once share; it is the part that is foretold";
+
 /// The stages of a finished run; what was built with what was foretold beside it, where anything was.
-pub fn of_run(stages: &[StageReport]) -> Table {
+pub fn of_run(stages: &[StageReport]) -> Text {
+    let mut text = Text::of(table_of_run(stages));
+    if is_shared(stages) {
+        text.toned(Tone::Dim, PARTS);
+    }
+    text
+}
+
+/// Whether stages were built at once.
+fn is_shared(stages: &[StageReport]) -> bool {
+    let differs = |stage: &StageReport| stage.part.is_some_and(|part| seconds(part) != seconds(stage.seconds));
+    stages.iter().any(differs)
+}
+
+fn table_of_run(stages: &[StageReport]) -> Table {
     let mut header = vec![
-        "stage", "kind", "outcome", "chunks", "time", "foretold", "digest", "size",
+        "stage", "kind", "outcome", "chunks", "time", "part", "foretold", "digest", "size",
     ];
     let foretold = stages.iter().any(|stage| stage.price.is_some());
     if !foretold {
         header.retain(|title| *title != "foretold");
     }
-    let mut table = table(&header, &["time", "foretold", "size"]).dispensable(&["kind", "digest", "chunks"]);
+    let shared = is_shared(stages);
+    if !shared {
+        header.retain(|title| *title != "part");
+    }
+    let mut table = table(&header, &["time", "part", "foretold", "size"]).dispensable(&["kind", "digest", "chunks"]);
     for lines in lines(stages) {
         let mut row: Vec<Cell> = vec![
             name(lines).into(),
@@ -24,6 +46,10 @@ pub fn of_run(stages: &[StageReport]) -> Table {
             chunks(lines, "built", "reused").into(),
             seconds(lines.iter().map(|stage| stage.seconds).sum()).into(),
         ];
+        if shared {
+            let parts = lines.iter().map(|stage| stage.part.unwrap_or(stage.seconds));
+            row.push(seconds(parts.sum()).into());
+        }
         if foretold {
             let price = Bill::of(lines.iter().map(|stage| stage.price)).price;
             row.push(price.map_or_else(String::new, |price| time(&price.seconds)).into());
@@ -201,6 +227,36 @@ pub fn counted(n: u64, many: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::tone::Screen;
+
+    #[test]
+    fn of_stages_that_were_built_at_once_both_clocks_are_told() {
+        let stage = |name: &str, seconds: f64, part: Option<f64>| StageReport {
+            name: name.into(),
+            kind: "solve".into(),
+            outcome: Outcome::Built,
+            chunks_built: 1,
+            chunks_reused: 0,
+            digest: None,
+            seconds,
+            part,
+            size: 0,
+            size_built: 0,
+            resumed: 0,
+            missing: None,
+            price: None,
+            unmeasured: None,
+            why: None,
+            reasons: Vec::new(),
+            staleness: None,
+        };
+        let shown = of_run(&[stage("a", 4.0, Some(2.0)), stage("b", 6.0, Some(4.0))]).show(Screen::default());
+        for expected in ["time", "part", "4.00 s", "2.00 s", "6.00 s", PARTS] {
+            assert!(shown.contains(expected), "{expected}: {shown}");
+        }
+        let alone = of_run(&[stage("a", 4.0, Some(4.0)), stage("b", 6.0, None)]).show(Screen::default());
+        assert!(!alone.contains("part"), "{alone}");
+    }
 
     #[test]
     fn one_is_not_many() {

@@ -17,7 +17,6 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::RunProgress;
 use super::run::{ProgressForm, load};
-use super::text::Text;
 use super::upstream::Reading;
 use super::{signals, table};
 use crate::base::{Background, CpuLevel, Pauses, host_name};
@@ -190,7 +189,7 @@ fn build(
             "errors": errors.iter().map(CliError::to_json).collect::<Vec<_>>(),
         }))?;
     } else if !arguments.quiet {
-        output.text(Text::of(table::of_run(&outcome.stages)))?;
+        output.text(table::of_run(&outcome.stages))?;
     }
     errors.iter().for_each(|error| output.report(error));
     let hopeless = errors.iter().map(CliError::exit).find(|exit| *exit != Exit::TryAgain);

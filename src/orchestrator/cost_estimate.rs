@@ -100,14 +100,13 @@ fn kept(status: &StageStatus, store: &Store, build: &str) -> u64 {
     kept.map(|reached| reached.steps).sum()
 }
 
-/// The cost of a stage that was built here and now in so many seconds, for the memory of the store, with how many of
-/// its samples have no stable solution; `None` where another process had a
-/// share.
+/// The cost of a stage that was built here and now, for the memory of the store, with how many of its samples have no stable solution; `None`
+/// where another process had a share.
 pub fn cost(
     spec: &StageSpec,
     status: &StageStatus,
     report: &StageReport,
-    (seconds, unstable): (f64, u64),
+    unstable: u64,
     input_bytes: u64,
     environment: &Environment,
 ) -> Option<Cost> {
@@ -128,7 +127,8 @@ pub fn cost(
         chunks,
         input_bytes,
         unstable,
-        seconds,
+        seconds: report.part.unwrap_or(report.seconds),
+        elapsed: Some(report.seconds),
         bytes: report.size_built,
         created: environment.now(),
     })

@@ -42,8 +42,12 @@ pub struct StageReport {
     /// Its artifact, where it is known.
     #[serde(serialize_with = "hexadecimal")]
     pub digest: Option<ArtifactId>,
-    /// What this run spent on it, s.
+    /// From its beginning in this run to its end, s.
     pub seconds: f64,
+    /// Its part of the time of the run, s, where others may have been built beside it: of what went by while it was at work, divided by the stages
+    /// that were. Parts add up to the time of the run, and a price foretells a part.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub part: Option<f64>,
     /// Length of its files together, bytes; 0 where they have yet to be built.
     pub size: u64,
     /// Of these, what this run wrote, bytes.

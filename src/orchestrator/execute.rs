@@ -570,7 +570,7 @@ impl<'a> Execution<'a> {
         }
     }
 
-    /// Takes over what has been built. `share` is its part of the time, where others were built beside it, s.
+    /// Takes over what has been built. `share` is its part of the time of the run, where others may have been built beside it, s.
     fn end(&mut self, done: Built, share: Option<f64>) -> Result<StageReport, StageError> {
         let Built { work, made, waited } = done;
         let Work {
@@ -582,6 +582,7 @@ impl<'a> Execution<'a> {
         } = *work;
         let made = made?;
         made.tell(&mut report);
+        report.part = share;
         let spec = &self.pipeline.stages[index];
         let Some(record) = made.record else {
             // Its other chunks are left to others.
@@ -595,8 +596,7 @@ impl<'a> Execution<'a> {
             self.sizes.remove(&index);
         }
         if report.outcome == Outcome::Built && !waited {
-            let took = (share.unwrap_or(report.seconds), record.unstable);
-            self.remember_cost(spec, &status, &report, took);
+            self.remember_cost(spec, &status, &report, record.unstable);
         }
         Ok(report)
     }
@@ -749,11 +749,11 @@ impl<'a> Execution<'a> {
     }
 
     /// A cost that cannot be written is no reason to stop: it is told at the end.
-    fn remember_cost(&mut self, spec: &StageSpec, status: &StageStatus, report: &StageReport, took: (f64, u64)) {
+    fn remember_cost(&mut self, spec: &StageSpec, status: &StageStatus, report: &StageReport, unstable: u64) {
         let input_bytes: Option<u64> = spec.needs.iter().map(|need| self.sizes.get(need)).sum();
         let Some(input_bytes) = input_bytes else { return };
         let environment = self.builder.environment;
-        let cost = cost_estimate::cost(spec, status, report, took, input_bytes, environment);
+        let cost = cost_estimate::cost(spec, status, report, unstable, input_bytes, environment);
         if let Some(Err(error)) = cost.map(|cost| self.builder.store.put_cost(&cost)) {
             self.not_logged.get_or_insert(error);
         }
@@ -821,6 +821,7 @@ impl<'a> Execution<'a> {
             chunks_reused: 0,
             digest: None,
             seconds: 0.0,
+            part: None,
             size: 0,
             size_built: 0,
             resumed: 0,

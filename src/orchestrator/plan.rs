@@ -116,6 +116,7 @@ pub fn report(spec: &StageSpec, status: &StageStatus) -> StageReport {
         chunks_reused: reused,
         digest,
         seconds: 0.0,
+        part: None,
         size,
         size_built: 0,
         resumed: 0,

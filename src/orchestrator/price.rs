@@ -43,7 +43,8 @@ pub struct Estimate {
 /// What building will take.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Price {
-    /// From the beginning of the stage to its end, s.
+    /// The part that the stage has of the time of the run, s: what it takes alone. Of stages that are built at once each is at work for longer;
+    /// their parts add up to the time of the run.
     pub seconds: Estimate,
     /// Length of the files to be written, bytes.
     pub bytes: Estimate,
@@ -340,6 +341,7 @@ mod tests {
             input_bytes: 1000,
             unstable: 0,
             seconds,
+            elapsed: None,
             bytes: 50 * steps,
             created: String::new(),
         }

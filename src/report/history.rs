@@ -74,8 +74,10 @@ pub struct Origin {
     pub recipe: String,
     /// What the work took, s: of chunks the sum, although several run at a time.
     pub work: f64,
-    /// From the beginning of the stage to its end, s; none where it was not built in one go.
+    /// From the beginning of the stage to its end, s; none where it was not built in one go, or that was not written down.
     pub elapsed: Option<f64>,
+    /// Its part of the time of the run that built it, s: parts add up to that; none where it was not built in one go.
+    pub part: Option<f64>,
     /// Chunks it is made of; 1 where it is one piece of work.
     pub chunks: usize,
     /// How many of them the last run built; none where it had no such stage.
@@ -269,6 +271,7 @@ fn origin(
     };
     let built = since.map(|since| pieces.iter().filter(|piece| is_after(piece, since)).count());
     let created = entry("created");
+    let cost = cost_of(costs, report, &created);
     Ok(Origin {
         host: entry("host"),
         builders,
@@ -276,7 +279,8 @@ fn origin(
         target: entry("target"),
         recipe: entry("recipe"),
         work: entry("seconds").parse().unwrap_or_default(),
-        elapsed: elapsed(costs, report, &created),
+        elapsed: cost.and_then(|cost| cost.elapsed),
+        part: cost.map(|cost| cost.seconds),
         chunks: artifact.parts().len().max(1),
         built,
         created,
@@ -284,14 +288,14 @@ fn origin(
 }
 
 /// The cost that was written down when the artifact had been: the first of its kind within a second.
-fn elapsed(costs: &[Cost], report: &StageReport, created: &str) -> Option<f64> {
+fn cost_of<'a>(costs: &'a [Cost], report: &StageReport, created: &str) -> Option<&'a Cost> {
     let made = seconds(created)?;
     let lag = |cost: &Cost| Some(seconds(&cost.created)? - made);
     let own = costs.iter().filter(|cost| cost.kind == report.kind);
-    let own = own.filter_map(|cost| Some((lag(cost)?, cost.seconds)));
+    let own = own.filter_map(|cost| Some((lag(cost)?, cost)));
     own.filter(|(lag, _)| (0.0..1.0).contains(lag))
         .min_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, seconds)| seconds)
+        .map(|(_, cost)| cost)
 }
 
 /// Seconds from some day to a time as artifacts have it: `2026-01-01T00:00:00.000Z`.
@@ -344,6 +348,7 @@ mod tests {
             chunks_reused: 1,
             digest: Some(id(artifact)),
             seconds: 0.0,
+            part: None,
             size: 0,
             size_built: 0,
             resumed: 0,
@@ -379,6 +384,35 @@ mod tests {
         // What would be built again is not there.
         let stale = [planned("b", "b1", Some(Staleness::ArtifactMissing))];
         assert_eq!(found(&[&first], &stale), None);
+    }
+
+    #[test]
+    fn a_stage_has_the_cost_that_was_written_down_when_it_was_made() {
+        let cost = |kind: &str, created: &str, seconds: f64| Cost {
+            kind: kind.into(),
+            recipe: 1,
+            parameters: BTreeMap::new(),
+            host: "here".into(),
+            jobs: 2,
+            steps: 1,
+            weight: 1.0,
+            chunks: 1,
+            input_bytes: 0,
+            unstable: 0,
+            seconds,
+            elapsed: Some(2.0 * seconds),
+            bytes: 0,
+            created: created.into(),
+        };
+        let costs = [
+            cost("solve", "2026-01-01T00:00:09.900Z", 1.0),
+            cost("train", "2026-01-01T00:00:10.100Z", 2.0),
+            cost("solve", "2026-01-01T00:00:10.200Z", 3.0),
+        ];
+        let report = planned("a", "a1", None);
+        let found = cost_of(&costs, &report, "2026-01-01T00:00:10.000Z").unwrap();
+        assert_eq!((found.seconds, found.elapsed), (3.0, Some(6.0)));
+        assert!(cost_of(&costs, &report, "2026-01-01T00:00:12.000Z").is_none());
     }
 
     #[test]

@@ -41,8 +41,12 @@ pub struct Cost {
     /// Samples that have no stable solution: to find that out takes many times as long as to solve.
     #[serde(default)]
     pub unstable: u64,
-    /// From the beginning of the stage to its end, s.
+    /// Its part of the time of the run, s: what went by while it was at work, divided by the stages that were at work. What it would take
+    /// alone is about that.
     pub seconds: f64,
+    /// From the beginning of the stage to its end, s; none where that was not written down.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub elapsed: Option<f64>,
     /// Length of the files that were written, bytes.
     pub bytes: u64,
     /// When it ended, in UTC, RFC 3339.
@@ -126,6 +130,7 @@ mod tests {
             input_bytes: 10,
             unstable: 0,
             seconds: 0.5,
+            elapsed: Some(0.75),
             bytes: 100,
             created: "2026-01-01T00:00:00.000Z".into(),
         }

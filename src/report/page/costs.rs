@@ -10,15 +10,16 @@ use crate::report::html::{Column, Page};
 pub fn section(page: &mut Page, history: &History) {
     page.section("Costs");
     page.line(
-        "Time is from the beginning to the end of the stage when it was built; work is the sum over its chunks, several of \
-         which run at a time.",
+        "Time is from the beginning to the end of the stage when it was built. Stages that do not need each other are built at once: part is the \
+         stage's own of the time of the run, so that parts add up to that, and share is of all parts. Work is the sum over its chunks, several \
+         of which run at a time.",
     );
-    let took = |stage: &StageFacts| stage.origin.as_ref().map(took);
-    let total: f64 = history.stages.iter().filter_map(took).sum();
+    let of_all = |stage: &StageFacts| stage.origin.as_ref().map(part);
+    let total: f64 = history.stages.iter().filter_map(of_all).sum();
     let row = |stage: &StageFacts| {
         let origin = stage.origin.as_ref();
         let text = |of: &dyn Fn(&Origin) -> String| origin.map_or_else(String::new, of);
-        let share = |origin: &Origin| percent(self::took(origin) / total.max(f64::MIN_POSITIVE), 1);
+        let share = |origin: &Origin| percent(part(origin) / total.max(f64::MIN_POSITIVE), 1);
         let size = |_: &Origin| bytes(stage.bytes);
         vec![
             stage.name.clone(),
@@ -26,6 +27,7 @@ pub fn section(page: &mut Page, history: &History) {
             build_state(stage),
             text(&|origin| origin.chunks.to_string()),
             text(&|origin| origin.elapsed.map_or_else(|| "-".to_owned(), seconds)),
+            text(&|origin| origin.part.map_or_else(|| "-".to_owned(), seconds)),
             text(&|origin| seconds(origin.work)),
             text(&share),
             text(&size),
@@ -44,6 +46,7 @@ pub fn section(page: &mut Page, history: &History) {
         blank(),
         blank(),
         blank(),
+        blank(),
         seconds(total),
         seconds(work),
         blank(),
@@ -55,6 +58,7 @@ pub fn section(page: &mut Page, history: &History) {
         ("last run", Column::Key),
         ("chunks", Column::Number),
         ("time", Column::Number),
+        ("part", Column::Number),
         ("work", Column::Number),
         ("share", Column::Number),
         ("size", Column::Number),
@@ -62,9 +66,9 @@ pub fn section(page: &mut Page, history: &History) {
     page.columns("Costs of the stages", &columns, &rows);
 }
 
-/// What building the stage took, s.
-pub fn took(origin: &Origin) -> f64 {
-    origin.elapsed.unwrap_or(origin.work)
+/// What building the stage took of the time of its run, s; where that is not known, its work.
+pub fn part(origin: &Origin) -> f64 {
+    origin.part.unwrap_or(origin.work)
 }
 
 /// The machines that built something, with the number of chunks where there were several.

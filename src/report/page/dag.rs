@@ -67,7 +67,9 @@ pub fn build_state(stage: &StageFacts) -> String {
 /// What a stage took when it was built.
 pub fn cost(stage: &StageFacts) -> String {
     let origin = stage.origin.as_ref();
-    origin.map_or_else(String::new, |origin| seconds(origin.elapsed.unwrap_or(origin.work)))
+    origin.map_or_else(String::new, |origin| {
+        seconds(origin.elapsed.or(origin.part).unwrap_or(origin.work))
+    })
 }
 
 /// Adds the drawing and what its colours mean.

@@ -78,7 +78,7 @@ fn head(page: &mut Page, history: &History, designs: &[Design], warned: &Warned)
         .stages
         .iter()
         .filter_map(|s| s.origin.as_ref())
-        .map(costs::took)
+        .map(costs::part)
         .sum();
     let size: u64 = history.stages.iter().map(|stage| stage.bytes).sum();
     page.lead(&format!(
