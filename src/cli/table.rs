@@ -182,7 +182,7 @@ pub fn price(price: Option<&Price>, unpriced: usize) -> String {
     });
     match (known, unpriced) {
         (Some(known), 0) => known,
-        (Some(known), n) => format!("{known}, and {n} of which no cost is recorded"),
+        (Some(known), n) => format!("{known}, and {n} of which nothing is foretold"),
         (None, _) => "no costs of such stages are recorded".to_owned(),
     }
 }

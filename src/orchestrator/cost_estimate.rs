@@ -61,6 +61,9 @@ fn work(spec: &StageSpec, status: &StageStatus, input_bytes: Option<u64>, enviro
         steps: steps(status),
         weight: spec.stage.weight(),
         repeats_inputs: spec.stage.repeats_inputs(),
+        goes_by_inputs: spec.stage.goes_by_inputs(),
+        size_parameter: spec.stage.size_parameter(),
+        is_lost: spec.foreseen.is_lost,
         apart: spec.kind.priced_apart(),
         chunks: match &status.work {
             Plan::Chunks(_) => Some(missing(status).count() as u64),

@@ -123,6 +123,8 @@ pub struct Foreseen {
     pub warnings: Vec<String>,
     /// What is to be compared with results of earlier runs.
     pub expectations: Vec<Expectation>,
+    /// Whether most of its samples are likely to have no stable solution: what stages took that found one foretells nothing of it then.
+    pub is_lost: bool,
 }
 
 /// A number that stages with a result of some name should not exceed.
@@ -195,6 +197,17 @@ pub trait Stage: Send + Sync {
     /// Whether each step goes through all inputs again, as an epoch does. It serves to foretell costs and nothing else.
     fn repeats_inputs(&self) -> bool {
         false
+    }
+
+    /// Whether a stage in one piece takes as long as its inputs are, and not as many steps as it has. It serves to foretell costs and nothing else.
+    fn goes_by_inputs(&self) -> bool {
+        true
+    }
+
+    /// The parameter with which the files of a stage in one piece grow: a number that is met more or less, such as the rows that are wanted. It
+    /// serves to foretell costs and nothing else.
+    fn size_parameter(&self) -> Option<&'static str> {
+        None
     }
 
     /// What is added to the RECIPE of its kind: more than 0 where results with its parameters changed and those with others did not.

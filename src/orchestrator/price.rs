@@ -92,6 +92,12 @@ pub struct Work {
     pub weight: f64,
     /// Whether each step goes through all inputs.
     pub repeats_inputs: bool,
+    /// Whether, in one piece, it takes as long as its inputs are.
+    pub goes_by_inputs: bool,
+    /// The parameter with which its files grow, where it is one piece of work.
+    pub size_parameter: Option<&'static str>,
+    /// Whether most samples are likely to have no stable solution.
+    pub is_lost: bool,
     /// Parameters whose values make it another sort of work.
     pub apart: &'static [&'static str],
     /// Chunks to build, or `None` where the stage is one piece of work.
@@ -178,6 +184,8 @@ pub enum Unmeasured {
         /// Its value.
         value: String,
     },
+    /// Nothing of which most had no stable solution, as most of this is likely to have none.
+    Lost,
 }
 
 impl fmt::Display for Unmeasured {
@@ -185,6 +193,7 @@ impl fmt::Display for Unmeasured {
         match self {
             Self::Kind => f.write_str("never measured"),
             Self::Parameter { name, value } => write!(f, "never measured for {name} {value}"),
+            Self::Lost => f.write_str("not known: unstable ones take many times as long"),
         }
     }
 }
@@ -203,14 +212,23 @@ pub fn price(costs: &[Cost], work: &Work) -> Result<Price, Unmeasured> {
         let latest = costs.iter().rfind(|cost| cost.kind == work.kind);
         return Err(latest.and_then(|cost| apart(cost, work)).unwrap_or(Unmeasured::Kind));
     };
+    // What stable ones took says nothing of others, unless they were so with these very parameters.
+    if work.is_lost && nearest > 0 {
+        known.retain(|(_, cost)| is_lost(cost));
+    }
+    let nearest = known
+        .iter()
+        .map(|(distance, _)| *distance)
+        .min()
+        .ok_or(Unmeasured::Lost)?;
     known.retain(|(distance, _)| *distance == nearest);
     // Where membranes are lost at other parameters says nothing of these.
-    if nearest > 0 && !known.iter().all(|(_, cost)| is_lost(cost)) {
+    if nearest > 0 && !work.is_lost && !known.iter().all(|(_, cost)| is_lost(cost)) {
         known.retain(|(_, cost)| !is_lost(cost));
     }
     let known = alike(known.into_iter().map(|(_, cost)| cost).collect(), work);
     let latest: Vec<&Cost> = known.iter().rev().take(LATEST).copied().collect();
-    let by_input = latest.iter().all(|cost| cost.input_bytes > 0) && work.chunks.is_none();
+    let by_input = latest.iter().all(|cost| cost.input_bytes > 0) && work.chunks.is_none() && work.goes_by_inputs;
     let by_input = work.input_bytes.filter(|_| by_input);
     let ratio = latest
         .iter()
@@ -235,10 +253,11 @@ pub fn price(costs: &[Cost], work: &Work) -> Result<Price, Unmeasured> {
         Some(bytes) if work.repeats_inputs => steps * work.weight * bytes as f64,
         Some(bytes) => work.weight * bytes as f64,
     };
-    // Of a chunked stage files grow with the samples; what the steps of any other leave behind does not grow with them.
+    // Of a chunked stage files grow with the samples; what the steps of any other leave behind does not grow with them, but perhaps with a
+    // parameter.
     let bytes = latest.iter().map(|cost| match work.chunks {
         Some(_) => cost.bytes as f64 / cost.steps as f64 * steps,
-        None => cost.bytes as f64,
+        None => cost.bytes as f64 * size_ratio(cost, work),
     });
     let of_bytes = if nearest == 0 { 1.0 } else { widening };
     Ok(Price {
@@ -259,6 +278,16 @@ fn apart(cost: &Cost, work: &Work) -> Option<Unmeasured> {
             .get(*path)
             .map_or_else(|| "none".to_owned(), Clone::clone),
     })
+}
+
+/// How many times as long the files of a stage in one piece will be as those that were written: by the parameter with which they grow.
+fn size_ratio(cost: &Cost, work: &Work) -> f64 {
+    let number = |leaves: &Leaves| leaves.get(work.size_parameter?)?.parse::<f64>().ok();
+    let (then, now) = (number(&cost.parameters), number(&work.parameters));
+    match then.zip(now) {
+        Some((then, now)) if then > 0.0 => now / then,
+        _ => 1.0,
+    }
 }
 
 /// Whether most of what was solved has no stable solution.
@@ -283,10 +312,12 @@ fn unlike(cost: &Cost, work: &Work) -> f64 {
     }
     let of_steps = work.steps as f64 * work.weight / (cost.steps as f64 * cost.weight);
     let of_input = match (work.chunks, work.input_bytes) {
-        (None, Some(bytes)) if cost.input_bytes > 0 && bytes > 0 => bytes as f64 / cost.input_bytes as f64,
+        (None, Some(bytes)) if work.goes_by_inputs && cost.input_bytes > 0 && bytes > 0 => {
+            bytes as f64 / cost.input_bytes as f64
+        }
         _ => 1.0,
     };
-    let ratio = match work.repeats_inputs || work.chunks.is_some() {
+    let ratio = match work.repeats_inputs || work.chunks.is_some() || !work.goes_by_inputs {
         true => of_steps * of_input,
         false => of_input * work.weight / cost.weight,
     };
@@ -357,6 +388,9 @@ mod tests {
             steps,
             weight: 1.0,
             repeats_inputs: true,
+            goes_by_inputs: true,
+            size_parameter: None,
+            is_lost: false,
             apart: &["order"],
             chunks,
             input_bytes: Some(2000),
@@ -447,6 +481,56 @@ mod tests {
         assert!((likely(&costs[1..]) - 20.0).abs() < 1e-12);
         // One slow stage of two does not count for half.
         assert!((likely(&[at("3", 0, 9.0), at("4", 0, 1.0)]) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn where_membranes_are_likely_to_be_lost_what_stable_ones_took_says_nothing() {
+        let mut here = Work {
+            is_lost: true,
+            ..work(Some(10), 100)
+        };
+        here.parameters.insert("voltage".into(), "12".into());
+        let at = |voltage: &str, unstable: u64, seconds: f64| {
+            let mut cost = Cost {
+                unstable,
+                ..cost(100, seconds)
+            };
+            cost.parameters.insert("voltage".into(), voltage.into());
+            cost
+        };
+        let why = price(&[at("5", 0, 1.0)], &here).unwrap_err();
+        assert_eq!(why.to_string(), "not known: unstable ones take many times as long");
+        // What others that were lost took is near enough, and what was stable with these parameters will be so again.
+        let likely = |costs: &[Cost]| price(costs, &here).unwrap().seconds.likely;
+        assert!((likely(&[at("5", 0, 1.0), at("11", 90, 40.0)]) - 40.0).abs() < 1e-12);
+        assert!((likely(&[at("12", 0, 2.0), at("11", 90, 40.0)]) - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_does_not_go_by_its_inputs_goes_by_its_steps_and_files_may_grow_with_a_parameter() {
+        let costs = [Cost {
+            chunks: 1,
+            ..cost(8, 4.0)
+        }];
+        // Inputs twice as long, such as searches of twice as many generations.
+        let verify = Work {
+            repeats_inputs: false,
+            goes_by_inputs: false,
+            ..work(None, 8)
+        };
+        assert!((price(&costs, &verify).unwrap().seconds.likely - 4.0).abs() < 1e-12);
+        let twice = Work { steps: 16, ..verify };
+        assert!((price(&costs, &twice).unwrap().seconds.likely - 8.0).abs() < 1e-12);
+        let mut balance = Work {
+            size_parameter: Some("target"),
+            ..work(None, 8)
+        };
+        balance.parameters.insert("target".into(), "1000".into());
+        let mut known = costs.clone();
+        known[0].parameters.insert("target".into(), "200".into());
+        assert!((price(&known, &balance).unwrap().bytes.likely - 5.0 * 400.0).abs() < 1e-9);
+        // Where it was not known then, as much as then.
+        assert!((price(&costs, &balance).unwrap().bytes.likely - 400.0).abs() < 1e-9);
     }
 
     #[test]

@@ -100,6 +100,10 @@ impl Stage for BalanceStage {
         self.parameters.to_canonical()
     }
 
+    fn size_parameter(&self) -> Option<&'static str> {
+        Some("target")
+    }
+
     fn plan(&self, _inputs: &[Input]) -> Plan {
         Plan::Whole { steps: 1 }
     }

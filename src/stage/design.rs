@@ -187,7 +187,11 @@ impl Kind for DesignKind {
             ));
             expectations = evaluator.expectations(accuracy.value(), needs);
         }
-        Ok(Foreseen { warnings, expectations })
+        Ok(Foreseen {
+            warnings,
+            expectations,
+            ..Foreseen::default()
+        })
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {

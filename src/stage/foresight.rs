@@ -2,14 +2,38 @@
 
 use super::checked_scene;
 use crate::base::Node;
-use crate::fem::{FIRST_LOST, covered_limit};
-use crate::orchestrator::Foreseeable;
+use crate::fem::{FIRST_LOST, Method, covered_limit};
+use crate::orchestrator::{Foreseeable, Foreseen};
 use crate::scene::Scene;
+
+/// What is foreseen of a stage that simulates patterns: what is said of its drive, and whether most of them will be lost.
+pub fn of_simulations(stage: &Foreseeable<'_>) -> Foreseen {
+    let found = stability(stage);
+    // An estimate does not look for what is stable.
+    let method = stage.node.peek("method").and_then(|node| node.text("method").ok());
+    let finds_out = method.is_none_or(|method| method == Method::Newton.to_string());
+    Foreseen {
+        is_lost: finds_out && found.as_ref().is_some_and(|found| found.is_lost),
+        warnings: found.into_iter().map(|found| found.warning).collect(),
+        ..Foreseen::default()
+    }
+}
 
 /// What is said of a drive beyond the voltage at which membranes lose stability; nothing where it is surely below.
 ///
 /// A scene that cannot be read or simulated has been refused by then, so nothing is said of it here.
 pub fn of_stability(stage: &Foreseeable<'_>) -> Option<String> {
+    stability(stage).map(|found| found.warning)
+}
+
+/// What is known of a drive by which patterns may be lost.
+struct Beyond {
+    warning: String,
+    /// Whether most are.
+    is_lost: bool,
+}
+
+fn stability(stage: &Foreseeable<'_>) -> Option<Beyond> {
     let scene = checked_scene(stage.scene?).ok()?;
     let state = stage.node.peek(super::STATE);
     let scene = match state.and_then(|node: &Node| node.text(super::STATE).ok()) {
@@ -34,7 +58,7 @@ pub fn advice(scene: &Scene) -> String {
     )
 }
 
-fn beyond(scene: &Scene) -> Option<String> {
+fn beyond(scene: &Scene) -> Option<Beyond> {
     let mut simulated = scene.clone();
     if scene.auto {
         // Chains that lock keep a membrane stable, so what is turned on where it matters is reckoned with.
@@ -50,7 +74,8 @@ fn beyond(scene: &Scene) -> Option<String> {
     } else {
         ""
     };
-    Some(if scene.voltage_v() > limit {
+    let is_lost = scene.voltage_v() > limit;
+    let warning = if is_lost {
         format!(
             "the voltage of {drive} is beyond what membranes bear: one that is covered everywhere is unstable above {limit_text}, \
              and patterns with bare parts mostly from about {lowest} to there{model}; patterns that are unstable get no result, and to find \
@@ -63,7 +88,8 @@ fn beyond(scene: &Scene) -> Option<String> {
              everywhere above {limit_text}, and most patterns from somewhere between{model}; both voltages are estimates in closed form: \
              `deaflow screen` finds that of one cell on two meshes"
         )
-    })
+    };
+    Some(Beyond { warning, is_lost })
 }
 
 fn kilovolts(volts: f64) -> String {
@@ -81,13 +107,21 @@ mod tests {
     fn what_is_said_depends_on_the_voltage() {
         // H12: √κ = √(λp⁻² + 3λp⁻⁸) is 10.98 kV here, and a single cell is lost at 6.1 kV.
         let at = |volts: f64| beyond(&Scene::vhb4910().at_voltage(volts));
-        assert_eq!(at(5250.0), None);
-        let between = at(6800.0).unwrap();
+        assert!(at(5250.0).is_none());
+        let Beyond {
+            warning: between,
+            is_lost,
+        } = at(6800.0).unwrap();
+        assert!(!is_lost);
         assert!(
             between.contains("some patterns may be unstable") && between.contains("10.98 kV"),
             "{between}"
         );
-        let above = at(12e3).unwrap();
+        let Beyond {
+            warning: above,
+            is_lost,
+        } = at(12e3).unwrap();
+        assert!(is_lost);
         assert!(
             above.starts_with("the voltage of 12.00 kV is beyond") && above.contains("unstable above 10.98 kV"),
             "{above}"

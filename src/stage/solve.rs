@@ -56,10 +56,7 @@ impl Kind for SolveKind {
     }
 
     fn foresee(&self, stage: &Foreseeable<'_>, _needs: &[Foreseeable<'_>]) -> Result<Foreseen, InputError> {
-        Ok(Foreseen {
-            warnings: foresight::of_stability(stage).into_iter().collect(),
-            ..Foreseen::default()
-        })
+        Ok(foresight::of_simulations(stage))
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {

@@ -107,11 +107,9 @@ impl Kind for VerifyKind {
         }
         let node = stage.node.peek("needs").unwrap_or(stage.node);
         compared::refuse(&designs, node)?;
-        let warnings = compared::warnings(&designs).into_iter();
-        Ok(Foreseen {
-            warnings: warnings.chain(foresight::of_stability(stage)).collect(),
-            ..Foreseen::default()
-        })
+        let mut foreseen = foresight::of_simulations(stage);
+        foreseen.warnings.splice(..0, compared::warnings(&designs));
+        Ok(foreseen)
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
@@ -237,6 +235,11 @@ impl Stage for VerifyStage {
 
     fn revision(&self) -> u32 {
         self.solver.revision(&self.scene)
+    }
+
+    // Its inputs hold the whole search, of which it simulates the best alone.
+    fn goes_by_inputs(&self) -> bool {
+        false
     }
 
     fn unit(&self) -> &'static str {
