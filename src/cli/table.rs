@@ -147,7 +147,8 @@ fn outcomes(lines: &[StageReport]) -> Cell {
         }
     }
     match counts[..] {
-        [(Outcome::Skipped, _)] if lines[0].missing.is_some() => {
+        [(Outcome::Skipped, _)] if lines[0].missing.is_none() => Cell::toned("not begun", Tone::of(Outcome::Skipped)),
+        [(Outcome::Skipped, _)] => {
             let missing = lines[0].missing.as_deref().unwrap_or_default();
             Cell::toned(&format!("skipped (needs {missing})"), Tone::of(Outcome::Skipped))
         }

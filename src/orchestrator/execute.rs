@@ -187,6 +187,14 @@ pub fn run(
     let lock = execution.lock_file();
     store.keep_index();
     let stages_done = std::mem::take(&mut execution.remembered);
+    let is_whole = options.chunks.is_none() && options.stages.is_none();
+    let is_left = |index: &&usize| is_whole && !stages_done.contains_key(index);
+    let left = selection
+        .iter()
+        .filter(is_left)
+        .map(|&index| &pipeline.stages[index].name);
+    let has_ended = |name: &&String| !failures.iter().any(|failure| failure.stage == **name);
+    let not_begun = left.filter(has_ended).cloned().collect();
     let run = Run {
         command: options.command,
         seconds: environment.seconds_since(began),
@@ -194,6 +202,7 @@ pub fn run(
         stages: stages_done.into_values().collect(),
         failures: named(&failures, |failure| !failure.is_stop()),
         stopped: named(&failures, Failure::is_stop),
+        not_begun,
         ..Run::default()
     };
     let logged = match options.unremembered {
@@ -452,19 +461,28 @@ impl<'a> Execution<'a> {
                 let share = at_work.end(index, builder.environment);
                 let report = self.end(done, Some(share));
                 open.ended(index, &report);
+                let has_failed = report
+                    .as_ref()
+                    .is_err_and(|error| !matches!(error, StageError::Stopped(_)));
                 self.conclude(index, start, report, &mut concluded);
+                if has_failed && !builder.keep_going {
+                    self.tell_of_the_rest(index, &at_work);
+                }
             }
         });
         let has_failed = concluded.failures.values().any(|failure| !failure.is_stop());
         if self.ours.is_none() && builder.only.is_none() && has_failed {
-            self.skip_what_follows(selection, &mut concluded);
+            self.list_what_was_not_begun(selection, &mut concluded);
         }
         let Concluded { reports, failures } = concluded;
         (reports.into_values().collect(), failures.into_values().collect())
     }
 
-    /// Lists the stages that were not begun because one that they need, directly or not, failed.
-    fn skip_what_follows(&self, selection: &[usize], concluded: &mut Concluded) {
+    /// Lists the stages that were not begun: because one that they need, directly or not, failed, or because the run ended with the failure
+    /// of another.
+    fn list_what_was_not_begun(&self, selection: &[usize], concluded: &mut Concluded) {
+        let failed = concluded.failures.values().find(|failure| !failure.is_stop());
+        let first = failed.map_or_else(String::new, |failure| failure.stage.clone());
         for &index in selection {
             if concluded.reports.contains_key(&index) {
                 continue;
@@ -474,10 +492,33 @@ impl<'a> Execution<'a> {
                 let is_skipped = |report: &StageReport| report.outcome == Outcome::Skipped;
                 concluded.failures.contains_key(need) || concluded.reports.get(need).is_some_and(is_skipped)
             };
-            if let Some(missing) = waits_for.iter().find(is_missing) {
-                let report = self.skip(index, *missing, &concluded.reports);
-                concluded.reports.insert(index, report);
-            }
+            let report = match waits_for.iter().find(is_missing) {
+                Some(missing) => self.skip(index, *missing, &concluded.reports),
+                None => StageReport {
+                    why: Some(format!(
+                        "the run ended with the failure of `{first}` before it was begun"
+                    )),
+                    ..self.unbuilt(index)
+                },
+            };
+            concluded.reports.insert(index, report);
+        }
+    }
+
+    /// Says which stages are built to their end although one has failed.
+    fn tell_of_the_rest(&self, failed: usize, at_work: &Shares) {
+        let stages = &self.pipeline.stages;
+        let names: Vec<&str> = at_work.stages().map(|index| stages[index].name.as_str()).collect();
+        if !names.is_empty() {
+            let text = format!(
+                "`{}` failed; {} at work beside it and built to the end, then the run ends: Ctrl-C stops it now",
+                stages[failed].name,
+                match names.as_slice() {
+                    [one] => format!("`{one}` is"),
+                    _ => format!("{} are", names.join(", ")),
+                }
+            );
+            (self.builder.listener)(&Event::Warning { text });
         }
     }
 

@@ -23,6 +23,11 @@ impl Shares {
         self.shares.contains_key(&index)
     }
 
+    /// Those at work.
+    pub fn stages(&self) -> impl Iterator<Item = usize> + '_ {
+        self.shares.keys().copied()
+    }
+
     /// A stage begins.
     pub fn begin(&mut self, index: usize, environment: &Environment) {
         self.pass(environment);

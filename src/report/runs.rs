@@ -45,6 +45,7 @@ pub fn run_document(run: &Run, removed: &Gone<'_>) -> Value {
         |name: &String, outcome: &str| json!({ "name": name, "outcome": outcome, "digest": null, "removed": null });
     let failed = run.failures.iter().map(|name| unmade(name, "failed"));
     let stopped = run.stopped.iter().map(|name| unmade(name, "stopped"));
+    let not_begun = run.not_begun.iter().map(|name| unmade(name, "skipped"));
     let overrides = run.overrides.iter().map(|(path, value)| (path.clone(), typed(value)));
     json!({
         "id": run.id,
@@ -57,7 +58,7 @@ pub fn run_document(run: &Run, removed: &Gone<'_>) -> Value {
         "seconds": run.seconds,
         "log": run.log,
         "overrides": overrides.collect::<serde_json::Map<_, _>>(),
-        "stages": done.chain(failed).chain(stopped).collect::<Vec<_>>(),
+        "stages": done.chain(failed).chain(stopped).chain(not_begun).collect::<Vec<_>>(),
         "results": run.results,
     })
 }

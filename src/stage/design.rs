@@ -575,6 +575,10 @@ impl Stage for DesignStage {
         let found = search.run(|| evaluators(self.evaluator, &scene, (moment, &target.goal), networks));
         let found = found.map_err(|error| match error {
             SearchError::Stopped(stopped) => stopped.into(),
+            error if error.is_of_stability() => StageError::Advised {
+                message: error.to_string(),
+                help: foresight::advice(&scene),
+            },
             error => StageError::Failed(error.to_string()),
         })?;
         job.measure(format!("search; {}", target.name), start.elapsed().as_secs_f64());

@@ -64,6 +64,9 @@ pub struct Run {
     /// Names of the stages that were stopped; what they had come to is kept.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stopped: Vec<String>,
+    /// Names of the stages that were not begun, because of these.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_begun: Vec<String>,
     /// What artifacts are worth in numbers: `STAGE.NAME`.
     #[serde(default)]
     pub results: BTreeMap<String, f64>,

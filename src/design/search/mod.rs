@@ -123,6 +123,18 @@ pub enum SearchError {
     Predict(#[from] PredictError),
 }
 
+impl SearchError {
+    /// Whether nothing that was tried has a stable field.
+    #[must_use]
+    pub fn is_of_stability(&self) -> bool {
+        match self {
+            Self::Evolve { source, .. } => matches!(source, EvolveError::NoField),
+            Self::Refine { why, .. } | Self::NoStart { why, .. } => *why == Unsuited::Field,
+            Self::Evaluator { .. } | Self::Setup(_) | Self::Stopped(_) | Self::Predict(_) => false,
+        }
+    }
+}
+
 impl<'a> Search<'a> {
     /// Searches by the method that the options name; `evaluators` judge patterns of the genetic algorithm.
     ///

@@ -76,7 +76,20 @@ fn a_failed_run_lists_what_was_not_begun_because_of_the_failure() {
         .map(|stage| (stage.name.as_str(), skipped(stage)))
         .collect();
     let of_one = Some(Some("one".to_owned()));
-    assert_eq!(missing, [("one", None), ("sum", of_one.clone()), ("squared", of_one)]);
+    // The others need nothing that failed, and the run ended before they were begun.
+    let expected = [
+        ("one", None),
+        ("two", Some(None)),
+        ("sum", of_one.clone()),
+        ("squared", of_one),
+        ("other", Some(None)),
+    ];
+    assert_eq!(missing, expected);
+    let why = outcome.stages[1].why.as_deref().unwrap_or_default();
+    assert_eq!(why, "the run ended with the failure of `one` before it was begun");
+    let run = lab.store().runs().unwrap().next().unwrap().unwrap();
+    assert_eq!((run.stages.len(), run.failures.len()), (0, 1));
+    assert_eq!(run.not_begun, ["two", "sum", "squared", "other"]);
 }
 
 fn locked<'a>(lock: &'a LockFile) -> RunOptions<'a> {
