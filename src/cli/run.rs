@@ -107,7 +107,7 @@ pub fn of_pipeline(
     })?;
     let told = progress.clone();
     let watch = reading.watch(move |text| told.note(text));
-    let log = RunLog::new(store, &pipeline.file());
+    let log = RunLog::new(store, &pipeline.file(), &pipeline.overrides);
     let listener = |event: &_| {
         log.tell(event);
         progress.tell(event);

@@ -80,6 +80,8 @@ fn a_killed_training_is_gone_on_with_to_the_same_bits() {
     };
     let (gone_on, told) = run(&killed, &[]);
     assert!(told.contains(r#""event":"resumed","name":"surrogate""#), "{told}");
+    let log = killed.run(&["log", "train.yaml", "--json"]).json();
+    assert_eq!(log["unfinished"], serde_json::json!([]), "it has been gone on with");
     // What it cost is that of the epochs that were left.
     let costs = fs::read_to_string(killed.path("store/costs.jsonl")).unwrap();
     let costs: Vec<serde_json::Value> = costs.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
