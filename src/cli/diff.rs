@@ -157,7 +157,11 @@ fn rows(parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Result<Str
 fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Text {
     let mut text = Text::from(format!("from {}\nto   {}\n", from.title, to.title));
     if parameters.is_empty() {
-        text.line("no parameter differs");
+        let mut unknown = from.without_parameters().chain(to.without_parameters());
+        text.line(match unknown.next() {
+            None => "no parameter differs",
+            Some(_) => "no parameter that is known of both differs; what is not known of them stands below",
+        });
     } else {
         let mut table = table::table(&["parameter", "from", "to"], &[]).flowing(&["parameter", "from", "to"]);
         let said = |value: &Option<Canonical>| value.as_ref().map_or_else(|| "–".to_owned(), Canonical::to_string);

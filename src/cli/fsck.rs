@@ -83,6 +83,9 @@ fn document(report: &Report) -> serde_json::Value {
     })
 }
 
+/// What is to be known of files in the quarantine.
+pub const ASIDE: &str = "Nothing reads what was set aside in `quarantine/`: it may be deleted";
+
 /// A path as text, also where its bytes are none: a file may have any name.
 fn shown(path: &Path) -> String {
     path.display().to_string()
@@ -133,9 +136,14 @@ fn text(report: &Report, repaired: bool) -> String {
     } else if !report.unreadable.is_empty() {
         "nothing is known of what cannot be read; it stays where it is".to_owned()
     } else if repaired {
-        "the store is sound again; the next `deaflow run` builds what is gone".to_owned()
+        format!(
+            "the store is sound again; what is gone is built again by `deaflow run` with the pipeline and the `--set` that had made it. {}",
+            ASIDE
+        )
     } else {
-        "the store is damaged; the next `deaflow run` builds again what is missing".to_owned()
+        "the store is damaged: `deaflow fsck --repair` makes it sound; what is missing is built again by `deaflow run` with the pipeline and the \
+         `--set` that had made it (`deaflow log` lists them)"
+            .to_owned()
     });
     lines.join("\n")
 }

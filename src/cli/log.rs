@@ -269,15 +269,31 @@ fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
         let told = diff::together(&changes).into_iter();
         let said = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
         told.map(|(name, change)| format!("{name} from {} to {}", said(&change.from), said(&change.to)))
+            .chain(forgotten([&runs[before], &runs[at]], [&sides[before], &sides[at]]))
             .collect()
     };
     Ok((0..runs.len()).map(of).collect())
 }
 
+/// The stages of two runs that differ although nobody knows any more by what, as a change; none where there is no such stage, or `--set` changed it.
+fn forgotten(runs: [&Run; 2], sides: [&Side; 2]) -> Option<String> {
+    let differs = |name: &&str| {
+        let keys = runs.map(|run| run.stage(name).map(|stage| stage.key));
+        let sets = runs.into_iter().flat_map(|run| run.overrides.keys());
+        let is_set = |path: &String| path.starts_with("scene") || path.starts_with(&format!("stages.{name}."));
+        keys.iter().all(Option::is_some) && keys[0] != keys[1] && !sets.into_iter().any(|path| is_set(path))
+    };
+    let mut names: Vec<&str> = sides.into_iter().flat_map(Side::without_parameters).collect();
+    names.sort_unstable();
+    names.dedup();
+    names.retain(differs);
+    (!names.is_empty()).then(|| format!("what of {} is not known any more", names.join(", ")))
+}
+
 /// What was built, what failed, what was overridden, and what of it is gone.
 fn what(run: &Run, changed: &[String], removed: &Gone<'_>) -> String {
     let built = built(run);
-    let all = run.stages.len() + run.failures.len() + run.stopped.len();
+    let all = run.stages.len() + run.failures.len() + run.stopped.len() + run.not_begun.len();
     let mut lines = vec![match built.len() {
         0 => format!("none of {all}"),
         n if n > RESULTS => format!("{n} of {all}"),
@@ -285,6 +301,7 @@ fn what(run: &Run, changed: &[String], removed: &Gone<'_>) -> String {
     }];
     lines.extend(run.failures.iter().map(|name| format!("failed: {name}")));
     lines.extend(run.stopped.iter().map(|name| format!("stopped: {name}")));
+    lines.extend((!run.not_begun.is_empty()).then(|| format!("{} not begun", run.not_begun.len())));
     if !run.overrides.is_empty() {
         lines.push(overrides(run, "\n"));
     }

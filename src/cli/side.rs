@@ -39,14 +39,19 @@ impl Side {
         }
     }
 
+    /// Names of the stages whose parameters are not known any more.
+    pub fn without_parameters(&self) -> impl Iterator<Item = &str> {
+        let unknown = self.stages.iter().filter(|(.., parameters)| parameters.is_none());
+        unknown.map(|(name, ..)| name.as_str())
+    }
+
     /// Whether what a path names is of a stage whose parameters are not known here.
     pub fn is_unknown(&self, path: &str) -> bool {
         let of_stage = |name: &str| {
             let rest = path.strip_prefix("stages.").and_then(|rest| rest.strip_prefix(name));
             rest.is_some_and(|rest| rest.starts_with('.'))
         };
-        let mut unknown = self.stages.iter().filter(|(.., parameters)| parameters.is_none());
-        unknown.any(|(name, ..)| of_stage(name))
+        self.without_parameters().any(of_stage)
     }
 
     /// All parameters by the paths that `--set` takes: `scene.drive.voltage`, where all stages that have it have it alike, or else

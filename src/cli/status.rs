@@ -123,6 +123,8 @@ fn document(
         json!({
             "path": standing.path.display().to_string(),
             "last_run": standing.last.as_ref().map(|run| &run.created),
+            "last_failed": standing.last.as_ref().map(|run| &run.failures),
+            "last_overrides": standing.last.as_ref().map(|run| &run.overrides),
             "locked": standing.locked,
             "stages": standing.stages.as_ref().ok(),
             "error": standing.stages.as_ref().err(),
@@ -187,7 +189,11 @@ fn text(
     ));
     if totals.quarantined > 0 {
         let folder = store.root().join("quarantine");
-        let damaged = format!("{} damaged files lie in {}", totals.quarantined, folder.display());
+        let damaged = format!(
+            "{} lie in {}, set aside as damaged or for want of what they name; nothing reads them, and they may be deleted",
+            table::counted(totals.quarantined, "files"),
+            folder.display()
+        );
         text.toned(Tone::Bad, damaged);
     }
     if totals.checkpoints > 0 {
@@ -234,7 +240,9 @@ fn text(
                 .map_or_else(|| "-".to_owned(), |run| readable_time(&run.created));
             let lock = if standing.locked { "yes" } else { "-" };
             let is_stale = |stage: &StageReport| stage.outcome == Outcome::Stale;
+            let failed = standing.last.as_ref().and_then(failed);
             let tone = match &standing.stages {
+                _ if failed.is_some() => Tone::Bad,
                 Err(_) => Tone::Bad,
                 Ok(stages) if stages.iter().any(is_stale) => Tone::Caution,
                 Ok(_) => Tone::Dim,
@@ -243,12 +251,31 @@ fn text(
                 Cell::from(standing.path.display()),
                 Cell::from(last),
                 Cell::from(lock),
-                Cell::toned(&state(&standing.stages), tone),
+                Cell::toned(&(state(&standing.stages) + &failed.unwrap_or_default()), tone),
             ]);
         }
         text.line("").table(rows);
     }
     text
+}
+
+/// How the last run failed, or was stopped, and by which values, as a line; none where it did not.
+fn failed(run: &Run) -> Option<String> {
+    let what = match (run.failures.as_slice(), run.stopped.as_slice()) {
+        ([], []) => return None,
+        ([], stopped) => format!("was stopped in {}", stopped.join(", ")),
+        (failures, _) => format!("failed: {}", failures.join(", ")),
+    };
+    let sets: String = run
+        .overrides
+        .iter()
+        .map(|(path, value)| format!(" --set {path}={value}"))
+        .collect();
+    let with = match sets.is_empty() {
+        true => String::new(),
+        false => format!(", with{sets},"),
+    };
+    Some(format!("\nthe last run{with} {what}"))
 }
 
 fn state(stages: &Result<Vec<StageReport>, String>) -> String {

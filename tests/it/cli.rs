@@ -324,6 +324,8 @@ fn damage_is_told_from_other_failures() {
     }
     let status = workspace.run(&["status"]).stdout;
     assert!(status.contains("small: artifact damaged"), "{status}");
+    let told = workspace.run(&["fsck"]).stdout;
+    assert!(told.contains("`deaflow fsck --repair` makes it sound"), "{told}");
     let fsck = workspace.run(&["fsck", "--json"]);
     assert_eq!(fsck.code, Some(4), "{}", fsck.stderr);
     let report = fsck.json();

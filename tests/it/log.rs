@@ -115,6 +115,56 @@ fn a_failed_stage_stands_in_the_list() {
         json!({ "name": "none", "outcome": "failed", "digest": null, "removed": null })
     );
     assert_eq!(stages[1]["outcome"], "built");
+    let status = workspace.run(&["status", "short.yaml"]).stdout;
+    assert!(status.contains("the last run failed: none"), "{status}");
+
+    // What was not begun counts among the stages, as the run counts them.
+    let more = "  model: { kind: train, needs: [none], network: physics, epochs: 1, seed: 1 }\n";
+    workspace.write("short.yaml", &format!("{broken}{more}"));
+    let set = ["--set", "stages.none.target=5"];
+    assert_eq!(
+        workspace.run(&[&["run", "short.yaml"], &set[..]].concat()).code,
+        Some(1)
+    );
+    let stages = log(&workspace, &["-n", "1"])[0]["stages"].clone();
+    assert_eq!(
+        stages[3],
+        json!({ "name": "model", "outcome": "skipped", "digest": null, "removed": null })
+    );
+    let text = workspace.run(&["log", "-n", "1"]).stdout;
+    assert!(text.contains("none of 4") && text.contains("1 not begun"), "{text}");
+    let status = workspace.run(&["status", "short.yaml"]);
+    let words = status.stdout.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(words.contains("the last run, with --set"), "{words}");
+    let status = workspace.run(&["status", "short.yaml", "--json"]).json();
+    assert_eq!(status["pipelines"][0]["last_failed"], json!(["none"]));
+}
+
+#[test]
+fn what_a_collection_has_made_unknown_is_no_sameness() {
+    let workspace = Workspace::new();
+    workspace.write("short.yaml", SHORT);
+    workspace.stages(&["run", "short.yaml"]);
+    workspace.write("short.yaml", &SHORT.replace("seed: 1", "seed: 2"));
+    workspace.stages(&["run", "short.yaml"]);
+    let told = workspace.run(&["log", "short.yaml"]).stdout;
+    let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(words(&told).contains("seed from 1 to 2"), "{told}");
+    let gc = workspace.run(&["gc", "--keep-runs", "1", "--grace", "0"]);
+    assert_eq!(gc.code, Some(0), "{}", gc.stderr);
+    let told = workspace.run(&["diff", "@2", "@1"]).stdout;
+    assert!(
+        told.contains("no parameter that is known of both differs")
+            && told.contains("not compared: parameters of `small`"),
+        "{told}"
+    );
+    let told = workspace.run(&["log", "short.yaml", "--json"]);
+    assert_eq!(told.code, Some(0));
+    let told = workspace.run(&["log", "short.yaml"]).stdout;
+    assert!(
+        told.contains("not known any more") || words(&told).contains("is not known any more"),
+        "{told}"
+    );
 }
 
 #[test]
