@@ -36,6 +36,9 @@ pub struct AccuracyArguments {
     /// Measure on these patterns: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
     #[arg(long, value_name = "PATTERN", num_args = 1.., conflicts_with_all = ["families", "count", "seed"], help_heading = PATTERNS)]
     pub patterns: Vec<String>,
+    /// The same, as `solve` and `screen` take them
+    #[arg(value_name = "PATTERN", conflicts_with_all = ["patterns", "families", "count", "seed"], help_heading = PATTERNS)]
+    pub own: Vec<String>,
     /// Measure on patterns drawn from small and large grids, Bézier curves, stripes, blobs, checkers, dithers, mazes, diagonals,
     /// spirals, glyphs and single cells; the default
     #[arg(long, help_heading = PATTERNS)]
@@ -141,11 +144,12 @@ fn methods(arguments: &AccuracyArguments, scene: &Scene, reference: &Reference) 
 
 /// The patterns by family; those that were given are one of their own.
 fn families(arguments: &AccuracyArguments, scene: &Scene) -> Result<Families, CliError> {
-    if arguments.patterns.is_empty() {
+    let own = [arguments.patterns.as_slice(), &arguments.own].concat();
+    if own.is_empty() {
         let canvas = Canvas::of(&scene.membrane());
         return drawn(canvas, arguments.count, arguments.seed).map_err(|e| CliError::bad_input(e.to_string()));
     }
-    let patterns = direct::patterns(&arguments.patterns, scene.form())?;
+    let patterns = direct::patterns(&own, scene.form())?;
     if patterns.is_empty() {
         return Err(CliError::bad_input("the files hold no patterns"));
     }

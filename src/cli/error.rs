@@ -330,6 +330,9 @@ impl From<ReportError> for CliError {
         match error {
             ReportError::Store(error) => error.into(),
             ReportError::Output(error) => error.into(),
+            ReportError::Other { .. } => {
+                Self::bad_input(error.to_string()).help("-o names another folder; or remove that report first")
+            }
             other => Self::failure(other.to_string()),
         }
     }

@@ -10,18 +10,18 @@ use super::arguments::{SetArguments, StoreArguments, pipeline_in};
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
-use super::run;
+use super::{locate, run};
 use crate::base::{ArtifactId, readable_time};
 use crate::orchestrator::{Explanation, explain};
 
 /// Say why a stage would be built: every parameter and input that has changed
 #[derive(Debug, Args)]
-#[command(allow_missing_positional = true, after_help = examples!("deaflow explain pipeline.yaml design"))]
+#[command(allow_missing_positional = true, after_help = examples!("deaflow explain pipeline.yaml design", "deaflow explain pipeline.yaml:design"))]
 pub struct ExplainArguments {
     /// The pipeline, a YAML file, or a folder with one alone [default: that of this folder]
-    #[arg(default_value = ".", hide_default_value = true, value_parser = PathBufValueParser::new().try_map(pipeline_in))]
-    pub pipeline: PathBuf,
-    /// The stage
+    #[arg(value_parser = PathBufValueParser::new().try_map(pipeline_in))]
+    pub pipeline: Option<PathBuf>,
+    /// The stage, or PIPELINE.yaml:STAGE alone
     pub stage: String,
     #[command(flatten)]
     pub store: StoreArguments,
@@ -30,9 +30,18 @@ pub struct ExplainArguments {
 }
 
 pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, CliError> {
-    let pipeline = run::load_with(&arguments.pipeline, &arguments.set)?;
-    let (_scratch, store) = run::store_to_look_into(&arguments.store.folder_of(&arguments.pipeline))?;
-    let found = explain(&pipeline, &store, &arguments.stage)?;
+    let both = locate::split(&arguments.stage).filter(|_| arguments.pipeline.is_none());
+    let (path, stage) = match (both, &arguments.pipeline) {
+        (Some((path, stage)), _) => (PathBuf::from(path), stage),
+        (None, Some(path)) => (path.clone(), arguments.stage.as_str()),
+        (None, None) => (
+            pipeline_in(PathBuf::from(".")).map_err(CliError::bad_input)?,
+            arguments.stage.as_str(),
+        ),
+    };
+    let pipeline = run::load_with(&path, &arguments.set)?;
+    let (_scratch, store) = run::store_to_look_into(&arguments.store.folder_of(&path))?;
+    let found = explain(&pipeline, &store, stage)?;
     if output.is_json() {
         output.document(&document(&found))?;
     } else {

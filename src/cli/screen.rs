@@ -27,6 +27,12 @@ pub struct ScreenArguments {
     /// Patterns to judge by, FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset [default: extreme patterns]
     #[arg(value_name = "PATTERN")]
     pub patterns: Vec<String>,
+    /// Screen at this voltage instead of the scene's, as in "4 kV"
+    #[arg(long, value_name = "VOLTAGE")]
+    voltage: Option<String>,
+    /// Change a value of the scene for this call, such as drive.voltage="4 kV"
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    sets: Vec<String>,
     #[command(flatten)]
     pub time: TimeArguments,
     #[command(flatten)]
@@ -34,7 +40,10 @@ pub struct ScreenArguments {
 }
 
 pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, CliError> {
-    let scene = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
+    let changes = direct::changes(&arguments.sets, arguments.voltage.as_deref());
+    let scene = arguments
+        .state
+        .of(direct::read_scene_with(&arguments.scene, &changes)?)?;
     let screening = screen(scene, &arguments.patterns, arguments.time.work_limit())?;
     if output.is_json() {
         output.document(&screening.document())?;

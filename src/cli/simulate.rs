@@ -18,7 +18,7 @@ use crate::fem::{
     AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SolveOptions, Solver, SolverParameters,
     wrinkled_fraction,
 };
-use crate::field::Field;
+use crate::field::{Field, Order};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::stage::solution;
@@ -82,6 +82,10 @@ pub struct Answer {
     pub near_limit: Vec<(Place, Option<CriticalVoltage>)>,
     /// Patterns of which cells would wrinkle, where that was asked for: position and part of the membrane.
     pub wrinkled: Vec<(Place, f64)>,
+    /// Where patterns lose stability, in V, of those that the effect `electromechanical_stability` has this computed for.
+    pub critical: Vec<(Place, Option<[f64; 2]>)>,
+    /// Whether voltages at which stability is lost are those of bilinear elements, which lose it too late.
+    pub is_late: bool,
     /// What else is said.
     pub statement: Statement,
 }
@@ -182,10 +186,15 @@ impl Run {
     fn warnings(&self) -> impl Iterator<Item = String> {
         let state = self.state.as_ref().map(|state| format!("in state {state}: "));
         let state = state.unwrap_or_default();
+        // It is judged by the pattern that loses it first, which need not be like any of these.
+        let each = |warning: &str| match warning.contains("is not computed for each pattern") && warning.contains('`') {
+            true => "; `--set effects.electromechanical_stability=true` tells of these patterns one by one",
+            false => "",
+        };
         self.screened
             .warnings
             .iter()
-            .map(move |warning| format!("{state}{warning}"))
+            .map(move |warning| format!("{state}{warning}{}", each(warning)))
     }
 }
 
@@ -253,7 +262,18 @@ fn answer(
         Some((run.place(index), wrinkled_fraction(states)))
     });
     let states: Vec<String> = runs.iter().filter_map(|run| run.state.clone()).collect();
+    let searched = rows().filter(|(_, run)| run.screened.scene.effects.electromechanical_stability.is_some());
+    let critical = searched.map(|(index, run)| {
+        let found = run.results[index].simulation.observation.critical_voltage;
+        (run.place(index), found)
+    });
+    let critical: Vec<_> = critical.collect();
+    let is_bilinear = matches!(parameters.mesh_request(), MeshRequest::Fixed(mesh) if mesh.order() == Order::Bilinear);
+    let is_lost = |result: &&AccurateSimulation| result.simulation.outcome.bracket().is_some();
+    let is_late = is_bilinear && (results.iter().any(is_lost) || critical.iter().any(|(_, found)| found.is_some()));
     Answer {
+        critical,
+        is_late,
         content: content.in_states(&states),
         samples: patterns.len(),
         watched,

@@ -26,11 +26,14 @@ use crate::fem::{MeshRequest, Method, SolveOptions, SolverParameters, check_lead
 use crate::field::{Mesh, Order};
 use crate::orchestrator::Environment;
 use crate::scene::Scene;
-use crate::stage::direct;
+use crate::stage::{self, direct};
 use crate::store::{Provenance, write_file};
 
 /// The heading of options about the numerical method.
 const METHOD: &str = "Method";
+
+/// What is said of voltages at which bilinear elements lose stability.
+const LATE: &str = "these voltages are of this mesh of bilinear elements, which lose stability too late: --order 2 is nearer, --path says by how much";
 
 /// Simulate patterns with finite elements
 #[derive(Debug, Args)]
@@ -99,8 +102,7 @@ impl SolveArguments {
     }
 
     fn changes(&self) -> Vec<String> {
-        let voltage = self.voltage.iter().map(|voltage| format!("drive.voltage={voltage}"));
-        self.sets.iter().cloned().chain(voltage).collect()
+        direct::changes(&self.sets, self.voltage.as_deref())
     }
 
     /// The mesh.
@@ -163,6 +165,9 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         return history::execute(arguments, &scene, output);
     }
     let read = arguments.read_scene()?;
+    if let Some(faint) = stage::of_faint_drive(&read.at_largest_voltages()) {
+        output.complain(&format!("warning: {faint}"));
+    }
     let (patterns, names) = direct::patterns_with_names(&arguments.patterns.patterns, read.form())?;
     let watched = arguments.point.on(&read)?;
     check_leads(read.leads.as_ref(), &patterns)?;
@@ -303,6 +308,8 @@ pub fn conclude(
                 "error": found.and_then(|found| found.error),
             }))
         });
+        let critical = answer.critical.iter();
+        let critical = critical.map(|(place, found)| place.document(json!({ "between": found })));
         let mut document = json!({
             "file": arguments.output,
             "samples": n,
@@ -310,6 +317,7 @@ pub fn conclude(
             "unstable_samples": outcomes.collect::<Vec<_>>(),
             "accuracy_missed": missed.collect::<Vec<_>>(),
             "near_limit": near.collect::<Vec<_>>(),
+            "critical_voltages": critical.collect::<Vec<_>>(),
             "warnings": answer.warnings,
             "wrinkled": wrinkled.collect::<Vec<_>>(),
             "seconds": seconds,
@@ -356,6 +364,14 @@ fn text(arguments: &PatternArguments, answer: Answer, seconds: f64) -> Text {
         outcome => format!("{place}: no stable solution was found: {outcome}"),
     });
     first(&mut text, Tone::Bad, outcomes);
+    let critical = answer.critical.iter().map(|(place, found)| match found {
+        Some([stable, lost]) => format!("{place}: stability is lost between {stable:.1} V and {lost:.1} V"),
+        None => format!("{place}: where stability is lost was not found"),
+    });
+    first(&mut text, Tone::Plain, critical);
+    if answer.is_late {
+        text.toned(Tone::Caution, LATE);
+    }
     let near = answer.near_limit.iter().map(|(place, found)| {
         let limit = found.map_or("; where stability is lost was not found".to_owned(), |found| {
             format!(": stability is lost at {}", path::with_error(&found))

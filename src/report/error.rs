@@ -25,6 +25,14 @@ pub enum ReportError {
     /// A file of a report cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// The folder has the report of another pipeline.
+    #[error("{folder} has the report of the pipeline {pipeline}, which would be lost", folder = folder.display())]
+    Other {
+        /// The folder.
+        folder: PathBuf,
+        /// Whose report is there.
+        pipeline: String,
+    },
     /// A file of an earlier report cannot be replaced.
     #[error("cannot replace {path}: {source}", path = path.display())]
     Replace {

@@ -19,6 +19,9 @@ use crate::store::Artifact;
 /// A design whose prediction differs from the simulation by more than this fraction was judged by an evaluator that is wrong.
 pub(super) const TRUSTED: f64 = 0.05;
 
+/// Gains at equal area and at its own over the intuitive design that differ by more are both told: one alone would hide the other.
+const TELLING: f64 = 0.05;
+
 /// The result of a verify stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
@@ -189,6 +192,12 @@ impl Summary {
             text += &format!(", {} mm from what is wanted", three(distance));
         } else if let Some(gain) = best.gain_equal_area {
             text += &format!(", {} over the intuitive design at equal area", change(gain));
+            if let Some(own) = best.gain_own_area.filter(|own| (own - gain).abs() > TELLING) {
+                let area = self
+                    .intuitive_area(best)
+                    .map_or_else(String::new, |area| format!(" ({})", share(area)));
+                text += &format!(" and {} over it at its own{area}", change(own));
+            }
         } else if let Some(gain) = best.gain_own_area {
             text += &format!(", {} over the intuitive design, which has another area", change(gain));
         }
@@ -199,6 +208,18 @@ impl Summary {
             true => Headline::good(text),
             false => Headline::bad(format!("{text} ({})", best.status)),
         }
+    }
+
+    /// The area of the intuitive design of a target that its own gain is over.
+    fn intuitive_area(&self, of: &RowSummary) -> Option<f64> {
+        let intuitive = self
+            .rows
+            .iter()
+            .filter(|row| row.role == Role::Intuitive && row.same_target(of));
+        let distance = |row: &&RowSummary| (row.area - of.area).abs();
+        intuitive
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+            .map(|row| row.area)
     }
 
     /// By how much predictions were off, and whether they are to be trusted; none where nothing was predicted.

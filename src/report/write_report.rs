@@ -11,7 +11,7 @@ use super::error::ReportError;
 use super::export::{dxf, mask_drawing};
 use super::history::History;
 use super::intervals::NetworkInterval;
-use super::page::report_page;
+use super::page::{self, report_page};
 use crate::base::{CsvTable, OutputFile, csv_metadata, folder_of, read_bounded};
 use crate::pattern::Pattern;
 use crate::scene::{Mask, Size};
@@ -77,6 +77,7 @@ pub fn write_report(store: &Store, history: &History, folder: &Path) -> Result<W
     let run = history.run(store, &made);
     let designs = designs(&run, &history.superseded())?;
     let page = report_page(&run, history, &designs)?;
+    refuse_another(&page, folder)?;
     let (path, data) = (folder.join("index.html"), folder.join("data"));
     let (table, patterns, about) = (data.join("designs.csv"), data.join("patterns"), data.join(ABOUT));
     // What is in the way is found before anything of an earlier report goes.
@@ -116,6 +117,25 @@ pub fn write_report(store: &Store, history: &History, folder: &Path) -> Result<W
         masks,
         found: Found::of(&designs),
     })
+}
+
+/// Refuses a folder with the report of another pipeline, whose files would be replaced and removed.
+fn refuse_another(page: &str, folder: &Path) -> Result<(), ReportError> {
+    let there = read_bounded(&folder.join("index.html"), LONGEST_TABLE).unwrap_or_default();
+    let there = String::from_utf8_lossy(&there);
+    match (subject(&there), subject(page)) {
+        (Some(other), Some(own)) if other != own => Err(ReportError::Other {
+            folder: folder.to_owned(),
+            pipeline: other.to_owned(),
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Of which pipeline a page tells, as it stands there.
+fn subject(page: &str) -> Option<&str> {
+    let (_, rest) = page.split_once(page::ABOUT)?;
+    Some(rest.split_once(": ")?.0)
 }
 
 impl Written {
@@ -314,6 +334,23 @@ mod tests {
             "{}",
             lines[2]
         );
+    }
+
+    #[test]
+    fn the_report_of_another_pipeline_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let page = |name: &str| format!("<p class=\"lead\">{}{name}: 3 stages from x.yaml</p>", page::ABOUT);
+        assert!(refuse_another(&page("own"), folder.path()).is_ok());
+        fs::write(folder.path().join("index.html"), page("own")).unwrap();
+        assert!(refuse_another(&page("own"), folder.path()).is_ok());
+        let refused = refuse_another(&page("another"), folder.path()).unwrap_err();
+        assert!(
+            refused.to_string().contains("the report of the pipeline own"),
+            "{refused}"
+        );
+        // What is no report has no files that a report would remove.
+        fs::write(folder.path().join("index.html"), "<p>mine</p>").unwrap();
+        assert!(refuse_another(&page("another"), folder.path()).is_ok());
     }
 
     #[test]

@@ -25,6 +25,7 @@ pub use effects::{
 pub use geometry::{Body, Both, Frame, Geometry, MOST_BODIES, Outline};
 pub use leads::{Edge, Leads, Unreached};
 pub use mask::{Islands, Mask, Point, Size};
+pub(crate) use model::AUTO;
 pub use model::{ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};
 pub use properties::Properties;
 pub use shape::{Cells, Circle, Disc, Drawing, Place, Polygon, Rectangle, Shape, scene_files};

@@ -67,7 +67,7 @@ const MOST_VOLTS: f64 = 1e6;
 pub(super) const WHAT: &str = "the scene";
 
 /// The word in place of effects that leaves them to screening.
-const AUTO: &str = "auto";
+pub const AUTO: &str = "auto";
 
 /// The sections of a scene.
 pub(super) const SECTIONS: [&str; 7] = [

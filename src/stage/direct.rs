@@ -77,6 +77,13 @@ pub fn read_scene(path: &Path) -> Result<Scene, InputError> {
     read_scene_with(path, &[])
 }
 
+/// The changes of a command that takes `--set` and `--voltage`, for [`read_scene_with`]; the voltage comes last.
+#[must_use]
+pub fn changes(sets: &[String], voltage: Option<&str>) -> Vec<String> {
+    let voltage = voltage.map(|voltage| format!("drive.voltage={voltage}"));
+    sets.iter().cloned().chain(voltage).collect()
+}
+
 /// The same with values changed, each as in `drive.voltage=5 kV`; a path may begin with `scene.`, as in a pipeline.
 ///
 /// # Errors
@@ -88,12 +95,10 @@ pub fn read_scene_with(path: &Path, sets: &[String]) -> Result<Scene, InputError
     for set in sets {
         let own = set.trim_start();
         let own = own.strip_prefix("scene.").unwrap_or(own);
-        let set = if is_pipeline {
-            format!("scene.{own}")
-        } else {
-            own.to_owned()
-        };
-        Override::parse(&set)?.apply(&mut root)?;
+        match is_pipeline {
+            true => Override::parse(&format!("scene.{own}"))?.apply(&mut root)?,
+            false => Override::of_scene(own)?.apply(&mut root)?,
+        }
     }
     if root.peek("stages").is_some() && root.peek("scene").is_none() {
         return Err(root

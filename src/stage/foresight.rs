@@ -33,6 +33,18 @@ struct Beyond {
     is_lost: bool,
 }
 
+/// What is said of a voltage that moves next to nothing: most likely a number without its unit.
+pub fn of_faint_drive(scene: &Scene) -> Option<String> {
+    let volts = scene.voltage_v();
+    let limit = covered_limit(scene, FAR).ok().flatten()?;
+    (volts < FAINT * limit).then(|| {
+        format!(
+            "{volts} V moves next to nothing, where a membrane that is covered everywhere bears {}; a number without a unit is in V",
+            kilovolts(limit)
+        )
+    })
+}
+
 fn stability(stage: &Foreseeable<'_>) -> Option<Beyond> {
     let scene = checked_scene(stage.scene?).ok()?;
     let state = stage.node.peek(super::STATE);
@@ -40,7 +52,14 @@ fn stability(stage: &Foreseeable<'_>) -> Option<Beyond> {
         Some(name) => scene.in_state(name).ok()?,
         None => scene.at_largest_voltages(),
     };
-    beyond(&scene)
+    let faint = || {
+        let warning = of_faint_drive(&scene)?;
+        Some(Beyond {
+            warning,
+            is_lost: false,
+        })
+    };
+    beyond(&scene).or_else(faint)
 }
 
 /// What makes patterns of a scene stable of which none is.
@@ -57,6 +76,12 @@ pub fn advice(scene: &Scene) -> String {
         "a lower voltage, a thicker or a stiffer membrane stays stable{known}; `deaflow screen` finds the voltage of one cell"
     )
 }
+
+/// The share of the voltage that a covered membrane bears below which next to nothing moves: displacements go with its square.
+const FAINT: f64 = 0.01;
+
+/// How far beyond a voltage that of a covered membrane is looked for.
+const FAR: f64 = 1e5;
 
 fn beyond(scene: &Scene) -> Option<Beyond> {
     let mut simulated = scene.clone();
@@ -102,6 +127,17 @@ fn kilovolts(volts: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_voltage_without_its_unit_is_told_of() {
+        let at = |volts: f64| of_faint_drive(&Scene::vhb4910().at_voltage(volts));
+        let told = at(5.25).unwrap();
+        assert!(
+            told.starts_with("5.25 V moves next to nothing") && told.ends_with("a number without a unit is in V"),
+            "{told}"
+        );
+        assert_eq!((at(200.0), at(5250.0), at(0.0)), (None, None, None));
+    }
 
     #[test]
     fn what_is_said_depends_on_the_voltage() {

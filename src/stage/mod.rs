@@ -23,6 +23,7 @@ mod table;
 mod train;
 mod verify;
 
+pub use foresight::of_faint_drive;
 pub use results::{unit as result_unit, words_of as result_words};
 
 use crate::base::{Fields, InputError, Node, Schema};

@@ -27,12 +27,26 @@ impl Override {
     /// When there is no `=`, an empty step in the path, or the value is not YAML.
     pub fn parse(text: &str) -> Result<Self, InputError> {
         let form = "write it as --set stages.NAME.param=VALUE, --set scene.drive.voltage=\"5 kV\" or --set scene=FILE";
+        Self::read(text, (2, form))
+    }
+
+    /// The same within a scene that stands by itself, where a path of one step names a part of it: `effects=auto`.
+    ///
+    /// # Errors
+    /// As [`Override::parse`].
+    pub fn of_scene(text: &str) -> Result<Self, InputError> {
+        let form = "write it as --set drive.voltage=\"5 kV\", --set effects=auto or --set effects.PART.param=VALUE";
+        Self::read(text, (1, form))
+    }
+
+    /// Reads a path of so many steps at least.
+    fn read(text: &str, (least, form): (usize, &str)) -> Result<Self, InputError> {
         let Some((path, value)) = text.split_once('=') else {
             return Err(InputError::new(format!("--set {text}: no '=' in it")).help(form));
         };
         let path: Vec<String> = path.split('.').map(|step| step.trim().to_owned()).collect();
         let is_whole = matches!(path.as_slice(), [one] if WHOLE.contains(&one.as_str()));
-        if path.iter().any(String::is_empty) || (path.len() < 2 && !is_whole) {
+        if path.iter().any(String::is_empty) || (path.len() < least && !is_whole) {
             return Err(InputError::new(format!("--set {text}: the path is incomplete")).help(form));
         }
         let name = format!("--set {}", path.join("."));

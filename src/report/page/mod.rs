@@ -72,6 +72,9 @@ fn quoted(word: &str) -> String {
     }
 }
 
+/// The first words under the title of a page, before the name of its pipeline and a colon.
+pub const ABOUT: &str = "Report of the pipeline ";
+
 /// Title, what is missing, what the model leaves out, and the numbers that matter.
 fn head(page: &mut Page, history: &History, designs: &[Design], warned: &Warned) {
     let took: f64 = history
@@ -82,7 +85,7 @@ fn head(page: &mut Page, history: &History, designs: &[Design], warned: &Warned)
         .sum();
     let size: u64 = history.stages.iter().map(|stage| stage.bytes).sum();
     page.lead(&format!(
-        "Report of the pipeline {}: {} from {}, built in {}, {} in the store.",
+        "{ABOUT}{}: {} from {}, built in {}, {} in the store.",
         history.pipeline,
         counted(history.stages.len(), "stage", "stages"),
         history.path,

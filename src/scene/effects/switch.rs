@@ -30,6 +30,11 @@ pub fn switched_on(effects: &Node, properties: Option<&Node>) -> Result<Node, In
                 ))
                 .help("give `geometry.bodies`, and leave it out here"));
         }
+        if value.is_text(crate::scene::AUTO) {
+            return Err(value
+                .error(format!("{} is not left to the program by itself", key.found_key()))
+                .help("true turns it on, and `effects: auto` leaves all of them to the program"));
+        }
         let value = match (value.truth(), value.value()) {
             (Some(false), _) => continue,
             (Some(true), _) | (None, NodeValue::Null) => &value.with_value(NodeValue::Map(Vec::new())),
