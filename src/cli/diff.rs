@@ -85,6 +85,7 @@ pub fn parameters(from: &Side, to: &Side) -> Vec<Change<Canonical>> {
         .filter(|name| before.get(*name) != after.get(*name))
         // What one side does not know is no difference: which stages these are is said below.
         .filter(|name| !from.is_unknown(name) && !to.is_unknown(name))
+        .filter(|name| !is_filled(name, &before, &after) && !is_filled(name, &after, &before))
         .map(|name| Change {
             name: name.clone(),
             from: before.get(name).cloned(),
@@ -93,6 +94,17 @@ pub fn parameters(from: &Side, to: &Side) -> Vec<Change<Canonical>> {
         .collect();
     changes.sort_by(|a, b| a.name.cmp(&b.name));
     changes
+}
+
+/// Whether a mapping without entries on one side has some on the other: these tell of the change.
+fn is_filled(name: &str, empty: &BTreeMap<String, Canonical>, other: &BTreeMap<String, Canonical>) -> bool {
+    let is_empty = matches!(empty.get(name), Some(Canonical::Map(map)) if map.is_empty());
+    let begin = format!("{name}.");
+    is_empty
+        && other
+            .range(begin.clone()..)
+            .next()
+            .is_some_and(|(path, _)| path.starts_with(&begin))
 }
 
 fn results(from: &Side, to: &Side) -> Vec<Change<f64>> {

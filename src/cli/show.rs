@@ -202,7 +202,11 @@ impl Shown {
         self.table(&mut text);
         text.line("");
         if !self.provenance.is_empty() {
-            text.line(list("provenance", &self.provenance));
+            let mut provenance = self.provenance.clone();
+            if let Some(seconds) = provenance.get_mut("seconds").filter(|_| !self.parts.is_empty()) {
+                *seconds += " (the work of all chunks, several of which may have run at a time)";
+            }
+            text.line(list("provenance", &provenance));
         }
         if let Some(record) = &self.record {
             text.line(format!("record: {record}"));

@@ -81,6 +81,17 @@ pub fn steps(status: &StageStatus) -> u64 {
     }
 }
 
+/// That an earlier run has done some steps of a stage that is stale, in words; none where it has not.
+pub fn gone_on_with(
+    spec: &StageSpec,
+    status: &StageStatus,
+    store: &Store,
+    environment: &Environment,
+) -> Option<String> {
+    let kept = kept(status, store, &environment.build_of_checkpoints());
+    (kept > 0).then(|| format!("goes on after {kept} of {} {}", steps(status), spec.stage.unit()))
+}
+
 /// Steps that an earlier run has done of what is to be built, and that can be gone on with.
 fn kept(status: &StageStatus, store: &Store, build: &str) -> u64 {
     let State::Stale { chunks, .. } = &status.state else {

@@ -38,6 +38,10 @@ pub fn plan(
         let inputs = digests_of(spec, &selection, &statuses);
         let reasons = reasons(&planner, spec, status, &inputs)?;
         report.reasons = reasons.iter().map(ToString::to_string).collect();
+        if status.is_stale() {
+            let gone_on_with = cost_estimate::gone_on_with(spec, status, store, environment);
+            report.reasons.extend(gone_on_with);
+        }
         (report.price, report.unmeasured) = price;
         reports.push(report);
     }

@@ -105,17 +105,29 @@ fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
         found.map_or_else(absent, |(_, value)| value.to_string())
     };
     let changed = now.iter().filter(|leaf| !then.contains(leaf));
+    let changed = changed.filter(|(path, value)| !is_filled(path, value, &then));
     let dropped = then
         .iter()
         .filter(|(path, _)| !now.iter().any(|(other, _)| other == path));
+    let dropped = dropped.filter(|(path, value)| !is_filled(path, value, &now));
     changed
         .chain(dropped)
+        .filter(|(path, _)| as_set(path) != NOT_SET)
         .map(|(which, _)| Staleness::ParameterChanged {
             which: as_set(which).to_owned(),
             from: value(&then, which),
             to: value(&now, which),
         })
         .collect()
+}
+
+/// Part of the key of a design stage, which follows from its constraints and its scene and which nobody sets.
+const NOT_SET: &str = "devices";
+
+/// Whether a mapping without entries has some on the other side: these tell of the change.
+fn is_filled(path: &str, value: &Canonical, others: &[(String, &Canonical)]) -> bool {
+    let is_within = |other: &str| other.strip_prefix(path).is_some_and(|rest| rest.starts_with('.'));
+    matches!(value, Canonical::Map(map) if map.is_empty()) && others.iter().any(|(other, _)| is_within(other))
 }
 
 /// The path of a canonical parameter as `--set` takes it: chunked stages keep what all their chunks have in common under `stage`.
@@ -149,4 +161,36 @@ fn artifact_missing(condition: &Condition) -> Option<Staleness> {
 
 fn artifact_damaged(condition: &Condition) -> Option<Staleness> {
     matches!(condition, Condition::Damaged(_)).then_some(Staleness::ArtifactDamaged)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_into_an_empty_mapping_is_the_change() {
+        let stage = |constraints: Canonical, more: Option<u64>| {
+            let devices = more.map(|more| ("devices", more.into()));
+            Canonical::map([(
+                "stage",
+                Canonical::map([("constraints", constraints)].into_iter().chain(devices)),
+            )])
+        };
+        let (without, with) = (
+            stage(Canonical::map::<&str>([]), None),
+            stage(Canonical::map([("min_feature", 3_u64.into())]), Some(2)),
+        );
+        let told = |now: &Canonical, then: &Canonical| {
+            let changes = parameters_changed(now, then).into_iter();
+            changes.map(|change| change.to_string()).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            told(&with, &without),
+            ["parameter changed: constraints.min_feature from none to 3"]
+        );
+        assert_eq!(
+            told(&without, &with),
+            ["parameter changed: constraints.min_feature from 3 to none"]
+        );
+    }
 }

@@ -18,7 +18,9 @@ pub struct Evaluators {
     pub name: String,
     /// Settings of the one that was used.
     pub used: String,
-    /// Those that it was chosen from, the cheapest first; empty where it was named.
+    /// What is accurate enough, as the stage says it: a root mean square error; none where it was named.
+    pub enough: Option<String>,
+    /// Those that it was chosen from, the cheapest first and the reference last; empty where it was named.
     pub candidates: Vec<Candidate>,
 }
 
@@ -55,13 +57,22 @@ pub fn read(source: &Source<'_>) -> Result<Vec<Evaluators>, ReportError> {
     };
     let mut targets: Vec<(String, String)> = rows.into_iter().zip(used).collect();
     targets.dedup();
+    let parameters = source.artifact.provenance()?.remove("parameters").unwrap_or_default();
     let of_target = |(name, used): (String, String)| Evaluators {
         stage: source.stage.stage.clone(),
+        enough: enough(&parameters),
         candidates: (0..names.len()).filter(|&k| names[k] == name).map(candidate).collect(),
         name,
         used,
     };
     Ok(targets.into_iter().map(of_target).collect())
+}
+
+/// What is accurate enough by the parameters of a stage, as its provenance has them.
+fn enough(parameters: &str) -> Option<String> {
+    let (_, rest) = parameters.split_once("evaluator_accuracy: ")?;
+    let end = rest.find([',', '}']).unwrap_or(rest.len());
+    Some(rest[..end].trim().to_owned())
 }
 
 impl fmt::Display for Evaluators {
@@ -76,7 +87,15 @@ impl fmt::Display for Evaluators {
             return Ok(());
         }
         write!(f, ", the cheapest that is accurate enough")?;
-        for candidate in &self.candidates {
+        if let Some(enough) = &self.enough {
+            write!(f, " (RMSE up to {enough}, and little at designs)")?;
+        }
+        let last = self.candidates.len() - 1;
+        for (at, candidate) in self.candidates.iter().enumerate() {
+            if at == last && candidate.rmse_mm == Some(0.0) {
+                write!(f, "\n  {:<48} the reference of the others", candidate.settings)?;
+                continue;
+            }
             let error = candidate
                 .rmse_mm
                 .map_or("no field".to_owned(), |mm| format!("RMSE {} mm", three(mm)));

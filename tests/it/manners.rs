@@ -408,6 +408,10 @@ fn a_pipeline_alone_in_a_folder_need_not_be_named() {
         explained.stdout,
         workspace.run(&["explain", "small.yaml", "solved"]).stdout
     );
+    assert_eq!(
+        explained.stdout,
+        workspace.run(&["explain", "small.yaml:solved"]).stdout
+    );
     let reported = workspace.run(&["report", "-o", "page"]);
     assert_eq!(reported.code, Some(0), "{}", reported.stderr);
 }

@@ -391,3 +391,64 @@ fn cells_tell_stresses_and_where_the_membrane_would_wrinkle() {
         (Some(0), Some(fraction[0]))
     );
 }
+
+#[test]
+fn patterns_beyond_their_limit_are_told_where_it_is_and_by_which_elements() {
+    let workspace = workspace("5.25 kV");
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    let solve = |more: &[&str]| workspace.run(&[&["solve", "scene.yaml", "half.csv"], more].concat());
+    // Where the scene asks for it, and by which elements.
+    let on = ["--set", "effects.electromechanical_stability=true"];
+    let ended = solve(&on);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert!(
+        ended.stdout.contains("pattern 0: stability is lost between"),
+        "{}",
+        ended.stdout
+    );
+    assert!(
+        ended.stdout.contains("lose stability too late: --order 2"),
+        "{}",
+        ended.stdout
+    );
+    let ended = solve(&[&on[..], &["--order", "2", "--json"]].concat());
+    let between = ended.json()["critical_voltages"][0]["between"].clone();
+    let bracket = [0, 1].map(|end| between[end].as_f64().unwrap());
+    assert!(
+        bracket[0] > 5250.0 && bracket[1] > bracket[0] && bracket[1] < 12e3,
+        "{bracket:?}"
+    );
+    let ended = solve(&["--order", "2"]);
+    assert!(
+        !ended.stdout.contains("too late") && !ended.stdout.contains("is lost between"),
+        "{}",
+        ended.stdout
+    );
+    // A voltage without its unit.
+    let ended = solve(&["--voltage", "5.25"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("5.25 V moves next to nothing")
+            && ended.stderr.contains("a number without a unit is in V"),
+        "{}",
+        ended.stderr
+    );
+    assert!(!solve(&["--voltage", "5.25 kV"]).stderr.contains("next to nothing"));
+    // A path of one step names a part of the scene.
+    assert_eq!(solve(&["--set", "effects={ fringe_field: true }"]).code, Some(0));
+    let ended = solve(&["--set", "effects.strain_stiffening=auto"]);
+    assert_eq!(ended.code, Some(2), "{}", ended.stdout);
+    assert!(
+        ended.stderr.contains("`effects: auto` leaves all of them"),
+        "{}",
+        ended.stderr
+    );
+    let screened = workspace.run(&["screen", "scene.yaml", "half.csv", "--voltage", "1 kV", "--json"]);
+    assert_eq!(screened.code, Some(0), "{}", screened.stderr);
+    assert_eq!(
+        screened.json()["warnings"].as_array().unwrap().len(),
+        0,
+        "{}",
+        screened.stdout
+    );
+}

@@ -51,6 +51,12 @@ fn a_killed_training_is_gone_on_with_to_the_same_bits() {
     );
     let steps = unfinished["steps"].as_u64().unwrap();
     assert!((1..120).contains(&steps), "{unfinished}");
+    let planned = killed.run(&["plan", "train.yaml"]).stdout;
+    let words = planned.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(
+        words.contains(&format!("goes on after {steps} of 120 epochs")),
+        "{planned}"
+    );
     let told = killed.run(&["status"]).stdout;
     assert!(told.contains(": surrogate after "), "{told}");
     // A run that did not end stands in the log, and no more once it has been run to its end.

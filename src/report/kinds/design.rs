@@ -87,7 +87,10 @@ impl Presenter for Design {
             let (generations, steps) = (source.of(generations(&view))?, source.of(steps(&view))?);
             let stage = &source.stage.stage;
             let by_generation = chart(stage, "genetic algorithm", "Generation", &generations);
-            Ok([by_generation, chart(stage, "by gradients", "Step", &steps)])
+            Ok([
+                by_generation,
+                chart(stage, "by gradients of finite elements", "Step", &steps),
+            ])
         })?;
         let charts: Vec<Chart> = charts.into_iter().flatten().flatten().collect();
         if charts.is_empty() {
@@ -97,7 +100,9 @@ impl Presenter for Design {
         evaluators_table(page, &run.each(self.kind(), read)?.concat());
         page.line(
             "How far the best pattern of each generation or step still was from the one that the search ended with, in percent of its \
-             displacement as the search judged it. A line ends where nothing more was gained.",
+             displacement as what judged it says: of a generation what stands in the table, of a step along the gradient finite elements, one \
+             biquadratic to a cell. The ends of both searches of a design therefore differ by the error of the first. A line ends where nothing \
+             more was gained.",
         );
         page.charts(&charts);
         Ok(())
