@@ -16,12 +16,12 @@ use crate::base::Canonical;
 
 /// Compare two runs: parameters that differ, and results that differ with them
 #[derive(Debug, Args)]
-#[command(after_help = examples!("deaflow diff @2 @1", "deaflow diff pipeline.yaml --set stages.design.generations=60"))]
+#[command(after_help = examples!("deaflow diff", "deaflow diff @2 @1", "deaflow diff pipeline.yaml --set stages.design.generations=60"))]
 pub struct DiffArguments {
     /// A run (@1 is the last one in `deaflow log`, @2 the one before, PIPELINE.yaml@1 the last of a pipeline, or its digits), a pipeline as
-    /// it stands, a lock file, or an artifact by its digits
+    /// it stands, a lock file, or an artifact by its digits [default: the last two runs are compared]
     #[arg(value_name = "A")]
-    pub from: String,
+    pub from: Option<String>,
     /// The same; a pipeline alone is compared with itself as --set changes it
     #[arg(value_name = "B")]
     pub to: Option<String>,
@@ -45,17 +45,22 @@ pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliEr
     let store = locate::existing_store(
         &arguments
             .store
-            .folder_of_any([&arguments.from].into_iter().chain(&arguments.to)),
+            .folder_of_any(arguments.from.iter().chain(&arguments.to)),
     )?;
     let places = Places::new(&store);
     let sets = arguments.set.overrides()?;
-    let (from, to) = match &arguments.to {
-        Some(to) => (places.side(&arguments.from, &[])?, places.side(to, &sets)?),
+    let from = arguments.from.as_deref().unwrap_or("@2");
+    let to = match arguments.from {
+        Some(_) => arguments.to.as_deref(),
+        None => Some("@1"),
+    };
+    let (from, to) = match to {
+        Some(to) => (places.side(from, &[])?, places.side(to, &sets)?),
         None if sets.is_empty() => {
             return Err(CliError::bad_input("there is nothing to compare it with")
                 .help("give two runs, as in `deaflow diff @2 @1`, or a pipeline and --set"));
         }
-        None => (places.side(&arguments.from, &[])?, places.side(&arguments.from, &sets)?),
+        None => (places.side(from, &[])?, places.side(from, &sets)?),
     };
     if !sets.is_empty() && !to.can_be_set {
         return Err(
@@ -186,12 +191,15 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
     let (both, one): (Vec<&Change<f64>>, Vec<&Change<f64>>) = results
         .iter()
         .partition(|change| change.from.is_some() && change.to.is_some());
-    if both.is_empty() {
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), table::number);
+    let (both, alike): (Vec<&Change<f64>>, Vec<&Change<f64>>) = both
+        .into_iter()
+        .partition(|change| number(change.from) != number(change.to));
+    if both.is_empty() && alike.is_empty() {
         text.line("no result that both have differs");
-    } else {
+    } else if !both.is_empty() {
         let mut table =
             table::table(&["result", "from", "to", "change"], &["from", "to", "change"]).flowing(&["result"]);
-        let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), table::number);
         for change in both {
             table.add_row([
                 change.name.clone(),
@@ -201,6 +209,15 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
             ]);
         }
         text.table(table);
+    }
+    if !alike.is_empty() {
+        text.line(format!(
+            "{} by less than is shown here: --json and --csv tell all",
+            match alike.len() {
+                1 => "1 result differs".to_owned(),
+                n => format!("{n} results differ"),
+            }
+        ));
     }
     for (side, of) in [
         ("from", one_sided(&one, |change| change.from)),
@@ -341,5 +358,13 @@ mod tests {
         assert!(shown.contains("a.x") && !shown.contains("b.x"), "{shown}");
         assert!(shown.contains("known of `from` alone: 2 results of b\n"), "{shown}");
         assert!(shown.ends_with("known of `to` alone: 1 result of c"), "{shown}");
+        // What differs by less than is shown is counted.
+        let (from, to) = (side(&[("a.x", 2.154_700_1)]), side(&[("a.x", 2.154_700_2)]));
+        let found = results(&from, &to);
+        let shown = text(&from, &to, &[], &found).show(Screen::default());
+        assert!(
+            shown.contains("1 result differs by less than is shown here") && !shown.contains("a.x"),
+            "{shown}"
+        );
     }
 }

@@ -28,7 +28,7 @@ pub struct GcArguments {
     #[arg(short = 'n', long)]
     pub dry_run: bool,
     /// Keep what the last N runs made and needed
-    #[arg(long, value_name = "N", default_value_t = 10)]
+    #[arg(long, value_name = "N", default_value_t = 10, allow_negative_numbers = true)]
     pub keep_runs: usize,
     /// Keep what was written less than so many hours ago
     #[arg(long, value_name = "HOURS", default_value_t = 24.0, value_parser = number(0.0..=1e6, "0 to 1e6 hours"))]

@@ -281,7 +281,7 @@ fn forgotten(runs: [&Run; 2], sides: [&Side; 2]) -> Option<String> {
         let keys = runs.map(|run| run.stage(name).map(|stage| stage.key));
         let sets = runs.into_iter().flat_map(|run| run.overrides.keys());
         let is_set = |path: &String| path.starts_with("scene") || path.starts_with(&format!("stages.{name}."));
-        keys.iter().all(Option::is_some) && keys[0] != keys[1] && !sets.into_iter().any(|path| is_set(path))
+        keys.iter().all(Option::is_some) && keys[0] != keys[1] && !sets.into_iter().any(is_set)
     };
     let mut names: Vec<&str> = sides.into_iter().flat_map(Side::without_parameters).collect();
     names.sort_unstable();

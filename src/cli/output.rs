@@ -154,6 +154,14 @@ impl Output {
     pub fn usage(&self, error: &clap::Error) -> Exit {
         let asked_for = !error.use_stderr();
         let text = error.render().to_string();
+        // The folder stands for a pipeline that nobody has named.
+        if let Some((_, why)) = text.split_once(UNNAMED) {
+            let why = why.split("\n\nFor more information").next().unwrap_or_default();
+            return self.end(Err(CliError::bad_input(format!(
+                "no pipeline is named: {}",
+                why.trim()
+            ))));
+        }
         // What is quoted may be the name of a file that somebody else gave it.
         if !asked_for && (self.json || text.contains(is_unprintable)) {
             // Where people find more is no part of what is wrong.
@@ -167,6 +175,9 @@ impl Output {
         }
     }
 }
+
+/// How clap refuses the folder in which a command is given, in the place of a pipeline.
+const UNNAMED: &str = "invalid value '.' for '[PIPELINE]': ";
 
 /// Writes lines to stderr for programs.
 pub fn tell(text: &str) {

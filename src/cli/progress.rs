@@ -18,6 +18,9 @@ use super::tone::{Screen, Tone, width_of_stderr};
 use crate::base::{Progress, printable, printable_json};
 use crate::orchestrator::{Event, Outcome, StageReport};
 
+/// Reasons for which a stage is built that are told as it begins.
+const REASONS: usize = 3;
+
 /// Time between two plain lines.
 const INTERVAL: Duration = Duration::from_secs(10);
 
@@ -354,13 +357,17 @@ pub fn line(event: &Event) -> Option<String> {
             name,
             steps,
             unit,
-            why,
+            reasons,
             price,
             ..
         } => {
             let price = price.map_or_else(String::new, |price| {
                 format!(", about {} of the run's time", table::time(&price.seconds))
             });
+            let why = match reasons.len() {
+                0..=REASONS => reasons.join("; "),
+                n => format!("{}; and {} more reasons", reasons[..REASONS].join("; "), n - REASONS),
+            };
             format!("{name}: {} to do ({why}){price}", table::counted(*steps, unit))
         }
         Event::StageReused(report)

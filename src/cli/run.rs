@@ -2,7 +2,6 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
@@ -122,13 +121,13 @@ pub fn of_pipeline(
         stop: Some(stop.flag()),
         ..RunOptions::default()
     };
-    let start = Instant::now();
     let done = run(pipeline, store, &options, &Environment::system(), &listener);
     log.end();
     drop(watch);
     reading.end(output, arguments.quiet);
-    let (is_stopped, seconds) = (stop.end(), start.elapsed().as_secs_f64());
+    let is_stopped = stop.end();
     let mut outcome = done?;
+    let seconds = outcome.seconds;
     if let Some(why) = log.trouble() {
         output.complain(&format!("warning: the log file of this run is not whole: {why}"));
     }

@@ -49,6 +49,7 @@ pub fn execute(arguments: &ShowArguments, output: &Output) -> Result<Exit, CliEr
         }
         (of_file(file)?, None)
     } else {
+        refuse_pattern(file)?;
         let store = locate::existing_store(&arguments.store.folder_of_any([&arguments.artifact]))?;
         let artifact = locate::artifact(&store, &arguments.artifact)?;
         let record = record(&store, &artifact)?;
@@ -72,6 +73,21 @@ fn of_file(file: &Path) -> Result<Artifact, CliError> {
         }
         Err(error) => Err(error.into()),
         Ok(_) => Ok(artifact),
+    }
+}
+
+/// A drawn pattern is no artifact.
+fn refuse_pattern(file: &Path) -> Result<(), CliError> {
+    let is_pattern = file
+        .extension()
+        .is_some_and(|end| ["csv", "npy", "png"].iter().any(|known| end == *known));
+    match is_pattern && file.is_file() {
+        false => Ok(()),
+        true => Err(
+            CliError::bad_input(format!("{} is a pattern or a table, and no artifact", file.display())).help(
+                "`deaflow solve SCENE.yaml PATTERN` simulates a pattern, `deaflow screen` says what it calls for",
+            ),
+        ),
     }
 }
 
@@ -250,7 +266,11 @@ fn counts_line(path: &str, counts: &BTreeMap<String, u64>) -> String {
     if counts.len() > SHOWN_TEXTS {
         return format!("  {path}: {} different texts", counts.len());
     }
-    let counts: Vec<String> = counts.iter().map(|(text, n)| format!("{text} {n}")).collect();
+    let said = |text: &String| match text.is_empty() {
+        true => "(no text)".to_owned(),
+        false => text.clone(),
+    };
+    let counts: Vec<String> = counts.iter().map(|(text, n)| format!("{} {n}", said(text))).collect();
     format!("  {path}: {}", counts.join(", "))
 }
 

@@ -116,6 +116,8 @@ pub enum Event {
         /// Why it is stale.
         #[serde(serialize_with = "words")]
         why: Staleness,
+        /// Everything that makes it stale, in words.
+        reasons: Vec<String>,
         /// What building it was foretold to take.
         price: Option<Price>,
     },

@@ -21,7 +21,7 @@ use super::shares::Shares;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
 use super::work::{Built, Work};
-use crate::base::InputError;
+use crate::base::{ArtifactId, InputError};
 use crate::store::{Command, Effort, Ended, LockFile, LockedStage, Record, Run, RunStage, Store, StoreError};
 
 /// Stack of the thread of a stage, bytes: as much as the main thread has.
@@ -107,6 +107,8 @@ pub struct RunOutcome {
     pub lock: LockFile,
     /// Warnings that were given before the work.
     pub foreseen: Vec<String>,
+    /// What it took from its beginning to its end, as the history has it, s.
+    pub seconds: f64,
 }
 
 /// Runs a pipeline. A stage that fails ends the run, or with `keep_going` only what needs it; what was built stays.
@@ -195,9 +197,10 @@ pub fn run(
         .map(|&index| &pipeline.stages[index].name);
     let has_ended = |name: &&String| !failures.iter().any(|failure| failure.stage == **name);
     let not_begun = left.filter(has_ended).cloned().collect();
+    let seconds = environment.seconds_since(began);
     let run = Run {
         command: options.command,
-        seconds: environment.seconds_since(began),
+        seconds,
         log: options.log.filter(|_| stages.iter().any(is_work)).map(str::to_owned),
         stages: stages_done.into_values().collect(),
         failures: named(&failures, |failure| !failure.is_stop()),
@@ -221,6 +224,7 @@ pub fn run(
         not_logged,
         lock,
         foreseen,
+        seconds,
     })
 }
 
@@ -779,12 +783,17 @@ impl<'a> Execution<'a> {
 
     fn announce(&self, index: usize, status: &StageStatus, why: &Staleness) {
         let spec = &self.pipeline.stages[index];
+        let digest = |need: &usize| self.inputs.get(need).and_then(|input| input.digest);
+        let inputs: Vec<Option<ArtifactId>> = spec.needs.iter().map(digest).collect();
+        // What cannot be read of past runs is no reason not to build.
+        let reasons = plan::reasons(&self.planner, spec, status, &inputs).unwrap_or_else(|_| vec![why.clone()]);
         (self.builder.listener)(&Event::StageStarted {
             name: spec.name.clone(),
             kind: spec.kind.name().to_owned(),
             steps: cost_estimate::steps(status),
             unit: spec.stage.unit(),
             why: why.clone(),
+            reasons: reasons.iter().map(ToString::to_string).collect(),
             price: self.prices.get(&index).copied().flatten(),
         });
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::common::{Ended, TINY, Workspace, scene_file};
+use super::common::{Ended, SHORT, TINY, Workspace, scene_file};
 
 /// Designs of one target in two stages, and their verification.
 const TWO: &str = "version: 1
@@ -262,4 +262,19 @@ fn a_network_that_was_never_trained_here_has_no_price() {
         words.stdout
     );
     assert_eq!(stage(&known, "design")["unmeasured"], "never measured");
+}
+
+#[test]
+fn what_is_likely_to_be_lost_has_no_price_of_what_was_stable() {
+    let workspace = Workspace::new();
+    workspace.write("short.yaml", SHORT);
+    workspace.stages(&["run", "short.yaml"]);
+    let planned = |voltage: &str| {
+        let set = format!("scene.drive.voltage={voltage}");
+        workspace.run(&["plan", "short.yaml", "--set", &set, "--json"]).json()["stages"][1].clone()
+    };
+    assert!(planned("5 kV")["price"].is_object());
+    let lost = planned("12 kV");
+    assert!(lost["price"].is_null(), "{lost}");
+    assert_eq!(lost["unmeasured"], "not known: unstable ones take many times as long");
 }

@@ -183,6 +183,7 @@ fn two_runs_are_compared_by_parameters_and_results() {
         "{names:?}"
     );
     assert!(!names.contains(&"solved.unstable"), "it does not differ");
+    assert_eq!(diff(&workspace, &[]).0, expected, "the last two");
     let runs = log(&workspace, &[]);
     let moved = results
         .iter()

@@ -414,6 +414,19 @@ fn a_pipeline_alone_in_a_folder_need_not_be_named() {
     );
     let reported = workspace.run(&["report", "-o", "page"]);
     assert_eq!(reported.code, Some(0), "{}", reported.stderr);
+    workspace.write(
+        "second.yaml",
+        &fs::read_to_string(workspace.path("small.yaml")).unwrap(),
+    );
+    let which = workspace.run(&["plan"]);
+    assert_eq!(which.code, Some(2));
+    assert!(
+        which
+            .stderr
+            .contains("no pipeline is named: there are several pipelines in .: second.yaml, small.yaml"),
+        "{}",
+        which.stderr
+    );
 }
 
 #[test]

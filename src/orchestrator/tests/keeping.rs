@@ -76,13 +76,13 @@ fn a_failed_run_lists_what_was_not_begun_because_of_the_failure() {
         .map(|stage| (stage.name.as_str(), skipped(stage)))
         .collect();
     let of_one = Some(Some("one".to_owned()));
-    // The others need nothing that failed, and the run ended before they were begun.
+    // `two` needs nothing that failed, and the run ended before it was begun.
     let expected = [
         ("one", None),
         ("two", Some(None)),
         ("sum", of_one.clone()),
         ("squared", of_one),
-        ("other", Some(None)),
+        ("other", Some(Some("two".to_owned()))),
     ];
     assert_eq!(missing, expected);
     let why = outcome.stages[1].why.as_deref().unwrap_or_default();
