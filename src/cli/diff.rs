@@ -90,6 +90,13 @@ pub fn parameters(from: &Side, to: &Side) -> Vec<Change<Canonical>> {
         .filter(|name| before.get(*name) != after.get(*name))
         // What one side does not know is no difference: which stages these are is said below.
         .filter(|name| !from.is_unknown(name) && !to.is_unknown(name))
+        // What stages have of the scene is told of all together: the one that has it may be among those that are not known.
+        .filter(|name| {
+            let is_lacking = |side: &Side, known: &BTreeMap<String, Canonical>| {
+                !known.contains_key(*name) && side.without_parameters().next().is_some()
+            };
+            !(is_lacking(from, &before) || is_lacking(to, &after))
+        })
         .filter(|name| !is_filled(name, &before, &after) && !is_filled(name, &after, &before))
         .map(|name| Change {
             name: name.clone(),

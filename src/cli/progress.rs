@@ -18,6 +18,9 @@ use super::tone::{Screen, Tone, width_of_stderr};
 use crate::base::{Progress, printable, printable_json};
 use crate::orchestrator::{Event, Outcome, StageReport};
 
+/// A part of the time of a stage, and of a second, by which its two clocks must differ to be told apart.
+const TELLING: f64 = 0.05;
+
 /// Reasons for which a stage is built that are told as it begins.
 const REASONS: usize = 3;
 
@@ -391,7 +394,8 @@ fn ended(report: &StageReport) -> String {
     match report.outcome {
         Outcome::Built => {
             let took = table::seconds(report.seconds);
-            match report.part.map(table::seconds).filter(|part| *part != took) {
+            let is_less = |part: &f64| report.seconds - part > TELLING.max(TELLING * report.seconds);
+            match report.part.filter(is_less).map(table::seconds) {
                 Some(part) => format!("{word}{digest} in {took} ({part} of the run's time)"),
                 None => format!("{word}{digest} in {took}"),
             }

@@ -19,10 +19,9 @@ pub fn of_run(stages: &[StageReport]) -> Text {
     text
 }
 
-/// Whether stages were built at once.
+/// Whether stages may have been built at once: how much their times differ from their parts is a matter of chance.
 fn is_shared(stages: &[StageReport]) -> bool {
-    let differs = |stage: &StageReport| stage.part.is_some_and(|part| seconds(part) != seconds(stage.seconds));
-    stages.iter().any(differs)
+    stages.iter().filter(|stage| stage.part.is_some()).count() > 1
 }
 
 fn table_of_run(stages: &[StageReport]) -> Table {
@@ -255,7 +254,7 @@ mod tests {
         for expected in ["time", "part", "4.00 s", "2.00 s", "6.00 s", PARTS] {
             assert!(shown.contains(expected), "{expected}: {shown}");
         }
-        let alone = of_run(&[stage("a", 4.0, Some(4.0)), stage("b", 6.0, None)]).show(Screen::default());
+        let alone = of_run(&[stage("a", 4.0, None), stage("b", 6.0, None)]).show(Screen::default());
         assert!(!alone.contains("part"), "{alone}");
     }
 
