@@ -468,23 +468,10 @@ mod tests {
     #[test]
     fn the_end_of_a_stage_is_told_in_one_line() {
         let report = |outcome| StageReport {
-            name: "solved".into(),
-            kind: "solve".into(),
-            outcome,
             chunks_built: 1,
-            chunks_reused: 0,
             digest: Some(crate::base::ArtifactId::of(b"")),
             seconds: 61.2,
-            part: None,
-            size: 0,
-            size_built: 0,
-            resumed: 0,
-            missing: None,
-            price: None,
-            unmeasured: None,
-            why: None,
-            reasons: Vec::new(),
-            staleness: None,
+            ..StageReport::new("solved", "solve", outcome)
         };
         assert_eq!(ended(&report(Outcome::Built)), "built af1349b9f5f9 in 1 min 01 s");
         let shared = StageReport {

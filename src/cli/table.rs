@@ -232,23 +232,10 @@ mod tests {
     #[test]
     fn of_stages_that_were_built_at_once_both_clocks_are_told() {
         let stage = |name: &str, seconds: f64, part: Option<f64>| StageReport {
-            name: name.into(),
-            kind: "solve".into(),
-            outcome: Outcome::Built,
             chunks_built: 1,
-            chunks_reused: 0,
-            digest: None,
             seconds,
             part,
-            size: 0,
-            size_built: 0,
-            resumed: 0,
-            missing: None,
-            price: None,
-            unmeasured: None,
-            why: None,
-            reasons: Vec::new(),
-            staleness: None,
+            ..StageReport::new(name, "solve", Outcome::Built)
         };
         let shown = of_run(&[stage("a", 4.0, Some(2.0)), stage("b", 6.0, Some(4.0))]).show(Screen::default());
         for expected in ["time", "part", "4.00 s", "2.00 s", "6.00 s", PARTS] {

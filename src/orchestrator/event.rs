@@ -71,6 +71,32 @@ pub struct StageReport {
     pub staleness: Option<Staleness>,
 }
 
+impl StageReport {
+    /// Of a stage of which nothing is known but how it ended.
+    #[must_use]
+    pub fn new(name: &str, kind: &str, outcome: Outcome) -> Self {
+        Self {
+            name: name.to_owned(),
+            kind: kind.to_owned(),
+            outcome,
+            chunks_built: 0,
+            chunks_reused: 0,
+            digest: None,
+            seconds: 0.0,
+            part: None,
+            size: 0,
+            size_built: 0,
+            resumed: 0,
+            missing: None,
+            price: None,
+            unmeasured: None,
+            why: None,
+            reasons: Vec::new(),
+            staleness: None,
+        }
+    }
+}
+
 /// A number is written where there is something to count.
 fn is_none(number: &u64) -> bool {
     *number == 0

@@ -863,24 +863,6 @@ impl<'a> Execution<'a> {
 
     fn unbuilt(&self, index: usize) -> StageReport {
         let spec = &self.pipeline.stages[index];
-        StageReport {
-            name: spec.name.clone(),
-            kind: spec.kind.name().to_owned(),
-            outcome: Outcome::Skipped,
-            chunks_built: 0,
-            chunks_reused: 0,
-            digest: None,
-            seconds: 0.0,
-            part: None,
-            size: 0,
-            size_built: 0,
-            resumed: 0,
-            missing: None,
-            price: None,
-            unmeasured: None,
-            why: None,
-            reasons: Vec::new(),
-            staleness: None,
-        }
+        StageReport::new(&spec.name, spec.kind.name(), Outcome::Skipped)
     }
 }

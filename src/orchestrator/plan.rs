@@ -113,22 +113,13 @@ pub fn report(spec: &StageSpec, status: &StageStatus) -> StageReport {
         }
     };
     StageReport {
-        name: spec.name.clone(),
-        kind: spec.kind.name().to_owned(),
-        outcome,
         chunks_built: total - reused,
         chunks_reused: reused,
         digest,
-        seconds: 0.0,
-        part: None,
         size,
-        size_built: 0,
-        resumed: 0,
-        missing: None,
-        price: None,
-        unmeasured: None,
         reasons: staleness.iter().map(ToString::to_string).collect(),
         why: staleness.as_ref().map(ToString::to_string),
         staleness,
+        ..StageReport::new(&spec.name, spec.kind.name(), outcome)
     }
 }

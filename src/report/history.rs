@@ -341,23 +341,10 @@ mod tests {
 
     fn planned(name: &str, artifact: &str, staleness: Option<Staleness>) -> StageReport {
         StageReport {
-            name: name.to_owned(),
-            kind: "solve".into(),
-            outcome: Outcome::Reused,
-            chunks_built: 0,
             chunks_reused: 1,
             digest: Some(id(artifact)),
-            seconds: 0.0,
-            part: None,
-            size: 0,
-            size_built: 0,
-            resumed: 0,
-            missing: None,
-            price: None,
-            unmeasured: None,
-            why: None,
-            reasons: Vec::new(),
             staleness,
+            ..StageReport::new(name, "solve", Outcome::Reused)
         }
     }
 
