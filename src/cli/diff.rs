@@ -13,6 +13,7 @@ use super::side::{Places, Side};
 use super::text::Text;
 use super::{csv, locate, table};
 use crate::base::Canonical;
+use crate::orchestrator::is_filled;
 
 /// Compare two runs: parameters that differ, and results that differ with them
 #[derive(Debug, Args)]
@@ -97,7 +98,14 @@ pub fn parameters(from: &Side, to: &Side) -> Vec<Change<Canonical>> {
             };
             !(is_lacking(from, &before) || is_lacking(to, &after))
         })
-        .filter(|name| !is_filled(name, &before, &after) && !is_filled(name, &after, &before))
+        .filter(|name| {
+            let is_filled = |empty: &BTreeMap<String, Canonical>, other: &BTreeMap<String, Canonical>| {
+                empty
+                    .get(*name)
+                    .is_some_and(|value| is_filled(name, value, other.keys()))
+            };
+            !is_filled(&before, &after) && !is_filled(&after, &before)
+        })
         .map(|name| Change {
             name: name.clone(),
             from: before.get(name).cloned(),
@@ -106,17 +114,6 @@ pub fn parameters(from: &Side, to: &Side) -> Vec<Change<Canonical>> {
         .collect();
     changes.sort_by(|a, b| a.name.cmp(&b.name));
     changes
-}
-
-/// Whether a mapping without entries on one side has some on the other: these tell of the change.
-fn is_filled(name: &str, empty: &BTreeMap<String, Canonical>, other: &BTreeMap<String, Canonical>) -> bool {
-    let is_empty = matches!(empty.get(name), Some(Canonical::Map(map)) if map.is_empty());
-    let begin = format!("{name}.");
-    is_empty
-        && other
-            .range(begin.clone()..)
-            .next()
-            .is_some_and(|(path, _)| path.starts_with(&begin))
 }
 
 fn results(from: &Side, to: &Side) -> Vec<Change<f64>> {

@@ -27,6 +27,12 @@ pub struct Side {
     pub unknown: Vec<String>,
 }
 
+/// What was changed by `--set`, as words that follow a command or a file: a blank before each.
+pub fn sets_of(overrides: &BTreeMap<String, String>) -> String {
+    let sets = overrides.iter().map(|(path, value)| format!(" --set {path}={value}"));
+    sets.collect()
+}
+
 impl Side {
     /// Nothing known yet.
     pub fn new(title: String) -> Self {
@@ -180,12 +186,8 @@ impl<'a> Places<'a> {
     fn of_pipeline(&self, path: &Path, sets: &[Override]) -> Result<Side, CliError> {
         let pipeline = run::load_file(path, sets, true)?;
         let reports = plan(&pipeline, self.store, None, &Environment::system())?;
-        let sets: Vec<String> = pipeline
-            .overrides
-            .iter()
-            .map(|(path, value)| format!(" --set {path}={value}"))
-            .collect();
-        let mut side = Side::new(format!("{}{} as it stands", path.display(), sets.concat()));
+        let sets = sets_of(&pipeline.overrides);
+        let mut side = Side::new(format!("{}{sets} as it stands", path.display()));
         side.can_be_set = true;
         for (spec, report) in pipeline.stages.iter().zip(&reports) {
             let parameters = Some(spec.stage.parameters());

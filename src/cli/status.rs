@@ -9,6 +9,7 @@ use super::arguments::StoreArguments;
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
+use super::side::sets_of;
 use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
@@ -266,14 +267,9 @@ fn failed(run: &Run) -> Option<String> {
         ([], stopped) => format!("was stopped in {}", stopped.join(", ")),
         (failures, _) => format!("failed: {}", failures.join(", ")),
     };
-    let sets: String = run
-        .overrides
-        .iter()
-        .map(|(path, value)| format!(" --set {path}={value}"))
-        .collect();
-    let with = match sets.is_empty() {
+    let with = match run.overrides.is_empty() {
         true => String::new(),
-        false => format!(", with{sets},"),
+        false => format!(", with{},", sets_of(&run.overrides)),
     };
     Some(format!("\nthe last run{with} {what}"))
 }

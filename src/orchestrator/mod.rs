@@ -42,7 +42,7 @@ pub use rounds::Rounds;
 pub use schema::{of_pipeline, of_scene};
 pub use scratch::Scratch;
 pub use spec::{Pipeline, StageSpec, file_of, splice_scene};
-pub use staleness::{Staleness, as_set};
+pub use staleness::{Staleness, as_set, is_filled};
 pub use standing::{Standing, Stands, standings};
 pub use sweep::{MANY_STAGES, MOST_STAGES, Sweep};
 

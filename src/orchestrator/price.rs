@@ -397,6 +397,16 @@ mod tests {
         }
     }
 
+    /// What solving 100 samples at a voltage took, of which some were unstable.
+    fn at(voltage: &str, unstable: u64, seconds: f64) -> Cost {
+        let mut cost = Cost {
+            unstable,
+            ..cost(100, seconds)
+        };
+        cost.parameters.insert("voltage".into(), voltage.into());
+        cost
+    }
+
     #[test]
     fn chunks_cost_by_their_samples_and_threads() {
         // Three runs of 100 samples on two threads: 0.02, 0.04, 0.03 s of one thread a sample.
@@ -465,14 +475,6 @@ mod tests {
     fn where_membranes_were_lost_or_something_else_was_at_work_says_nothing_of_others() {
         let mut here = work(Some(10), 100);
         here.parameters.insert("voltage".into(), "5".into());
-        let at = |voltage: &str, unstable: u64, seconds: f64| {
-            let mut cost = Cost {
-                unstable,
-                ..cost(100, seconds)
-            };
-            cost.parameters.insert("voltage".into(), voltage.into());
-            cost
-        };
         let costs = [at("3", 0, 1.0), at("12", 100, 20.0)];
         let likely = |costs: &[Cost]| price(costs, &here).unwrap().seconds.likely;
         assert!((likely(&costs) - 1.0).abs() < 1e-12);
@@ -490,14 +492,6 @@ mod tests {
             ..work(Some(10), 100)
         };
         here.parameters.insert("voltage".into(), "12".into());
-        let at = |voltage: &str, unstable: u64, seconds: f64| {
-            let mut cost = Cost {
-                unstable,
-                ..cost(100, seconds)
-            };
-            cost.parameters.insert("voltage".into(), voltage.into());
-            cost
-        };
         let why = price(&[at("5", 0, 1.0)], &here).unwrap_err();
         assert_eq!(why.to_string(), "not known: unstable ones take many times as long");
         // What others that were lost took is near enough, and what was stable with these parameters will be so again.

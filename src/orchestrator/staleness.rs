@@ -105,11 +105,11 @@ fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
         found.map_or_else(absent, |(_, value)| value.to_string())
     };
     let changed = now.iter().filter(|leaf| !then.contains(leaf));
-    let changed = changed.filter(|(path, value)| !is_filled(path, value, &then));
+    let changed = changed.filter(|(path, value)| !is_filled(path, value, then.iter().map(|(path, _)| path)));
     let dropped = then
         .iter()
         .filter(|(path, _)| !now.iter().any(|(other, _)| other == path));
-    let dropped = dropped.filter(|(path, value)| !is_filled(path, value, &now));
+    let dropped = dropped.filter(|(path, value)| !is_filled(path, value, now.iter().map(|(path, _)| path)));
     changed
         .chain(dropped)
         .filter(|(path, _)| as_set(path) != NOT_SET)
@@ -124,10 +124,10 @@ fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
 /// Part of the key of a design stage, which follows from its constraints and its scene and which nobody sets.
 const NOT_SET: &str = "devices";
 
-/// Whether a mapping without entries has some on the other side: these tell of the change.
-fn is_filled(path: &str, value: &Canonical, others: &[(String, &Canonical)]) -> bool {
-    let is_within = |other: &str| other.strip_prefix(path).is_some_and(|rest| rest.starts_with('.'));
-    matches!(value, Canonical::Map(map) if map.is_empty()) && others.iter().any(|(other, _)| is_within(other))
+/// Whether a mapping without entries has some on the other side, which has values at these paths: they tell of the change.
+pub fn is_filled<'a>(path: &str, value: &Canonical, mut others: impl Iterator<Item = &'a String>) -> bool {
+    let is_within = |other: &String| other.strip_prefix(path).is_some_and(|rest| rest.starts_with('.'));
+    matches!(value, Canonical::Map(map) if map.is_empty()) && others.any(is_within)
 }
 
 /// The path of a canonical parameter as `--set` takes it: chunked stages keep what all their chunks have in common under `stage`.

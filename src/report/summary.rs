@@ -193,9 +193,8 @@ impl Summary {
         } else if let Some(gain) = best.gain_equal_area {
             text += &format!(", {} over the intuitive design at equal area", change(gain));
             if let Some(own) = best.gain_own_area.filter(|own| (own - gain).abs() > TELLING) {
-                let area = self
-                    .intuitive_area(best)
-                    .map_or_else(String::new, |area| format!(" ({})", share(area)));
+                let area = nearest_of(best, &self.rows, Role::Intuitive)
+                    .map_or_else(String::new, |other| format!(" ({})", share(other.area)));
                 text += &format!(" and {} over it at its own{area}", change(own));
             }
         } else if let Some(gain) = best.gain_own_area {
@@ -208,18 +207,6 @@ impl Summary {
             true => Headline::good(text),
             false => Headline::bad(format!("{text} ({})", best.status)),
         }
-    }
-
-    /// The area of the intuitive design of a target that its own gain is over.
-    fn intuitive_area(&self, of: &RowSummary) -> Option<f64> {
-        let intuitive = self
-            .rows
-            .iter()
-            .filter(|row| row.role == Role::Intuitive && row.same_target(of));
-        let distance = |row: &&RowSummary| (row.area - of.area).abs();
-        intuitive
-            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-            .map(|row| row.area)
     }
 
     /// By how much predictions were off, and whether they are to be trusted; none where nothing was predicted.
@@ -297,13 +284,18 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, ContentError> {
     Ok((0..names.len()).map(row).collect())
 }
 
+/// The row of the same target with a role whose area is nearest.
+fn nearest_of<'r>(row: &RowSummary, rows: &'r [RowSummary], role: Role) -> Option<&'r RowSummary> {
+    let of_role = rows.iter().filter(|other| other.role == role && other.same_target(row));
+    let distance = |other: &RowSummary| (other.area - row.area).abs();
+    of_role.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
 /// A row with what others of its target make of it.
 fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
     let others: Vec<&RowSummary> = rows.iter().filter(|other| other.same_target(row)).collect();
     let gain = |role: Role, most: f64| {
-        let mut of_role: Vec<&&RowSummary> = others.iter().filter(|other| other.role == role).collect();
-        of_role.sort_by(|a, b| (a.area - row.area).abs().total_cmp(&(b.area - row.area).abs()));
-        let nearest = of_role.first().filter(|other| (other.area - row.area).abs() <= most)?;
+        let nearest = nearest_of(row, rows, role).filter(|other| (other.area - row.area).abs() <= most)?;
         let other = nearest.simulated_mm.filter(|mm| mm.abs() > 1e-9)?;
         Some((row.simulated_mm? - other) / other.abs())
     };
