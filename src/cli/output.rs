@@ -1,10 +1,12 @@
 //! Where results and errors go: results on stdout, errors and progress on stderr, and with `--json` exactly one document
 //! on stdout whatever happens.
 
+use std::error::Error as _;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
 use clap::ColorChoice;
+use clap::error::{ContextKind, ContextValue};
 use serde::Serialize;
 use serde_json::json;
 
@@ -153,15 +155,10 @@ impl Output {
     /// Reports what clap has to say: an error of usage, or the help that was asked for.
     pub fn usage(&self, error: &clap::Error) -> Exit {
         let asked_for = !error.use_stderr();
-        let text = error.render().to_string();
-        // The folder stands for a pipeline that nobody has named.
-        if let Some((_, why)) = text.split_once(UNNAMED) {
-            let why = why.split("\n\nFor more information").next().unwrap_or_default();
-            return self.end(Err(CliError::bad_input(format!(
-                "no pipeline is named: {}",
-                why.trim()
-            ))));
+        if let Some(why) = unnamed(error) {
+            return self.end(Err(CliError::bad_input(format!("no pipeline is named: {why}"))));
         }
+        let text = error.render().to_string();
         // What is quoted may be the name of a file that somebody else gave it.
         if !asked_for && (self.json || text.contains(is_unprintable)) {
             // Where people find more is no part of what is wrong.
@@ -176,8 +173,12 @@ impl Output {
     }
 }
 
-/// How clap refuses the folder in which a command is given, in the place of a pipeline.
-const UNNAMED: &str = "invalid value '.' for '[PIPELINE]': ";
+/// Why the folder in which a command is given does not stand for a pipeline, where that is what is wrong: nobody has named it.
+fn unnamed(error: &clap::Error) -> Option<String> {
+    let is = |kind, text: &str| matches!(error.get(kind), Some(ContextValue::String(found)) if found == text);
+    let is_unnamed = is(ContextKind::InvalidArg, "[PIPELINE]") && is(ContextKind::InvalidValue, ".");
+    is_unnamed.then(|| error.source().map(ToString::to_string)).flatten()
+}
 
 /// Writes lines to stderr for programs.
 pub fn tell(text: &str) {

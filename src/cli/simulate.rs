@@ -13,7 +13,7 @@ use super::point::Watched;
 use super::text::Text;
 use crate::base::Progress;
 use crate::content::{Lines, Observations, Packed, SolveFile};
-use crate::fem::screening::{Screened, resolve_states};
+use crate::fem::screening::{NOT_EACH, Screened, resolve_states};
 use crate::fem::{
     AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SolveOptions, Solver, SolverParameters,
     wrinkled_fraction,
@@ -187,7 +187,7 @@ impl Run {
         let state = self.state.as_ref().map(|state| format!("in state {state}: "));
         let state = state.unwrap_or_default();
         // It is judged by the pattern that loses it first, which need not be like any of these.
-        let each = |warning: &str| match warning.contains("is not computed for each pattern") && warning.contains('`') {
+        let each = |warning: &str| match warning.contains(NOT_EACH) && warning.contains('`') {
             true => "; `--set effects.electromechanical_stability=true` tells of these patterns one by one",
             false => "",
         };

@@ -16,7 +16,7 @@ mod tests;
 mod trial;
 
 pub use comparison::{Comparison, Displacement};
-pub use row::{Row, Status};
+pub use row::{NOT_EACH, Row, Status};
 pub use screen::{Screening, screen, screen_for, screen_within};
 pub use screened::{Screened, decided_states, resolve, resolve_states};
 pub use trial::{Trial, reference_patterns, watch_patterns, watch_patterns_with};

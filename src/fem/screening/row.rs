@@ -45,6 +45,9 @@ impl Status {
     }
 }
 
+/// What is said of the critical voltage where each pattern's own is left out.
+pub const NOT_EACH: &str = "is not computed for each pattern";
+
 impl Row {
     pub(super) fn new(effect: &dyn Effect, judged: Judged, effects: &Effects, scene: &Scene) -> Self {
         let status = match effect.is_on(effects, scene) {
@@ -69,7 +72,7 @@ impl Row {
         match self.status {
             Status::On => None,
             // A pattern that loses it is found out all the same: what is left out is how far the others are from it.
-            Status::Off if self.effect == names::STABILITY => self.says("is not computed for each pattern"),
+            Status::Off if self.effect == names::STABILITY => self.says(NOT_EACH),
             Status::Off => self.says("is neglected"),
             Status::NotAvailable => self.says("cannot be simulated yet"),
         }
