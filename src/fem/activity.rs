@@ -120,8 +120,10 @@ impl Activity {
     fn of_values(grid: &Grid, mut values: Vec<f64>) -> Self {
         let layout = grid.layout();
         let [columns, rows] = grid.elements();
-        for [column, row] in layout.each_element().filter(|element| !is_electric(grid, *element)) {
-            values[row * layout.part() + column] = 0.0;
+        if grid.parts().is_some() {
+            for [column, row] in layout.each_element().filter(|element| !is_electric(grid, *element)) {
+                values[row * layout.part() + column] = 0.0;
+            }
         }
         // Beyond the last element 1, by which kernels divide.
         let width = |at: usize| if at < columns { grid.sides([at, 0])[0] } else { 1.0 };

@@ -236,13 +236,10 @@ impl MembraneSolver {
             return self.simulate(patterns).into_iter().map(|found| found.field).collect();
         }
         let room = || {
-            let Room {
-                displacement,
-                workspace,
-            } = self.room(self.limit);
+            let room = self.room(self.limit);
             Room {
-                displacement,
-                workspace: workspace.near(),
+                workspace: room.workspace.near(),
+                ..room
             }
         };
         let near = |room: &mut Room, pattern: &Pattern| {

@@ -372,6 +372,11 @@ impl<'a> SearchProblem<'a> {
         fits.then_some((on, pattern))
     }
 
+    /// Those of some choices that a pattern may have, with their patterns.
+    fn allowed_of(&self, choices: Vec<Vec<u8>>) -> (Vec<Vec<u8>>, Vec<Pattern>) {
+        choices.into_iter().filter_map(|on| self.allowed(on)).unzip()
+    }
+
     /// What changing each unit gains to first order.
     pub(super) fn gains(&self, on: &[u8], gradient: &[f64]) -> Gains {
         let cells = self.units.raster().cells();
@@ -394,18 +399,17 @@ impl<'a> SearchProblem<'a> {
 
     /// The score of each pattern, where it has a field.
     pub(super) fn scores(&self, patterns: &[Pattern]) -> Result<Vec<Option<f64>>, PredictError> {
-        let fields = self.physics.predict_some(patterns)?.into_iter();
-        Ok(fields
-            .map(|fields| fields.map(|fields| self.goal.score(&fields)))
-            .collect())
+        Ok(self.scored(self.physics.predict_some(patterns)?))
+    }
+
+    fn scored(&self, fields: Vec<Option<StateFields>>) -> Vec<Option<f64>> {
+        let score = |fields: Option<StateFields>| fields.map(|fields| self.goal.score(&fields));
+        fields.into_iter().map(score).collect()
     }
 
     /// The score of each pattern where it has a field, good enough to rank patterns that differ little from one.
     pub(super) fn scores_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<f64>>, PredictError> {
-        let fields = self.physics.predict_near(base, patterns)?.into_iter();
-        Ok(fields
-            .map(|fields| fields.map(|fields| self.goal.score(&fields)))
-            .collect())
+        Ok(self.scored(self.physics.predict_near(base, patterns)?))
     }
 
     /// Those of some choices of units that may be and whose score is above `least` as far as [`SearchProblem::scores_near`] knows, the best
@@ -416,8 +420,7 @@ impl<'a> SearchProblem<'a> {
         choices: Vec<Vec<u8>>,
         least: f64,
     ) -> Result<Vec<Vec<u8>>, PredictError> {
-        let (chosen, patterns): (Vec<Vec<u8>>, Vec<Pattern>) =
-            choices.into_iter().filter_map(|on| self.allowed(on)).unzip();
+        let (chosen, patterns) = self.allowed_of(choices);
         let scores = self.scores_near(base, &patterns)?;
         let known = chosen.into_iter().zip(scores);
         let mut known: Vec<(Vec<u8>, f64)> = known.filter_map(|(on, score)| Some((on, score?))).collect();
@@ -449,8 +452,7 @@ impl<'a> SearchProblem<'a> {
 
     /// The best of some choices of units that may be and whose score is above `least`, the first of equals.
     pub(super) fn best_of(&self, choices: Vec<Vec<u8>>, least: f64) -> Result<Option<State>, PredictError> {
-        let (chosen, patterns): (Vec<Vec<u8>>, Vec<Pattern>) =
-            choices.into_iter().filter_map(|on| self.allowed(on)).unzip();
+        let (chosen, patterns) = self.allowed_of(choices);
         let fields = self.physics.predict_some(&patterns)?;
         let mut states: Vec<State> = Vec::new();
         for ((on, pattern), fields) in chosen.into_iter().zip(patterns).zip(fields) {

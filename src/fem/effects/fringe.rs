@@ -94,9 +94,7 @@ impl Fringe {
                 .map(|middle| usize::from(middle > strip) + usize::from(middle > 1.0 - strip))
                 .collect()
         });
-        let cells: Vec<_> = (0..raster.cells())
-            .map(|i| zones(pattern, i % raster.columns(), i / raster.columns(), loads))
-            .collect();
+        let cells = zones_of_cells(pattern, loads);
         Activity::from_elements(grid, |column, row| {
             let [cell_x, cell_y] = [column / per_cell[0], row / per_cell[1]];
             let zones = &cells[cell_y * raster.columns() + cell_x];
@@ -122,9 +120,7 @@ impl Fringe {
             let zones = |at| zones_in(line, [at, per_cell[axis]], self.shift[axis]);
             (0..per_cell[axis]).map(zones).collect()
         });
-        let cells: Vec<_> = (0..raster.cells())
-            .map(|i| zones(pattern, i % raster.columns(), i / raster.columns(), loads))
-            .collect();
+        let cells = zones_of_cells(pattern, loads);
         let weights = std::array::from_fn(|q| line.weights[q % A] * line.weights[q / A]);
         Activity::from_points(grid, weights, |column, row| {
             let loads = &cells[row / per_cell[1] * raster.columns() + column / per_cell[0]];
@@ -196,6 +192,13 @@ fn strength([x, y]: [usize; 2], [along, across]: [f64; 2]) -> f64 {
         // Where both strips are wide enough this is 1.
         _ => along.min(across),
     }
+}
+
+/// [`zones`] of all cells, row by row.
+fn zones_of_cells(pattern: &Pattern, loads: &[f64]) -> Vec<[[f64; 3]; 3]> {
+    let raster = pattern.raster();
+    let cells = (0..raster.cells()).map(|i| [i % raster.columns(), i / raster.columns()]);
+    cells.map(|[x, y]| zones(pattern, x, y, loads)).collect()
 }
 
 /// The load of each of the nine zones of a cell, `[y][x]`, under the dilated pattern: its own of an active one, and of a bare one the largest of
