@@ -50,7 +50,7 @@ pub fn serve(options: Options, start: Start, port: u16, output: &Output) -> Resu
     for signal in [SIGINT, SIGTERM] {
         signals::heed(signal, &stop)?;
     }
-    let store = options.store.clone();
+    let (store, allow_run) = (options.store.clone(), options.allow_run);
     let state = Arc::new(ServedState::new(options)?);
     let served = Served::listen(port)?;
     let view = match start {
@@ -66,8 +66,13 @@ pub fn serve(options: Options, start: Start, port: u16, output: &Output) -> Resu
             "store": store,
         }))?;
     } else {
+        let may = if allow_run {
+            "look at everything that is served, and run and stop its pipelines with any values"
+        } else {
+            "look at everything that is served"
+        };
         output.text(format!(
-            "{url}\nopen this address in a browser on this machine; whoever has it can look at everything that is served. Ctrl-C ends it"
+            "{url}\nopen this address in a browser on this machine; whoever has it can {may}. Ctrl-C ends it"
         ))?;
     }
     let ended = served.run(Arc::new(Routes(state.clone())), &stop);

@@ -11,8 +11,12 @@ pub struct Routes(pub Arc<ServedState>);
 
 impl Handler for Routes {
     fn lane(&self, path: &[String]) -> Lane {
-        match (path.get(1).map(String::as_str), path.get(3).map(String::as_str)) {
-            (Some("sketch"), _) | (Some("artifacts"), Some("judged" | "prediction")) => Lane::Simulating,
+        let step = |at: usize| path.get(at).map(String::as_str);
+        match (step(1), step(2), step(3)) {
+            (Some("sketch"), Some("reproduce"), _) => Lane::Reading,
+            (Some("sketch"), _, _) | (Some("artifacts"), _, Some("again" | "judged" | "prediction")) => {
+                Lane::Simulating
+            }
             _ => Lane::Reading,
         }
     }
@@ -31,9 +35,10 @@ fn answer(state: &Arc<ServedState>, request: &Request) -> Result<Answer, Refusal
                 [] if post => sketch::solve(state, request),
                 ["improve"] if post => sketch::improve(state, request),
                 ["screen"] if post => sketch::screen(state, request),
+                ["reproduce"] if post => sketch::reproduce(state, request),
                 ["export"] if post => sketch::export(state, request),
                 ["import"] if post => sketch::import(state, request),
-                [] | ["improve" | "screen" | "export" | "import"] => Err(Refusal::not_allowed("POST")),
+                [] | ["improve" | "screen" | "reproduce" | "export" | "import"] => Err(Refusal::not_allowed("POST")),
                 _ => Err(unknown()),
             },
             ["plan"] if post => look::plan(state, request),
@@ -56,6 +61,7 @@ fn answer(state: &Arc<ServedState>, request: &Request) -> Result<Answer, Refusal
             ["artifacts", digest, "rows"] => look::rows(state, request, digest),
             ["events"] => look::events(state, request),
             ["artifacts", digest, "neighbours"] => look::neighbours(state, request, digest),
+            ["artifacts", digest, "again"] => look::again(state, request, digest),
             ["artifacts", digest, "judged"] => look::judged(state, request, digest),
             ["artifacts", digest, "prediction"] => look::prediction(state, request, digest),
             ["artifacts", digest, "arrays"] => look::arrays(state, request, digest),
@@ -83,7 +89,7 @@ fn is_known(path: &[&str]) -> bool {
             | [
                 "artifacts",
                 _,
-                "rows" | "arrays" | "neighbours" | "judged" | "prediction" | "page"
+                "rows" | "arrays" | "neighbours" | "again" | "judged" | "prediction" | "page"
             ]
     )
 }

@@ -48,6 +48,8 @@ pub struct NamedScene {
     pub name: String,
     /// The scene.
     pub scene: Scene,
+    /// The file that it stands in: its own, or that of a pipeline; none of the scene that is always there.
+    pub file: Option<PathBuf>,
 }
 
 /// What a server knows.
@@ -200,6 +202,7 @@ impl ServedState {
             found.push(NamedScene {
                 name,
                 scene: Scene::vhb4910(),
+                file: None,
             });
         }
         let mut seen: Vec<String> = Vec::new();
@@ -217,13 +220,19 @@ impl ServedState {
     /// A scene by its name; the first where none is named.
     #[must_use]
     pub fn scene(&self, name: Option<&str>) -> Option<Scene> {
+        self.named_scene(name).map(|named| named.scene)
+    }
+
+    /// A scene by its name, with the file that it stands in; the first where none is named.
+    #[must_use]
+    pub fn named_scene(&self, name: Option<&str>) -> Option<NamedScene> {
         let scenes = lock(&self.scenes);
         let mut all = scenes.iter();
         let found = match name {
             Some(name) => all.find(|named| named.name == name),
             None => all.next(),
         };
-        found.map(|named| named.scene.clone())
+        found.cloned()
     }
 
     /// What the page begins with.
@@ -262,5 +271,6 @@ fn named_scene(path: &Path) -> Result<NamedScene, InputError> {
     Ok(NamedScene {
         name,
         scene: direct::read_scene(path)?,
+        file: Some(path.to_owned()),
     })
 }

@@ -3,6 +3,7 @@
 //! What follows a stage that needs an audit waits for it, and with `fail_on: error` does not run where the audit has found
 //! errors. The audit itself is no input of what follows: a surrogate is none the other for having been audited.
 
+mod again;
 mod content;
 mod contradictions;
 mod held;
@@ -34,6 +35,7 @@ use crate::scene::Scene;
 use crate::store::{Artifact, Object, StoreError};
 
 pub use crate::dataset::audit::{Finding, Severity, Summary, sort};
+pub use again::{Again, again};
 pub use content::objection;
 pub use lineage::{Lineage, trace};
 

@@ -1,6 +1,8 @@
 //! The store and the sketchpad in a browser: what is served over the wire, who is let in, and what a person sees.
 
 mod answers;
+mod pad;
+mod reproduced;
 mod server;
 mod tab;
 mod views;
@@ -436,6 +438,7 @@ fn runs_artifacts_and_rows_are_those_of_the_commands() {
         .sum();
     assert_eq!(Some(counts), some["matched"].as_u64());
     assert_eq!(rows("filter=nothing+%3D+1").status, 400);
+    assert_eq!(rows("filter=family+%3D+bezier+or+family+%3D+small-grid").status, 400);
     assert_eq!(rows("limit=many").status, 400);
     assert_eq!(rows("fliter=x").status, 400);
     // Pictures: the same cells as in the table's area, from whichever chunk.
@@ -526,6 +529,7 @@ fn no_request_brings_the_server_down() {
         format!("/api/artifacts/{solved}/arrays"),
         format!("/api/artifacts/{solved}/page"),
         format!("/api/artifacts/{solved}/neighbours"),
+        format!("/api/artifacts/{solved}/again"),
         format!("/api/artifacts/{solved}/judged"),
         format!("/api/artifacts/{solved}/prediction"),
         // Without a query it has no end.
@@ -535,6 +539,7 @@ fn no_request_brings_the_server_down() {
         "/api/sketch".into(),
         "/api/sketch/improve".into(),
         "/api/sketch/screen".into(),
+        "/api/sketch/reproduce".into(),
         "/api/sketch/export".into(),
         "/api/sketch/import".into(),
         "/".into(),
@@ -566,6 +571,8 @@ fn no_request_brings_the_server_down() {
         "format",
         "size",
         "smooth",
+        "wanted",
+        "name",
         "state",
         "set",
         "pipeline",
@@ -609,6 +616,8 @@ fn no_request_brings_the_server_down() {
         "row=0",
         "row=99999",
         "row=1&of=zz",
+        "row=1&audit=zz",
+        "filter=a+or+b",
         "paths=patterns",
         "paths=..%2f",
         "format=png",
@@ -824,10 +833,12 @@ fn pipelines_rows_and_runs_are_looked_at() {
     tab.write("input[name=filter]", "family");
     tab.until("document.querySelector('#matched').textContent.includes('no count') && !document.querySelector('#matched').dataset.matched");
     tab.until("document.querySelector('.cards.old')");
+    tab.write("input[name=filter]", "family = small-grid or family = large-grid");
+    tab.until("document.querySelector('[role=alert]')?.textContent.includes('`or` is no word of a filter')");
     tab.write("input[name=filter]", "family = smallgrid");
     tab.until("document.querySelector('#unknown').textContent.includes('there are: large-grid, small-grid')");
     tab.until("document.querySelector('#matched').dataset.matched === '0' && !document.querySelector('.old')");
-    tab.value("history.go(-2)");
+    tab.value("history.go(-3)");
     tab.until("document.querySelector('input[name=filter]').value === 'family = small-grid' && document.querySelector('#sample canvas')");
     tab.value("history.back()");
     tab.until(

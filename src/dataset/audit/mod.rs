@@ -29,7 +29,7 @@ pub use confidence::excluded_above;
 pub use diagnosis::Fault;
 pub use error::AuditError;
 pub use finding::{EXAMPLES, Finding, Severity, sort};
-pub use labels::{LabelCheck, SCREEN};
+pub use labels::{LabelCheck, REFERENCE, SCREEN};
 pub use report::{Report, Resimulation, Summary};
 pub use resimulate::Resimulated;
 pub use rows::{Batch, Columns, Dataset, Discretisation, NO_NUMBER, RowSource};

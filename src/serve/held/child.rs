@@ -1,7 +1,7 @@
 //! A run of a pipeline that was begun on the page: `deaflow run` in a process of its own, which a person could have started.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::io::{self, BufRead, BufReader};
+use std::io::{self, BufRead, BufReader, Read};
 use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -13,6 +13,9 @@ use super::kept::lock;
 
 /// Events that are kept.
 const KEPT: usize = 500;
+
+/// Bytes of what a run prints at its end.
+const PRINTED: u64 = 1 << 16;
 
 /// How long a run that was asked to end may take.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -26,8 +29,26 @@ pub struct Runner(Mutex<Option<Begun>>);
 
 struct Begun {
     pipeline: String,
+    /// The values that it was given, by their paths.
+    set: BTreeMap<String, String>,
     child: Child,
+    /// When it began, and how long it took as far as it was seen to end.
+    start: Instant,
+    took: Option<Duration>,
+    /// Whether it was asked to end.
+    is_stopped: bool,
     told: Arc<Mutex<Told>>,
+}
+
+impl Begun {
+    /// Whether it goes on.
+    fn is_running(&mut self) -> bool {
+        let is_running = matches!(self.child.try_wait(), Ok(None));
+        if !is_running && self.took.is_none() {
+            self.took = Some(self.start.elapsed());
+        }
+        is_running
+    }
 }
 
 /// What a run has told.
@@ -37,6 +58,8 @@ struct Told {
     events: VecDeque<Value>,
     /// The stages that are under way.
     stages: BTreeMap<String, Steps>,
+    /// What it has printed at its end: warnings, the results, and where they are.
+    printed: String,
 }
 
 /// How far a stage has come.
@@ -104,19 +127,28 @@ impl Runner {
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn begin(&self, pipeline: String, mut command: Command) -> io::Result<bool> {
+    pub fn begin(&self, pipeline: String, set: BTreeMap<String, String>, mut command: Command) -> io::Result<bool> {
         let mut held = lock(&self.0);
-        if let Some(begun) = held.as_mut()
-            && matches!(begun.child.try_wait(), Ok(None))
-        {
+        if held.as_mut().is_some_and(Begun::is_running) {
             return Ok(false);
         }
         command
             .stdin(Stdio::null())
-            .stdout(Stdio::null())
+            .stdout(Stdio::piped())
             .stderr(Stdio::piped());
         let mut child = command.spawn()?;
         let told: Arc<Mutex<Told>> = Arc::default();
+        if let Some(mut stdout) = child.stdout.take() {
+            let told = Arc::clone(&told);
+            let listen = move || {
+                let mut bytes = Vec::new();
+                // What cannot be read is not shown, and what is beyond is taken from the pipe, so that nobody waits.
+                let _ = stdout.by_ref().take(PRINTED).read_to_end(&mut bytes);
+                let _ = io::copy(&mut stdout, &mut io::sink());
+                lock(&told).printed = String::from_utf8_lossy(&bytes).into_owned();
+            };
+            std::thread::Builder::new().name("printed".to_owned()).spawn(listen)?;
+        }
         if let Some(stderr) = child.stderr.take() {
             let told = Arc::clone(&told);
             // It ends with the process that writes.
@@ -129,7 +161,15 @@ impl Runner {
             };
             std::thread::Builder::new().name("run".to_owned()).spawn(listen)?;
         }
-        *held = Some(Begun { pipeline, child, told });
+        *held = Some(Begun {
+            pipeline,
+            set,
+            child,
+            start: Instant::now(),
+            took: None,
+            is_stopped: false,
+            told,
+        });
         Ok(true)
     }
 
@@ -140,12 +180,18 @@ impl Runner {
         let Some(begun) = held.as_mut() else {
             return json!({ "pipeline": null, "running": false, "exit_code": null, "stages": [], "events": [] });
         };
+        let is_running = begun.is_running();
         let ended = begun.child.try_wait().ok().flatten();
         let told = lock(&begun.told);
         json!({
             "pipeline": begun.pipeline,
-            "running": ended.is_none(),
+            "pid": begun.child.id(),
+            "set": begun.set,
+            "running": is_running,
             "exit_code": ended.and_then(|status| status.code()),
+            "stopped": begun.is_stopped,
+            "seconds": begun.took.unwrap_or_else(|| begun.start.elapsed()).as_secs_f64(),
+            "printed": told.printed,
             "stages": told.stages(),
             "events": told.events.iter().collect::<Vec<_>>(),
         })
@@ -156,17 +202,18 @@ impl Runner {
     pub fn progress(&self) -> Value {
         let mut held = lock(&self.0);
         let Some(begun) = held.as_mut() else { return Value::Null };
-        match begun.child.try_wait() {
-            Ok(None) => {
+        match begun.is_running() {
+            true => {
                 json!({ "pipeline": begun.pipeline, "pid": begun.child.id(), "stages": lock(&begun.told).stages() })
             }
-            _ => Value::Null,
+            false => Value::Null,
         }
     }
 
     /// Asks it to end.
     pub fn stop(&self) {
         if let Some(begun) = lock(&self.0).as_mut() {
+            begun.is_stopped |= begun.is_running();
             stop(&mut begun.child);
         }
     }

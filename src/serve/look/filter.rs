@@ -3,6 +3,7 @@
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
+use crate::base::{Dimension, Quantity};
 use crate::report::RowColumn;
 use crate::serve::http::Refusal;
 use crate::store::Data;
@@ -49,6 +50,9 @@ impl Comparison {
     }
 }
 
+/// The name by which the number of a row is compared, where no column has it.
+const ROW: &str = "row";
+
 /// The rows, by their numbers, of which all conditions hold.
 ///
 /// # Errors
@@ -57,23 +61,38 @@ pub fn matching(columns: &[RowColumn], count: usize, filter: &str) -> Result<Vec
     let mut rows: Vec<usize> = (0..count).collect();
     let conditions = conditions(filter)?;
     for (name, comparison, value) in conditions {
+        if is_row(columns, name) {
+            let wanted = wanted(name, comparison, value)?;
+            rows.retain(|&row| comparison.holds((row as f64).partial_cmp(&wanted)));
+            continue;
+        }
         let column = column(columns, name)?;
         match &column.values {
             Data::Text(texts) if comparison == Comparison::Contains => rows.retain(|&row| texts[row].contains(value)),
             Data::Text(texts) => rows.retain(|&row| comparison.holds(Some(texts[row].as_str().cmp(value)))),
             numbers => {
-                let wanted: f64 = value.parse().map_err(|_| {
-                    Refusal::bad(format!("{name} is a number, and {value:?} is none"))
-                        .help("as in max_displacement_mm > 1.5")
-                })?;
-                if comparison == Comparison::Contains {
-                    return Err(Refusal::bad(format!("{name} is a number: ~ looks into texts")));
-                }
+                let wanted = wanted(name, comparison, value)?;
                 rows.retain(|&row| comparison.holds(number(numbers, row).partial_cmp(&wanted)));
             }
         }
     }
     Ok(rows)
+}
+
+fn is_row(columns: &[RowColumn], name: &str) -> bool {
+    name == ROW && columns.iter().all(|column| column.name != ROW)
+}
+
+/// The number that a column is compared with; of a column in mm it may have a unit.
+fn wanted(name: &str, comparison: Comparison, value: &str) -> Result<f64, Refusal> {
+    if comparison == Comparison::Contains {
+        return Err(Refusal::bad(format!("{name} is a number: ~ looks into texts")));
+    }
+    let length = || Some(Quantity::parse(value, Dimension::Length).ok()?.value());
+    let found = value.parse().ok().or_else(|| name.ends_with("_mm").then(length)?);
+    found.ok_or_else(|| {
+        Refusal::bad(format!("{name} is a number, and {value:?} is none")).help("as in max_displacement_mm > 1.5")
+    })
 }
 
 /// A text that a column is to equal, and which no row has.
@@ -94,6 +113,9 @@ pub struct Unknown {
 pub fn unknown(columns: &[RowColumn], filter: &str) -> Result<Vec<Unknown>, Refusal> {
     let mut found = Vec::new();
     for (name, comparison, value) in conditions(filter)? {
+        if is_row(columns, name) {
+            continue;
+        }
         let Data::Text(texts) = &column(columns, name)?.values else {
             continue;
         };
@@ -133,33 +155,70 @@ pub fn number(data: &Data, row: usize) -> f64 {
     }
 }
 
+/// What joins conditions, and what a condition is, for who has written another.
+const HELP: &str = "conditions are COLUMN = VALUE, with = != < <= > >= or ~ (contains), joined by `and`; a value with such a sign or word in it \
+                    stands in quotes: family = \"this or that\"";
+
 fn conditions(filter: &str) -> Result<Vec<(&str, Comparison, &str)>, Refusal> {
     let mut found = Vec::new();
-    for condition in filter
-        .split(" and ")
-        .map(str::trim)
-        .filter(|condition| !condition.is_empty())
-    {
+    for condition in parts(filter)? {
         let first = COMPARISONS.iter().filter_map(|(sign, comparison)| {
             let at = condition.find(sign)?;
             Some((at, usize::MAX - sign.len(), *sign, *comparison))
         });
         let first = first.min_by_key(|(at, length, _, _)| (*at, *length));
         let Some((at, _, sign, comparison)) = first else {
-            return Err(Refusal::bad(format!("{condition:?} compares nothing"))
-                .help("conditions are COLUMN = VALUE, with = != < <= > >= or ~ (contains), joined by ` and `"));
+            return Err(Refusal::bad(format!("{condition:?} compares nothing")).help(HELP));
         };
-        let value = condition[at + sign.len()..].trim();
-        let value = value
-            .strip_prefix('"')
-            .and_then(|value| value.strip_suffix('"'))
-            .unwrap_or(value);
-        found.push((condition[..at].trim(), comparison, value));
+        let written = condition[at + sign.len()..].trim();
+        let quoted = written.strip_prefix('"').and_then(|value| value.strip_suffix('"'));
+        if quoted.is_none() && written.contains(['=', '<', '>', '~', '&', '|']) {
+            return Err(Refusal::bad(format!("{written:?} is no value")).help(HELP));
+        }
+        found.push((condition[..at].trim(), comparison, quoted.unwrap_or(written)));
         if found.len() > MOST {
             return Err(Refusal::bad(format!("a filter has at most {MOST} conditions")));
         }
     }
     Ok(found)
+}
+
+/// The texts between the words `and`, in capitals or not; what stands in quotes is no such word.
+fn parts(filter: &str) -> Result<Vec<&str>, Refusal> {
+    let (mut found, mut start) = (Vec::new(), 0);
+    for (at, word) in words(filter) {
+        match word.to_ascii_lowercase().as_str() {
+            "and" => {
+                found.push(filter[start..at].trim());
+                start = at + word.len();
+            }
+            "or" => return Err(Refusal::bad("`or` is no word of a filter: all conditions have to hold").help(HELP)),
+            _ => {}
+        }
+    }
+    found.push(filter[start..].trim());
+    found.retain(|condition| !condition.is_empty());
+    Ok(found)
+}
+
+/// The words outside of quotes, between white space, with their places.
+fn words(text: &str) -> Vec<(usize, &str)> {
+    let (mut found, mut start, mut is_quoted) = (Vec::new(), None, false);
+    for (at, character) in text.char_indices() {
+        if character == '"' {
+            is_quoted = !is_quoted;
+        }
+        match (character.is_whitespace() && !is_quoted, start) {
+            (true, Some(from)) => {
+                found.push((from, &text[from..at]));
+                start = None;
+            }
+            (false, None) => start = Some(at),
+            _ => {}
+        }
+    }
+    found.extend(start.map(|from| (from, &text[from..])));
+    found
 }
 
 #[cfg(test)]
@@ -189,6 +248,39 @@ mod tests {
         assert_eq!(rows("u_mm != 0.5"), [1, 2, 3]);
         assert_eq!(rows("family ~ a and units = 2"), [0, 3]);
         assert_eq!(rows("family = \"ab\""), [1]);
+        // The number of a row is no column, and a column in mm may be compared with a length.
+        assert_eq!(rows("row >= 2"), [2, 3]);
+        assert_eq!(rows("u_mm > 0.1 cm and row < 2"), [1]);
+    }
+
+    #[test]
+    fn the_word_that_joins_may_be_in_capitals_and_no_other_is_taken_for_a_value() {
+        let rows = |filter: &str| matching(&columns(), 4, filter).unwrap();
+        for filter in [
+            "u_mm > 1 and family = b",
+            "u_mm > 1 AND family = b",
+            "u_mm > 1\tAnd family = b and ",
+        ] {
+            assert_eq!(rows(filter), [2], "{filter}");
+        }
+        let refused = |filter: &str| matching(&columns(), 4, filter).unwrap_err().words();
+        for filter in ["family = a or family = b", "family = a OR u_mm > 1", "u_mm > 1 or"] {
+            let told = refused(filter);
+            assert!(
+                told.contains("`or` is no word") && told.contains("`and`"),
+                "{filter}: {told}"
+            );
+        }
+        for filter in [
+            "family = a && u_mm > 1",
+            "family = a || family = b",
+            "family = a family = b",
+        ] {
+            assert!(refused(filter).contains("is no value"), "{filter}");
+        }
+        // In quotes they are of the value.
+        let found = unknown(&columns(), "family = \"this or that and more\" and units = 2").unwrap();
+        assert_eq!((found.len(), &*found[0].value), (1, "this or that and more"));
     }
 
     #[test]

@@ -284,12 +284,19 @@ fn same_scene(network: &Surrogate, set: &Artifact) -> Result<(), Refusal> {
         .map_err(|why| Refusal::bad(why.to_string()))
 }
 
-fn pattern(form: PatternForm, cells: &[u8]) -> Result<Pattern, Refusal> {
+/// A pattern from its cells.
+///
+/// # Errors
+/// When they are none of that form.
+pub fn pattern(form: PatternForm, cells: &[u8]) -> Result<Pattern, Refusal> {
     Pattern::of_form(form, cells).map_err(|why| Refusal::new(409, why.to_string()))
 }
 
 /// The fields of some rows in mm, as they were simulated.
-fn labels(
+///
+/// # Errors
+/// When the patterns have none, or they cannot be read.
+pub fn labels(
     set: &Artifact,
     patterns: &str,
     form: PatternForm,

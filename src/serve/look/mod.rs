@@ -1,5 +1,6 @@
 //! Questions about a store and its pipelines.
 
+mod again;
 mod artifacts;
 mod events;
 mod filter;
@@ -12,6 +13,7 @@ mod rows;
 mod run;
 mod runs;
 
+pub use again::again;
 pub use artifacts::{artifact, artifacts};
 pub use events::events;
 pub use judged::{Judgement, judged, prediction};

@@ -46,19 +46,24 @@ fn begin(state: &ServedState, asked: &RunRequest) -> Result<(), Refusal> {
     let mut command = Command::new(std::env::current_exe().map_err(failed)?);
     command.arg("run").arg(&path).arg("--store").arg(state.store_folder());
     command.args(["--progress", "json"]);
-    for (path, value) in &asked.set {
-        let text = match value {
-            Value::String(text) => text.clone(),
-            other => other.to_string(),
-        };
-        command.arg(format!("--set={path}={text}"));
+    let text = |value: &Value| match value {
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    };
+    let set: BTreeMap<String, String> = asked
+        .set
+        .iter()
+        .map(|(path, value)| (path.clone(), text(value)))
+        .collect();
+    for (path, value) in &set {
+        command.arg(format!("--set={path}={value}"));
     }
     if let Some(until) = &asked.until {
         command.arg(format!("--until={until}"));
     }
     match state
         .runner
-        .begin(path.display().to_string(), command)
+        .begin(path.display().to_string(), set, command)
         .map_err(failed)?
     {
         true => Ok(()),

@@ -1,16 +1,18 @@
 //! Past runs, and what is at work in the store.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde_json::{Value, json};
 
+use crate::base::read_own;
 use crate::executor::workers;
-use crate::report::{Gone, run_document};
+use crate::report::{Gone, Headline, Made, RunArtifacts, headlines, run_document};
 use crate::serve::held::at_work;
 use crate::serve::http::{Answer, Refusal, Request};
 use crate::serve::state::ServedState;
 use crate::stage::result_unit;
-use crate::store::Run;
+use crate::store::{Run, Store};
 
 /// Runs in one answer.
 const MOST: usize = 1000;
@@ -36,7 +38,14 @@ pub fn runs(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
     Ok(json!({ "runs": documents, "more": more }).into())
 }
 
-/// A run by its digits, with the parameters of its stages as far as their records are there.
+/// Bytes of a log that is read.
+const LONGEST: u64 = 4 << 20;
+
+/// How a warning begins in a log, after its time.
+const WARNING: &str = "warning: ";
+
+/// A run by its digits, with the parameters of its stages as far as their records are there, what matters most of what it found, and its
+/// warnings.
 ///
 /// # Errors
 /// When there is none, or the store cannot be read.
@@ -49,17 +58,52 @@ pub fn one_run(state: &ServedState, request: &Request, id: &str) -> Result<Answe
             continue;
         }
         let mut parameters: BTreeMap<String, String> = BTreeMap::new();
+        let mut made = Vec::new();
         for stage in &run.stages {
             let record = store.record(&stage.key)?.record();
+            if let Some(record) = record.as_ref().filter(|_| store.has(&stage.artifact)) {
+                made.push(Made {
+                    stage: stage.name.clone(),
+                    kind: record.action.kind.clone(),
+                    digest: stage.artifact,
+                });
+            }
             let leaves = record.iter().flat_map(|record| record.action.parameters.leaves());
             parameters.extend(leaves.map(|(path, value)| (format!("stages.{}.{path}", stage.name), value.to_string())));
         }
         let mut document = run_document(&run, &Gone::in_store(&store));
         document["parameters"] = json!(parameters);
         document["units"] = json!(units(&run));
+        document["headlines"] = json!(found(&store, &run, &made));
+        document["warnings"] = json!(warnings(&store, &run));
         return Ok(document.into());
     }
     Err(Refusal::absent("no run of that name is remembered").help("GET /api/runs lists them"))
+}
+
+/// What matters most of what a run found, as the command says it; nothing where what it made cannot be read any more.
+fn found(store: &Store, run: &Run, made: &[Made]) -> Vec<String> {
+    let artifacts = RunArtifacts {
+        store,
+        file: Path::new(&run.path),
+        made,
+        rounds: &[],
+    };
+    let (lines, _) = headlines(&artifacts).unwrap_or_default();
+    lines.into_iter().map(|Headline { text, .. }| text).collect()
+}
+
+/// The warnings in the log of a run; none where it has none any more.
+fn warnings(store: &Store, run: &Run) -> Vec<String> {
+    let Some(log) = &run.log else { return Vec::new() };
+    let Ok(text) = read_own(&store.root().join(log), LONGEST) else {
+        return Vec::new();
+    };
+    let text = String::from_utf8_lossy(&text);
+    let lines = text
+        .lines()
+        .filter_map(|line| line.split_once(' ')?.1.strip_prefix(WARNING));
+    lines.map(str::to_owned).collect()
 }
 
 /// The units of the results that have one, by their names, which begin with that of the stage.

@@ -22,7 +22,7 @@ export async function artifactsView(view, query, only, title) {
   const fill = () => {
     const row = (/** @type {any} */ one) => [short(one.digest), one.kind, one.stage, one.pipeline, when(one.created), h("a", { class: "mono", href: `#/runs/${one.run}` }, one.run)];
     const some = artifacts.filter((/** @type {any} */ one) => !chosen || one.kind === chosen);
-    replace(box, some.length ? table(title, ["artifact", "kind", "stage", "pipeline", "run ended", "run"], some.map(row)) : h("p", {}, "The last runs have made none."));
+    replace(box, some.length ? table(title, ["artifact", "kind", "stage", "pipeline", "run ended", "run"], some.map(row)) : h("p", {}, "The last runs have made none. ", how(only)));
   };
   const kindsShown = [["", "every kind"], ...kinds.map((one) => [one, one])];
   replace(
@@ -39,6 +39,16 @@ export async function artifactsView(view, query, only, title) {
   fill();
   // One alone is what was looked for.
   if (only.length && artifacts.length === 1) location.replace(`#/artifacts/${artifacts[0].digest}`);
+}
+
+/** How an artifact of some kinds is made. @param {string[]} only */
+function how(only) {
+  const command = (/** @type {string} */ text) => h("code", {}, text);
+  if (only.includes("audit")) return ["A stage of ", command("kind: audit"), " makes one of a dataset of the pipeline; ", command("deaflow audit pipeline.yaml:STAGE"), " looks at one and keeps it, too."];
+  if (only.includes("accuracy")) return ["A stage of ", command("kind: accuracy"), " makes one; ", command("pipelines/accuracy.yaml"), " has one."];
+  if (only.includes("train")) return ["Stages of ", command("kind: train"), ", ", command("calibrate"), " and ", command("evaluate"), " make them; ", command("deaflow init"), " writes a pipeline to begin with."];
+  if (only.includes("design")) return ["Stages of ", command("kind: design"), " and ", command("verify"), " make them; ", command("deaflow init"), " writes a pipeline to begin with."];
+  return [command("deaflow run pipeline.yaml"), " makes them; ", command("deaflow init"), " writes a pipeline to begin with."];
 }
 
 /** @param {HTMLElement} view @param {string} digest @param {URLSearchParams} query @returns {Promise<() => void>} */
@@ -93,10 +103,20 @@ export async function artifactView(view, digest, query) {
     }
   };
   const { stage } = found;
+  highlight(found.kind);
   titled([stage, found.kind || "artifact", found.digest.slice(0, 12)].filter(Boolean).join(" "));
   replace(view, h("h1", {}, stage ? `${stage}: ` : "", `${found.kind || "artifact"} `, h("span", { class: "mono soft" }, found.digest.slice(0, 12))), buttons, place);
   await show();
   return () => {};
+}
+
+/** The view of the menu that an artifact of a kind belongs to. @param {string} kind */
+function highlight(kind) {
+  const view = { train: "models", evaluate: "models", calibrate: "models", design: "designs", verify: "designs", audit: "audits", accuracy: "accuracy" }[kind] ?? "artifacts";
+  for (const link of document.querySelectorAll("#views a")) {
+    if (link.getAttribute("href") === `#/${view}`) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
 }
 
 /** The charts of a report, drawn by the server, in a frame without scripts. @param {HTMLElement} place @param {string} digest */

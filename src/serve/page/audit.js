@@ -3,7 +3,7 @@
 import { frame, json } from "./server.js";
 import { h, number, problem, replace, short } from "./elements.js";
 import { card, patternsAt, rowLink, size } from "./pictures.js";
-import { drawMembrane, drawPattern, magnitudes } from "./membrane.js";
+import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { Pattern } from "./pattern.js";
 import { save } from "./files.js";
 
@@ -35,7 +35,7 @@ export async function findings(place, found) {
   const open = async (row, pictures, check) => {
     try {
       replace(pictures, h("p", { class: "soft" }, "Reading …"));
-      await sample(sets, row, pictures);
+      await sample(sets, row, pictures, { check, audit: found.digest });
       if (TWINS.includes(check)) await partners(sets, row, pictures);
     } catch (error) {
       replace(pictures, problem(error));
@@ -46,6 +46,7 @@ export async function findings(place, found) {
   replace(
     place,
     h("p", {}, "Dataset ", inputs.map((/** @type {string} */ input) => [short(input), " "]), "– ", blocks ? "Stages that need this audit are not built while it finds errors." : list.length ? "No stage is kept from being built." : "Nothing was found."),
+    lookedAt(found),
     waiting,
     list.map(section),
     list.length ? h("div", { class: "tools" }, h("button", { type: "button", onclick: () => save([...marked].sort((a, b) => a - b).join("\n") + "\n", `findings-${found.digest.slice(0, 12)}.txt`) }, "Save the list of marked rows"), counted) : null,
@@ -55,6 +56,19 @@ export async function findings(place, found) {
   } catch (error) {
     replace(waiting, problem(error));
   }
+}
+
+/** What was looked at, as the command says it. @param {any} found */
+function lookedAt(found) {
+  const summary = JSON.parse(found.attributes.summary ?? "{}");
+  const finer = summary.resimulated ?? {};
+  const parts = [
+    summary.samples === undefined ? "" : `${summary.samples} samples`,
+    summary.solved_again === undefined ? "" : `${summary.solved_again} solved again on their own mesh`,
+    finer.samples ? `${finer.samples} on a finer mesh${(finer.largest_error ?? null) === null ? "" : `, with an error of ${number(finer.largest_error, 3)} mm at the most`}` : "",
+    finer.samples ? `with 95 % confidence at most ${number(100 * finer.excluded_above, 3)} % are at fault` : "",
+  ].filter(Boolean);
+  return parts.length ? h("p", { class: "soft", id: "looked-at" }, `Looked at: ${parts.join("; ")}.`) : null;
 }
 
 /** Checks whose rows have a partner: the same pattern, or an image of it. */
@@ -107,35 +121,48 @@ function holds(sets, row) {
   return sets.find((set) => set.datasets.some((/** @type {any} */ one) => one.axes.length === 3 && one.axes[1] === "y" && one.axes[2] === "x" && row < one.shape[0]));
 }
 
-/** A row as it is labelled and as it is simulated anew. @param {any[]} sets @param {number} row @param {HTMLElement} place */
-async function sample(sets, row, place) {
-  for (const set of sets) {
-    const patterns = set.datasets.find((/** @type {any} */ one) => one.path === "patterns" || (one.axes.length === 3 && one.axes[1] === "y" && one.axes[2] === "x"));
-    const field = set.datasets.find((/** @type {any} */ one) => patterns && one.axes[0] === patterns.axes[0] && one.axes.length === 4 && one.axes[3] === "xy");
-    if (!patterns || row >= patterns.shape[0]) continue;
-    const paths = [patterns, field].filter(Boolean).map((/** @type {any} */ one) => one.path).join(",");
-    const { arrays } = await frame(`artifacts/${set.digest}/arrays?paths=${encodeURIComponent(paths)}&rows=${row}`);
-    const { shape, data } = arrays[patterns.path];
-    const pattern = new Pattern(shape[2], shape[1], Uint8Array.from(data));
-    const labelled = field ? /** @type {Float32Array} */ (arrays[field.path].data) : null;
-    const body = { ...(set.attributes.scene ? { scene: set.attributes.scene } : {}), pattern: pattern.asRows(), fields: ["displacement"], quick: true };
-    const again = await frame("sketch", { body });
-    const simulated = /** @type {Float32Array|null} */ (again.arrays.displacement?.data ?? null);
-    const canvases = ["Pattern", "Label", "Simulated again", "Difference"].map((name) => ({ name, canvas: h("canvas", { role: "img", "aria-label": name }), note: h("figcaption", { class: "small soft" }) }));
-    replace(place, h("h3", {}, `Row ${row} of `, short(set.digest)), h("div", { class: "pair" }, canvases.map(({ canvas, note }) => h("figure", {}, canvas, note))));
-    const extent = size(set, pattern);
-    const one = (/** @type {number} */ at, /** @type {Float32Array|null} */ values, /** @type {string} */ without) => {
-      const { name, canvas, note } = canvases[at];
-      const of = values ? magnitudes(values, pattern.columns, pattern.rows) : null;
-      drawMembrane(canvas, pattern, values, { size: extent, scale: at === 3 ? 1 : 2, values: of, low: 0, high: of ? Math.max(...of) : 0 });
-      note.textContent = of ? `${name}: largest ${number(Math.max(...of), 5)} mm` : `${name}: ${without}`;
-    };
-    drawPattern(canvases[0].canvas, pattern);
-    canvases[0].note.textContent = "Pattern";
-    one(1, labelled, "it has no field");
-    one(2, simulated, again.document.outcome);
-    one(3, labelled && simulated ? Float32Array.from(labelled, (value, at) => value - simulated[at]) : null, "there is nothing to compare");
-    return;
-  }
-  throw new Error(`the dataset of this audit, which row ${row} is of, is not in the store`);
+/** Checks that look at a finer mesh: there the labels are right on their own mesh, and it is too coarse. */
+const FINER = ["accuracy", "stability"];
+
+/** A row as it is labelled, and as the audit has simulated it anew. @param {any[]} sets @param {number} row @param {HTMLElement} place @param {{check: string, audit: string}} of */
+async function sample(sets, row, place, { check, audit }) {
+  const set = holds(sets, row);
+  if (!set) throw new Error(`the dataset of this audit, which row ${row} is of, is not in the store`);
+  const { document: told, arrays } = await frame(`artifacts/${set.digest}/again?row=${row}&audit=${audit}`);
+  const { shape, data } = arrays.pattern;
+  const pattern = new Pattern(shape[1], shape[0], Uint8Array.from(data));
+  const field = (/** @type {string} */ name) => /** @type {Float32Array|null} */ (arrays[name]?.data ?? null);
+  // Where the mesh of the label is not known, there is the finer one alone.
+  const finer = FINER.includes(check) || told.again.mesh === null;
+  const [which, words] = finer ? ["finer", "Simulated on a finer mesh"] : ["again", "Simulated again on its mesh"];
+  const label = field("label");
+  const simulated = field(which);
+  const canvases = ["Pattern", "Label", words, "Difference"].map((name) => ({ name, canvas: h("canvas", { role: "img", "aria-label": name }), bar: h("canvas", { class: "bar", "aria-hidden": "true" }), note: h("figcaption", { class: "small soft" }) }));
+  const error = (/** @type {any} */ one) => (one.max_error_mm === null ? one.outcome ?? "not simulated" : `the label differs by up to ${number(one.max_error_mm, 4)} mm`);
+  replace(
+    place,
+    h("h3", {}, h("a", { href: rowLink(set.digest, row) }, `Row ${row}`), " of ", short(set.digest)),
+    h("p", { class: "small", "data-finer-error": told.finer.max_error_mm === null ? null : String(told.finer.max_error_mm) },
+      told.again.mesh ? `On the mesh of the label (${told.again.mesh}): ${error(told.again)}. ` : "The mesh of the label is not known. ",
+      told.finer.mesh ? `On a finer mesh (${told.finer.mesh}): ${error(told.finer)}.` : "There is no finer mesh."),
+    h("div", { class: "pair" }, canvases.map(({ canvas, bar, note }, at) => h("figure", {}, canvas, at ? bar : null, note))),
+  );
+  const extent = size(set, pattern);
+  const difference = label && simulated ? Float32Array.from(label, (value, at) => value - simulated[at]) : null;
+  const largest = [label, simulated].flatMap((values) => (values ? [Math.max(...magnitudes(values, pattern.columns, pattern.rows))] : []));
+  const one = (/** @type {number} */ at, /** @type {Float32Array|null} */ values, /** @type {string} */ without) => {
+    const { name, canvas, bar, note } = canvases[at];
+    const of = values ? magnitudes(values, pattern.columns, pattern.rows) : null;
+    // Label and simulation have one scale of colours; the difference has its own, on the undeformed membrane.
+    const high = of ? Math.max(...(at === 3 ? of : largest)) : 0;
+    drawMembrane(canvas, pattern, at === 3 && values ? new Float32Array(values.length) : values, { size: extent, scale: at === 3 ? 1 : 2, values: of, low: 0, high });
+    bar.hidden = !of;
+    if (of) drawBar(bar, false);
+    note.textContent = of ? `${name}: largest ${number(Math.max(...of), 5)} mm` : `${name}: ${without}`;
+  };
+  drawPattern(canvases[0].canvas, pattern);
+  canvases[0].note.textContent = "Pattern";
+  one(1, label, "it has no field");
+  one(2, simulated, told[which].outcome ?? "not simulated");
+  one(3, difference, "there is nothing to compare");
 }

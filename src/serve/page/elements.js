@@ -133,8 +133,33 @@ export function choice(name, options, chosen, changed) {
 
 /** @param {string} text */
 export function copyable(text) {
-  const button = h("button", { type: "button", onclick: () => navigator.clipboard.writeText(text).then(() => (button.textContent = "Copied")) }, "Copy");
-  return h("div", { class: "copyable" }, h("pre", { tabindex: "0" }, text), button);
+  return h("div", { class: "copyable" }, h("pre", { tabindex: "0" }, text), copying("Copy", () => text));
+}
+
+/** A button that copies what there is when it is pressed. @param {string} label @param {() => string} text @param {Record<string, any>} [more] */
+export function copying(label, text, more = {}) {
+  const button = h("button", { type: "button", ...more, onclick: async () => {
+    try {
+      await navigator.clipboard.writeText(text());
+      button.textContent = "Copied";
+    } catch {
+      button.textContent = "This browser does not copy";
+    }
+    setTimeout(() => (button.textContent = label), 2000);
+  } }, label);
+  return button;
+}
+
+/** A field for a number: one of the type `number` would say nothing of a text that is none. @param {string} value @param {string} label @param {Record<string, any>} more */
+export function numeric(value, label, more) {
+  return h("input", { type: "text", inputmode: "decimal", autocomplete: "off", value, "aria-label": label, ...more });
+}
+
+/** Says what is wrong beside a field; nothing where nothing is. @param {any} input @param {HTMLElement} place @param {string} wrong */
+export function said(input, place, wrong) {
+  place.textContent = wrong;
+  if (wrong) input.setAttribute("aria-invalid", "true");
+  else input.removeAttribute("aria-invalid");
 }
 
 /** Runs a function once things have been still for a while. @param {() => void} act @param {number} milliseconds */

@@ -1,6 +1,6 @@
 // Which view is shown: what stands after # in the address says so, so that each view has a link of its own.
 
-import { json } from "./server.js";
+import { ENDED, json } from "./server.js";
 import { bytes, h, problem, replace, startedIn, titled, when } from "./elements.js";
 import { listen } from "./live.js";
 import { sketchpad } from "./sketch.js";
@@ -106,7 +106,7 @@ async function main() {
   }
   window.addEventListener("hashchange", () => void show());
   await show();
-  void listen(stand, (message) => (status.textContent = `the server does not answer: ${message}`));
+  void listen(stand, (message) => (status.textContent = `${message}: ${ENDED}`));
 }
 
 void main();

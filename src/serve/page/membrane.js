@@ -147,20 +147,27 @@ function line(context, a, b, c, d) {
 function arrow(context, x, y, degrees, length) {
   const angle = (-degrees * Math.PI) / 180;
   const [c, s] = [Math.cos(angle), Math.sin(angle)];
-  context.strokeStyle = context.fillStyle = "#d55e00";
+  const shaft = new Path2D();
+  shaft.moveTo(x, y);
+  shaft.lineTo(x + 0.8 * length * c, y + 0.8 * length * s);
+  const head = new Path2D();
+  head.moveTo(x + length * c, y + length * s);
+  head.lineTo(x + 0.7 * length * c - 0.15 * length * s, y + 0.7 * length * s + 0.15 * length * c);
+  head.lineTo(x + 0.7 * length * c + 0.15 * length * s, y + 0.7 * length * s - 0.15 * length * c);
+  head.closePath();
+  head.moveTo(x + 4, y);
+  head.arc(x, y, 4, 0, 7);
+  // With an edge of white it is seen on electrodes of any colour.
+  context.lineJoin = "round";
+  context.strokeStyle = "#fff";
+  context.lineWidth = 6;
+  context.stroke(shaft);
   context.lineWidth = 3;
-  context.beginPath();
-  context.moveTo(x, y);
-  context.lineTo(x + 0.8 * length * c, y + 0.8 * length * s);
-  context.stroke();
-  context.beginPath();
-  context.moveTo(x + length * c, y + length * s);
-  context.lineTo(x + 0.7 * length * c - 0.15 * length * s, y + 0.7 * length * s + 0.15 * length * c);
-  context.lineTo(x + 0.7 * length * c + 0.15 * length * s, y + 0.7 * length * s - 0.15 * length * c);
-  context.fill();
-  context.beginPath();
-  context.arc(x, y, 4, 0, 7);
-  context.fill();
+  context.stroke(head);
+  context.strokeStyle = context.fillStyle = "#a33b00";
+  context.lineWidth = 3;
+  context.stroke(shaft);
+  context.fill(head);
 }
 
 /** Around a deformed membrane, a share of its width. */
@@ -292,15 +299,15 @@ function outline(context, pattern, px, py) {
   context.stroke();
 }
 
-/** The magnitude of a displacement in the middle of each cell. @param {Float32Array} displacement @param {number} columns @param {number} rows */
+/** The largest magnitude of a displacement at the corners of each cell, so that the largest of all is that of the corners. @param {Float32Array} displacement @param {number} columns @param {number} rows */
 export function magnitudes(displacement, columns, rows) {
+  const corners = Float32Array.from({ length: displacement.length / 2 }, (_, at) => Math.hypot(displacement[2 * at], displacement[2 * at + 1]));
   const found = new Float32Array(columns * rows);
   for (let y = 0, cell = 0; y < rows; y += 1) {
     for (let x = 0; x < columns; x += 1, cell += 1) {
-      const at = 2 * (y * (columns + 1) + x);
-      const above = at + 2 * (columns + 1);
-      const mean = (/** @type {number} */ k) => (displacement[at + k] + displacement[at + 2 + k] + displacement[above + k] + displacement[above + 2 + k]) / 4;
-      found[cell] = Math.hypot(mean(0), mean(1));
+      const at = y * (columns + 1) + x;
+      const above = at + columns + 1;
+      found[cell] = Math.max(corners[at], corners[at + 1], corners[above], corners[above + 1]);
     }
   }
   return found;

@@ -25,7 +25,7 @@ export async function model(place, found) {
   const heads = splits.flatMap((split) => [{ title: `${split}: RMS error, mm`, number: true }, { title: `${split}: largest, mm`, number: true }]);
   const own = h("div", {}, h("p", { class: "soft" }, "Predicting the test rows …"));
   const elsewhere = h("div", {}, h("p", { class: "soft" }, "Looking for evaluations …"));
-  replace(place, h("h2", {}, "Errors by family, of a component"), table("Errors by family", ["family", ...heads], rows), h("section", {}, h("h2", {}, "Worst patterns of its own test rows"), own), elsewhere);
+  replace(place, h("h2", {}, "Errors by family, of a component"), table("Errors by family", ["family", ...heads], rows), h("section", {}, h("h2", {}, "Worst patterns of its own test rows (those of training and validation are left out)"), own), elsewhere);
   try {
     await ownWorst(own, found.digest);
   } catch (error) {
@@ -69,7 +69,8 @@ async function ownWorst(place, digest) {
       family.rmse_mm > 0 && row.rms_mm > 2 * family.rmse_mm ? `RMS error ${number(row.rms_mm / family.rmse_mm, 2)} times that of its family` : "",
     ];
     const told = { error: row.max_error_mm, family: row.family, area: row.area, simulated: row.simulated_max_mm, predicted: row.predicted_max_mm };
-    cards.push(() => worstCard(pattern, rowLink(row.set, row.row, digest), told, why, near));
+    const learned = found.learned ? `it has learned from ${family.learned} rows of ${row.family}, of ${found.learned}` : "";
+    cards.push(() => worstCard(pattern, rowLink(row.set, row.row, digest), told, why, near, family.learned === 0 ? "" : learned));
   }
   const all = families.get("all");
   const beyond = found.total - found.judged;
@@ -81,16 +82,17 @@ async function ownWorst(place, digest) {
   );
 }
 
-/** What a card says of a pattern that is predicted badly. @param {Pattern|null} pattern @param {string|null} link @param {{error: number, family: string, area: number, simulated: number, predicted: number}} told @param {string[]} why @param {{distance: number, cells: number}|null} near */
-function worstCard(pattern, link, told, why, near) {
+/** What a card says of a pattern that is predicted badly. @param {Pattern|null} pattern @param {string|null} link @param {{error: number, family: string, area: number, simulated: number, predicted: number}} told @param {string[]} why @param {{distance: number, cells: number}|null} near @param {string} [learned] */
+function worstCard(pattern, link, told, why, near, learned = "") {
   return card(
     pattern,
     link,
-    h("div", {}, h("b", {}, `error ${number(told.error, 3)} mm`)),
+    h("div", {}, h("b", {}, `error of a component ${number(told.error, 3)} mm`)),
     h("div", {}, `${told.family}, area ${number(100 * told.area, 3)} %`),
     h("div", {}, `largest: ${number(told.simulated, 4)} mm, predicted ${number(told.predicted, 4)} mm`),
     why.filter(Boolean).map((words) => h("div", { class: "warning" }, words)),
     near ? h("div", {}, `its nearest pattern in training differs in ${number((100 * near.distance) / near.cells, 3)} % of the cells`) : null,
+    learned ? h("div", { class: "soft" }, learned) : null,
   );
 }
 

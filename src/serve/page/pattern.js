@@ -115,7 +115,7 @@ export class Pattern {
   }
 }
 
-/** What was drawn before, and what was taken back. */
+/** What was drawn before, and what was taken back. Patterns are kept as they are, and replaced, never changed. */
 export class History {
   /** @type {Pattern[]} */ past = [];
   /** @type {Pattern[]} */ future = [];

@@ -4,6 +4,7 @@ import { json } from "./server.js";
 import { bytes, h, near, problem, replace, seconds, settled, short, table, titled } from "./elements.js";
 import { drawing as dag, list as stageList, progress, state } from "./dag.js";
 import { others, underWay } from "./live.js";
+import { withoutUnit } from "./quantity.js";
 
 /** Values that are listed before more are asked for. */
 const FIRST = 40;
@@ -11,6 +12,18 @@ const FIRST = 40;
 /** Between two looks at a run, ms, and the longest where the server does not answer. */
 const LOOK = 700;
 const LONGEST = 30000;
+
+/** What the numbers mean with which a run ends (`cli/output.rs`). @type {Record<number, string>} */
+const ENDINGS = {
+  0: "done",
+  1: "it failed",
+  2: "its input cannot be used",
+  3: "done, but for some samples no stable solution was found",
+  4: "the store is damaged",
+  5: "an audit found errors",
+  6: "it is not what its lock file says",
+  75: "it was stopped, or the machine refused; to run it again goes on where it was",
+};
 
 /** @param {HTMLElement} view @param {any} start */
 export async function pipelinesView(view, start) {
@@ -35,7 +48,9 @@ export async function pipelineView(view, id, mayRun, query) {
     if (location.hash !== wanted) history.replaceState(null, "", wanted);
   };
   let turn = 0;
-  /** The value that is refused. @type {string|null} */ let refused = null;
+  /** The value that is refused, and why. @type {string|null} */ let refused = null;
+  let reason = "";
+  let able = () => {};
   let mark = () => {};
   let ended = false;
   const drawing = h("div", { class: "scroll wide-only", tabindex: "0", role: "region", "aria-label": "Drawing of the stages" });
@@ -43,6 +58,7 @@ export async function pipelineView(view, id, mayRun, query) {
   const narrow = h("div", { class: "narrow-only" });
   /** @type {any} */ let planned = found;
   const bill = h("p", { id: "bill" });
+  const warnings = h("div", { id: "warnings", "aria-live": "polite" });
   const elsewhere = h("div", { id: "elsewhere", "aria-live": "polite" });
   const trouble = h("div", {});
   const runBox = h("div", {});
@@ -55,6 +71,7 @@ export async function pipelineView(view, id, mayRun, query) {
     bill.textContent = stale.length ? `${stale.length} of ${plan.stages.length} stages to build: ${price}${rest}` : `all ${plan.stages.length} stages are fresh`;
     bill.dataset.stale = stale.map((/** @type {any} */ stage) => stage.name).join(" ");
     planned = plan;
+    replace(warnings, (plan.warnings ?? []).map((/** @type {string} */ text) => h("p", { class: "box" }, h("b", {}, "Warning: "), text)));
     show_stages();
   };
 
@@ -90,24 +107,31 @@ export async function pipelineView(view, id, mayRun, query) {
   const replan = async () => {
     turn += 1;
     const own = turn;
+    // A number without a unit is not asked about: the server would take it in the base unit.
+    const bare = Object.entries(set).map(([path, value]) => [path, withoutUnit(value, found.values.find((/** @type {any} */ one) => one.path === path)?.value ?? "")]).find(([, wrong]) => wrong);
     try {
+      if (bare) throw Object.assign(new Error(bare[1]), { value: bare[0] });
       const plan = Object.keys(set).length ? await json("plan", { body: { pipeline: id, set } }) : found;
       if (ended || own !== turn) return;
       keep();
       old(false);
       replace(trouble);
       refused = null;
+      reason = "";
       show(plan);
     } catch (error) {
       if (ended || own !== turn) return;
       refused = /** @type {any} */ (error).value ?? null;
+      reason = [/** @type {any} */ (error).message, /** @type {any} */ (error).help].filter(Boolean).join(": ");
       // What is drawn is the plan of the values before.
       bill.textContent = "No plan with these values; what is shown in grey is that of the values before.";
       bill.dataset.stale = "";
       old(true);
       replace(trouble, problem(error));
+      replace(warnings);
     }
     mark();
+    able();
   };
   const soon = settled(() => void replan(), 250);
 
@@ -117,6 +141,7 @@ export async function pipelineView(view, id, mayRun, query) {
     let most = FIRST;
     const row = (/** @type {{path: string, value: string}} */ one) => {
       const before = h("span", { class: "soft small mono" });
+      const wrong = h("span", { class: "error small", "data-wrong": one.path, role: "alert" });
       const note = () => {
         const changed = one.path in set;
         before.textContent = changed ? `in the file: ${one.value}` : "";
@@ -128,7 +153,7 @@ export async function pipelineView(view, id, mayRun, query) {
         note();
         soon();
       } });
-      const line = h("label", { class: "value" }, h("span", { class: "mono" }, near(one.path)), input, before);
+      const line = h("label", { class: "value" }, h("span", { class: "mono" }, near(one.path)), input, before, wrong);
       note();
       return line;
     };
@@ -147,6 +172,7 @@ export async function pipelineView(view, id, mayRun, query) {
         if (input.dataset.path === refused) input.setAttribute("aria-invalid", "true");
         else input.removeAttribute("aria-invalid");
       }
+      for (const place of list.querySelectorAll("[data-wrong]")) place.textContent = place.dataset.wrong === refused ? reason : "";
     };
     search.addEventListener("input", fill);
     fill();
@@ -160,7 +186,9 @@ export async function pipelineView(view, id, mayRun, query) {
 
   const runner = () => {
     if (!mayRun) return h("p", { class: "soft small" }, "Nothing is run from here; ", h("code", {}, "deaflow serve --allow-run"), " allows it.");
-    const log = h("div", { "aria-live": "polite" });
+    const log = h("div", { "aria-live": "polite", id: "run-log" });
+    const refusal = h("div", {});
+    let running = false;
     let timer = 0;
     let pause = LOOK;
     const look = async () => {
@@ -178,9 +206,11 @@ export async function pipelineView(view, id, mayRun, query) {
         return;
       }
       if (ended) return;
-      const last = told.events.slice(-12).map((/** @type {any} */ event) => event.text ?? [event.event, event.name ?? event.pipeline, event.why].filter(Boolean).join(" "));
-      const state = told.running ? h("span", { class: "running" }, "running") : told.pipeline ? `ended with exit code ${told.exit_code}` : "";
-      replace(log, h("p", {}, state), last.length ? h("pre", {}, last.join("\n")) : null);
+      // What another page was refused, while a run went on, is over with that run.
+      if (running && !told.running) replace(refusal);
+      running = told.running;
+      able();
+      if (told.pipeline) replace(log, await report(told));
       clearTimeout(timer);
       if (told.running) timer = setTimeout(() => void look(), pause);
       else if (told.pipeline) {
@@ -189,19 +219,27 @@ export async function pipelineView(view, id, mayRun, query) {
       }
     };
     const act = async (/** @type {() => Promise<any>} */ what) => {
+      replace(refusal);
       try {
         await what();
-        await look();
       } catch (error) {
-        replace(log, problem(error));
+        replace(refusal, problem(error));
       }
+      await look();
+    };
+    const begin = h("button", { type: "button", class: "main", id: "run", onclick: () => act(() => json("run", { body: { pipeline: id, set } })) }, "Run with these values");
+    const stop = h("button", { type: "button", id: "stop-run", disabled: true, onclick: () => act(() => json("run", { method: "DELETE" })) }, "Stop");
+    able = () => {
+      begin.disabled = running || bill.textContent.startsWith("No plan");
+      stop.disabled = !running;
     };
     void look();
     return h(
       "section",
       {},
       h("h2", {}, "Run"),
-      h("div", { class: "tools" }, h("button", { type: "button", class: "main", onclick: () => act(() => json("run", { body: { pipeline: id, set } })) }, "Run with these values"), h("button", { type: "button", onclick: () => act(() => json("run", { method: "DELETE" })) }, "Stop")),
+      h("div", { class: "tools" }, begin, stop),
+      refusal,
       log,
     );
   };
@@ -209,7 +247,7 @@ export async function pipelineView(view, id, mayRun, query) {
   if (found.problem) {
     replace(view, h("h1", {}, "Pipeline"), h("p", { class: "mono" }, near(found.path)), problem(found.problem), source(found.text, found.problem.line));
   } else {
-    replace(view, h("h1", {}, found.pipeline), h("p", { class: "mono soft" }, near(found.path)), bill, elsewhere, trouble, drawing, stages, narrow, editor(), runBox, h("details", {}, h("summary", {}, "The file"), source(found.text, null)));
+    replace(view, h("h1", {}, found.pipeline), h("p", { class: "mono soft" }, near(found.path)), bill, elsewhere, trouble, warnings, drawing, stages, narrow, editor(), runBox, h("details", {}, h("summary", {}, "The file"), source(found.text, null)));
     replace(runBox, runner());
     titled(`${found.pipeline} – Pipelines`);
     show(found);
@@ -234,6 +272,40 @@ export async function pipelineView(view, id, mayRun, query) {
     window.removeEventListener("news", listen);
     window.removeEventListener("standing", stand);
   };
+}
+
+/** What has become of the run that was begun here: of which pipeline with which values, its events, and what it has printed at its end. @param {any} told */
+async function report(told) {
+  const values = Object.entries(told.set ?? {}).map(([path, value]) => `${path}=${value}`).join(", ");
+  const of = `Run of ${near(told.pipeline)} with ${values || "the values of the file"}`;
+  if (told.running) {
+    const last = told.events.slice(-12).map(words);
+    return [h("p", {}, h("span", { class: "running" }, "running"), ` for ${seconds(told.seconds)}. ${of}.`), last.length ? h("pre", {}, last.join("\n")) : null];
+  }
+  const ending = told.stopped && told.exit_code === 75 ? "stopped; to run it again goes on where it was" : ENDINGS[told.exit_code] ?? `ended with exit code ${told.exit_code}`;
+  const id = await runOf(told.pid);
+  const failed = told.exit_code === 0 ? [] : told.events.slice(-12).map(words);
+  return [
+    h("p", { id: "run-end", "data-code": String(told.exit_code) }, h("b", { class: told.exit_code === 0 || told.stopped ? null : "error" }, ending), `, after ${seconds(told.seconds)}. ${of}. `, id ? h("a", { href: `#/runs/${id}` }, "Its results and artifacts") : null),
+    told.printed || failed.length ? h("pre", { tabindex: "0" }, [...failed, told.printed.trim()].filter(Boolean).join("\n")) : null,
+  ];
+}
+
+/** An event in words. @param {any} event */
+function words(event) {
+  if (event.text) return event.event === "warning" ? `warning: ${event.text}` : event.text;
+  const what = (event.event ?? "").replace(/^stage-/, "").replace(/^run-/, "run ").replaceAll("-", " ");
+  return [`${event.name ?? event.pipeline ?? ""}:`, what, event.why && `(${event.why})`].filter(Boolean).join(" ");
+}
+
+/** The run that a process has written down, by its log, which has its number; none of one that has built nothing. @param {number} process */
+async function runOf(process) {
+  try {
+    const { runs } = await json("runs?limit=20");
+    return runs.find((/** @type {any} */ run) => run.log?.endsWith(`-${process}.log`))?.id ?? null;
+  } catch {
+    return null;
+  }
 }
 
 /** The text with its lines numbered, and one of them marked. @param {string} text @param {number|null} wrong */

@@ -7,6 +7,20 @@ const UNITS = {
   angle: { deg: 1, "°": 1 },
 };
 
+/** Units of what stages and scenes hold, as `base/quantity.rs` reads them, by what they measure. */
+const KNOWN = [["mm", "m", "cm", "um", "µm", "μm", "nm"], ["V", "mV", "kV", "MV"], ["deg", "°"], ["Pa", "kPa", "MPa", "GPa"], ["s", "ms", "us", "min", "h"], ["Hz", "mHz", "kHz"]];
+
+/**
+ * What is wrong with a value that has no unit where the one in the file has: a number alone would be taken in the base unit, which few mean.
+ * @param {string} text @param {string} inFile
+ */
+export function withoutUnit(text, inFile) {
+  const unit = /^[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*([A-Za-zµμ°][A-Za-zµμ°/0-9]*)$/.exec(inFile.trim())?.[1];
+  if (!unit || !/^[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$/.test(text.trim()) || Number(text) === 0) return "";
+  const allowed = KNOWN.find((units) => units.includes(unit)) ?? [unit];
+  return `“${text.trim()}” has no unit, and in the file it is ${inFile.trim()}; allowed: a number with ${allowed.join(", ")}`;
+}
+
 /** What is said of a field for a quantity. @type {Record<string, string>} */
 export const HINTS = { voltage: "in V, or with a unit: 4 kV", length: "in mm, or with a unit: 250 um", angle: "in degrees" };
 

@@ -3,10 +3,11 @@
 import { frame, json } from "./server.js";
 import { choice, h, labelled, number, problem, replace, settled, short } from "./elements.js";
 import { charts } from "./chart.js";
-import { drawMembrane, drawPattern, magnitudes } from "./membrane.js";
+import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { card, drawField, drawn, patternsAt, rowLink, size } from "./pictures.js";
 import { lineage } from "./origin.js";
 import { Pattern } from "./pattern.js";
+import { valueOf, within, withOnly } from "./filter.js";
 import { save } from "./files.js";
 
 const PAGE = 24;
@@ -79,7 +80,7 @@ export async function rowsView(place, found, query) {
     } catch (error) {
       if (own !== turn) return;
       // What stands below is of the filter before.
-      told.textContent = "no count with this filter";
+      told.textContent = asked.filter ? "no count with this filter" : "no rows";
       delete told.dataset.matched;
       replace(unknown);
       old(true);
@@ -93,23 +94,19 @@ export async function rowsView(place, found, query) {
   }, 200);
   filter.addEventListener("input", soon);
 
-  /** Adds a condition. @param {string} condition */
-  const select = (condition) => {
-    filter.value = [filter.value.trim(), condition].filter(Boolean).join(" and ");
+  /** Rows whose value of a column lies between two, in place of a range that was chosen before. @param {string} name @param {number} low @param {number} high */
+  const between = (name, low, high) => {
+    filter.value = within(filter.value, name, low, high);
     soon();
   };
   /** Shows the rows of one value of a column alone. @param {string} name @param {string} value */
   const only = (name, value) => {
-    const others = filter.value.split(" and ").map((/** @type {string} */ one) => one.trim()).filter((/** @type {string} */ one) => one && !one.startsWith(`${name} =`));
-    filter.value = value ? [...others, `${name} = "${value}"`].join(" and ") : others.join(" and ");
+    filter.value = withOnly(filter.value, name, value);
     soon();
   };
   const quick = h("div", { class: "tools" });
   /** The value of a column that the filter asks for; empty where it asks for none. @param {string} name */
-  const among = (name) => {
-    const condition = filter.value.split(" and ").map((/** @type {string} */ one) => one.trim()).find((/** @type {string} */ one) => one.startsWith(`${name} =`));
-    return condition?.slice(name.length + 2).trim().replace(/^"(.*)"$/, "$1") ?? "";
-  };
+  const among = (name) => valueOf(filter.value, name);
   /** Columns of few different texts can be chosen from; which there are is counted once. @param {any} answer */
   const offer = async (answer) => {
     if (quick.dataset.axis === answer.axis) return;
@@ -158,7 +155,7 @@ export async function rowsView(place, found, query) {
       asked.offset = offset;
       void fill();
     } }, text);
-    replace(pages, page("Before", Math.max(0, asked.offset - PAGE), asked.offset === 0), h("span", {}, answer.matched ? `${asked.offset + 1} to ${last} of ${answer.matched}` : "none"), page("After", asked.offset + PAGE, last >= answer.matched));
+    replace(pages, page("Previous", Math.max(0, asked.offset - PAGE), asked.offset === 0), h("span", {}, answer.matched ? `${asked.offset + 1} to ${last} of ${answer.matched}` : "none"), page("Next", asked.offset + PAGE, last >= answer.matched));
     const columns = [["", "no histogram"], ...answer.columns.map((/** @type {any} */ column) => [column.name, column.name])];
     const counts = answer.histogram;
     replace(
@@ -167,8 +164,8 @@ export async function rowsView(place, found, query) {
         asked.histogram = name;
         void fill();
       })),
-      counts?.texts ? h("div", { class: "tools" }, counts.texts.map((/** @type {[string, number]} */ [text, count]) => h("button", { type: "button", onclick: () => select(`${asked.histogram} = "${text}"`) }, `${text}: ${count}`))) : null,
-      counts?.counts ? charts.bars(counts, asked.histogram, (low, high) => select(`${asked.histogram} >= ${low} and ${asked.histogram} <= ${high}`)) : null,
+      counts?.texts ? h("div", { class: "tools" }, counts.texts.map((/** @type {[string, number]} */ [text, count]) => h("button", { type: "button", onclick: () => only(asked.histogram, text) }, `${text}: ${count}`))) : null,
+      counts?.counts ? charts.bars(counts, asked.histogram, (low, high) => between(asked.histogram, low, high)) : null,
     );
   };
 
@@ -235,7 +232,7 @@ export async function rowsView(place, found, query) {
       predicted,
       h("h3", {}, "Where it comes from"),
       from,
-      h("h3", {}, "Patterns most alike"),
+      h("h3", {}, "Patterns most alike, of any family and part"),
       near,
       h("h3", {}, "Its images under the symmetries"),
       h("div", { class: "eight" }, images),
@@ -263,7 +260,7 @@ export async function rowsView(place, found, query) {
     h(
       "div",
       { class: "controls" },
-      axes.length > 1 ? labelled("Rows along", choice("along", /** @type {any} */ ([["", "the usual axis"], ...axes.map((name) => [name, name])]), asked.along, (axis) => {
+      axes.length > 1 ? labelled("Rows along", choice("along", /** @type {any} */ ([["", "its main axis"], ...axes.map((name) => [name, name])]), asked.along, (axis) => {
         Object.assign(asked, { along: axis, sort: "", offset: 0, histogram: "" });
         chosen = null;
         void fill();
@@ -302,18 +299,20 @@ async function prediction(place, found, row, model) {
   const [most, wrong] = [[label, predicted], [difference]].map((fields) => Math.max(...fields.flatMap((field) => Array.from(magnitudes(field, pattern.columns, pattern.rows)))));
   /** @type {[string, Float32Array, number, number][]} */
   const views = [["Label", label, 2, most], ["Prediction", predicted, 2, most], ["Error", difference, 1, wrong]];
-  const made = views.map(([name]) => ({ canvas: h("canvas", { role: "img", "aria-label": name }), note: h("figcaption", { class: "small soft" }) }));
+  const made = views.map(([name]) => ({ canvas: h("canvas", { role: "img", "aria-label": name }), bar: h("canvas", { class: "bar", "aria-hidden": "true" }), note: h("figcaption", { class: "small soft" }) }));
   replace(
     place,
     h("h3", {}, "Prediction of ", short(model)),
     h("p", { "data-error": String(told.max_error_mm) }, `${told.network}: largest error of a component ${number(told.max_error_mm, 4)} mm, RMS ${number(told.rms_mm, 4)} mm`),
-    h("div", { class: "pair", id: "prediction" }, made.map(({ canvas, note }) => h("figure", {}, canvas, note))),
+    h("p", { class: "soft small" }, "Errors of models are those of a component, x or y; what is drawn below is the magnitude of the vector at the cell corners, which is up to 1.41 times as large."),
+    h("div", { class: "pair", id: "prediction" }, made.map(({ canvas, bar, note }) => h("figure", {}, canvas, bar, note))),
   );
   views.forEach(([name, field, scale, high], at) => {
     const values = magnitudes(field, pattern.columns, pattern.rows);
     // Label and prediction have one scale of colours; the error has its own, on the undeformed membrane.
     drawMembrane(made[at].canvas, pattern, name === "Error" ? new Float32Array(field.length) : field, { size: size(found, pattern), scale, values, low: 0, high });
-    made[at].note.textContent = `${name}: largest ${number(largest(field), 4)} mm`;
+    drawBar(made[at].bar, false);
+    made[at].note.textContent = `${name}: largest ${number(largest(field), 4)} mm; colours from 0 to ${number(high, 4)} mm${name === "Error" ? ", a scale of its own" : ""}`;
   });
 }
 
@@ -324,11 +323,19 @@ export async function neighbours(place, found, row) {
     const rows = near.neighbours.map((/** @type {any} */ one) => one.row);
     const patterns = await patternsAt(found, rows);
     const words = (/** @type {any} */ one) => (one.distance === 0 ? "the same, or an image" : `${one.distance} cells differ (${number((100 * one.distance) / near.cells, 2)} %)`);
-    const cards = near.neighbours.map((/** @type {any} */ one, /** @type {number} */ at) => card(patterns[at], rowLink(found.digest, one.row), h("div", {}, `row ${one.row}`), h("div", { class: "soft" }, words(one))));
+    const named = await Promise.all(rows.map((/** @type {number} */ one) => families(found.digest, one)));
+    const cards = near.neighbours.map((/** @type {any} */ one, /** @type {number} */ at) => card(patterns[at], rowLink(found.digest, one.row), h("div", {}, `row ${one.row}${named[at] ? `, ${named[at]}` : ""}`), h("div", { class: "soft" }, words(one))));
     replace(place, rows.length ? h("div", { class: "cards", "data-neighbours": rows.join(" ") }, cards) : h("p", { class: "soft" }, "There is no other."), near.searched < near.total ? h("p", { class: "soft small" }, `Looked for among the first ${near.searched} of ${near.total} rows.`) : null);
   } catch (error) {
     replace(place, problem(error));
   }
+}
+
+/** The family and the part of a row, where the set says them. @param {string} digest @param {number} row */
+async function families(digest, row) {
+  const answer = await json(`artifacts/${digest}/rows?limit=1&offset=${row}`);
+  const value = (/** @type {string} */ name) => answer.rows[0]?.[answer.columns.findIndex((/** @type {any} */ column) => column.name === name)];
+  return ["family", "split"].map(value).filter(Boolean).join(", ");
 }
 
 /** The pattern turned by quarters, or halves where it is no square, and mirrored. @param {Pattern} pattern @param {number} k */

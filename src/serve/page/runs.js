@@ -3,15 +3,28 @@
 import { json } from "./server.js";
 import { h, near, number, replace, seconds, short, table, titled, when } from "./elements.js";
 
-/** Results that a row of the history shows. */
+/** Results that a row of the history shows, those first that others were made for. */
 const RESULTS = 4;
+const FIRST = [/\.displacement$/, /\.predicted$/, /\.(rmse|max_error)/, /\.value/, /\.max_displacement$/];
+
+/** The results of a run from those that matter most: how far verified designs move, then how exact what was learned is. @param {Record<string, any>} results @returns {[string, any][]} */
+function ranked(results) {
+  const place = (/** @type {string} */ name) => {
+    const at = FIRST.findIndex((one) => one.test(name));
+    return at < 0 ? FIRST.length : at;
+  };
+  return Object.entries(results).sort(([a], [b]) => place(a) - place(b));
+}
+
+/** Runs that are marked: they stay when one goes back. @type {Set<string>} */
+const CHOSEN = new Set();
 
 /** @param {HTMLElement} view @returns {Promise<() => void>} */
 export async function runsView(view) {
-  const chosen = new Set();
+  const chosen = CHOSEN;
   let ended = false;
   const box = h("div", {});
-  const compare = h("button", { type: "button", disabled: true, onclick: () => (location.hash = `#/runs/compare/${[...chosen].join("/")}`) }, "Compare");
+  const compare = h("button", { type: "button", disabled: chosen.size < 2, onclick: () => (location.hash = `#/runs/compare/${[...chosen].join("/")}`) }, "Compare");
   const fill = async () => {
     const { runs, more } = await json("runs?limit=200");
     if (ended) return;
@@ -23,7 +36,7 @@ export async function runsView(view) {
       } });
       const that = (/** @type {string} */ outcome) => run.stages.filter((/** @type {any} */ stage) => stage.outcome === outcome).map((/** @type {any} */ stage) => stage.name);
       const [built, failed, stopped] = ["built", "failed", "stopped"].map(that);
-      const results = Object.entries(run.results);
+      const results = ranked(run.results);
       return [
         mark,
         h("a", { class: "mono", href: `#/runs/${run.id}` }, run.id),
@@ -32,10 +45,10 @@ export async function runsView(view) {
         seconds(run.seconds),
         h("span", {}, built.length > 5 ? `${built.length} of ${run.stages.length}` : built.join(", ") || "nothing", failed.length ? h("span", { class: "error" }, ` failed: ${failed.join(", ")}`) : null, stopped.length ? ` stopped: ${stopped.join(", ")}` : null),
         h("span", {}, Object.entries(run.overrides).map(([path, value]) => h("div", { class: "mono" }, `${path}=${value}`))),
-        h("span", {}, results.slice(-RESULTS).map(([name, value]) => h("div", {}, `${name} ${number(/** @type {number} */ (value))}`))),
+        h("span", {}, results.slice(0, RESULTS).map(([name, value]) => h("div", {}, `${name} ${number(/** @type {number} */ (value))}`))),
       ];
     };
-    replace(box, runs.length ? table("Runs", ["", "run", "ended", "pipeline", { title: "took", number: true }, "built", "changed", "results"], runs.map(row)) : h("p", {}, "No run is remembered."), more ? h("p", { class: "soft" }, `The last ${runs.length}; deaflow log lists all.`) : null);
+    replace(box, runs.length ? table("Runs", ["", "run", "ended", "pipeline", { title: "took", number: true }, "built", "changed", "results"], runs.map(row)) : h("p", {}, "No run is remembered; ", h("code", {}, "deaflow run pipeline.yaml"), " makes one."), more ? h("p", { class: "soft" }, `The last ${runs.length}; deaflow log lists all.`) : null);
   };
   replace(view, h("h1", {}, "Runs"), h("div", { class: "tools" }, compare, h("span", { class: "soft" }, "mark two or more")), box);
   await fill();
@@ -58,11 +71,13 @@ export async function runView(view, id) {
     h("h1", {}, `Run ${run.id}`),
     h("p", {}, `${run.pipeline}, ${when(run.created)}, on ${run.host}, took ${seconds(run.seconds)}`),
     h("p", { class: "mono soft" }, near(run.path)),
+    run.headlines?.length ? h("ul", { id: "headlines" }, run.headlines.map((/** @type {string} */ line) => h("li", {}, line))) : null,
+    (run.warnings ?? []).map((/** @type {string} */ text) => h("p", { class: "box" }, h("b", {}, "Warning: "), text)),
     h("h2", {}, "Stages"),
     table("Stages", ["stage", "outcome", "artifact"], run.stages.map(stage)),
     Object.keys(run.overrides).length ? [h("h2", {}, "Changed for this run"), table("Overrides", ["path", "value"], pairs(run.overrides))] : null,
     h("h2", {}, "Results"),
-    table("Results", ["result", { title: "value", number: true }, "unit"], pairs(run.results).map(([name, value], at) => [name, value, run.units?.[Object.keys(run.results)[at]] ?? ""])),
+    table("Results", ["result", { title: "value", number: true }, "unit"], ranked(run.results).map(([name, value]) => [h("span", { class: "mono" }, name), h("span", { title: String(value) }, number(value, 8)), run.units?.[name] ?? ""])),
     h("details", {}, h("summary", {}, "Parameters"), table("Parameters", ["parameter", "value"], pairs(run.parameters))),
   );
 }
@@ -70,15 +85,26 @@ export async function runView(view, id) {
 /** @param {HTMLElement} view @param {string[]} ids */
 export async function compareView(view, ids) {
   const runs = await Promise.all(ids.map((id) => json(`runs/${encodeURIComponent(id)}`)));
-  // What was changed by `--set` stands among the parameters, by the path that was set.
-  for (const run of runs) run.parameters = { ...run.parameters, ...run.overrides };
+  // What was changed by `--set` stands among the parameters, by the path that was set; other runs had what the file says there.
+  const changed = new Set(runs.flatMap((run) => Object.keys(run.overrides)));
+  for (const run of runs) {
+    for (const path of changed) run.parameters[path] = run.overrides[path] ?? run.parameters[path] ?? "as in the file";
+  }
+  // Stages that one run has not built say nothing of what differs.
+  const built = (/** @type {any} */ run) => new Set(run.stages.filter((/** @type {any} */ stage) => stage.digest).map((/** @type {any} */ stage) => stage.name));
+  const inAll = runs.map(built).reduce((some, own) => new Set([...some].filter((name) => own.has(name))));
+  const left = [...new Set(runs.flatMap((run) => [...built(run)]))].filter((name) => !inAll.has(name));
+  const compares = (/** @type {"parameters"|"results"} */ key, /** @type {string} */ name) => {
+    const stage = key === "parameters" ? /^stages\.(.+?)\./.exec(name)?.[1] : left.find((one) => name.startsWith(`${one}.`));
+    return changed.has(name) || stage === undefined || !left.includes(stage);
+  };
   /** @type {Record<string, string>} */ const units = Object.assign({}, ...runs.map((run) => run.units ?? {}));
   /** Rows of what differs, or of all. @param {"parameters"|"results"} key @param {boolean} all */
   const rows = (key, all) => {
     const names = [...new Set(runs.flatMap((run) => Object.keys(run[key])))].sort();
     const differs = (/** @type {string} */ name) => new Set(runs.map((run) => JSON.stringify(run[key][name]))).size > 1;
     return names
-      .filter((name) => all || differs(name))
+      .filter((name) => compares(key, name) && (all || differs(name)))
       .map((name) => [h("span", { class: "mono" }, name, key === "results" && units[name] ? h("span", { class: "soft" }, `, ${units[name]}`) : null), ...runs.map((run) => {
         const value = run[key][name];
         return value === undefined ? "–" : typeof value === "number" ? number(value, 6) : h("span", { class: "mono" }, String(value));
@@ -101,6 +127,7 @@ export async function compareView(view, ids) {
   replace(
     view,
     h("h1", {}, `${runs.length} runs`),
+    left.length ? h("p", { class: "soft", id: "left-out" }, `Not every one of them has ${left.join(", ")}: what is known of these is left out.`) : null,
     h("h2", {}, "Parameters that differ"),
     differing.length ? table("Parameters", heads("parameter", false), differing) : h("p", {}, "None."),
     h("h2", {}, "Results"),

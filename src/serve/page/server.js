@@ -22,7 +22,7 @@ export class Refusal extends Error {
 export async function ask(path, options = {}) {
   const body = options.bytes ?? (options.body === undefined ? undefined : JSON.stringify(options.body));
   const method = options.method ?? (body === undefined ? "GET" : "POST");
-  const response = await fetch(`/api/${path}`, { method, body, signal: options.signal, credentials: "same-origin" });
+  const response = await answered(`/api/${path}`, { method, body, signal: options.signal, credentials: "same-origin" });
   if (response.ok) return response;
   let error = {};
   try {
@@ -31,6 +31,19 @@ export async function ask(path, options = {}) {
     // An answer that is no document has nothing to say.
   }
   throw new Refusal(response.status, error);
+}
+
+/** What is to be done where there is no answer at all. */
+export const ENDED = "it has most likely ended: start it again as before, and open the address that it prints, because a new server has a new token";
+
+/** @param {string} path @param {RequestInit} options */
+async function answered(path, options) {
+  try {
+    return await fetch(path, options);
+  } catch (error) {
+    if (/** @type {any} */ (error).name === "AbortError") throw error;
+    throw Object.assign(new Error(`the server does not answer (${/** @type {any} */ (error).message})`), { help: ENDED });
+  }
 }
 
 /** @param {string} path @param {Parameters<typeof ask>[1]} [options] @returns {Promise<any>} */

@@ -57,6 +57,9 @@ pub struct Drawn {
     /// What is told of each corner or cell.
     #[serde(default)]
     pub fields: Vec<String>,
+    /// What an improvement is to reach: the displacement of the point along the direction.
+    #[serde(default)]
+    pub wanted: Option<Value>,
     /// What an improvement may not change: the area fraction.
     #[serde(default)]
     pub area: Option<f64>,
@@ -72,6 +75,9 @@ pub struct Drawn {
     /// Whether the outline of a mask is rounded.
     #[serde(default)]
     pub smooth: bool,
+    /// What the pattern is called where it is a file or a stage.
+    #[serde(default)]
+    pub name: Option<String>,
 }
 
 impl Drawn {
@@ -102,11 +108,11 @@ impl Drawn {
         Ok(Setting { scene, method, mesh })
     }
 
-    /// The scene that is meant.
+    /// The scene that is meant, with all of its states.
     ///
     /// # Errors
     /// When there is none of that name, or it cannot be used.
-    pub fn scene(&self, state: &ServedState) -> Result<Scene, Refusal> {
+    pub fn with_states(&self, state: &ServedState) -> Result<Scene, Refusal> {
         let scene = match &self.scene {
             None => state.scene(None),
             Some(Value::String(text)) => match state.scene(Some(text)) {
@@ -117,10 +123,18 @@ impl Drawn {
             Some(mapping @ Value::Object(_)) => Some(direct::scene_of_text(&mapping.to_string())?),
             Some(_) => return Err(Refusal::bad("`scene` is neither a name, nor YAML, nor a mapping")),
         };
-        let scene = scene.ok_or_else(|| {
+        scene.ok_or_else(|| {
             Refusal::absent("there is no scene of that name")
                 .help("GET /api/scenes lists them; a scene may also stand here as YAML")
-        })?;
+        })
+    }
+
+    /// The scene that is meant, in the state, at the voltage and with the effects that are asked for.
+    ///
+    /// # Errors
+    /// When there is none of that name, or it cannot be used.
+    pub fn scene(&self, state: &ServedState) -> Result<Scene, Refusal> {
+        let scene = self.with_states(state)?;
         let scene = match &self.state {
             Some(wanted) => {
                 let found = scene.in_state(wanted);
@@ -158,11 +172,11 @@ impl Drawn {
         Ok(pattern)
     }
 
-    /// What is wanted of a point, where one is named.
+    /// The point in mm and the direction in degrees, where they are named.
     ///
     /// # Errors
     /// When it lies outside, or its direction is missing.
-    pub fn goal(&self, scene: &Scene, area: Option<f64>) -> Result<Option<Goal>, Refusal> {
+    pub fn place(&self, scene: &Scene) -> Result<Option<([f64; 2], f64)>, Refusal> {
         let (point, direction) = match (&self.point, &self.direction) {
             (None, None) => return Ok(None),
             (Some(point), Some(direction)) => (point, direction),
@@ -170,8 +184,23 @@ impl Drawn {
         };
         let sides = scene.membrane().size_mm;
         let [x, y] = [0, 1].map(|axis| quantity("point", &point[axis], Dimension::Length, 0.0..=sides[axis]));
-        let (x, y) = (x?, y?);
         let angle = quantity("direction", direction, Dimension::Angle, -360.0..=360.0)?;
+        Ok(Some(([x?, y?], angle)))
+    }
+
+    /// What is wanted of a point, where one is named; against its direction where that is said.
+    ///
+    /// # Errors
+    /// When it lies outside, or its direction is missing.
+    pub fn goal(&self, scene: &Scene, area: Option<f64>, backwards: bool) -> Result<Option<Goal>, Refusal> {
+        let Some(([x, y], angle)) = self.place(scene)? else {
+            return Ok(None);
+        };
+        let angle = match (backwards, angle > 0.0) {
+            (false, _) => angle,
+            (true, true) => angle - 180.0,
+            (true, false) => angle + 180.0,
+        };
         let text = format!("{{ point: [{x} mm, {y} mm], direction: {angle} deg }}");
         let document = Document::from_text(std::path::Path::new("the point"), &text)?;
         Ok(Some(Objective::read(&document.root)?.goal(scene, area, 0.0)?))
@@ -248,7 +277,10 @@ fn merged(one: Effects, other: Effects) -> Effects {
 }
 
 /// A number in its base unit, or a text with a unit.
-fn quantity(
+///
+/// # Errors
+/// When it is neither, or outside of what is allowed.
+pub fn quantity(
     key: &str,
     value: &Value,
     dimension: Dimension,

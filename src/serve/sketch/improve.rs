@@ -1,7 +1,8 @@
 //! A search along the gradient from a drawn pattern, shown as it goes.
 //!
 //! It is that of a design stage ([`SearchProblem::follow_gradient`]). Each step of it asks for the gradient at the pattern it has reached;
-//! there it is told, and there it ends once nobody listens.
+//! there it is told, and there it ends once nobody listens, or once a wanted value has been passed: it is between the last two patterns then,
+//! and is looked for there ([`super::approach`]).
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
@@ -9,12 +10,14 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::drawn::Drawn;
-use crate::base::{Document, Stopped};
+use super::approach::{Passed, between, is_reached};
+use super::drawn::{Drawn, quantity};
+use crate::base::{Dimension, Document, Stopped};
 use crate::design::{ConstraintParameters, Constraints, Goal, SearchProblem};
 use crate::fem::GradientEvaluator;
 use crate::field::{Differentiable, Field, InStates, PredictError, Predictor, StateFields, WithGradient};
 use crate::pattern::Pattern;
+use crate::scene::Scene;
 use crate::serve::held::lock;
 use crate::serve::http::{Answer, Lines, Refusal, Request};
 use crate::serve::state::ServedState;
@@ -55,16 +58,20 @@ pub fn improve(state: &ServedState, request: &Request) -> Result<Answer, Refusal
     if setting.scene.drive.charge.is_some() {
         return Err(Refusal::bad("under a charge there is no gradient to follow"));
     }
-    let goal = drawn.goal(&setting.scene, drawn.area)?;
-    let goal = goal.ok_or_else(|| Refusal::bad("a search needs a `point` and a `direction`"))?;
+    let wanted = drawn.wanted.as_ref();
+    let wanted = wanted.map(|wanted| quantity("wanted", wanted, Dimension::Length, -1e3..=1e3));
+    let wanted = wanted.transpose()?;
     let constraints = constraints(&drawn, &setting.scene)?;
     let gradient = state.benches.gradient(&setting.scene)?;
+    let (goal, sign) = followed(&drawn, &setting.scene, &gradient, &pattern, wanted)?;
     let turn = Turn::take()
         .ok_or_else(|| Refusal::new(409, "another search goes on").help("stop it first, or wait for it"))?;
     let (lines, answer) = Lines::new();
     let search = Searching {
         gradient,
         goal,
+        sign,
+        wanted,
         constraints,
         area: drawn.area,
         lines,
@@ -77,7 +84,34 @@ pub fn improve(state: &ServedState, request: &Request) -> Result<Answer, Refusal
     Ok(answer)
 }
 
-fn constraints(drawn: &Drawn, scene: &crate::scene::Scene) -> Result<Constraints, Refusal> {
+/// What a search follows, and the sign by which its values are those along the direction that is asked for: what is wanted may lie on either
+/// side of what there is.
+fn followed(
+    drawn: &Drawn,
+    scene: &Scene,
+    gradient: &GradientEvaluator,
+    pattern: &Pattern,
+    wanted: Option<f64>,
+) -> Result<(Goal, f64), Refusal> {
+    let goal = |backwards: bool| {
+        let goal = drawn.goal(scene, drawn.area, backwards)?;
+        goal.ok_or_else(|| Refusal::bad("a search needs a `point` and a `direction`"))
+    };
+    let ahead = goal(false)?;
+    let Some(wanted) = wanted else {
+        return Ok((ahead, 1.0));
+    };
+    let found = gradient.predict_some(std::slice::from_ref(pattern));
+    let found = found
+        .map_err(|error| Refusal::new(409, error.to_string()))?
+        .swap_remove(0);
+    match found.is_some_and(|field| ahead.value_mm(&[field]) > wanted) {
+        true => Ok((goal(true)?, -1.0)),
+        false => Ok((ahead, 1.0)),
+    }
+}
+
+fn constraints(drawn: &Drawn, scene: &Scene) -> Result<Constraints, Refusal> {
     let Some(wanted) = &drawn.constraints else {
         return Ok(ConstraintParameters::none_in(scene)?.constraints().clone());
     };
@@ -93,10 +127,20 @@ fn constraints(drawn: &Drawn, scene: &crate::scene::Scene) -> Result<Constraints
 
 struct Searching {
     gradient: Arc<GradientEvaluator>,
+    /// What is followed: the displacement along the direction that was asked for, or against it.
     goal: Goal,
+    /// By which its values are those along the direction that was asked for.
+    sign: f64,
+    wanted: Option<f64>,
     constraints: Constraints,
     area: Option<f64>,
     lines: Lines,
+}
+
+/// What a search has come to.
+struct Reached {
+    pattern: Pattern,
+    fields: StateFields,
 }
 
 impl Searching {
@@ -104,31 +148,73 @@ impl Searching {
         let began = Instant::now();
         let physics = Told {
             inner: InStates::one(&*self.gradient),
-            goal: &self.goal,
-            lines: &self.lines,
+            search: self,
             steps: AtomicUsize::new(0),
             best: Mutex::new(f64::NEG_INFINITY),
+            last: Mutex::default(),
+            passed: Mutex::default(),
         };
-        let range = self
-            .area
-            .map_or((0.0, 1.0), |area| (area - AREA_TOLERANCE, area + AREA_TOLERANCE));
+        let range = self.range();
         let sides = start.raster().sides();
         let problem = SearchProblem::new(&physics, &self.goal, sides, range, &self.constraints);
-        let last = match problem.follow_gradient(start, &|_| ()) {
-            Ok(Ok(found)) => json!({
-                "done": true,
-                "value": self.goal.value_mm(&found.fields),
-                "max_displacement": found.fields.first().map(Field::max_magnitude),
-                "area": found.pattern.area_fraction(),
-                "pattern": rows(&found.pattern),
-                "simulations": found.steps.last().map_or(0, |step| step.simulations),
-                "seconds": began.elapsed().as_secs_f64(),
-            }),
-            Ok(Err(unsuited)) => failed(format!("the pattern {unsuited}")),
-            Err(error) => failed(error.to_string()),
+        let found = problem.follow_gradient(start, &|_| ());
+        let passed = lock(&physics.passed).take();
+        let last = match (passed, found) {
+            (Some(passed), _) => match self.approach(&physics, &passed) {
+                Ok(reached) => self.done(&reached, began),
+                Err(error) => failed(error.to_string()),
+            },
+            (None, Ok(Ok(found))) => {
+                let (pattern, fields) = (found.pattern, found.fields);
+                self.done(&Reached { pattern, fields }, began)
+            }
+            (None, Ok(Err(unsuited))) => failed(format!("the pattern {unsuited}")),
+            (None, Err(error)) => failed(error.to_string()),
         };
         // Nobody may be listening any more, who then wants to know nothing.
         let _ = self.lines.send(&last);
+    }
+
+    /// The area fractions that are allowed.
+    fn range(&self) -> (f64, f64) {
+        self.area
+            .map_or((0.0, 1.0), |area| (area - AREA_TOLERANCE, area + AREA_TOLERANCE))
+    }
+
+    /// The pattern nearest to what is wanted, between the two on either side of it.
+    fn approach(&self, physics: &Told<'_>, passed: &Passed) -> Result<Reached, PredictError> {
+        let wanted = self.sign * self.wanted.unwrap_or_default();
+        let (least, most) = self.range();
+        let may_be = |pattern: &Pattern| {
+            let area = pattern.area_fraction();
+            self.constraints.hold(pattern) && (least..=most).contains(&area)
+        };
+        let value = |pattern: &Pattern| -> Result<Option<f64>, PredictError> {
+            let found = physics.predict_some(std::slice::from_ref(pattern))?.swap_remove(0);
+            let value = found.as_ref().map(|fields| self.goal.value_mm(fields));
+            if let Some(fields) = &found {
+                physics.tell(pattern, fields)?;
+            }
+            Ok(value)
+        };
+        let pattern = between(passed, wanted, &may_be, &value)?;
+        let fields = physics.predict_some(std::slice::from_ref(&pattern))?.swap_remove(0);
+        let fields = fields.ok_or_else(|| PredictError::failed(Stopped))?;
+        Ok(Reached { pattern, fields })
+    }
+
+    fn done(&self, reached: &Reached, began: Instant) -> Value {
+        let value = self.sign * self.goal.value_mm(&reached.fields);
+        json!({
+            "done": true,
+            "value": value,
+            "wanted": self.wanted,
+            "reached": self.wanted.map(|wanted| is_reached(value, wanted)),
+            "max_displacement": reached.fields.first().map(Field::max_magnitude),
+            "area": reached.pattern.area_fraction(),
+            "pattern": rows(&reached.pattern),
+            "seconds": began.elapsed().as_secs_f64(),
+        })
     }
 }
 
@@ -143,18 +229,66 @@ fn rows(pattern: &Pattern) -> Vec<&[u8]> {
 /// Fields, and a line for each pattern that the search has reached.
 struct Told<'a> {
     inner: InStates<&'a GradientEvaluator>,
-    goal: &'a Goal,
-    lines: &'a Lines,
+    search: &'a Searching,
     steps: AtomicUsize,
+    /// The best score that was told: the value, or how near it is to the wanted one.
     best: Mutex<f64>,
+    /// The last pattern below what is wanted, with its gradient.
+    last: Mutex<Option<(Pattern, Vec<f64>)>>,
+    passed: Mutex<Option<Passed>>,
 }
 
 impl Told<'_> {
     fn go_on(&self) -> Result<(), PredictError> {
-        match self.lines.is_closed() {
+        match self.search.lines.is_closed() {
             true => Err(PredictError::failed(Stopped)),
             false => Ok(()),
         }
+    }
+
+    /// Tells of a pattern where it is better than all before.
+    fn tell(&self, pattern: &Pattern, fields: &StateFields) -> Result<(), PredictError> {
+        let search = self.search;
+        let value = search.sign * search.goal.value_mm(fields);
+        let score = match search.wanted {
+            Some(wanted) => -(value - wanted).abs(),
+            None => value,
+        };
+        let mut best = lock(&self.best);
+        if score <= *best {
+            return Ok(());
+        }
+        *best = score;
+        let step = json!({
+            "step": self.steps.fetch_add(1, Ordering::Relaxed),
+            "value": value,
+            "max_displacement": fields.first().map(Field::max_magnitude),
+            "area": pattern.area_fraction(),
+            "pattern": rows(pattern),
+        });
+        match search.lines.send(&step) {
+            true => Ok(()),
+            false => Err(PredictError::failed(Stopped)),
+        }
+    }
+
+    /// Ends the search where it has passed what is wanted, and remembers between which patterns.
+    fn watch(&self, pattern: &Pattern, fields: &StateFields, gradient: &[f64]) -> Result<(), PredictError> {
+        let search = self.search;
+        let Some(wanted) = search.wanted else { return Ok(()) };
+        if search.goal.value_mm(fields) < search.sign * wanted {
+            *lock(&self.last) = Some((pattern.clone(), gradient.to_vec()));
+            return Ok(());
+        }
+        let last = lock(&self.last).take();
+        // Where nothing lies below, the start itself is what is wanted, or beyond it.
+        let (below, gradient) = last.unwrap_or_else(|| (pattern.clone(), gradient.to_vec()));
+        *lock(&self.passed) = Some(Passed {
+            below,
+            above: pattern.clone(),
+            gradient,
+        });
+        Err(PredictError::failed(Stopped))
     }
 }
 
@@ -173,22 +307,9 @@ impl Differentiable<StateFields> for Told<'_> {
     ) -> Result<Option<WithGradient<StateFields>>, PredictError> {
         self.go_on()?;
         let found = self.inner.gradient(pattern, slope)?;
-        if let Some((fields, _)) = &found {
-            let value = self.goal.value_mm(fields);
-            let mut best = lock(&self.best);
-            if value > *best {
-                *best = value;
-                let step = json!({
-                    "step": self.steps.fetch_add(1, Ordering::Relaxed),
-                    "value": value,
-                    "max_displacement": fields.first().map(Field::max_magnitude),
-                    "area": pattern.area_fraction(),
-                    "pattern": rows(pattern),
-                });
-                if !self.lines.send(&step) {
-                    return Err(PredictError::failed(Stopped));
-                }
-            }
+        if let Some((fields, gradient)) = &found {
+            self.tell(pattern, fields)?;
+            self.watch(pattern, fields, gradient)?;
         }
         Ok(found)
     }

@@ -24,6 +24,9 @@ fn document(named: &NamedScene) -> Value {
     let membrane = scene.membrane();
     let [columns, rows] = membrane.raster.sides();
     let states: Vec<&str> = scene.states.iter().map(|(name, _)| name).collect();
+    // Of each state, or of the one drive, the voltage of each group of electrodes.
+    let in_states = scene.in_states().into_iter();
+    let voltages: Vec<Vec<f64>> = in_states.map(|(_, own)| own.drive.voltages.in_volts()).collect();
     let first = scene.in_states().swap_remove(0).1;
     let effect = |effect: &&dyn crate::fem::effects::Effect| {
         let on = effect.is_on(&scene.effects, scene);
@@ -50,6 +53,7 @@ fn document(named: &NamedScene) -> Value {
         "driven_by_charge": scene.drive.charge.is_some(),
         "groups": scene.groups(),
         "states": states,
+        "voltages": voltages,
         "auto": scene.auto,
         "effects": EFFECTS.iter().map(effect).collect::<Vec<_>>(),
         "parts": parts(scene),

@@ -34,7 +34,7 @@ pub fn solve(state: &ServedState, request: &Request) -> Result<Answer, Refusal> 
     }
     let setting = drawn.setting(state)?;
     let pattern = drawn.pattern(&setting.scene)?;
-    let goal = drawn.goal(&setting.scene, None)?;
+    let goal = drawn.goal(&setting.scene, None, false)?;
     let bench = state.benches.solver(&setting)?;
     let solved = Solved::new(&setting, &bench, &pattern)?;
     let mut document = solved.document(&setting, &pattern, goal.as_ref());
@@ -185,6 +185,8 @@ impl Solved {
             "order": setting.mesh.order().degree(),
             "area": pattern.area_fraction(),
             "newton_iterations": simulation.newton_iterations,
+            "breakdown_ratio": simulation.observation.breakdown_ratio,
+            "smallest_eigenvalue": simulation.observation.smallest_eigenvalue,
         })
     }
 

@@ -157,7 +157,7 @@ fn the_worst_pattern_of_a_model_and_why_are_found_without_an_evaluation() {
     );
     assert!(!first.contains("differs in 0 %"), "{first}");
     tab.click("[data-own] .card");
-    tab.until("document.querySelectorAll('#prediction canvas').length === 3 && document.querySelectorAll('#prediction figcaption')[2].textContent.startsWith('Error: largest')");
+    tab.until("document.querySelectorAll('#prediction canvas[role=img]').length === 3 && document.querySelectorAll('#prediction figcaption')[2].textContent.startsWith('Error: largest')");
     assert_eq!(
         tab.value("Number(document.querySelector('[data-error]').dataset.error)"),
         worst["rows"][0]["max_error_mm"]
@@ -183,9 +183,8 @@ fn numbers_of_before_are_grey_and_shapes_are_drawn_by_keys() {
     let Some(mut tab) = Tab::open() else { return };
     let (_workspace, _server) = on_the_sketchpad(&mut tab);
     // The stages stand there before anything is saved.
-    assert!(
-        tab.text("#stages pre")
-            .contains("mine: { kind: patterns, files: [mine.csv] }")
+    tab.until(
+        "document.querySelector('#stages pre')?.textContent.includes('mine: { kind: patterns, files: [mine.csv] }')",
     );
     tab.value(
         "window.saved = []; HTMLAnchorElement.prototype.click = function () { window.saved.push(this.download) }",

@@ -1,0 +1,89 @@
+// Files of the sketchpad: patterns that are opened and saved, and how a pipeline gets one with its numbers.
+
+import { copyable, h, labelled, replace } from "./elements.js";
+import { fromFile, READ, saveAs } from "./files.js";
+
+/** What stands for the name of the pattern in what the server says, which is asked once for all names. */
+export const PLACEHOLDER = "name-of-the-pattern";
+
+export class Files {
+  /** @param {any} pad */
+  constructor(pad) {
+    this.pad = pad;
+    /** @type {any} */ this.reproduced = null;
+  }
+
+  panel() {
+    const { pad } = this;
+    const file = h("input", { type: "file", accept: READ.map((format) => `.${format}`).join(","), "aria-label": "Open a pattern", onchange: async () => {
+      const chosen = file.files?.[0];
+      file.value = "";
+      if (chosen) await pad.attempt(this.saved, async () => pad.pen.become(await fromFile(chosen, pad.scene)));
+    } });
+    this.saved = h("div", { "aria-live": "polite" });
+    this.name = h("input", { type: "text", value: "mine", pattern: "[A-Za-z0-9_\\-]+", maxlength: "60", "aria-label": "Name of the file", title: "letters, digits, - and _", name: "name" });
+    const formats = ["csv", "npy", "png", "svg", "dxf", "gbr"].map((format) => h("button", { type: "button", "data-format": format, onclick: () => this.keep(format) }, format));
+    this.stages = h("div", { id: "stages" });
+    this.into = h("button", { type: "button", class: "main", id: "into-pipeline", onclick: () => this.keep("csv") }, "Save mine.csv");
+    this.name.addEventListener("input", () => this.show());
+    return h(
+      "section",
+      { class: "panel" },
+      h("h2", {}, "Files"),
+      labelled("Open png, csv, npy, svg or dxf", file),
+      h("div", { class: "tools" }, labelled("Name", this.name)),
+      h("div", { class: "tools", role: "group", "aria-label": "Save as a file" }, h("span", { class: "soft" }, "Save as"), formats),
+      h("h3", {}, "Into a pipeline"),
+      h("div", { class: "tools" }, this.into),
+      this.stages,
+      this.saved,
+    );
+  }
+
+  /** @param {string} format */
+  async keep(format) {
+    const { pad } = this;
+    const name = this.fileName();
+    await pad.attempt(this.saved, async () => {
+      await saveAs(format, { scene: pad.scene.name, pattern: pad.pattern.asRows() }, name);
+      replace(this.saved, h("p", { class: "small" }, `${name}.${format} is saved.`));
+    });
+  }
+
+  fileName() {
+    return this.name.value.replace(/[^A-Za-z0-9_-]/g, "_") || "mine";
+  }
+
+  /** What the server says, with the name that the pattern has. @param {string} text */
+  named(text) {
+    return text.replaceAll(PLACEHOLDER, this.fileName());
+  }
+
+  /** @param {any} reproduced what `sketch/reproduce` says of what is shown */
+  take(reproduced) {
+    this.reproduced = reproduced;
+    this.show();
+  }
+
+  /** The stages that put the pattern into a pipeline, and what has to be said with them. */
+  show() {
+    const name = this.fileName();
+    this.into.textContent = `Save ${name}.csv`;
+    const found = this.reproduced;
+    if (!found) return;
+    this.pad.numbers.reproduce(found, (text) => this.named(text));
+    const others = found.set.length
+      ? [
+          h("p", { class: "small", "data-changed": "true" }, "What is shown here has other values than the scene of the pipeline. Stages take the scene of their pipeline, so run it with these values, which hold for all of its stages:"),
+          copyable(found.run ? this.named(found.run) : found.set.map((/** @type {string} */ set) => `--set '${set}'`).join(" ")),
+        ]
+      : null;
+    replace(
+      this.stages,
+      h("p", { class: "small" }, `The button saves ${name}.csv. Put it beside a pipeline with the scene ${this.pad.scene.name}, and these stages into it; they have the state, the method and the mesh that are shown:`),
+      copyable(this.named(found.stages)),
+      others,
+      h("details", {}, h("summary", {}, "A pipeline of its own, with the scene as it is shown"), copyable(this.named(found.pipeline))),
+    );
+  }
+}
