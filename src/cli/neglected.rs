@@ -1,5 +1,8 @@
 //! What a pipeline leaves out of its simulations.
 
+use std::io;
+use std::thread::{Builder, JoinHandle};
+
 use super::error::CliError;
 use crate::base::Digest;
 use crate::content::SOLVED;
@@ -14,7 +17,40 @@ use crate::store::Store;
 /// # Errors
 /// When the effects of the scene cannot be simulated.
 pub fn neglected(pipeline: &Pipeline, stages: &[&str], store: &Store) -> Result<Vec<String>, CliError> {
-    let mut scenes: Vec<((Scene, bool), Vec<&str>)> = Vec::new();
+    let scenes = scenes(pipeline, stages);
+    let mut warnings = Vec::new();
+    let looked_at = scenes.len().min(MOST_SCENES);
+    for (simulated, names) in &scenes[..looked_at] {
+        let found = screened(simulated, store)?;
+        warnings.extend(found.iter().map(|warning| format!("{}: {warning}", list(names))));
+    }
+    if looked_at < scenes.len() {
+        warnings.push(format!(
+            "only the first {looked_at} of {} scenes were screened for effects that are left out; `deaflow screen` does any",
+            scenes.len()
+        ));
+    }
+    Ok(warnings)
+}
+
+/// Finds out in a thread of its own what [`neglected`] will ask for, which the store then knows. What fails is told there.
+pub fn ahead(pipeline: &Pipeline, stages: &[&str], store: Store) -> io::Result<JoinHandle<()>> {
+    let scenes = scenes(pipeline, stages).into_iter().take(MOST_SCENES);
+    let scenes: Vec<Simulated> = scenes.map(|(simulated, _)| simulated).collect();
+    let screen = move || {
+        for simulated in &scenes {
+            let _ = screened(simulated, &store);
+        }
+    };
+    Builder::new().name("screening".to_owned()).spawn(screen)
+}
+
+/// A scene, and whether it is simulated in time.
+type Simulated = (Scene, bool);
+
+/// The scenes that stages simulate, with the names of these.
+fn scenes<'a>(pipeline: &'a Pipeline, stages: &[&str]) -> Vec<(Simulated, Vec<&'a str>)> {
+    let mut scenes: Vec<(Simulated, Vec<&str>)> = Vec::new();
     for stage in &pipeline.stages {
         if !SIMULATING.contains(&stage.kind.name()) || !stages.contains(&stage.name.as_str()) {
             continue;
@@ -38,30 +74,18 @@ pub fn neglected(pipeline: &Pipeline, stages: &[&str], store: &Store) -> Result<
             None => scenes.push(((scene, in_time), vec![&stage.name])),
         }
     }
-    let mut warnings = Vec::new();
-    let looked_at = scenes.len().min(MOST_SCENES);
-    for ((scene, in_time), names) in &scenes[..looked_at] {
-        let found = screened(scene, *in_time, store)?;
-        warnings.extend(found.iter().map(|warning| format!("{}: {warning}", list(names))));
-    }
-    if looked_at < scenes.len() {
-        warnings.push(format!(
-            "only the first {looked_at} of {} scenes were screened for effects that are left out; `deaflow screen` does any",
-            scenes.len()
-        ));
-    }
-    Ok(warnings)
+    scenes
 }
 
 /// The warnings of a scene. They follow from it and from this program alone, and take the time of some solutions, so a store keeps them.
-fn screened(scene: &Scene, in_time: bool, store: &Store) -> Result<Vec<String>, CliError> {
-    let sort = if in_time { "warnings in time" } else { "warnings" };
+fn screened((scene, in_time): &Simulated, store: &Store) -> Result<Vec<String>, CliError> {
+    let sort = if *in_time { "warnings in time" } else { "warnings" };
     let of = Digest::of(format!("{sort} of {}\n{}", env!("DEAFLOW_BUILD"), scene.to_text()).as_bytes());
     if let Some(known) = store.memo(&of) {
         return Ok(known);
     }
     let screened = Screened::new(scene).map_err(|e| CliError::bad_input(e.to_string()))?;
-    let found = if in_time {
+    let found = if *in_time {
         screened.warnings_in_time
     } else {
         screened.warnings

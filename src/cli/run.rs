@@ -1,7 +1,9 @@
 //! `deaflow run`: builds what is stale, then says in a few lines what was built, what was found and where it is; in many with `-v`.
 
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
+use std::thread::JoinHandle;
 
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
@@ -11,7 +13,7 @@ use super::arguments::{PROGRESS, PipelineArguments, SetArguments};
 use super::cluster::{self, ClusterArguments};
 use super::error::CliError;
 use super::examples::examples;
-use super::neglected::{may_break_down, neglected};
+use super::neglected::{self, may_break_down, neglected};
 use super::output::{Exit, Output};
 use super::progress::{RunProgress, Shown};
 use super::run_log::RunLog;
@@ -19,9 +21,9 @@ use super::signals::Stop;
 use super::text::Text;
 use super::{ending, plan, table};
 use crate::base::{ArtifactId, OutputFile, Override};
-use crate::orchestrator::{Environment, MANY_STAGES, Pipeline, RunOptions, RunOutcome, StageReport, run};
+use crate::orchestrator::{Environment, Event, MANY_STAGES, Pipeline, RunOptions, RunOutcome, StageReport, run};
 use crate::remote::Remote;
-use crate::report::{Made, RunArtifacts, RunResults};
+use crate::report::{FiguresAhead, Made, RunArtifacts, RunResults};
 use crate::stage;
 use crate::store::{Command, LockFile, Store};
 
@@ -107,9 +109,16 @@ pub fn of_pipeline(
     let told = progress.clone();
     let watch = reading.watch(move |text| told.note(text));
     let log = RunLog::new(store, &pipeline.file(), &pipeline.overrides);
+    let ahead = Ahead::start(pipeline, &arguments.of, store)?;
     let listener = |event: &_| {
         log.tell(event);
         progress.tell(event);
+        let (Event::StageFinished(stage) | Event::StageReused(stage)) = event else {
+            return;
+        };
+        if let (Some(ahead), Some(made)) = (&ahead, made_by(stage)) {
+            ahead.figures.tell(made, matches!(event, Event::StageFinished(_)));
+        }
     };
     let options = RunOptions {
         log: Some(&log.name),
@@ -149,6 +158,9 @@ pub fn of_pipeline(
         output.complain(&format!("warning: `gc` will not know of the lock file: {error}"));
     }
     built(store, &outcome.stages)?;
+    if let Some(ahead) = ahead {
+        ahead.finish();
+    }
     if !output.is_json() && arguments.verbose {
         // Before the figures: what was built is told even where they cannot be drawn.
         output.text(table::of_run(&outcome.stages))?;
@@ -210,6 +222,36 @@ pub fn of_pipeline(
         _ => Exit::Unstable,
     };
     Ok((exit, outcome.stages))
+}
+
+/// What is told at the end, made ready while stages are at work.
+struct Ahead {
+    figures: FiguresAhead,
+    screening: JoinHandle<()>,
+}
+
+impl Ahead {
+    /// None where there is to be one thread alone, or no more are to be had: then it is all done in the end.
+    fn start(pipeline: &Pipeline, arguments: &PipelineArguments, store: &Store) -> Result<Option<Self>, CliError> {
+        if rayon::current_num_threads() == 1 {
+            return Ok(None);
+        }
+        let selected = pipeline.selection(arguments.until.as_deref())?;
+        let stages: Vec<&str> = selected.iter().map(|at| pipeline.stages[*at].name.as_str()).collect();
+        let start = || -> io::Result<Self> {
+            Ok(Self {
+                figures: FiguresAhead::start(store.alone(), pipeline.file(), pipeline.name.clone())?,
+                screening: neglected::ahead(pipeline, &stages, store.alone())?,
+            })
+        };
+        Ok(start().ok())
+    }
+
+    fn finish(self) {
+        self.figures.finish();
+        // One that has panicked has said so.
+        let _ = self.screening.join();
+    }
 }
 
 impl ProgressForm {
@@ -289,16 +331,15 @@ fn not_here(stages: &[Made], remote: Option<&Remote>, arguments: &RunArguments) 
 }
 
 fn made(outcome: &RunOutcome) -> Vec<Made> {
-    let stages = outcome.stages.iter();
-    stages
-        .filter_map(|stage| {
-            Some(Made {
-                stage: stage.name.clone(),
-                kind: stage.kind.clone(),
-                digest: stage.digest?,
-            })
-        })
-        .collect()
+    outcome.stages.iter().filter_map(made_by).collect()
+}
+
+fn made_by(stage: &StageReport) -> Option<Made> {
+    Some(Made {
+        stage: stage.name.clone(),
+        kind: stage.kind.clone(),
+        digest: stage.digest?,
+    })
 }
 
 fn document(outcome: &RunOutcome) -> Value {

@@ -1,5 +1,6 @@
 //! Figures, summaries and pages of finished runs. Each stage kind has a presenter; `presenter.rs` holds the table of them.
 
+mod ahead;
 mod artifacts;
 mod designs;
 pub mod drawing;
@@ -29,6 +30,7 @@ mod tables;
 mod warnings;
 mod write_report;
 
+pub use ahead::FiguresAhead;
 pub use artifacts::{Made, RunArtifacts, Source};
 pub use error::ReportError;
 pub use figure_files::{FigureFile, figures_of, remove_figures};

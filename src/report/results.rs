@@ -179,19 +179,7 @@ pub fn draw_figures(
     let folder = folder_of(run.store, run.file, pipeline);
     let mut paths = Vec::new();
     for stage in run.made {
-        let presenter = presenters.iter().find(|presenter| presenter.kind() == stage.kind);
-        let path = |figure: &str| folder.join(figure_name(&stage.stage, &stage.digest.to_string(), figure));
-        let figures = presenter.map_or(&[][..], |presenter| presenter.figures());
-        let wanted: Vec<(PathBuf, DrawFigure)> = figures.iter().map(|(name, draw)| (path(name), *draw)).collect();
-        if wanted.iter().any(|(path, _)| is_missing(path)) {
-            fs::create_dir_all(&folder).map_err(|source| ReportError::Folder {
-                path: folder.clone(),
-                source,
-            })?;
-            say_whose(&folder, run.file)?;
-            draw(run, stage, &wanted, pipeline)?;
-        }
-        paths.extend(wanted.into_iter().map(|(path, _)| path).filter(|path| path.exists()));
+        paths.extend(draw_of_stage(presenters, run, stage, pipeline)?);
     }
     for presenter in presenters {
         let before = if run.rounds.is_empty() {
@@ -207,6 +195,30 @@ pub fn draw_figures(
         paths.extend(common);
     }
     Ok(paths)
+}
+
+/// Draws the figures of a stage that are not there yet, and returns the paths of all.
+pub(super) fn draw_of_stage(
+    presenters: &[&dyn Presenter],
+    run: &RunArtifacts<'_>,
+    stage: &Made,
+    pipeline: &str,
+) -> Result<Vec<PathBuf>, ReportError> {
+    let folder = folder_of(run.store, run.file, pipeline);
+    let presenter = presenters.iter().find(|presenter| presenter.kind() == stage.kind);
+    let path = |figure: &str| folder.join(figure_name(&stage.stage, &stage.digest.to_string(), figure));
+    let figures = presenter.map_or(&[][..], |presenter| presenter.figures());
+    let wanted: Vec<(PathBuf, DrawFigure)> = figures.iter().map(|(name, draw)| (path(name), *draw)).collect();
+    if wanted.iter().any(|(path, _)| is_missing(path)) {
+        fs::create_dir_all(&folder).map_err(|source| ReportError::Folder {
+            path: folder.clone(),
+            source,
+        })?;
+        say_whose(&folder, run.file)?;
+        draw(run, stage, &wanted, pipeline)?;
+    }
+    let paths = wanted.into_iter().map(|(path, _)| path);
+    Ok(paths.filter(|path| path.exists()).collect())
 }
 
 /// The file in a folder of figures that says whose they are.

@@ -1,6 +1,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::format::figure_name;
 use super::*;
 use crate::scene::Scene;
 use crate::store::{Data, Dataset, Object, Provenance, Store};
@@ -239,6 +240,42 @@ fn figures_are_drawn_once_and_named_by_their_artifact() {
     std::fs::remove_file(&paths[0]).unwrap();
     assert!(matches!(
         draw_figures(PRESENTERS, &bench.run(&made), "../quick start"),
+        Err(ReportError::Store(_))
+    ));
+}
+
+#[test]
+fn figures_of_stages_that_end_are_drawn_beside_the_others() {
+    let bench = Bench::new();
+    let made = [
+        bench.made("solved", "solve", &solved(&[1.7, 1.8])),
+        bench.made("found", "solve", &solved(&[1.6, 1.8])),
+        bench.made("lost", "balance", &balanced()),
+    ];
+    std::fs::remove_file(bench.store.artifact(&made[2].digest).unwrap().path()).unwrap();
+    let ahead = FiguresAhead::start(bench.store.clone(), bench.run(&made).file.to_owned(), "p".into()).unwrap();
+    // One is built, one was found built, and one cannot be read, which is told in the end.
+    for (made, is_new) in made.iter().zip([true, false, true]) {
+        ahead.tell(made.clone(), is_new);
+    }
+    ahead.finish();
+    let folder = bench.store.root().join("figures/p");
+    let drawn = || -> Vec<String> {
+        let entries = std::fs::read_dir(&folder).unwrap();
+        let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let mut names: Vec<String> = names.filter(|name| name.ends_with(".png")).collect();
+        names.sort();
+        names
+    };
+    let first = figure_name("solved", &made[0].digest.to_string(), "deformation");
+    assert_eq!(drawn(), [first.clone()]);
+    let written = |name: &str| std::fs::metadata(folder.join(name)).unwrap().modified().unwrap();
+    let before = written(&first);
+    let paths = draw_figures(PRESENTERS, &bench.run(&made[..2]), "p").unwrap();
+    assert_eq!((paths.len(), drawn().len()), (2, 2));
+    assert_eq!(written(&first), before);
+    assert!(matches!(
+        draw_figures(PRESENTERS, &bench.run(&made), "p"),
         Err(ReportError::Store(_))
     ));
 }
