@@ -31,7 +31,7 @@ pub struct Summary {
     pub rows: Vec<RowSummary>,
     /// The largest difference between predicted and simulated among the designs that were found, as a fraction of the simulated.
     pub largest_difference: Option<f64>,
-    /// Designs that were found and predicted, and have no stable solution.
+    /// Patterns that were predicted, and have no stable solution.
     pub not_stable: usize,
 }
 
@@ -129,7 +129,8 @@ pub fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
     Ok(Summary {
         stage: source.stage.stage.clone(),
         largest_difference: largest_difference(found(&compared)),
-        not_stable: found(&compared)
+        not_stable: compared
+            .iter()
             .filter(|row| row.predicted_mm.is_some() && row.simulated_mm.is_none())
             .count(),
         rows: compared,
@@ -159,7 +160,12 @@ impl Summary {
                     "{stage}: {} that nobody searched",
                     counted(self.rows.len(), "pattern", "patterns")
                 ),
-                _ => format!("{stage}: no stable solution was found for any design"),
+                _ => {
+                    let drawn = self.rows.iter().find_map(|row| Some((row, row.simulated_mm?)));
+                    let drawn =
+                        drawn.map_or_else(String::new, |(row, mm)| format!("; {}: {mm:.3} mm", row.role_name()));
+                    format!("{stage}: no stable solution was found for any design that was searched{drawn}")
+                }
             });
         };
         let is_met = |row: &RowSummary| row.status == "met";
@@ -216,6 +222,7 @@ impl Summary {
         let difference = largest_difference(self.rows.iter());
         let unstable = match self.not_stable {
             0 => String::new(),
+            1 => ", and 1 that was predicted has no stable solution".to_owned(),
             n => format!(", and {n} that were predicted have no stable solution"),
         };
         let text = match difference {
@@ -225,8 +232,12 @@ impl Summary {
             ),
             None if self.not_stable > 0 => {
                 format!(
-                    "{stage}: no stable solution was found for {} that were predicted",
-                    self.not_stable
+                    "{stage}: no stable solution was found for {}",
+                    counted(
+                        self.not_stable,
+                        "pattern that was predicted",
+                        "patterns that were predicted"
+                    )
                 )
             }
             None => return None,
@@ -348,8 +359,12 @@ impl fmt::Display for Summary {
         if self.not_stable > 0 {
             writeln!(
                 f,
-                "  no stable solution was found for {} designs that were predicted: the evaluator is not to be trusted here",
-                self.not_stable
+                "  no stable solution was found for {}: the evaluator is not to be trusted here",
+                counted(
+                    self.not_stable,
+                    "pattern that was predicted",
+                    "patterns that were predicted"
+                )
             )?;
         }
         let stated = found(&self.rows).filter_map(|row| Some((row.interval.as_ref()?, row.simulated_mm)));

@@ -23,6 +23,10 @@ pub const BELOW: f64 = 44.0;
 /// Widths and heights that text of 12 units hardly exceeds.
 pub const LETTER: f64 = 6.2;
 const LINE: i32 = 13;
+/// Between a point and its label.
+const GAP: i32 = 10;
+/// The outer edge of the ring around a labelled point.
+const RING: f64 = 7.0;
 
 /// What is drawn within the frame of a chart has thousandths of the frame as its unit.
 pub const THOUSAND: f64 = 1000.0;
@@ -352,15 +356,33 @@ impl Chart {
         all.for_each(|point| labels.avoid_point(pixel(self.at(*point)), 4));
         let line: Vec<(i32, i32)> = series.points.iter().map(|p| pixel(self.at(*p))).collect();
         labels.avoid_line(&line);
+        let width = |words: &String| (LETTER * words.chars().count() as f64) as i32;
+        let wanted: Vec<_> = line
+            .iter()
+            .zip(&series.words)
+            .map(|(at, words)| (*at, (width(words), LINE)))
+            .collect();
+        let spots = labels.place(&wanted, GAP);
         html! {
-            @for (at, words) in line.iter().zip(&series.words) {
+            @for ((((x, y), size), words), spot) in wanted.iter().zip(&series.words).zip(&spots) {
+                circle class="ring" cx=(x) cy=(y) r="6" {}
                 // The spot is an upper left corner, text stands on its base line.
-                @let Spot { x, y } = labels.place(*at, ((LETTER * words.chars().count() as f64) as i32, LINE), 10);
-                circle class="ring" cx=(at.0) cy=(at.1) r="6" {}
-                text class="ink" x=(at.0 + x) y=(at.1 + y + LINE - 3) { (words) }
+                text class="ink" x=(x + spot.x) y=(y + spot.y + LINE - 3) { (words) }
+                @if let Some((dx, dy)) = leader(*spot, *size) {
+                    path class="leader" d={ "M" (x) " " (y) "m" (number(dx.0, 1)) " " (number(dy.0, 1)) "L" (number(f64::from(*x) + dx.1, 1)) " " (number(f64::from(*y) + dy.1, 1)) } {}
+                }
             }
         }
     }
+}
+
+/// From a point to its label where that stands too far to be taken for its own: x and y of both ends, seen from the point.
+fn leader(spot: Spot, (width, height): (i32, i32)) -> Option<((f64, f64), (f64, f64))> {
+    let (x, y) = (0.clamp(spot.x, spot.x + width), 0.clamp(spot.y, spot.y + height));
+    let (x, y) = (f64::from(x), f64::from(y));
+    let far = x.hypot(y);
+    let edge = RING / far;
+    (far > 1.5 * f64::from(GAP)).then_some(((edge * x, x), (edge * y, y)))
 }
 
 #[cfg(test)]
@@ -383,6 +405,15 @@ mod tests {
             "{text}"
         );
         assert!(text.contains("a &lt;b&gt;") && text.contains("x [mm]"));
+    }
+
+    #[test]
+    fn a_label_that_stands_far_off_has_a_line_to_its_point() {
+        assert_eq!(leader(Spot { x: 10, y: -6 }, (60, LINE)), None);
+        assert_eq!(
+            leader(Spot { x: -30, y: -20 - LINE }, (60, LINE)),
+            Some(((0.0, 0.0), (-7.0, -20.0)))
+        );
     }
 
     #[test]

@@ -12,10 +12,10 @@ pub struct Spot {
     pub y: i32,
 }
 
-/// What has been placed so far.
+/// What labels are to keep clear of.
 pub struct Labels {
     frame: Rect,
-    /// Points and labels, which are not to be covered.
+    /// Points, which are not to be covered.
     taken: Vec<Rect>,
     /// Bits of lines, which are better not covered.
     lines: Vec<Rect>,
@@ -48,9 +48,26 @@ impl Labels {
         }
     }
 
-    /// The best place for a label of a size beside a point, `gap` pixels away or a little more.
-    pub fn place(&mut self, (x, y): (i32, i32), (width, height): (i32, i32), gap: i32) -> Spot {
-        let candidates = [1, 2, 3, 4].into_iter().flat_map(|far| {
+    /// The best places for labels beside their points, `gap` pixels away or a little more, each by its size. They are placed one after the
+    /// other, and each again where the others leave a better place.
+    pub fn place(&self, wanted: &[((i32, i32), (i32, i32))], gap: i32) -> Vec<Spot> {
+        let mut placed: Vec<Option<Placed>> = vec![None; wanted.len()];
+        for _ in 0..ROUNDS {
+            let before = placed.clone();
+            for (at, (point, size)) in wanted.iter().enumerate() {
+                placed[at] = None;
+                let others: Vec<Rect> = placed.iter().flatten().map(|other| other.own).collect();
+                placed[at] = self.best(*point, *size, gap, &others);
+            }
+            if placed == before {
+                break;
+            }
+        }
+        placed.into_iter().flatten().map(|placed| placed.spot).collect()
+    }
+
+    fn best(&self, (x, y): (i32, i32), (width, height): (i32, i32), gap: i32, others: &[Rect]) -> Option<Placed> {
+        let spots = [1, 2, 3, 4].into_iter().flat_map(|far| {
             let (gap, low, middle) = (far * gap, -height - far * gap, -height / 2);
             [
                 (gap, middle),
@@ -63,30 +80,35 @@ impl Labels {
                 (-width / 2, gap),
             ]
         });
-        let spots = candidates.map(|(dx, dy)| Spot { x: dx, y: dy });
         let air = gap / 3;
-        let own = |spot: &Spot| {
-            let (left, top) = (x + spot.x, y + spot.y);
-            [left - air, top - air, left + width + air, top + height + air]
-        };
-        let mut best = (i64::MAX, Spot { x: gap, y: -height / 2 });
-        for (rank, spot) in spots.enumerate() {
-            let cost = 4 * rank as i64 + self.cost(own(&spot));
-            if cost < best.0 {
-                best = (cost, spot);
-            }
-        }
-        self.taken.push(own(&best.1));
-        best.1
+        let placed = spots.map(|(dx, dy)| {
+            let (left, top) = (x + dx, y + dy);
+            let own = [left - air, top - air, left + width + air, top + height + air];
+            let spot = Spot { x: dx, y: dy };
+            Placed { spot, own }
+        });
+        let cost = |(rank, placed): &(usize, Placed)| 4 * *rank as i64 + self.cost(placed.own, others);
+        placed.enumerate().min_by_key(cost).map(|(_, placed)| placed)
     }
 
-    fn cost(&self, own: Rect) -> i64 {
+    fn cost(&self, own: Rect, others: &[Rect]) -> i64 {
         let count = |boxes: &[Rect]| boxes.iter().filter(|other| overlap(own, **other)).count() as i64;
         let [left, top, right, bottom] = self.frame;
         let outside = own[0] < left || own[1] < top || own[2] > right || own[3] > bottom;
-        1000 * count(&self.taken) + 25 * count(&self.lines) + if outside { 5000 } else { 0 }
+        1000 * (count(&self.taken) + count(others)) + 25 * count(&self.lines) + if outside { 5000 } else { 0 }
     }
 }
+
+/// A label that has its place.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Placed {
+    spot: Spot,
+    /// What it covers, with some air around it.
+    own: Rect,
+}
+
+/// Rounds after which labels stay where they are.
+const ROUNDS: usize = 6;
 
 fn overlap(a: Rect, b: Rect) -> bool {
     a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
@@ -101,18 +123,33 @@ mod tests {
         let points = [(50, 50), (60, 52), (70, 48), (195, 195), (5, 5)];
         let mut labels = Labels::new([0..200, 0..200]);
         points.iter().for_each(|p| labels.avoid_point(*p, 4));
-        for (x, y) in points {
-            let spot = labels.place((x, y), (40, 10), 6);
-            let own = [x + spot.x, y + spot.y, x + spot.x + 40, y + spot.y + 10];
+        let size = (40, 10);
+        let spots = labels.place(&points.map(|point| (point, size)), 6);
+        let boxes: Vec<Rect> = points
+            .iter()
+            .zip(&spots)
+            .map(|((x, y), spot)| [x + spot.x, y + spot.y, x + spot.x + size.0, y + spot.y + size.1])
+            .collect();
+        for (at, own) in boxes.iter().enumerate() {
             assert!(own[0] >= 0 && own[1] >= 0 && own[2] <= 200 && own[3] <= 200, "{own:?}");
+            let others = labels.taken.iter().chain(&boxes[at + 1..]);
+            assert_eq!(others.filter(|other| overlap(*own, **other)).count(), 0, "{own:?}");
         }
-        for (i, a) in labels.taken.iter().enumerate() {
-            assert!(
-                labels.taken[i.max(points.len() - 1) + 1..]
-                    .iter()
-                    .all(|b| !overlap(*a, *b)),
-                "{i}"
-            );
+    }
+
+    #[test]
+    fn a_label_gives_way_to_one_that_has_no_other_place() {
+        // The first would stand to the right of its point, which is all the room that the second has.
+        let mut labels = Labels::new([0..150, 0..40]);
+        for other in [(50, 5), (50, 35), (95, 8), (95, 32)] {
+            labels.avoid_point(other, 3);
         }
+        let wanted = [((40, 20), (30, 10)), ((84, 20), (60, 10))];
+        let spots = labels.place(&wanted, 6);
+        let own = |at: usize| {
+            let (((x, y), (width, height)), spot) = (wanted[at], spots[at]);
+            [x + spot.x, y + spot.y, x + spot.x + width, y + spot.y + height]
+        };
+        assert!(!overlap(own(0), own(1)), "{:?} {:?}", own(0), own(1));
     }
 }

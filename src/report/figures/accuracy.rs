@@ -109,7 +109,7 @@ pub fn accuracy_charts(families: &[FamilyCosts]) -> Result<Vec<Chart>, FigureErr
     let times: Vec<f64> = drawn.iter().map(|cost| 1e3 * cost.seconds).collect();
     let largest = drawn.iter().map(|cost| cost.error).fold(0.0, f64::max);
     // Labels need room above the highest point.
-    let errors: Vec<f64> = drawn.iter().map(|cost| cost.error).chain([2.0 * largest]).collect();
+    let errors: Vec<f64> = drawn.iter().map(|cost| cost.error).chain([3.0 * largest]).collect();
     let x = Axis::logarithmic("Time of one core per pattern [ms]", &times);
     let y = Axis::logarithmic("RMS error of a component [mm]", &errors);
     let chart = |family: &FamilyCosts| Chart::new(family.family.clone(), [x.clone(), y.clone()], series(family));

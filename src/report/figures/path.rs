@@ -118,7 +118,12 @@ impl Branch {
             marks.push(Series::new("", colour, Mark::Line, bar));
         }
         if named {
-            marks.push(Series::new("", colour, Mark::Labelled, at).with_words(vec![limit.name.clone()]));
+            // The curve ends where this mesh loses stability, the mark stands where it is lost without an error of the mesh.
+            let name = match limit.error {
+                Some(_) => format!("{} by two meshes", limit.name),
+                None => limit.name.clone(),
+            };
+            marks.push(Series::new("", colour, Mark::Labelled, at).with_words(vec![name]));
         }
         marks
     }

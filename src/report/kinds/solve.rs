@@ -26,13 +26,22 @@ impl Presenter for Solve {
             let (least, most) = peaks.iter().fold((f64::INFINITY, 0.0_f64), |(least, most), peak| {
                 (least.min(*peak), most.max(*peak))
             });
-            let stage = &source.stage.stage;
-            Ok(match peaks.len() {
-                0 => Headline::bad(format!("{stage}: no sample has a field")),
-                n => Headline::good(format!(
-                    "{stage}: {}, largest displacement {least:.3} to {most:.3} mm",
-                    counted(n, "sample with a field", "samples with a field")
-                )),
+            let (stage, lost) = (&source.stage.stage, lost(source)?);
+            let range = match most - least < 5e-4 {
+                true => format!("{most:.3} mm"),
+                false => format!("{least:.3} to {most:.3} mm"),
+            };
+            Ok(match (peaks.len(), lost) {
+                (0, None) => Headline::bad(format!("{stage}: no sample has a field")),
+                (0, Some(lost)) => Headline::bad(format!("{stage}: no sample has a field: {lost}")),
+                (n, lost) => {
+                    let with = counted(n, "sample with a field", "samples with a field");
+                    let text = format!("{stage}: {with}, largest displacement {range}");
+                    match lost {
+                        None => Headline::good(text),
+                        Some(lost) => Headline::bad(format!("{text}; {lost}")),
+                    }
+                }
             })
         })
     }
@@ -66,6 +75,36 @@ fn deformation(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
         return Ok(());
     }
     source.drawn(draw_deformation(path, &families))
+}
+
+/// How samples without a field have ended, and between which voltages; none where there are none.
+fn lost(source: &Source<'_>) -> Result<Option<String>, ReportError> {
+    let view = source.of(Solutions::open(source.artifact))?;
+    let outcomes = source.of(view.unstable().outcome().read())?;
+    let brackets = source.of(view.unstable().voltage_bracket().read())?;
+    let known: Vec<[f64; 2]> = brackets.into_iter().filter(|[_, lost]| *lost > 0.0).collect();
+    let between = match known.as_slice() {
+        [] => String::new(),
+        [[stable, lost]] => format!(" between {stable:.1} V and {lost:.1} V"),
+        many => {
+            let least = many.iter().map(|[stable, _]| *stable).fold(f64::INFINITY, f64::min);
+            let most = many.iter().map(|[_, lost]| *lost).fold(0.0, f64::max);
+            format!(" between {least:.1} V and {most:.1} V, each at its own")
+        }
+    };
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for outcome in &outcomes {
+        *counts.entry(outcome).or_default() += 1;
+    }
+    let told: Vec<String> = match (counts.len(), outcomes.len()) {
+        (0, _) => return Ok(None),
+        (1, 1) => outcomes.clone(),
+        _ => counts
+            .into_iter()
+            .map(|(outcome, count)| format!("{count} {outcome}"))
+            .collect(),
+    };
+    Ok(Some(format!("{}{between}", told.join(", "))))
 }
 
 /// The largest displacements of the samples of a solve stage, by family.
