@@ -22,17 +22,26 @@ pub fn power_minus_one<V: Value>(d: V, exponent: f64) -> V {
     exponential_minus_one(d.constant(exponent) * logarithm_of_one_plus(d))
 }
 
-/// ln(1 + d). With y = (1 + d)^(1/16), ln(1 + d) = 32 artanh((y − 1)/(y + 1)), and y − 1 is d over the other factors of
-/// y¹⁶ − 1: nothing cancels.
+/// Where |d| is smaller, ln(1 + d) takes no root.
+const NEAR_ONE: f64 = 0.25;
+/// Where |z| is smaller, exp z takes no square.
+const NEAR_ZERO: f64 = 0.4;
+
+/// ln(1 + d). With y = (1 + d)^(1/n), ln(1 + d) = 2n artanh((y − 1)/(y + 1)), where n is 16, or 1 if all lanes are near 1; y − 1 is d over
+/// the other factors of yⁿ − 1: nothing cancels.
 #[inline(always)]
 pub fn logarithm_of_one_plus<V: Value>(d: V) -> V {
     let one = d.constant(1.0);
-    let half = (one + d).sqrt();
-    let quarter = half.sqrt();
-    let eighth = quarter.sqrt();
-    let next = eighth.sqrt() + one;
-    let factors = (half + one) * (quarter + one) * ((eighth + one) * (next * next));
-    let t = d * factors.recip();
+    let (t, twice) = if is_within(d, NEAR_ONE) {
+        (d * (d + one.constant(2.0)).recip(), 2.0)
+    } else {
+        let half = (one + d).sqrt();
+        let quarter = half.sqrt();
+        let eighth = quarter.sqrt();
+        let next = eighth.sqrt() + one;
+        let factors = (half + one) * (quarter + one) * ((eighth + one) * (next * next));
+        (d * factors.recip(), 32.0)
+    };
     // Two interleaved chains wait half as long for each other.
     let square = t * t;
     let fourth = square * square;
@@ -49,31 +58,42 @@ pub fn logarithm_of_one_plus<V: Value>(d: V) -> V {
     }
     other = other.madd(fourth, one.constant(1.0 / 3.0));
     let sum = other.madd(square, sum);
-    one.constant(32.0) * t * sum
+    one.constant(twice) * t * sum
 }
 
-/// exp z − 1: the series at z/32, squared five times in the form e ← e(e + 2).
+/// exp z − 1: the series at z/32, squared five times in the form e ← e(e + 2), or at z if all lanes are near 0.
 #[inline(always)]
 pub fn exponential_minus_one<V: Value>(z: V) -> V {
-    let one = z.constant(1.0);
-    let small = z.constant(1.0 / 32.0) * z;
-    let square = small * small;
-    let last = if V::SINGLE { 6 } else { 12 };
-    let (mut even, mut odd) = (
-        one.constant(INVERSE_FACTORIALS[last]),
-        one.constant(INVERSE_FACTORIALS[last - 1]),
-    );
-    for pair in (0..last / 2).rev() {
-        even = even.madd(square, one.constant(INVERSE_FACTORIALS[2 * pair]));
-        if pair > 0 {
-            odd = odd.madd(square, one.constant(INVERSE_FACTORIALS[2 * pair - 1]));
-        }
+    if is_within(z, NEAR_ZERO) {
+        return short_exponential(z);
     }
-    let mut e = small * odd.madd(small, even);
+    let mut e = short_exponential(z.constant(1.0 / 32.0) * z);
     for _ in 0..5 {
-        e = e * (e + one.constant(2.0));
+        e = e * (e + z.constant(2.0));
     }
     e
+}
+
+/// exp z − 1 for |z| up to 0.4.
+#[inline(always)]
+fn short_exponential<V: Value>(z: V) -> V {
+    let factor = |n: usize| z.constant(INVERSE_FACTORIALS[n]);
+    let square = z * z;
+    let last = if V::SINGLE { 6 } else { 12 };
+    let (mut even, mut odd) = (factor(last), factor(last - 1));
+    for pair in (0..last / 2).rev() {
+        even = even.madd(square, factor(2 * pair));
+        if pair > 0 {
+            odd = odd.madd(square, factor(2 * pair - 1));
+        }
+    }
+    z * odd.madd(z, even)
+}
+
+/// Whether all lanes lie between ∓`limit`.
+#[inline(always)]
+fn is_within<V: Value>(x: V, limit: f64) -> bool {
+    !x.madd(x, x.constant(-limit * limit)).any_positive()
 }
 
 #[cfg(test)]

@@ -8,8 +8,9 @@
 //! ```
 //!
 //! T is Chebyshev's polynomial with any degree β; its n-th derivative at 1 is Π (β² − k²)/(2k + 1), k < n (Abramowitz and
-//! Stegun, 22.14 and 15.4). The series is summed at an eighth of ρ, and T(c) = 2T(√((1 + c)/2))² − 1 doubles it three times;
-//! c − 1 = (l₁ − l₂)²/2j is known without cancellation, and no root of a stretch is taken. In that form
+//! Stegun, 22.14 and 15.4). Where stretches differ by less than a fifth the series is summed at ρ. Elsewhere it is summed at an eighth of ρ,
+//! and T(c) = 2T(√((1 + c)/2))² − 1 doubles it three times; c − 1 = (l₁ − l₂)²/2j is known without cancellation, and no root of a stretch is
+//! taken. In that form
 //!
 //! ```text
 //! φᵢ = A j^(β−1) T′,  φⱼ = 2A j^(β−1)(βT − cT′),  φᵢᵢ = ½A j^(β−2) T″,
@@ -28,7 +29,10 @@ pub const MOST_TERMS: usize = 3;
 const SERIES: usize = 10;
 /// The same to single precision.
 const SINGLE_SERIES: usize = 6;
+/// Doublings where stretches differ much.
 const DOUBLINGS: usize = 3;
+/// The largest c − 1 at which the series is summed: that of a stretch ratio of 5 after all doublings, or of 1.22 without any.
+const NEAR: f64 = 0.02;
 
 /// The energy of one to three terms at a prestretch.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,26 +64,44 @@ struct Chebyshev<V> {
 }
 
 /// What all terms need of a deformation.
-struct Shared<V> {
+struct Shared<V, const D: usize> {
     /// ln j.
     logarithm: V,
-    /// c − 1, c and 1/c at ρ, ρ/2, ρ/4 and ρ/8.
-    levels: [[V; 3]; DOUBLINGS + 1],
+    /// c − 1 and c at ρ.
+    excess: V,
+    cosine: V,
+    /// c − 1 and 1/c at ρ/2, ρ/4 … of so many doublings.
+    levels: [[V; 2]; D],
 }
 
-impl<V: Value> Shared<V> {
+/// c − 1.
+#[inline(always)]
+fn excess<V: Value>(at: &Invariants<V>) -> V {
+    at.area.constant(0.5) * at.shear * at.inverse
+}
+
+/// Whether stretches differ so much in any lane that the series has to be doubled.
+#[inline(always)]
+fn is_far<V: Value>(at: &Invariants<V>) -> bool {
+    (excess(at) - at.area.constant(NEAR)).any_positive()
+}
+
+impl<V: Value, const D: usize> Shared<V, D> {
     #[inline(always)]
     fn of(at: &Invariants<V>) -> Self {
         let (one, half) = (at.area.constant(1.0), at.area.constant(0.5));
-        let excess = half * at.shear * at.inverse;
-        let mut levels = [[excess, excess + one, one]; DOUBLINGS + 1];
-        for level in 0..DOUBLINGS {
-            let [above, argument, _] = levels[level];
-            let next = (half * (argument + one)).sqrt();
-            levels[level + 1] = [half * above * (next + one).recip(), next, next.recip()];
+        let excess = excess(at);
+        let mut levels = [[excess, one]; D];
+        let (mut above, mut argument) = (excess, excess + one);
+        for level in &mut levels {
+            argument = (half * (argument + one)).sqrt();
+            above = half * above * (argument + one).recip();
+            *level = [above, argument.recip()];
         }
         Self {
             logarithm: logarithm_of_one_plus(at.dilation),
+            excess,
+            cosine: excess + one,
             levels,
         }
     }
@@ -123,8 +145,8 @@ impl Term {
     }
 
     #[inline(always)]
-    fn chebyshev<V: Value>(&self, levels: &[[V; 3]; DOUBLINGS + 1]) -> Chebyshev<V> {
-        let z = levels[DOUBLINGS][0];
+    fn chebyshev<V: Value, const D: usize>(&self, shared: &Shared<V, D>) -> Chebyshev<V> {
+        let z = shared.levels.last().map_or(shared.excess, |level| level[0]);
         let number = |value: f64| z.constant(value);
         let square = number(self.beta * self.beta);
         let (mut value, mut slope, mut curvature) = (number(0.0), number(0.0), number(0.0));
@@ -143,7 +165,7 @@ impl Term {
             first_rise: slope * z,
             second: curvature,
         };
-        for [excess, _, inverse] in levels[1..].iter().rev().copied() {
+        for [excess, inverse] in shared.levels.iter().rev().copied() {
             let whole = t.rise + number(1.0);
             let first = whole * t.first * inverse;
             let bend = (t.first.madd(t.first, whole * t.second) - first) * inverse;
@@ -158,18 +180,18 @@ impl Term {
     }
 
     #[inline(always)]
-    fn energy<V: Value>(&self, shared: &Shared<V>) -> V {
+    fn energy<V: Value, const D: usize>(&self, shared: &Shared<V, D>) -> V {
         let number = |value: f64| shared.logarithm.constant(value);
-        let t = self.chebyshev(&shared.levels);
+        let t = self.chebyshev(shared);
         let power = exponential_minus_one(number(self.beta) * shared.logarithm) + number(1.0);
         let plane = number(2.0 * self.plane) * power * (t.rise + number(1.0));
         plane + number(self.thickness) * (power * power).recip()
     }
 
     #[inline(always)]
-    fn slopes<V: Value>(&self, at: &Invariants<V>, shared: &Shared<V>) -> Slopes<V> {
+    fn slopes<V: Value, const D: usize>(&self, at: &Invariants<V>, shared: &Shared<V, D>) -> Slopes<V> {
         let number = |value: f64| at.area.constant(value);
-        let t = self.chebyshev(&shared.levels);
+        let t = self.chebyshev(shared);
         let (one, beta) = (number(1.0), number(self.beta));
         let rise = exponential_minus_one(beta * shared.logarithm);
         let power = rise + one;
@@ -177,7 +199,7 @@ impl Term {
         let lower_rise = (rise - at.dilation) * at.inverse;
         let lower = power * at.inverse;
         let lowest = lower * at.inverse;
-        let [excess, c, _] = shared.levels[0];
+        let (excess, c) = (shared.excess, shared.cosine);
         let whole = t.rise + one;
         let plane = number(self.plane);
         let i = number(2.0) * plane * lower * t.first;
@@ -217,7 +239,16 @@ impl Ogden {
     /// φ.
     #[inline(always)]
     pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
-        let shared = Shared::of(at);
+        if is_far(at) {
+            self.energy_doubled::<V, DOUBLINGS>(at)
+        } else {
+            self.energy_doubled::<V, 0>(at)
+        }
+    }
+
+    #[inline(always)]
+    fn energy_doubled<V: Value, const D: usize>(&self, at: &Invariants<V>) -> V {
+        let shared = Shared::<V, D>::of(at);
         let mut sum = at.area.constant(-self.undeformed);
         for term in &self.terms[..self.count] {
             sum = sum + term.energy(&shared);
@@ -228,7 +259,16 @@ impl Ogden {
     /// The derivatives of φ.
     #[inline(always)]
     pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
-        let shared = Shared::of(at);
+        if is_far(at) {
+            self.slopes_doubled::<V, DOUBLINGS>(at)
+        } else {
+            self.slopes_doubled::<V, 0>(at)
+        }
+    }
+
+    #[inline(always)]
+    fn slopes_doubled<V: Value, const D: usize>(&self, at: &Invariants<V>) -> Slopes<V> {
+        let shared = Shared::<V, D>::of(at);
         let mut sum = self.terms[0].slopes(at, &shared);
         for term in &self.terms[1..self.count.max(1)] {
             sum = sum + term.slopes(at, &shared);
@@ -248,5 +288,36 @@ impl Ogden {
             };
         }
         sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn numbers(s: &Slopes<f64>) -> [f64; 6] {
+        [s.pressure, s.i, s.j, s.ii, s.ij, s.jj]
+    }
+
+    #[test]
+    fn the_series_says_the_same_at_both_arguments() {
+        let law = Ogden::new(&[(1.0, 1.3), (0.1, 5.0), (-0.1, -2.0)], 3.0);
+        for (share, dilation) in [0.0, 1e-6, 0.1, 0.5, 1.0]
+            .into_iter()
+            .flat_map(|share| [-0.2, 0.0, 0.3].map(|dilation| (share, dilation)))
+        {
+            let at = Invariants::<f64>::new(share * 2.0 * NEAR * (1.0 + dilation), dilation);
+            let direct = numbers(&law.slopes_doubled::<f64, 0>(&at));
+            let doubled = numbers(&law.slopes_doubled::<f64, DOUBLINGS>(&at));
+            let energies = [
+                law.energy_doubled::<f64, 0>(&at),
+                law.energy_doubled::<f64, DOUBLINGS>(&at),
+            ];
+            let mut pairs = direct.iter().zip(&doubled).chain([(&energies[0], &energies[1])]);
+            assert!(
+                pairs.all(|(a, b)| (a - b).abs() < 1e-14 * (1.0 + a.abs())),
+                "{share} {dilation}: {direct:?} {doubled:?}"
+            );
+        }
     }
 }

@@ -14,7 +14,7 @@ use crate::fem::error::SetupError;
 use crate::fem::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
 use crate::fem::work::WorkLimit;
 use crate::field::{Mesh, Order};
-use crate::scene::{Effects, Scene, Stiffening};
+use crate::scene::{Scene, Stiffening};
 
 /// Where the unknowns stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -159,11 +159,13 @@ impl SolverParameters {
         self.history.is_some()
     }
 
-    /// What is added to the RECIPE of a kind: histories are extrapolated from three passes, and were the last of four before; and
-    /// [`revision_of`] the scene.
+    /// What is added to the RECIPE of a kind: histories are extrapolated from three passes, and were the last of four before; energies of
+    /// membranes that stiffen, which histories alone tell, have logarithms; and [`revision_of`] the scene.
     #[must_use]
     pub fn revision(&self, scene: &Scene) -> u32 {
-        u32::from(self.follows_time()) + revision_of(scene)
+        let has_logarithms = !scene.auto && !has_powers(scene) && scene.effects.strain_stiffening.is_some();
+        let in_time = u32::from(self.follows_time());
+        in_time * (1 + 2 * u32::from(has_logarithms)) + revision_of(scene)
     }
 
     /// The parts of a scene that decide about a result.
@@ -430,19 +432,20 @@ impl SolverKeys {
 }
 
 /// What is added to the RECIPE of kinds that simulate a scene: a fringe field is integrated within bilinear elements, which were parted along
-/// it before, and powers of stretches in single precision are sums of fewer terms.
+/// it before; powers of stretches are sums of fewer terms in single precision, and since then of small stretches take no roots.
 #[must_use]
 pub fn revision_of(scene: &Scene) -> u32 {
-    let Effects {
-        strain_stiffening,
-        stretch_dependent_permittivity,
-        fringe_field,
-        ..
-    } = &scene.effects;
-    let has_powers =
-        matches!(strain_stiffening, Some(Stiffening::Ogden(_))) || stretch_dependent_permittivity.is_some();
     // What screening may turn on is not known before it.
-    2 * u32::from(scene.auto || fringe_field.is_some() || has_powers)
+    match scene.auto || has_powers(scene) {
+        true => 4,
+        false => 2 * u32::from(scene.effects.fringe_field.is_some()),
+    }
+}
+
+/// Whether stresses have powers of stretches.
+fn has_powers(scene: &Scene) -> bool {
+    let effects = &scene.effects;
+    matches!(effects.strain_stiffening, Some(Stiffening::Ogden(_))) || effects.stretch_dependent_permittivity.is_some()
 }
 
 #[cfg(test)]
