@@ -13,6 +13,10 @@ use crate::scene::Scene;
 /// The share of that voltage from which on other patterns lose stability: a single cell, which goes first, at 0.29 to 0.30 of the load.
 pub const FIRST_LOST: f64 = 0.54;
 
+/// The share from which on most are lost: those of large areas with straight edges, which bear most of those with bare parts, go at 0.45 of the
+/// load. It is that of one half, and of a square of 0.64 of the membrane (`deaflow solve --path`, two meshes).
+pub const MOST_LOST: f64 = 0.672;
+
 /// Halvings of the interval of loads: as far as a double tells them apart.
 const HALVINGS: usize = 52;
 

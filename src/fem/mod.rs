@@ -56,7 +56,7 @@ mod work;
 
 pub use accurate::{AccurateSimulation, AccurateSolver};
 pub use cells::wrinkled_fraction;
-pub use covered::{FIRST_LOST, covered_limit};
+pub use covered::{FIRST_LOST, MOST_LOST, covered_limit};
 pub use critical::{CriticalVoltage, MeshLimit};
 pub use effects::breakdown_strength;
 pub use error::SetupError;

@@ -1,5 +1,7 @@
 //! Why a stage would be built: everything that has changed since it was last built or reused, not only the first thing.
 
+use std::collections::BTreeSet;
+
 use super::event::StageReport;
 use super::execute::RunError;
 use super::plan::{digests_of, reasons, report};
@@ -53,16 +55,26 @@ pub fn explain(pipeline: &Pipeline, store: &Store, stage: &str) -> Result<Explan
     let digests = digests_of(spec, &selection, &statuses);
     let reasons = reasons(&planner, spec, status, &digests)?;
     let mut causes = Vec::new();
+    // From the stage back, through what would be built: what is reused hides what lies before it.
+    let mut sought: BTreeSet<usize> = BTreeSet::new();
     if !reasons.is_empty() {
-        for (&index, status) in selection.iter().zip(&statuses).take(at) {
+        sought.extend(&spec.needs);
+        for (&index, status) in selection.iter().zip(&statuses).take(at).rev() {
+            if !sought.contains(&index) {
+                continue;
+            }
             let spec = &pipeline.stages[index];
             let digests = digests_of(spec, &selection, &statuses);
             let mut own = self::reasons(&planner, spec, status, &digests)?;
+            if !own.is_empty() {
+                sought.extend(&spec.needs);
+            }
             own.retain(|reason| !matches!(reason, Staleness::InputChanged { .. }));
             if !own.is_empty() {
                 causes.push((spec.name.clone(), own));
             }
         }
+        causes.reverse();
     }
     let key = status.action.as_ref().map(|(_, key)| *key);
     let same = match &key {

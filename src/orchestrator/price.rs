@@ -268,16 +268,40 @@ pub fn price(costs: &[Cost], work: &Work) -> Result<Price, Unmeasured> {
 
 /// The parameter that makes a cost one of another sort of work.
 fn apart(cost: &Cost, work: &Work) -> Option<Unmeasured> {
-    let differs = |path: &&&str| cost.parameters.get(**path) != work.parameters.get(**path);
+    let differs = |path: &&&str| sort_at(&cost.parameters, path) != sort_at(&work.parameters, path);
     let path = work.apart.iter().find(differs)?;
     let name = path.rsplit('.').next().unwrap_or(path);
     Some(Unmeasured::Parameter {
         name: name.replace('_', " "),
-        value: work
-            .parameters
-            .get(*path)
-            .map_or_else(|| "none".to_owned(), Clone::clone),
+        value: sort_at(&work.parameters, path),
     })
+}
+
+/// Of a value itself; of a mapping the keys, each with the model that it names.
+fn sort_at(parameters: &Leaves, path: &str) -> String {
+    let none = || "none".to_owned();
+    if let Some(value) = parameters.get(path) {
+        return if value == "{}" { none() } else { value.clone() };
+    }
+    let below = format!("{path}.");
+    let within = parameters
+        .range(below.clone()..)
+        .map_while(|(key, value)| Some((key.strip_prefix(&below)?, value)));
+    let mut sorts: BTreeMap<&str, &str> = BTreeMap::new();
+    for (key, value) in within {
+        let (name, rest) = key.split_once('.').unwrap_or((key, ""));
+        let model = sorts.entry(name).or_default();
+        if rest == "model" {
+            *model = value;
+        }
+    }
+    if sorts.is_empty() {
+        return none();
+    }
+    let words = sorts
+        .iter()
+        .map(|(name, model)| format!("{} {model}", name.replace('_', " ")).trim_end().to_owned());
+    words.collect::<Vec<_>>().join(", ")
 }
 
 /// How many times as long the files of a stage in one piece will be as those that were written: by the parameter with which they grow.
@@ -461,6 +485,51 @@ mod tests {
             (together.seconds.low, together.seconds.likely, together.seconds.high),
             (0.0, 0.0, SLACK)
         );
+    }
+
+    #[test]
+    fn a_mapping_is_another_sort_of_work_by_its_keys_and_their_models() {
+        let with = |effects: &[(&str, &str)]| -> Leaves {
+            effects
+                .iter()
+                .map(|(path, value)| ((*path).into(), (*value).into()))
+                .collect()
+        };
+        let apart = &["scene.effects"][..];
+        let none = with(&[("scene.effects", "{}")]);
+        let gent = with(&[
+            ("scene.effects.strain_stiffening.jm", "120"),
+            ("scene.effects.strain_stiffening.model", "gent"),
+        ]);
+        let softer = with(&[
+            ("scene.effects.strain_stiffening.jm", "90"),
+            ("scene.effects.strain_stiffening.model", "gent"),
+        ]);
+        let more = with(&[
+            ("scene.effects.strain_stiffening.model", "gent"),
+            ("scene.effects.wrinkling", "true"),
+        ]);
+        let foretold = |then: &Leaves, now: &Leaves| {
+            let known = Cost {
+                parameters: then.clone(),
+                ..cost(100, 1.0)
+            };
+            let here = Work {
+                parameters: now.clone(),
+                apart,
+                ..work(Some(10), 100)
+            };
+            price(&[known], &here).map_err(|why| why.to_string())
+        };
+        assert!(foretold(&none, &none).is_ok() && foretold(&none, &with(&[])).is_ok());
+        assert!(foretold(&gent, &softer).is_ok() && foretold(&more, &more).is_ok());
+        assert_eq!(
+            foretold(&none, &more).unwrap_err(),
+            "never measured for effects strain stiffening gent, wrinkling"
+        );
+        assert_eq!(foretold(&more, &none).unwrap_err(), "never measured for effects none");
+        let auto = with(&[("scene.effects", "auto")]);
+        assert_eq!(foretold(&gent, &auto).unwrap_err(), "never measured for effects auto");
     }
 
     #[test]

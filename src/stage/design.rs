@@ -130,7 +130,13 @@ impl Kind for DesignKind {
     }
 
     fn priced_apart(&self) -> &'static [&'static str] {
-        &["stage.method", "stage.evaluator", "stage.refine", "stage.units"]
+        &[
+            "stage.method",
+            "stage.evaluator",
+            "stage.refine",
+            "stage.units",
+            "stage.scene.effects",
+        ]
     }
 
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {

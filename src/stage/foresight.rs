@@ -2,7 +2,7 @@
 
 use super::checked_scene;
 use crate::base::Node;
-use crate::fem::{FIRST_LOST, Method, covered_limit};
+use crate::fem::{FIRST_LOST, MOST_LOST, Method, covered_limit};
 use crate::orchestrator::{Foreseeable, Foreseen};
 use crate::scene::Scene;
 
@@ -99,19 +99,25 @@ fn beyond(scene: &Scene) -> Option<Beyond> {
     } else {
         ""
     };
-    let is_lost = scene.voltage_v() > limit;
-    let warning = if is_lost {
+    let most = MOST_LOST * limit;
+    let most_text = kilovolts(most);
+    let volts = scene.voltage_v();
+    let is_lost = volts > most;
+    let rest = "which get no result, and to find that out takes many times as long as to solve; these voltages are estimates: `deaflow screen` \
+                finds that of one cell on two meshes";
+    let warning = if volts > limit {
         format!(
             "the voltage of {drive} is beyond what membranes bear: one that is covered everywhere is unstable above {limit_text}, \
-             and patterns with bare parts mostly from about {lowest} to there{model}; patterns that are unstable get no result, and to find \
-             that out takes many times as long as to solve; \
-             both voltages are estimates in closed form: `deaflow screen` finds that of one cell on two meshes"
+             and patterns with bare parts from about {lowest} on, most from about {most_text}{model}; {rest}"
+        )
+    } else if is_lost {
+        format!(
+            "at {drive} most patterns are unstable: single cells are so above about {lowest}, large areas with straight edges above \
+             {most_text}, and a membrane that is covered everywhere above {limit_text}{model}; {rest}"
         )
     } else {
         format!(
-            "at {drive} some patterns may be unstable and get no result: single cells are so above about {lowest}, one that is covered \
-             everywhere above {limit_text}, and most patterns from somewhere between{model}; both voltages are estimates in closed form: \
-             `deaflow screen` finds that of one cell on two meshes"
+            "at {drive} some patterns may be unstable: single cells are so above about {lowest}, most patterns above {most_text}{model}; {rest}"
         )
     };
     Some(Beyond { warning, is_lost })
@@ -144,15 +150,19 @@ mod tests {
         // H12: √κ = √(λp⁻² + 3λp⁻⁸) is 10.98 kV here, and a single cell is lost at 6.1 kV.
         let at = |volts: f64| beyond(&Scene::vhb4910().at_voltage(volts));
         assert!(at(5250.0).is_none());
-        let Beyond {
-            warning: between,
-            is_lost,
-        } = at(6800.0).unwrap();
-        assert!(!is_lost);
-        assert!(
-            between.contains("some patterns may be unstable") && between.contains("10.98 kV"),
-            "{between}"
-        );
+        let told = |volts: f64, words: [&str; 2]| {
+            let Beyond { warning, is_lost } = at(volts).unwrap();
+            assert!(words.iter().all(|word| warning.contains(word)), "{warning}");
+            is_lost
+        };
+        assert!(!told(
+            6800.0,
+            ["some patterns may be unstable", "most patterns above 7.38 kV"]
+        ));
+        assert!(told(
+            9000.0,
+            ["most patterns are unstable", "covered everywhere above 10.98 kV"]
+        ));
         let Beyond {
             warning: above,
             is_lost,

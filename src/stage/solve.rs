@@ -31,7 +31,7 @@ impl Kind for SolveKind {
     }
 
     fn priced_apart(&self) -> &'static [&'static str] {
-        &["method", "accuracy", "history"]
+        &["method", "accuracy", "history", "scene.effects"]
     }
 
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {

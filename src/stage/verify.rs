@@ -45,7 +45,7 @@ impl Kind for VerifyKind {
     }
 
     fn priced_apart(&self) -> &'static [&'static str] {
-        &["method", "accuracy", "history"]
+        &["method", "accuracy", "history", "scene.effects"]
     }
 
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {

@@ -97,7 +97,7 @@ pub fn assess(comparisons: &[Comparison]) -> Assessment {
         Some(unknown) if by_number.verdict != Verdict::CalledFor => Assessment {
             verdict: Verdict::GivenUp,
             change: format!(
-                "could not be judged by `{}`, which takes more work than is allowed, as patterns do at voltages at which they are lost: a screening with \
+                "could not be judged by `{}` with the work that is allowed, as is often so where a pattern is lost: `deaflow screen` with \
                  a longer time limit may tell more{}",
                 unknown.pattern,
                 number.map_or_else(String::new, |_| format!("; by the others it {}", by_number.change))

@@ -46,7 +46,7 @@ impl Status {
 }
 
 /// What is said of the critical voltage where each pattern's own is left out.
-pub const NOT_EACH: &str = "is not computed for each pattern";
+pub const NOT_EACH: &str = "not computed for each pattern";
 
 impl Row {
     pub(super) fn new(effect: &dyn Effect, judged: Judged, effects: &Effects, scene: &Scene) -> Self {
@@ -69,26 +69,29 @@ impl Row {
     /// does one to an effect whose comparison took more work than is allowed.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
+        self.said().map(|said| said.text())
+    }
+
+    pub(super) fn said(&self) -> Option<Said> {
         match self.status {
             Status::On => None,
             // A pattern that loses it is found out all the same: what is left out is how far the others are from it.
-            Status::Off if self.effect == names::STABILITY => self.says(NOT_EACH),
-            Status::Off => self.says("is neglected"),
-            Status::NotAvailable => self.says("cannot be simulated yet"),
+            Status::Off if self.effect == names::STABILITY => self.says(["is", "are"], NOT_EACH),
+            Status::Off => self.says(["is", "are"], "neglected"),
+            Status::NotAvailable => self.says(["cannot", "cannot"], "be simulated yet"),
         }
     }
 
     /// The same where an equilibrium is looked for: no effect of time is in it.
-    #[must_use]
-    pub fn warning_of_equilibrium(&self) -> Option<String> {
+    pub(super) fn said_of_equilibrium(&self) -> Option<Said> {
         match self.status {
-            Status::On if self.needs_time => self.says("is left out of an equilibrium"),
-            _ => self.warning(),
+            Status::On if self.needs_time => self.says(["is", "are"], "left out of an equilibrium"),
+            _ => self.said(),
         }
     }
 
     /// What it does, after its state, where it is called for.
-    fn says(&self, state: &str) -> Option<String> {
+    fn says(&self, verbs: [&'static str; 2], state: &'static str) -> Option<Said> {
         let Assessment {
             quantity,
             threshold,
@@ -107,8 +110,52 @@ impl Row {
             }
             _ => String::new(),
         };
-        let name = self.effect.replace('_', " ");
-        Some(format!("{name} {state}; it {change}{reason}"))
+        Some(Said {
+            effects: vec![self.effect],
+            verbs,
+            state,
+            change: format!("{change}{reason}"),
+            is_given_up: *verdict == Verdict::GivenUp,
+        })
+    }
+}
+
+/// A warning about effects of which the same is to be said.
+pub(super) struct Said {
+    effects: Vec<&'static str>,
+    /// Before the state, of one effect and of several.
+    verbs: [&'static str; 2],
+    state: &'static str,
+    change: String,
+    is_given_up: bool,
+}
+
+impl Said {
+    fn text(&self) -> String {
+        let names: Vec<String> = self.effects.iter().map(|name| name.replace('_', " ")).collect();
+        let Self { state, change, .. } = self;
+        match names.split_last() {
+            Some((last, others)) if !others.is_empty() => {
+                let [_, verb] = self.verbs;
+                format!("{} and {last} {verb} {state}; they {change}", others.join(", "))
+            }
+            _ => format!("{} {} {state}; it {change}", names.concat(), self.verbs[0]),
+        }
+    }
+
+    /// The warnings as texts: effects that could not be judged, for the same reason, have one.
+    pub fn together(all: impl Iterator<Item = Self>) -> Vec<String> {
+        let mut told: Vec<Self> = Vec::new();
+        for one in all {
+            let same = told.iter_mut().find(|other| {
+                one.is_given_up && other.is_given_up && (other.state, &other.change) == (one.state, &one.change)
+            });
+            match same {
+                Some(other) => other.effects.extend(one.effects),
+                None => told.push(one),
+            }
+        }
+        told.iter().map(Self::text).collect()
     }
 }
 
@@ -134,5 +181,38 @@ impl From<Assessment> for Judged {
             assessment,
             comparisons: Vec::new(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn effects_that_cannot_be_judged_for_one_reason_have_one_warning() {
+        let said = |effect: &'static str, change: &str, is_given_up: bool| Said {
+            effects: vec![effect],
+            verbs: ["is", "are"],
+            state: "neglected",
+            change: change.to_owned(),
+            is_given_up,
+        };
+        let all = [
+            said(names::STIFFENING, "could not be judged by `p`", true),
+            said(names::FRINGE, "could not be judged by `p`", true),
+            said(names::BREAKDOWN, "lowers it", false),
+            said(names::WRINKLING, "could not be judged by `p`", true),
+            said(names::STABILITY, "could not be judged by `q`", true),
+            said(names::INERTIA, "lowers it", false),
+        ];
+        assert_eq!(
+            Said::together(all.into_iter()),
+            [
+                "strain stiffening, fringe field and wrinkling are neglected; they could not be judged by `p`",
+                "dielectric breakdown is neglected; it lowers it",
+                "electromechanical stability is neglected; it could not be judged by `q`",
+                "inertia is neglected; it lowers it",
+            ]
+        );
     }
 }

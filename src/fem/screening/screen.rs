@@ -1,7 +1,7 @@
 //! Screening a scene for effects.
 
 use super::bench::Bench;
-use super::row::{Judged, Row};
+use super::row::{Judged, Row, Said};
 use super::solution::{self, Purpose};
 use super::trial::Trial;
 use crate::fem::effects::{Assessment, DISPLACED, EFFECTS, Effect, SMALL, Solutions, Verdict};
@@ -25,7 +25,7 @@ impl Screening {
     /// The warnings, in the order of the rows.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
-        self.rows.iter().filter_map(Row::warning).collect()
+        Said::together(self.rows.iter().filter_map(Row::said))
     }
 
     /// Those of an equilibrium.
@@ -35,7 +35,7 @@ impl Screening {
         let left_out = [("waveform", drive.waveform.is_some()), ("rest", drive.rest.is_some())];
         let keys = left_out.into_iter().filter(|(_, is_there)| *is_there);
         let keys = keys.map(|(key, _)| format!("the drive's `{key}` is left out of an equilibrium"));
-        keys.chain(self.rows.iter().filter_map(Row::warning_of_equilibrium))
+        keys.chain(Said::together(self.rows.iter().filter_map(Row::said_of_equilibrium)))
             .collect()
     }
 }

@@ -272,3 +272,18 @@ fn an_explanation_names_everything_that_changed() {
     let back = explained(PIPELINE, "halved");
     assert_eq!(back.last.unwrap().artifact, back.report.digest.unwrap());
 }
+
+#[test]
+fn what_lies_before_a_stage_that_is_reused_explains_nothing() {
+    let lab = Laboratory::new();
+    let digests = lab.digests(&[]);
+    for at in [0, 3] {
+        std::fs::remove_file(lab.object(&digests[at].unwrap())).unwrap();
+    }
+    let pipeline = lab.pipeline(PIPELINE, &[]);
+    let found = explain(&pipeline, &lab.store(), "total").unwrap();
+    let reasons: Vec<String> = found.reasons.iter().map(ToString::to_string).collect();
+    assert_eq!((reasons, found.causes.len()), (vec!["artifact missing".to_owned()], 0));
+    let small = explain(&pipeline, &lab.store(), "small").unwrap();
+    assert_eq!(small.reasons.len(), 1);
+}
