@@ -106,12 +106,23 @@ fn jobs(given: Option<u16>) -> Result<Option<u16>, CliError> {
     commands::jobs(&value.to_string_lossy()).map(Some).map_err(refused)
 }
 
+/// Bytes of the stack of a thread, as many as the standard library gives.
+const STACK: usize = 2 << 20;
+
 /// Started here, since a pool that starts by itself panics where the system has no more threads to give.
 fn start_threads(jobs: Option<u16>) -> Result<(), CliError> {
+    let refused = |why: String| {
+        let threads = jobs.map_or("one thread per core".to_owned(), |jobs| format!("{jobs} threads"));
+        CliError::failure(format!("cannot start {threads}: {why}")).help("--jobs N asks for fewer")
+    };
+    // Where threads use up all memory while they start, the C library ends the process before anything is said.
+    let mut stacks: Vec<u8> = Vec::new();
+    let all = usize::from(jobs.unwrap_or(0)) * STACK;
+    stacks.try_reserve_exact(all).map_err(|e| refused(e.to_string()))?;
+    drop(std::hint::black_box(stacks));
     // Zero stands for one per core.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(jobs.unwrap_or(0)));
-    pool.build_global().map_err(|e| {
-        let threads = jobs.map_or("one thread per core".to_owned(), |jobs| format!("{jobs} threads"));
-        CliError::failure(format!("cannot start {threads}: {e}")).help("--jobs N asks for fewer")
-    })
+    pool.stack_size(STACK)
+        .build_global()
+        .map_err(|e| refused(e.to_string()))
 }

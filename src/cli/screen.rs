@@ -28,7 +28,7 @@ pub struct ScreenArguments {
     #[arg(value_name = "PATTERN")]
     pub patterns: Vec<String>,
     /// Screen at this voltage instead of the scene's, as in "4 kV"
-    #[arg(long, value_name = "VOLTAGE")]
+    #[arg(long, value_name = "VOLTAGE", allow_hyphen_values = true)]
     voltage: Option<String>,
     /// Change a value of the scene for this call, such as drive.voltage="4 kV"
     #[arg(long = "set", value_name = "PATH=VALUE")]

@@ -44,7 +44,7 @@ pub struct SolveArguments {
     #[command(flatten)]
     pub patterns: PatternArguments,
     /// Simulate at this voltage instead of the scene's, as in "4 kV"
-    #[arg(long, value_name = "VOLTAGE")]
+    #[arg(long, value_name = "VOLTAGE", allow_hyphen_values = true)]
     voltage: Option<String>,
     /// Change a value of the scene for this call, such as drive.voltage="4 kV"
     #[arg(long = "set", value_name = "PATH=VALUE")]

@@ -14,7 +14,7 @@ use crate::store::{Pin, Store};
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow unpin pipeline.yaml:verified"))]
 pub struct UnpinArguments {
-    /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
+    /// A stage of the last run, PIPELINE.yaml:STAGE, a digest or at least its first 4 digits, or a label
     #[arg(value_name = "STAGE-OR-DIGEST")]
     artifact: String,
     #[command(flatten)]
@@ -46,13 +46,20 @@ fn of_stage(store: &Store, pins: &[Pin], reference: &str) -> Result<ArtifactId, 
     }
     match named.as_slice() {
         [one] => Ok(*one),
-        [] => located,
+        [] => of_label(pins, reference).map_or(located, Ok),
         several => {
             let list: Vec<String> = several.iter().map(ArtifactId::short).collect();
             let message = format!("{} pinned artifacts are of a stage `{reference}`", several.len());
             Err(CliError::bad_input(message).help(format!("name one: {}", list.join(", "))))
         }
     }
+}
+
+/// The one pinned artifact with a label.
+fn of_label(pins: &[Pin], label: &str) -> Option<ArtifactId> {
+    let mut labelled = pins.iter().filter(|pin| pin.label == label);
+    let found = labelled.next()?.digest;
+    labelled.next().is_none().then_some(found)
 }
 
 /// The artifact may be gone: pins are found by their own digests first.

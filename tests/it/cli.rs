@@ -4,7 +4,7 @@ use std::process::Stdio;
 
 use serde_json::Value;
 
-use super::common::{Stages, TINY, Workspace};
+use super::common::{Stages, TINY, Workspace, csv, scene_file};
 
 /// Runs `plan`, which reads everything and builds nothing, on a changed tiny pipeline.
 fn refused(from: &str, to: &str) -> (String, Value) {
@@ -440,5 +440,35 @@ fn unstable_samples_are_told_by_the_exit_code_and_counted() {
             .contains(&format!("no stable solution was found for {unstable} samples")),
         "{}",
         again.stdout
+    );
+    // Between which voltages they are lost.
+    assert!(
+        again.stdout.contains("solved: no sample has a field: ") && again.stdout.contains(" V, each at its own"),
+        "{}",
+        again.stdout
+    );
+}
+
+#[test]
+fn a_file_that_is_not_there_is_told_with_that_of_a_like_name() {
+    let workspace = Workspace::small();
+    let ended = workspace.run(&["plan", "smal.yaml"]);
+    assert_eq!(ended.code, Some(2));
+    assert!(ended.stderr.contains("did you mean small.yaml?"), "{}", ended.stderr);
+    let other = workspace.run(&["plan", "nothing-of-the-kind.yaml"]);
+    assert!(!other.stderr.contains("did you mean"), "{}", other.stderr);
+}
+
+#[test]
+fn a_negative_voltage_is_refused_as_what_it_is() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &scene_file());
+    workspace.write("p.csv", &csv(|x, _| x < 25));
+    let ended = workspace.run(&["solve", "scene.yaml", "p.csv", "--voltage", "-5 kV"]);
+    assert_eq!(ended.code, Some(2));
+    assert!(
+        ended.stderr.contains("`voltage`") && !ended.stderr.contains("unexpected argument"),
+        "{}",
+        ended.stderr
     );
 }

@@ -1,18 +1,22 @@
 //! From YAML text to the tree.
 
 use std::fmt;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde_saphyr::{Location, Spanned, options::DuplicateKeyPolicy};
 
-use super::error::{InputError, clipped};
+use super::error::{InputError, clipped, nearest};
 use super::node::{Node, NodeValue, Source};
 use crate::base::file::read_bounded;
 
 /// Pipelines and scenes are written by hand; a larger file is a mistake, and is refused before it is parsed.
 const MAX_BYTES: u64 = 4 << 20;
+
+/// Files in a folder among which one of a like name is looked for.
+const MOST_FILES: usize = 1000;
 
 /// A document and the file that it came from.
 #[derive(Clone, Debug)]
@@ -37,7 +41,12 @@ impl Document {
     /// When it cannot be read, or is no text.
     pub fn text(path: &Path) -> Result<String, InputError> {
         let fail = |what: String| InputError::new(format!("cannot read {}: {what}", path.display()));
-        let bytes = read_bounded(path, MAX_BYTES).map_err(|e| fail(e.to_string()))?;
+        let bytes = read_bounded(path, MAX_BYTES).map_err(|e| match (e.kind(), beside(path)) {
+            (ErrorKind::NotFound, Some(other)) => {
+                fail(e.to_string()).help(format!("did you mean {}?", other.display()))
+            }
+            _ => fail(e.to_string()),
+        })?;
         String::from_utf8(bytes).map_err(|e| fail(format!("not UTF-8 text ({e})")))
     }
 
@@ -57,6 +66,24 @@ impl Document {
     pub fn path(&self) -> &Path {
         &self.path
     }
+}
+
+/// The file beside one that is not there whose name is most like it.
+fn beside(path: &Path) -> Option<PathBuf> {
+    let folder = path.parent()?;
+    let folder = if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
+    };
+    let entries = std::fs::read_dir(folder).ok()?.take(MOST_FILES);
+    let names: Vec<String> = entries
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter(|name| name.ends_with(".yaml") || name.ends_with(".yml"))
+        .collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let name = nearest(path.file_name()?.to_str()?, &names)?;
+    Some(path.with_file_name(name))
 }
 
 impl Node {
