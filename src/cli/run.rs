@@ -131,7 +131,6 @@ pub fn of_pipeline(
         ..RunOptions::default()
     };
     let done = run(pipeline, store, &options, &Environment::system(), &listener);
-    log.end();
     drop(watch);
     reading.end(output, arguments.quiet);
     let is_stopped = stop.end();
@@ -181,6 +180,11 @@ pub fn of_pipeline(
         rounds: &pipeline.rounds,
     };
     let results = RunResults::remembered(&artifacts, &pipeline.name, neglected, &may_break_down(pipeline))?;
+    for text in results.warning_lines() {
+        let text = text.trim_start_matches("warning: ").to_owned();
+        log.tell(&Event::Warning { text });
+    }
+    log.end();
     if output.is_json() {
         let mut document = document(&outcome);
         document["pipeline"] = json!(pipeline.name);

@@ -41,6 +41,12 @@ enum State {
     Failed(String),
 }
 
+impl Drop for RunLog<'_> {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
 impl<'a> RunLog<'a> {
     pub fn new(store: &'a Store, pipeline: &Path, overrides: &BTreeMap<String, String>) -> Self {
         let now = Environment::system().now();
@@ -54,14 +60,15 @@ impl<'a> RunLog<'a> {
         }
     }
 
-    /// Writes down that the run has ended, however it did.
+    /// Writes down that the run has ended, however it did; nothing is written after that. So it does when it is dropped.
     pub fn end(&self) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         if let State::Open(file) = &mut *state {
             let text = one_line(&Environment::system().now(), ENDED);
-            if let Err(why) = file.write_all(text.as_bytes()) {
-                *state = State::Failed(why.to_string());
-            }
+            *state = match file.write_all(text.as_bytes()) {
+                Ok(()) => State::Waiting(Vec::new()),
+                Err(why) => State::Failed(why.to_string()),
+            };
         }
     }
 
