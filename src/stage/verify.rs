@@ -17,7 +17,7 @@ use crate::fem::screening::decided_states;
 use crate::fem::{AccurateHistory, AccurateSimulation, History, SetupError, Solver, SolverParameters, Swing};
 use crate::field::{Field, Mesh, Outcome, StateFields};
 use crate::orchestrator::{Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::Pattern;
+use crate::pattern::{Pattern, Role};
 use crate::scene::{Effects, Scene};
 use crate::store::{Artifact, Object};
 
@@ -55,8 +55,16 @@ impl Kind for VerifyKind {
         let (simulated, area) = (view.component().simulated().read()?, rows.area().read()?);
         let found = names.iter().zip(&roles).zip(view.simulated_rows()?).enumerate();
         let found = found.filter(|(_, ((_, role), _))| role.is_found());
-        let found = found.filter_map(|(row, ((name, _), at))| Some((name.as_str(), row, at?)));
-        let found: Vec<(&str, usize, usize)> = found.collect();
+        // Of each target one design: an optimum is what others are held against, where there are others.
+        let rank = |row: usize, at: usize| (roles[row] != Role::Optimum, simulated[at]);
+        let mut best: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+        for (row, at, name) in found.filter_map(|(row, ((name, _), at))| Some((row, at?, name.as_str()))) {
+            let held = best.entry(name).or_insert((row, at));
+            if rank(held.0, held.1) < rank(row, at) {
+                *held = (row, at);
+            }
+        }
+        let found: Vec<(&str, usize, usize)> = best.into_iter().map(|(name, (row, at))| (name, row, at)).collect();
         let by_row: Vec<(&str, usize)> = found.iter().map(|(name, row, _)| (*name, *row)).collect();
         let predicted = predicted_rows(&roles);
         let by_prediction: Vec<(&str, usize)> = by_row
