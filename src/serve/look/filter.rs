@@ -172,6 +172,9 @@ fn conditions(filter: &str) -> Result<Vec<(&str, Comparison, &str)>, Refusal> {
         };
         let written = condition[at + sign.len()..].trim();
         let quoted = written.strip_prefix('"').and_then(|value| value.strip_suffix('"'));
+        if quoted.is_none() && written.starts_with('"') {
+            return Err(Refusal::bad(format!("{written} has no closing quote")).help(HELP));
+        }
         if quoted.is_none() && written.contains(['=', '<', '>', '~', '&', '|']) {
             return Err(Refusal::bad(format!("{written:?} is no value")).help(HELP));
         }
@@ -278,6 +281,7 @@ mod tests {
         ] {
             assert!(refused(filter).contains("is no value"), "{filter}");
         }
+        assert!(refused("family = \"bez").contains("no closing quote"));
         // In quotes they are of the value.
         let found = unknown(&columns(), "family = \"this or that and more\" and units = 2").unwrap();
         assert_eq!((found.len(), &*found[0].value), (1, "this or that and more"));

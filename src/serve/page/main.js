@@ -82,7 +82,7 @@ async function opened(name, rest, query, place) {
 /** What is at work, in one line. @param {any} found */
 function stand(found) {
   const parts = [];
-  if (found.store) parts.push(`${found.objects} artifacts, ${bytes(found.bytes)}`);
+  if (found.store) parts.push(`${found.objects} files of artifacts, ${bytes(found.bytes)}`);
   else parts.push("no store yet");
   for (const run of found.runs ?? []) parts.push(`${run.pipeline} is being built (process ${run.pid})${run.stages.length ? `: ${run.stages.map((/** @type {any} */ stage) => stage.name).join(", ")}` : ""}`);
   if (found.in_flight && !found.runs?.length) parts.push(`${found.in_flight} being built`);

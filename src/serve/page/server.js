@@ -34,7 +34,7 @@ export async function ask(path, options = {}) {
 }
 
 /** What is to be done where there is no answer at all. */
-export const ENDED = "it has most likely ended: start it again as before, and open the address that it prints, because a new server has a new token";
+export const ENDED = `it has most likely ended: start it again with --port ${location.port}, where drawings are kept, and open the address that it prints, because a new server has a new token`;
 
 /** @param {string} path @param {RequestInit} options */
 async function answered(path, options) {

@@ -80,7 +80,7 @@ export class Files {
       : null;
     replace(
       this.stages,
-      h("p", { class: "small" }, `The button saves ${name}.csv. Put it beside a pipeline with the scene ${this.pad.scene.name}, and these stages into it; they have the state, the method and the mesh that are shown:`),
+      h("p", { class: "small" }, `The button saves ${name}.csv. Put it beside a pipeline with the scene ${this.pad.scene.name}, and these stages into it; they have the state, the method and the mesh that are shown. A run tells the largest displacement; that of the point is told by the command below the numbers:`),
       copyable(this.named(found.stages)),
       others,
       h("details", {}, h("summary", {}, "A pipeline of its own, with the scene as it is shown"), copyable(this.named(found.pipeline))),

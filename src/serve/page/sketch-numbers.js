@@ -18,11 +18,14 @@ const OUTCOMES = {
 const REACHED = 0.005;
 const LEAST = 0.001;
 
-/** How a value stands to the wanted one. @param {number} value @param {number} wanted */
-export function againstWanted(value, wanted) {
-  const off = value - wanted;
+/** Less than rounding leaves of what is nothing, mm. */
+const NOTHING = 1e-9;
+
+/** How a value stands to the wanted one, where it has an error of method and mesh, mm. @param {number} value @param {number} wanted @param {number} error */
+export function againstWanted(value, wanted, error = 0) {
+  const off = Math.abs(value - wanted) < NOTHING ? 0 : value - wanted;
   if (Math.abs(off) <= Math.max(REACHED * Math.abs(wanted), LEAST)) return { reached: true, words: off === 0 ? "reached" : `reached, to ${number(Math.abs(off), 2)} mm` };
-  return { reached: false, words: `${number(Math.abs(off), 3)} mm ${off < 0 ? "short" : "too much"}` };
+  return { reached: false, words: `${number(Math.abs(off), 3)} mm ${off < 0 ? "short" : "too much"}${Math.abs(off) <= error ? ", within the error of method and mesh" : ""}` };
 }
 
 /** A mesh in words. @param {number} elements @param {number} order */
@@ -44,7 +47,7 @@ export class Numbers {
   }
 
   panel(/** @type {any} */ controls) {
-    const copy = copying("Copy the numbers", () => this.text(), { id: "copy-numbers", title: "With all digits, and the command that prints them" });
+    const copy = copying("Copy the numbers", () => this.text(), { id: "copy-numbers", title: "With all digits, and the command that prints the displacements" });
     return h("section", { "aria-label": "Numbers", class: "numbers" }, h("h2", {}, "Numbers"), this.results, h("div", { class: "tools" }, copy), this.notice, this.timing, controls, this.command);
   }
 
@@ -73,6 +76,7 @@ export class Numbers {
       ...line("error of the critical voltage", found.critical_voltage_error, "V"),
       ...line("largest field, over the breakdown strength", found.breakdown_ratio),
       ...line("smallest eigenvalue of the tangent", found.smallest_eigenvalue),
+      ...(this.results.dataset.settled === "true" ? [] : ["the error and where stability is lost were still being looked for"]),
       ...(this.reproduced ? [this.reproduced.command] : []),
       "",
     ].join("\n");
@@ -82,7 +86,7 @@ export class Numbers {
   reproduce(found, named) {
     this.reproduced = found && { ...found, command: named(found.command) };
     if (!found) return;
-    replace(this.command, h("p", { class: "small soft" }, "The same numbers in a terminal, with the pattern saved as csv under Files:"), copyable(this.reproduced.command));
+    replace(this.command, h("p", { class: "small soft" }, "The same displacements in a terminal, with all digits; the pattern is saved as csv under Files, in the folder of the terminal:"), copyable(this.reproduced.command));
   }
 
   show() {
@@ -93,7 +97,7 @@ export class Numbers {
       h("dt", {}, title),
       h("dd", { id: name, title: about ?? (exact === null ? null : `${exact} ${unit}`.trim()), "data-value": exact === null ? null : String(exact) }, text, unit && text !== "–" ? h("span", { class: "soft" }, ` ${unit}`) : null),
     ];
-    const against = pad.wanted === null || found.value === null ? null : againstWanted(found.value, pad.wanted);
+    const against = pad.wanted === null || found.value === null ? null : againstWanted(found.value, pad.wanted, quick ? 0 : found.error ?? 0);
     replace(
       this.results,
       entry("outcome", "outcome", found.outcome, "", null, OUTCOMES[found.outcome] ?? null),
@@ -114,7 +118,10 @@ export class Numbers {
   critical(found) {
     if ((found.critical_voltage ?? null) === null) return null;
     const error = found.critical_voltage_error;
-    return error ? `${number(found.critical_voltage, 5)} V ± ${number(error, 2)} V` : `${number(found.critical_voltage, 5)} V`;
+    if (error) return `${number(found.critical_voltage, 5)} V ± ${number(error, 2)} V`;
+    const [stable, lost] = found.critical_bracket ?? [0, Infinity];
+    const own = stable <= found.critical_voltage && found.critical_voltage <= lost;
+    return `${number(found.critical_voltage, 5)} V ${own ? "on this mesh" : "on one finer mesh"}, with an unknown error`;
   }
 
   /** @param {any} found */

@@ -424,7 +424,9 @@ class Sketchpad {
   grey() {
     const old = this.failed || this.wrong.size > 0;
     const { results } = this.numbers;
-    for (const element of [results, this.membrane, this.bar, this.legend, this.line, this.criticalText]) element?.classList.toggle("old", old);
+    for (const element of [results, this.membrane, this.bar, this.legend, this.line, this.numbers.notice]) element?.classList.toggle("old", old);
+    // It is looked for once things are still.
+    this.criticalText?.classList.toggle("old", old || results.dataset.settled !== "true");
     results.title = old ? "of the values before" : "";
     // The command and the stages follow once things are still.
     const other = old || this.reproduced !== this.version;
@@ -457,7 +459,7 @@ class Sketchpad {
       this.voltageRange.max = String(Math.max(this.mostVoltage(), this.voltage));
       this.criticalMark.value = this.critical === null ? "" : String(this.critical);
       const told = this.numbers.critical(found);
-      this.criticalText.textContent = told === null ? "no loss of stability was found" : `stability is lost at ${told}${found.critical_voltage_error ? "" : " on this mesh"}`;
+      this.criticalText.textContent = told === null ? "no loss of stability was found" : `stability is lost at ${told}`;
       this.criticalText.title = found.critical_bracket ? `by two finer meshes; on the mesh of the page alone between ${number(found.critical_bracket[0], 6)} and ${number(found.critical_bracket[1], 6)} V` : "";
     }
     this.numbers.show();

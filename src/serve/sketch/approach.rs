@@ -17,7 +17,7 @@ pub fn is_reached(value: f64, wanted: f64) -> bool {
 }
 
 /// Single cells that are tried.
-const SINGLE: usize = 8;
+const SINGLE: usize = 24;
 
 /// Two patterns on either side of a wanted value.
 pub struct Passed {
@@ -89,7 +89,8 @@ pub fn between(
     Ok(nearest.map_or_else(|| passed.below.clone(), |(_, pattern)| pattern))
 }
 
-/// The pattern with that cell changed which promises most nearly what is missing, of those in which the two patterns differ.
+/// The pattern with that cell changed which promises most nearly what is missing: of those in which the two patterns differ, and of those at
+/// an edge, which become as a neighbour is.
 fn one_cell(
     passed: &Passed,
     pattern: &Pattern,
@@ -98,41 +99,47 @@ fn one_cell(
     may_be: &dyn Fn(&Pattern) -> bool,
 ) -> Option<(usize, Pattern)> {
     let (below, above) = (passed.below.cells(), passed.above.cells());
-    let is_changed = |at: usize| pattern.cells()[at] == above[at];
-    let left = |at: usize| {
-        let gain = gain(passed, at);
-        (missing - if is_changed(at) { -gain } else { gain }).abs()
+    let [columns, rows] = passed.below.raster().sides();
+    let cells = pattern.cells();
+    let other = |at: usize| -> Option<u8> {
+        if below[at] != above[at] {
+            return Some(if cells[at] == above[at] { below[at] } else { above[at] });
+        }
+        let (x, y) = (at % columns, at / columns);
+        let beside = [
+            (x > 0).then(|| at - 1),
+            (x + 1 < columns).then(|| at + 1),
+            (y > 0).then(|| at - columns),
+            (y + 1 < rows).then(|| at + columns),
+        ];
+        let values = beside.into_iter().flatten().map(|beside| cells[beside]);
+        values.into_iter().find(|value| *value != cells[at])
     };
-    let mut cells: Vec<usize> = (0..below.len())
-        .filter(|at| above[*at] != below[*at] && !tried.contains(at) && left(*at) < missing.abs())
+    let left = |(at, group): &(usize, u8)| (missing - gain(passed, *at, cells[*at], *group)).abs();
+    let mut changes: Vec<(usize, u8)> = (0..cells.len())
+        .filter(|at| !tried.contains(at))
+        .filter_map(|at| Some((at, other(at)?)))
+        .filter(|change| left(change) < missing.abs())
         .collect();
-    cells.sort_by(|a, b| left(*a).total_cmp(&left(*b)));
-    let columns = passed.below.raster().columns();
-    let with = |cell: usize| {
-        let group = if is_changed(cell) { below[cell] } else { above[cell] };
-        Pattern::from_groups(passed.below.raster(), |x, y| match y * columns + x {
+    changes.sort_by(|a, b| left(a).total_cmp(&left(b)));
+    let with = |(cell, group): (usize, u8)| {
+        let changed = Pattern::from_groups(passed.below.raster(), |x, y| match y * columns + x {
             at if at == cell => group,
-            at => pattern.cells()[at],
-        })
+            at => cells[at],
+        });
+        (cell, changed)
     };
-    cells
-        .into_iter()
-        .map(|cell| (cell, with(cell)))
-        .find(|(_, pattern)| may_be(pattern))
+    changes.into_iter().map(with).find(|(_, pattern)| may_be(pattern))
 }
 
-/// What it promises that a cell of the lower pattern becomes as the upper one has it.
-fn gain(passed: &Passed, at: usize) -> f64 {
-    let (below, above) = (passed.below.cells(), passed.above.cells());
+/// What it promises that a cell changes from one group to another, by the gradient at the lower pattern.
+fn gain(passed: &Passed, at: usize, from: u8, to: u8) -> f64 {
+    let count = passed.below.cells().len();
     let of = |group: u8| match usize::from(group) {
         0 => 0.0,
-        group => passed
-            .gradient
-            .get((group - 1) * below.len() + at)
-            .copied()
-            .unwrap_or(0.0),
+        group => passed.gradient.get((group - 1) * count + at).copied().unwrap_or(0.0),
     };
-    of(above[at]) - of(below[at])
+    of(to) - of(from)
 }
 
 /// The cells in which the two differ, by what their change promises; those that become electrodes and those that become none take turns, so
@@ -143,7 +150,8 @@ fn order(passed: &Passed) -> Vec<usize> {
         let mut found: Vec<usize> = (0..below.len())
             .filter(|&at| above[at] != below[at] && wanted(at))
             .collect();
-        found.sort_by(|&a, &b| gain(passed, b).total_cmp(&gain(passed, a)));
+        let promised = |at: usize| gain(passed, at, below[at], above[at]);
+        found.sort_by(|&a, &b| promised(b).total_cmp(&promised(a)));
         found
     };
     let off = sorted(&|at| above[at] == 0);

@@ -155,6 +155,8 @@ fn command(
     if let Some(([x, y], angle)) = drawn.place(&setting.scene)? {
         words.push(format!("--point '{x} mm,{y} mm' --direction '{angle} deg'"));
     }
+    // In a table they have fewer digits.
+    words.push("--json".to_owned());
     Ok(words.join(" "))
 }
 

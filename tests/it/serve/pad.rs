@@ -65,7 +65,7 @@ fn the_pad_keeps_to_the_membrane_and_to_its_own_drawing_and_says_what_is_old() {
     tab.until(SETTLED);
     let area = tab.text("#area");
     tab.value("localStorage.setItem('deaflow round', JSON.stringify(Array.from({ length: 50 }, () => new Array(50).fill(0))))");
-    tab.value("location.reload()");
+    tab.reload();
     tab.until(&format!(
         "document.querySelector('#area')?.textContent === {}",
         json!(area)
@@ -98,7 +98,7 @@ fn a_voltage_between_two_meshes_is_told_by_both() {
         "sessionStorage.setItem('deaflow drawn', {})",
         json!(drawn.to_string())
     ));
-    tab.value("location.reload()");
+    tab.reload();
     tab.until("document.querySelector('#area')?.textContent.startsWith('area 15')");
     // There is a state on the mesh of the page, which finer meshes do not have.
     tab.write("#volts", &stable.to_string());

@@ -100,6 +100,12 @@ impl Tab {
 
     /// Sends a command and waits for its answer.
     pub fn call(&mut self, method: &str, parameters: Value) -> Value {
+        let answer = self.ask(method, parameters);
+        answer.unwrap_or_else(|error| panic!("{method}: {error}"))
+    }
+
+    /// The answer to a command, or what the browser has against it.
+    fn ask(&mut self, method: &str, parameters: Value) -> Result<Value, Value> {
         self.next += 1;
         let id = self.next;
         let mut message = json!({ "id": id, "method": method, "params": parameters });
@@ -117,8 +123,10 @@ impl Tab {
             let answer: Value = serde_json::from_slice(&bytes).unwrap();
             self.listen(&answer);
             if answer["id"] == id {
-                assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
-                return answer["result"].clone();
+                return match &answer["error"] {
+                    Value::Null => Ok(answer["result"].clone()),
+                    error => Err(error.clone()),
+                };
             }
         }
     }
@@ -145,6 +153,21 @@ impl Tab {
     /// Goes to an address.
     pub fn go(&mut self, url: &str) {
         self.call("Page.navigate", json!({ "url": url }));
+    }
+
+    /// Reads the page again, and waits until the old one is gone, which may answer no question any more.
+    pub fn reload(&mut self) {
+        self.value("window.isOld = true");
+        self.call("Page.reload", json!({}));
+        let question = json!({ "expression": "window.isOld !== true", "returnByValue": true });
+        let began = Instant::now();
+        while !self
+            .ask("Runtime.evaluate", question.clone())
+            .is_ok_and(|found| found["result"]["value"] == true)
+        {
+            assert!(began.elapsed() < PATIENCE, "the page is not read again");
+            std::thread::sleep(Duration::from_millis(50));
+        }
     }
 
     /// The value of an expression, which may be a promise.
