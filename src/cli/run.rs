@@ -1,8 +1,7 @@
 //! `deaflow run`: builds what is stale, then says in a few lines what was built, what was found and where it is; in many with `-v`.
 
-use std::io;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 
 use clap::{Args, ValueEnum};
@@ -109,16 +108,11 @@ pub fn of_pipeline(
     let told = progress.clone();
     let watch = reading.watch(move |text| told.note(text));
     let log = RunLog::new(store, &pipeline.file(), &pipeline.overrides);
-    let ahead = Ahead::start(pipeline, &arguments.of, store)?;
+    let ahead = Ahead::default();
     let listener = |event: &_| {
         log.tell(event);
         progress.tell(event);
-        let (Event::StageFinished(stage) | Event::StageReused(stage)) = event else {
-            return;
-        };
-        if let (Some(ahead), Some(made)) = (&ahead, made_by(stage)) {
-            ahead.figures.tell(made, matches!(event, Event::StageFinished(_)));
-        }
+        ahead.tell(event, || Prepared::start(pipeline, &arguments.of, store));
     };
     let options = RunOptions {
         log: Some(&log.name),
@@ -157,9 +151,7 @@ pub fn of_pipeline(
         output.complain(&format!("warning: `gc` will not know of the lock file: {error}"));
     }
     built(store, &outcome.stages)?;
-    if let Some(ahead) = ahead {
-        ahead.finish();
-    }
+    ahead.finish();
     if !output.is_json() && arguments.verbose {
         // Before the figures: what was built is told even where they cannot be drawn.
         output.text(table::of_run(&outcome.stages))?;
@@ -228,33 +220,69 @@ pub fn of_pipeline(
     Ok((exit, outcome.stages))
 }
 
-/// What is told at the end, made ready while stages are at work.
+/// What is told at the end, made ready while stages are at work: from the first on that is built, since where nothing is built all is there.
+#[derive(Default)]
 struct Ahead {
+    /// Stages that were found built before that.
+    reused: Mutex<Vec<Made>>,
+    prepared: OnceLock<Option<Prepared>>,
+}
+
+impl Ahead {
+    fn tell(&self, event: &Event, start: impl FnOnce() -> Option<Prepared>) {
+        let (stage, is_new) = match event {
+            Event::StageStarted { .. } => {
+                self.prepared.get_or_init(|| {
+                    let prepared = start()?;
+                    for made in self.reused().drain(..) {
+                        prepared.figures.tell(made, false);
+                    }
+                    Some(prepared)
+                });
+                return;
+            }
+            Event::StageFinished(stage) => (stage, true),
+            Event::StageReused(stage) => (stage, false),
+            _ => return,
+        };
+        match (self.prepared.get(), made_by(stage)) {
+            (Some(Some(prepared)), Some(made)) => prepared.figures.tell(made, is_new),
+            (None, Some(made)) => self.reused().push(made),
+            _ => {}
+        }
+    }
+
+    /// It is pushed to in one step: a panic elsewhere leaves a list that is right.
+    fn reused(&self) -> MutexGuard<'_, Vec<Made>> {
+        self.reused.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn finish(self) {
+        if let Some(Some(prepared)) = self.prepared.into_inner() {
+            prepared.figures.finish();
+            // One that has panicked has said so.
+            let _ = prepared.screening.join();
+        }
+    }
+}
+
+struct Prepared {
     figures: FiguresAhead,
     screening: JoinHandle<()>,
 }
 
-impl Ahead {
+impl Prepared {
     /// None where there is to be one thread alone, or no more are to be had: then it is all done in the end.
-    fn start(pipeline: &Pipeline, arguments: &PipelineArguments, store: &Store) -> Result<Option<Self>, CliError> {
+    fn start(pipeline: &Pipeline, arguments: &PipelineArguments, store: &Store) -> Option<Self> {
         if rayon::current_num_threads() == 1 {
-            return Ok(None);
+            return None;
         }
-        let selected = pipeline.selection(arguments.until.as_deref())?;
+        let selected = pipeline.selection(arguments.until.as_deref()).ok()?;
         let stages: Vec<&str> = selected.iter().map(|at| pipeline.stages[*at].name.as_str()).collect();
-        let start = || -> io::Result<Self> {
-            Ok(Self {
-                figures: FiguresAhead::start(store.alone(), pipeline.file(), pipeline.name.clone())?,
-                screening: neglected::ahead(pipeline, &stages, store.alone())?,
-            })
-        };
-        Ok(start().ok())
-    }
-
-    fn finish(self) {
-        self.figures.finish();
-        // One that has panicked has said so.
-        let _ = self.screening.join();
+        Some(Self {
+            figures: FiguresAhead::start(store.alone(), pipeline.file(), pipeline.name.clone()).ok()?,
+            screening: neglected::ahead(pipeline, &stages, store.alone()).ok()?,
+        })
     }
 }
 

@@ -268,7 +268,7 @@ fn figures_of_stages_that_end_are_drawn_beside_the_others() {
         names
     };
     let first = figure_name("solved", &made[0].digest.to_string(), "deformation");
-    assert_eq!(drawn(), [first.clone()]);
+    assert_eq!(drawn(), std::slice::from_ref(&first));
     let written = |name: &str| std::fs::metadata(folder.join(name)).unwrap().modified().unwrap();
     let before = written(&first);
     let paths = draw_figures(PRESENTERS, &bench.run(&made[..2]), "p").unwrap();

@@ -117,7 +117,8 @@ fn beyond(scene: &Scene) -> Option<Beyond> {
         )
     } else {
         format!(
-            "at {drive} some patterns may be unstable: single cells are so above about {lowest}, most patterns above {most_text}{model}; {rest}"
+            "at {drive} some patterns may be unstable: single cells are so above about {lowest}, most patterns above {most_text}, one that is \
+             covered everywhere above {limit_text}{model}; {rest}"
         )
     };
     Some(Beyond { warning, is_lost })

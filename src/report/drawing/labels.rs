@@ -2,6 +2,9 @@
 
 use std::ops::Range;
 
+/// A place, or a width and a height.
+type Pixel = (i32, i32);
+
 /// A rectangle in pixels: left, top, right, bottom.
 type Rect = [i32; 4];
 
@@ -50,7 +53,7 @@ impl Labels {
 
     /// The best places for labels beside their points, `gap` pixels away or a little more, each by its size. They are placed one after the
     /// other, and each again where the others leave a better place.
-    pub fn place(&self, wanted: &[((i32, i32), (i32, i32))], gap: i32) -> Vec<Spot> {
+    pub fn place(&self, wanted: &[(Pixel, Pixel)], gap: i32) -> Vec<Spot> {
         let mut placed: Vec<Option<Placed>> = vec![None; wanted.len()];
         for _ in 0..ROUNDS {
             let before = placed.clone();

@@ -66,7 +66,7 @@ function lookedAt(found) {
     summary.samples === undefined ? "" : `${summary.samples} samples`,
     summary.solved_again === undefined ? "" : `${summary.solved_again} solved again on their own mesh`,
     finer.samples ? `${finer.samples} on a finer mesh${(finer.largest_error ?? null) === null ? "" : `, with an error of ${number(finer.largest_error, 3)} mm at the most`}` : "",
-    finer.samples ? `with 95 % confidence at most ${number(100 * finer.excluded_above, 3)} % are at fault` : "",
+    finer.samples ? `with 95 % confidence at most ${number(100 * finer.excluded_above, 3)} % of all samples are at fault` : "",
   ].filter(Boolean);
   return parts.length ? h("p", { class: "soft", id: "looked-at" }, `Looked at: ${parts.join("; ")}.`) : null;
 }

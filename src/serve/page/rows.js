@@ -227,7 +227,7 @@ export async function rowsView(place, found, query) {
     replace(
       one,
       h("h2", {}, `Row ${id}`),
-      h("div", { class: "pair" }, left, displacement ? right : null, h("dl", { class: "results" }, values.map((/** @type {[string, any]} */ [name, value]) => [h("dt", {}, name), h("dd", {}, typeof value === "number" ? number(value, 6) : value ?? "–")]))),
+      h("div", { class: "pair" }, left, displacement ? h("figure", {}, right, h("figcaption", { class: "small soft" }, `Displacement: largest ${number(largest(displacement), 4)} mm, from dark to bright`)) : null, h("dl", { class: "results" }, values.map((/** @type {[string, any]} */ [name, value]) => [h("dt", {}, name), h("dd", {}, typeof value === "number" ? number(value, 6) : value ?? "–")]))),
       h("div", { class: "tools" }, alike),
       predicted,
       h("h3", {}, "Where it comes from"),

@@ -15,10 +15,11 @@ export class Files {
 
   panel() {
     const { pad } = this;
+    const opened = h("div", { role: "alert" });
     const file = h("input", { type: "file", accept: READ.map((format) => `.${format}`).join(","), "aria-label": "Open a pattern", onchange: async () => {
       const chosen = file.files?.[0];
       file.value = "";
-      if (chosen) await pad.attempt(this.saved, async () => pad.pen.become(await fromFile(chosen, pad.scene)));
+      if (chosen) await pad.attempt(opened, async () => pad.pen.become(await fromFile(chosen, pad.scene)));
     } });
     this.saved = h("div", { "aria-live": "polite" });
     this.name = h("input", { type: "text", value: "mine", pattern: "[A-Za-z0-9_\\-]+", maxlength: "60", "aria-label": "Name of the file", title: "letters, digits, - and _", name: "name" });
@@ -31,6 +32,7 @@ export class Files {
       { class: "panel" },
       h("h2", {}, "Files"),
       labelled("Open png, csv, npy, svg or dxf", file),
+      opened,
       h("div", { class: "tools" }, labelled("Name", this.name)),
       h("div", { class: "tools", role: "group", "aria-label": "Save as a file" }, h("span", { class: "soft" }, "Save as"), formats),
       h("h3", {}, "Into a pipeline"),

@@ -102,7 +102,7 @@ export class Numbers {
       this.results,
       entry("outcome", "outcome", found.outcome, "", null, OUTCOMES[found.outcome] ?? null),
       entry("max-displacement", "largest displacement", number(found.max_displacement, 8), "mm", found.max_displacement),
-      entry("value", "value at the point", number(found.value, 8), "mm", found.value),
+      entry("value", "value at the point", number(Math.abs(found.value ?? NaN) < NOTHING ? 0 : found.value, 8), "mm", found.value),
       against ? entry("wanted", `wanted ${number(pad.wanted, 6)} mm`, against.words, "", found.value - pad.wanted) : null,
       entry("error", "error of method and mesh", quick ? "…" : number(found.error, 2), quick ? "" : "mm", found.error),
       (found.breakdown_ratio ?? null) === null ? null : entry("breakdown", "largest field, over the breakdown strength", number(found.breakdown_ratio, 4), "", found.breakdown_ratio),
