@@ -103,8 +103,8 @@ fn beyond(scene: &Scene) -> Option<Beyond> {
     let most_text = kilovolts(most);
     let volts = scene.voltage_v();
     let is_lost = volts > most;
-    let rest = "which get no result, and to find that out takes many times as long as to solve; these voltages are estimates: `deaflow screen` \
-                finds that of one cell on two meshes";
+    let rest = "patterns that are unstable get no result, and to find that out takes many times as long as to solve; these voltages are \
+                estimates: `deaflow screen` finds that of one cell on two meshes";
     let warning = if volts > limit {
         format!(
             "the voltage of {drive} is beyond what membranes bear: one that is covered everywhere is unstable above {limit_text}, \
