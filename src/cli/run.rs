@@ -172,8 +172,7 @@ pub fn of_pipeline(
         rounds: &pipeline.rounds,
     };
     let results = RunResults::remembered(&artifacts, &pipeline.name, neglected, &may_break_down(pipeline))?;
-    for text in results.warning_lines() {
-        let text = text.trim_start_matches("warning: ").to_owned();
+    for text in results.warnings().cloned() {
         log.tell(&Event::Warning { text });
     }
     log.end();

@@ -9,7 +9,7 @@ use std::thread::{Builder, JoinHandle};
 
 use super::artifacts::{Made, RunArtifacts};
 use super::kinds::PRESENTERS;
-use super::results::draw_of_stage;
+use super::results::{draw_of_stage, folder_of};
 use crate::store::Store;
 
 /// Draws the figures of stages as they end, so that only those of the last are waited for.
@@ -70,6 +70,7 @@ impl Drop for FiguresAhead {
 }
 
 fn draw(store: &Store, file: &Path, pipeline: &str, ended: &Receiver<(Made, bool)>, over: &AtomicBool) {
+    let folder = folder_of(store, file, pipeline);
     let mut made = Vec::new();
     for (stage, is_new) in ended {
         made.push(stage);
@@ -80,7 +81,7 @@ fn draw(store: &Store, file: &Path, pipeline: &str, ended: &Receiver<(Made, bool
             rounds: &[],
         };
         if let Some(stage) = made.last().filter(|_| is_new && !over.load(Ordering::Relaxed)) {
-            let _ = draw_of_stage(PRESENTERS, &run, stage, pipeline);
+            let _ = draw_of_stage(PRESENTERS, &run, stage, (pipeline, &folder));
         }
     }
 }

@@ -78,8 +78,7 @@ impl RunResults {
         let mut document: Map<String, Value> = of_kinds
             .map(|results| (results.key.to_owned(), results.value.clone()))
             .collect();
-        let warnings: Vec<&String> = self.model_warnings.iter().chain(self.warnings()).collect();
-        document.insert("warnings".to_owned(), json!(warnings));
+        document.insert("warnings".to_owned(), json!(self.warnings().collect::<Vec<_>>()));
         document.insert("figures".to_owned(), json!(self.figures));
         document
     }
@@ -154,12 +153,13 @@ impl RunResults {
 
     /// The warnings alone, a line for each.
     pub fn warning_lines(&self) -> impl Iterator<Item = String> {
-        let of_model = self.model_warnings.iter().map(|text| format!("warning: {text}"));
-        of_model.chain(self.warnings().map(|text| format!("warning: {text}")))
+        self.warnings().map(|text| format!("warning: {text}"))
     }
 
-    fn warnings(&self) -> impl Iterator<Item = &String> {
-        self.of_kinds.iter().flat_map(|results| &results.warnings)
+    /// What is to be heeded: first about the model, then about what was found.
+    pub fn warnings(&self) -> impl Iterator<Item = &String> {
+        let found = self.of_kinds.iter().flat_map(|results| &results.warnings);
+        self.model_warnings.iter().chain(found)
     }
 }
 
@@ -179,7 +179,7 @@ pub fn draw_figures(
     let folder = folder_of(run.store, run.file, pipeline);
     let mut paths = Vec::new();
     for stage in run.made {
-        paths.extend(draw_of_stage(presenters, run, stage, pipeline)?);
+        paths.extend(draw_of_stage(presenters, run, stage, (pipeline, &folder))?);
     }
     for presenter in presenters {
         let before = if run.rounds.is_empty() {
@@ -197,24 +197,23 @@ pub fn draw_figures(
     Ok(paths)
 }
 
-/// Draws the figures of a stage that are not there yet, and returns the paths of all.
+/// Draws the figures of a stage that are not there yet into the folder of its pipeline, and returns the paths of all.
 pub(super) fn draw_of_stage(
     presenters: &[&dyn Presenter],
     run: &RunArtifacts<'_>,
     stage: &Made,
-    pipeline: &str,
+    (pipeline, folder): (&str, &Path),
 ) -> Result<Vec<PathBuf>, ReportError> {
-    let folder = folder_of(run.store, run.file, pipeline);
     let presenter = presenters.iter().find(|presenter| presenter.kind() == stage.kind);
     let path = |figure: &str| folder.join(figure_name(&stage.stage, &stage.digest.to_string(), figure));
     let figures = presenter.map_or(&[][..], |presenter| presenter.figures());
     let wanted: Vec<(PathBuf, DrawFigure)> = figures.iter().map(|(name, draw)| (path(name), *draw)).collect();
     if wanted.iter().any(|(path, _)| is_missing(path)) {
-        fs::create_dir_all(&folder).map_err(|source| ReportError::Folder {
-            path: folder.clone(),
+        fs::create_dir_all(folder).map_err(|source| ReportError::Folder {
+            path: folder.to_owned(),
             source,
         })?;
-        say_whose(&folder, run.file)?;
+        say_whose(folder, run.file)?;
         draw(run, stage, &wanted, pipeline)?;
     }
     let paths = wanted.into_iter().map(|(path, _)| path);
@@ -225,7 +224,7 @@ pub(super) fn draw_of_stage(
 pub const WHOSE: &str = "pipeline.txt";
 
 /// The folder of a pipeline's name, unless another file that is still there has it.
-fn folder_of(store: &Store, file: &Path, pipeline: &str) -> PathBuf {
+pub(super) fn folder_of(store: &Store, file: &Path, pipeline: &str) -> PathBuf {
     let named = store.root().join("figures").join(file_name(pipeline));
     let Ok(owner) = read_own(&named.join(WHOSE), LONGEST_PATH) else {
         return named;

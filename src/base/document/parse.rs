@@ -41,11 +41,12 @@ impl Document {
     /// When it cannot be read, or is no text.
     pub fn text(path: &Path) -> Result<String, InputError> {
         let fail = |what: String| InputError::new(format!("cannot read {}: {what}", path.display()));
-        let bytes = read_bounded(path, MAX_BYTES).map_err(|e| match (e.kind(), beside(path)) {
-            (ErrorKind::NotFound, Some(other)) => {
-                fail(e.to_string()).help(format!("did you mean {}?", other.display()))
+        let bytes = read_bounded(path, MAX_BYTES).map_err(|e| {
+            let like = (e.kind() == ErrorKind::NotFound).then(|| beside(path)).flatten();
+            match like {
+                Some(other) => fail(e.to_string()).help(format!("did you mean {}?", other.display())),
+                None => fail(e.to_string()),
             }
-            _ => fail(e.to_string()),
         })?;
         String::from_utf8(bytes).map_err(|e| fail(format!("not UTF-8 text ({e})")))
     }

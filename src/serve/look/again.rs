@@ -3,15 +3,13 @@
 use serde_json::{Value, json};
 
 use super::artifacts::named;
-use super::judged::{labels, pattern};
+use super::judged::{labels, pattern, scene_of};
 use super::neighbours::{cells_of, patterns};
 use crate::base::ArtifactId;
 use crate::field::{Field, Mesh, Simulation};
-use crate::scene::Scene;
 use crate::serve::http::{Answer, Array, Refusal, Request, frame};
 use crate::serve::state::ServedState;
-use crate::stage::{audit, direct};
-use crate::store::Artifact;
+use crate::stage::audit;
 
 /// A row beside what comes out when it is simulated again, as a frame: `?row=`, and `?audit=DIGEST` of an audit that has found out the mesh of
 /// a dataset which does not say it.
@@ -58,15 +56,6 @@ pub fn again(state: &ServedState, request: &Request, digits: &str) -> Result<Ans
         }
     }
     Ok(Answer::frame(frame(document, &arrays)))
-}
-
-/// The scene of a set, which its first chunk says where it does not.
-fn scene_of(set: &Artifact) -> Result<Scene, Refusal> {
-    let first = set.first_chunk()?;
-    let of = |artifact: &Artifact| artifact.attribute("scene").map(str::to_owned);
-    let scene = of(set).or_else(|| first.as_ref().and_then(of));
-    let scene = scene.ok_or_else(|| Refusal::bad(format!("{} says no scene", set.digest().short())))?;
-    Ok(direct::scene_of_text(&scene)?)
 }
 
 /// A simulation and its mesh, each where there is one.

@@ -13,6 +13,7 @@ use crate::content::{ALL_FAMILIES, Balanced, Training};
 use crate::dataset::Split;
 use crate::field::{Field, Predictor};
 use crate::pattern::{Pattern, PatternForm};
+use crate::scene::Scene;
 use crate::serve::http::{Answer, Array, Refusal, Request, frame};
 use crate::serve::state::ServedState;
 use crate::stage::direct;
@@ -272,16 +273,22 @@ fn sets(store: &Store, model: &Artifact) -> Result<Vec<Artifact>, Refusal> {
 
 /// Refuses rows of another scene than the model's: what it says of them means nothing.
 fn same_scene(network: &Surrogate, set: &Artifact) -> Result<(), Refusal> {
+    network
+        .check_scene(&scene_of(set)?)
+        .map_err(|why| Refusal::bad(why.to_string()))
+}
+
+/// The scene of a set, which its first chunk says where it does not.
+///
+/// # Errors
+/// When neither says one, or it cannot be simulated.
+pub fn scene_of(set: &Artifact) -> Result<Scene, Refusal> {
     let first = set.first_chunk()?;
     let scene = set
         .attribute("scene")
         .or_else(|| first.as_ref().and_then(|chunk| chunk.attribute("scene")));
-    let Some(scene) = scene else {
-        return Err(Refusal::bad(format!("{} says no scene", set.digest().short())));
-    };
-    network
-        .check_scene(&direct::scene_of_text(scene)?)
-        .map_err(|why| Refusal::bad(why.to_string()))
+    let scene = scene.ok_or_else(|| Refusal::bad(format!("{} says no scene", set.digest().short())))?;
+    Ok(direct::scene_of_text(scene)?)
 }
 
 /// A pattern from its cells.

@@ -398,17 +398,9 @@ fn a_model_is_judged_by_the_test_rows_of_its_own_set_without_an_evaluation() {
     // The worst row, with what is said of it beside its label.
     let row = own[0][3];
     let reply = server.get(&format!("/api/artifacts/{network}/prediction?row={row}&of={balanced}"));
-    let (document, data) = reply.frame();
+    let (document, _) = reply.frame();
     assert_eq!(document["max_error_mm"], json!(own[0][0]));
-    let numbers = |name: &str| -> Vec<f32> {
-        let arrays = document["arrays"].as_array().unwrap();
-        let start = arrays.iter().find(|array| array["name"] == name).unwrap()["start"]
-            .as_u64()
-            .unwrap() as usize;
-        let each = data[start..start + 4 * 5202].chunks_exact(4);
-        each.map(|four| f32::from_le_bytes(four.try_into().unwrap())).collect()
-    };
-    let (label, predicted) = (numbers("label"), numbers("predicted"));
+    let (label, predicted) = (reply.numbers("label"), reply.numbers("predicted"));
     let worst = label
         .iter()
         .zip(&predicted)

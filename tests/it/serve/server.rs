@@ -41,6 +41,24 @@ impl Reply {
         let document = serde_json::from_slice(&self.body[4..4 + length]).unwrap();
         (document, self.body[4 + length..].to_vec())
     }
+
+    /// The numbers of an array of a frame.
+    pub fn numbers(&self, name: &str) -> Vec<f32> {
+        let (document, data) = self.frame();
+        let arrays = document["arrays"].as_array().unwrap();
+        let array = arrays.iter().find(|array| array["name"] == name).unwrap();
+        let [start, length] = [
+            array["start"].as_u64().unwrap() as usize,
+            array["shape"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|side| side.as_u64().unwrap() as usize)
+                .product(),
+        ];
+        let each = data[start..start + 4 * length].chunks_exact(4);
+        each.map(|four| f32::from_le_bytes(four.try_into().unwrap())).collect()
+    }
 }
 
 impl Server {
