@@ -69,8 +69,8 @@ pub struct ServedState {
     pub opened: Kept<ArtifactId, Artifact>,
     /// Trained networks that were asked last.
     pub networks: Kept<ArtifactId, Surrogate>,
-    /// What they say of the rows that their sets kept for tests.
-    pub judgements: Kept<ArtifactId, Judgement>,
+    /// What they say of the rows of a part of their sets, by its name.
+    pub judgements: Kept<(ArtifactId, &'static str), Judgement>,
     /// Tables of artifacts.
     pub tables: Tables,
     /// What is in the store.
@@ -195,7 +195,7 @@ impl ServedState {
     pub fn read_scenes(&self) -> Vec<NamedScene> {
         let mut found: Vec<NamedScene> = self.own_scene.clone().into_iter().collect();
         let pipelines = self.pipelines().unwrap_or_default();
-        // Those without a scene, or with one that has problems, are shown with their pipelines.
+        // Those with one that has problems are told of by `refused_scenes`.
         found.extend(pipelines.iter().filter_map(|path| named_scene(path).ok()));
         if found.is_empty() {
             let name = "vhb4910".to_owned();
@@ -215,6 +215,17 @@ impl ServedState {
         }
         lock(&self.scenes).clone_from(&found);
         found
+    }
+
+    /// Pipelines whose scenes cannot be drawn on, with what is wrong with them; those that have none are left out.
+    #[must_use]
+    pub fn refused_scenes(&self) -> Vec<(PathBuf, Refusal)> {
+        let all = self.pipelines().unwrap_or_default().into_iter();
+        all.filter_map(|path| match direct::read_scene(&path) {
+            Err(error) if direct::names_scene(&path) => Some((path, error.into())),
+            _ => None,
+        })
+        .collect()
     }
 
     /// A scene by its name; the first where none is named.

@@ -77,6 +77,15 @@ pub fn read_scene(path: &Path) -> Result<Scene, InputError> {
     read_scene_with(path, &[])
 }
 
+/// Whether a file names a scene, or is so broken that this cannot be told.
+#[must_use]
+pub fn names_scene(path: &Path) -> bool {
+    let found = Document::load(path);
+    found.map_or(true, |found| {
+        found.root.peek("scene").is_some() || found.root.peek("stages").is_none()
+    })
+}
+
 /// The changes of a command that takes `--set` and `--voltage`, for [`read_scene_with`]; the voltage comes last.
 #[must_use]
 pub fn changes(sets: &[String], voltage: Option<&str>) -> Vec<String> {

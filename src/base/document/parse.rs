@@ -106,7 +106,7 @@ impl Node {
             InputError::at(
                 &source,
                 (at, length),
-                format!("{name} is not valid YAML: {}", said(&plain.to_string())),
+                format!("{name} is not valid YAML: {}", said(plain)),
                 "here".into(),
             )
         })?;
@@ -123,9 +123,18 @@ enum Raw {
     Map(Vec<(Spanned<Raw>, Spanned<Raw>)>),
 }
 
-/// What the parser says, without its advice to programmers.
-fn said(message: &str) -> String {
-    message.replace(", set DuplicateKeyPolicy in Options if acceptable", "")
+/// What the parser says, without its advice to programmers, and without the place, which is shown beside it.
+fn said(error: &serde_saphyr::Error) -> String {
+    let message = error
+        .to_string()
+        .replace(", set DuplicateKeyPolicy in Options if acceptable", "");
+    let place = error
+        .location()
+        .map(|l| format!(" at line {}, column {}", l.line(), l.column()));
+    match place.and_then(|place| message.strip_suffix(&place).map(str::to_owned)) {
+        Some(without) => without,
+        None => message,
+    }
 }
 
 /// Byte offset of a location. Errors of syntax come with line and column only, both counted from 1 in characters.

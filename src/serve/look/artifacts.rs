@@ -50,6 +50,7 @@ pub fn artifacts(state: &ServedState, request: &Request) -> Result<Answer, Refus
                     "pipeline": run.pipeline,
                     "run": run.id,
                     "created": run.created,
+                    "overrides": run.overrides,
                 }));
             }
         }
@@ -66,14 +67,22 @@ pub fn artifacts(state: &ServedState, request: &Request) -> Result<Answer, Refus
 pub fn named(state: &ServedState, digits: &str) -> Result<(Arc<Store>, Artifact), Refusal> {
     let is_digest = digits.len() >= LEAST && digits.len() <= 64 && digits.bytes().all(|byte| byte.is_ascii_hexdigit());
     if !is_digest {
-        return Err(Refusal::absent("that is no digest").help(format!("{LEAST} to 64 hexadecimal digits")));
+        return Err(
+            Refusal::absent(format!("{digits:?} is no digest")).help(format!("{LEAST} to 64 hexadecimal digits"))
+        );
     }
     let store = state.existing_store()?;
     let digest = match store.find(&digits.to_ascii_lowercase())?.as_slice() {
         [one] => *one,
-        [] => return Err(Refusal::absent("no digest of an artifact begins so")),
+        [] => {
+            return Err(
+                Refusal::absent(format!("no artifact has a digest that begins with {digits}"))
+                    .help("GET /api/artifacts lists those of the last runs"),
+            );
+        }
         several => {
-            return Err(Refusal::absent(format!("{} artifacts begin so", several.len())).help("give more digits"));
+            let told = format!("{} artifacts have a digest that begins with {digits}", several.len());
+            return Err(Refusal::absent(told).help("give more digits"));
         }
     };
     if let Some(known) = state.opened.get(&digest) {

@@ -83,16 +83,28 @@ fn is_row(columns: &[RowColumn], name: &str) -> bool {
     name == ROW && columns.iter().all(|column| column.name != ROW)
 }
 
-/// The number that a column is compared with; of a column in mm it may have a unit.
+/// The column of the area fraction, which may be written in per cent.
+const AREA: &str = "area";
+
+/// The number that a column is compared with; of a column in mm it may have a unit, and an area may be in per cent.
 fn wanted(name: &str, comparison: Comparison, value: &str) -> Result<f64, Refusal> {
     if comparison == Comparison::Contains {
         return Err(Refusal::bad(format!("{name} is a number: ~ looks into texts")));
     }
-    let length = || Some(Quantity::parse(value, Dimension::Length).ok()?.value());
-    let found = value.parse().ok().or_else(|| name.ends_with("_mm").then(length)?);
-    found.ok_or_else(|| {
-        Refusal::bad(format!("{name} is a number, and {value:?} is none")).help("as in max_displacement_mm > 1.5")
-    })
+    let last = name.rsplit('/').next().unwrap_or(name);
+    let (found, help) = if name.ends_with("_mm") {
+        let length = || Some(Quantity::parse(value, Dimension::Length).ok()?.value());
+        (
+            value.parse().ok().or_else(length),
+            "a length, as in 1.5, 1.5 mm or 250 um",
+        )
+    } else if last == AREA {
+        let share = || Some(value.strip_suffix('%')?.trim_end().parse::<f64>().ok()? / 100.0);
+        (value.parse().ok().or_else(share), "a share, as in 0.4 or 40 %")
+    } else {
+        (value.parse().ok(), "a number without a unit")
+    };
+    found.ok_or_else(|| Refusal::bad(format!("{name} is a number, and {value:?} is none")).help(help))
 }
 
 /// A text that a column is to equal, and which no row has.
@@ -238,6 +250,7 @@ mod tests {
             column("u_mm", Data::F64(vec![0.5, 1.5, 2.5, f64::NAN])),
             column("family", Data::Text(["a", "ab", "b", "a"].map(str::to_owned).into())),
             column("units", Data::U64(vec![2, 3, 2, 2])),
+            column("area", Data::F64(vec![0.1, 0.4, 0.5, 0.9])),
         ]
     }
 
@@ -254,6 +267,11 @@ mod tests {
         // The number of a row is no column, and a column in mm may be compared with a length.
         assert_eq!(rows("row >= 2"), [2, 3]);
         assert_eq!(rows("u_mm > 0.1 cm and row < 2"), [1]);
+        // An area may be in per cent, and nothing else.
+        assert_eq!(rows("area >= 40 % and area < 50%"), [1]);
+        let refused = |filter: &str| matching(&columns(), 4, filter).unwrap_err().words();
+        assert!(refused("units = 2 %").ends_with("a number without a unit"));
+        assert!(refused("u_mm > 2 V").contains("250 um"));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What a network predicts of patterns whose fields are known: those of its own set that were kept for tests, and any row that is asked for.
+//! What a network predicts of patterns whose fields are known: those of a part of its own set, and any row that is asked for.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -26,17 +26,20 @@ const MOST: usize = 20_000;
 /// Patterns in one answer.
 const MOST_SHOWN: usize = 1000;
 
+/// Rows of each family that are told of those with the least errors: with them one compares what seems to explain the largest.
+const MOST_BEST: usize = 3;
+
 /// Rows of a set that are read at a time: 42 MB of fields on 50 × 50 cells.
 const BLOCK: usize = 1024;
 
-/// What a network says of the rows that its own sets kept for tests.
-#[derive(Default)]
+/// What a network says of the rows of a part of its own sets.
 pub struct Judgement {
     network: &'static str,
+    split: Split,
     sets: Vec<ArtifactId>,
     /// From the largest error.
     rows: Vec<JudgedRow>,
-    /// Rows that were kept for tests, of which those beyond [`MOST`] are not judged.
+    /// Rows of that part, of which those beyond [`MOST`] are not judged.
     total: usize,
     /// The largest displacements in mm that were learned from, from the least.
     learned: Vec<f64>,
@@ -53,24 +56,36 @@ struct JudgedRow {
     score: PatternScore,
 }
 
-/// The errors of a model on the rows that its own sets kept for tests: by family, and the patterns of the largest errors; `?limit=`.
+/// The errors of a model on the rows that its own sets kept for tests, or with `?split=` on another part of them: by family, and the patterns
+/// of the largest errors; `?limit=`.
 ///
 /// # Errors
 /// When it is no model, or has learned from no balanced set, or that is not in the store.
 pub fn judged(state: &ServedState, request: &Request, digits: &str) -> Result<Answer, Refusal> {
-    request.allow(&["limit"])?;
+    request.allow(&["limit", "split"])?;
     let limit = request.number("limit", 8, MOST_SHOWN)?;
+    let split = split(request.word("split").unwrap_or(Split::Test.name()))?;
     let (store, model) = named(state, digits)?;
-    let judgement = match state.judgements.get(&model.digest()) {
+    let key = (model.digest(), split.name());
+    let judgement = match state.judgements.get(&key) {
         Some(known) => known,
         None => {
             let network = network(state, &model)?;
-            let found = Arc::new(Judgement::of(&store, &model, &network)?);
-            state.judgements.put(model.digest(), &found);
+            let found = Arc::new(Judgement::of(&store, &model, &network, split)?);
+            state.judgements.put(key, &found);
             found
         }
     };
     Ok(judgement.document(limit).into())
+}
+
+/// A part of a set by its name.
+fn split(name: &str) -> Result<Split, Refusal> {
+    let known = Split::ALL.into_iter().find(|split| split.name() == name);
+    known.ok_or_else(|| {
+        let names = Split::ALL.map(Split::name).join(", ");
+        Refusal::bad(format!("a set has no part {name:?}")).help(format!("parts: {names}"))
+    })
 }
 
 /// What a model says of one row beside its label, as a frame: `?row=`, and `?of=DIGEST` of the set, else the first that it has learned from.
@@ -118,10 +133,15 @@ pub fn prediction(state: &ServedState, request: &Request, digits: &str) -> Resul
 }
 
 impl Judgement {
-    fn of(store: &Store, model: &Artifact, network: &Surrogate) -> Result<Self, Refusal> {
+    fn of(store: &Store, model: &Artifact, network: &Surrogate, split: Split) -> Result<Self, Refusal> {
         let mut found = Self {
             network: network.kind().name(),
-            ..Self::default()
+            split,
+            sets: Vec::new(),
+            rows: Vec::new(),
+            total: 0,
+            learned: Vec::new(),
+            families: BTreeMap::new(),
         };
         for set in sets(store, model)? {
             found.add(&set, network)?;
@@ -150,7 +170,7 @@ impl Judgement {
         let cells = network.form().raster.cells();
         for start in (0..count).step_by(BLOCK) {
             let block = start..(start + BLOCK).min(count);
-            let mut rows: Vec<usize> = block.clone().filter(|&row| splits[row] == Split::Test.name()).collect();
+            let mut rows: Vec<usize> = block.clone().filter(|&row| splits[row] == self.split.name()).collect();
             self.total += rows.len();
             rows.truncate(MOST - self.rows.len());
             if rows.is_empty() {
@@ -194,6 +214,12 @@ impl Judgement {
                 })
             })
         };
+        let best = |family: &&str| -> Vec<Value> {
+            let own = self.rows.iter().rev().filter(|row| row.family == **family);
+            own.take(MOST_BEST)
+                .map(|row| json!({ "set": row.set.to_string(), "row": row.row, "family": row.family }))
+                .collect()
+        };
         let row = |row: &JudgedRow| {
             let mut document = told(&row.score);
             document["set"] = json!(row.set.to_string());
@@ -209,6 +235,8 @@ impl Judgement {
         };
         json!({
             "network": self.network,
+            "split": self.split.name(),
+            "best": named.iter().flat_map(best).collect::<Vec<_>>(),
             "sets": self.sets.iter().map(ArtifactId::to_string).collect::<Vec<_>>(),
             "judged": self.rows.len(),
             "total": self.total,

@@ -1,7 +1,7 @@
 // Artifacts: which there are, and what is in one.
 
 import { json } from "./server.js";
-import { choice, h, labelled, replace, short, table, titled, when } from "./elements.js";
+import { changes, choice, h, labelled, replace, short, table, titled, when } from "./elements.js";
 import { rowsView } from "./rows.js";
 import { findings } from "./audit.js";
 import { evaluation, model } from "./models.js";
@@ -20,9 +20,9 @@ export async function artifactsView(view, query, only, title) {
   let chosen = query.get("kind") ?? "";
   const box = h("div", {});
   const fill = () => {
-    const row = (/** @type {any} */ one) => [short(one.digest), one.kind, one.stage, one.pipeline, when(one.created), h("a", { class: "mono", href: `#/runs/${one.run}` }, one.run)];
+    const row = (/** @type {any} */ one) => [short(one.digest), one.kind, one.stage, one.pipeline, changes(one.overrides), when(one.created), h("a", { class: "mono", href: `#/runs/${one.run}` }, one.run)];
     const some = artifacts.filter((/** @type {any} */ one) => !chosen || one.kind === chosen);
-    replace(box, some.length ? table(title, ["artifact", "kind", "stage", "pipeline", "run ended", "run"], some.map(row)) : h("p", {}, "The last runs have made none. ", how(only)));
+    replace(box, some.length ? table(title, ["artifact", "kind", "stage", "pipeline", "changed", "run ended", "run"], some.map(row)) : h("p", {}, "The last runs have made none. ", how(only)));
   };
   const kindsShown = [["", "every kind"], ...kinds.map((one) => [one, one])];
   replace(
@@ -61,7 +61,7 @@ export async function artifactView(view, digest, query) {
     ...(found.kind === "evaluate" ? { errors: ["Errors", (/** @type {HTMLElement} */ place) => evaluation(place, found)] } : {}),
     ...(["design", "verify"].includes(found.kind) ? { designs: ["Designs", (/** @type {HTMLElement} */ place) => designs(place, found)] } : {}),
     ...(found.kind === "accuracy" ? { accuracy: ["Settings", (/** @type {HTMLElement} */ place) => accuracy(place, found, (box) => figures(box, found.digest))] } : {}),
-    ...(found.kind === "audit" ? { findings: ["Findings", (/** @type {HTMLElement} */ place) => findings(place, found)] } : {}),
+    ...(found.kind === "audit" ? { findings: ["Findings", (/** @type {HTMLElement} */ place) => findings(place, found, query)] } : {}),
     ...(hasRows ? { rows: ["Rows", (/** @type {HTMLElement} */ place) => rowsView(place, found, query)] } : {}),
     figures: ["Figures", (/** @type {HTMLElement} */ place) => figures(place, found.digest)],
     arrays: ["Arrays", (/** @type {HTMLElement} */ place) => replace(place, arrays(found))],

@@ -7,8 +7,8 @@ import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { Pattern } from "./pattern.js";
 import { save } from "./files.js";
 
-/** @param {HTMLElement} place @param {any} found */
-export async function findings(place, found) {
+/** @param {HTMLElement} place @param {any} found @param {URLSearchParams} query with the finding and the row that are open, where one is */
+export async function findings(place, found, query) {
   const list = JSON.parse(found.attributes.findings ?? "[]");
   const own = found.ancestry.find((/** @type {any} */ one) => one.digest === found.digest);
   const inputs = own?.inputs ?? [];
@@ -22,9 +22,15 @@ export async function findings(place, found) {
       // What is not in the store is not drawn.
     }
   }
+  /** What the address asks for. @type {(() => Promise<void>)|null} */ let first = null;
   const section = (/** @type {any} */ finding) => {
     const pictures = h("div", {});
-    const rows = finding.examples.map((/** @type {number} */ row) => h("button", { type: "button", onclick: () => void open(row, pictures, finding.check) }, `row ${row}`));
+    const one = (/** @type {number} */ row) => {
+      const show = () => open(row, pictures, finding.check);
+      if (query.get("check") === finding.check && query.get("row") === String(row)) first = show;
+      return h("button", { type: "button", onclick: () => void show() }, `row ${row}`);
+    };
+    const rows = finding.examples.map(one);
     const marks = finding.examples.length ? h("button", { type: "button", onclick: () => {
       finding.examples.forEach((/** @type {number} */ row) => marked.add(row));
       counted.textContent = `${marked.size} rows marked`;
@@ -33,6 +39,8 @@ export async function findings(place, found) {
   };
   /** @param {number} row @param {HTMLElement} pictures @param {string} check */
   const open = async (row, pictures, check) => {
+    const words = new URLSearchParams({ tab: "findings", check, row: String(row) });
+    history.replaceState(null, "", `#/artifacts/${found.digest}?${words}`);
     try {
       replace(pictures, h("p", { class: "soft" }, "Reading …"));
       await sample(sets, row, pictures, { check, audit: found.digest });
@@ -51,11 +59,13 @@ export async function findings(place, found) {
     list.map(section),
     list.length ? h("div", { class: "tools" }, h("button", { type: "button", onclick: () => save([...marked].sort((a, b) => a - b).join("\n") + "\n", `findings-${found.digest.slice(0, 12)}.txt`) }, "Save the list of marked rows"), counted) : null,
   );
+  const shown = first ? /** @type {() => Promise<void>} */ (first)() : null;
   try {
     await waits(waiting, found.digest, blocks);
   } catch (error) {
     replace(waiting, problem(error));
   }
+  await shown;
 }
 
 /** What was looked at, as the command says it. @param {any} found */
@@ -65,8 +75,8 @@ function lookedAt(found) {
   const parts = [
     summary.samples === undefined ? "" : `${summary.samples} samples`,
     summary.solved_again === undefined ? "" : `${summary.solved_again} solved again on their own mesh`,
-    finer.samples ? `${finer.samples} on a finer mesh${(finer.largest_error ?? null) === null ? "" : `, with an error of ${number(finer.largest_error, 3)} mm at the most`}` : "",
-    finer.samples ? `with 95 % confidence at most ${number(100 * finer.excluded_above, 3)} % of all samples are at fault` : "",
+    finer.samples ? `${finer.samples} on a finer mesh${(finer.largest_error ?? null) === null ? "" : `, with an error of ${number(finer.largest_error, 3)} mm at the most${(finer.allowed ?? null) === null ? " (none is declared)" : `, of ${number(finer.allowed, 3)} mm that are allowed`}`}` : "",
+    finer.samples ? `${finer.faults} of these at fault: with 95 % confidence at most ${number(100 * finer.excluded_above, 3)} % of all labels are` : "",
   ].filter(Boolean);
   return parts.length ? h("p", { class: "soft", id: "looked-at" }, `Looked at: ${parts.join("; ")}.`) : null;
 }

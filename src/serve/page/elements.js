@@ -92,6 +92,11 @@ export function short(digest) {
   return h("a", { class: "mono", href: `#/artifacts/${digest}`, title: digest }, digest.slice(0, 12));
 }
 
+/** Values that a run was given by `--set`. @param {Record<string, string>} set */
+export function changes(set) {
+  return h("span", {}, Object.entries(set).map(([path, value]) => h("div", { class: "mono" }, `${near(path)}=${value}`)));
+}
+
 /** A table of more columns scrolls on a narrow screen, and is not squeezed. */
 const MANY = 4;
 

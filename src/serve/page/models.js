@@ -1,7 +1,7 @@
 // Models: their errors by family, the patterns that they predict worst, and what tells why.
 
 import { columnsOf, json } from "./server.js";
-import { h, number, problem, replace, short, table } from "./elements.js";
+import { choice, h, labelled, number, problem, replace, short, table } from "./elements.js";
 import { card, patternsAt, rowLink } from "./pictures.js";
 
 /** @typedef {import("./pattern.js").Pattern} Pattern */
@@ -15,6 +15,9 @@ const RARE = 0.05;
 /** Evaluations that are looked through for those of a model. */
 const MOST = 20;
 
+/** Parts of a set, by their names, in words. */
+const PARTS = { test: "test", validation: "validation", train: "training" };
+
 /** A trained network: how it errs on its own set, and where it was evaluated. @param {HTMLElement} place @param {any} found */
 export async function model(place, found) {
   const metrics = await columnsOf(found.digest, "metric");
@@ -23,14 +26,26 @@ export async function model(place, found) {
   const value = (/** @type {string} */ name, /** @type {string} */ family, /** @type {string} */ split) => metrics[`metrics/${name}`]?.[metrics["metrics/family"].findIndex((own, at) => own === family && metrics["metrics/split"][at] === split)];
   const rows = families.map((family) => [family, ...splits.flatMap((split) => [number(value("rmse_mm", family, split), 3), number(value("max_error_mm", family, split), 3)])]);
   const heads = splits.flatMap((split) => [{ title: `${split}: RMS error, mm`, number: true }, { title: `${split}: largest, mm`, number: true }]);
-  const own = h("div", {}, h("p", { class: "soft" }, "Predicting the test rows …"));
+  const own = h("div", {});
+  const part = labelled("Rows of", choice("judged-split", Object.entries(PARTS), "test", (split) => void judge(split)));
   const elsewhere = h("div", {}, h("p", { class: "soft" }, "Looking for evaluations …"));
-  replace(place, h("h2", {}, "Errors by family, of a component"), table("Errors by family", ["family", ...heads], rows), h("section", {}, h("h2", {}, "Worst patterns of its own test rows (those of training and validation are left out)"), own), elsewhere);
-  try {
-    await ownWorst(own, found.digest);
-  } catch (error) {
-    replace(own, problem(error));
-  }
+  replace(place, h("h2", {}, "Errors by family, of a component"), table("Errors by family", ["family", ...heads], rows), h("section", {}, h("h2", {}, "Worst patterns of its own set"), h("div", { class: "tools" }, part), own), elsewhere);
+  let turn = 0;
+  /** @param {string} split */
+  const judge = async (split) => {
+    turn += 1;
+    const now = turn;
+    replace(own, h("p", { class: "soft" }, `Predicting the ${split} rows …`));
+    const box = h("div", {});
+    try {
+      await ownWorst(box, found.digest, split);
+    } catch (error) {
+      replace(box, problem(error));
+    }
+    // Cards are as wide as their place, and are drawn where they stand.
+    if (now === turn) replace(own, box);
+  };
+  await judge("test");
   const { artifacts } = await json(`artifacts?kind=evaluate&limit=${MOST}`);
   /** @type {any[]} */ const evaluations = [];
   for (const one of artifacts) {
@@ -47,20 +62,23 @@ export async function model(place, found) {
   for (const { other, box } of sections) await evaluation(box, other, found.digest);
 }
 
-/** The test rows that a model predicts worst. @param {HTMLElement} place @param {string} digest */
-async function ownWorst(place, digest) {
-  const found = await json(`artifacts/${digest}/judged?limit=${WORST}`);
+/** The rows of a part of its own set that a model predicts worst. @param {HTMLElement} place @param {string} digest @param {string} split */
+async function ownWorst(place, digest, split) {
+  const found = await json(`artifacts/${digest}/judged?split=${split}&limit=${WORST}`);
   if (!found.judged) {
-    replace(place, h("p", { class: "soft" }, "Its set keeps no rows for tests; an ", h("code", {}, "evaluate"), " stage judges it by other patterns."));
+    replace(place, h("p", { class: "soft" }, `Its set has no ${split} rows; an `, h("code", {}, "evaluate"), " stage judges it by other patterns."));
     return;
   }
   /** @type {Map<string, any>} */ const sets = new Map();
   for (const set of found.sets) sets.set(set, await json(`artifacts/${set}`));
   const families = new Map(found.families.map((/** @type {any} */ one) => [one.family, one]));
+  // A pattern that was learned from is its own nearest.
+  const far = async (/** @type {any} */ row) => (split === "train" ? null : nearest(found.sets, row.set, row.row));
+  const usual = split === "train" ? new Map() : await nearestOfBest(found.best, found.rows, far);
   /** @type {(() => HTMLElement)[]} */ const cards = [];
   for (const row of found.rows) {
     const [pattern] = await patternsAt(sets.get(row.set), [row.row]);
-    const near = await nearest(found.sets, row.set, row.row);
+    const near = await far(row);
     const family = families.get(row.family);
     const share = found.learned ? family.learned / found.learned : null;
     const why = [
@@ -70,20 +88,34 @@ async function ownWorst(place, digest) {
     ];
     const told = { error: row.max_error_mm, family: row.family, area: row.area, simulated: row.simulated_max_mm, predicted: row.predicted_max_mm };
     const learned = found.learned ? `it has learned from ${family.learned} rows of ${row.family}, of ${found.learned}` : "";
-    cards.push(() => worstCard(pattern, rowLink(row.set, row.row, digest), told, why, near, family.learned === 0 ? "" : learned));
+    cards.push(() => worstCard(pattern, rowLink(row.set, row.row, digest), told, why, near, family.learned === 0 ? "" : learned, usual.get(row.family)));
   }
   const all = families.get("all");
   const beyond = found.total - found.judged;
   replace(
     place,
-    h("p", { class: "soft" }, `Predicted here: ${found.judged} rows of `, found.sets.map((/** @type {string} */ set) => [short(set), " "]), `that were kept for tests, with an RMS error of a component of ${number(all.rmse_mm, 3)} mm. A card leads to the row, with the prediction beside its label and their difference.`),
-    h("div", { class: "cards large", "data-own": String(found.judged) }, cards.map((made) => made())),
-    beyond > 0 ? h("p", { class: "soft" }, `${beyond} more test rows are left out here.`) : null,
+    h("p", { class: "soft" }, `Predicted here: ${found.judged} ${split} rows of `, found.sets.map((/** @type {string} */ set) => [short(set), " "]), `with an RMS error of a component of ${number(all.rmse_mm, 3)} mm. A card leads to the row, with the prediction beside its label and their difference.`),
+    h("div", { class: "cards large", "data-own": String(found.judged), "data-split": split }, cards.map((made) => made())),
+    beyond > 0 ? h("p", { class: "soft" }, `${beyond} more of them are left out here.`) : null,
   );
 }
 
-/** What a card says of a pattern that is predicted badly. @param {Pattern|null} pattern @param {string|null} link @param {{error: number, family: string, area: number, simulated: number, predicted: number}} told @param {string[]} why @param {{distance: number, cells: number}|null} near @param {string} [learned] */
-function worstCard(pattern, link, told, why, near, learned = "") {
+/**
+ * How far the nearest learned pattern is from those of a family that are predicted best, as shares of the cells: what seems to explain a large error must not be as true of them.
+ * @param {any[]} best @param {any[]} rows those that are shown @param {(row: any) => Promise<{distance: number, cells: number}|null>} far @returns {Promise<Map<string, number>>}
+ */
+async function nearestOfBest(best, rows, far) {
+  const shown = new Set(rows.map((row) => row.family));
+  /** @type {Map<string, number[]>} */ const shares = new Map();
+  for (const row of best.filter((one) => shown.has(one.family))) {
+    const near = await far(row);
+    if (near) shares.set(row.family, [...(shares.get(row.family) ?? []), near.distance / near.cells]);
+  }
+  return new Map([...shares].map(([family, some]) => [family, some.sort((a, b) => a - b)[Math.floor(some.length / 2)]]));
+}
+
+/** What a card says of a pattern that is predicted badly. @param {Pattern|null} pattern @param {string|null} link @param {{error: number, family: string, area: number, simulated: number, predicted: number}} told @param {string[]} why @param {{distance: number, cells: number}|null} near @param {string} [learned] @param {number} [usual] */
+function worstCard(pattern, link, told, why, near, learned = "", usual) {
   return card(
     pattern,
     link,
@@ -91,7 +123,7 @@ function worstCard(pattern, link, told, why, near, learned = "") {
     h("div", {}, `${told.family}, area ${number(100 * told.area, 3)} %`),
     h("div", {}, `largest: ${number(told.simulated, 4)} mm, predicted ${number(told.predicted, 4)} mm`),
     why.filter(Boolean).map((words) => h("div", { class: "warning" }, words)),
-    near ? h("div", {}, `its nearest pattern in training differs in ${number((100 * near.distance) / near.cells, 3)} % of the cells`) : null,
+    near ? h("div", {}, `its nearest pattern in training differs in ${number((100 * near.distance) / near.cells, 3)} % of the cells${usual === undefined ? "" : `; of the best predicted ${told.family} it does in ${number(100 * usual, 3)} %`}`) : null,
     learned ? h("div", { class: "soft" }, learned) : null,
   );
 }

@@ -51,6 +51,7 @@ export async function pipelineView(view, id, mayRun, query) {
   /** The value that is refused, and why. @type {string|null} */ let refused = null;
   let reason = "";
   let able = () => {};
+  /** Looks at the run that was begun here, which may be that of another tab. @type {() => Promise<void>} */ let attend = async () => {};
   let mark = () => {};
   let ended = false;
   const drawing = h("div", { class: "scroll wide-only", tabindex: "0", role: "region", "aria-label": "Drawing of the stages" });
@@ -84,7 +85,7 @@ export async function pipelineView(view, id, mayRun, query) {
     replace(elsewhere, told);
     replace(drawing, dag(planned.stages, found.layout, working));
     const made = (/** @type {any} */ stage) => (stage.digest && stage.outcome !== "stale" ? short(stage.digest) : "");
-    const chunks = (/** @type {any} */ stage) => (stage.chunks_built ? `${stage.chunks_built} of ${stage.chunks_built + stage.chunks_reused}` : "");
+    const chunks = (/** @type {any} */ stage) => (stage.chunks_built + stage.chunks_reused > 1 && stage.chunks_built ? `${stage.chunks_built} of ${stage.chunks_built + stage.chunks_reused}` : "");
     const row = (/** @type {any} */ stage) => {
       const [kind, words] = state(stage, working);
       const now = working[stage.name];
@@ -207,13 +208,14 @@ export async function pipelineView(view, id, mayRun, query) {
       }
       if (ended) return;
       // What another page was refused, while a run went on, is over with that run.
-      if (running && !told.running) replace(refusal);
+      const has_ended = running && !told.running;
+      if (has_ended) replace(refusal);
       running = told.running;
       able();
       if (told.pipeline) replace(log, await report(told));
       clearTimeout(timer);
       if (told.running) timer = setTimeout(() => void look(), pause);
-      else if (told.pipeline) {
+      else if (has_ended) {
         found = await json(`pipelines/${encodeURIComponent(id)}`);
         await replan();
       }
@@ -233,6 +235,7 @@ export async function pipelineView(view, id, mayRun, query) {
       begin.disabled = running || bill.textContent.startsWith("No plan");
       stop.disabled = !running;
     };
+    attend = look;
     void look();
     return h(
       "section",
@@ -258,7 +261,9 @@ export async function pipelineView(view, id, mayRun, query) {
     const fresh = await json(`pipelines/${encodeURIComponent(id)}`);
     if (ended || Boolean(fresh.problem) !== Boolean(found.problem)) return;
     found = fresh;
-    if (!found.problem) await replan();
+    if (found.problem) return;
+    await replan();
+    await attend();
   };
   const listen = () => void news().catch(() => {});
   // A stage under way goes on between two plans.

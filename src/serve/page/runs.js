@@ -1,7 +1,7 @@
 // Past runs: their history, one of them, and several beside each other.
 
 import { json } from "./server.js";
-import { h, near, number, replace, seconds, short, table, titled, when } from "./elements.js";
+import { changes, h, near, number, replace, seconds, short, table, titled, when } from "./elements.js";
 
 /** Results that a row of the history shows, those first that others were made for. */
 const RESULTS = 4;
@@ -44,7 +44,7 @@ export async function runsView(view) {
         run.command === "run" ? run.pipeline : `${run.pipeline} (${run.command})`,
         seconds(run.seconds),
         h("span", {}, built.length > 5 ? `${built.length} of ${run.stages.length}` : built.join(", ") || "nothing", failed.length ? h("span", { class: "error" }, ` failed: ${failed.join(", ")}`) : null, stopped.length ? ` stopped: ${stopped.join(", ")}` : null),
-        h("span", {}, Object.entries(run.overrides).map(([path, value]) => h("div", { class: "mono" }, `${path}=${value}`))),
+        changes(run.overrides),
         h("span", {}, results.slice(0, RESULTS).map(([name, value]) => h("div", {}, `${name} ${number(/** @type {number} */ (value))}`))),
       ];
     };

@@ -47,8 +47,8 @@ export class Numbers {
   }
 
   panel(/** @type {any} */ controls) {
-    const copy = copying("Copy the numbers", () => this.text(), { id: "copy-numbers", title: "With all digits, and the command that prints the displacements" });
-    return h("section", { "aria-label": "Numbers", class: "numbers" }, h("h2", {}, "Numbers"), this.results, h("div", { class: "tools" }, copy), this.notice, this.timing, controls, this.command);
+    this.copy = copying("Copy the numbers", () => this.text(), { id: "copy-numbers", title: "With all digits, and the command that prints the displacements" });
+    return h("section", { "aria-label": "Numbers", class: "numbers" }, h("h2", {}, "Numbers"), this.results, h("div", { class: "tools" }, this.copy), this.notice, this.timing, controls, this.command);
   }
 
   /** Updates of the membrane a second while something is drawn. */

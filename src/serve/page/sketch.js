@@ -1,7 +1,7 @@
 // The sketchpad: a pattern, and the membrane that moves while it is drawn.
 
 import { frame, json } from "./server.js";
-import { choice, h, labelled, number, numeric, problem, replace, said, settled } from "./elements.js";
+import { choice, h, labelled, near, number, numeric, problem, replace, said, settled } from "./elements.js";
 import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { range } from "./colours.js";
 import { Pattern } from "./pattern.js";
@@ -33,8 +33,9 @@ const MOST_VOLTS = 1e6;
 
 /** @param {HTMLElement} view @param {{pattern?: number[][], scene?: string}} first @returns {Promise<() => void>} what ends it */
 export async function sketchpad(view, first = {}) {
-  const { scenes } = await json("scenes");
+  const { scenes, refused } = await json("scenes");
   const pad = new Sketchpad(view, scenes, first);
+  pad.refused = refused;
   pad.build();
   return () => pad.end();
 }
@@ -44,6 +45,7 @@ class Sketchpad {
   constructor(view, scenes, first) {
     this.view = view;
     this.scenes = scenes;
+    /** @type {any[]} */ this.refused = [];
     this.scene = scenes.find((scene) => scene.name === first.scene) ?? scenes[0];
     const before = kept(this.scene);
     const given = first.pattern?.length ? Pattern.of(first.pattern) : null;
@@ -112,6 +114,7 @@ class Sketchpad {
       h("h1", {}, "Sketchpad"),
       this.line,
       this.sceneControls(),
+      this.refusals(),
       h(
         "div",
         { class: "pads" },
@@ -124,6 +127,12 @@ class Sketchpad {
     this.pen.listen(this.canvas);
     this.soon();
     this.changed(true);
+  }
+
+  /** Scenes that cannot be drawn on, and why. */
+  refusals() {
+    const one = (/** @type {any} */ { path, error }) => h("details", { class: "small refused" }, h("summary", {}, h("span", { class: "error" }, "cannot be used: "), h("span", { class: "mono" }, near(path))), problem(error));
+    return h("div", {}, this.refused.map(one));
   }
 
   sceneControls() {
@@ -427,6 +436,8 @@ class Sketchpad {
     for (const element of [results, this.membrane, this.bar, this.legend, this.line, this.numbers.notice]) element?.classList.toggle("old", old);
     // It is looked for once things are still.
     this.criticalText?.classList.toggle("old", old || results.dataset.settled !== "true");
+    // What is no longer true is not to be copied.
+    if (this.numbers.copy) this.numbers.copy.disabled = old;
     results.title = old ? "of the values before" : "";
     // The command and the stages follow once things are still.
     const other = old || this.reproduced !== this.version;

@@ -4,9 +4,9 @@
 //! there it is told, and there it ends once nobody listens, or once a wanted value has been passed: it is between the last two patterns then,
 //! and is looked for there ([`super::approach`]).
 
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
-use std::time::Instant;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
@@ -25,28 +25,65 @@ use crate::serve::state::ServedState;
 /// By how much the area may differ from the one that is asked for: half a per cent of the membrane.
 const AREA_TOLERANCE: f64 = 0.005;
 
-/// One search at a time: it takes all threads.
-static BUSY: AtomicBool = AtomicBool::new(false);
+/// How long a search that was told to end may take for it: until the solutions under way are found.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// The search that goes on: one at a time, since it takes all threads.
+static GOING: Mutex<Going> = Mutex::new(Going {
+    last: 0,
+    is_held: false,
+});
+
+/// Told when a search has ended.
+static ENDED: Condvar = Condvar::new();
+
+struct Going {
+    /// The number of the search that was begun last: all others are over, or are to end.
+    last: u64,
+    /// Whether a search goes on.
+    is_held: bool,
+}
 
 /// Held while a search goes on.
-struct Turn;
+struct Turn(u64);
 
 impl Turn {
+    /// Tells the search that goes on to end, and waits for that: who begins another has done with it, and may not be able to stop it, since it
+    /// is that of a tab which was closed a moment ago. None where a still later one was begun, or it does not end.
     fn take() -> Option<Self> {
-        (!BUSY.swap(true, Ordering::AcqRel)).then_some(Self)
+        let mut going = lock(&GOING);
+        going.last += 1;
+        let own = going.last;
+        let waits = |going: &mut Going| going.is_held && going.last == own;
+        let waited = ENDED.wait_timeout_while(going, PATIENCE, waits);
+        let (mut going, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        if going.is_held || going.last != own {
+            return None;
+        }
+        going.is_held = true;
+        Some(Self(own))
+    }
+
+    /// Whether another was begun.
+    fn is_over(&self) -> bool {
+        lock(&GOING).last != self.0
     }
 }
 
 impl Drop for Turn {
     fn drop(&mut self) {
-        BUSY.store(false, Ordering::Release);
+        lock(&GOING).is_held = false;
+        ENDED.notify_all();
     }
 }
+
+/// What the last line of a search says that has ended for another, and the refusal of one that was never begun.
+const OTHER_BEGUN: &str = "another search was begun, which ends this one";
 
 /// Begins a search. Its steps come as lines; who closes the connection ends it.
 ///
 /// # Errors
-/// When the request is not understood, the scene has no gradient, or another search goes on.
+/// When the request is not understood, the scene has no gradient, or yet another search was begun while this one waited.
 pub fn improve(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
     request.allow(&[])?;
     let drawn: Drawn = request.json()?;
@@ -64,8 +101,7 @@ pub fn improve(state: &ServedState, request: &Request) -> Result<Answer, Refusal
     let constraints = constraints(&drawn, &setting.scene)?;
     let gradient = state.benches.gradient(&setting.scene)?;
     let (goal, sign) = followed(&drawn, &setting.scene, &gradient, &pattern, wanted)?;
-    let turn = Turn::take()
-        .ok_or_else(|| Refusal::new(409, "another search goes on").help("stop it first, or wait for it"))?;
+    let turn = Turn::take().ok_or_else(|| Refusal::new(409, OTHER_BEGUN))?;
     let (lines, answer) = Lines::new();
     let search = Searching {
         gradient,
@@ -75,11 +111,11 @@ pub fn improve(state: &ServedState, request: &Request) -> Result<Answer, Refusal
         constraints,
         area: drawn.area,
         lines,
+        turn,
     };
-    let begun = std::thread::Builder::new().name("improve".to_owned()).spawn(move || {
-        search.run(&pattern);
-        drop(turn);
-    });
+    let begun = std::thread::Builder::new()
+        .name("improve".to_owned())
+        .spawn(move || search.run(&pattern));
     begun.map_err(|error| Refusal::new(503, format!("the search cannot begin: {error}")))?;
     Ok(answer)
 }
@@ -135,6 +171,7 @@ struct Searching {
     constraints: Constraints,
     area: Option<f64>,
     lines: Lines,
+    turn: Turn,
 }
 
 /// What a search has come to.
@@ -170,6 +207,10 @@ impl Searching {
             }
             (None, Ok(Err(unsuited))) => failed(format!("the pattern {unsuited}")),
             (None, Err(error)) => failed(error.to_string()),
+        };
+        let last = match self.turn.is_over() {
+            true => failed(OTHER_BEGUN.to_owned()),
+            false => last,
         };
         // Nobody may be listening any more, who then wants to know nothing.
         let _ = self.lines.send(&last);
@@ -240,7 +281,7 @@ struct Told<'a> {
 
 impl Told<'_> {
     fn go_on(&self) -> Result<(), PredictError> {
-        match self.search.lines.is_closed() {
+        match self.search.lines.is_closed() || self.search.turn.is_over() {
             true => Err(PredictError::failed(Stopped)),
             false => Ok(()),
         }

@@ -9,14 +9,19 @@ use crate::scene::Scene;
 use crate::serve::http::{Answer, Refusal, Request};
 use crate::serve::state::{NamedScene, ServedState};
 
-/// The scenes, the first of which is that of a sketch which names none.
+/// The scenes, the first of which is that of a sketch which names none, and the files whose scenes cannot be used, each with its problem.
 ///
 /// # Errors
 /// When the request is not understood.
 pub fn scenes(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
     request.allow(&[])?;
     let scenes: Vec<Value> = state.read_scenes().iter().map(document).collect();
-    Ok(json!({ "scenes": scenes }).into())
+    let refused = state.refused_scenes().into_iter().map(|(path, refusal)| {
+        let mut document = refusal.document();
+        document["path"] = json!(path);
+        document
+    });
+    Ok(json!({ "scenes": scenes, "refused": refused.collect::<Vec<_>>() }).into())
 }
 
 fn document(named: &NamedScene) -> Value {

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use super::super::common::{SHORT, Workspace, scene_file};
+use super::super::common::{SHORT, Workspace, scene_file, with_scene_in_a_file};
 use super::server::{Reply, Server};
 use super::{disc, rows, with_scene};
 
@@ -395,6 +395,20 @@ fn a_model_is_judged_by_the_test_rows_of_its_own_set_without_an_evaluation() {
         (&all["family"], &all["max_error_mm"]),
         (&json!("all"), &json!(own[0][0]))
     );
+    // The least error of all is among the least of its family.
+    let least = json!(own[own.len() - 1][3] as u64);
+    let best = found["best"].as_array().unwrap();
+    assert!(best.iter().any(|best| best["row"] == least), "{found}");
+    // Another part of the set, each row of which is of that part.
+    for part in ["validation", "train"] {
+        let other = server
+            .get(&format!("/api/artifacts/{network}/judged?split={part}&limit=1000"))
+            .json();
+        assert_eq!((&other["split"], &other["judged"]), (&json!(part), &json!(count(part))));
+        for row in other["rows"].as_array().unwrap() {
+            assert_eq!(parts[row["row"].as_u64().unwrap() as usize][0], part);
+        }
+    }
     // The worst row, with what is said of it beside its label.
     let row = own[0][3];
     let reply = server.get(&format!("/api/artifacts/{network}/prediction?row={row}&of={balanced}"));
@@ -422,6 +436,7 @@ fn a_model_is_judged_by_the_test_rows_of_its_own_set_without_an_evaluation() {
         (format!("{balanced}/judged"), 400),
         (format!("{}/judged", digests["direct"]), 404),
         (format!("{network}/judged?limit=1001"), 400),
+        (format!("{network}/judged?split=all"), 400),
         (format!("{network}/prediction"), 404),
         (format!("{network}/prediction?row=99999"), 404),
         (format!("{network}/prediction?row=0&of={network}"), 404),
@@ -477,6 +492,55 @@ fn an_effect_that_lacks_its_data_says_so_before_it_is_asked_for() {
         "{stiffening}"
     );
     assert_eq!(effect("wrinkling")["refused"], Value::Null);
+}
+
+#[test]
+fn a_scene_that_is_broken_later_is_listed_with_its_problem() {
+    let workspace = with_scene();
+    workspace.write("short.yaml", SHORT);
+    workspace.write("two.yaml", &with_scene_in_a_file(SHORT).0);
+    let server = Server::start(&workspace, &["serve", "short.yaml", "two.yaml"]);
+    let names = |found: &Value| found["scenes"].as_array().unwrap().len();
+    let before = server.get("/api/scenes").json();
+    assert_eq!((names(&before), &before["refused"]), (2, &json!([])));
+    workspace.write("scene.yaml", "version: 1\nmembrane: [\n");
+    let after = server.get("/api/scenes").json();
+    assert_eq!(names(&after), 1);
+    let refused = after["refused"].as_array().unwrap();
+    assert_eq!(refused.len(), 1, "{after}");
+    assert!(refused[0]["path"].as_str().unwrap().ends_with("two.yaml"));
+    let message = refused[0]["error"]["message"].as_str().unwrap();
+    assert!(message.contains("scene.yaml is not valid YAML"), "{message}");
+    // The place is said once.
+    assert!(
+        !message.contains(" line ") && refused[0]["error"]["line"].is_u64(),
+        "{after}"
+    );
+}
+
+#[test]
+fn a_search_ends_the_one_before() {
+    let workspace = with_scene();
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    let pattern: Vec<Vec<u8>> = (0..50).map(|_| (0..50).map(|x| u8::from(x < 25)).collect()).collect();
+    let body = json!({ "pattern": pattern, "point": [25, 25], "direction": 0 });
+    let search = || server.post("/api/sketch/improve", &body).text();
+    let both = std::thread::scope(|scope| {
+        let one = scope.spawn(search);
+        let other = scope.spawn(search);
+        [one.join().unwrap(), other.join().unwrap()]
+    });
+    let last = |text: &String| -> Value { serde_json::from_str(text.lines().last().unwrap()).unwrap() };
+    let ended = both.iter().map(last).filter(|last| last["error"].is_null());
+    assert_eq!(ended.count(), 1, "{both:?}");
+    let told = both
+        .iter()
+        .map(last)
+        .filter_map(|last| Some(last["error"]["message"].as_str()?.to_owned()));
+    assert_eq!(
+        told.collect::<Vec<_>>(),
+        ["another search was begun, which ends this one"]
+    );
 }
 
 #[test]

@@ -156,6 +156,13 @@ fn the_worst_pattern_of_a_model_and_why_are_found_without_an_evaluation() {
         "{first}"
     );
     assert!(!first.contains("differs in 0 %"), "{first}");
+    // What was learned from can be looked at, too.
+    for part in ["train", "test"] {
+        tab.value(&format!("(() => {{ const select = document.querySelector('select[name=judged-split]'); select.value = '{part}'; select.dispatchEvent(new Event('change')); }})()"));
+        tab.until(&format!(
+            "document.querySelector('[data-own][data-split={part}] .card')"
+        ));
+    }
     tab.click("[data-own] .card");
     tab.until("document.querySelectorAll('#prediction canvas[role=img]').length === 3 && document.querySelectorAll('#prediction figcaption')[2].textContent.startsWith('Error: largest')");
     assert_eq!(
@@ -391,6 +398,11 @@ fn a_repeated_pattern_is_shown_with_its_partner_and_what_waits_for_the_audit() {
         "{partners}"
     );
     photographed(&mut tab, "partner");
+    // The row that is open has an address.
+    let hash = tab.value("location.hash");
+    assert!(hash.as_str().unwrap().contains("check=duplicate&row="), "{hash}");
+    tab.reload();
+    tab.until("document.querySelector('[data-check=duplicate] [data-partners]')");
     tab.value(
         "window.saved = []; HTMLAnchorElement.prototype.click = function () { window.saved.push(this.download) }",
     );
