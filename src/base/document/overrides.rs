@@ -105,11 +105,11 @@ impl Override {
         &self.path
     }
 
-    /// Puts the value into the tree. Every step but the last must exist; within a stage, or a part of the scene, one that does not, and is no
+    /// Puts the value into the tree, or takes out what is there where the value is `null`. Every step but the last must exist; within a stage, or a part of the scene, one that does not, and is no
     /// misspelling of one that does, is taken for a mapping of which nothing is written yet. Whoever reads it knows whether it is one.
     ///
     /// # Errors
-    /// When a step does not exist or is not a mapping.
+    /// When a step does not exist or is not a mapping, or there is nothing to take out.
     pub fn apply(&self, root: &mut Node) -> Result<(), InputError> {
         let mut at = root;
         let (last, steps) = self.path.split_last().expect("a path has at least one step");
@@ -141,6 +141,21 @@ impl Override {
                 steps.join(".")
             )));
         };
+        if matches!(self.value.value(), NodeValue::Null) {
+            let before = entries.len();
+            entries.retain(|(key, _)| !key.is_text(last));
+            if entries.len() == before {
+                let known: Vec<String> = entries.iter().map(|(key, _)| key.describe_plain()).collect();
+                let known: Vec<&str> = known.iter().map(String::as_str).collect();
+                return Err(self.keys[steps.len()]
+                    .error(format!(
+                        "--set {}: there is no `{last}` to be taken out",
+                        self.path.join(".")
+                    ))
+                    .help(suggestion(last, &known)));
+            }
+            return Ok(());
+        }
         match entries.iter_mut().find(|(key, _)| key.is_text(last)) {
             Some((_, value)) => *value = self.value.clone(),
             None => entries.push((self.keys[steps.len()].clone(), self.value.clone())),

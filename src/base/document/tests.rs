@@ -62,6 +62,21 @@ fn overrides_replace_and_add_and_point_at_themselves() {
 }
 
 #[test]
+fn an_override_of_null_takes_out_what_is_there() {
+    let mut node = parse("stages:\n  small: { count: 300, seed: 1 }\n");
+    let mut set = |text: &str| Override::parse(text).unwrap().apply(&mut node);
+    set("stages.small.seed=null").unwrap();
+    let error = set("stages.small.coutn=null").unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "--set stages.small.coutn: there is no `coutn` to be taken out"
+    );
+    assert!(error.help.unwrap().contains("count"));
+    let small = node.peek("stages").unwrap().peek("small").unwrap();
+    assert!(small.peek("seed").is_none() && small.peek("count").is_some());
+}
+
+#[test]
 fn broken_and_hostile_documents_are_refused_with_their_place() {
     for text in ["a: [1, 2", "a: 1\na: 2\n", "a: &x [*x]\n", "\u{7}", "- a\nb: c", ""] {
         let outcome = Document::from_text(Path::new("t.yaml"), text);

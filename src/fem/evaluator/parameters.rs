@@ -425,7 +425,7 @@ impl SolverKeys {
         match map.optional("accuracy").filter(|_| mesh) {
             Some(node) => Err(node
                 .error("`accuracy` picks the mesh, so `elements_per_cell` and `order` cannot stand beside it")
-                .help("give either `accuracy` or a mesh")),
+                .help("give either `accuracy` or a mesh; in `--set`, `elements_per_cell=null` takes one out that the file has")),
             None => Ok(()),
         }
     }
