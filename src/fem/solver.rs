@@ -288,7 +288,12 @@ impl MembraneSolver {
     /// Simulates one pattern, and says whether the stability of the result is beyond doubt: a pointwise condition that is
     /// sufficient holds everywhere. It stops to hold well before stability is lost.
     pub(super) fn simulate_surely(&self, pattern: &Pattern) -> (Simulation, bool) {
-        let (solution, sure) = self.solve_in(pattern, &mut self.room(self.limit));
+        self.simulate_roughly(pattern, self.tolerance)
+    }
+
+    /// The same to another relative residual.
+    pub(super) fn simulate_roughly(&self, pattern: &Pattern, tolerance: f64) -> (Simulation, bool) {
+        let (solution, sure) = self.solve_to(tolerance, pattern, &mut self.room(self.limit));
         (self.simulation(pattern, &solution), sure)
     }
 
@@ -309,9 +314,15 @@ impl MembraneSolver {
 
     /// Loads a pattern, and says whether the stability of the result is beyond doubt. The displacement is taken out of the room.
     fn solve_in(&self, pattern: &Pattern, room: &mut Room) -> (MeshSolution, bool) {
+        self.solve_to(self.tolerance, pattern, room)
+    }
+
+    /// The same to another relative residual.
+    fn solve_to(&self, tolerance: f64, pattern: &Pattern, room: &mut Room) -> (MeshSolution, bool) {
         let before = room.workspace.krylov_iterations();
         let ChargedLoading { loading, charged } = self.model.with(Load {
             solver: self,
+            tolerance,
             activity: &self.model.activity(&self.grid, pattern),
             room,
         });
@@ -398,6 +409,7 @@ impl MembraneSolver {
 /// Loading a pattern.
 struct Load<'a> {
     solver: &'a MembraneSolver,
+    tolerance: f64,
     activity: &'a Activity,
     room: &'a mut Room,
 }
@@ -406,7 +418,10 @@ impl WithMaterial for Load<'_> {
     type Output = ChargedLoading;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> ChargedLoading {
-        let problem = self.solver.problem(self.activity, material);
+        let problem = Problem {
+            tolerance: self.tolerance,
+            ..self.solver.problem(self.activity, material)
+        };
         let Room {
             displacement: u,
             workspace,

@@ -160,12 +160,14 @@ impl SolverParameters {
     }
 
     /// What is added to the RECIPE of a kind: histories are extrapolated from three passes, and were the last of four before; energies of
-    /// membranes that stiffen, which histories alone tell, have logarithms; and [`revision_of`] the scene.
+    /// membranes that stiffen, which histories alone tell, have logarithms; the error of an accurate equilibrium is told by a loose solution on
+    /// the finer mesh; and [`revision_of`] the scene.
     #[must_use]
     pub fn revision(&self, scene: &Scene) -> u32 {
         let has_logarithms = !scene.auto && !has_powers(scene) && scene.effects.strain_stiffening.is_some();
         let in_time = u32::from(self.follows_time());
-        in_time * (1 + 2 * u32::from(has_logarithms)) + revision_of(scene)
+        let has_loose_errors = self.accuracy().is_some() && !self.follows_time() && scene.drive.charge.is_none();
+        u32::from(has_loose_errors) + in_time * (1 + 2 * u32::from(has_logarithms)) + revision_of(scene)
     }
 
     /// The parts of a scene that decide about a result.
