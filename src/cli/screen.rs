@@ -40,10 +40,13 @@ pub struct ScreenArguments {
 }
 
 pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, CliError> {
-    let changes = direct::changes(&arguments.sets, arguments.voltage.as_deref());
+    let changes = direct::Changes {
+        sets: &arguments.sets,
+        voltage: arguments.voltage.as_deref(),
+    };
     let scene = arguments
         .state
-        .of(direct::read_scene_with(&arguments.scene, &changes)?)?;
+        .of(direct::read_scene_with(&arguments.scene, changes)?)?;
     let screening = screen(scene, &arguments.patterns, arguments.time.work_limit())?;
     if output.is_json() {
         output.document(&screening.document())?;

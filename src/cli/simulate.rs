@@ -18,7 +18,7 @@ use crate::fem::{
     AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SolveOptions, Solver, SolverParameters,
     wrinkled_fraction,
 };
-use crate::field::{Field, Order};
+use crate::field::{Field, Mesh, Order};
 use crate::pattern::Pattern;
 use crate::scene::Scene;
 use crate::stage::solution;
@@ -72,6 +72,8 @@ pub struct Answer {
     pub endings: Vec<Ending>,
     /// The outcome of each pattern without a stable solution: position and words.
     pub unstable: Vec<(Place, String)>,
+    /// Whether each pattern has a mesh of its own.
+    pub picks_mesh: bool,
     /// Patterns whose estimated error in mm is larger than the accuracy that was asked for, although the finest mesh was
     /// used: position and estimate.
     pub missed: Vec<(Place, f64)>,
@@ -82,8 +84,9 @@ pub struct Answer {
     pub near_limit: Vec<(Place, Option<CriticalVoltage>)>,
     /// Patterns of which cells would wrinkle, where that was asked for: position and part of the membrane.
     pub wrinkled: Vec<(Place, f64)>,
-    /// Where patterns lose stability, in V, of those that the effect `electromechanical_stability` has this computed for.
-    pub critical: Vec<(Place, Option<[f64; 2]>)>,
+    /// Where patterns lose stability, in V, of those that the effect `electromechanical_stability` has this computed for, with
+    /// the mesh on which they do.
+    pub critical: Vec<(Place, Mesh, Option<[f64; 2]>)>,
     /// Whether voltages at which stability is lost are those of bilinear elements, which lose it too late.
     pub is_late: bool,
     /// What else is said.
@@ -255,7 +258,16 @@ fn answer(
         }
     });
     let unstable = rows().filter(|(index, run)| run.results[*index].simulation.field.is_none());
-    let unstable = unstable.map(|(index, run)| (run.place(index), run.results[index].simulation.outcome.to_string()));
+    let picks_mesh = parameters.accuracy().is_some();
+    let unstable = unstable.map(|(index, run)| {
+        let AccurateSimulation { simulation, mesh, .. } = &run.results[index];
+        let on = if picks_mesh {
+            format!(", on {mesh}")
+        } else {
+            String::new()
+        };
+        (run.place(index), format!("{}{on}", simulation.outcome))
+    });
     let missed = rows().filter_map(|(index, run)| Some((run.place(index), run.results[index].discretisation_error?)));
     let wrinkled = rows().filter_map(|(index, run)| {
         let states = run.cells.get(index)?.as_deref()?;
@@ -264,15 +276,16 @@ fn answer(
     let states: Vec<String> = runs.iter().filter_map(|run| run.state.clone()).collect();
     let searched = rows().filter(|(_, run)| run.screened.scene.effects.electromechanical_stability.is_some());
     let critical = searched.map(|(index, run)| {
-        let found = run.results[index].simulation.observation.critical_voltage;
-        (run.place(index), found)
+        let AccurateSimulation { simulation, mesh, .. } = &run.results[index];
+        (run.place(index), *mesh, simulation.observation.critical_voltage)
     });
     let critical: Vec<_> = critical.collect();
     let is_bilinear = matches!(parameters.mesh_request(), MeshRequest::Fixed(mesh) if mesh.order() == Order::Bilinear);
     let is_lost = |result: &&AccurateSimulation| result.simulation.outcome.bracket().is_some();
-    let is_late = is_bilinear && (results.iter().any(is_lost) || critical.iter().any(|(_, found)| found.is_some()));
+    let is_late = is_bilinear && (results.iter().any(is_lost) || critical.iter().any(|(_, _, found)| found.is_some()));
     Answer {
         critical,
+        picks_mesh,
         is_late,
         content: content.in_states(&states),
         samples: patterns.len(),

@@ -92,17 +92,20 @@ impl SolveArguments {
     /// # Errors
     /// When it cannot be read, a value cannot be changed, or it has no such state.
     pub fn read_scene(&self) -> Result<Scene, CliError> {
-        self.state.of(direct::read_scene_with(&self.scene, &self.changes())?)
+        self.state.of(direct::read_scene_with(&self.scene, self.changes())?)
     }
 
     /// The scene in words: its file, state and changes.
     pub fn described(&self) -> String {
-        let changes = self.changes().into_iter().map(|set| format!(", {set}"));
+        let changes = self.changes().said().map(|set| format!(", {set}"));
         self.state.described(&self.scene) + &changes.collect::<String>()
     }
 
-    fn changes(&self) -> Vec<String> {
-        direct::changes(&self.sets, self.voltage.as_deref())
+    fn changes(&self) -> direct::Changes<'_> {
+        direct::Changes {
+            sets: &self.sets,
+            voltage: self.voltage.as_deref(),
+        }
     }
 
     /// The mesh.
@@ -309,7 +312,13 @@ pub fn conclude(
             }))
         });
         let critical = answer.critical.iter();
-        let critical = critical.map(|(place, found)| place.document(json!({ "between": found })));
+        let critical = critical.map(|(place, mesh, found)| {
+            place.document(json!({
+                "between": found,
+                "elements_per_cell": mesh.elements_per_cell(),
+                "order": mesh.order().degree(),
+            }))
+        });
         let mut document = json!({
             "file": arguments.output,
             "samples": n,
@@ -364,8 +373,19 @@ fn text(arguments: &PatternArguments, answer: Answer, seconds: f64) -> Text {
         outcome => format!("{place}: no stable solution was found: {outcome}"),
     });
     first(&mut text, Tone::Bad, outcomes);
-    let critical = answer.critical.iter().map(|(place, found)| match found {
-        Some([stable, lost]) => format!("{place}: stability is lost between {stable:.1} V and {lost:.1} V"),
+    // Two meshes lose it at two voltages, which would contradict each other.
+    let on = |mesh: &Mesh| {
+        if answer.picks_mesh {
+            format!(", on {mesh}")
+        } else {
+            String::new()
+        }
+    };
+    let critical = answer.critical.iter().map(|(place, mesh, found)| match found {
+        Some([stable, lost]) => format!(
+            "{place}: stability is lost between {stable:.1} V and {lost:.1} V{}",
+            on(mesh)
+        ),
         None => format!("{place}: where stability is lost was not found"),
     });
     first(&mut text, Tone::Plain, critical);

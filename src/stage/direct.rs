@@ -74,7 +74,7 @@ pub fn files_read(path: &Path) -> Vec<String> {
 /// # Errors
 /// When it cannot be read.
 pub fn read_scene(path: &Path) -> Result<Scene, InputError> {
-    read_scene_with(path, &[])
+    read_scene_with(path, Changes::default())
 }
 
 /// Whether a file names a scene, or is so broken that this cannot be told.
@@ -86,28 +86,47 @@ pub fn names_scene(path: &Path) -> bool {
     })
 }
 
-/// The changes of a command that takes `--set` and `--voltage`, for [`read_scene_with`]; the voltage comes last.
-#[must_use]
-pub fn changes(sets: &[String], voltage: Option<&str>) -> Vec<String> {
-    let voltage = voltage.map(|voltage| format!("drive.voltage={voltage}"));
-    sets.iter().cloned().chain(voltage).collect()
+/// What a command changes of a scene: the values of `--set`, each as in `drive.voltage=5 kV`, where a path may begin with `scene.` as in a
+/// pipeline; then that of `--voltage`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Changes<'a> {
+    /// The values of `--set`.
+    pub sets: &'a [String],
+    /// That of `--voltage`.
+    pub voltage: Option<&'a str>,
 }
 
-/// The same with values changed, each as in `drive.voltage=5 kV`; a path may begin with `scene.`, as in a pipeline.
+impl<'a> Changes<'a> {
+    /// Each in words, as in `drive.voltage=5 kV`.
+    pub fn said(self) -> impl Iterator<Item = String> + 'a {
+        let voltage = self.voltage.map(|voltage| format!("drive.voltage={voltage}"));
+        self.sets.iter().cloned().chain(voltage)
+    }
+}
+
+/// The same with values changed.
 ///
 /// # Errors
 /// When it cannot be read, or a value cannot be changed so.
-pub fn read_scene_with(path: &Path, sets: &[String]) -> Result<Scene, InputError> {
+pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<Scene, InputError> {
     let mut root = Document::load(path)?.root;
     splice_scene(&mut root, path)?;
     let is_pipeline = root.peek("scene").is_some();
-    for set in sets {
+    for set in changes.sets {
         let own = set.trim_start();
         let own = own.strip_prefix("scene.").unwrap_or(own);
         match is_pipeline {
             true => Override::parse(&format!("scene.{own}"))?.apply(&mut root)?,
             false => Override::of_scene(own)?.apply(&mut root)?,
         }
+    }
+    if let Some(voltage) = changes.voltage {
+        let path = if is_pipeline {
+            "scene.drive.voltage"
+        } else {
+            "drive.voltage"
+        };
+        Override::of_option("--voltage", path, voltage)?.apply(&mut root)?;
     }
     if root.peek("stages").is_some() && root.peek("scene").is_none() {
         return Err(root

@@ -471,4 +471,19 @@ fn a_negative_voltage_is_refused_as_what_it_is() {
         "{}",
         ended.stderr
     );
+    // The option is named that was given, and not the path that it stands for.
+    for command in ["solve", "screen"] {
+        for (voltage, said) in [
+            ("-5 kV", "--voltage:1:1"),
+            ("many", "allowed: a number with a unit: V, kV"),
+        ] {
+            let ended = workspace.run(&[command, "scene.yaml", "p.csv", "--voltage", voltage]);
+            assert_eq!(ended.code, Some(2));
+            assert!(
+                ended.stderr.contains(said) && !ended.stderr.contains("--set"),
+                "{}",
+                ended.stderr
+            );
+        }
+    }
 }

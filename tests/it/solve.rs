@@ -411,8 +411,21 @@ fn patterns_beyond_their_limit_are_told_where_it_is_and_by_which_elements() {
         "{}",
         ended.stdout
     );
+    // Each mesh loses it at a voltage of its own, so one that was picked is named.
+    assert!(!ended.stdout.contains("on elements_per_cell"), "{}", ended.stdout);
+    let picked = solve(&[&on[..], &["--accuracy", "0.1 mm"]].concat());
+    assert!(
+        picked.stdout.contains(" V, on elements_per_cell: 1, order: "),
+        "{}",
+        picked.stdout
+    );
     let ended = solve(&[&on[..], &["--order", "2", "--json"]].concat());
-    let between = ended.json()["critical_voltages"][0]["between"].clone();
+    let critical = ended.json()["critical_voltages"][0].clone();
+    assert_eq!(
+        (critical["elements_per_cell"].as_u64(), critical["order"].as_u64()),
+        (Some(2), Some(2))
+    );
+    let between = critical["between"].clone();
     let bracket = [0, 1].map(|end| between[end].as_f64().unwrap());
     assert!(
         bracket[0] > 5250.0 && bracket[1] > bracket[0] && bracket[1] < 12e3,

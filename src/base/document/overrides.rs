@@ -39,6 +39,22 @@ impl Override {
         Self::read(text, (1, form))
     }
 
+    /// The value of an option that stands for a path: errors name the option, as it was written.
+    ///
+    /// # Errors
+    /// When the value is not YAML.
+    pub fn of_option(option: &str, path: &str, text: &str) -> Result<Self, InputError> {
+        let value = Node::parse(option, text.to_owned())?;
+        let path: Vec<String> = path.split('.').map(str::to_owned).collect();
+        let key = |step: &String| value.with_value(NodeValue::Text(step.clone()));
+        Ok(Self {
+            keys: path.iter().map(key).collect(),
+            text: text.trim().to_owned(),
+            value,
+            path,
+        })
+    }
+
     /// Reads a path of so many steps at least.
     fn read(text: &str, (least, form): (usize, &str)) -> Result<Self, InputError> {
         let Some((path, value)) = text.split_once('=') else {
