@@ -12,9 +12,17 @@ pub fn of_simulations(stage: &Foreseeable<'_>) -> Foreseen {
     // An estimate does not look for what is stable.
     let method = stage.node.peek("method").and_then(|node| node.text("method").ok());
     let finds_out = method.is_none_or(|method| method == Method::Newton.to_string());
+    // An accuracy asks finer meshes itself.
+    let has_one_mesh = finds_out && stage.node.peek("accuracy").is_none();
+    let is_lost = finds_out && found.as_ref().is_some_and(|found| found.is_lost);
+    let warning = match found {
+        Some(found) => Some(found.warning),
+        None if has_one_mesh => scene_of(stage).as_ref().and_then(near),
+        None => None,
+    };
     Foreseen {
-        is_lost: finds_out && found.as_ref().is_some_and(|found| found.is_lost),
-        warnings: found.into_iter().map(|found| found.warning).collect(),
+        is_lost,
+        warnings: warning.into_iter().collect(),
         ..Foreseen::default()
     }
 }
@@ -45,13 +53,18 @@ pub fn of_faint_drive(scene: &Scene) -> Option<String> {
     })
 }
 
-fn stability(stage: &Foreseeable<'_>) -> Option<Beyond> {
+/// The scene of a stage, in its state or at the largest voltages of any.
+fn scene_of(stage: &Foreseeable<'_>) -> Option<Scene> {
     let scene = checked_scene(stage.scene?).ok()?;
     let state = stage.node.peek(super::STATE);
-    let scene = match state.and_then(|node: &Node| node.text(super::STATE).ok()) {
-        Some(name) => scene.in_state(name).ok()?,
-        None => scene.at_largest_voltages(),
-    };
+    match state.and_then(|node: &Node| node.text(super::STATE).ok()) {
+        Some(name) => scene.in_state(name).ok(),
+        None => Some(scene.at_largest_voltages()),
+    }
+}
+
+fn stability(stage: &Foreseeable<'_>) -> Option<Beyond> {
+    let scene = scene_of(stage)?;
     let faint = || {
         let warning = of_faint_drive(&scene)?;
         Some(Beyond {
@@ -83,15 +96,35 @@ const FAINT: f64 = 0.01;
 /// How far beyond a voltage that of a covered membrane is looked for.
 const FAR: f64 = 1e5;
 
-fn beyond(scene: &Scene) -> Option<Beyond> {
-    let mut simulated = scene.clone();
-    if scene.auto {
-        // Chains that lock keep a membrane stable, so what is turned on where it matters is reckoned with.
-        let mut effects = scene.effects.clone();
-        effects.strain_stiffening = scene.properties.strain_stiffening.clone();
-        simulated = scene.with_effects(effects);
+/// By which part of the voltage a coarse mesh may lose stability too late.
+const TOO_LATE: f64 = 0.08;
+
+/// What is said of a voltage at which patterns that one mesh finds stable may not be so on a finer one.
+fn near(scene: &Scene) -> Option<String> {
+    let first = FIRST_LOST * (1.0 - TOO_LATE);
+    let limit = covered_limit(&reckoned(scene), 1.0 / first).ok()??;
+    (scene.voltage_v() > first * limit).then(|| {
+        format!(
+            "at {} some patterns are next to the voltage at which they lose stability, single cells from about {} on, which one mesh finds a \
+             little too high: `accuracy` in place of a mesh asks finer ones, and `effects.electromechanical_stability` tells how near each is",
+            kilovolts(scene.voltage_v()),
+            kilovolts(FIRST_LOST * limit)
+        )
+    })
+}
+
+/// The scene with what is reckoned with: chains that lock keep a membrane stable, so they are where they are turned on as they matter.
+fn reckoned(scene: &Scene) -> Scene {
+    if !scene.auto {
+        return scene.clone();
     }
-    let limit = covered_limit(&simulated, 1.0 / FIRST_LOST).ok()??;
+    let mut effects = scene.effects.clone();
+    effects.strain_stiffening = scene.properties.strain_stiffening.clone();
+    scene.with_effects(effects)
+}
+
+fn beyond(scene: &Scene) -> Option<Beyond> {
+    let limit = covered_limit(&reckoned(scene), 1.0 / FIRST_LOST).ok()??;
     let (drive, limit_text) = (kilovolts(scene.voltage_v()), kilovolts(limit));
     let lowest = kilovolts(FIRST_LOST * limit);
     let model = if scene.auto {
@@ -151,6 +184,13 @@ mod tests {
         // H12: √κ = √(λp⁻² + 3λp⁻⁸) is 10.98 kV here, and a single cell is lost at 6.1 kV.
         let at = |volts: f64| beyond(&Scene::vhb4910().at_voltage(volts));
         assert!(at(5250.0).is_none());
+        let next_to_it = |volts: f64| near(&Scene::vhb4910().at_voltage(volts));
+        assert!(next_to_it(5250.0).is_none());
+        let said = next_to_it(5700.0).unwrap();
+        assert!(
+            said.starts_with("at 5.70 kV some patterns are next to") && said.contains("from about 5.93 kV on"),
+            "{said}"
+        );
         let told = |volts: f64, words: [&str; 2]| {
             let Beyond { warning, is_lost } = at(volts).unwrap();
             assert!(words.iter().all(|word| warning.contains(word)), "{warning}");

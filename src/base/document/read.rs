@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::error::{InputError, suggestion};
 use super::node::{Node, NodeValue};
-use crate::base::quantity::{Decimal, Dimension, Quantity};
+use crate::base::quantity::{Decimal, Dimension, Quantity, QuantityError};
 
 /// A mapping whose keys have been checked against those that are allowed.
 pub struct Map<'a> {
@@ -143,7 +143,16 @@ impl Node {
         let (NodeValue::Number(text) | NodeValue::Text(text)) = &self.value else {
             return Err(self.wanted(field, dimension.with_article()));
         };
-        Quantity::parse(text, dimension).map_err(|error| self.error(format!("`{field}`: {error}")))
+        Quantity::parse(text, dimension).map_err(|error| {
+            let refused = self.error(format!("`{field}`: {error}"));
+            // That of an unknown unit names those that are known.
+            match (error, dimension.symbols().join(", ")) {
+                (QuantityError::NotANumber(_), units) if !units.is_empty() => {
+                    refused.help(format!("allowed: a number with a unit: {units}"))
+                }
+                _ => refused,
+            }
+        })
     }
 
     /// The node as a quantity within bounds given in the base unit, both included.
