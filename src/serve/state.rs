@@ -198,7 +198,11 @@ impl ServedState {
         // Those with one that has problems are told of by `refused_scenes`.
         found.extend(pipelines.iter().filter_map(|path| named_scene(path).ok()));
         if found.is_empty() {
-            let name = "vhb4910".to_owned();
+            // That of a pipeline may be broken, and is not to be taken for this one.
+            let name = match pipelines.is_empty() {
+                true => "vhb4910".to_owned(),
+                false => "vhb4910 (built in)".to_owned(),
+            };
             found.push(NamedScene {
                 name,
                 scene: Scene::vhb4910(),

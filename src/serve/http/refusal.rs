@@ -13,6 +13,14 @@ use crate::report::{ReportError, RowsError};
 use crate::stage::direct::DirectError;
 use crate::store::StoreError;
 
+/// Where in a file something is wrong; lines and columns count from 1.
+#[derive(Debug)]
+struct Place {
+    file: Option<String>,
+    line: usize,
+    column: usize,
+}
+
 /// A refusal: a status of HTTP, what is wrong, and what helps.
 #[derive(Debug)]
 pub struct Refusal {
@@ -20,7 +28,7 @@ pub struct Refusal {
     pub status: u16,
     message: String,
     help: Option<String>,
-    place: Option<(usize, usize)>,
+    place: Option<Place>,
     /// The path of the value that is refused, where one is.
     value: Option<String>,
     /// What the path allows, where the method is not allowed.
@@ -98,8 +106,9 @@ impl Refusal {
             "error": {
                 "message": self.message,
                 "help": self.help,
-                "line": self.place.map(|(line, _)| line),
-                "column": self.place.map(|(_, column)| column),
+                "file": self.place.as_ref().and_then(|place| place.file.as_deref()),
+                "line": self.place.as_ref().map(|place| place.line),
+                "column": self.place.as_ref().map(|place| place.column),
                 "value": self.value,
             }
         })
@@ -112,7 +121,11 @@ impl From<InputError> for Refusal {
             let label = error.labels()?.next()?;
             let source: &dyn SourceCode = error.source_code()?;
             let read = source.read_span(label.inner(), 0, 0).ok()?;
-            Some((read.line() + 1, read.column() + 1))
+            Some(Place {
+                file: read.name().map(str::to_owned),
+                line: read.line() + 1,
+                column: read.column() + 1,
+            })
         };
         Self {
             place: place(),
@@ -212,7 +225,11 @@ impl From<DirectError> for Refusal {
 impl From<serde_json::Error> for Refusal {
     fn from(error: serde_json::Error) -> Self {
         Self {
-            place: (error.line() > 0).then(|| (error.line(), error.column())),
+            place: (error.line() > 0).then(|| Place {
+                file: None,
+                line: error.line(),
+                column: error.column(),
+            }),
             ..Self::bad(format!("the body of the request: {error}"))
         }
     }

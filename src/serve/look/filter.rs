@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
-use crate::base::{Dimension, Quantity};
+use crate::base::{Dimension, Quantity, nearest};
 use crate::report::RowColumn;
 use crate::serve::http::Refusal;
 use crate::store::Data;
@@ -150,7 +150,21 @@ pub fn unknown(columns: &[RowColumn], filter: &str) -> Result<Vec<Unknown>, Refu
 pub fn column<'c>(columns: &'c [RowColumn], name: &str) -> Result<&'c RowColumn, Refusal> {
     columns.iter().find(|column| column.name == name).ok_or_else(|| {
         let known: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
-        Refusal::bad(format!("there is no column {name:?}")).help(format!("columns: {}", known.join(", ")))
+        let list = known.join(", ");
+        // Columns are named by small letters, and those of a group have its name before their own.
+        let lower = name.to_ascii_lowercase();
+        let last: Vec<&str> = known
+            .iter()
+            .map(|name| name.rsplit('/').next().unwrap_or(name))
+            .collect();
+        let near = nearest(&lower, &known).or_else(|| {
+            let near = nearest(&lower, &last)?;
+            last.iter().position(|name| *name == near).map(|at| known[at])
+        });
+        Refusal::bad(format!("there is no column {name:?}")).help(match near {
+            Some(near) => format!("did you mean {near}? columns: {list}"),
+            None => format!("columns: {list}"),
+        })
     })
 }
 
@@ -272,6 +286,9 @@ mod tests {
         let refused = |filter: &str| matching(&columns(), 4, filter).unwrap_err().words();
         assert!(refused("units = 2 %").ends_with("a number without a unit"));
         assert!(refused("u_mm > 2 V").contains("250 um"));
+        assert!(refused("AREA > 0.4").contains("did you mean area?"));
+        assert!(refused("famly = a").contains("did you mean family?"));
+        assert!(!refused("nothing = 1").contains("did you mean"));
     }
 
     #[test]

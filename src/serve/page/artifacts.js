@@ -57,7 +57,7 @@ export async function artifactView(view, digest, query) {
   const hasRows = found.datasets.some((/** @type {any} */ one) => one.axes.length > 0);
   /** @type {Record<string, [string, (place: HTMLElement) => Promise<any>|any]>} */
   const tabs = {
-    ...(found.kind === "train" ? { errors: ["Errors", (/** @type {HTMLElement} */ place) => model(place, found)] } : {}),
+    ...(found.kind === "train" ? { errors: ["Errors", (/** @type {HTMLElement} */ place) => model(place, found, query)] } : {}),
     ...(found.kind === "evaluate" ? { errors: ["Errors", (/** @type {HTMLElement} */ place) => evaluation(place, found)] } : {}),
     ...(["design", "verify"].includes(found.kind) ? { designs: ["Designs", (/** @type {HTMLElement} */ place) => designs(place, found)] } : {}),
     ...(found.kind === "accuracy" ? { accuracy: ["Settings", (/** @type {HTMLElement} */ place) => accuracy(place, found, (box) => figures(box, found.digest))] } : {}),

@@ -101,27 +101,30 @@ export function changes(set) {
 const MANY = 4;
 
 /**
- * A table that scrolls within its own box.
- * @param {string} what @param {(string|{title: string, number?: boolean})[]} columns @param {Child[][]} rows
+ * A table that scrolls within its own box; one that is stacked has its cells below each other on a narrow screen.
+ * @param {string} what @param {(string|{title: string, number?: boolean})[]} columns @param {Child[][]} rows @param {boolean} [stacked]
  */
-export function table(what, columns, rows) {
+export function table(what, columns, rows, stacked = false) {
   const heads = columns.map((column) => (typeof column === "string" ? { title: column } : column));
-  const cell = (/** @type {Child} */ content, /** @type {number} */ at) => h("td", { class: /** @type {any} */ (heads[at])?.number ? "number" : null }, content);
+  // Cells that are blocks are cells of a table to readers of the screen only where they are said to be.
+  const role = (/** @type {string} */ name) => (stacked ? name : null);
+  const cell = (/** @type {Child} */ content, /** @type {number} */ at) => h("td", { class: /** @type {any} */ (heads[at])?.number ? "number" : null, role: role("cell"), "data-title": stacked ? heads[at]?.title : null }, content);
+  const shape = stacked ? "stacked" : heads.length > MANY ? "wide" : null;
   return h(
     "div",
     { class: "scroll", tabindex: "0", role: "region", "aria-label": what },
     h(
       "table",
-      { class: heads.length > MANY ? "wide" : null },
-      h("thead", {}, h("tr", {}, heads.map((head) => h("th", { scope: "col", class: /** @type {any} */ (head).number ? "number" : null }, head.title)))),
-      h("tbody", {}, rows.map((row) => h("tr", {}, row.map(cell)))),
+      { class: shape, role: role("table") },
+      h("thead", { role: role("rowgroup") }, h("tr", { role: role("row") }, heads.map((head) => h("th", { scope: "col", role: role("columnheader"), class: /** @type {any} */ (head).number ? "number" : null }, head.title)))),
+      h("tbody", { role: role("rowgroup") }, rows.map((row) => h("tr", { role: role("row") }, row.map(cell)))),
     ),
   );
 }
 
 /** @param {any} error */
 export function problem(error) {
-  const place = error.line ? ` (line ${error.line}, column ${error.column})` : "";
+  const place = error.line ? ` (${[error.file && near(error.file), `line ${error.line}`, `column ${error.column}`].filter(Boolean).join(", ")})` : "";
   return h("div", { class: "box", role: "alert" }, h("p", {}, h("b", {}, `${error.message}${place}`)), error.help ? h("p", {}, error.help) : null);
 }
 

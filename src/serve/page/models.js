@@ -12,14 +12,17 @@ const WORST = 8;
 /** A share of what was learned from that is small. */
 const RARE = 0.05;
 
+/** By so much the nearest learned pattern is farther than that of the best predicted, where this tells anything. */
+const FARTHER = 1.2;
+
 /** Evaluations that are looked through for those of a model. */
 const MOST = 20;
 
 /** Parts of a set, by their names, in words. */
 const PARTS = { test: "test", validation: "validation", train: "training" };
 
-/** A trained network: how it errs on its own set, and where it was evaluated. @param {HTMLElement} place @param {any} found */
-export async function model(place, found) {
+/** A trained network: how it errs on its own set, and where it was evaluated. @param {HTMLElement} place @param {any} found @param {URLSearchParams} query with the part of its set that is shown */
+export async function model(place, found, query) {
   const metrics = await columnsOf(found.digest, "metric");
   const splits = [...new Set(metrics["metrics/split"])];
   const families = [...new Set(metrics["metrics/family"])];
@@ -27,7 +30,12 @@ export async function model(place, found) {
   const rows = families.map((family) => [family, ...splits.flatMap((split) => [number(value("rmse_mm", family, split), 3), number(value("max_error_mm", family, split), 3)])]);
   const heads = splits.flatMap((split) => [{ title: `${split}: RMS error, mm`, number: true }, { title: `${split}: largest, mm`, number: true }]);
   const own = h("div", {});
-  const part = labelled("Rows of", choice("judged-split", Object.entries(PARTS), "test", (split) => void judge(split)));
+  const asked = query.get("split") ?? "";
+  const first = asked in PARTS ? asked : "test";
+  const part = labelled("Rows of", choice("judged-split", Object.entries(PARTS), first, (split) => {
+    history.replaceState(null, "", `#/artifacts/${found.digest}?${new URLSearchParams({ tab: "errors", split })}`);
+    void judge(split);
+  }));
   const elsewhere = h("div", {}, h("p", { class: "soft" }, "Looking for evaluations …"));
   replace(place, h("h2", {}, "Errors by family, of a component"), table("Errors by family", ["family", ...heads], rows), h("section", {}, h("h2", {}, "Worst patterns of its own set"), h("div", { class: "tools" }, part), own), elsewhere);
   let turn = 0;
@@ -45,7 +53,7 @@ export async function model(place, found) {
     // Cards are as wide as their place, and are drawn where they stand.
     if (now === turn) replace(own, box);
   };
-  await judge("test");
+  await judge(first);
   const { artifacts } = await json(`artifacts?kind=evaluate&limit=${MOST}`);
   /** @type {any[]} */ const evaluations = [];
   for (const one of artifacts) {
@@ -81,14 +89,18 @@ async function ownWorst(place, digest, split) {
     const near = await far(row);
     const family = families.get(row.family);
     const share = found.learned ? family.learned / found.learned : null;
+    const moves = `it moves more than ${number(100 * row.moves_more_than, 3)} % of the rows that were learned from`;
     const why = [
       family.learned === 0 ? "it has learned from no pattern of this family" : share !== null && share < RARE ? `only ${family.learned} of the ${found.learned} rows that it has learned from are of this family` : "",
-      row.moves_more_than >= 1 - RARE ? `it moves more than ${number(100 * row.moves_more_than, 3)} % of the rows that were learned from` : "",
+      row.moves_more_than >= 1 - RARE ? moves : "",
       family.rmse_mm > 0 && row.rms_mm > 2 * family.rmse_mm ? `RMS error ${number(row.rms_mm / family.rmse_mm, 2)} times that of its family` : "",
     ];
     const told = { error: row.max_error_mm, family: row.family, area: row.area, simulated: row.simulated_max_mm, predicted: row.predicted_max_mm };
-    const learned = found.learned ? `it has learned from ${family.learned} rows of ${row.family}, of ${found.learned}` : "";
-    cards.push(() => worstCard(pattern, rowLink(row.set, row.row, digest), told, why, near, family.learned === 0 ? "" : learned, usual.get(row.family)));
+    const facts = [
+      family.learned ? `it has learned from ${family.learned} rows of ${row.family}, of ${found.learned}` : "",
+      row.moves_more_than < 1 - RARE ? moves : "",
+    ];
+    cards.push(() => worstCard(pattern, rowLink(row.set, row.row, digest), told, why, near, facts, usual.get(row.family)));
   }
   const all = families.get("all");
   const beyond = found.total - found.judged;
@@ -114,17 +126,27 @@ async function nearestOfBest(best, rows, far) {
   return new Map([...shares].map(([family, some]) => [family, some.sort((a, b) => a - b)[Math.floor(some.length / 2)]]));
 }
 
-/** What a card says of a pattern that is predicted badly. @param {Pattern|null} pattern @param {string|null} link @param {{error: number, family: string, area: number, simulated: number, predicted: number}} told @param {string[]} why @param {{distance: number, cells: number}|null} near @param {string} [learned] @param {number} [usual] */
-function worstCard(pattern, link, told, why, near, learned = "", usual) {
+/** How far the nearest learned pattern is, and whether that tells anything. @param {{distance: number, cells: number}} near @param {string} family @param {number} [usual] */
+function nearness(near, family, usual) {
+  const share = near.distance / near.cells;
+  const words = `its nearest pattern in training differs in ${number(100 * share, 3)} % of the cells`;
+  if (usual === undefined) return [words];
+  const against = `; of the best predicted ${family} it does in ${number(100 * usual, 3)} %`;
+  if (share > FARTHER * usual) return [words, against, ": ", h("span", { class: "warning" }, "it is farther from what was learned")];
+  return [words, against, ": that explains nothing"];
+}
+
+/** What a card says of a pattern that is predicted badly. @param {Pattern|null} pattern @param {string|null} link @param {{error: number, family: string, area: number, simulated: number, predicted: number}} told @param {string[]} why @param {{distance: number, cells: number}|null} near @param {string[]} [facts] that are true of it and alarm nobody @param {number} [usual] */
+function worstCard(pattern, link, told, why, near, facts = [], usual) {
   return card(
     pattern,
     link,
-    h("div", {}, h("b", {}, `error of a component ${number(told.error, 3)} mm`)),
+    h("div", {}, h("b", {}, `error of a component ${number(told.error, 3)} mm`), told.simulated > 0 ? `, ${number((100 * told.error) / told.simulated, 3)} % of its largest displacement` : null),
     h("div", {}, `${told.family}, area ${number(100 * told.area, 3)} %`),
     h("div", {}, `largest: ${number(told.simulated, 4)} mm, predicted ${number(told.predicted, 4)} mm`),
     why.filter(Boolean).map((words) => h("div", { class: "warning" }, words)),
-    near ? h("div", {}, `its nearest pattern in training differs in ${number((100 * near.distance) / near.cells, 3)} % of the cells${usual === undefined ? "" : `; of the best predicted ${told.family} it does in ${number(100 * usual, 3)} %`}`) : null,
-    learned ? h("div", { class: "soft" }, learned) : null,
+    near ? h("div", {}, ...nearness(near, told.family, usual)) : null,
+    facts.filter(Boolean).map((words) => h("div", { class: "soft" }, words)),
   );
 }
 

@@ -42,9 +42,12 @@ export async function pipelineView(view, id, mayRun, query) {
   let found = await json(`pipelines/${encodeURIComponent(id)}`);
   // What is changed stands in the address, so that a plan has a link of its own.
   /** @type {Record<string, string>} */ let set = Object.fromEntries(query.getAll("set").filter((one) => one.includes("=")).map((one) => [one.slice(0, one.indexOf("=")), one.slice(one.indexOf("=") + 1)]));
+  const address = (/** @type {Record<string, string>} */ values) => {
+    const words = new URLSearchParams(Object.entries(values).map(([path, value]) => ["set", `${path}=${value}`]));
+    return `#/pipelines/${encodeURIComponent(id)}${Object.keys(values).length ? `?${words}` : ""}`;
+  };
   const keep = () => {
-    const words = new URLSearchParams(Object.entries(set).map(([path, value]) => ["set", `${path}=${value}`]));
-    const wanted = `#/pipelines/${encodeURIComponent(id)}${Object.keys(set).length ? `?${words}` : ""}`;
+    const wanted = address(set);
     if (location.hash !== wanted) history.replaceState(null, "", wanted);
   };
   let turn = 0;
@@ -190,6 +193,7 @@ export async function pipelineView(view, id, mayRun, query) {
     const log = h("div", { "aria-live": "polite", id: "run-log" });
     const refusal = h("div", {});
     let running = false;
+    let stopping = false;
     let timer = 0;
     let pause = LOOK;
     const look = async () => {
@@ -211,8 +215,9 @@ export async function pipelineView(view, id, mayRun, query) {
       const has_ended = running && !told.running;
       if (has_ended) replace(refusal);
       running = told.running;
+      stopping = Boolean(told.stopped);
       able();
-      if (told.pipeline) replace(log, await report(told));
+      if (told.pipeline) replace(log, await report(told, told.pipeline === found.path ? address(told.set ?? {}) : null));
       clearTimeout(timer);
       if (told.running) timer = setTimeout(() => void look(), pause);
       else if (has_ended) {
@@ -233,7 +238,7 @@ export async function pipelineView(view, id, mayRun, query) {
     const stop = h("button", { type: "button", id: "stop-run", disabled: true, onclick: () => act(() => json("run", { method: "DELETE" })) }, "Stop");
     able = () => {
       begin.disabled = running || bill.textContent.startsWith("No plan");
-      stop.disabled = !running;
+      stop.disabled = !running || stopping;
     };
     attend = look;
     void look();
@@ -248,7 +253,7 @@ export async function pipelineView(view, id, mayRun, query) {
   };
 
   if (found.problem) {
-    replace(view, h("h1", {}, "Pipeline"), h("p", { class: "mono" }, near(found.path)), problem(found.problem), source(found.text, found.problem.line));
+    replace(view, h("h1", {}, "Pipeline"), h("p", { class: "mono" }, near(found.path)), problem(found.problem), source(found.text, found.problem.file === found.path ? found.problem.line : null));
   } else {
     replace(view, h("h1", {}, found.pipeline), h("p", { class: "mono soft" }, near(found.path)), bill, elsewhere, trouble, warnings, drawing, stages, narrow, editor(), runBox, h("details", {}, h("summary", {}, "The file"), source(found.text, null)));
     replace(runBox, runner());
@@ -279,19 +284,21 @@ export async function pipelineView(view, id, mayRun, query) {
   };
 }
 
-/** What has become of the run that was begun here: of which pipeline with which values, its events, and what it has printed at its end. @param {any} told */
-async function report(told) {
+/** What has become of the run that was begun here: of which pipeline with which values, its events, and what it has printed at its end. @param {any} told @param {string|null} plan the address of the plan with its values */
+async function report(told, plan) {
   const values = Object.entries(told.set ?? {}).map(([path, value]) => `${path}=${value}`).join(", ");
-  const of = `Run of ${near(told.pipeline)} with ${values || "the values of the file"}`;
+  const with_values = values || "the values of the file";
+  const of = ["Run of ", near(told.pipeline), " with ", plan ? h("a", { href: plan }, with_values) : with_values];
   if (told.running) {
     const last = told.events.slice(-12).map(words);
-    return [h("p", {}, h("span", { class: "running" }, "running"), ` for ${seconds(told.seconds)}. ${of}.`), last.length ? h("pre", {}, last.join("\n")) : null];
+    const state = told.stopped ? "stopping: what is under way is written down" : "running";
+    return [h("p", {}, h("span", { class: "running" }, state), ` for ${seconds(told.seconds)}. `, of, "."), last.length ? h("pre", {}, last.join("\n")) : null];
   }
-  const ending = told.stopped && told.exit_code === 75 ? "stopped; to run it again goes on where it was" : ENDINGS[told.exit_code] ?? `ended with exit code ${told.exit_code}`;
+  const ending = told.stopped && told.exit_code === 75 ? "stopped; to run it again with the same values goes on where it was" : ENDINGS[told.exit_code] ?? `ended with exit code ${told.exit_code}`;
   const id = await runOf(told.pid);
   const failed = told.exit_code === 0 ? [] : told.events.slice(-12).map(words);
   return [
-    h("p", { id: "run-end", "data-code": String(told.exit_code) }, h("b", { class: told.exit_code === 0 || told.stopped ? null : "error" }, ending), `, after ${seconds(told.seconds)}. ${of}. `, id ? h("a", { href: `#/runs/${id}` }, "Its results and artifacts") : null),
+    h("p", { id: "run-end", "data-code": String(told.exit_code) }, h("b", { class: told.exit_code === 0 || told.stopped ? null : "error" }, ending), `, after ${seconds(told.seconds)}. `, of, ". ", id ? h("a", { href: `#/runs/${id}` }, "Its results and artifacts") : null),
     told.printed || failed.length ? h("pre", { tabindex: "0" }, [...failed, told.printed.trim()].filter(Boolean).join("\n")) : null,
   ];
 }

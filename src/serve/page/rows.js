@@ -227,7 +227,7 @@ export async function rowsView(place, found, query) {
     replace(
       one,
       h("h2", {}, `Row ${id}`),
-      h("div", { class: "pair" }, left, displacement ? h("figure", {}, right, h("figcaption", { class: "small soft" }, `Displacement: largest ${number(largest(displacement), 4)} mm, from dark to bright`)) : null, h("dl", { class: "results" }, values.map((/** @type {[string, any]} */ [name, value]) => [h("dt", {}, name), h("dd", {}, typeof value === "number" ? number(value, 6) : value ?? "–")]))),
+      h("div", { class: "pair pictures" }, left, displacement ? h("figure", {}, right, h("figcaption", { class: "small soft" }, `Displacement: largest ${number(largest(displacement), 4)} mm, from dark to bright`)) : null, h("dl", { class: "results" }, values.map((/** @type {[string, any]} */ [name, value]) => [h("dt", {}, name), h("dd", {}, typeof value === "number" ? number(value, 6) : value ?? "–")]))),
       h("div", { class: "tools" }, alike),
       predicted,
       h("h3", {}, "Where it comes from"),
@@ -305,7 +305,7 @@ async function prediction(place, found, row, model) {
     h("h3", {}, "Prediction of ", short(model)),
     h("p", { "data-error": String(told.max_error_mm) }, `${told.network}: largest error of a component ${number(told.max_error_mm, 4)} mm, RMS ${number(told.rms_mm, 4)} mm`),
     h("p", { class: "soft small" }, "Errors of models are those of a component, x or y; what is drawn below is the magnitude of the vector at the cell corners, which is up to 1.41 times as large."),
-    h("div", { class: "pair", id: "prediction" }, made.map(({ canvas, bar, note }) => h("figure", {}, canvas, bar, note))),
+    h("div", { class: "pair pictures", id: "prediction" }, made.map(({ canvas, bar, note }) => h("figure", {}, canvas, bar, note))),
   );
   views.forEach(([name, field, scale, high], at) => {
     const values = magnitudes(field, pattern.columns, pattern.rows);

@@ -48,7 +48,7 @@ export async function runsView(view) {
         h("span", {}, results.slice(0, RESULTS).map(([name, value]) => h("div", {}, `${name} ${number(/** @type {number} */ (value))}`))),
       ];
     };
-    replace(box, runs.length ? table("Runs", ["", "run", "ended", "pipeline", { title: "took", number: true }, "built", "changed", "results"], runs.map(row)) : h("p", {}, "No run is remembered; ", h("code", {}, "deaflow run pipeline.yaml"), " makes one."), more ? h("p", { class: "soft" }, `The last ${runs.length}; deaflow log lists all.`) : null);
+    replace(box, runs.length ? table("Runs", ["", "run", "ended", "pipeline", { title: "took", number: true }, "built", "changed", "results"], runs.map(row), true) : h("p", {}, "No run is remembered; ", h("code", {}, "deaflow run pipeline.yaml"), " makes one."), more ? h("p", { class: "soft" }, `The last ${runs.length}; deaflow log lists all.`) : null);
   };
   replace(view, h("h1", {}, "Runs"), h("div", { class: "tools" }, compare, h("span", { class: "soft" }, "mark two or more")), box);
   await fill();

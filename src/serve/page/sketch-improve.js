@@ -8,6 +8,9 @@ import { Pattern } from "./pattern.js";
 import { quantity } from "./quantity.js";
 import { againstWanted } from "./sketch-numbers.js";
 
+/** Method, elements along a cell and order of the search. @type {[string, number, number]} */
+const MESH = ["newton", 1, 2];
+
 export class Improve {
   /** @param {any} pad */
   constructor(pad) {
@@ -52,6 +55,9 @@ export class Improve {
     const before = pad.pattern.copy();
     const { wanted } = pad;
     /** @type {number[]} */ const values = [];
+    // That of another search may be of other voltages and points.
+    this.best = null;
+    replace(this.bestBox);
     const body = {
       ...pad.body(true),
       fields: [],
@@ -102,7 +108,19 @@ export class Improve {
     if (!best) return;
     const canvas = h("canvas", { class: "thumb", role: "img", "aria-label": "The best pattern found" });
     const what = best.wanted === null ? "Best found" : `Nearest to ${number(best.wanted, 6)} mm`;
-    replace(this.bestBox, canvas, h("div", {}, h("p", {}, `${what}: ${number(best.value, 6)} mm`), h("button", { type: "button", onclick: () => this.pad.pen.become(best.pattern) }, "Show it")));
+    replace(
+      this.bestBox,
+      canvas,
+      h(
+        "div",
+        {},
+        h("p", {}, `${what}: ${number(best.value, 6)} mm`),
+        h("button", { type: "button", onclick: () => this.pad.pen.become(best.pattern) }, "Show it"),
+        " ",
+        // Its values are not those of a coarser mesh.
+        h("button", { type: "button", onclick: () => this.pad.adopt(...MESH), title: "The numbers of the page by the method and mesh of the search" }, "Numbers on its mesh"),
+      ),
+    );
     drawPattern(canvas, best.pattern);
   }
 }

@@ -50,9 +50,9 @@ export class Pen {
         { class: "tools" },
         labelled("Width", h("input", { type: "range", min: "1", max: "15", value: String(this.diameter), "aria-label": "Width of the brush in cells", oninput: (/** @type {any} */ event) => (this.diameter = Number(event.target.value)) })),
         this.groups ? labelled("Electrode", this.groups) : null,
-        mirror("across", "⇆", "Mirror left and right while drawing"),
-        mirror("along", "⇅", "Mirror up and down while drawing"),
-        scene.columns === scene.rows ? mirror("quarter", "⟳", "Turn by quarters while drawing") : null,
+        mirror("across", "⇆ mirror", "Mirror left and right while drawing"),
+        mirror("along", "⇅ mirror", "Mirror up and down while drawing"),
+        scene.columns === scene.rows ? mirror("quarter", "⟳ quarters", "Turn by quarters while drawing") : null,
       ),
       h(
         "div",

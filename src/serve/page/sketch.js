@@ -131,7 +131,7 @@ class Sketchpad {
 
   /** Scenes that cannot be drawn on, and why. */
   refusals() {
-    const one = (/** @type {any} */ { path, error }) => h("details", { class: "small refused" }, h("summary", {}, h("span", { class: "error" }, "cannot be used: "), h("span", { class: "mono" }, near(path))), problem(error));
+    const one = (/** @type {any} */ { path, error }) => h("details", { class: "small refused", open: true }, h("summary", {}, h("span", { class: "error" }, "cannot be used: "), h("span", { class: "mono" }, near(path))), problem(error));
     return h("div", {}, this.refused.map(one));
   }
 
@@ -223,7 +223,8 @@ class Sketchpad {
 
   areaLine() {
     this.area = h("p", { class: "soft small", id: "area" });
-    return this.area;
+    this.invitation = h("p", { id: "invitation" });
+    return [this.invitation, this.area];
   }
 
   colouringControls() {
@@ -372,7 +373,21 @@ class Sketchpad {
       return;
     }
     void this.solve(false);
+    this.waiting();
     void this.reproduce();
+  }
+
+  /** Says how long the error has been looked for: with effects it takes seconds. */
+  waiting() {
+    const [{ version }, began] = [this, performance.now()];
+    const tick = () => {
+      const place = this.view.querySelector("#error");
+      if (this.ended || version !== this.version || !this.shown?.quick || this.failed || !place) return;
+      const passed = Math.round((performance.now() - began) / 1000);
+      if (passed > 0) place.textContent = `looked for since ${passed} s …`;
+      setTimeout(tick, 1000);
+    };
+    tick();
   }
 
   /** Asks how what is shown comes out elsewhere. */
@@ -452,7 +467,9 @@ class Sketchpad {
     this.frame = requestAnimationFrame(() => {
       this.frame = 0;
       if (this.ended) return;
-      this.area.textContent = `area ${number(100 * this.share(this.pattern), 4)} %${this.scene.parts ? " of the membrane" : ""}`;
+      const share = this.share(this.pattern);
+      this.area.textContent = `area ${number(100 * share, 4)} %${this.scene.parts ? " of the membrane" : ""}`;
+      this.invitation.textContent = share > 0 ? "" : "Draw an electrode here, or open a file under Files.";
       this.pen.mark();
       if (this.fresh) {
         this.fresh = false;
@@ -470,8 +487,13 @@ class Sketchpad {
       this.voltageRange.max = String(Math.max(this.mostVoltage(), this.voltage));
       this.criticalMark.value = this.critical === null ? "" : String(this.critical);
       const told = this.numbers.critical(found);
-      this.criticalText.textContent = told === null ? "no loss of stability was found" : `stability is lost at ${told}`;
-      this.criticalText.title = found.critical_bracket ? `by two finer meshes; on the mesh of the page alone between ${number(found.critical_bracket[0], 6)} and ${number(found.critical_bracket[1], 6)} V` : "";
+      const [stable, lost] = found.critical_bracket ?? [];
+      const alone = stable === undefined ? "" : `on the mesh of the page alone, as the command has it, between ${number(stable, 6)} and ${number(lost, 6)} V`;
+      const { critical_voltage: at, critical_voltage_error: error } = found;
+      // What the command says is not to look like a contradiction.
+      const apart = alone && error && (lost < at - error || stable > at + error);
+      this.criticalText.textContent = told === null ? "no loss of stability was found" : `stability is lost at ${told}${apart ? ` by two finer meshes; ${alone}` : ""}`;
+      this.criticalText.title = alone;
     }
     this.numbers.show();
     this.line.textContent = found.max_displacement === null ? `no stable state: ${found.outcome}` : `value ${number(found.value, 4)} mm, largest ${number(found.max_displacement, 4)} mm`;

@@ -511,6 +511,10 @@ fn a_scene_that_is_broken_later_is_listed_with_its_problem() {
     assert!(refused[0]["path"].as_str().unwrap().ends_with("two.yaml"));
     let message = refused[0]["error"]["message"].as_str().unwrap();
     assert!(message.contains("scene.yaml is not valid YAML"), "{message}");
+    assert!(
+        refused[0]["error"]["file"].as_str().unwrap().ends_with("scene.yaml"),
+        "{after}"
+    );
     // The place is said once.
     assert!(
         !message.contains(" line ") && refused[0]["error"]["line"].is_u64(),

@@ -62,6 +62,7 @@ fn models_designs_and_accuracy_have_views_of_their_own() {
         "{first}"
     );
     assert!(first.contains("its nearest pattern in training differs in"), "{first}");
+    assert!(first.contains("% of its largest displacement"), "{first}");
     photographed(&mut tab, "model");
     tab.click("[data-worst] .card");
     tab.until(&format!(
@@ -176,6 +177,19 @@ fn the_worst_pattern_of_a_model_and_why_are_found_without_an_evaluation() {
             .contains(&format!("row={}", worst["rows"][0]["row"]))
     );
     photographed(&mut tab, "prediction");
+    // A card that says how far the nearest learned pattern is says whether that explains anything.
+    assert!(
+        !first.contains("of the best predicted")
+            || first.contains("that explains nothing")
+            || first.contains("it is farther"),
+        "{first}"
+    );
+    // On a narrow screen the cells of a run stand below each other.
+    tab.screen(390, 900, "light");
+    tab.go(&format!("http://127.0.0.1:{}/#/runs", server.port));
+    tab.until("document.querySelector('table.stacked td[data-title=results] div')");
+    let inside = tab.value("[...document.querySelectorAll('table.stacked td *')].every((e) => { const box = e.getBoundingClientRect(); return box.left >= 0 && box.right <= 390 })");
+    assert_eq!(inside, true);
     assert_eq!(tab.complaints, Vec::<String>::new());
 }
 
