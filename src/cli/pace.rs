@@ -1,6 +1,7 @@
 //! How fast work goes and how long it still takes. Measured is what this process has done since its first sign of progress: what an earlier
-//! one had come to says nothing of it, and neither does the time that it takes to begin. Within the first step what was foretold counts,
-//! the less the more of the step is done.
+//! one had come to says nothing of it, and neither does the time that it takes to begin, nor that in which others had the processors: it is
+//! what the last half a minute to a minute did, where that is some steps. Within the first step what was foretold counts, the less the more
+//! of the step is done.
 
 use super::table;
 
@@ -12,6 +13,13 @@ const USUAL: f64 = 1.0;
 
 /// The part of a step that has to be done for the rest to be estimated from it alone.
 const LEAST: f64 = 0.05;
+
+/// Rates are those since the last but one of marks that are so far apart, s, where so many steps were done since.
+const WINDOW: f64 = 30.0;
+const SOME: f64 = 5.0;
+
+/// A pause of this part of all the time is no pace of any work: others had the processors.
+const WAITED: f64 = 0.8;
 
 /// How far a piece of work has come. Times are in seconds from when it was begun.
 #[derive(Clone, Debug, Default)]
@@ -32,6 +40,10 @@ pub struct Pace {
     last: f64,
     /// The longest time between two tellings.
     longest: f64,
+    /// The same without that before the first.
+    pause: f64,
+    /// When marks were set, and how much this process had done by then: the last but one, and the last.
+    marks: [(f64, f64); 2],
 }
 
 impl Pace {
@@ -82,6 +94,12 @@ impl Pace {
         if self.first.is_some() || own >= 1.0 {
             self.longest = self.longest.max(at - self.last);
         }
+        if self.first.is_some() {
+            self.pause = self.pause.max(at - self.last);
+        }
+        if at - self.marks[1].0 >= WINDOW {
+            self.marks = [self.marks[1], (at, own)];
+        }
         self.last = at;
         self.first.get_or_insert(first);
     }
@@ -103,8 +121,14 @@ impl Pace {
     /// Steps per second; none before any has been measured.
     fn rate(&self, at: f64) -> Option<f64> {
         let (from, had) = self.first?;
-        let (took, did) = (at - from, self.own() - had);
-        (took > 0.0 && did > 0.0).then(|| did / took)
+        let since = |(from, had): (f64, f64)| (at - from, self.own() - had);
+        let (recently, did) = since(self.marks[0]);
+        if self.marks[0].0 > from && did >= SOME {
+            return Some(did / recently);
+        }
+        let (took, did) = since((from, had));
+        let waited = did >= 2.0 && self.pause > WAITED * took;
+        (took > 0.0 && did > 0.0 && !waited).then(|| did / took)
     }
 
     /// What is left of the time that was foretold, s; none once it is over.
@@ -205,6 +229,21 @@ mod tests {
         pace.advance(20.0, 1);
         assert_eq!(pace.words(45.0), "1.3/min, 2 min 15 s left");
         assert_eq!(pace.words(55.0), "1.1/min, 35.0 s in this one so far");
+    }
+
+    #[test]
+    fn what_waits_for_others_has_no_rate_and_then_that_of_its_own_work() {
+        let mut pace = Pace::new(4000, None);
+        pace.advance(1.0, 1);
+        pace.advance(2.0, 1);
+        assert!(pace.words(2.0).starts_with("1.0/s, 1 h 0"), "{}", pace.words(2.0));
+        // For minutes others have the processors.
+        pace.advance(240.0, 1);
+        assert_eq!(pace.words(240.0), "");
+        for second in 241..=300 {
+            pace.advance(f64::from(second), 10);
+        }
+        assert_eq!(pace.words(300.0), "10.0/s, 5 min 40 s left");
     }
 
     #[test]
