@@ -19,7 +19,7 @@ pub struct Decimal {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum QuantityError {
     /// Not a decimal number.
-    #[error("{0:?} is not a decimal number of at most 18 digits")]
+    #[error("{0:?} is not a decimal number of at most 18 digits, with a point before its decimals")]
     NotANumber(String),
     /// A unit of another dimension, or none that is known.
     #[error("unknown unit {found:?} for {}; allowed: {allowed}", .dimension.with_article())]
@@ -304,6 +304,10 @@ impl Quantity {
         let text = text.trim();
         let end = number_end(text);
         let (number, unit) = (&text[..end], text[end..].trim());
+        if unit.starts_with(',') {
+            // A decimal comma is no unit.
+            return Err(QuantityError::NotANumber(text.to_owned()));
+        }
         let value: Decimal = number.parse().map_err(|_| QuantityError::NotANumber(text.to_owned()))?;
         if unit.is_empty() {
             return Ok(Self { base: value, dimension });

@@ -218,7 +218,7 @@ pub struct PatternArguments {
     /// FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
     #[arg(value_name = "PATTERN", required = true)]
     pub patterns: Vec<String>,
-    /// Where the result goes; an existing file is replaced [default of a plain `solve`: nowhere, what was found is printed]
+    /// Where the result goes; an existing file is replaced [default: nowhere, what was found is printed]
     #[arg(short, long, value_name = "OUT.h5")]
     pub output: Option<PathBuf>,
 }

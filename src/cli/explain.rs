@@ -1,6 +1,6 @@
 //! `deaflow explain`: why a stage would be built, with everything that has changed.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser};
@@ -34,10 +34,7 @@ pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, Cl
     let (path, stage) = match (both, &arguments.pipeline) {
         (Some((path, stage)), _) => (PathBuf::from(path), stage),
         (None, Some(path)) => (path.clone(), arguments.stage.as_str()),
-        (None, None) => (
-            pipeline_in(PathBuf::from(".")).map_err(CliError::bad_input)?,
-            arguments.stage.as_str(),
-        ),
+        (None, None) => (alone(&arguments.stage)?, arguments.stage.as_str()),
     };
     let pipeline = run::load_with(&path, &arguments.set)?;
     let (_scratch, store) = run::store_to_look_into(&arguments.store.folder_of(&path))?;
@@ -48,6 +45,21 @@ pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, Cl
         output.text(text(&found))?;
     }
     Ok(Exit::Done)
+}
+
+/// The pipeline of this folder, for a stage that stands alone; what is no stage is said to be none.
+fn alone(stage: &str) -> Result<PathBuf, CliError> {
+    if Path::new(stage).is_file() {
+        return Err(
+            CliError::bad_input(format!("no stage of {stage} is named")).help(format!(
+                "deaflow explain {stage} STAGE; `deaflow plan {stage}` lists the stages"
+            )),
+        );
+    }
+    pipeline_in(PathBuf::from(".")).map_err(|why| {
+        let help = "deaflow explain PIPELINE.yaml STAGE; `deaflow show DIGEST` tells of an artifact";
+        CliError::bad_input(format!("{stage}: {why}")).help(help)
+    })
 }
 
 fn document(found: &Explanation) -> serde_json::Value {

@@ -16,7 +16,7 @@ use crate::fem::WorkLimit;
 use crate::fem::screening::{self, Row, Screening, Status, Trial};
 use crate::pattern::PatternForm;
 use crate::scene::Scene;
-use crate::stage::direct;
+use crate::stage::{self, direct};
 
 /// Say which effects a scene calls for, by number, threshold and cost
 #[derive(Debug, Args)]
@@ -47,6 +47,9 @@ pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, Cli
     let scene = arguments
         .state
         .of(direct::read_scene_with(&arguments.scene, changes)?)?;
+    if let Some(faint) = stage::of_faint_drive(&scene.at_largest_voltages()) {
+        output.complain(&format!("warning: {faint}"));
+    }
     let screening = screen(scene, &arguments.patterns, arguments.time.work_limit())?;
     if output.is_json() {
         output.document(&screening.document())?;

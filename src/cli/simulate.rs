@@ -303,15 +303,18 @@ fn answer(
     }
 }
 
-/// The stable solutions that a finer mesh could refuse. An estimate is no equilibrium, and `--accuracy` asks finer meshes itself.
+/// The stable solutions that a finer mesh could refuse. An estimate is no equilibrium; an accuracy asks finer meshes itself, up to four elements
+/// along a cell, which these are compared with.
 fn near_limit(
     scene: &Scene,
     patterns: &[Pattern],
     results: &[AccurateSimulation],
     parameters: &SolverParameters,
 ) -> Result<Vec<(usize, Option<CriticalVoltage>)>, CliError> {
-    let (Method::Newton, MeshRequest::Fixed(mesh)) = (parameters.method(), parameters.mesh_request()) else {
-        return Ok(Vec::new());
+    let mesh = match (parameters.method(), parameters.mesh_request()) {
+        (Method::Newton, MeshRequest::Fixed(mesh)) => mesh,
+        (Method::Newton, MeshRequest::Accuracy(_)) => Mesh::biquadratic(2),
+        _ => return Ok(Vec::new()),
     };
     // A charge has no voltage to be lost at.
     if scene.drive.charge.is_some() || CriticalSearch::is_far_from_any(scene)? {

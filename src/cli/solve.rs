@@ -17,7 +17,7 @@ use super::output::{Exit, Output};
 use super::point::PointArguments;
 use super::progress::Bar;
 use super::response::ResponseArguments;
-use super::simulate::{self, Answer};
+use super::simulate::{self, Answer, Place};
 use super::text::Text;
 use super::tone::Tone;
 use super::{history, modes, outcomes, path, response, table, write};
@@ -31,6 +31,9 @@ use crate::store::{Provenance, write_file};
 
 /// The heading of options about the numerical method.
 const METHOD: &str = "Method";
+
+/// What is said of voltages at which other elements do.
+const ALONE: &str = "each of these voltages is of one mesh alone, and a little too high next to corners of electrodes: --path says by how much";
 
 /// What is said of voltages at which bilinear elements lose stability.
 const LATE: &str = "these voltages are of this mesh of bilinear elements, which lose stability too late: --order 2 is nearer, --path says by how much";
@@ -381,7 +384,10 @@ fn text(arguments: &PatternArguments, answer: Answer, seconds: f64) -> Text {
             String::new()
         }
     };
-    let critical = answer.critical.iter().map(|(place, mesh, found)| match found {
+    // How a pattern ended that has no state says it already.
+    let is_told = |place: &Place| answer.unstable.iter().any(|(told, _)| told == place);
+    let critical: Vec<_> = answer.critical.iter().filter(|one| !is_told(&one.0)).collect();
+    let critical = critical.into_iter().map(|(place, mesh, found)| match found {
         Some([stable, lost]) => format!(
             "{place}: stability is lost between {stable:.1} V and {lost:.1} V{}",
             on(mesh)
@@ -391,6 +397,8 @@ fn text(arguments: &PatternArguments, answer: Answer, seconds: f64) -> Text {
     first(&mut text, Tone::Plain, critical);
     if answer.is_late {
         text.toned(Tone::Caution, LATE);
+    } else if answer.critical.iter().any(|(_, _, found)| found.is_some()) {
+        text.toned(Tone::Caution, ALONE);
     }
     let near = answer.near_limit.iter().map(|(place, found)| {
         let limit = found.map_or("; where stability is lost was not found".to_owned(), |found| {

@@ -402,6 +402,18 @@ fn a_part_that_is_not_written_yet_can_be_set() {
 fn a_pipeline_alone_in_a_folder_need_not_be_named() {
     let workspace = Workspace::small();
     workspace.stages(&["run", "small.yaml"]);
+    let forgotten = workspace.run(&["explain", "small.yaml"]);
+    assert!(
+        forgotten.code == Some(2) && forgotten.stderr.contains("no stage of small.yaml is named"),
+        "{}",
+        forgotten.stderr
+    );
+    let empty = workspace.run(&["plan", "small.yaml", "--set", "stages.small.count="]);
+    assert!(
+        empty.code == Some(2) && empty.stderr.contains("no value behind the '='") && empty.stderr.contains("`null`"),
+        "{}",
+        empty.stderr
+    );
     let explained = workspace.run(&["explain", "solved"]);
     assert_eq!(explained.code, Some(0), "{}", explained.stderr);
     assert_eq!(

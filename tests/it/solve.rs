@@ -300,6 +300,13 @@ fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
             assert!(said.contains("pattern 0: a finer mesh could refuse it"), "{said}");
         }
     }
+    // An accuracy asks meshes up to four biquadratic elements along a cell, and yet finer ones could refuse what these bear.
+    let workspace = workspace("6 kV");
+    workspace.write("scene.yaml", &SCENE.replace("VOLTAGE", "6 kV"));
+    workspace.write("cell.csv", &csv(|x, y| (x, y) == (25, 25)));
+    let ended = workspace.run(&["solve", "scene.yaml", "cell.csv", "--accuracy", "0.01 mm", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert_eq!(ended.json()["near_limit"].as_array().unwrap().len(), 1);
 }
 
 #[test]

@@ -68,6 +68,10 @@ impl Override {
         let name = format!("--set {}", path.join("."));
         let before = text.len() - value.len();
         let said = value.trim().to_owned();
+        if said.is_empty() {
+            return Err(InputError::new(format!("--set {text}: no value behind the '='"))
+                .help("`null` takes out what the file has; `\"\"` is an empty text"));
+        }
         let value = Node::parse(&name, value.to_owned())?;
         let value = match before <= LONGEST {
             true => value.inside(&name, text, before),
@@ -136,10 +140,10 @@ impl Override {
             }
             let Some(child) = at.child_mut(step) else {
                 let place = self.path[..depth].join(".");
-                let place = if place.is_empty() {
-                    "the pipeline".to_owned()
-                } else {
-                    format!("`{place}`")
+                let place = match place.as_str() {
+                    "" if known.iter().any(|key| key == "stages") => "the pipeline".to_owned(),
+                    "" => "the scene".to_owned(),
+                    place => format!("`{place}`"),
                 };
                 return Err(self.keys[depth]
                     .error(format!("--set {}: no `{step}` in {place}", self.path.join(".")))

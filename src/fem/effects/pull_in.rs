@@ -64,8 +64,15 @@ impl Effect for ElectromechanicalStability {
             let ratio = share(limit.voltage);
             let room = 100.0 * (limit.voltage / scene.voltage_v() - 1.0);
             let place = if room < 0.0 { "below" } else { "above" };
+            let [low, high] = limit.interval();
+            let is_open = low <= scene.voltage_v() && scene.voltage_v() <= high;
+            let doubt = match (is_open, limit.error) {
+                (false, _) => "",
+                (true, Some(_)) => ", which is less than its error",
+                (true, None) => "; a finer mesh could have it on the other side",
+            };
             let change = format!(
-                "is lost by `{pattern}` at {}, {:.0} % {place} the voltage of the drive",
+                "is lost by `{pattern}` at {}, {:.0} % {place} the voltage of the drive{doubt}",
                 voltage(&limit),
                 room.abs()
             );
@@ -193,6 +200,11 @@ mod tests {
         assert!(
             near.ends_with("1.25 kV on a coarse mesh, 25 % above the voltage of the drive"),
             "{near}"
+        );
+        let open = assess(&[found_at(1050.0)]).change;
+        assert!(
+            open.ends_with("5 % above the voltage of the drive; a finer mesh could have it on the other side"),
+            "{open}"
         );
         let far = assess(&[Stability::UpTo(3_162.277_660_168)]);
         assert_eq!(
