@@ -307,6 +307,8 @@ async function report(told, plan) {
 function words(event) {
   if (event.text) return event.event === "warning" ? `warning: ${event.text}` : event.text;
   const what = (event.event ?? "").replace(/^stage-/, "").replace(/^run-/, "run ").replaceAll("-", " ");
+  // What was stopped has not failed.
+  if (what === "failed" && event.why?.startsWith("stopped")) return `${event.name ?? ""}: ${event.why}`;
   return [`${event.name ?? event.pipeline ?? ""}:`, what, event.why && `(${event.why})`].filter(Boolean).join(" ");
 }
 

@@ -112,7 +112,8 @@ export async function compareView(view, ids) {
   };
   const heads = (/** @type {string} */ first, /** @type {boolean} */ are) => [first, ...runs.map((run) => ({ title: `${run.id}, ${when(run.created)}`, number: are }))];
   const figures = runs.map((run) => {
-    const last = run.stages.filter((/** @type {any} */ stage) => ["verify", "evaluate", "design", "accuracy", "balance", "solve"].includes(stage.kind ?? "") || stage.digest).slice(-1)[0];
+    // The same stage of all, or two figures would be of different things.
+    const last = run.stages.filter((/** @type {any} */ stage) => inAll.has(stage.name)).slice(-1)[0];
     return h("div", {}, h("h3", {}, `${run.id}: ${last?.name ?? ""}`), last?.digest ? h("iframe", { sandbox: "allow-same-origin", title: `Figures of ${last.name}`, src: `/api/artifacts/${last.digest}/page` }) : null);
   });
   const differing = rows("parameters", false);
@@ -133,7 +134,7 @@ export async function compareView(view, ids) {
     h("h2", {}, "Results"),
     equal ? h("label", { class: "toggle" }, h("input", { type: "checkbox", name: "equal", onchange: (/** @type {any} */ event) => fill(event.target.checked) }), `Show ${equal} that are equal, too`) : null,
     box,
-    h("h2", {}, "Figures of the last stage"),
+    h("h2", {}, "Figures of the last stage that all have"),
     h("div", { class: "pair" }, figures),
   );
 }
