@@ -29,8 +29,8 @@ FIGURES = {
     "worth": ("paper", "accuracy", "accuracy"),
 }
 
-# Those of few colours, which take a third of the bytes with a palette.
-CHARTS = {"accuracy", "audit", "histogram", "sweep"}
+# Those of few colours, which take a third to a half of the bytes with a palette.
+CHARTS = {"accuracy", "audit", "cases", "evaluation", "histogram", "sweep", "training", "verification", "worth"}
 
 # All of them together, bytes: they are fetched with every clone.
 MOST = 1_200_000
