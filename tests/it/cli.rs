@@ -476,6 +476,7 @@ fn a_negative_voltage_is_refused_as_what_it_is() {
         for (voltage, said) in [
             ("-5 kV", "--voltage:1:1"),
             ("many", "allowed: a number with a unit: V, kV"),
+            ("", "--voltage has no value"),
         ] {
             let ended = workspace.run(&[command, "scene.yaml", "p.csv", "--voltage", voltage]);
             assert_eq!(ended.code, Some(2));

@@ -72,8 +72,9 @@ pub fn nearest<'w>(word: &str, allowed: &[&'w str]) -> Option<&'w str> {
     let candidates = allowed.iter().filter(|candidate| short(word) && short(candidate));
     candidates
         .map(|candidate| (strsim::damerau_levenshtein(word, candidate), *candidate))
-        .min_by_key(|(distance, _)| *distance)
+        // How near a word is depends on its length: a short one may be as far as a long one, and not be meant.
         .filter(|(distance, candidate)| *distance <= 1 + candidate.chars().count().max(word.chars().count()) / 3)
+        .min_by_key(|(distance, _)| *distance)
         .map(|(_, candidate)| candidate)
 }
 

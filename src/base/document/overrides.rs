@@ -42,9 +42,12 @@ impl Override {
     /// The value of an option that stands for a path: errors name the option, as it was written.
     ///
     /// # Errors
-    /// When the value is not YAML.
+    /// When the value is not YAML, or none.
     pub fn of_option(option: &str, path: &str, text: &str) -> Result<Self, InputError> {
         let value = Node::parse(option, text.to_owned())?;
+        if matches!(value.value(), NodeValue::Null) {
+            return Err(value.error(format!("{option} has no value")));
+        }
         let path: Vec<String> = path.split('.').map(str::to_owned).collect();
         let key = |step: &String| value.with_value(NodeValue::Text(step.clone()));
         Ok(Self {

@@ -31,7 +31,7 @@ export async function model(place, found, query) {
   const heads = splits.flatMap((split) => [{ title: `${split}: RMS error, mm`, number: true }, { title: `${split}: largest, mm`, number: true }]);
   const own = h("div", {});
   const asked = query.get("split") ?? "";
-  const first = asked in PARTS ? asked : "test";
+  const first = Object.hasOwn(PARTS, asked) ? asked : "test";
   const part = labelled("Rows of", choice("judged-split", Object.entries(PARTS), first, (split) => {
     history.replaceState(null, "", `#/artifacts/${found.digest}?${new URLSearchParams({ tab: "errors", split })}`);
     void judge(split);
