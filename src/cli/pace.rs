@@ -40,8 +40,10 @@ pub struct Pace {
     last: f64,
     /// The longest time between two tellings.
     longest: f64,
-    /// The same without that before the first.
+    /// The same without that before the first, and without those in which half of all that is done was done.
     pause: f64,
+    /// What this process had done when progress was last told of.
+    had: f64,
     /// When marks were set, and how much this process had done by then: the last but one, and the last.
     marks: [(f64, f64); 2],
 }
@@ -94,9 +96,10 @@ impl Pace {
         if self.first.is_some() || own >= 1.0 {
             self.longest = self.longest.max(at - self.last);
         }
-        if self.first.is_some() {
+        if self.first.is_some() && 2.0 * (own - self.had) <= own {
             self.pause = self.pause.max(at - self.last);
         }
+        self.had = own;
         if at - self.marks[1].0 >= WINDOW {
             self.marks = [self.marks[1], (at, own)];
         }

@@ -20,7 +20,10 @@ fn an_unknown_key_is_underlined_and_the_nearest_is_named() {
     assert_eq!(underlined(&error), "colour");
     assert!(error.help.as_ref().unwrap().contains("did you mean `color`?"));
     // Another word is as far, and shorter: it is not meant.
-    assert_eq!(nearest("volt", &["rest", "charge", "voltage", "waveform"]), Some("voltage"));
+    assert_eq!(
+        nearest("volt", &["rest", "charge", "voltage", "waveform"]),
+        Some("voltage")
+    );
     assert_eq!(nearest("volt", &["rest", "charge"]), None);
 }
 
