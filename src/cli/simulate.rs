@@ -72,8 +72,6 @@ pub struct Answer {
     pub endings: Vec<Ending>,
     /// The outcome of each pattern without a stable solution: position and words.
     pub unstable: Vec<(Place, String)>,
-    /// Whether each pattern has a mesh of its own.
-    pub picks_mesh: bool,
     /// Patterns whose estimated error in mm is larger than the accuracy that was asked for, although the finest mesh was
     /// used: position and estimate.
     pub missed: Vec<(Place, f64)>,
@@ -84,13 +82,27 @@ pub struct Answer {
     pub near_limit: Vec<(Place, Option<CriticalVoltage>)>,
     /// Patterns of which cells would wrinkle, where that was asked for: position and part of the membrane.
     pub wrinkled: Vec<(Place, f64)>,
-    /// Where patterns lose stability, in V, of those that the effect `electromechanical_stability` has this computed for, with
-    /// the mesh on which they do.
-    pub critical: Vec<(Place, Mesh, Option<[f64; 2]>)>,
+    /// Where patterns lose stability, of those that the effect `electromechanical_stability` has this computed for.
+    pub critical: Vec<Critical>,
     /// Whether voltages at which stability is lost are those of bilinear elements, which lose it too late.
     pub is_late: bool,
     /// What else is said.
     pub statement: Statement,
+}
+
+/// Where a pattern loses stability.
+#[derive(Clone, Debug)]
+pub struct Critical {
+    /// The pattern.
+    pub place: Place,
+    /// The mesh on which it does.
+    pub mesh: Mesh,
+    /// That mesh in words, behind a comma; empty where all patterns have it.
+    pub on: String,
+    /// The voltages between which it does, in V, where these were found.
+    pub between: Option<[f64; 2]>,
+    /// Whether it has no stable state, so that how it ended says the same.
+    pub is_lost: bool,
 }
 
 /// What a command says besides, for people and for programs.
@@ -258,15 +270,14 @@ fn answer(
         }
     });
     let unstable = rows().filter(|(index, run)| run.results[*index].simulation.field.is_none());
-    let picks_mesh = parameters.accuracy().is_some();
+    // Two meshes lose stability at two voltages, which would contradict each other.
+    let on = |mesh: &Mesh| match parameters.accuracy() {
+        Some(_) => format!(", on {mesh}"),
+        None => String::new(),
+    };
     let unstable = unstable.map(|(index, run)| {
         let AccurateSimulation { simulation, mesh, .. } = &run.results[index];
-        let on = if picks_mesh {
-            format!(", on {mesh}")
-        } else {
-            String::new()
-        };
-        (run.place(index), format!("{}{on}", simulation.outcome))
+        (run.place(index), format!("{}{}", simulation.outcome, on(mesh)))
     });
     let missed = rows().filter_map(|(index, run)| Some((run.place(index), run.results[index].discretisation_error?)));
     let wrinkled = rows().filter_map(|(index, run)| {
@@ -277,15 +288,20 @@ fn answer(
     let searched = rows().filter(|(_, run)| run.screened.scene.effects.electromechanical_stability.is_some());
     let critical = searched.map(|(index, run)| {
         let AccurateSimulation { simulation, mesh, .. } = &run.results[index];
-        (run.place(index), *mesh, simulation.observation.critical_voltage)
+        Critical {
+            place: run.place(index),
+            mesh: *mesh,
+            on: on(mesh),
+            between: simulation.observation.critical_voltage,
+            is_lost: simulation.field.is_none(),
+        }
     });
     let critical: Vec<_> = critical.collect();
     let is_bilinear = matches!(parameters.mesh_request(), MeshRequest::Fixed(mesh) if mesh.order() == Order::Bilinear);
     let is_lost = |result: &&AccurateSimulation| result.simulation.outcome.bracket().is_some();
-    let is_late = is_bilinear && (results.iter().any(is_lost) || critical.iter().any(|(_, _, found)| found.is_some()));
+    let is_late = is_bilinear && (results.iter().any(is_lost) || critical.iter().any(|found| found.between.is_some()));
     Answer {
         critical,
-        picks_mesh,
         is_late,
         content: content.in_states(&states),
         samples: patterns.len(),

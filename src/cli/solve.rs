@@ -17,7 +17,7 @@ use super::output::{Exit, Output};
 use super::point::PointArguments;
 use super::progress::Bar;
 use super::response::ResponseArguments;
-use super::simulate::{self, Answer, Place};
+use super::simulate::{self, Answer};
 use super::text::Text;
 use super::tone::Tone;
 use super::{history, modes, outcomes, path, response, table, write};
@@ -32,11 +32,11 @@ use crate::store::{Provenance, write_file};
 /// The heading of options about the numerical method.
 const METHOD: &str = "Method";
 
-/// What is said of voltages at which other elements do.
-const ALONE: &str = "each of these voltages is of one mesh alone, and a little too high next to corners of electrodes: --path says by how much";
-
 /// What is said of voltages at which bilinear elements lose stability.
 const LATE: &str = "these voltages are of this mesh of bilinear elements, which lose stability too late: --order 2 is nearer, --path says by how much";
+
+/// What is said of those at which other elements do.
+const ALONE: &str = "each of these voltages is of one mesh alone, and a little too high next to corners of electrodes: --path says by how much";
 
 /// Simulate patterns with finite elements
 #[derive(Debug, Args)]
@@ -315,11 +315,11 @@ pub fn conclude(
             }))
         });
         let critical = answer.critical.iter();
-        let critical = critical.map(|(place, mesh, found)| {
-            place.document(json!({
-                "between": found,
-                "elements_per_cell": mesh.elements_per_cell(),
-                "order": mesh.order().degree(),
+        let critical = critical.map(|found| {
+            found.place.document(json!({
+                "between": found.between,
+                "elements_per_cell": found.mesh.elements_per_cell(),
+                "order": found.mesh.order().degree(),
             }))
         });
         let mut document = json!({
@@ -376,28 +376,19 @@ fn text(arguments: &PatternArguments, answer: Answer, seconds: f64) -> Text {
         outcome => format!("{place}: no stable solution was found: {outcome}"),
     });
     first(&mut text, Tone::Bad, outcomes);
-    // Two meshes lose it at two voltages, which would contradict each other.
-    let on = |mesh: &Mesh| {
-        if answer.picks_mesh {
-            format!(", on {mesh}")
-        } else {
-            String::new()
-        }
-    };
     // How a pattern ended that has no state says it already.
-    let is_told = |place: &Place| answer.unstable.iter().any(|(told, _)| told == place);
-    let critical: Vec<_> = answer.critical.iter().filter(|one| !is_told(&one.0)).collect();
-    let critical = critical.into_iter().map(|(place, mesh, found)| match found {
+    let critical: Vec<_> = answer.critical.iter().filter(|found| !found.is_lost).collect();
+    let critical = critical.into_iter().map(|found| match found.between {
         Some([stable, lost]) => format!(
-            "{place}: stability is lost between {stable:.1} V and {lost:.1} V{}",
-            on(mesh)
+            "{}: stability is lost between {stable:.1} V and {lost:.1} V{}",
+            found.place, found.on
         ),
-        None => format!("{place}: where stability is lost was not found"),
+        None => format!("{}: where stability is lost was not found", found.place),
     });
     first(&mut text, Tone::Plain, critical);
     if answer.is_late {
         text.toned(Tone::Caution, LATE);
-    } else if answer.critical.iter().any(|(_, _, found)| found.is_some()) {
+    } else if answer.critical.iter().any(|found| found.between.is_some()) {
         text.toned(Tone::Caution, ALONE);
     }
     let near = answer.near_limit.iter().map(|(place, found)| {

@@ -8,7 +8,8 @@ use crate::scene::Scene;
 
 /// What is foreseen of a stage that simulates patterns: what is said of its drive, and whether most of them will be lost.
 pub fn of_simulations(stage: &Foreseeable<'_>) -> Foreseen {
-    let found = stability(stage);
+    let scene = scene_of(stage);
+    let found = scene.as_ref().and_then(stability);
     // An estimate does not look for what is stable.
     let method = stage.node.peek("method").and_then(|node| node.text("method").ok());
     let finds_out = method.is_none_or(|method| method == Method::Newton.to_string());
@@ -17,7 +18,7 @@ pub fn of_simulations(stage: &Foreseeable<'_>) -> Foreseen {
     let is_lost = finds_out && found.as_ref().is_some_and(|found| found.is_lost);
     let warning = match found {
         Some(found) => Some(found.warning),
-        None if has_one_mesh => scene_of(stage).as_ref().and_then(near),
+        None if has_one_mesh => scene.as_ref().and_then(near),
         None => None,
     };
     Foreseen {
@@ -31,7 +32,7 @@ pub fn of_simulations(stage: &Foreseeable<'_>) -> Foreseen {
 ///
 /// A scene that cannot be read or simulated has been refused by then, so nothing is said of it here.
 pub fn of_stability(stage: &Foreseeable<'_>) -> Option<String> {
-    stability(stage).map(|found| found.warning)
+    scene_of(stage).as_ref().and_then(stability).map(|found| found.warning)
 }
 
 /// What is known of a drive by which patterns may be lost.
@@ -63,16 +64,15 @@ fn scene_of(stage: &Foreseeable<'_>) -> Option<Scene> {
     }
 }
 
-fn stability(stage: &Foreseeable<'_>) -> Option<Beyond> {
-    let scene = scene_of(stage)?;
+fn stability(scene: &Scene) -> Option<Beyond> {
     let faint = || {
-        let warning = of_faint_drive(&scene)?;
+        let warning = of_faint_drive(scene)?;
         Some(Beyond {
             warning,
             is_lost: false,
         })
     };
-    beyond(&scene).or_else(faint)
+    beyond(scene).or_else(faint)
 }
 
 /// What makes patterns of a scene stable of which none is.

@@ -313,7 +313,7 @@ class Sketchpad {
   take(values) {
     Object.assign(this, values);
     // Brackets are of a mesh and of effects: those of others are not to be taken for them.
-    if ("elements" in values || "effects" in values || "method" in values || "order" in values) this.criticalText.textContent = "looking for where stability is lost …";
+    if (["effects", "elements", "method", "order"].some((name) => name in values)) this.criticalText.textContent = "looking for where stability is lost …";
     this.changed(false);
   }
 
