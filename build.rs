@@ -35,7 +35,6 @@ fn main() -> io::Result<()> {
     add(features.join(",").as_bytes());
     let build = hasher.finalize().to_hex();
     println!("cargo::rustc-env=DEAFLOW_BUILD={build}");
-    println!("cargo::rustc-env=DEAFLOW_BUILD_SHORT={}", &build[..12]);
     for path in ["build.rs", "src", "Cargo.lock"] {
         println!("cargo::rerun-if-changed={path}");
     }

@@ -5,7 +5,7 @@
 //!
 //! # Layers
 //!
-//! Each room imports only from the rooms named to its right; `tests/layering.rs` parses the sources and fails on any
+//! Each room is a crate and depends only on the rooms named to its right; a test reads their manifests and fails on any
 //! other arrow. `base` may be imported by every room.
 //!
 //! ```text
@@ -16,7 +16,7 @@
 //! executor     → orchestrator, store
 //! orchestrator → store
 //! remote       → store
-//! content      → store, pattern, field, scene
+//! content      → orchestrator, store, pattern, field, scene
 //! store        → hdf
 //!
 //! design       → pattern, field, scene
@@ -37,23 +37,11 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
-pub mod accuracy;
-pub mod base;
-pub mod cli;
-pub mod content;
-pub mod dataset;
-pub mod design;
-pub mod executor;
-pub mod fem;
-pub mod field;
-pub mod hdf;
-pub mod orchestrator;
-pub mod pattern;
-pub mod remote;
-pub mod report;
-pub mod sample;
-pub mod scene;
-pub mod serve;
-pub mod stage;
-pub mod store;
-pub mod surrogate;
+pub use deaflow_base::{parameters, variants, words};
+pub use {
+    deaflow_accuracy as accuracy, deaflow_base as base, deaflow_cli as cli, deaflow_content as content,
+    deaflow_dataset as dataset, deaflow_design as design, deaflow_executor as executor, deaflow_fem as fem,
+    deaflow_field as field, deaflow_hdf as hdf, deaflow_orchestrator as orchestrator, deaflow_pattern as pattern,
+    deaflow_remote as remote, deaflow_report as report, deaflow_sample as sample, deaflow_scene as scene,
+    deaflow_serve as serve, deaflow_stage as stage, deaflow_store as store, deaflow_surrogate as surrogate,
+};

@@ -6,10 +6,10 @@ use super::error::AccuracyError;
 use super::families::Families;
 use super::reference::Reference;
 use super::timing::timed;
-use crate::base::Progress;
-use crate::field::Field;
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_base::Progress;
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 /// Patterns of some families with their reference solutions.
 pub struct Benchmark {
@@ -290,7 +290,7 @@ fn of_family(errors: &[PatternError], promise_mm: Option<f64>, reference_error: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
+    use deaflow_pattern::Raster;
 
     #[test]
     fn errors_are_those_of_the_difference_and_disagreements_are_counted() {

@@ -46,7 +46,7 @@ pub fn upper_bound(errors: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Stream;
+    use deaflow_base::Stream;
 
     #[test]
     fn the_factor_is_that_of_the_tables() {

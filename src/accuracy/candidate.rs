@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use super::error::AccuracyError;
 use super::network::Network;
-use crate::base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Parameter, Quantity, Schema, Time};
-use crate::fem::screening::resolve;
-use crate::fem::{
+use deaflow_base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Parameter, Quantity, Schema, Time};
+use deaflow_fem::screening::resolve;
+use deaflow_fem::{
     MeshRequest, Method, SolverParameters, StepEstimate, StepEstimates, ThreeSolves, creep_settings, history_check,
 };
-use crate::field::{Evaluator, Mesh};
-use crate::scene::Scene;
+use deaflow_field::{Evaluator, Mesh};
+use deaflow_scene::Scene;
 
 /// A method with its settings.
 pub enum Candidate {

@@ -1,8 +1,8 @@
 //! Why accuracy cannot be measured.
 
-use crate::fem::{Method, SetupError};
-use crate::field::PredictError;
-use crate::surrogate::SceneError;
+use deaflow_fem::{Method, SetupError};
+use deaflow_field::PredictError;
+use deaflow_surrogate::SceneError;
 
 /// Why accuracy cannot be measured.
 #[derive(Debug, thiserror::Error)]

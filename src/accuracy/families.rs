@@ -3,9 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::base::Stream;
-use crate::pattern::Pattern;
-use crate::sample::{
+use deaflow_base::Stream;
+use deaflow_pattern::Pattern;
+use deaflow_sample::{
     Areas, Bezier, Blobs, Canvas, Checker, Diagonals, Dithers, Ends, Family, Glyphs, LargeGrid, Mazes, SampleError,
     SmallGrid, Spirals, Stripes,
 };

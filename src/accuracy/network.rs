@@ -4,9 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::candidate::Candidate;
-use crate::base::{Canonical, Digest, InputError, Node, read_bounded};
-use crate::field::Evaluator;
-use crate::surrogate::{LoadError, Surrogate};
+use deaflow_base::{Canonical, Digest, InputError, Node, read_bounded};
+use deaflow_field::Evaluator;
+use deaflow_surrogate::{LoadError, Surrogate};
 
 /// A model is some hundred megabytes at most; more is another kind of file.
 const MAX_BYTES: u64 = 4 << 30;

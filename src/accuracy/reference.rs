@@ -7,12 +7,12 @@ use std::path::Path;
 
 use super::candidate::Candidate;
 use super::error::AccuracyError;
-use crate::base::{Document, InputError, Node, Progress};
-use crate::fem::screening::resolve;
-use crate::fem::{AccurateSimulation, Method, SetupError, SolverParameters, history_check};
-use crate::field::{Field, Mesh, Order};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_base::{Document, InputError, Node, Progress};
+use deaflow_fem::screening::resolve;
+use deaflow_fem::{AccurateSimulation, Method, SetupError, SolverParameters, history_check};
+use deaflow_field::{Field, Mesh, Order};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 /// How the reference was solved.
 pub struct Reference(SolverParameters);
@@ -149,7 +149,7 @@ fn next_coarser(mesh: Mesh) -> Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
+    use deaflow_pattern::Raster;
 
     struct Silent;
 

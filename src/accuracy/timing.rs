@@ -1,6 +1,6 @@
 //! The time that a method takes on one core.
 
-use crate::base::thread_seconds;
+use deaflow_base::thread_seconds;
 
 /// Work shorter than this is repeated until it is not, s: the system counts the time on a core in ticks of milliseconds.
 const ENOUGH: f64 = 0.15;

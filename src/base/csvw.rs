@@ -5,14 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-/// This program, as files name it.
-pub const SOFTWARE: &str = concat!(
-    "deaflow ",
-    env!("CARGO_PKG_VERSION"),
-    " (build ",
-    env!("DEAFLOW_BUILD_SHORT"),
-    ")"
-);
+use super::program::software;
 
 /// A file of comma-separated values, described.
 #[derive(Clone, Debug)]
@@ -43,7 +36,7 @@ pub fn csv_metadata(tables: &[CsvTable]) -> Vec<u8> {
             "url": uri(&table.url),
             "dc:title": table.title,
             "dc:source": table.source,
-            "dc:creator": SOFTWARE,
+            "dc:creator": software(),
         });
         if !table.header {
             described["dialect"] = json!({ "header": false });
@@ -92,7 +85,7 @@ mod tests {
         let one = read(&[about("designs.csv", true)]);
         let wanted = json!({
             "@context": "http://www.w3.org/ns/csvw", "url": "designs.csv", "dc:title": "quickstart: design",
-            "dc:source": "ab12", "dc:creator": SOFTWARE,
+            "dc:source": "ab12", "dc:creator": software(),
         });
         assert_eq!(one, wanted);
         let two = read(&[about("designs.csv", true), about("patterns/a.csv", false)]);

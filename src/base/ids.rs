@@ -91,7 +91,7 @@ mod tests {
         assert_eq!(id.to_string(), digest.to_string());
         assert_eq!(digest.to_string().parse::<ArtifactId>().unwrap(), id);
         assert_eq!(format!("{id:?}"), format!("ArtifactId({})", digest.short()));
-        assert_eq!(crate::base::encode(&id).unwrap(), crate::base::encode(&digest).unwrap());
+        assert_eq!(crate::encode(&id).unwrap(), crate::encode(&digest).unwrap());
         assert!("x".parse::<ActionKey>().is_err());
     }
 }

@@ -15,14 +15,14 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Bar;
 use super::{model, solve, write};
-use crate::accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
-use crate::base::{Document, Quantity};
-use crate::report::figures::{Cost, FamilyCosts, draw_accuracy};
-use crate::sample::Canvas;
-use crate::scene::Scene;
-use crate::stage::accuracy::content;
-use crate::stage::direct;
-use crate::store::{Provenance, write_file};
+use deaflow_accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
+use deaflow_base::{Document, Quantity};
+use deaflow_report::figures::{Cost, FamilyCosts, draw_accuracy};
+use deaflow_sample::Canvas;
+use deaflow_scene::Scene;
+use deaflow_stage::accuracy::content;
+use deaflow_stage::direct;
+use deaflow_store::{Provenance, write_file};
 
 /// The heading of options about the patterns to measure on.
 const PATTERNS: &str = "Patterns";

@@ -10,10 +10,10 @@ use super::error::CliError;
 use super::output::Output;
 use super::project;
 use super::upstream::{Reading, RemoteArguments};
-use crate::base::{Dimension, NodeValue, Override, Quantity, Time, read_bounded};
-use crate::fem::WorkLimit;
-use crate::scene::Scene;
-use crate::store::Store;
+use deaflow_base::{Dimension, NodeValue, Override, Quantity, Time, read_bounded};
+use deaflow_fem::WorkLimit;
+use deaflow_scene::Scene;
+use deaflow_store::Store;
 
 /// The heading of options about the pipeline.
 pub const PIPELINE: &str = "Pipeline";

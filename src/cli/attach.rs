@@ -8,7 +8,7 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::run::{self, ProgressForm, RunArguments, load};
-use crate::store::{Command, Store};
+use deaflow_store::{Command, Store};
 
 /// Go on with what `run --executor` has submitted, and show how far it is
 #[derive(Debug, Args)]

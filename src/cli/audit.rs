@@ -14,11 +14,11 @@ use super::locate;
 use super::output::{Exit, Output};
 use super::progress::{Bar, RunProgress, Shown};
 use super::{run, write};
-use crate::base::{ArtifactId, Override, Quantity};
-use crate::content::{AttributeError, Audit};
-use crate::orchestrator::{Environment, Pipeline, RunOptions, Staleness, plan, run as run_pipeline};
-use crate::stage::audit::{self, Audited, Finding, Request, Severity};
-use crate::store::{Artifact, Command, Store, StoreError};
+use deaflow_base::{ArtifactId, Override, Quantity};
+use deaflow_content::{AttributeError, Audit};
+use deaflow_orchestrator::{Environment, Pipeline, RunOptions, Staleness, plan, run as run_pipeline};
+use deaflow_stage::audit::{self, Audited, Finding, Request, Severity};
+use deaflow_store::{Artifact, Command, Store, StoreError};
 use report::Answer;
 
 /// Check a dataset: provenance, values, symmetries, leaks, and labels by simulation
@@ -194,7 +194,7 @@ fn check_kind(pipeline: &Pipeline, name: &str) -> Result<(), CliError> {
     if audit::AUDITED.contains(&kind) {
         return Ok(());
     }
-    let fitting = |spec: &&crate::orchestrator::StageSpec| audit::AUDITED.contains(&spec.kind.name());
+    let fitting = |spec: &&deaflow_orchestrator::StageSpec| audit::AUDITED.contains(&spec.kind.name());
     let fitting: Vec<&str> = pipeline
         .stages
         .iter()

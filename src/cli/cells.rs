@@ -1,8 +1,8 @@
 //! `solve --cells`: what an engineer asks of a solution, cell by cell.
 
-use crate::content::{CellFields, NO_STATE, Packed, Row};
-use crate::fem::CellState;
-use crate::pattern::Raster;
+use deaflow_content::{CellFields, NO_STATE, Packed, Row};
+use deaflow_fem::CellState;
+use deaflow_pattern::Raster;
 
 /// The states of the cells of one pattern, `[y][x]`; `None` where there is no stable solution.
 pub type States = Option<Vec<CellState>>;

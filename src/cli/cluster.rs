@@ -18,14 +18,14 @@ use super::output::{Exit, Output, tell};
 use super::progress::{Bar, Shown};
 use super::run::{ProgressForm, RunArguments, read_lock};
 use super::signals;
-use crate::base::{Document, Progress, printable_json};
-use crate::executor::{
+use deaflow_base::{Document, Progress, printable_json};
+use deaflow_executor::{
     CommandEngine, Ending, Engine, EngineKind, Failed, LEDGER, Ledger, Profile, Recipe, SlurmEngine, Standings,
     Submission, supervise, topic,
 };
-use crate::orchestrator::{Pipeline, Stands, check_locked, standings};
-use crate::stage;
-use crate::store::{Board, LockFile, Store};
+use deaflow_orchestrator::{Pipeline, Stands, check_locked, standings};
+use deaflow_stage as stage;
+use deaflow_store::{Board, LockFile, Store};
 
 /// Where a detached submitter writes, among the logs of its workers.
 const LOG: &str = "submitter.log";
@@ -204,7 +204,7 @@ impl Work<'_> {
         }
         let (profile, kind) = self.profile(recipe)?;
         let engine = engine(&profile, kind, recipe.submit.clone())?;
-        let arrays = crate::executor::cancel(&self.board(recipe.until.as_deref()), engine.as_ref())?;
+        let arrays = deaflow_executor::cancel(&self.board(recipe.until.as_deref()), engine.as_ref())?;
         let arrays =
             arrays.map_err(|error| CliError::failure(format!("not everything could be cancelled: {error}")))?;
         match output.is_json() {

@@ -5,7 +5,7 @@ use textwrap::core::{Word, display_width};
 use textwrap::{WordSeparator, WordSplitter};
 
 use super::tone::{Screen, Tone};
-use crate::base::{NO_BREAK, printable, unbroken};
+use deaflow_base::{NO_BREAK, printable, unbroken};
 
 /// The least width of a column in which a text flows; on less it flows below.
 const LEAST: usize = 24;

@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::fmt::Write;
 use std::ops::RangeInclusive;
+use std::sync::LazyLock;
 
 use clap::builder::StyledStr;
 use clap::{Args, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
@@ -34,13 +35,14 @@ const WIDTH: usize = 100;
 const LEAST: usize = 20;
 
 /// The version, and which build of it: two builds of other sources are told apart.
-const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (build ", env!("DEAFLOW_BUILD_SHORT"), ")");
+static VERSION: LazyLock<String> =
+    LazyLock::new(|| format!("{} (build {})", deaflow_base::VERSION, &deaflow_base::build()[..12]));
 
 /// Designs dielectric-elastomer actuators, reproducibly: sample, solve, balance, train, design, verify.
 #[derive(Debug, Parser)]
 #[command(
     name = PROGRAM,
-    version = VERSION,
+    version = VERSION.as_str(),
     about,
     propagate_version = true,
     after_help = examples!("deaflow init demo", "deaflow run demo/pipeline.yaml", "deaflow help run")

@@ -11,7 +11,7 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Lazy;
 use super::{locate, table};
-use crate::store::{Artifact, Copied, Store};
+use deaflow_store::{Artifact, Copied, Store};
 
 /// Copy an artifact and what it was made from into another store
 #[derive(Debug, Args)]

@@ -1,7 +1,7 @@
 //! Tables in CSV.
 
 use super::error::CliError;
-use crate::report::Collected;
+use deaflow_report::Collected;
 
 /// The table of a table stage.
 ///

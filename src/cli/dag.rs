@@ -10,7 +10,7 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::run;
-use crate::orchestrator::StageSpec;
+use deaflow_orchestrator::StageSpec;
 
 /// Draw the stages of a pipeline and what they need
 #[derive(Debug, Args)]

@@ -12,8 +12,8 @@ use super::output::{Exit, Output};
 use super::side::{Places, Side};
 use super::text::Text;
 use super::{csv, locate, table};
-use crate::base::Canonical;
-use crate::orchestrator::is_filled;
+use deaflow_base::Canonical;
+use deaflow_orchestrator::is_filled;
 
 /// Compare two runs: parameters that differ, and results that differ with them
 #[derive(Debug, Args)]
@@ -307,7 +307,7 @@ fn relative(from: Option<f64>, to: Option<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::tone::Screen;
+    use crate::tone::Screen;
 
     fn side(results: &[(&str, f64)]) -> Side {
         let mut side = Side::new("side".to_owned());

@@ -10,7 +10,7 @@ use super::output::{Exit, Output};
 use super::text::Text;
 use super::tone::Tone;
 use super::{locate, table};
-use crate::store::{Manner, Service, Store, Verdict};
+use deaflow_store::{Manner, Service, Store, Verdict};
 
 /// Try what a store needs of its file system: locks, links, clocks, room
 #[derive(Debug, Args)]

@@ -5,9 +5,9 @@ use super::run::RunArguments;
 use super::table;
 use super::text::Text;
 use super::tone::Tone;
-use crate::orchestrator::{Outcome, RunOutcome, StageReport};
-use crate::report::{Headline, RunResults};
-use crate::store::{Command, Store};
+use deaflow_orchestrator::{Outcome, RunOutcome, StageReport};
+use deaflow_report::{Headline, RunResults};
+use deaflow_store::{Command, Store};
 
 /// Adds what was built, and what was found: the lines that matter most, and how many more there are.
 pub fn add_to(

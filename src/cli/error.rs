@@ -10,18 +10,18 @@ use serde_json::{Value, json};
 use super::output::Exit;
 use super::text::lines;
 use super::tone::{Screen, Tone};
-use crate::base::{InputError, OutputError, is_unprintable, printable};
-use crate::content::ContentError;
-use crate::executor::SubmitError;
-use crate::fem::SetupError;
-use crate::field::PredictError;
-use crate::orchestrator::{RunError, StageError};
-use crate::remote::RemoteError;
-use crate::report::figures::FigureError;
-use crate::report::{ReportError, RowsError};
-use crate::serve::ServeError;
-use crate::stage::direct::DirectError;
-use crate::store::StoreError;
+use deaflow_base::{InputError, OutputError, is_unprintable, printable};
+use deaflow_content::ContentError;
+use deaflow_executor::SubmitError;
+use deaflow_fem::SetupError;
+use deaflow_field::PredictError;
+use deaflow_orchestrator::{RunError, StageError};
+use deaflow_remote::RemoteError;
+use deaflow_report::figures::FigureError;
+use deaflow_report::{ReportError, RowsError};
+use deaflow_serve::ServeError;
+use deaflow_stage::direct::DirectError;
+use deaflow_store::StoreError;
 
 /// Why a command did not do what was asked.
 #[derive(Debug)]
@@ -418,7 +418,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::base::Document;
+    use deaflow_base::Document;
 
     #[test]
     fn bad_input_is_shown_with_a_caret_under_the_word() {

@@ -11,8 +11,8 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::{locate, run};
-use crate::base::{ArtifactId, readable_time};
-use crate::orchestrator::{Explanation, explain};
+use deaflow_base::{ArtifactId, readable_time};
+use deaflow_orchestrator::{Explanation, explain};
 
 /// Say why a stage would be built: every parameter and input that has changed
 #[derive(Debug, Args)]

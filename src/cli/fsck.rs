@@ -11,7 +11,7 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Lazy;
 use super::{locate, table};
-use crate::store::{Report, Store};
+use deaflow_store::{Report, Store};
 
 /// Check every byte of a store
 #[derive(Debug, Args)]

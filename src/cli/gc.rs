@@ -14,9 +14,9 @@ use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
 use super::{locate, table};
-use crate::orchestrator::Environment;
-use crate::report::{FigureFile, figures_of, remove_figures};
-use crate::store::{AGE, AGE_OF_NEED, Collection, Group, Judged, Retention, Store, Tally};
+use deaflow_orchestrator::Environment;
+use deaflow_report::{FigureFile, figures_of, remove_figures};
+use deaflow_store::{AGE, AGE_OF_NEED, Collection, Group, Judged, Retention, Store, Tally};
 
 /// Remove artifacts that neither the last runs nor a pin nor a lock file need
 #[derive(Debug, Args)]

@@ -13,16 +13,16 @@ use super::simulate::seconds_each;
 use super::solve::{SolveArguments, check_file, provenance};
 use super::text::Text;
 use super::{csv, table, write};
-use crate::base::{Dimension, Progress, Quantity, Time};
-use crate::content::{Histories, Lines, Packed};
-use crate::fem::screening::Screened;
-use crate::fem::{AccurateHistory, History, HistorySolver, Instant, USUAL_TIME_ERROR, check_leads};
-use crate::field::{Field, Mesh, Motion};
-use crate::pattern::Pattern;
-use crate::report::figures::{self, draw_histories};
-use crate::scene::{Scene, Side};
-use crate::stage::direct;
-use crate::store::write_file;
+use deaflow_base::{Dimension, Progress, Quantity, Time};
+use deaflow_content::{Histories, Lines, Packed};
+use deaflow_fem::screening::Screened;
+use deaflow_fem::{AccurateHistory, History, HistorySolver, Instant, USUAL_TIME_ERROR, check_leads};
+use deaflow_field::{Field, Mesh, Motion};
+use deaflow_pattern::Pattern;
+use deaflow_report::figures::{self, draw_histories};
+use deaflow_scene::{Scene, Side};
+use deaflow_stage::direct;
+use deaflow_store::write_file;
 
 /// Latest time in s.
 const LATEST: f64 = 1e12;

@@ -11,10 +11,10 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::write;
-use crate::base::is_plain_name;
-use crate::orchestrator::{of_pipeline, of_scene};
-use crate::stage;
-use crate::store::Store;
+use deaflow_base::is_plain_name;
+use deaflow_orchestrator::{of_pipeline, of_scene};
+use deaflow_stage as stage;
+use deaflow_store::Store;
 
 /// The pipeline, with the name that [`NAME`] holds the place of.
 const PIPELINE: &str = include_str!("init/pipeline.yaml");

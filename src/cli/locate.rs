@@ -4,9 +4,9 @@ use std::path::Path;
 
 use super::error::CliError;
 use super::run;
-use crate::base::{ArtifactId, nearest, readable_time};
-use crate::orchestrator::{Environment, StageReport, Staleness, plan};
-use crate::store::{Artifact, Command, Lookup, Removed, Run, Store, StoreError};
+use deaflow_base::{ArtifactId, nearest, readable_time};
+use deaflow_orchestrator::{Environment, StageReport, Staleness, plan};
+use deaflow_store::{Artifact, Command, Lookup, Removed, Run, Store, StoreError};
 
 /// The fewest digits that name a digest.
 pub const LEAST: usize = 4;

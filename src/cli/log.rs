@@ -16,10 +16,10 @@ use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
 use super::{csv, diff, locate, run, table};
-use crate::base::{Canonical, readable_time};
-use crate::orchestrator::file_of;
-use crate::report::{Gone, run_document};
-use crate::store::{Command, Ended, Run, Store, StoreError};
+use deaflow_base::{Canonical, readable_time};
+use deaflow_orchestrator::file_of;
+use deaflow_report::{Gone, run_document};
+use deaflow_store::{Command, Ended, Run, Store, StoreError};
 
 /// Runs that people are shown unless they ask for others.
 const SHOWN: usize = 20;

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use super::error::CliError;
 use super::locate;
-use crate::base::read_bounded;
-use crate::content::Training;
-use crate::store::Artifact;
+use deaflow_base::read_bounded;
+use deaflow_content::Training;
+use deaflow_store::Artifact;
 
 /// A model is some hundred megabytes at most; more is another kind of file.
 const MAX_BYTES: u64 = 4 << 30;

@@ -14,15 +14,15 @@ use super::simulate::seconds_each;
 use super::solve::{SolveArguments, provenance};
 use super::table;
 use super::text::Text;
-use crate::base::Progress;
-use crate::content::{Packed, Vibrations};
-use crate::fem::screening::resolve;
-use crate::fem::{MOST_MODES, MembraneSolver, Vibration, check_leads};
-use crate::field::Field;
-use crate::pattern::Pattern;
-use crate::scene::Scene;
-use crate::stage::direct;
-use crate::store::write_file;
+use deaflow_base::Progress;
+use deaflow_content::{Packed, Vibrations};
+use deaflow_fem::screening::resolve;
+use deaflow_fem::{MOST_MODES, MembraneSolver, Vibration, check_leads};
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+use deaflow_stage::direct;
+use deaflow_store::write_file;
 
 /// What is said where the lowest mode of the flat membrane out of its plane is about as low.
 pub const OUT_OF_PLANE: &str =

@@ -4,12 +4,12 @@ use std::io;
 use std::thread::{Builder, JoinHandle};
 
 use super::error::CliError;
-use crate::base::Digest;
-use crate::content::SOLVED;
-use crate::fem::screening::Screened;
-use crate::orchestrator::{Pipeline, StageSpec};
-use crate::scene::Scene;
-use crate::store::Store;
+use deaflow_base::{Digest, build};
+use deaflow_content::SOLVED;
+use deaflow_fem::screening::Screened;
+use deaflow_orchestrator::{Pipeline, StageSpec};
+use deaflow_scene::Scene;
+use deaflow_store::Store;
 
 /// What stages of a pipeline neglect although it matters, after the names of those among `stages` that simulate. It depends on parts of the
 /// scene that decide about no result (how the drive goes on in time, what is known of the material), so it stands in no artifact.
@@ -80,7 +80,7 @@ fn scenes<'a>(pipeline: &'a Pipeline, stages: &[&str]) -> Vec<(Simulated, Vec<&'
 /// The warnings of a scene. They follow from it and from this program alone, and take the time of some solutions, so a store keeps them.
 fn screened((scene, in_time): &Simulated, store: &Store) -> Result<Vec<String>, CliError> {
     let sort = if *in_time { "warnings in time" } else { "warnings" };
-    let of = Digest::of(format!("{sort} of {}\n{}", env!("DEAFLOW_BUILD"), scene.to_text()).as_bytes());
+    let of = Digest::of(format!("{sort} of {}\n{}", build(), scene.to_text()).as_bytes());
     if let Some(known) = store.memo(&of) {
         return Ok(known);
     }

@@ -10,7 +10,7 @@ use super::simulate::Place;
 use super::table::{self, Cell};
 use super::text::Text;
 use super::tone::Tone;
-use crate::field::Field;
+use deaflow_field::Field;
 
 /// Patterns that are told one by one.
 pub const FEW: usize = 20;
@@ -210,7 +210,7 @@ pub fn document(endings: &[Ending]) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::tone::Screen;
+    use crate::tone::Screen;
 
     fn ending(index: usize, mm: Option<f64>) -> Ending {
         Ending {

@@ -13,7 +13,7 @@ use serde_json::json;
 use super::error::CliError;
 use super::text::{Text, lines};
 use super::tone::{Screen, Tone};
-use crate::base::{is_unprintable, printable, printable_json};
+use deaflow_base::{is_unprintable, printable, printable_json};
 
 /// How a command ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

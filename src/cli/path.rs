@@ -11,17 +11,17 @@ use super::progress::Bar;
 use super::solve::{SolveArguments, check_file, provenance};
 use super::text::Text;
 use super::{table, write};
-use crate::base::Progress;
-use crate::content::LoadPaths;
-use crate::fem::screening::resolve;
-use crate::fem::{
+use deaflow_base::Progress;
+use deaflow_content::LoadPaths;
+use deaflow_fem::screening::resolve;
+use deaflow_fem::{
     CriticalSearch, CriticalVoltage, LoadPath, MembraneSolver, MeshLimit, PathEvent, SolveOptions, check_leads,
 };
-use crate::pattern::Pattern;
-use crate::report::figures::{Branch, Limit, draw_paths};
-use crate::scene::Scene;
-use crate::stage::direct;
-use crate::store::write_file;
+use deaflow_pattern::Pattern;
+use deaflow_report::figures::{Branch, Limit, draw_paths};
+use deaflow_scene::Scene;
+use deaflow_stage::direct;
+use deaflow_store::write_file;
 
 /// A path, and where stability is lost once the error of its mesh is reckoned with.
 struct Followed {

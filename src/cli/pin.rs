@@ -9,9 +9,9 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::text::Text;
 use super::{locate, table};
-use crate::base::readable_time;
-use crate::orchestrator::Environment;
-use crate::store::{Pin, Store};
+use deaflow_base::readable_time;
+use deaflow_orchestrator::Environment;
+use deaflow_store::{Pin, Store};
 
 /// Keep an artifact and what it was made from through every gc, or list the pins
 #[derive(Debug, Args)]

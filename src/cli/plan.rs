@@ -9,7 +9,7 @@ use super::output::{Exit, Output};
 use super::text::Text;
 use super::tone::Tone;
 use super::{run, table};
-use crate::orchestrator::{Environment, Pipeline, bill, foreseen, plan, plan_document};
+use deaflow_orchestrator::{Environment, Pipeline, bill, foreseen, plan, plan_document};
 
 /// Say what `run` would build, why, and what it would take; build nothing
 #[derive(Debug, Args)]

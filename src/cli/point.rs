@@ -4,9 +4,9 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::error::CliError;
-use crate::base::{Dimension, Quantity};
-use crate::field::Field;
-use crate::scene::Scene;
+use deaflow_base::{Dimension, Quantity};
+use deaflow_field::Field;
+use deaflow_scene::Scene;
 
 /// A point of the membrane and a direction.
 #[derive(Clone, Debug, Args)]

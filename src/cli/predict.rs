@@ -18,13 +18,13 @@ use super::progress::Bar;
 use super::simulate::{Answer, Place, Statement, seconds_each};
 use super::text::Text;
 use super::{model, solve, write};
-use crate::base::{Digest, Progress};
-use crate::content::{Packed, SolveFile};
-use crate::field::{Field, Predictor};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
-use crate::stage::direct;
-use crate::surrogate::{COVERAGE, Surrogate};
+use deaflow_base::{Digest, Progress};
+use deaflow_content::{Packed, SolveFile};
+use deaflow_field::{Field, Predictor};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+use deaflow_stage::direct;
+use deaflow_surrogate::{COVERAGE, Surrogate};
 
 use intervals::Intervals;
 

@@ -15,8 +15,8 @@ use super::output::{tell, tell_of, tell_on};
 use super::pace::Pace;
 use super::table;
 use super::tone::{Screen, Tone, width_of_stderr};
-use crate::base::{Progress, printable, printable_json};
-use crate::orchestrator::{Event, Outcome, StageReport};
+use deaflow_base::{Progress, printable, printable_json};
+use deaflow_orchestrator::{Event, Outcome, StageReport};
 
 /// A part of the time of a stage, and of a second, by which its two clocks must differ to be told apart.
 const TELLING: f64 = 0.05;
@@ -469,7 +469,7 @@ mod tests {
     fn the_end_of_a_stage_is_told_in_one_line() {
         let report = |outcome| StageReport {
             chunks_built: 1,
-            digest: Some(crate::base::ArtifactId::of(b"")),
+            digest: Some(deaflow_base::ArtifactId::of(b"")),
             seconds: 61.2,
             ..StageReport::new("solved", "solve", outcome)
         };

@@ -4,8 +4,8 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use crate::base::folder_of;
-use crate::store::Store;
+use deaflow_base::folder_of;
+use deaflow_store::Store;
 
 /// The name of a project's store.
 const STORE: &str = "store";

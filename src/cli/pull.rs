@@ -12,10 +12,10 @@ use super::output::{Exit, Output};
 use super::progress::Lazy;
 use super::upstream;
 use super::{run, table};
-use crate::base::ArtifactId;
-use crate::orchestrator::built;
-use crate::remote::{Foreign, Pulled, Remote, pull_all, pull_some};
-use crate::store::Store;
+use deaflow_base::ArtifactId;
+use deaflow_orchestrator::built;
+use deaflow_remote::{Foreign, Pulled, Remote, pull_all, pull_some};
+use deaflow_store::Store;
 
 /// Bring what a remote has into a store; all of it is verified
 #[derive(Debug, Args)]

@@ -12,10 +12,10 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Lazy;
 use super::{locate, run, table, upstream};
-use crate::base::ArtifactId;
-use crate::orchestrator::{Pipeline, built};
-use crate::remote::{Configuration, Push, Pushed, Remote, SigningKey, push};
-use crate::store::Store;
+use deaflow_base::ArtifactId;
+use deaflow_orchestrator::{Pipeline, built};
+use deaflow_remote::{Configuration, Push, Pushed, Remote, SigningKey, push};
+use deaflow_store::Store;
 
 /// Send what a store has to a remote, so that others take it instead of building it
 #[derive(Debug, Args)]

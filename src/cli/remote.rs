@@ -13,8 +13,8 @@ use super::output::{Exit, Output};
 use super::progress::Lazy;
 use super::text::Text;
 use super::{locate, table, upstream};
-use crate::base::host_name;
-use crate::remote::{Address, Configuration, Retention, SigningKey, Swept, read_public, sweep};
+use deaflow_base::host_name;
+use deaflow_remote::{Address, Configuration, Retention, SigningKey, Swept, read_public, sweep};
 
 /// Say where others' stores are and whose records count there
 #[derive(Debug, Args)]
@@ -105,7 +105,7 @@ fn add(configuration: &Configuration, arguments: &AddArguments, output: &Output)
         for named in read_public(path)? {
             if !trusted
                 .iter()
-                .any(|known: &crate::remote::Named| known.key == named.key)
+                .any(|known: &deaflow_remote::Named| known.key == named.key)
             {
                 trusted.push(named);
             }
@@ -231,7 +231,7 @@ fn gc(configuration: &Configuration, arguments: &GcArguments, output: &Output) -
     let scratch = (!folder.exists()).then(tempfile::tempdir).transpose();
     let scratch = scratch.map_err(|error| CliError::failure(format!("cannot make a temporary folder: {error}")))?;
     let store = match &scratch {
-        Some(scratch) => crate::store::Store::open(scratch.path())?,
+        Some(scratch) => deaflow_store::Store::open(scratch.path())?,
         None => locate::existing_store(&folder)?,
     };
     let (remote, _) = upstream::open_fresh(arguments.name.as_deref(), &store, output)?;

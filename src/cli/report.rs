@@ -13,8 +13,8 @@ use super::locate;
 use super::neglected::neglected;
 use super::output::{Exit, Output};
 use super::{run, write};
-use crate::orchestrator::{Environment, foreseen, plan};
-use crate::report::{History, StageFacts, write_report};
+use deaflow_orchestrator::{Environment, foreseen, plan};
+use deaflow_report::{History, StageFacts, write_report};
 
 /// Write a report of a pipeline: a page with every design, and the designs as files
 #[derive(Debug, Args)]

@@ -15,16 +15,16 @@ use super::simulate::seconds_each;
 use super::solve::{SolveArguments, check_file, provenance};
 use super::text::Text;
 use super::{csv, table, write};
-use crate::base::{Dimension, Progress, Quantity};
-use crate::content::{FrequencyResponses, Lines, Packed};
-use crate::fem::screening::resolve;
-use crate::fem::{AtFrequency, FrequencyResponse, FrequencySolver, SetupError, at_bias};
-use crate::field::Field;
-use crate::pattern::Pattern;
-use crate::report::figures::{self, draw_responses};
-use crate::scene::Scene;
-use crate::stage::direct;
-use crate::store::write_file;
+use deaflow_base::{Dimension, Progress, Quantity};
+use deaflow_content::{FrequencyResponses, Lines, Packed};
+use deaflow_fem::screening::resolve;
+use deaflow_fem::{AtFrequency, FrequencyResponse, FrequencySolver, SetupError, at_bias};
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
+use deaflow_report::figures::{self, draw_responses};
+use deaflow_scene::Scene;
+use deaflow_stage::direct;
+use deaflow_store::write_file;
 
 /// Frequencies in Hz that are allowed.
 const LOWEST: f64 = 1e-9;

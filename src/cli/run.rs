@@ -19,12 +19,12 @@ use super::run_log::RunLog;
 use super::signals::Stop;
 use super::text::Text;
 use super::{ending, plan, table};
-use crate::base::{ArtifactId, OutputFile, Override};
-use crate::orchestrator::{Environment, Event, MANY_STAGES, Pipeline, RunOptions, RunOutcome, StageReport, run};
-use crate::remote::Remote;
-use crate::report::{FiguresAhead, Made, RunArtifacts, RunResults};
-use crate::stage;
-use crate::store::{Command, LockFile, Store};
+use deaflow_base::{ArtifactId, OutputFile, Override};
+use deaflow_orchestrator::{Environment, Event, MANY_STAGES, Pipeline, RunOptions, RunOutcome, StageReport, run};
+use deaflow_remote::Remote;
+use deaflow_report::{FiguresAhead, Made, RunArtifacts, RunResults};
+use deaflow_stage as stage;
+use deaflow_store::{Command, LockFile, Store};
 
 /// Build what is stale in a pipeline, then print what was found
 #[derive(Debug, Args)]

@@ -10,9 +10,9 @@ use std::sync::{Mutex, PoisonError};
 use serde_json::json;
 
 use super::progress::line;
-use crate::base::printable;
-use crate::orchestrator::{Environment, Event};
-use crate::store::{Store, StoreError, log_name};
+use deaflow_base::printable;
+use deaflow_orchestrator::{Environment, Event};
+use deaflow_store::{Store, StoreError, log_name};
 
 /// The first words of a log, before the path of the pipeline.
 const BEGUN: &str = "run of ";

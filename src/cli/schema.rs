@@ -7,9 +7,9 @@ use serde_json::{Value, json};
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
-use crate::content::{ContentOfKind, Declared, catalogue};
-use crate::orchestrator::{of_pipeline, of_scene};
-use crate::stage;
+use deaflow_content::{ContentOfKind, Declared, catalogue};
+use deaflow_orchestrator::{of_pipeline, of_scene};
+use deaflow_stage as stage;
 
 /// Print the JSON Schema of pipelines or scenes, or the arrays of artifacts
 #[derive(Debug, Args)]

@@ -10,13 +10,14 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::table;
 use super::text::Text;
-use crate::base::InputError;
-use crate::content::named_patterns;
-use crate::fem::WorkLimit;
-use crate::fem::screening::{self, Row, Screening, Status, Trial};
-use crate::pattern::PatternForm;
-use crate::scene::Scene;
-use crate::stage::{self, direct};
+use deaflow_base::InputError;
+use deaflow_content::named_patterns;
+use deaflow_fem::WorkLimit;
+use deaflow_fem::screening::{self, Row, Screening, Status, Trial};
+use deaflow_pattern::PatternForm;
+use deaflow_scene::Scene;
+use deaflow_stage as stage;
+use deaflow_stage::direct;
 
 /// Say which effects a scene calls for, by number, threshold and cost
 #[derive(Debug, Args)]

@@ -13,7 +13,7 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::signals;
-use crate::serve::{Options, Routes, Served, ServedState, Start};
+use deaflow_serve::{Options, Routes, Served, ServedState, Start};
 
 /// Look at pipelines, runs and artifacts in a browser, and draw patterns
 #[derive(Debug, Args)]

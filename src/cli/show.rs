@@ -15,9 +15,9 @@ use super::output::{Exit, Output};
 use super::statistics::{self, Statistics};
 use super::text::Text;
 use super::{csv, locate, table};
-use crate::content::Table;
-use crate::report::{Collected, Rows};
-use crate::store::{Artifact, Content, Lookup, Store, StoreError};
+use deaflow_content::Table;
+use deaflow_report::{Collected, Rows};
+use deaflow_store::{Artifact, Content, Lookup, Store, StoreError};
 
 /// Show what is in an artifact or a file of results: datasets, statistics, provenance
 #[derive(Debug, Args)]

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use super::error::CliError;
 use super::{locate, log, run};
-use crate::base::{ArtifactId, Canonical, Override, readable_time};
-use crate::orchestrator::{Environment, Kind, Registry, StageError, as_set, file_of, plan};
-use crate::stage;
-use crate::store::{Artifact, LockFile, Record, Run, Store, StoreError};
+use deaflow_base::{ArtifactId, Canonical, Override, readable_time};
+use deaflow_orchestrator::{Environment, Kind, Registry, StageError, as_set, file_of, plan};
+use deaflow_stage as stage;
+use deaflow_store::{Artifact, LockFile, Record, Run, Store, StoreError};
 
 /// The prefix of what a stage has from the scene.
 const SCENE: &str = "scene.";
@@ -232,7 +232,7 @@ impl<'a> Places<'a> {
         let provenance = artifact.provenance()?;
         let key = provenance.get("action").and_then(|key| key.parse().ok());
         let record = key.map(|key| self.store.record(&key)).transpose()?;
-        let record = record.and_then(crate::store::Lookup::record);
+        let record = record.and_then(deaflow_store::Lookup::record);
         let kind = artifact.kind().to_owned();
         let mut side = Side::new(format!("artifact {} ({kind})", artifact.digest().short()));
         // Two artifacts of a kind are compared whatever their stages are called.

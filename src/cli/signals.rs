@@ -10,7 +10,7 @@ use signal_hook::flag;
 
 use super::error::CliError;
 use super::output::Exit;
-use crate::base::{Background, Pauses};
+use deaflow_base::{Background, Pauses};
 
 /// A file that grows past a limit is an error of its write, as on a full disk, and where memory is short the process ends with the
 /// exit code of a failure after the standard library has said so. Where the system refuses, its own way stays.

@@ -11,18 +11,18 @@ use super::error::CliError;
 use super::outcomes::{Ending, Peak};
 use super::point::Watched;
 use super::text::Text;
-use crate::base::Progress;
-use crate::content::{Lines, Observations, Packed, SolveFile};
-use crate::fem::screening::{NOT_EACH, Screened, resolve_states};
-use crate::fem::{
+use deaflow_base::Progress;
+use deaflow_content::{Lines, Observations, Packed, SolveFile};
+use deaflow_fem::screening::{NOT_EACH, Screened, resolve_states};
+use deaflow_fem::{
     AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SolveOptions, Solver, SolverParameters,
     wrinkled_fraction,
 };
-use crate::field::{Field, Mesh, Order};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
-use crate::stage::solution;
-use crate::store::Object;
+use deaflow_field::{Field, Mesh, Order};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+use deaflow_stage::solution;
+use deaflow_store::Object;
 
 /// Patterns that one thread solves between two reports of progress.
 const BATCH: usize = 8;

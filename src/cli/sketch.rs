@@ -9,7 +9,7 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::serve::serve;
-use crate::serve::{Options, Start};
+use deaflow_serve::{Options, Start};
 
 /// Draw a pattern in a browser on this machine, and see the membrane move meanwhile
 #[derive(Debug, Args)]

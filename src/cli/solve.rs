@@ -21,13 +21,14 @@ use super::simulate::{self, Answer};
 use super::text::Text;
 use super::tone::Tone;
 use super::{history, modes, outcomes, path, response, table, write};
-use crate::base::Quantity;
-use crate::fem::{MeshRequest, Method, SolveOptions, SolverParameters, check_leads};
-use crate::field::{Mesh, Order};
-use crate::orchestrator::Environment;
-use crate::scene::Scene;
-use crate::stage::{self, direct};
-use crate::store::{Provenance, write_file};
+use deaflow_base::Quantity;
+use deaflow_fem::{MeshRequest, Method, SolveOptions, SolverParameters, check_leads};
+use deaflow_field::{Mesh, Order};
+use deaflow_orchestrator::Environment;
+use deaflow_scene::Scene;
+use deaflow_stage as stage;
+use deaflow_stage::direct;
+use deaflow_store::{Provenance, write_file};
 
 /// The heading of options about the numerical method.
 const METHOD: &str = "Method";

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::store::{Artifact, Data, StoreError};
+use deaflow_store::{Artifact, Data, StoreError};
 
 /// What the elements of a dataset are like.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -104,7 +104,7 @@ impl Gathered {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{Dataset, Object, Provenance, Store};
+    use deaflow_store::{Dataset, Object, Provenance, Store};
 
     #[test]
     fn chunks_count_as_one_dataset() {

@@ -14,10 +14,10 @@ use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
 use super::{locate, run, table};
-use crate::base::readable_time;
-use crate::executor::{SILENT, Seen, workers};
-use crate::orchestrator::{Bill, Environment, Outcome, StageReport, Staleness, file_of, plan};
-use crate::store::{Checkpoints, Command, LockFile, Reached, Run, Store, Totals};
+use deaflow_base::readable_time;
+use deaflow_executor::{SILENT, Seen, workers};
+use deaflow_orchestrator::{Bill, Environment, Outcome, StageReport, Staleness, file_of, plan};
+use deaflow_store::{Checkpoints, Command, LockFile, Reached, Run, Store, Totals};
 
 /// Say what is in a store, what is at work in it, and what of pipelines would be built
 #[derive(Debug, Args)]

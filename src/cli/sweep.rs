@@ -13,12 +13,12 @@ use super::output::{Exit, Output};
 use super::run::{self, ProgressForm, RunArguments};
 use super::upstream::RemoteArguments;
 use super::{csv, plan, solve, write};
-use crate::base::{ArtifactId, Document, Node, NodeValue, Override};
-use crate::content::Table;
-use crate::orchestrator::StageReport;
-use crate::report::Collected;
-use crate::stage;
-use crate::store::{Command, Store};
+use deaflow_base::{ArtifactId, Document, Node, NodeValue, Override};
+use deaflow_content::Table;
+use deaflow_orchestrator::StageReport;
+use deaflow_report::Collected;
+use deaflow_stage as stage;
+use deaflow_store::{Command, Store};
 
 /// The heading of options about the table.
 const TABLES: &str = "Table";

@@ -1,11 +1,11 @@
 //! Tables and the way numbers are written for people.
 
 pub use super::columns::{Cell, Table, table};
-pub use crate::report::{bytes, number, seconds};
+pub use deaflow_report::{bytes, number, seconds};
 
 use super::text::Text;
 use super::tone::Tone;
-use crate::orchestrator::{Bill, Estimate, Outcome, Price, StageReport};
+use deaflow_orchestrator::{Bill, Estimate, Outcome, Price, StageReport};
 
 /// What parts of the time are, beside times.
 const PARTS: &str = "part: what a stage has of the time of the run, which stages that are built at once share; it is the part that is foretold";
@@ -227,7 +227,7 @@ pub fn counted(n: u64, many: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::tone::Screen;
+    use crate::tone::Screen;
 
     #[test]
     fn of_stages_that_were_built_at_once_both_clocks_are_told() {

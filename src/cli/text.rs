@@ -4,7 +4,7 @@ use textwrap::core::display_width;
 
 use super::columns::{Table, broken, cut, words as words_of};
 use super::tone::{Screen, Tone};
-use crate::base::printable;
+use deaflow_base::printable;
 
 /// Lines and tables.
 #[derive(Debug, Default)]

@@ -7,7 +7,7 @@ use anstream::AutoStream;
 use clap::ColorChoice;
 use clap::builder::styling::{AnsiColor, Style};
 
-use crate::orchestrator::Outcome;
+use deaflow_orchestrator::Outcome;
 
 /// Columns of a terminal that does not say how many it has.
 const USUAL_WIDTH: usize = 80;

@@ -7,8 +7,8 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::{locate, pin};
-use crate::base::ArtifactId;
-use crate::store::{Pin, Store};
+use deaflow_base::ArtifactId;
+use deaflow_store::{Pin, Store};
 
 /// Let gc take an artifact again
 #[derive(Debug, Args)]

@@ -10,9 +10,9 @@ use super::arguments::STORE;
 use super::error::CliError;
 use super::output::Output;
 use super::table;
-use crate::base::Background;
-use crate::remote::{Brought, Configuration, Foreign, Remote, RemoteError, SigningKey};
-use crate::store::Store;
+use deaflow_base::Background;
+use deaflow_remote::{Brought, Configuration, Foreign, Remote, RemoteError, SigningKey};
+use deaflow_store::Store;
 
 /// What is brought is told of no more often than so.
 const INTERVAL: Duration = Duration::from_secs(5);
@@ -121,7 +121,7 @@ impl Reading {
     /// Tells of what is brought, as long as what this gives is held; nothing where nothing is read through.
     pub fn watch(&self, say: impl Fn(&str) + Send + 'static) -> Option<Background> {
         let remote = self.remote.clone()?;
-        let watch = move |pauses: &crate::base::Pauses| {
+        let watch = move |pauses: &deaflow_base::Pauses| {
             let (mut told, mut at) = (remote.brought(), Instant::now());
             while pauses.wait(TICK) {
                 let brought = remote.brought();

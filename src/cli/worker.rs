@@ -19,10 +19,10 @@ use super::progress::RunProgress;
 use super::run::{ProgressForm, load};
 use super::upstream::Reading;
 use super::{signals, table};
-use crate::base::{Background, CpuLevel, Pauses, host_name};
-use crate::executor::{Failed, Sign, is_cancelled, report_begun, report_failures, report_left, report_trouble, topic};
-use crate::orchestrator::{Environment, Outcome, Pipeline, RunOptions, run};
-use crate::store::{Board, Store, StoreError};
+use deaflow_base::{Background, CpuLevel, Pauses, host_name};
+use deaflow_executor::{Failed, Sign, is_cancelled, report_begun, report_failures, report_left, report_trouble, topic};
+use deaflow_orchestrator::{Environment, Outcome, Pipeline, RunOptions, run};
+use deaflow_store::{Board, Store, StoreError};
 
 /// Batch systems kill what has not ended some 30 s after they have asked it to.
 const PATIENCE: Duration = Duration::from_secs(20);

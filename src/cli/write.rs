@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::error::CliError;
-use crate::base::{CsvTable, OutputFile, csv_metadata, csv_metadata_file, output_folder, write_output};
+use deaflow_base::{CsvTable, OutputFile, csv_metadata, csv_metadata_file, output_folder, write_output};
 
 /// Refuses a path within a store, where files that are not its own would be damage.
 ///
@@ -18,7 +18,7 @@ pub fn outside(path: &Path) -> Result<(), CliError> {
         ),
     }
 }
-use crate::store::Store;
+use deaflow_store::Store;
 
 /// Writes bytes as a file that appears complete or not at all.
 ///

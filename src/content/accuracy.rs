@@ -1,8 +1,8 @@
 //! The artifact of an accuracy stage, and the file of `deaflow accuracy`. Times are no content.
 
 use super::macros::arrays;
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 arrays! {
     /// Errors of methods against a reference.

@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::error::{AttributeError, Fault};
-use crate::scene::Scene;
+use deaflow_scene::Scene;
 
 /// A value that stands in an attribute as text.
 pub trait Attribute: Sized {

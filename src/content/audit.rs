@@ -2,7 +2,7 @@
 
 use super::attribute::Json;
 use super::macros::arrays;
-use crate::scene::Scene;
+use deaflow_scene::Scene;
 
 arrays! {
     /// What is known of a dataset.

@@ -2,7 +2,7 @@
 
 use super::element::SingleField;
 use super::macros::arrays;
-use crate::scene::Scene;
+use deaflow_scene::Scene;
 
 arrays! {
     /// Prediction intervals of a model.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::element::RASTER_AXES;
 use super::error::{ContentError, Fault};
-use crate::store::{Artifact, Content, ElementType};
+use deaflow_store::{Artifact, Content, ElementType};
 
 /// One array of a kind of artifact.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,9 +6,9 @@ use super::intervals::{DesignInterval, DesignIntervals};
 use super::macros::arrays;
 use super::part::LongTexts;
 use super::solutions::SolvedHistories;
-use crate::field::{Field, Outcome};
-use crate::pattern::{CELLS, Pattern, Role};
-use crate::scene::Scene;
+use deaflow_field::{Field, Outcome};
+use deaflow_pattern::{CELLS, Pattern, Role};
+use deaflow_scene::Scene;
 
 /// Units along a side of the membrane that a genome of the genetic algorithm has.
 pub const GENOME_UNITS: usize = 20;

@@ -1,9 +1,9 @@
 //! What an array may hold: numbers, texts, patterns and fields, row by row or packed into one list of numbers.
 
 use super::error::ElementError;
-use crate::field::Field;
-use crate::pattern::{Pattern, PatternForm, Raster, Role};
-use crate::store::{Artifact, Data, ElementType, StoreError};
+use deaflow_field::Field;
+use deaflow_pattern::{Pattern, PatternForm, Raster, Role};
+use deaflow_store::{Artifact, Data, ElementType, StoreError};
 
 /// A number or text as it stands in a file.
 pub trait Value: Sized {

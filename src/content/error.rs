@@ -1,9 +1,10 @@
 //! What can be wrong with the content of an artifact.
 
-use crate::base::{ArtifactId, InputError};
-use crate::field::FieldError;
-use crate::pattern::PatternError;
-use crate::store::StoreError;
+use deaflow_base::{ArtifactId, InputError};
+use deaflow_field::FieldError;
+use deaflow_orchestrator::StageError;
+use deaflow_pattern::PatternError;
+use deaflow_store::StoreError;
 
 /// An artifact that cannot be read as what it should be.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +20,15 @@ pub enum ContentError {
         /// What is wrong.
         fault: Fault,
     },
+}
+
+impl From<ContentError> for StageError {
+    fn from(error: ContentError) -> Self {
+        match error {
+            ContentError::Store(error) => Self::Store(error),
+            fault => Self::Input(fault.to_string()),
+        }
+    }
 }
 
 /// What is wrong with an artifact.

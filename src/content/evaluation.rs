@@ -1,7 +1,7 @@
 //! The artifact of an evaluate stage.
 
 use super::macros::arrays;
-use crate::scene::Scene;
+use deaflow_scene::Scene;
 
 arrays! {
     /// How well models and estimates predict patterns that they never saw.

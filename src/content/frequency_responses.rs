@@ -3,9 +3,9 @@
 use super::attribute::Lines;
 use super::element::Packed;
 use super::macros::arrays;
-use crate::field::Field;
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 arrays! {
     /// How patterns respond to a small alternating voltage about their equilibria. A pattern without a stable equilibrium has NaN, and so has a

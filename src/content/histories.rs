@@ -3,9 +3,9 @@
 use super::attribute::Lines;
 use super::element::{Packed, PerBody};
 use super::macros::arrays;
-use crate::field::Field;
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 arrays! {
     /// How patterns move in time. What is asked for beyond the time at which a pattern loses its last stable state is NaN.

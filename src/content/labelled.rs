@@ -6,8 +6,8 @@ use super::balanced::{Balanced, BalancedView};
 use super::designs::{Verification, VerificationView};
 use super::error::ContentError;
 use super::solutions::{SOLVED, Solutions, SolutionsView};
-use crate::pattern::Pattern;
-use crate::store::Artifact;
+use deaflow_pattern::Pattern;
+use deaflow_store::Artifact;
 
 /// Rows with fields, by the kind of stage that made them.
 pub enum Labelled<'a> {

@@ -1,9 +1,9 @@
 //! The file of `deaflow solve --path`: points and events of all patterns stand one after the other. It may hold NaN.
 
 use super::macros::arrays;
-use crate::field::Field;
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 arrays! {
     /// How patterns get from rest to the loss of stability, and what lies beyond.

@@ -37,37 +37,37 @@ macro_rules! arrays {
             ///
             /// # Errors
             /// When an array has other axes, or two differ in length along one.
-            pub fn open(artifact: &$crate::store::Artifact) -> Result<$view<'_>, $crate::content::ContentError> {
-                $crate::content::view::open::<Self>(artifact)
+            pub fn open(artifact: &deaflow_store::Artifact) -> Result<$view<'_>, $crate::ContentError> {
+                $crate::view::open::<Self>(artifact)
             }
 
             /// The view of an artifact that may be of another kind: nothing is checked.
             #[must_use]
-            pub fn unchecked(artifact: &$crate::store::Artifact) -> $view<'_> {
-                <Self as $crate::content::view::Group>::view(artifact, $crate::content::part::At::default())
+            pub fn unchecked(artifact: &deaflow_store::Artifact) -> $view<'_> {
+                <Self as $crate::view::Group>::view(artifact, $crate::part::At::default())
             }
 
             /// Everything at once.
             ///
             /// # Errors
             /// When something is missing, or not what it should be.
-            pub fn read(artifact: &$crate::store::Artifact) -> Result<Self, $crate::content::ContentError> {
+            pub fn read(artifact: &deaflow_store::Artifact) -> Result<Self, $crate::ContentError> {
                 Self::open(artifact)?.read()
             }
 
             /// The same as an object that the store can keep.
             #[must_use]
-            pub fn object(self) -> $crate::store::Object {
-                let mut writer = $crate::content::writer::Writer::default();
-                $crate::content::part::Part::put(self, &$crate::content::part::At::default(), &mut writer);
+            pub fn object(self) -> deaflow_store::Object {
+                let mut writer = $crate::writer::Writer::default();
+                $crate::part::Part::put(self, &$crate::part::At::default(), &mut writer);
                 writer.finish()
             }
 
             /// What is declared of its arrays.
             #[must_use]
-            pub fn declared() -> Vec<$crate::content::Declared> {
+            pub fn declared() -> Vec<$crate::Declared> {
                 let mut declared = Vec::new();
-                <Self as $crate::content::part::Part>::declare(&$crate::content::part::At::default(), &mut declared);
+                <Self as $crate::part::Part>::declare(&$crate::part::At::default(), &mut declared);
                 declared
             }
 
@@ -77,34 +77,34 @@ macro_rules! arrays {
             #[allow(clippy::vec_init_then_push)]
             pub fn attributes() -> Vec<(&'static str, &'static str)> {
                 let mut _attributes = Vec::new();
-                $( $crate::content::macros::field!(describe $kind $args, $type, _attributes, concat!($doc $(, $more)*)); )*
+                $( $crate::macros::field!(describe $kind $args, $type, _attributes, concat!($doc $(, $more)*)); )*
                 _attributes
             }
         }
 
-        impl $crate::content::part::Part for $name {
-            fn declare(at: &$crate::content::part::At, declared: &mut Vec<$crate::content::Declared>) {
-                $( $crate::content::macros::field!(declare $kind $args, $type, at, declared, concat!($doc $(, $more)*)); )*
+        impl $crate::part::Part for $name {
+            fn declare(at: &$crate::part::At, declared: &mut Vec<$crate::Declared>) {
+                $( $crate::macros::field!(declare $kind $args, $type, at, declared, concat!($doc $(, $more)*)); )*
             }
 
-            fn put(self, at: &$crate::content::part::At, writer: &mut $crate::content::writer::Writer) {
-                $( $crate::content::macros::field!(put $kind $args, self.$field, at, writer, concat!($doc $(, $more)*)); )*
+            fn put(self, at: &$crate::part::At, writer: &mut $crate::writer::Writer) {
+                $( $crate::macros::field!(put $kind $args, self.$field, at, writer, concat!($doc $(, $more)*)); )*
             }
 
             fn get(
-                at: &$crate::content::part::At,
-                artifact: &$crate::store::Artifact,
-            ) -> Result<Self, $crate::content::ContentError> {
+                at: &$crate::part::At,
+                artifact: &deaflow_store::Artifact,
+            ) -> Result<Self, $crate::ContentError> {
                 Ok(Self {
-                    $( $field: $crate::content::macros::field!(get $kind $args, $type, at, artifact, concat!($doc $(, $more)*)), )*
+                    $( $field: $crate::macros::field!(get $kind $args, $type, at, artifact, concat!($doc $(, $more)*)), )*
                 })
             }
         }
 
-        impl $crate::content::view::Group for $name {
+        impl $crate::view::Group for $name {
             type View<'a> = $view<'a>;
 
-            fn view(artifact: &$crate::store::Artifact, at: $crate::content::part::At) -> $view<'_> {
+            fn view(artifact: &deaflow_store::Artifact, at: $crate::part::At) -> $view<'_> {
                 $view { artifact, at }
             }
         }
@@ -112,8 +112,8 @@ macro_rules! arrays {
         #[doc = concat!("[`", stringify!($name), "`] in an artifact, read array by array.")]
         #[derive(Clone)]
         pub struct $view<'a> {
-            artifact: &'a $crate::store::Artifact,
-            at: $crate::content::part::At,
+            artifact: &'a deaflow_store::Artifact,
+            at: $crate::part::At,
         }
 
         impl<'a> $view<'a> {
@@ -121,8 +121,8 @@ macro_rules! arrays {
                 #[doc = $doc]
                 $(#[doc = $more])*
                 #[must_use]
-                pub fn $field(&self) -> $crate::content::macros::field!(type $kind $args, $type) {
-                    $crate::content::macros::field!(view $kind $args, $type, self, concat!($doc $(, $more)*))
+                pub fn $field(&self) -> $crate::macros::field!(type $kind $args, $type) {
+                    $crate::macros::field!(view $kind $args, $type, self, concat!($doc $(, $more)*))
                 }
             )*
 
@@ -130,13 +130,13 @@ macro_rules! arrays {
             ///
             /// # Errors
             /// When something is missing, or not what it should be.
-            pub fn read(&self) -> Result<$name, $crate::content::ContentError> {
-                $crate::content::part::Part::get(&self.at, self.artifact)
+            pub fn read(&self) -> Result<$name, $crate::ContentError> {
+                $crate::part::Part::get(&self.at, self.artifact)
             }
 
             /// The artifact.
             #[must_use]
-            pub fn artifact(&self) -> &'a $crate::store::Artifact {
+            pub fn artifact(&self) -> &'a deaflow_store::Artifact {
                 self.artifact
             }
 
@@ -144,8 +144,8 @@ macro_rules! arrays {
             ///
             /// # Errors
             /// When a chunk is missing or damaged.
-            pub fn is_there(&self) -> Result<bool, $crate::content::ContentError> {
-                <$name as $crate::content::part::Part>::is_in(&self.at, self.artifact)
+            pub fn is_there(&self) -> Result<bool, $crate::ContentError> {
+                <$name as $crate::part::Part>::is_in(&self.at, self.artifact)
             }
         }
     };
@@ -154,10 +154,10 @@ macro_rules! arrays {
 /// What each sort of field does: an array, a group of arrays or an attribute.
 macro_rules! field {
     (declare array ($path:literal, $units:literal, [$($axis:ident),*]), $type:ty, $at:ident, $out:ident, $doc:expr) => {
-        <$type as $crate::content::part::Part>::declare(&$at.array($path, $units, &[$(stringify!($axis)),*], $doc), $out)
+        <$type as $crate::part::Part>::declare(&$at.array($path, $units, &[$(stringify!($axis)),*], $doc), $out)
     };
     (declare group ($path:literal $(, [$(($from:ident, $to:ident)),*])?), $type:ty, $at:ident, $out:ident, $doc:expr) => {
-        <$type as $crate::content::part::Part>::declare(
+        <$type as $crate::part::Part>::declare(
             &$at.group($path, &[$($((stringify!($from), stringify!($to))),*)?]),
             $out,
         )
@@ -165,49 +165,49 @@ macro_rules! field {
     (declare attribute $args:tt, $type:ty, $at:ident, $out:ident, $doc:expr) => {};
 
     (put array ($path:literal, $units:literal, [$($axis:ident),*]), $value:expr, $at:ident, $out:ident, $doc:expr) => {
-        $crate::content::part::Part::put($value, &$at.array($path, $units, &[$(stringify!($axis)),*], $doc), $out)
+        $crate::part::Part::put($value, &$at.array($path, $units, &[$(stringify!($axis)),*], $doc), $out)
     };
     (put group ($path:literal $(, [$(($from:ident, $to:ident)),*])?), $value:expr, $at:ident, $out:ident, $doc:expr) => {
-        $crate::content::part::Part::put(
+        $crate::part::Part::put(
             $value,
             &$at.group($path, &[$($((stringify!($from), stringify!($to))),*)?]),
             $out,
         )
     };
     (put attribute ($name:literal), $value:expr, $at:ident, $out:ident, $doc:expr) => {
-        if let Some(text) = $crate::content::Attribute::into_text($value) {
+        if let Some(text) = $crate::Attribute::into_text($value) {
             $out.attribute($name, text);
         }
     };
 
     (get array ($path:literal, $units:literal, [$($axis:ident),*]), $type:ty, $at:ident, $artifact:ident, $doc:expr) => {
-        <$type as $crate::content::part::Part>::get(&$at.array($path, $units, &[$(stringify!($axis)),*], $doc), $artifact)?
+        <$type as $crate::part::Part>::get(&$at.array($path, $units, &[$(stringify!($axis)),*], $doc), $artifact)?
     };
     (get group ($path:literal $(, [$(($from:ident, $to:ident)),*])?), $type:ty, $at:ident, $artifact:ident, $doc:expr) => {
-        <$type as $crate::content::part::Part>::get(
+        <$type as $crate::part::Part>::get(
             &$at.group($path, &[$($((stringify!($from), stringify!($to))),*)?]),
             $artifact,
         )?
     };
     (get attribute ($name:literal), $type:ty, $at:ident, $artifact:ident, $doc:expr) => {
-        $crate::content::StoredAttribute::<$type>::new($artifact, $name).read()?
+        $crate::StoredAttribute::<$type>::new($artifact, $name).read()?
     };
 
-    (type array $args:tt, $type:ty) => { $crate::content::Stored<'a, $type> };
-    (type attribute $args:tt, $type:ty) => { $crate::content::StoredAttribute<'a, $type> };
-    (type group $args:tt, $type:ty) => { <$type as $crate::content::view::Group>::View<'a> };
+    (type array $args:tt, $type:ty) => { $crate::Stored<'a, $type> };
+    (type attribute $args:tt, $type:ty) => { $crate::StoredAttribute<'a, $type> };
+    (type group $args:tt, $type:ty) => { <$type as $crate::view::Group>::View<'a> };
 
     (view array ($path:literal, $units:literal, [$($axis:ident),*]), $type:ty, $view:ident, $doc:expr) => {
-        $crate::content::Stored::new(
+        $crate::Stored::new(
             $view.artifact,
             $view.at.array($path, $units, &[$(stringify!($axis)),*], $doc),
         )
     };
     (view attribute ($name:literal), $type:ty, $view:ident, $doc:expr) => {
-        $crate::content::StoredAttribute::new($view.artifact, $name)
+        $crate::StoredAttribute::new($view.artifact, $name)
     };
     (view group ($path:literal $(, [$(($from:ident, $to:ident)),*])?), $type:ty, $view:ident, $doc:expr) => {
-        <$type as $crate::content::view::Group>::view(
+        <$type as $crate::view::Group>::view(
             $view.artifact,
             $view.at.group($path, &[$($((stringify!($from), stringify!($to))),*)?]),
         )

@@ -2,9 +2,9 @@
 
 use super::element::{Packed, PerBody, PerCell};
 use super::macros::arrays;
-use crate::field::{Charged, Motion, Observation};
-use crate::pattern::Raster;
-use crate::scene::{Effects, Scene};
+use deaflow_field::{Charged, Motion, Observation};
+use deaflow_pattern::Raster;
+use deaflow_scene::{Effects, Scene};
 
 arrays! {
     /// What effects say, an array for each that is on and none for those that are off, and where rigid bodies are.

@@ -4,8 +4,8 @@ use super::declared::Declared;
 use super::element::{Element, Packed, Places, Row, Value};
 use super::error::{ContentError, ElementError, Fault};
 use super::writer::Writer;
-use crate::pattern::Raster;
-use crate::store::Artifact;
+use deaflow_pattern::Raster;
+use deaflow_store::Artifact;
 
 /// Where an array or a group stands, and what is declared of it.
 #[derive(Clone, Debug, Default)]

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use super::part::At;
 use super::view::Stored;
-use crate::base::InputError;
-use crate::pattern::{self, Pattern, PatternForm, split_h5};
-use crate::store::Artifact;
+use deaflow_base::InputError;
+use deaflow_pattern::{Pattern, PatternForm, read_patterns, split_h5};
+use deaflow_store::Artifact;
 
 /// Reads the patterns that an argument names: a file of patterns, or a dataset of an artifact, of a manifest too. Artifacts are
 /// read by their headers and not by what HDF5 shows of them: a manifest shows fill values where its chunks are missing.
@@ -16,7 +16,7 @@ use crate::store::Artifact;
 pub fn named_patterns(argument: &str, form: PatternForm) -> Result<Vec<Pattern>, InputError> {
     let named = split_h5(argument).map(|(file, dataset)| (Path::new(file), dataset));
     let Some((path, dataset)) = named.filter(|(path, _)| Artifact::is_at(path)) else {
-        return pattern::read_patterns(argument, form);
+        return read_patterns(argument, form);
     };
     let refused = |why: String| InputError::new(format!("{argument}: {why}"));
     let artifact = Artifact::open(path).map_err(|e| refused(e.to_string()))?;

@@ -1,7 +1,7 @@
 //! The artifact of a sample or a patterns stage.
 
 use super::macros::arrays;
-use crate::pattern::Pattern;
+use deaflow_pattern::Pattern;
 
 /// The kinds of stages whose artifacts these are.
 pub const SAMPLED: [&str; 2] = ["sample", "patterns"];

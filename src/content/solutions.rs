@@ -7,8 +7,8 @@ use super::element::{Packed, PerBody};
 use super::macros::arrays;
 use super::observations::{Meshes, Observations};
 use super::samples::SampleRows;
-use crate::field::Field;
-use crate::scene::Scene;
+use deaflow_field::Field;
+use deaflow_scene::Scene;
 
 /// The kinds of stages whose artifacts these are.
 pub const SOLVED: [&str; 2] = ["solve", "import"];

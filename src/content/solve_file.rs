@@ -5,9 +5,9 @@ use super::element::{Packed, PerCell};
 use super::intervals::PredictionIntervals;
 use super::macros::arrays;
 use super::observations::{Meshes, Observations};
-use crate::field::Field;
-use crate::pattern::Pattern;
-use crate::store::{Data, Dataset, Object};
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
+use deaflow_store::{Data, Dataset, Object};
 
 arrays! {
     /// Patterns with their displacements, one row for each whether it has a field or not. Where the scene has `states`, these are an axis `state` after

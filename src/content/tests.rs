@@ -1,10 +1,10 @@
 //! Declarations are written and read alike, and what does not fit together is refused.
 
 use super::*;
-use crate::field::Field;
-use crate::pattern::{Pattern, Raster};
-use crate::scene::Scene;
-use crate::store::{Artifact, Object, Provenance, Store};
+use deaflow_field::Field;
+use deaflow_pattern::{Pattern, Raster};
+use deaflow_scene::Scene;
+use deaflow_store::{Artifact, Object, Provenance, Store};
 
 /// Puts an object into a store of its own.
 fn stored(object: &Object) -> (tempfile::TempDir, Artifact) {

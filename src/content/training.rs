@@ -2,7 +2,7 @@
 
 use super::attribute::Lines;
 use super::macros::arrays;
-use crate::scene::Scene;
+use deaflow_scene::Scene;
 
 /// The family under which all families are measured together.
 pub const ALL_FAMILIES: &str = "all";

@@ -2,9 +2,9 @@
 
 use super::element::Packed;
 use super::macros::arrays;
-use crate::field::Field;
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 arrays! {
     /// How patterns vibrate about their equilibria. A pattern without a stable equilibrium has NaN.

@@ -7,7 +7,7 @@ use super::attribute::Attribute;
 use super::declared::{Declared, check};
 use super::error::ContentError;
 use super::part::{At, Part};
-use crate::store::Artifact;
+use deaflow_store::Artifact;
 
 /// A struct whose fields are arrays, and the view that reads them one by one.
 pub trait Group: Part {

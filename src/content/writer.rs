@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::declared::Declared;
 use super::element::RASTER_AXES;
-use crate::pattern::Raster;
-use crate::store::{Data, Dataset, Object};
+use deaflow_pattern::Raster;
+use deaflow_store::{Data, Dataset, Object};
 
 /// What has been written so far.
 #[derive(Default)]

@@ -11,9 +11,9 @@ use super::histogram::{Bins, Histogram, Place};
 use super::level::quotas;
 use super::orbits::{Image, Orbit, orbits};
 use super::split::Split;
-use crate::base::{OrbitId, Stream, words};
-use crate::field::Field;
-use crate::pattern::{Pattern, Symmetries, Symmetry};
+use deaflow_base::{OrbitId, Stream, words};
+use deaflow_field::Field;
+use deaflow_pattern::{Pattern, Symmetries, Symmetry};
 
 words! {
     /// By what images of patterns are made.

@@ -1,7 +1,7 @@
 //! The device that the rows of a dataset are patterns and fields of.
 
-use crate::field::Field;
-use crate::pattern::{Membrane, Part, Parts, PatternForm, Raster, Symmetries};
+use deaflow_field::Field;
+use deaflow_pattern::{Membrane, Part, Parts, PatternForm, Raster, Symmetries};
 
 /// A file holds fewer rows than this many bytes to each row of the source paper's membrane: DEFLATE, the densest filter, makes a thousandth
 /// of its 20 kB.

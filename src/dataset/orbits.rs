@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use crate::base::OrbitId;
-use crate::pattern::{Pattern, Symmetries, Symmetry};
+use deaflow_base::OrbitId;
+use deaflow_pattern::{Pattern, Symmetries, Symmetry};
 
 /// One image of an orbit's pattern, and the sample that shows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,7 +93,7 @@ fn orbit(digest: OrbitId, symmetries: &[Symmetry], members: &[usize], samples: &
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
+    use deaflow_pattern::Raster;
 
     fn skew() -> Pattern {
         Pattern::from_fn(Raster::PAPER, |x, y| (3 * x + y * y) % 7 < 3 && x > y / 2)

@@ -3,7 +3,7 @@
 //! The split is a function of the orbit, so all eight images of one pattern stay on one side: a mirrored training
 //! pattern in the test set would flatter every metric.
 
-use crate::base::{OrbitId, Stream};
+use deaflow_base::{OrbitId, Stream};
 
 /// A part of a dataset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

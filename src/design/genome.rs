@@ -6,8 +6,8 @@
 
 use std::fmt;
 
-use crate::base::Stream;
-use crate::pattern::{Pattern, Raster};
+use deaflow_base::Stream;
+use deaflow_pattern::{Pattern, Raster};
 
 /// Units along one side of the membrane.
 pub const UNITS: usize = 20;

@@ -6,7 +6,7 @@
 //! the line until the area is met.
 
 use super::objective::{Goal, PlacedAim, Subject};
-use crate::pattern::{Bits, Pattern, Raster};
+use deaflow_pattern::{Bits, Pattern, Raster};
 
 /// Distances that differ by less than this many cells are equal: rounding must not decide which cell is active.
 const RESOLUTION: f64 = 1e-9;
@@ -119,8 +119,8 @@ fn before(aim: &PlacedAim, from: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design::{Aim, Displacement, Motion};
-    use crate::pattern::{Membrane, Symmetry};
+    use crate::{Aim, Displacement, Motion};
+    use deaflow_pattern::{Membrane, Symmetry};
 
     fn intuitive(aims: &[(f64, f64, f64)]) -> Intuitive {
         let aims: Vec<Aim> = aims

@@ -5,8 +5,8 @@
 //! only. It is a 3 × 3 majority here: units beyond the frame do not vote, and a tie leaves the unit as it is.
 
 use super::genome::{Genome, UNITS, around};
-use crate::base::Stream;
-use crate::pattern::Pattern;
+use deaflow_base::Stream;
+use deaflow_pattern::Pattern;
 
 /// Exchanges the genes between two cuts, each pair of cuts equally likely.
 pub(super) fn cross(a: &mut Genome, b: &mut Genome, stream: &mut Stream) {

@@ -5,8 +5,8 @@ use serde_json::json;
 use super::evolve::EvolveOptions;
 use super::genome::UNITS;
 use super::objective::AREA_PENALTY;
-use crate::base::{Canonical, Decimal, Declared, Fields, InputError, Length, Map, Seed, parameters, words};
-use crate::pattern::CELLS;
+use deaflow_base::{Canonical, Decimal, Declared, Fields, InputError, Length, Map, Seed, parameters, words};
+use deaflow_pattern::CELLS;
 
 words! {
     /// How to search.

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use crate::base::InputError;
-use crate::pattern::Role;
+use deaflow_base::InputError;
+use deaflow_pattern::Role;
 
 /// The most designs that an error lists.
 const LISTED: usize = 24;

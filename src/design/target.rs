@@ -6,11 +6,11 @@ use std::fmt;
 use serde_json::json;
 
 use super::objective::{Goal, GoalError, Objective};
-use crate::base::{
+use deaflow_base::{
     Canonical, Decimal, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, is_plain_name,
     parameters,
 };
-use crate::scene::Scene;
+use deaflow_scene::Scene;
 
 /// The name of an objective that stands by itself.
 const ALONE: &str = "design";
@@ -243,7 +243,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::base::Document;
+    use deaflow_base::Document;
 
     fn area(text: &str) -> Result<Area, InputError> {
         let document = Document::from_text(Path::new("p.yaml"), &format!("area: {text}\n")).unwrap();

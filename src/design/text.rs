@@ -1,6 +1,6 @@
 //! Declared values in their own YAML syntax on one line, as artifacts keep them.
 
-use crate::base::Canonical;
+use deaflow_base::Canonical;
 
 /// A mapping of keys and values that are texts already; `{}` where there are none.
 pub(super) fn flow_mapping<K: AsRef<str>>(entries: impl IntoIterator<Item = (K, String)>) -> String {

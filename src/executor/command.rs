@@ -137,7 +137,7 @@ fn filled(command: &str, values: &[(&str, String)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::executor::profile::Resources;
+    use crate::profile::Resources;
 
     #[test]
     fn words_in_braces_are_filled_in_once() {

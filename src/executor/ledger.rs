@@ -4,7 +4,7 @@ use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::{Digest, host_name};
+use deaflow_base::{Digest, host_name};
 
 /// Arrays that have ended are remembered that long, for people.
 const REMEMBERED: usize = 100;

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
-use crate::base::{CpuLevel, Document, InputError, Map, Node};
-use crate::orchestrator::{Pipeline, StageSpec};
+use deaflow_base::{CpuLevel, Document, InputError, Map, Node};
+use deaflow_orchestrator::{Pipeline, StageSpec};
 
 /// Which engine starts workers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -139,7 +139,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::executor::profile::Resources;
+    use crate::profile::Resources;
 
     #[test]
     fn tasks_that_wait_or_work_are_counted_by_name() {

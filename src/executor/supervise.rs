@@ -14,9 +14,9 @@ use super::engine::{Engine, EngineError, Request};
 use super::ledger::{Array, LEDGER, Ledger, Recipe};
 use super::profile::{Profile, Resources};
 use super::workers::{SILENT, workers};
-use crate::base::{Digest, host_name};
-use crate::orchestrator::{Pipeline, RunError, Standing, Stands, Sweep, standings};
-use crate::store::{Board, Guard, Store, StoreError};
+use deaflow_base::{Digest, host_name};
+use deaflow_orchestrator::{Pipeline, RunError, Standing, Stands, Sweep, standings};
+use deaflow_store::{Board, Guard, Store, StoreError};
 
 /// Between two looks at the store; longer where a look takes long.
 const LOOK: Duration = Duration::from_millis(500);

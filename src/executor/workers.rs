@@ -4,8 +4,8 @@ use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::{Background, Pauses};
-use crate::store::{Board, Owner, Store, StoreError};
+use deaflow_base::{Background, Pauses};
+use deaflow_store::{Board, Owner, Store, StoreError};
 
 /// The topic.
 const TOPIC: &str = "workers";

@@ -13,9 +13,9 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-use crate::field::{Mesh, Simulation};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_field::{Mesh, Simulation};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 use super::error::SetupError;
 use super::solver::{MembraneSolver, SolveOptions};
@@ -202,9 +202,9 @@ fn answer(rung: usize, simulation: Simulation, discretisation_error: Option<f64>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Stream;
-    use crate::field::{Outcome, Simulator};
-    use crate::pattern::Raster;
+    use deaflow_base::Stream;
+    use deaflow_field::{Outcome, Simulator};
+    use deaflow_pattern::Raster;
 
     fn patterns() -> Vec<Pattern> {
         let mut stream = Stream::new(11, "accuracy test", 0);

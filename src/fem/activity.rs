@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use pulp::Simd;
 
-use crate::pattern::Pattern;
+use deaflow_pattern::Pattern;
 
 use super::grid::Grid;
 use super::lanes::{Value, Wide};

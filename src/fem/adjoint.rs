@@ -4,7 +4,7 @@
 //! symmetric (for instance Bendsøe and Sigmund, Topology Optimization, 2003, section 1.2.2). The energy is linear in the
 //! activity S, so ∂R/∂S is the difference between the active and the bare stress.
 
-use crate::field::{Field, Order};
+use deaflow_field::{Field, Order};
 
 use super::element::{Bilinear, Biquadratic, Element};
 use super::energy::Material;
@@ -76,13 +76,13 @@ fn cells<E: Element<N>, L: Material, const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Stream;
-    use crate::fem::continuation::{Ending, Problem};
-    use crate::fem::energy::NeoHookean;
-    use crate::fem::grid::Grid;
-    use crate::fem::operator::Activity;
-    use crate::field::{CORNERS, Mesh};
-    use crate::pattern::{CELLS, Raster};
+    use crate::continuation::{Ending, Problem};
+    use crate::energy::NeoHookean;
+    use crate::grid::Grid;
+    use crate::operator::Activity;
+    use deaflow_base::Stream;
+    use deaflow_field::{CORNERS, Mesh};
+    use deaflow_pattern::{CELLS, Raster};
 
     #[test]
     fn it_agrees_with_finite_differences() {

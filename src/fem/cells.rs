@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::field::Simulation;
-use crate::pattern::Pattern;
+use deaflow_field::Simulation;
+use deaflow_pattern::Pattern;
 
 use super::observable::{CellState, Tension};
 use super::solver::{MembraneSolver, MeshSolution};

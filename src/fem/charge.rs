@@ -5,8 +5,8 @@
 //! K + (2s/e) g gᵀ with g the forces of the full load, which is stable along one more direction than K at a fixed voltage. Sprayed charge that stays
 //! where it is resists being spread: it thickens the membrane by a term of its own, a ← a + q²λp⁻⁶ with q = D₀/√(με).
 
-use crate::field::Charged;
-use crate::scene::Scene;
+use deaflow_field::Charged;
+use deaflow_scene::Scene;
 
 use super::continuation::{Ending, Loading, Loss, Problem};
 use super::eigenvalue::dot;

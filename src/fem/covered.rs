@@ -8,7 +8,7 @@ use super::effects::{Model, WithMaterial};
 use super::energy::Material;
 use super::error::SetupError;
 use super::sheet::Sheet;
-use crate::scene::Scene;
+use deaflow_scene::Scene;
 
 /// The share of that voltage from which on other patterns lose stability: a single cell, which goes first, at 0.29 to 0.30 of the load.
 pub const FIRST_LOST: f64 = 0.54;

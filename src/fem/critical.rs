@@ -6,7 +6,7 @@
 //! hundredth to nearly all of it. The estimate takes a middle share of it away, and its error spans the rest; `docs/effects.md` has the
 //! patterns that the shares were found with, on eight biquadratic elements per cell.
 
-use crate::field::Mesh;
+use deaflow_field::Mesh;
 
 /// What a mesh of half the side takes away from the voltage of the finer mesh, in units of what it took from the coarser one:
 /// the middle, and how far the truth may lie on either side of it.

@@ -20,7 +20,7 @@ use super::layout::NodeLayout;
 use super::memory;
 use super::operator::{Operator, from_rest, on_sides, per_side};
 use super::supports::{Pose, Supports};
-use crate::field::Order;
+use deaflow_field::Order;
 
 /// Where the entries of the tangent stand, and an order of the unknowns in which its factors stay sparse: the same for all
 /// tangents of a grid.

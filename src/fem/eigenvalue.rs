@@ -6,7 +6,7 @@
 
 use faer::{Mat, Side};
 
-use crate::base::Stream;
+use deaflow_base::Stream;
 
 use super::energy::{Material, NeoHookean};
 use super::operator::Operator;
@@ -211,10 +211,10 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::direct::Factorisation;
-    use crate::fem::grid::Grid;
-    use crate::fem::operator::Activity;
-    use crate::field::{Mesh, Order};
+    use crate::direct::Factorisation;
+    use crate::grid::Grid;
+    use crate::operator::Activity;
+    use deaflow_field::{Mesh, Order};
 
     fn at<R>(mesh: Mesh, pull: f64, work: impl FnOnce(&Operator<'_, NeoHookean>, &Laplacian, &[f64]) -> R) -> R {
         let material = NeoHookean::of(1.0 / 729.0, pull);

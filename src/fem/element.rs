@@ -315,7 +315,7 @@ const fn quadratic_slopes(x: f64) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::kinematics::contract;
+    use crate::kinematics::contract;
 
     fn check_line<const A: usize>(line: &Line<A>) {
         let nodes: [f64; A] = std::array::from_fn(|a| a as f64 / (A - 1) as f64);

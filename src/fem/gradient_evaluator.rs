@@ -1,9 +1,9 @@
 //! Finite elements that say how a field changes with its pattern, for searches along the gradient.
 
 use super::{MembraneSolver, SetupError, SolveOptions};
-use crate::field::{Differentiable, Field, Mesh, PredictError, Predictor, Simulator, WithGradient};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_field::{Differentiable, Field, Mesh, PredictError, Predictor, Simulator, WithGradient};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 /// A scene without wrinkling and fringe fields, where it has them: the energy is not linear in the activity of cells with them, and there is
 /// no adjoint. Its gradient says which cells to try; what they gain is simulated with them.

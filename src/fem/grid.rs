@@ -6,8 +6,8 @@
 
 use std::sync::Arc;
 
-use crate::field::{Mesh, Motion, Order};
-use crate::pattern::{Part, Parts, Raster};
+use deaflow_field::{Mesh, Motion, Order};
+use deaflow_pattern::{Part, Parts, Raster};
 
 use super::lanes::Real;
 use super::layout::NodeLayout;
@@ -312,7 +312,7 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Membrane;
+    use deaflow_pattern::Membrane;
 
     #[test]
     fn elements_fill_a_cell_symmetrically_and_end_at_the_strip() {

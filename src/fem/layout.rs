@@ -4,8 +4,8 @@
 //! share first, then, for biquadratic elements, the nodes in their middle: so neighbouring elements find each of their
 //! nodes side by side, and a kernel reads them without a shuffle. Both parts are padded to whole registers with zeros.
 
-use crate::base::Stream;
-use crate::field::{Field, Order};
+use deaflow_base::Stream;
+use deaflow_field::{Field, Order};
 
 use super::grid::Grid;
 use super::lanes::{Real, WIDEST};
@@ -177,9 +177,9 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::sheet::Sheet;
-    use crate::field::Mesh;
-    use crate::pattern::{Membrane, Raster};
+    use crate::sheet::Sheet;
+    use deaflow_field::Mesh;
+    use deaflow_pattern::{Membrane, Raster};
 
     fn grid(mesh: Mesh) -> Grid {
         let membrane = Membrane {

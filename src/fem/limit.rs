@@ -2,9 +2,9 @@
 
 use std::sync::OnceLock;
 
-use crate::field::{Mesh, Order};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_field::{Mesh, Order};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 use super::continuation::Ending;
 use super::critical::{CriticalVoltage, MeshLimit};

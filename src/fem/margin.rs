@@ -1,6 +1,6 @@
 //! How far a membrane is from losing stability.
 
-use crate::pattern::Pattern;
+use deaflow_pattern::Pattern;
 
 use super::continuation::{Climb, Ending};
 use super::effects::{Model, WithMaterial};

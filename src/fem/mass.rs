@@ -11,7 +11,7 @@ use super::grid::Grid;
 use super::lanes::Real;
 use super::layout::NodeLayout;
 use super::modes::line_matrices;
-use crate::field::Order;
+use deaflow_field::Order;
 
 /// Entries of a row on either side of the diagonal at most.
 const REACH: usize = 2;
@@ -155,7 +155,7 @@ fn diagonal(mass: &Mat<f64>, grid: &Grid, axis: usize) -> Vec<Band> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Mesh;
+    use deaflow_field::Mesh;
 
     #[test]
     fn the_mass_of_a_field_is_the_integral_of_its_square() {

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use pulp::Arch;
 
-use crate::base::Stream;
+use deaflow_base::Stream;
 
 use super::direct::{Factorisation, Structure};
 use super::energy::Material;

@@ -3,9 +3,9 @@
 //! They are those of the mean deformation gradient of a cell. Stresses at points next to a corner of the electrode grow
 //! with the refinement of the mesh without end; the mean does not.
 
-use crate::field::Mesh;
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_field::Mesh;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 use super::effects::{Model, WithMaterial};
 use super::energy::Material;

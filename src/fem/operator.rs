@@ -11,7 +11,7 @@ use std::marker::PhantomData;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::field::Order;
+use deaflow_field::Order;
 
 use super::activity::View;
 pub use super::activity::{Activity, Within, load_of};

@@ -24,7 +24,7 @@ use super::lanes::{Value, WIDEST, Wide};
 use super::layout::NodeLayout;
 use super::modes::{half_modes, line_matrices};
 use super::supports::Pose;
-use crate::field::Order;
+use deaflow_field::Order;
 
 /// The inverse Laplacian of a grid, of what frames and bodies leave of it.
 pub struct Laplacian {
@@ -526,11 +526,11 @@ fn scale<S: Simd>(simd: S, target: &mut [f32], factors: &[f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::energy::NeoHookean;
-    use crate::fem::operator::{Activity, Operator};
-    use crate::fem::sheet::Sheet;
-    use crate::field::Mesh;
-    use crate::pattern::{Membrane, Pattern, Raster};
+    use crate::energy::NeoHookean;
+    use crate::operator::{Activity, Operator};
+    use crate::sheet::Sheet;
+    use deaflow_field::Mesh;
+    use deaflow_pattern::{Membrane, Pattern, Raster};
 
     #[test]
     fn it_inverts_the_tangent_of_a_membrane_without_thickness_and_voltage() {

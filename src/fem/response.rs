@@ -6,9 +6,9 @@
 
 use rayon::prelude::*;
 
-use crate::field::{Field, Mesh, Observation, Outcome, Simulation, Simulator};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_field::{Field, Mesh, Observation, Outcome, Simulation, Simulator};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 use super::effects::{Model, WithMaterial};
 use super::energy::Material;
@@ -271,19 +271,11 @@ impl WithMaterial for ToActivity<'_> {
 }
 
 #[cfg(test)]
-impl LinearResponse {
-    /// That of the default scene at a voltage on the coarsest mesh, for tests of rooms that know no scenes.
-    pub(crate) fn of_default_scene(volts: f64) -> Self {
-        Self::new(&Scene::vhb4910().at_voltage(volts), Mesh::bilinear(1)).expect("the membrane is stable")
-    }
-}
-
-#[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Stream;
-    use crate::fem::{MembraneSolver, SolveOptions};
-    use crate::pattern::Raster;
+    use crate::{MembraneSolver, SolveOptions};
+    use deaflow_base::Stream;
+    use deaflow_pattern::Raster;
 
     #[test]
     fn chord_steps_approach_the_solution_from_a_few_per_cent() {

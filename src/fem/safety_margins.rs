@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use super::effects::breakdown_strength;
 use super::{CriticalSearch, MembraneSolver, SetupError, SolveOptions};
-use crate::field::{Feasibility, Mesh, PredictError, Simulator};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_field::{Feasibility, Mesh, PredictError, Simulator};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 /// Says which patterns keep their margins.
 pub struct SafetyMargins {

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::pattern::{Membrane, Parts, Raster};
-use crate::scene::Scene;
+use deaflow_pattern::{Membrane, Parts, Raster};
+use deaflow_scene::Scene;
 
 /// What pulls a rigid body.
 #[derive(Clone, Copy, Debug, PartialEq)]

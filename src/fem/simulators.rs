@@ -11,11 +11,11 @@ use super::response::{Estimator, LinearResponse};
 use super::screening::resolve;
 use super::solver::{MembraneSolver, SolveOptions};
 use super::time::{HistoryOptions, HistoryRequest, HistorySolver, history_check};
-use crate::field::{
+use deaflow_field::{
     Observation, Outcome, SharedSimulator, Simulation, Simulator, SimulatorError, SimulatorKind, Simulators,
 };
-use crate::pattern::Pattern;
-use crate::scene::{Effects, Scene};
+use deaflow_pattern::Pattern;
+use deaflow_scene::{Effects, Scene};
 
 /// Simulators for a scene.
 pub struct SceneSimulators {

@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use crate::field::{Charged, Field, Mesh, Observation, Outcome, Simulation, Simulator};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
-use crate::scene::laws::StiffeningLaw;
+use deaflow_field::{Charged, Field, Mesh, Observation, Outcome, Simulation, Simulator};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+use deaflow_scene::laws::StiffeningLaw;
 
 use super::adjoint;
 use super::charge::{self, ChargedLoading};

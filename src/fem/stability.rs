@@ -91,11 +91,11 @@ pub fn same_basin<L: Material>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::direct::Factorisation;
-    use crate::fem::energy::NeoHookean;
-    use crate::fem::grid::Grid;
-    use crate::fem::operator::Activity;
-    use crate::field::{Mesh, Order};
+    use crate::direct::Factorisation;
+    use crate::energy::NeoHookean;
+    use crate::grid::Grid;
+    use crate::operator::Activity;
+    use deaflow_field::{Mesh, Order};
 
     #[test]
     fn the_probe_agrees_with_the_inertia() {

@@ -2,13 +2,13 @@
 
 use pulp::Arch;
 
-use crate::fem::element::Line;
-use crate::fem::energy::Material;
-use crate::fem::kinematics::Tensor;
-use crate::fem::memory::{NUMBERS, lines};
-use crate::fem::operator::Activity;
-use crate::field::Order;
-use crate::scene::Scene;
+use crate::element::Line;
+use crate::energy::Material;
+use crate::kinematics::Tensor;
+use crate::memory::{NUMBERS, lines};
+use crate::operator::Activity;
+use deaflow_field::Order;
+use deaflow_scene::Scene;
 
 /// Sums over the membrane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -163,11 +163,11 @@ pub fn deformation([xx, xy, yy, square]: [f64; NUMBERS]) -> Tensor<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::energy::NeoHookean;
-    use crate::fem::grid::Grid;
-    use crate::fem::operator::metrics;
-    use crate::field::Mesh;
-    use crate::pattern::{Pattern, Raster};
+    use crate::energy::NeoHookean;
+    use crate::grid::Grid;
+    use crate::operator::metrics;
+    use deaflow_field::Mesh;
+    use deaflow_pattern::{Pattern, Raster};
 
     #[test]
     fn half_of_the_default_membrane_is_a_capacitor_of_470_pf_at_rest() {

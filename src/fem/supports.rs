@@ -10,7 +10,7 @@ use super::grid::Grid;
 use super::lanes::Real;
 use super::layout::NodeLayout;
 use super::sheet::Mount;
-use crate::pattern::{Part, Parts};
+use deaflow_pattern::{Part, Parts};
 
 /// What holds the nodes of a grid.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,7 +5,7 @@
 //! gradients on the mesh at hand; on 50² biquadratic elements it takes 0.13 ms of one core under the base law, 0.27 ms where it stiffens by Gent's law
 //! or a polynomial one or wrinkles, and 0.45 ms under Ogden's.
 
-use crate::base::Time;
+use deaflow_base::Time;
 
 /// The time in s that [`WorkLimit::default`] stands for: an upper bound on those meshes, whatever the law.
 pub const USUAL_SECONDS: f64 = 5.0;

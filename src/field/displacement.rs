@@ -1,6 +1,6 @@
 //! A displacement field sampled at the cell corners, whatever mesh it was computed on.
 
-use crate::pattern::{CELLS, Raster, Symmetry};
+use deaflow_pattern::{CELLS, Raster, Symmetry};
 
 /// Corners along one side of the source paper's membrane: one more than cells.
 pub const CORNERS: usize = CELLS + 1;

@@ -1,7 +1,7 @@
 //! What a design must satisfy that cannot be told from its pattern.
 
 use super::simulate::PredictError;
-use crate::pattern::Pattern;
+use deaflow_pattern::Pattern;
 
 /// Says which patterns keep requirements that take a simulation to check, such as margins from pull-in and breakdown.
 pub trait Feasibility: Sync {

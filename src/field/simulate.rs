@@ -6,7 +6,7 @@ use std::fmt;
 
 use super::displacement::Field;
 use super::observation::Observation;
-use crate::pattern::Pattern;
+use deaflow_pattern::Pattern;
 
 /// The status in artifacts of a pattern whose evaluator has no field of it.
 pub const NO_FIELD: &str = "no stable field";

@@ -5,7 +5,7 @@ use std::ops::Deref;
 
 use super::displacement::Field;
 use super::simulate::{Differentiable, Evaluator, PredictError, Predictor, WithGradient};
-use crate::pattern::Pattern;
+use deaflow_pattern::Pattern;
 
 /// The fields of a pattern in the states of a device, in their order; one where it has no states.
 pub type StateFields = Vec<Field>;

@@ -93,7 +93,7 @@ macro_rules! numbers {
             }
 
             /// Appends elements of the same kind; `false`, and nothing appended, where they are of another.
-            pub(crate) fn append(&mut self, more: Self) -> bool {
+            pub fn append(&mut self, more: Self) -> bool {
                 match (self, more) {
                     $((Self::$variant(all), Self::$variant(mut more)) => all.append(&mut more),)*
                     (Self::Text(all), Self::Text(mut more)) => all.append(&mut more),

@@ -12,7 +12,7 @@ use super::elements::Element;
 use super::error::Failure;
 use super::limits::ROW;
 use super::tree::Tree;
-use crate::base::{decode, encode};
+use deaflow_base::{decode, encode};
 
 /// The longest message without its elements, bytes.
 const MOST: u32 = 16 << 20;

@@ -38,7 +38,7 @@ impl OpenFile {
     pub fn open(path: &Path) -> Result<Self, Failure> {
         let words = |words: String| Failure::Unopened(words);
         // A pipe or a device would block or never end.
-        crate::base::open_regular(path).map_err(|e| words(e.to_string()))?;
+        deaflow_base::open_regular(path).map_err(|e| words(e.to_string()))?;
         let mut builder = File::with_options();
         // Files of a store are never changed, and a lock may be refused or waited for on a network.
         builder.with_fapl(|access| access.file_locking(false).chunk_cache(521, CHUNK as usize, 0.75));

@@ -28,20 +28,17 @@ pub fn set_reader(command: fn() -> Command) {
 
 /// Whether files of others can be read.
 pub(super) fn has_reader() -> bool {
-    READER.get().is_some() || cfg!(test)
+    READER.get().is_some()
 }
 
-#[cfg(not(test))]
-fn command() -> Option<Command> {
-    READER.get().map(|command| command())
-}
-
-/// The program of the unit tests runs one of them, which serves.
-#[cfg(test)]
-fn command() -> Option<Command> {
-    let mut command = Command::new(std::env::current_exe().ok()?);
-    command.args(["--exact", "hdf::tests::the_process_that_other_tests_start", "--ignored"]);
-    Some(command)
+/// Runs of this program, that of the unit tests of a room, one test, `the_process_that_other_tests_start`, which is to call
+/// [`super::serve`]: what such tests name to [`set_reader`].
+#[doc(hidden)]
+#[must_use]
+pub fn reader_of_tests() -> Command {
+    let mut command = Command::new(std::env::current_exe().unwrap_or_default());
+    command.args(["the_process_that_other_tests_start", "--ignored"]);
+    command
 }
 
 /// A running process.
@@ -64,7 +61,9 @@ impl Session {
             path: path.to_owned(),
             source,
         };
-        let mut command = command().ok_or_else(|| HdfError::NoReader { path: path.to_owned() })?;
+        let mut command = READER
+            .get()
+            .ok_or_else(|| HdfError::NoReader { path: path.to_owned() })?();
         let (socket, other) = UnixStream::pair().map_err(refused)?;
         command
             .env("HDF5_PLUGIN_PRELOAD", "::")

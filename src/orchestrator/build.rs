@@ -15,8 +15,8 @@ use super::reserve::{BLOCKS, Reserve};
 use super::scratch::Scratch;
 use super::spec::StageSpec;
 use super::work::Work;
-use crate::base::{ActionKey, ArtifactId, Progress, Stopped, side_by_side};
-use crate::store::{
+use deaflow_base::{ActionKey, ArtifactId, Progress, Stopped, side_by_side};
+use deaflow_store::{
     Action, Artifact, Condition, Effort, Guard, Lookup, Object, Record, Recorded, Store, StoreError, Stored,
 };
 

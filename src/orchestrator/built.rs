@@ -2,7 +2,7 @@
 
 use super::planner::{Planner, State};
 use super::spec::Pipeline;
-use crate::store::{LockFile, LockedStage, Record, Store, StoreError};
+use deaflow_store::{LockFile, LockedStage, Record, Store, StoreError};
 
 /// A stage that is built.
 pub struct BuiltStage {

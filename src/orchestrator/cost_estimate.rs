@@ -6,7 +6,7 @@ use super::planner::{ChunkState, MANY, StageStatus, State};
 use super::price::{Leaves, Price, Work, leaves, price};
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
-use crate::store::{Cost, Store, StoreError};
+use deaflow_store::{Cost, Store, StoreError};
 
 /// What is foretold of a stage: a price, or why there is none; neither where it is there.
 pub type Foretold = (Option<Price>, Option<String>);

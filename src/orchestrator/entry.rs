@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::kind::Kind;
-use crate::base::{InputError, Node, Schema, is_plain_name, nearest};
+use deaflow_base::{InputError, Node, Schema, is_plain_name, nearest};
 
 /// Characters in the name of a pipeline or stage.
 const LONGEST_NAME: usize = 200;

@@ -4,7 +4,7 @@ use serde::{Serialize, Serializer};
 
 use super::price::Price;
 use super::staleness::Staleness;
-use crate::base::ArtifactId;
+use deaflow_base::ArtifactId;
 
 /// What became of a stage, or would.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

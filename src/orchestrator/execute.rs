@@ -21,8 +21,8 @@ use super::shares::Shares;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
 use super::work::{Built, Work};
-use crate::base::{ArtifactId, InputError};
-use crate::store::{Command, Effort, Ended, LockFile, LockedStage, Record, Run, RunStage, Store, StoreError};
+use deaflow_base::{ArtifactId, InputError};
+use deaflow_store::{Command, Effort, Ended, LockFile, LockedStage, Record, Run, RunStage, Store, StoreError};
 
 /// Stack of the thread of a stage, bytes: as much as the main thread has.
 const STACK: usize = 8 << 20;

@@ -8,8 +8,8 @@ use super::plan::{digests_of, reasons, report};
 use super::planner::Planner;
 use super::spec::Pipeline;
 use super::staleness::Staleness;
-use crate::base::{ActionKey, ArtifactId};
-use crate::store::Store;
+use deaflow_base::{ActionKey, ArtifactId};
+use deaflow_store::Store;
 
 /// All that is known of one stage.
 #[derive(Clone, Debug)]

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use super::event::StageReport;
 use super::kind::{Expectation, Whose};
 use super::spec::Pipeline;
-use crate::base::ArtifactId;
-use crate::store::{Run, Store, StoreError};
+use deaflow_base::ArtifactId;
+use deaflow_store::{Run, Store, StoreError};
 
 /// Runs that are looked through for results.
 const LOOKED_THROUGH: usize = 100;

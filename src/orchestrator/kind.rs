@@ -7,8 +7,8 @@ use std::sync::{Mutex, PoisonError};
 
 use super::difference::Difference;
 use super::scratch::Scratch;
-use crate::base::{ArtifactId, Canonical, Fields, InputError, Node, NodeValue, Progress, Stopped};
-use crate::store::{Artifact, Object, ObjectError, StoreError};
+use deaflow_base::{ArtifactId, Canonical, Fields, InputError, Node, NodeValue, Progress, Stopped};
+use deaflow_store::{Artifact, Object, ObjectError, StoreError};
 
 /// A kind of stage: `sample`, `solve`, …
 pub trait Kind: Sync {

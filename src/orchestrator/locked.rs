@@ -6,8 +6,8 @@
 use super::difference::Difference;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::{Current, Staleness};
-use crate::base::ArtifactId;
-use crate::store::{Action, LockFile, LockedStage, Record, Store, StoreError};
+use deaflow_base::ArtifactId;
+use deaflow_store::{Action, LockFile, LockedStage, Record, Store, StoreError};
 
 /// All differences that can be seen before any work. `selection` gives the stages to look at by their places.
 ///

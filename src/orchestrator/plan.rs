@@ -13,8 +13,8 @@ use super::price::Bill;
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
-use crate::base::ArtifactId;
-use crate::store::{Store, StoreError};
+use deaflow_base::ArtifactId;
+use deaflow_store::{Store, StoreError};
 
 /// Says of each stage, in topological order, whether it would be built, why, and what that would take. `until` names the
 /// last stage.

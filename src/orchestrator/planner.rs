@@ -12,8 +12,8 @@ use rayon::prelude::*;
 use super::kind::{Chunk, Input, Plan};
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::{Current, Staleness};
-use crate::base::{ActionKey, ArtifactId, Canonical};
-use crate::store::{
+use deaflow_base::{ActionKey, ArtifactId, Canonical};
+use deaflow_store::{
     Action, Condition, Effort, Lookup, Object, Record, Recorded, Run, RunStage, Runs, RunsOf, Store, StoreError,
 };
 

@@ -11,8 +11,8 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::base::Canonical;
-use crate::store::Cost;
+use deaflow_base::Canonical;
+use deaflow_store::Cost;
 
 /// How many of the nearest costs count: the latest.
 const LATEST: usize = 8;

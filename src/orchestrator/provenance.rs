@@ -2,8 +2,8 @@
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use crate::base::{ActionKey, host_name};
-use crate::store::{Action, Provenance};
+use deaflow_base::{ActionKey, VERSION, build, host_name};
+use deaflow_store::{Action, Provenance};
 
 /// Where and when a run takes place.
 #[derive(Clone, Debug)]
@@ -41,8 +41,8 @@ impl Environment {
         let (architecture, system) = (std::env::consts::ARCH, std::env::consts::OS);
         Self {
             host: host_name(),
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            build: env!("DEAFLOW_BUILD").to_owned(),
+            version: VERSION.to_owned(),
+            build: build().to_owned(),
             target: format!("{architecture}-{system}, {processor}"),
             clock: SystemTime::now,
         }

@@ -5,8 +5,8 @@
 use std::sync::OnceLock;
 
 use super::planner::ChunkState;
-use crate::base::Digest;
-use crate::store::{Guard, Manner, Store};
+use deaflow_base::Digest;
+use deaflow_store::{Guard, Manner, Store};
 
 /// Blocks of a stage at most. A stage of fewer than twice as many chunks has none: there each is tried.
 #[cfg(not(test))]
@@ -72,8 +72,8 @@ impl<'a> Reserve<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::{ActionKey, Canonical};
-    use crate::store::Action;
+    use deaflow_base::{ActionKey, Canonical};
+    use deaflow_store::Action;
 
     fn chunks(count: u64) -> Vec<ChunkState> {
         let chunk = |number: u64| {

@@ -13,7 +13,7 @@
 use super::entry::{Entry, Registry, read_entries};
 use super::graph;
 use super::kind::Kind;
-use crate::base::{Fields, InputError, Node, NodeValue, Override, Schema};
+use deaflow_base::{Fields, InputError, Node, NodeValue, Override, Schema};
 
 /// The key that says how many rounds there are.
 pub const ROUNDS: &str = "rounds";

@@ -6,7 +6,7 @@ use super::entry::Registry;
 use super::kind::Kind;
 use super::rounds;
 use super::sweep;
-use crate::base::{Fields, Schema};
+use deaflow_base::{Fields, Schema};
 
 const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
 

@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use crate::base::{ActionKey, Stopped};
-use crate::store::{Reached, Store, StoreError};
+use deaflow_base::{ActionKey, Stopped};
+use deaflow_store::{Reached, Store, StoreError};
 
 /// Keeping may take this part of the time at most.
 const SHARE: u32 = 20;

@@ -11,7 +11,7 @@ use super::graph;
 use super::kind::{Foreseeable, Foreseen, Kind, Stage};
 use super::rounds::{self, Rounds};
 use super::sweep::{self, Sweep};
-use crate::base::{Document, InputError, Node, NodeValue, Override, folder_of};
+use deaflow_base::{Document, InputError, Node, NodeValue, Override, folder_of};
 
 const WHAT: &str = "the pipeline";
 

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use crate::base::{ArtifactId, Canonical, readable_time};
-use crate::store::{Condition, Record, Run};
+use deaflow_base::{ArtifactId, Canonical, readable_time};
+use deaflow_store::{Condition, Record, Run};
 
 /// Why a stage is stale.
 #[derive(Clone, Debug, PartialEq, Eq)]

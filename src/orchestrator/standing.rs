@@ -6,7 +6,7 @@ use super::execute::RunError;
 use super::kind::Plan;
 use super::planner::{Planner, StageStatus, State};
 use super::spec::Pipeline;
-use crate::store::Store;
+use deaflow_store::Store;
 
 /// How a stage stands.
 #[derive(Clone, Debug, PartialEq, Eq)]

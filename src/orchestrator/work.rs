@@ -9,8 +9,8 @@ use super::kind::{Plan, StageError};
 use super::planner::{self, StageStatus, State};
 use super::spec::StageSpec;
 use super::staleness::Staleness;
-use crate::base::ArtifactId;
-use crate::store::Record;
+use deaflow_base::ArtifactId;
+use deaflow_store::Record;
 
 /// A stage to be built.
 pub struct Work {

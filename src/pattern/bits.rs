@@ -442,7 +442,7 @@ pub fn distance(one: &Pattern, other: &Pattern) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Symmetry;
+    use crate::Symmetry;
 
     /// Patterns without symmetry on rasters of one word a row, of several, and at their borders.
     fn odd() -> impl Iterator<Item = Pattern> {

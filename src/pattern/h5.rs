@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::raster::{Pattern, PatternForm};
 use super::read::{Refusal, count, patterns, patterns_from};
-use crate::hdf::{Element, Failure, HdfError, HdfFile};
+use deaflow_hdf::{Element, Failure, HdfError, HdfFile};
 
 /// Cells that are asked for at a time: 8 MB of numbers.
 const SLICE: usize = 1_000_000;

@@ -149,7 +149,7 @@ impl Likeness {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::{Raster, distance};
+    use crate::{Raster, distance};
 
     fn pattern(seed: usize, groups: u8) -> Pattern {
         let raster = Raster::new(70, 30).unwrap();

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::raster::{Pattern, PatternForm};
 use super::read::{MOST_CELLS, Refusal, bytes, count, patterns};
-use crate::base::{NpyError, NpyHeader};
+use deaflow_base::{NpyError, NpyHeader};
 
 /// Eight-byte elements in the largest stack, and a header.
 const MAX_BYTES: u64 = MOST_CELLS * 8 + (1 << 16);

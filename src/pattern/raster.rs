@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::bits::Bits;
 use super::symmetry::{Symmetries, Symmetry};
-use crate::base::OrbitId;
+use deaflow_base::OrbitId;
 
 /// Cells along one side of the membrane. The source paper's membrane has 50 × 50.
 pub const CELLS: usize = 50;

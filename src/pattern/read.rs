@@ -10,7 +10,7 @@ use std::path::Path;
 
 use super::raster::{Pattern, PatternForm, Raster, allowed_cells};
 use super::{csv, h5, npy, png};
-use crate::base::InputError;
+use deaflow_base::InputError;
 
 /// The most patterns that one argument may hold; on 50 × 50 cells their fields alone would be 830 MB.
 const MOST: u64 = 20_000;

@@ -77,7 +77,7 @@ fn is_inside(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
+    use crate::Raster;
 
     fn drawn(region: &Region) -> Vec<String> {
         let membrane = Membrane {

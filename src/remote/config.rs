@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::error::RemoteError;
 use super::key::{Named, read_public};
-use crate::base::{Digest, Document, InputError, Map, is_plain_name, write_output};
+use deaflow_base::{Digest, Document, InputError, Map, is_plain_name, write_output};
 
 /// Where a remote is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -200,7 +200,7 @@ impl Configuration {
         }
         let lines: String = trusted.iter().map(|named| named.key.line(&named.whose)).collect();
         let keys = format!("# whose records of {name} count, a line for each: ed25519 DIGITS NAME\n{lines}");
-        let refused = |error| RemoteError::Store(crate::store::StoreError::Output(error));
+        let refused = |error| RemoteError::Store(deaflow_store::StoreError::Output(error));
         write_output(&self.keys(name), keys.as_bytes()).map_err(refused)?;
         write_output(&self.file(name), text.as_bytes()).map_err(refused)
     }

@@ -12,7 +12,7 @@ use rusty_s3::Credentials;
 use serde::Deserialize;
 use ureq::Agent;
 
-use crate::base::read_bounded;
+use deaflow_base::read_bounded;
 
 /// Files of credentials are shorter, bytes.
 const MAX_BYTES: u64 = 1 << 20;

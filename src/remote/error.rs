@@ -3,8 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::base::{EncodingError, InputError};
-use crate::store::StoreError;
+use deaflow_base::{EncodingError, InputError};
+use deaflow_store::StoreError;
 
 /// A refusal by a remote, or on the way to it.
 #[derive(Debug, thiserror::Error)]

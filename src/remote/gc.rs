@@ -9,7 +9,7 @@ use super::error::RemoteError;
 use super::key::{PublicKey, SigningKey};
 use super::pack::{self, MOST_RECORDS, RECORDS};
 use super::upstream::{OBJECTS, Remote, object_of};
-use crate::base::{ArtifactId, Digest, side_by_side};
+use deaflow_base::{ArtifactId, Digest, side_by_side};
 
 /// What stays.
 #[derive(Clone, Copy, Debug)]

@@ -11,7 +11,7 @@ use ring::rand::{SecureRandom, SystemRandom};
 use ring::signature::{ED25519, Ed25519KeyPair, KeyPair, UnparsedPublicKey};
 
 use super::error::RemoteError;
-use crate::base::{Digest, InputError, read_bounded};
+use deaflow_base::{Digest, InputError, read_bounded};
 
 /// The word before the digits of a public key.
 const PUBLIC: &str = "ed25519";

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 use super::key::PublicKey;
 use super::pack::Statement;
-use crate::base::{ActionKey, ArtifactId};
-use crate::store::{Promise, Record};
+use deaflow_base::{ActionKey, ArtifactId};
+use deaflow_store::{Promise, Record};
 
 /// Who says what of an action.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::error::RemoteError;
 use super::key::{PublicKey, SIGNATURE, SigningKey};
-use crate::base::{ArtifactId, Digest, decode, encode};
-use crate::store::Record;
+use deaflow_base::{ArtifactId, Digest, decode, encode};
+use deaflow_store::Record;
 
 /// The folder of packs.
 pub const RECORDS: &str = "records/";

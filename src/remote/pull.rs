@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::error::RemoteError;
 use super::upstream::Remote;
-use crate::base::ArtifactId;
-use crate::store::{Condition, Effort, Store};
+use deaflow_base::ArtifactId;
+use deaflow_store::{Condition, Effort, Store};
 
 /// What a pull came to.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -9,8 +9,8 @@ use super::error::RemoteError;
 use super::key::SigningKey;
 use super::pack::{self, MOST_RECORDS, Statement};
 use super::upstream::{OBJECTS, Remote, object_name, object_of};
-use crate::base::{ArtifactId, side_by_side};
-use crate::store::{Holding, Store};
+use deaflow_base::{ArtifactId, side_by_side};
+use deaflow_store::{Holding, Store};
 
 /// What to push.
 pub struct Push<'a> {

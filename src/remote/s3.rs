@@ -18,7 +18,7 @@ use super::config::{Address, check_endpoint};
 use super::credentials::{self, Chain};
 use super::error::{RemoteError, is_passing};
 use super::upload;
-use crate::base::{InputError, read_bounded};
+use deaflow_base::{InputError, read_bounded};
 
 /// How long a signed request may be begun after it was signed; clocks may differ by a quarter of an hour anyway.
 const SIGNED_FOR: Duration = Duration::from_secs(900);

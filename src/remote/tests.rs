@@ -13,8 +13,8 @@ use super::bucket::Unfinished;
 use super::pack::{self, RECORDS, Statement};
 use super::upstream::{OBJECTS, object_name};
 use super::*;
-use crate::base::{ActionKey, ArtifactId, Canonical, Digest};
-use crate::store::{Action, Condition, Data, Dataset, Effort, Lookup, Object, Provenance, Record, Store};
+use deaflow_base::{ActionKey, ArtifactId, Canonical, Digest};
+use deaflow_store::{Action, Condition, Data, Dataset, Effort, Lookup, Object, Provenance, Record, Store};
 
 /// Storage in memory.
 #[derive(Default)]

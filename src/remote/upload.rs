@@ -9,7 +9,7 @@ use rusty_s3::actions::{CreateMultipartUpload, ListParts};
 use super::bucket::Unfinished;
 use super::error::RemoteError;
 use super::s3::{S3, Sent};
-use crate::base::{read_own, write_output};
+use deaflow_base::{read_own, write_output};
 
 /// Files of no more bytes are sent whole.
 pub const WHOLE: u64 = 64 << 20;

@@ -13,8 +13,8 @@ use super::key::{PublicKey, SigningKey};
 use super::known::{Disagreement, Foreign, Known};
 use super::pack::{self, NoPack, RECORDS, Statement};
 use super::s3::S3;
-use crate::base::{ActionKey, ArtifactId, Digest, read_own, side_by_side, write_output};
-use crate::store::{Promise, Record, Store, StoreError, Upstream};
+use deaflow_base::{ActionKey, ArtifactId, Digest, read_own, side_by_side, write_output};
+use deaflow_store::{Promise, Record, Store, StoreError, Upstream};
 
 /// The marker, and what it says.
 pub const MARKER: &str = "format";

@@ -10,7 +10,7 @@ use std::thread::{Builder, JoinHandle};
 use super::artifacts::{Made, RunArtifacts};
 use super::kinds::PRESENTERS;
 use super::results::{draw_of_stage, folder_of};
-use crate::store::Store;
+use deaflow_store::Store;
 
 /// Draws the figures of stages as they end, so that only those of the last are waited for.
 ///

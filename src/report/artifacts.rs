@@ -4,10 +4,10 @@ use std::path::Path;
 
 use super::drawing::FigureError;
 use super::error::ReportError;
-use crate::base::ArtifactId;
-use crate::content::ContentError;
-use crate::orchestrator::Rounds;
-use crate::store::{Artifact, Store};
+use deaflow_base::ArtifactId;
+use deaflow_content::ContentError;
+use deaflow_orchestrator::Rounds;
+use deaflow_store::{Artifact, Store};
 
 /// What one stage of a run made.
 #[derive(Clone, Debug)]

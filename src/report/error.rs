@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use super::drawing::FigureError;
-use crate::base::{ArtifactId, OutputError};
-use crate::store::StoreError;
+use deaflow_base::{ArtifactId, OutputError};
+use deaflow_store::StoreError;
 
 /// A figure or summary that could not be made.
 #[derive(Debug, thiserror::Error)]

@@ -6,8 +6,9 @@ use serde::Serialize;
 
 use super::artifacts::Source;
 use super::error::ReportError;
-use crate::base::two_digits;
-use crate::content::{self, CoverageView};
+use deaflow_base::two_digits;
+use deaflow_content as content;
+use deaflow_content::CoverageView;
 
 /// The share that intervals are to cover.
 const STATED: f64 = 0.95;

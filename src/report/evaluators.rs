@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::artifacts::Source;
 use super::error::ReportError;
 use super::format::{share, three};
-use crate::content::Designs;
+use deaflow_content::Designs;
 
 /// What judged the patterns of a design stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use super::error::ReportError;
 use super::results::WHOSE;
-use crate::base::{ArtifactId, read_own};
-use crate::store::Store;
+use deaflow_base::{ArtifactId, read_own};
+use deaflow_store::Store;
 
 /// A figure takes less, bytes.
 const LONGEST: u64 = 64 << 20;

@@ -6,9 +6,9 @@ use std::path::Path;
 
 use super::artifacts::{Made, RunArtifacts};
 use super::error::ReportError;
-use crate::base::{ArtifactId, Node, NodeValue};
-use crate::orchestrator::{Pipeline, Rounds, StageReport};
-use crate::store::{Artifact, Command, Cost, Ended, Run, Store, StoreError};
+use deaflow_base::{ArtifactId, Node, NodeValue};
+use deaflow_orchestrator::{Pipeline, Rounds, StageReport};
+use deaflow_store::{Artifact, Command, Cost, Ended, Run, Store, StoreError};
 
 /// A pipeline with what has been built of it.
 #[derive(Clone, Debug)]
@@ -315,9 +315,9 @@ fn seconds(time: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::ActionKey;
-    use crate::orchestrator::{Outcome, Staleness};
-    use crate::store::RunStage;
+    use deaflow_base::ActionKey;
+    use deaflow_orchestrator::{Outcome, Staleness};
+    use deaflow_store::RunStage;
 
     fn id(text: &str) -> ArtifactId {
         ArtifactId::of(text.as_bytes())

@@ -3,7 +3,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::drawing::{Chart, DRAWING_STYLE, PAGE_STYLE};
-use crate::base::{printable, unbroken};
+use deaflow_base::{printable, unbroken};
 
 /// A page.
 pub struct Page {

@@ -9,8 +9,8 @@ use super::error::ReportError;
 use super::format::{duration, mm, percent};
 use super::html::{Column, Page};
 use super::summary::read;
-use crate::content::Verification;
-use crate::pattern::Pattern;
+use deaflow_content::Verification;
+use deaflow_pattern::Pattern;
 
 /// Designs of a verify stage at the times that it was asked for.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -178,7 +178,7 @@ fn verdicts(times: &[f64], rows: &[TimedRow]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
+    use deaflow_pattern::Raster;
 
     fn row(title: &str, width: usize, values_mm: [f64; 2]) -> TimedRow {
         TimedRow {

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::artifacts::Source;
 use super::error::ReportError;
 use super::format::mm;
-use crate::content::{DesignInterval, DesignIntervals, DesignRowsView, Designs};
+use deaflow_content::{DesignInterval, DesignIntervals, DesignRowsView, Designs};
 
 /// The displacement of a design along the wanted directions as a network predicts it.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -5,8 +5,8 @@ use std::path::Path;
 use super::artifacts::RunArtifacts;
 use super::error::ReportError;
 use super::results::{RunResults, is_missing};
-use crate::base::Digest;
-use crate::store::Store;
+use deaflow_base::{Digest, build};
+use deaflow_store::Store;
 
 impl RunResults {
     /// As [`RunResults::of`], remembered from the last time that the same was asked of the same artifacts, where all figures are still there.
@@ -39,7 +39,7 @@ fn question(
     (neglected, may_break_down): (&[String], &[String]),
 ) -> Digest {
     let RunArtifacts { file, made, rounds, .. } = run;
-    let build = env!("DEAFLOW_BUILD");
+    let build = build();
     let text = format!(
         "results of {build}\n{pipeline:?} {file:?} {folder:?} {made:?} {rounds:?} {neglected:?} {may_break_down:?}"
     );
@@ -68,7 +68,7 @@ mod tests {
     use std::fs;
 
     use super::*;
-    use crate::report::RunArtifacts;
+    use crate::RunArtifacts;
 
     #[test]
     fn answers_are_remembered_as_long_as_they_are_whole_and_their_figures_there() {

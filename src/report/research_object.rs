@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::{Value, json};
 
-use crate::base::uri;
+use deaflow_base::uri;
 
 /// The file that makes a folder a crate.
 pub const METADATA: &str = "ro-crate-metadata.json";

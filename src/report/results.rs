@@ -15,8 +15,8 @@ use super::headline::{Headline, headlines};
 use super::kinds::PRESENTERS;
 use super::presenter::{DrawFigure, Presenter, Results};
 use super::warnings::warnings;
-use crate::base::{Digest, SOFTWARE, leads_nowhere_at, read_own, write_output};
-use crate::store::Store;
+use deaflow_base::{Digest, leads_nowhere_at, read_own, software, write_output};
+use deaflow_store::Store;
 
 /// Figures of sweeps that are told one by one.
 const MOST_OF_SWEEPS: usize = 8;
@@ -281,7 +281,7 @@ fn say_where_from(path: &Path, pipeline: &str, stage: &str, digests: &str) -> Re
     let texts = [
         ("Title", format!("{pipeline}: {stage}")),
         ("Source", digests.to_owned()),
-        ("Software", SOFTWARE.to_owned()),
+        ("Software", software()),
     ];
     let stamped = with_texts(&image, &texts).map_err(said)?;
     write_output(path, &stamped).map_err(|error| said(error.into()))

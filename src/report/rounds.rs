@@ -12,8 +12,8 @@ use super::error::ReportError;
 use super::figures::{Round, draw_rounds};
 use super::format::figure_name;
 use super::summary::{RowSummary, Summary};
-use crate::base::Digest;
-use crate::orchestrator::Rounds;
+use deaflow_base::Digest;
+use deaflow_orchestrator::Rounds;
 
 /// The rounds of a verify stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -261,7 +261,7 @@ impl fmt::Display for RoundsSummary {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Role;
+    use deaflow_pattern::Role;
 
     fn row(name: &str, role: Role, predicted: f64, simulated: Option<f64>, distance: Option<f64>) -> RowSummary {
         RowSummary {
@@ -364,7 +364,7 @@ mod tests {
             let made = [("v", first), ("v-2", b"2")].map(|(stage, bytes)| Made {
                 stage: stage.into(),
                 kind: "verify".into(),
-                digest: crate::base::ArtifactId::of(bytes),
+                digest: deaflow_base::ArtifactId::of(bytes),
             });
             draw_by_round(folder.path(), &made, &found, &summaries).unwrap()
         };

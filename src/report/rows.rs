@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::store::{Artifact, Content, Data, ElementType, StoreError};
+use deaflow_store::{Artifact, Content, Data, ElementType, StoreError};
 
 /// Arrays with more values for each row than this are no columns.
 const MOST_COLUMNS: usize = 16;

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use crate::base::ArtifactId;
-use crate::store::{Run, Store};
+use deaflow_base::ArtifactId;
+use deaflow_store::{Run, Store};
 
 /// What collections have removed and is not here, and when.
 pub struct Gone<'a> {

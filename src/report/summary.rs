@@ -11,10 +11,10 @@ use super::error::ReportError;
 use super::format::{change, counted, share, three, uncertainty};
 use super::headline::Headline;
 use super::intervals::{self, NetworkInterval};
-use crate::content::{ContentError, Verification, predicted_rows};
-use crate::field::NO_FIELD;
-use crate::pattern::Role;
-use crate::store::Artifact;
+use deaflow_content::{ContentError, Verification, predicted_rows};
+use deaflow_field::NO_FIELD;
+use deaflow_pattern::Role;
+use deaflow_store::Artifact;
 
 /// A design whose prediction differs from the simulation by more than this fraction was judged by an evaluator that is wrong.
 pub(super) const TRUSTED: f64 = 0.05;

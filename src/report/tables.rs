@@ -4,7 +4,7 @@ use comfy_table::{CellAlignment, Table, TableComponent, presets::UTF8_HORIZONTAL
 use serde_json::{Value, json};
 
 use super::figures::{Curve, Curves};
-use crate::content;
+use deaflow_content as content;
 
 /// Letters of a number that is shown as it is.
 const SHORT: usize = 8;

@@ -3,8 +3,8 @@ use std::path::Path;
 
 use super::format::figure_name;
 use super::*;
-use crate::scene::Scene;
-use crate::store::{Data, Dataset, Object, Provenance, Store};
+use deaflow_scene::Scene;
+use deaflow_store::{Data, Dataset, Object, Provenance, Store};
 
 struct Bench {
     folder: tempfile::TempDir,

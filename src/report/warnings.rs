@@ -2,7 +2,7 @@
 
 use super::artifacts::{Made, RunArtifacts};
 use super::error::ReportError;
-use crate::content::Solutions;
+use deaflow_content::Solutions;
 
 /// The effect under which simulated samples carry a ratio to breakdown.
 const BREAKDOWN: &str = "dielectric_breakdown";

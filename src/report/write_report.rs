@@ -12,10 +12,10 @@ use super::export::{dxf, mask_drawing};
 use super::history::History;
 use super::intervals::NetworkInterval;
 use super::page::{self, report_page};
-use crate::base::{CsvTable, OutputFile, csv_metadata, folder_of, read_bounded};
-use crate::pattern::Pattern;
-use crate::scene::{Mask, Size};
-use crate::store::Store;
+use deaflow_base::{CsvTable, OutputFile, csv_metadata, folder_of, read_bounded};
+use deaflow_pattern::Pattern;
+use deaflow_scene::{Mask, Size};
+use deaflow_store::Store;
 
 /// The columns of the table of designs.
 pub const COLUMNS: [&str; 24] = [
@@ -299,7 +299,7 @@ mod tests {
     use super::super::designs::{Objective, Role, tests::design};
     use super::super::intervals::tests::interval;
     use super::*;
-    use crate::pattern::Raster;
+    use deaflow_pattern::Raster;
 
     #[test]
     fn the_first_line_of_a_pattern_is_its_lower_edge() {
@@ -316,7 +316,7 @@ mod tests {
         let mut of_four = design(Role::Refined, 50, Some(0.987_654_32));
         of_four.objective = Objective::read(
             "{ points: [{ point: [12.5, 25], direction: 0 }, { point: [37.5, 25], direction: 180 deg }] }",
-            &crate::scene::Scene::vhb4910(),
+            &deaflow_scene::Scene::vhb4910(),
         )
         .unwrap();
         of_four.interval = Some(interval(1.0, 1.5));

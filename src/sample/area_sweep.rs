@@ -16,8 +16,8 @@ use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use super::large_grid::{pattern_of_units, units_of};
 use super::membership::is_grid_of;
 use super::small_grid::SmallGrid;
-use crate::base::{Decimal, Stream, parameters};
-use crate::pattern::Pattern;
+use deaflow_base::{Decimal, Stream, parameters};
+use deaflow_pattern::Pattern;
 
 /// Grids drawn before single cells are taken instead: a range narrower than the steps of all grids has none.
 const MOST_DRAWS: u32 = 100;
@@ -109,7 +109,7 @@ impl Family for AreaSweep {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::CELLS;
+    use deaflow_pattern::CELLS;
 
     fn usual() -> AreaSweep {
         AreaSweep::new(Canvas::PAPER, 0.05, 0.95).unwrap()

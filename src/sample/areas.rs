@@ -3,8 +3,8 @@
 use super::canvas::Canvas;
 use super::error::{SampleError, cells_at};
 use super::family::Refusal;
-use crate::base::{Canonical, Decimal, Dimension, InputError, Node, Parameter, Schema, Stream};
-use crate::pattern::Pattern;
+use deaflow_base::{Canonical, Decimal, Dimension, InputError, Node, Parameter, Schema, Stream};
+use deaflow_pattern::Pattern;
 
 /// A range of area fractions to draw from; both ends may be equal.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,7 +109,7 @@ pub(super) fn highest_of(canvas: &Canvas, area: f64, levels: impl Iterator<Item 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
+    use deaflow_pattern::Raster;
 
     #[test]
     fn the_highest_cells_are_taken_and_equal_ones_by_number() {

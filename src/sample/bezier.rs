@@ -23,8 +23,8 @@ use super::curve::{Cubic, on_frame};
 use super::error::{SampleError, cells_at};
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use super::membership::{edges, longer_side};
-use crate::base::{Decimal, Stream, parameters, words};
-use crate::pattern::Pattern;
+use deaflow_base::{Decimal, Stream, parameters, words};
+use deaflow_pattern::Pattern;
 
 /// Draws after which a straight line is taken instead. Fewer than one draw in ten is refused, so this is out of reach of
 /// chance and only bounds the loop.

@@ -11,8 +11,8 @@ use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use super::membership::edges;
-use crate::base::{Stream, parameters};
-use crate::pattern::Pattern;
+use deaflow_base::{Stream, parameters};
+use deaflow_pattern::Pattern;
 
 /// Standard deviation of the Gaussian, in cells.
 const LENGTH: [f64; 2] = [1.0, 9.0];
@@ -105,7 +105,7 @@ fn weights(deviation: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::CELLS;
+    use deaflow_pattern::CELLS;
 
     fn usual() -> Blobs {
         Blobs::new(Areas::new(Canvas::PAPER, 0.3, 0.7).unwrap())

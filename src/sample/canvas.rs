@@ -1,7 +1,7 @@
 //! What patterns are drawn on.
 
-use crate::base::{Canonical, Decimal};
-use crate::pattern::{Membrane, Pattern, Raster};
+use deaflow_base::{Canonical, Decimal};
+use deaflow_pattern::{Membrane, Pattern, Raster};
 
 /// Lengths of the shorter side: on the source paper's membrane one is a cell.
 const LENGTHS: f64 = 50.0;

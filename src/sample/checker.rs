@@ -11,8 +11,8 @@ use super::areas::{AreaFractions, Areas, highest};
 use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
-use crate::base::{Stream, parameters};
-use crate::pattern::Pattern;
+use deaflow_base::{Stream, parameters};
+use deaflow_pattern::Pattern;
 
 /// Period of the board, in cells.
 const PERIOD: [f64; 2] = [2.0, 12.0];
@@ -70,7 +70,7 @@ impl Family for Checker {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::CELLS;
+    use deaflow_pattern::CELLS;
 
     fn at_half(index: u64) -> Pattern {
         let family = Checker::new(Areas::new(Canvas::PAPER, 0.5, 0.5).unwrap());

@@ -6,7 +6,7 @@
 //! Programming 4A, §7.2.1.3); the permutation a Feistel network with cycle walking (Black and Rogaway, CT-RSA 2002,
 //! doi 10.1007/3-540-45760-7_9).
 
-use crate::base::Stream;
+use deaflow_base::Stream;
 
 /// The number of k-subsets of n things, or `None` when it is beyond 64 bits.
 pub(super) fn binomial(n: u64, k: u64) -> Option<u64> {

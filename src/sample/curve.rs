@@ -161,8 +161,8 @@ fn frame_position(canvas: &Canvas, [x, y]: Point) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Stream;
-    use crate::pattern::CELLS;
+    use deaflow_base::Stream;
+    use deaflow_pattern::CELLS;
 
     /// Whether two of the chain's segments that are not neighbours cross, by the signs of four triangles.
     fn chain_crosses(curve: &Cubic) -> bool {

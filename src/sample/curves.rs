@@ -15,8 +15,8 @@ use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use super::membership::{edges, longer_side};
-use crate::base::{Stream, parameters};
-use crate::pattern::Pattern;
+use deaflow_base::{Stream, parameters};
+use deaflow_pattern::Pattern;
 
 /// Waves of a curve.
 const WAVES: usize = 3;
@@ -138,7 +138,7 @@ impl Family for Curves {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::CELLS;
+    use deaflow_pattern::CELLS;
 
     fn usual() -> Curves {
         Curves::new(Canvas::PAPER, None)

@@ -8,8 +8,8 @@
 use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
-use crate::base::{Stream, parameters};
-use crate::pattern::{Pattern, Raster};
+use deaflow_base::{Stream, parameters};
+use deaflow_pattern::{Pattern, Raster};
 
 /// Longest period along a row, in cells.
 const PERIOD: usize = 12;
@@ -128,7 +128,7 @@ impl Family for Diagonals {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::CELLS;
+    use deaflow_pattern::CELLS;
 
     fn drawn(seed: u64, index: u64) -> (Bands, Pattern) {
         let bands = Bands::drawn(Raster::PAPER, &mut Stream::new(seed, "diagonals", index));

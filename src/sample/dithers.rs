@@ -14,8 +14,8 @@ use super::areas::{AreaFractions, Areas, highest_of};
 use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
-use crate::base::{Stream, parameters};
-use crate::pattern::{Pattern, Raster, Symmetry};
+use deaflow_base::{Stream, parameters};
+use deaflow_pattern::{Pattern, Raster, Symmetry};
 
 /// By how much the grey falls over the side at most.
 const FALL: f64 = 0.6;
@@ -123,7 +123,7 @@ fn diffused(raster: Raster, mut levels: Vec<f64>) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::CELLS;
+    use deaflow_pattern::CELLS;
 
     fn usual() -> Dithers {
         Dithers::new(Areas::new(Canvas::PAPER, 0.3, 0.7).unwrap())

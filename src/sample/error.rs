@@ -1,6 +1,6 @@
 //! What a family of patterns refuses, and the exact number of cells behind an area fraction.
 
-use crate::pattern::Raster;
+use deaflow_pattern::Raster;
 
 /// A family that cannot be drawn from, or a sample that it does not have.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -8,8 +8,8 @@ use std::marker::PhantomData;
 
 use super::canvas::Canvas;
 use super::error::SampleError;
-use crate::base::{Canonical, Declared, Fields, InputError, Map, Node};
-use crate::pattern::Pattern;
+use deaflow_base::{Canonical, Declared, Fields, InputError, Map, Node};
+use deaflow_pattern::Pattern;
 
 /// A family of electrode patterns with its parameters.
 pub trait Family: fmt::Debug + Send + Sync {

@@ -7,8 +7,8 @@
 use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
-use crate::base::{Stream, parameters};
-use crate::pattern::{Pattern, Raster};
+use deaflow_base::{Stream, parameters};
+use deaflow_pattern::{Pattern, Raster};
 
 /// Cells across the widest dot.
 const WIDEST: usize = 6;
@@ -141,7 +141,7 @@ impl Family for Glyphs {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::CELLS;
+    use deaflow_pattern::CELLS;
 
     fn drawn(seed: u64, index: u64) -> Pattern {
         Glyphs::new(Canvas::PAPER).sample(seed, index).unwrap()

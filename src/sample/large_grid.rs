@@ -9,8 +9,8 @@ use super::combination::{binomial, permuted, subset};
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use super::membership::{is_grid_of, longer_side, units_on};
-use crate::base::{Canonical, InputError, Node, Parameter, Schema, Stream, parameters};
-use crate::pattern::{Pattern, Raster};
+use deaflow_base::{Canonical, InputError, Node, Parameter, Schema, Stream, parameters};
+use deaflow_pattern::{Pattern, Raster};
 
 /// Several numbers of units across the membrane. Their order means nothing.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -183,7 +183,7 @@ mod tests {
     use std::collections::HashSet;
 
     use super::*;
-    use crate::pattern::CELLS;
+    use deaflow_pattern::CELLS;
 
     fn first(units: usize, seed: u64, count: u64) -> Vec<Pattern> {
         let family = LargeGrid::new(Canvas::PAPER, units).unwrap();

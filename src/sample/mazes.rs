@@ -8,8 +8,8 @@
 use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
-use crate::base::{Stream, parameters};
-use crate::pattern::{Pattern, Raster};
+use deaflow_base::{Stream, parameters};
+use deaflow_pattern::{Pattern, Raster};
 
 /// Cells across the widest corridor, and the widest wall.
 const WIDEST: usize = 4;
@@ -144,7 +144,7 @@ impl Family for Mazes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::CELLS;
+    use deaflow_pattern::CELLS;
 
     fn drawn(seed: u64, index: u64) -> Pattern {
         Mazes::new(Canvas::PAPER).sample(seed, index).unwrap()

@@ -5,7 +5,7 @@
 //! as chance gives in one sample of 1e15.
 
 use super::family::FAMILIES;
-use crate::pattern::{Pattern, Raster, Symmetry};
+use deaflow_pattern::{Pattern, Raster, Symmetry};
 
 /// Standard deviations beyond which chance does not reach: odds of 1e-15 for a normal distribution.
 const BEYOND_CHANCE: f64 = 8.0;
@@ -81,11 +81,9 @@ fn unit_edges([n, m]: [usize; 2], is_on: &dyn Fn(usize, usize) -> bool) -> usize
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::CELLS;
-    use crate::sample::Canvas;
-    use crate::sample::{
-        AreaSweep, Areas, Bezier, Blobs, Checker, Curves, Ends, Family, LargeGrid, SmallGrid, Stripes,
-    };
+    use crate::Canvas;
+    use crate::{AreaSweep, Areas, Bezier, Blobs, Checker, Curves, Ends, Family, LargeGrid, SmallGrid, Stripes};
+    use deaflow_pattern::CELLS;
 
     fn families() -> Vec<Box<dyn Family>> {
         let areas = || Areas::new(Canvas::PAPER, 0.02, 0.98).unwrap();

@@ -7,8 +7,8 @@ use super::canvas::Canvas;
 use super::error::{SampleError, cells_at};
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
 use super::membership::is_grid_of;
-use crate::base::{Decimal, Stream, parameters};
-use crate::pattern::Pattern;
+use deaflow_base::{Decimal, Stream, parameters};
+use deaflow_pattern::Pattern;
 
 parameters! {
     /// Patterns of which every cell stands for itself.
@@ -77,7 +77,7 @@ impl Family for SmallGrid {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::CELLS;
+    use deaflow_pattern::CELLS;
 
     #[test]
     fn the_area_is_exact() {

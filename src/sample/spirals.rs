@@ -11,8 +11,8 @@ use super::areas::{AreaFractions, Areas, highest};
 use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
-use crate::base::{Stream, parameters};
-use crate::pattern::Pattern;
+use deaflow_base::{Stream, parameters};
+use deaflow_pattern::Pattern;
 
 /// Distance between the middle lines of neighbouring arms, in cells.
 const DISTANCE: [f64; 2] = [2.5, 16.0];

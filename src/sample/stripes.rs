@@ -11,8 +11,8 @@ use super::areas::{AreaFractions, Areas, highest};
 use super::canvas::Canvas;
 use super::error::SampleError;
 use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
-use crate::base::{Stream, parameters};
-use crate::pattern::Pattern;
+use deaflow_base::{Stream, parameters};
+use deaflow_pattern::Pattern;
 
 /// Period of the bands, in cells.
 const PERIOD: [f64; 2] = [3.0, 40.0];
@@ -69,7 +69,7 @@ impl Family for Stripes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::CELLS;
+    use deaflow_pattern::CELLS;
 
     fn usual() -> Stripes {
         Stripes::new(Areas::new(Canvas::PAPER, 0.2, 0.8).unwrap())

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use crate::base::{Charge as Coulombs, Fields, InputError, Map, parameters};
+use deaflow_base::{Charge as Coulombs, Fields, InputError, Map, parameters};
 
 /// Smallest and largest charge in C.
 const CHARGES: std::ops::RangeInclusive<f64> = 0.0..=1e3;

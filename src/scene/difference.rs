@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use super::model::Scene;
-use crate::base::Canonical;
+use deaflow_base::Canonical;
 
 /// One key of a scene with its value in each of two.
 #[derive(Clone, Debug, PartialEq, Eq)]

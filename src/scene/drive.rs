@@ -8,11 +8,11 @@ use serde_json::json;
 use super::charge::Charge;
 use super::source::Source;
 use super::waveform::Waveform;
-use crate::base::{
+use deaflow_base::{
     Canonical, Declared, Fields, Frequency, InputError, Map, Node, Parameter, Schema, Time, Voltage, is_plain_name,
     parameters,
 };
-use crate::pattern::Pattern;
+use deaflow_pattern::Pattern;
 
 const VOLTAGES: RangeInclusive<f64> = 0.0..=1e6;
 

@@ -7,11 +7,11 @@ use serde_json::json;
 
 use super::model::{SECTIONS, WHAT};
 use super::shape::Shape;
-use crate::base::{
+use deaflow_base::{
     Canonical, Decimal, Declared, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema,
     SpringRate, parameters,
 };
-use crate::pattern::{Bits, Membrane, Part, Parts, PartsError, PatternForm, Raster};
+use deaflow_pattern::{Bits, Membrane, Part, Parts, PartsError, PatternForm, Raster};
 
 /// A value along x and one along y; as one where they are equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

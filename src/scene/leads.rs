@@ -2,8 +2,8 @@
 
 use super::effects::{Effects, names};
 use super::model::Scene;
-use crate::base::{Canonical, Declared, InputError, Node, NodeValue, Parameter, Schema, parameters, words};
-use crate::pattern::{Bits, Membrane, Pattern, Raster};
+use deaflow_base::{Canonical, Declared, InputError, Node, NodeValue, Parameter, Schema, parameters, words};
+use deaflow_pattern::{Bits, Membrane, Pattern, Raster};
 
 words! {
     /// A side of the membrane.

@@ -1,7 +1,7 @@
 //! An electrode as polygons in mm, at the size at which it is to be made.
 
 use super::model::Scene;
-use crate::pattern::{Corners, Membrane, Part, Pattern, outlines, total_area};
+use deaflow_pattern::{Corners, Membrane, Part, Pattern, outlines, total_area};
 
 /// A point in mm, the origin at the lower left corner of the membrane.
 pub type Point = [f64; 2];
@@ -125,7 +125,7 @@ impl Mask {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
+    use deaflow_pattern::Raster;
 
     #[test]
     fn the_undeformed_mask_is_smaller_by_the_prestretch() {

@@ -10,11 +10,11 @@ use super::geometry::{Body, Geometry, Outline};
 use super::leads::Leads;
 use super::properties::Properties;
 use super::waveform::Waveform;
-use crate::base::{
+use deaflow_base::{
     Canonical, Decimal, Declared, Document, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stress, Time,
     Voltage, parameters, words,
 };
-use crate::pattern::{Bits, Membrane, Parts, PatternForm, Symmetries};
+use deaflow_pattern::{Bits, Membrane, Parts, PatternForm, Symmetries};
 
 /// ε₀ in F/m (CODATA 2018).
 pub const VACUUM_PERMITTIVITY: f64 = 8.854_187_812_8e-12;

@@ -2,7 +2,7 @@
 //! parameters of their own use.
 
 use super::effects::{Branch, Breakdown, Electrode, MOST_BRANCHES, PermittivityDecay, Stiffening, Viscoelasticity};
-use crate::base::{Density, Fields, Parameter, Resistance, Schema, parameters};
+use deaflow_base::{Density, Fields, Parameter, Resistance, Schema, parameters};
 
 parameters! {
     /// What is known beyond the base model: for screening, and for effects without parameters of their own. What is not known is not screened.

@@ -4,10 +4,10 @@ use serde_json::json;
 
 use std::path::Path;
 
-use crate::base::{
+use deaflow_base::{
     Canonical, Declared, Fields, InputError, Length, Map, Node, NodeValue, Parameter, Schema, confined, parameters,
 };
-use crate::pattern::{Bits, Raster, Region, read_mask};
+use deaflow_pattern::{Bits, Raster, Region, read_mask};
 
 /// Largest coordinate in mm.
 const FARTHEST: f64 = 1e4;

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use crate::base::{Current, Fields, InputError, Map, Resistance, parameters};
+use deaflow_base::{Current, Fields, InputError, Map, Resistance, parameters};
 
 parameters! {
     /// The source that feeds the electrodes: an ideal one behind a resistance, or one that gives no more than a current.

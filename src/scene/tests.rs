@@ -1,8 +1,8 @@
 use std::path::Path;
 
 use super::*;
-use crate::base::{Document, InputError};
-use crate::scene::laws::Yeoh;
+use crate::laws::Yeoh;
+use deaflow_base::{Document, InputError};
 
 #[test]
 fn kappa_of_the_default_scene_is_the_published_value() {

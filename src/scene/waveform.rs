@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::json;
 
-use crate::base::{
+use deaflow_base::{
     Canonical, Decimal, Declared, Dimension, Fields, Frequency, InputError, Map, Node, NodeValue, Parameter, Quantity,
     Schema, Time, Voltage, confined, parameters, read_bounded,
 };

@@ -8,13 +8,14 @@ use serde_json::{Value, json};
 use super::held::{Benches, Critical, Kept, Runner, Setting, StoreTotals, Tables, lock};
 use super::http::Refusal;
 use super::look::Judgement;
-use crate::base::{ArtifactId, InputError};
-use crate::orchestrator::{Pipeline, file_of};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
-use crate::stage::{self, direct};
-use crate::store::{Artifact, Store};
-use crate::surrogate::Surrogate;
+use deaflow_base::{ArtifactId, InputError};
+use deaflow_orchestrator::{Pipeline, file_of};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+use deaflow_stage as stage;
+use deaflow_stage::direct;
+use deaflow_store::{Artifact, Store};
+use deaflow_surrogate::Surrogate;
 
 /// Where the page opens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

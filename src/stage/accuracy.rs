@@ -10,12 +10,12 @@ use std::collections::BTreeSet;
 
 use super::model;
 use super::results::most;
-use crate::accuracy::{AccuracyError, Benchmark, Candidate, Network, Reference};
-use crate::base::{Canonical, Fields, InputError, Node};
-use crate::content::{Accuracy, Solutions};
-use crate::field::Field;
-use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::store::{Artifact, Object};
+use deaflow_accuracy::{AccuracyError, Benchmark, Candidate, Network, Reference};
+use deaflow_base::{Canonical, Fields, InputError, Node};
+use deaflow_content::{Accuracy, Solutions};
+use deaflow_field::Field;
+use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_store::{Artifact, Object};
 
 pub use content::content;
 

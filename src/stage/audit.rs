@@ -20,23 +20,23 @@ use source::Source;
 use super::direct::{DirectError, read_scene};
 use super::needs;
 use super::results::named;
-use crate::base::{
+use deaflow_base::{
     Canonical, Declared as _, Fields, InputError, Length, Node, NodeValue, Parameter, Progress, Quantity, Schema, Seed,
     open_regular, parameters, words,
 };
-use crate::content::{Audit, ContentError, FROM_FILE, SOLVED, StoredAttribute};
-use crate::dataset::audit::{AuditError, Dataset, Families, Options, Report, RowSource, audit};
-use crate::fem::{SceneSimulators, SetupError};
-use crate::field::SimulatorError;
-use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::Pattern;
-use crate::sample;
-use crate::scene::Scene;
-use crate::store::{Artifact, Object, StoreError};
+use deaflow_content::{Audit, ContentError, FROM_FILE, SOLVED, StoredAttribute};
+use deaflow_dataset::audit::{AuditError, Dataset, Families, Options, Report, RowSource, audit};
+use deaflow_fem::{SceneSimulators, SetupError};
+use deaflow_field::SimulatorError;
+use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_pattern::Pattern;
+use deaflow_sample as sample;
+use deaflow_scene::Scene;
+use deaflow_store::{Artifact, Object, StoreError};
 
-pub use crate::dataset::audit::{Finding, Severity, Summary, sort};
 pub use again::{Again, again};
 pub use content::objection;
+pub use deaflow_dataset::audit::{Finding, Severity, Summary, sort};
 pub use lineage::{Lineage, trace};
 
 /// Random rows that are simulated on a finer mesh unless said otherwise.

@@ -3,14 +3,15 @@
 use rayon::prelude::*;
 
 use super::results::{most, named};
-use crate::base::{Canonical, Declared, Fields, InputError, Length, Node, Seed, parameters};
-use crate::content::{self, BalanceCounts, Histograms, Packed, SOLVED, Solutions, files};
-use crate::dataset::{BalanceOptions, Balanced, BalancedRow, Bins, Candidate, SymmetryGroup, balance};
-use crate::field::Field;
-use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::{Pattern, Raster};
-use crate::scene::Scene;
-use crate::store::{Artifact, Object};
+use deaflow_base::{Canonical, Declared, Fields, InputError, Length, Node, Seed, parameters};
+use deaflow_content as content;
+use deaflow_content::{BalanceCounts, Histograms, Packed, SOLVED, Solutions, files};
+use deaflow_dataset::{BalanceOptions, Balanced, BalancedRow, Bins, Candidate, SymmetryGroup, balance};
+use deaflow_field::Field;
+use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_pattern::{Pattern, Raster};
+use deaflow_scene::Scene;
+use deaflow_store::{Artifact, Object};
 
 /// The kind `balance`.
 pub struct BalanceKind;

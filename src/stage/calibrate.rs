@@ -6,14 +6,14 @@ use std::collections::BTreeSet;
 
 use super::results::named;
 use super::{labelled, model, needs};
-use crate::base::{Canonical, Declared, Digest, Fields, InputError, Node, Seed, parameters};
-use crate::content::SOLVED;
 use content::Origin;
+use deaflow_base::{Canonical, Declared, Digest, Fields, InputError, Node, Seed, parameters};
+use deaflow_content::SOLVED;
 
-use crate::field::Predictor;
-use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::store::{Artifact, Object};
-use crate::surrogate::{Calibration, CalibrationError, Observed, Surrogate};
+use deaflow_field::Predictor;
+use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_store::{Artifact, Object};
+use deaflow_surrogate::{Calibration, CalibrationError, Observed, Surrogate};
 
 pub use content::{CalibratedFamily, CalibratedModel, read};
 
@@ -33,7 +33,7 @@ impl Kind for CalibrateKind {
     }
 
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
-        let view = crate::content::Calibration::open(artifact)?;
+        let view = deaflow_content::Calibration::open(artifact)?;
         let [threshold] = view.novelty().threshold().read()?;
         let samples: u64 = view.samples().read()?.iter().sum();
         Ok(named([("samples", samples as f64), ("novelty_threshold", threshold)]))

@@ -15,25 +15,25 @@ use serde_json::json;
 
 use super::results::of_targets;
 use super::{foresight, model};
-use crate::base::{
+use deaflow_base::{
     Canonical, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stopped, parameters,
 };
-use crate::content::Designs;
-use crate::design::{
+use deaflow_content::Designs;
+use deaflow_design::{
     ConstraintParameters, Elements, GenerationReport, Method, Moment, Progress, Search, SearchError, SearchOptions,
     SearchStep, StateError, Subject, Target, Targets, Watch,
 };
-use crate::fem::Method as Evaluation;
-use crate::fem::screening::decided_states;
-use crate::fem::{
+use deaflow_fem::Method as Evaluation;
+use deaflow_fem::screening::decided_states;
+use deaflow_fem::{
     GradientEvaluator, SafetyMargins, SetupError, Swing, ThreeSolves, at_peak, breakdown_strength, revision_of,
 };
-use crate::field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
-use crate::orchestrator::{Chunk, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::{Part, Pattern, Symmetries};
-use crate::scene::{MOST_STATES, Scene};
-use crate::store::{Artifact, Object};
-use crate::surrogate::Surrogate;
+use deaflow_field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
+use deaflow_orchestrator::{Chunk, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_pattern::{Part, Pattern, Symmetries};
+use deaflow_scene::{MOST_STATES, Scene};
+use deaflow_store::{Artifact, Object};
+use deaflow_surrogate::Surrogate;
 
 use content::Heading;
 pub(super) use evaluators::swing_of;

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use super::direct::{self, read_scene};
-use crate::base::InputError;
-use crate::content::{ContentError, DesignRows, StoredAttribute};
-use crate::design::{DesignFilter, DesignLabel};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
-use crate::store::Artifact;
+use deaflow_base::InputError;
+use deaflow_content::{ContentError, DesignRows, StoredAttribute};
+use deaflow_design::{DesignFilter, DesignLabel};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+use deaflow_store::Artifact;
 
 /// A design with all that is needed to make or simulate it.
 #[derive(Clone, Debug)]

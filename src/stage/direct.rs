@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::base::{Document, InputError, Override};
-use crate::content::named_patterns;
-use crate::orchestrator::splice_scene;
-use crate::pattern::{Pattern, PatternForm};
-use crate::scene::{Scene, scene_files};
+use deaflow_base::{Document, InputError, Override};
+use deaflow_content::named_patterns;
+use deaflow_orchestrator::splice_scene;
+use deaflow_pattern::{Pattern, PatternForm};
+use deaflow_scene::{Scene, scene_files};
 
 /// Why there is no answer.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]

@@ -9,13 +9,13 @@ mod predictors;
 
 use super::calibrate::{self, CalibratedModel};
 use super::{labelled, needs};
-use crate::base::{Canonical, Declared, Fields, InputError, Node, Parameter, Schema, parameters};
-use crate::content::{Evaluation, SOLVED};
-use crate::fem::Method;
-use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::scene::Scene;
-use crate::store::{Artifact, Object};
-use crate::surrogate::{Judge, Judged};
+use deaflow_base::{Canonical, Declared, Fields, InputError, Node, Parameter, Schema, parameters};
+use deaflow_content::{Evaluation, SOLVED};
+use deaflow_fem::Method;
+use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_scene::Scene;
+use deaflow_store::{Artifact, Object};
+use deaflow_surrogate::{Judge, Judged};
 
 use predictors::NamedPredictor;
 

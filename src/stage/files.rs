@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::base::{Canonical, InputError, Node, Parameter, Schema, confined};
-use crate::pattern::split_h5;
+use deaflow_base::{Canonical, InputError, Node, Parameter, Schema, confined};
+use deaflow_pattern::split_h5;
 
 /// The key under which they stand.
 const KEY: &str = "files";

@@ -1,10 +1,10 @@
 //! What stages that simulate foresee of their scene before any work.
 
 use super::checked_scene;
-use crate::base::Node;
-use crate::fem::{FIRST_LOST, MOST_LOST, Method, covered_limit};
-use crate::orchestrator::{Foreseeable, Foreseen};
-use crate::scene::Scene;
+use deaflow_base::Node;
+use deaflow_fem::{FIRST_LOST, MOST_LOST, Method, covered_limit};
+use deaflow_orchestrator::{Foreseeable, Foreseen};
+use deaflow_scene::Scene;
 
 /// What is foreseen of a stage that simulates patterns: what is said of its drive, and whether most of them will be lost.
 pub fn of_simulations(stage: &Foreseeable<'_>) -> Foreseen {

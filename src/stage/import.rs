@@ -8,15 +8,15 @@ use std::sync::Arc;
 
 use super::files::{FileName, NamedFile};
 use super::results;
-use crate::base::{Canonical, Declared, Digest, DigestWriter, Fields, InputError, Node, parameters};
-use crate::content::{FROM_FILE, SampleRows, Solutions, Unstable};
-use crate::dataset::Device;
-use crate::dataset::import::{ImportError, ImportFile, MOST, Rows};
-use crate::field::{Field, Outcome};
-use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::Raster;
-use crate::scene::{Difference, Scene};
-use crate::store::{Artifact, Object};
+use deaflow_base::{Canonical, Declared, Digest, DigestWriter, Fields, InputError, Node, parameters};
+use deaflow_content::{FROM_FILE, SampleRows, Solutions, Unstable};
+use deaflow_dataset::Device;
+use deaflow_dataset::import::{ImportError, ImportFile, MOST, Rows};
+use deaflow_field::{Field, Outcome};
+use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_pattern::Raster;
+use deaflow_scene::{Difference, Scene};
+use deaflow_store::{Artifact, Object};
 
 /// The name of the kind.
 pub const NAME: &str = "import";

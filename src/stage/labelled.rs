@@ -1,14 +1,14 @@
 //! Labelled patterns for judging a model: solved or imported samples, or the test rows of a balanced set, a batch at a time, since the
 //! fields of all together may be larger than memory.
 
-use crate::base::Progress;
-use crate::content::{Labelled, SOLVED, files};
-use crate::dataset::Split;
-use crate::field::{Field, Outcome};
-use crate::orchestrator::StageError;
-use crate::pattern::Pattern;
-use crate::store::Artifact;
-use crate::surrogate::Surrogate;
+use deaflow_base::Progress;
+use deaflow_content::{Labelled, SOLVED, files};
+use deaflow_dataset::Split;
+use deaflow_field::{Field, Outcome};
+use deaflow_orchestrator::StageError;
+use deaflow_pattern::Pattern;
+use deaflow_store::Artifact;
+use deaflow_surrogate::Surrogate;
 
 /// Patterns at a time on each thread, as many as a network takes at once.
 const BATCH: usize = 64;

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use crate::content::{ALL_FAMILIES, Training};
-use crate::dataset::Split;
-use crate::orchestrator::StageError;
-use crate::scene::Scene;
-use crate::store::Artifact;
-use crate::surrogate::Surrogate;
+use deaflow_content::{ALL_FAMILIES, Training};
+use deaflow_dataset::Split;
+use deaflow_orchestrator::StageError;
+use deaflow_scene::Scene;
+use deaflow_store::Artifact;
+use deaflow_surrogate::Surrogate;
 
 /// Whether an artifact holds a model.
 #[must_use]

@@ -6,11 +6,11 @@
 use super::files::{FileName, NamedFile};
 use super::results;
 use super::sample::CHUNK;
-use crate::base::{Canonical, Declared, DigestWriter, Fields, InputError, Node, parameters};
-use crate::content::{FROM_FILE, SampleRows, Samples};
-use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::{Pattern, PatternForm, read_patterns_of};
-use crate::store::{Artifact, Object};
+use deaflow_base::{Canonical, Declared, DigestWriter, Fields, InputError, Node, parameters};
+use deaflow_content::{FROM_FILE, SampleRows, Samples};
+use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_pattern::{Pattern, PatternForm, read_patterns_of};
+use deaflow_store::{Artifact, Object};
 
 /// The name of the kind.
 pub const NAME: &str = "patterns";

@@ -1,8 +1,8 @@
 //! The numbers that artifacts are worth, as kinds of stages name them.
 
-use crate::content::{Samples, Solutions};
-use crate::orchestrator::StageError;
-use crate::store::Artifact;
+use deaflow_content::{Samples, Solutions};
+use deaflow_orchestrator::StageError;
+use deaflow_store::Artifact;
 
 /// Results by their names.
 pub fn named<const N: usize>(results: [(&str, f64); N]) -> Vec<(String, f64)> {

@@ -5,13 +5,13 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::results;
-use crate::base::{Canonical, DigestWriter, Fields, InputError, Map, Node, Parameter, Seed};
-use crate::content::{SampleRows, Samples};
-use crate::orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::{Bits, Pattern};
-use crate::sample::{Canvas, FAMILIES, Family, FamilyEntry, Group, SampleError, read_family};
-use crate::scene::Outline;
-use crate::store::{Artifact, Object};
+use deaflow_base::{Canonical, DigestWriter, Fields, InputError, Map, Node, Parameter, Seed};
+use deaflow_content::{SampleRows, Samples};
+use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_pattern::{Bits, Pattern};
+use deaflow_sample::{Canvas, FAMILIES, Family, FamilyEntry, Group, SampleError, read_family};
+use deaflow_scene::Outline;
+use deaflow_store::{Artifact, Object};
 
 /// Samples in a chunk: small enough that a killed run loses seconds, large enough that a file is worth opening.
 pub const CHUNK: u64 = 50;

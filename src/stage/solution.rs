@@ -1,9 +1,9 @@
 //! What the solve stage says of the samples that it simulated.
 
-use crate::content::{Meshes, Observations, Packed, SampleRows, Solutions, SolvedHistories, Unstable};
-use crate::fem::{AccurateHistory, AccurateSimulation, History, Solver};
-use crate::field::{Field, Motion};
-use crate::scene::{Effects, Scene};
+use deaflow_content::{Meshes, Observations, Packed, SampleRows, Solutions, SolvedHistories, Unstable};
+use deaflow_fem::{AccurateHistory, AccurateSimulation, History, Solver};
+use deaflow_field::{Field, Motion};
+use deaflow_scene::{Effects, Scene};
 
 /// The results of one chunk of samples, those with a field apart from the others.
 pub fn solutions(

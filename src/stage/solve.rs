@@ -3,14 +3,14 @@
 use std::sync::OnceLock;
 
 use super::{foresight, results, solution};
-use crate::base::{Canonical, Fields, InputError, Node};
-use crate::content::{SAMPLED, Samples, Solutions};
-use crate::fem::screening::resolve;
-use crate::fem::{SetupError, Solver, SolverParameters};
-use crate::field::Mesh;
-use crate::orchestrator::{Chunk, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::scene::{Effects, Scene};
-use crate::store::{Artifact, Object};
+use deaflow_base::{Canonical, Fields, InputError, Node};
+use deaflow_content::{SAMPLED, Samples, Solutions};
+use deaflow_fem::screening::resolve;
+use deaflow_fem::{SetupError, Solver, SolverParameters};
+use deaflow_field::Mesh;
+use deaflow_orchestrator::{Chunk, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_scene::{Effects, Scene};
+use deaflow_store::{Artifact, Object};
 
 /// Patterns between two reports of progress.
 const BATCH: usize = 16;

@@ -6,10 +6,10 @@ mod columns;
 use std::collections::BTreeMap;
 
 use super::results::unit;
-use crate::base::{Canonical, Fields, InputError, Map, Node, Schema};
-use crate::content::{Lines, Table};
-use crate::orchestrator::{Input, Job, Kind, MANY_STAGES, Needs, Plan, Stage, StageError};
-use crate::store::{Artifact, Object};
+use deaflow_base::{Canonical, Fields, InputError, Map, Node, Schema};
+use deaflow_content::{Lines, Table};
+use deaflow_orchestrator::{Input, Job, Kind, MANY_STAGES, Needs, Plan, Stage, StageError};
+use deaflow_store::{Artifact, Object};
 
 use cells::Cells;
 use columns::Column;

@@ -9,15 +9,15 @@ use super::results::named;
 use super::{model, needs};
 use follow::Follow;
 
-use crate::base::{Canonical, Decimal, Declared, Fields, InputError, Node, NodeValue, Seed, parameters};
-use crate::content::{ALL_FAMILIES, SOLVED, Training};
-use crate::dataset::SymmetryGroup;
-use crate::fem::LinearResponse;
-use crate::field::Mesh;
-use crate::orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::scene::Scene;
-use crate::store::{Artifact, Object};
-use crate::surrogate::{
+use deaflow_base::{Canonical, Decimal, Declared, Fields, InputError, Node, NodeValue, Seed, parameters};
+use deaflow_content::{ALL_FAMILIES, SOLVED, Training};
+use deaflow_dataset::SymmetryGroup;
+use deaflow_fem::LinearResponse;
+use deaflow_field::Mesh;
+use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_scene::Scene;
+use deaflow_store::{Artifact, Object};
+use deaflow_surrogate::{
     Constants, NetworkKind, OptimizerKind, Record, TrainError, TrainOptions, annotated, train, update,
 };
 

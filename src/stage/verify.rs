@@ -10,16 +10,16 @@ use std::sync::Arc;
 use super::design::{self, PlannedDesign, swing_of};
 use super::results::of_targets;
 use super::{foresight, patterns, solution};
-use crate::base::{Canonical, Document, Fields, InputError, Map, Node};
-use crate::content::{Components, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows};
-use crate::design::{Goal, Moment, Objective};
-use crate::fem::screening::decided_states;
-use crate::fem::{AccurateHistory, AccurateSimulation, History, SetupError, Solver, SolverParameters, Swing};
-use crate::field::{Field, Mesh, Outcome, StateFields};
-use crate::orchestrator::{Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
-use crate::pattern::{Pattern, Role};
-use crate::scene::{Effects, Scene};
-use crate::store::{Artifact, Object};
+use deaflow_base::{Canonical, Document, Fields, InputError, Map, Node};
+use deaflow_content::{Components, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows};
+use deaflow_design::{Goal, Moment, Objective};
+use deaflow_fem::screening::decided_states;
+use deaflow_fem::{AccurateHistory, AccurateSimulation, History, SetupError, Solver, SolverParameters, Swing};
+use deaflow_field::{Field, Mesh, Outcome, StateFields};
+use deaflow_orchestrator::{Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_pattern::{Pattern, Role};
+use deaflow_scene::{Effects, Scene};
+use deaflow_store::{Artifact, Object};
 
 use own::{OwnCase, OwnPatterns};
 

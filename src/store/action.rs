@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::base::{ActionKey, ArtifactId, Canonical, EncodingError, encode};
+use deaflow_base::{ActionKey, ArtifactId, Canonical, EncodingError, encode};
 
 /// What the kind of a chunk's action ends with.
 const CHUNK: &str = " chunk";

@@ -7,7 +7,7 @@ use super::artifact::Artifact;
 use super::error::StoreError;
 use super::open::Store;
 use super::record::{Lookup, Record};
-use crate::base::ArtifactId;
+use deaflow_base::ArtifactId;
 
 /// One action, and the artifact that it made.
 #[derive(Clone, Debug, PartialEq, Eq)]

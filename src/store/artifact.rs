@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use super::action::stage_kind;
+use super::element_type::ElementType;
 use super::error::StoreError;
 use super::header::Header;
 use super::listing::{self, Content, Listing};
@@ -13,7 +14,7 @@ use super::provenance;
 use super::read::{self, Access};
 use super::row_file::RowFile;
 use super::verified::Verified;
-use crate::base::{ArtifactId, FileDigest};
+use deaflow_base::{ArtifactId, FileDigest};
 
 /// A verified artifact. Cheap to clone; elements are read when asked for.
 #[derive(Clone)]
@@ -320,7 +321,7 @@ impl Artifact {
             digest: self.0.digest,
             dataset: path.to_owned(),
             wanted,
-            found: found.element_type().name(),
+            found: ElementType::of(found).name(),
         }
     }
 }

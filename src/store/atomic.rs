@@ -9,7 +9,7 @@ use std::path::Path;
 
 use super::error::StoreError;
 use super::late;
-use crate::base::folder_of;
+use deaflow_base::folder_of;
 
 /// Writes `bytes` as `target`, by way of the file `temporary` in the same filesystem.
 ///

@@ -18,7 +18,7 @@ use super::late;
 use super::layout::CLUSTER;
 use super::lock::Guard;
 use super::open::Store;
-use crate::base::{folder_of, read_own};
+use deaflow_base::{folder_of, read_own};
 
 /// A note is shorter, bytes.
 const LONGEST: u64 = 16 << 20;

@@ -25,7 +25,7 @@ use super::atomic;
 use super::entries::{files_in_optional, is_folder, is_hidden};
 use super::error::StoreError;
 use super::open::Store;
-use crate::base::{ActionKey, Digest, open_own};
+use deaflow_base::{ActionKey, Digest, open_own};
 
 const TITLE: &str = "deaflow-checkpoint 2";
 
@@ -244,8 +244,8 @@ fn weigh(key: ActionKey, path: PathBuf) -> Result<Checkpoints, StoreError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::Retention;
-    use crate::store::entries::files;
+    use crate::Retention;
+    use crate::entries::files;
 
     fn store() -> (tempfile::TempDir, Store) {
         let folder = tempfile::tempdir().unwrap();

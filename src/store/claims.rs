@@ -15,7 +15,7 @@ use super::late;
 use super::owner::Owner;
 use super::presence::{Life, Presence};
 use super::stamp::Stamp;
-use crate::base::read_own;
+use deaflow_base::read_own;
 
 const OWNER: &str = "owner";
 
@@ -207,7 +207,7 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use super::*;
-    use crate::store::presence::Times;
+    use crate::presence::Times;
 
     const QUICK: Times = Times {
         beat: Duration::from_millis(20),

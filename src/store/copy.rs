@@ -11,7 +11,7 @@ use super::inspect::{Condition, Effort};
 use super::open::Store;
 use super::reach::Records;
 use super::record::Lookup;
-use crate::base::{ActionKey, ArtifactId};
+use deaflow_base::{ActionKey, ArtifactId};
 
 /// What a copy came to.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

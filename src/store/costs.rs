@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::atomic;
 use super::error::StoreError;
 use super::open::Store;
-use crate::base::read_own;
+use deaflow_base::read_own;
 
 /// When the file is longer than this, the older half of its lines goes, bytes.
 const LONG: usize = 1 << 20;

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::object::Data;
+
 /// The element types of datasets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum ElementType {
@@ -20,6 +22,19 @@ pub enum ElementType {
 }
 
 impl ElementType {
+    /// The type of elements.
+    #[must_use]
+    pub fn of(data: &Data) -> Self {
+        match data {
+            Data::U8(_) => Self::U8,
+            Data::U32(_) => Self::U32,
+            Data::U64(_) => Self::U64,
+            Data::F32(_) => Self::F32,
+            Data::F64(_) => Self::F64,
+            Data::Text(_) => Self::Text,
+        }
+    }
+
     /// The name in digests and listings.
     #[must_use]
     pub fn name(self) -> &'static str {

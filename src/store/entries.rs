@@ -9,7 +9,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::error::StoreError;
-use crate::base::leads_nowhere_at;
+use deaflow_base::leads_nowhere_at;
 
 /// What the names of files and folders being written begin with, as the crate `tempfile` names them.
 pub const TEMPORARY: &str = ".tmp";

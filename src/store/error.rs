@@ -4,8 +4,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::object::ObjectError;
-use crate::base::{ArtifactId, EncodingError, OutputError};
-use crate::hdf::HdfError;
+use deaflow_base::{ArtifactId, EncodingError, OutputError};
+use deaflow_hdf::HdfError;
 
 /// A refusal by the store.
 #[derive(Debug, thiserror::Error)]

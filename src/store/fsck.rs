@@ -14,7 +14,7 @@ use super::history;
 use super::links::links;
 use super::open::Store;
 use super::record::{self, Lookup};
-use crate::base::{ArtifactId, FileDigest};
+use deaflow_base::{ArtifactId, FileDigest};
 
 /// A file that was found damaged.
 #[derive(Clone, Debug, PartialEq, Eq)]

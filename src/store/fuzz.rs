@@ -7,7 +7,7 @@ use proptest::test_runner::RngSeed;
 use tempfile::TempDir;
 
 use super::*;
-use crate::base::{ActionKey, ArtifactId, Canonical, Digest, FileDigest, decode, encode};
+use deaflow_base::{ActionKey, ArtifactId, Canonical, Digest, FileDigest, decode, encode};
 
 fn config(cases: u32) -> ProptestConfig {
     ProptestConfig {

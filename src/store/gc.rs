@@ -15,7 +15,7 @@ use super::error::StoreError;
 use super::history;
 use super::open::Store;
 use super::reach::Records;
-use crate::base::{ArtifactId, readable_time};
+use deaflow_base::{ArtifactId, readable_time};
 
 /// What holds what is younger than the grace age.
 pub const AGE: &str = "its age";

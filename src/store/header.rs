@@ -9,7 +9,7 @@ use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use super::error::StoreError;
-use crate::base::{ArtifactId, Digest, FileDigest, open_regular};
+use deaflow_base::{ArtifactId, Digest, FileDigest, open_regular};
 
 /// Length of the user block in bytes: the least that HDF5 allows.
 pub const BLOCK: usize = 512;

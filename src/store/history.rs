@@ -15,7 +15,7 @@ use super::atomic;
 use super::entries::{files_in, is_file, is_hidden, names_in};
 use super::error::StoreError;
 use super::open::Store;
-use crate::base::{ActionKey, ArtifactId, Digest, read_own};
+use deaflow_base::{ActionKey, ArtifactId, Digest, read_own};
 
 /// How many runs are remembered.
 const KEPT: usize = 10_000;

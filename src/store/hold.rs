@@ -15,7 +15,7 @@ use super::locking::{self, Choice, Manner};
 use super::presence::{ALONE, Alone, Life, Presence, Times};
 use super::stamp::Time;
 use super::workbench::{self, Workbench};
-use crate::base::{ActionKey, read_own};
+use deaflow_base::{ActionKey, read_own};
 
 /// How long a process waits for another that has the store alone.
 const PATIENCE: Duration = Duration::from_secs(600);
@@ -315,7 +315,7 @@ fn remove(path: &Path) -> Result<(), StoreError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::Store;
+    use crate::Store;
 
     /// A store that has been opened by claims, so that all open it so.
     fn claimed(folder: &Path) -> Layout {

@@ -9,7 +9,7 @@ use super::inspect::{Condition, Effort};
 use super::open::Store;
 use super::reach::{Known, Records};
 use super::record::Record;
-use crate::base::{ArtifactId, FileDigest};
+use deaflow_base::{ArtifactId, FileDigest};
 
 /// An artifact that is here.
 #[derive(Clone, Debug, PartialEq)]

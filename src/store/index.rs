@@ -23,7 +23,7 @@ use std::sync::Arc;
 use super::header::Header;
 use super::listing::Listing;
 use super::stamp::{Stamp, Time};
-use crate::base::{ArtifactId, Digest, FileDigest, decode, encode, read_own};
+use deaflow_base::{ArtifactId, Digest, FileDigest, decode, encode, read_own};
 
 const TITLE: &[u8; 16] = b"deaflow-index 2\n";
 const TRAILER: usize = 32;

@@ -8,7 +8,7 @@ use super::error::StoreError;
 use super::index::Structure;
 use super::open::Store;
 use super::record::Record;
-use crate::base::ArtifactId;
+use deaflow_base::ArtifactId;
 
 /// State of an artifact.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::base::aside;
+use deaflow_base::aside;
 
 /// As long as the usual settings of network file systems remember that a name is absent, and half as long again.
 pub const LATEST: Duration = Duration::from_secs(90);

@@ -30,7 +30,7 @@ use super::error::StoreError;
 use super::late;
 use super::locking;
 use super::marker;
-use crate::base::{ActionKey, ArtifactId, folder_of, kind_of};
+use deaflow_base::{ActionKey, ArtifactId, folder_of, kind_of};
 
 const MARKER: &str = "format";
 

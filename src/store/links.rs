@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::entries::{entries, is_folder, is_link};
 use super::layout::Layout;
-use crate::base::leads_nowhere_at;
+use deaflow_base::leads_nowhere_at;
 
 /// How deep the folders of a store are nested, below its own.
 const DEEPEST: u32 = 3;

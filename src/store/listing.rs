@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::element_type::ElementType;
 use super::error::StoreError;
 use super::object::{Dataset, Object};
-use crate::base::ArtifactId;
+use deaflow_base::ArtifactId;
 
 /// What is known of an artifact without its elements and attributes.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -61,7 +61,7 @@ impl Content {
 pub fn of_object(object: &Object) -> Listing {
     let describe = |(path, dataset): (&String, &Dataset)| Content {
         path: path.clone(),
-        kind: dataset.data.element_type(),
+        kind: ElementType::of(&dataset.data),
         shape: dataset.shape.clone(),
         units: dataset.units.clone(),
         description: dataset.description.clone(),

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use super::claims::Claim;
 use super::error::StoreError;
-use crate::base::open_own;
+use deaflow_base::open_own;
 
 /// A lock or a claim, which ends when this is dropped.
 pub struct Guard {

@@ -14,7 +14,7 @@ use super::atomic;
 use super::entries::{files_in_optional, is_hidden};
 use super::error::StoreError;
 use super::open::Store;
-use crate::base::{ActionKey, ArtifactId, Digest, Document, InputError, Node, OutputFile, ParseDigestError, read_own};
+use deaflow_base::{ActionKey, ArtifactId, Digest, Document, InputError, Node, OutputFile, ParseDigestError, read_own};
 
 const WHAT: &str = "a lock file";
 

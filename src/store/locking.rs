@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn a_store_on_a_disk_has_locks_until_somebody_claims() {
-        let folder = tempfile::tempdir_in(env!("CARGO_MANIFEST_DIR").to_owned() + "/target")
+        let folder = tempfile::tempdir_in(env!("CARGO_MANIFEST_DIR").to_owned() + "/../../target")
             .or_else(|_| tempfile::tempdir())
             .unwrap();
         let layout = Layout::open(&folder.path().join("store")).unwrap();

@@ -7,7 +7,7 @@ use super::entries::{files_in, files_in_optional};
 use super::error::StoreError;
 use super::layout::LOGS;
 use super::open::Store;
-use crate::base::read_own;
+use deaflow_base::read_own;
 
 /// How many are kept.
 const KEPT: usize = 1000;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::atomic;
 use super::error::StoreError;
-use crate::base::read_own;
+use deaflow_base::read_own;
 
 /// What it says.
 const FORMAT: &str = "deaflow-store 2";

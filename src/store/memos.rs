@@ -12,7 +12,7 @@ use super::entries::files_in;
 use super::error::StoreError;
 use super::layout::MEMOS;
 use super::open::Store;
-use crate::base::{Digest, read_own};
+use deaflow_base::{Digest, read_own};
 
 /// How many are kept.
 const KEPT: usize = 1000;

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::element_type::ElementType;
-use crate::base::{ArtifactId, DigestWriter};
-pub use crate::hdf::Elements as Data;
-use crate::hdf::LONG;
+use deaflow_base::{ArtifactId, DigestWriter};
+pub use deaflow_hdf::Elements as Data;
+use deaflow_hdf::LONG;
 
 /// Bytes of one text element. Texts have a fixed width in files, so that virtual datasets can show chunks as one array.
 pub const TEXT_WIDTH: usize = 64;
@@ -103,41 +103,6 @@ pub enum ObjectError {
     /// An object with both datasets and parts.
     #[error("an object is either arrays or a manifest of parts, not both")]
     Mixed,
-}
-
-impl Data {
-    /// The type of the elements.
-    #[must_use]
-    pub fn element_type(&self) -> ElementType {
-        match self {
-            Self::U8(_) => ElementType::U8,
-            Self::U32(_) => ElementType::U32,
-            Self::U64(_) => ElementType::U64,
-            Self::F32(_) => ElementType::F32,
-            Self::F64(_) => ElementType::F64,
-            Self::Text(_) => ElementType::Text,
-        }
-    }
-
-    /// The little-endian bytes of all elements.
-    fn bytes(&self) -> Vec<u8> {
-        match self {
-            Self::U8(v) => v.clone(),
-            Self::U32(v) => v.iter().flat_map(|x| x.to_le_bytes()).collect(),
-            Self::U64(v) => v.iter().flat_map(|x| x.to_le_bytes()).collect(),
-            // Adding zero makes −0 into 0: they are equal, so they must not tell two artifacts apart.
-            Self::F32(v) => v.iter().flat_map(|x| (x + 0.0).to_le_bytes()).collect(),
-            Self::F64(v) => v.iter().flat_map(|x| (x + 0.0).to_le_bytes()).collect(),
-            Self::Text(v) => v
-                .iter()
-                .flat_map(|t| {
-                    let mut cell = [0; TEXT_WIDTH];
-                    cell[..t.len()].copy_from_slice(t.as_bytes());
-                    cell
-                })
-                .collect(),
-        }
-    }
 }
 
 impl Dataset {
@@ -328,12 +293,12 @@ impl Object {
             writer
                 .text(path)
                 .text(&dataset.units)
-                .text(dataset.data.element_type().name());
+                .text(ElementType::of(&dataset.data).name());
             writer.number(dataset.shape.len() as u64);
             dataset.shape.iter().for_each(|&n| {
                 writer.number(n as u64);
             });
-            writer.bytes(&dataset.data.bytes());
+            writer.bytes(&little_endian(&dataset.data));
         }
         writer.number(self.parts.len() as u64);
         for part in &self.parts {
@@ -358,6 +323,26 @@ fn validate_attribute(name: &str, value: &str) -> Result<(), ObjectError> {
         return refuse("it is empty, or it or its value contains NUL");
     }
     Ok(())
+}
+
+/// The little-endian bytes of all elements.
+fn little_endian(data: &Data) -> Vec<u8> {
+    match data {
+        Data::U8(v) => v.clone(),
+        Data::U32(v) => v.iter().flat_map(|x| x.to_le_bytes()).collect(),
+        Data::U64(v) => v.iter().flat_map(|x| x.to_le_bytes()).collect(),
+        // Adding zero makes −0 into 0: they are equal, so they must not tell two artifacts apart.
+        Data::F32(v) => v.iter().flat_map(|x| (x + 0.0).to_le_bytes()).collect(),
+        Data::F64(v) => v.iter().flat_map(|x| (x + 0.0).to_le_bytes()).collect(),
+        Data::Text(v) => v
+            .iter()
+            .flat_map(|t| {
+                let mut cell = [0; TEXT_WIDTH];
+                cell[..t.len()].copy_from_slice(t.as_bytes());
+                cell
+            })
+            .collect(),
+    }
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use super::atomic;
 use super::entries::{files_in_optional, is_hidden};
 use super::error::StoreError;
 use super::open::Store;
-use crate::base::{ArtifactId, read_own};
+use deaflow_base::{ArtifactId, read_own};
 
 /// A label comes from the command line, which has at most so many bytes.
 const MAX_BYTES: u64 = 4 << 20;

@@ -10,7 +10,7 @@ use super::listing;
 use super::object::Object;
 use super::provenance::Provenance;
 use super::write;
-use crate::base::OutputFile;
+use deaflow_base::OutputFile;
 
 /// Writes arrays as an HDF5 file at `path`, which appears complete or not at all and replaces what was there.
 ///
@@ -44,7 +44,7 @@ pub(super) fn place(path: &Path, write: impl FnOnce(&Path) -> Result<(), StoreEr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{Data, Dataset};
+    use crate::{Data, Dataset};
 
     #[test]
     fn a_plain_file_may_hold_nan_and_replaces_what_was_there() {

@@ -22,7 +22,7 @@ use super::entries::{LETTERS, names_in};
 use super::error::StoreError;
 use super::late;
 use super::owner::Owner;
-use crate::base::{Background, Pauses, read_own};
+use deaflow_base::{Background, Pauses, read_own};
 
 /// The name of the file of whoever needs the store alone.
 pub const ALONE: &str = "alone";

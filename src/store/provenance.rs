@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::record::Record;
-use crate::base::{ActionKey, ArtifactId};
+use deaflow_base::{ActionKey, ArtifactId};
 
 /// The circumstances in which an artifact was made.
 #[derive(Clone, Debug, Default, PartialEq)]

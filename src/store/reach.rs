@@ -6,7 +6,7 @@ use super::entries::files;
 use super::error::StoreError;
 use super::open::Store;
 use super::record::{self, Lookup, Record};
-use crate::base::{ActionKey, ArtifactId};
+use deaflow_base::{ActionKey, ArtifactId};
 
 /// A record, as far as it matters here.
 pub struct Known {

@@ -9,8 +9,8 @@ use super::element_type::ElementType;
 use super::error::StoreError;
 use super::listing::{Content, Listing};
 use super::object::{Data, Dataset, KIND, TEXT_WIDTH};
-use crate::base::ArtifactId;
-use crate::hdf::{Array, Element, HdfError, HdfFile, Tree};
+use deaflow_base::ArtifactId;
+use deaflow_hdf::{Array, Element, HdfError, HdfFile, Tree};
 
 /// The dataset of a manifest.
 const PARTS: &str = "parts";
@@ -50,7 +50,7 @@ impl Access {
 }
 
 fn damage(action: &'static str, path: &Path, error: HdfError) -> StoreError {
-    use crate::hdf::Failure;
+    use deaflow_hdf::Failure;
     match error {
         // What the library says of the system is no damage.
         HdfError::Failed {
@@ -159,7 +159,7 @@ pub fn dataset(access: Access, path: &Path, content: &Content) -> Result<Dataset
         .elements(&content.path)
         .map_err(|error| access.error("read", path, error))?;
     let expected: usize = content.shape.iter().product();
-    if data.element_type() != content.kind || data.len() != expected {
+    if ElementType::of(&data) != content.kind || data.len() != expected {
         return Err(StoreError::damaged(path, format!("`{}` has changed", content.path)));
     }
     Ok(Dataset {

@@ -17,7 +17,7 @@ use super::error::StoreError;
 use super::late;
 use super::lock::{self, Guard};
 use super::open::Store;
-use crate::base::{ActionKey, ArtifactId, Digest, FileDigest, decode, encode, read_own};
+use deaflow_base::{ActionKey, ArtifactId, Digest, FileDigest, decode, encode, read_own};
 
 /// What an action made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -9,7 +9,7 @@ use super::entries::{is_folder, names_in};
 use super::error::StoreError;
 use super::open::Store;
 use super::record::Record;
-use crate::base::ActionKey;
+use deaflow_base::ActionKey;
 
 /// The actions that had a record in a store when it was looked at.
 #[derive(Debug, Default)]

@@ -8,7 +8,7 @@ use super::atomic;
 use super::error::StoreError;
 use super::gc::Collection;
 use super::open::Store;
-use crate::base::{ArtifactId, read_own};
+use deaflow_base::{ArtifactId, read_own};
 
 /// When the file is longer than this, the oldest lines go, bytes: some hundred thousand artifacts.
 const LONG: usize = 16 << 20;

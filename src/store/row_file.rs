@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::error::StoreError;
 use super::object::Data;
 use super::read::Access;
-use crate::hdf::{HdfError, HdfFile};
+use deaflow_hdf::{HdfError, HdfFile};
 
 /// An open HDF5 file.
 pub struct RowFile {
@@ -93,15 +93,15 @@ mod tests {
     use hdf5::types::{FixedAscii, VarLenUnicode};
 
     use super::*;
-    use crate::store::{Object, Provenance, write_file};
+    use crate::{Object, Provenance, write_file};
 
     #[test]
     fn rows_are_read_by_ranges_and_texts_whatever_their_form() {
+        deaflow_hdf::set_reader(deaflow_hdf::reader_of_tests);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.h5");
-        let numbers =
-            crate::store::Dataset::new("mm", "d", &[3, 2], Data::F32(vec![1.0, 2.0, 3.0, f32::NAN, 5.0, 6.0]));
-        let words = crate::store::Dataset::new("", "d", &[2], Data::Text(vec!["a".into(), "b".into()]));
+        let numbers = crate::Dataset::new("mm", "d", &[3, 2], Data::F32(vec![1.0, 2.0, 3.0, f32::NAN, 5.0, 6.0]));
+        let words = crate::Dataset::new("", "d", &[2], Data::Text(vec!["a".into(), "b".into()]));
         let object = Object::default()
             .with("n", numbers)
             .with("t", words)

@@ -13,7 +13,7 @@ use super::listing::Content;
 use super::object::{Data, KIND, TEXT_WIDTH};
 use super::write::{TextCell, describe, slab};
 use super::{create, plain, scales, texts};
-use crate::base::{ArtifactId, Progress};
+use deaflow_base::{ArtifactId, Progress};
 
 /// Bytes of one dataset that are in memory at a time.
 const PIECE: usize = 8 << 20;

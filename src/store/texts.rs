@@ -3,7 +3,7 @@
 use hdf5::types::{FixedUnicode, TypeDescriptor};
 use hdf5::{Attribute, Group, Location};
 
-use crate::hdf::LONG;
+use deaflow_hdf::LONG;
 
 /// The longest text of an attribute, bytes: with its name and type it must fit into a message of 64 KiB in the header of an object
 /// (HDF5 File Format Specification 3.0, §IV.A.1).

@@ -75,8 +75,8 @@ fn count(paths: Vec<PathBuf>, is_ours: impl Fn(&PathBuf) -> bool) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::ActionKey;
-    use crate::store::{Object, Pin, Provenance};
+    use crate::{Object, Pin, Provenance};
+    use deaflow_base::ActionKey;
 
     #[test]
     fn everything_is_counted() {

@@ -18,7 +18,7 @@ use super::layout::{ORIGINS, REMOTES};
 use super::open::Store;
 use super::provenance::Provenance;
 use super::record::{Lookup, Record};
-use crate::base::{ActionKey, ArtifactId, Digest, encode, read_own, side_by_side};
+use deaflow_base::{ActionKey, ArtifactId, Digest, encode, read_own, side_by_side};
 
 /// What says who has said what a record says is shorter, bytes.
 const MAX_ORIGIN: u64 = 1 << 12;

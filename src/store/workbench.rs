@@ -10,7 +10,7 @@ use tempfile::{Builder, NamedTempFile, TempDir};
 use super::entries::TEMPORARY;
 use super::late;
 use super::stamp::{Time, file_system_time, machine_time};
-use crate::base::aside;
+use deaflow_base::aside;
 
 /// The folder of a process, made when it is first needed and removed when this is dropped.
 pub struct Workbench {

@@ -18,8 +18,8 @@ use super::listing::{Content, Listing};
 use super::object::{Data, Dataset, KIND, Object, TEXT_WIDTH};
 use super::provenance::Provenance;
 use super::{create, scales, texts};
-use crate::base::ArtifactId;
-use crate::hdf::AXES;
+use deaflow_base::ArtifactId;
+use deaflow_hdf::AXES;
 
 /// One element of a text dataset.
 pub type TextCell = FixedUnicode<TEXT_WIDTH>;

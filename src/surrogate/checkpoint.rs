@@ -5,7 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::outcome::EpochReport;
-use crate::base::{decode, encode};
+use deaflow_base::{decode, encode};
 
 /// A training after an epoch.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,12 +7,12 @@ use std::ops::Range;
 use candle_core::{Device, Result, Tensor};
 
 use super::example::Label;
-use crate::field::{Field, FieldError};
-use crate::pattern::{Pattern, Raster};
+use deaflow_field::{Field, FieldError};
+use deaflow_pattern::{Pattern, Raster};
 
 /// Corners along one side of the paper's membrane without the edges.
 #[cfg(test)]
-pub(crate) const INNER: usize = crate::pattern::CELLS - 1;
+pub(crate) const INNER: usize = deaflow_pattern::CELLS - 1;
 
 /// Columns and rows of corners without the edges.
 pub(crate) fn inner_sides(raster: Raster) -> [usize; 2] {
@@ -98,8 +98,8 @@ pub(crate) fn tensor_to_fields(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::CORNERS;
-    use crate::pattern::CELLS;
+    use deaflow_field::CORNERS;
+    use deaflow_pattern::CELLS;
 
     #[test]
     fn a_field_survives_the_way_to_a_tensor_and_back() {

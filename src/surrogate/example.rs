@@ -1,9 +1,9 @@
 //! What a network learns from.
 
 use super::encode::inner_sides;
-use crate::dataset::Split;
-use crate::field::Field;
-use crate::pattern::{Pattern, Raster, Symmetry};
+use deaflow_dataset::Split;
+use deaflow_field::Field;
+use deaflow_pattern::{Pattern, Raster, Symmetry};
 
 /// A pattern with its simulated field.
 #[derive(Clone, Debug)]
@@ -161,8 +161,8 @@ impl Example {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::CORNERS;
-    use crate::surrogate::encode::INNER;
+    use crate::encode::INNER;
+    use deaflow_field::CORNERS;
 
     fn wavy() -> Vec<f64> {
         let value = |at: usize| {

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 
 use super::encode::inner_sides;
-use crate::pattern::{Pattern, PatternForm, Raster};
+use deaflow_pattern::{Pattern, PatternForm, Raster};
 
 /// The version of the format. It is raised whenever a reader of the one before would misunderstand a file.
 pub(crate) const VERSION: u64 = 2;

@@ -2,7 +2,7 @@
 //! every metric after it.
 
 use super::example::Example;
-use crate::dataset::Split;
+use deaflow_dataset::Split;
 
 /// How many times the ordinary largest displacement a label may reach. Patterns of one training set differ by an order of
 /// magnitude (a fine grid moves 0.1 mm where a half plane moves 2 mm), so nothing closer can be told from a rare pattern.
@@ -60,9 +60,9 @@ pub fn implausible(examples: &[Example], side_mm: f64) -> Vec<Implausible> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::CORNERS;
-    use crate::pattern::{Pattern, Raster};
-    use crate::surrogate::Label;
+    use crate::Label;
+    use deaflow_field::CORNERS;
+    use deaflow_pattern::{Pattern, Raster};
 
     fn example(peak: f64, split: Split) -> Example {
         let mut values = vec![0.0; 2 * CORNERS * CORNERS];

@@ -40,7 +40,7 @@ mod tests {
     use candle_core::Device;
 
     use super::*;
-    use crate::surrogate::encode::INNER;
+    use crate::encode::INNER;
 
     /// The loss of one image whose errors are 0 but for the given ones of the displacement and of the auxiliary answer.
     fn loss(errors: &[f32], auxiliary: &[f32], weights: LossWeights) -> f64 {

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::example::{Example, Label};
-use crate::dataset::Split;
+use deaflow_dataset::Split;
 
 /// The name under which all families are measured together.
 pub(crate) const ALL: &str = "all";
@@ -126,8 +126,8 @@ fn compare(family: &str, split: Split, group: &[Agreement]) -> Metrics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::CORNERS;
-    use crate::pattern::{Pattern, Raster};
+    use deaflow_field::CORNERS;
+    use deaflow_pattern::{Pattern, Raster};
 
     const COMPONENTS: f64 = (2 * CORNERS * CORNERS) as f64;
 

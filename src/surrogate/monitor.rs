@@ -1,7 +1,7 @@
 //! Who follows a training.
 
 use super::outcome::EpochReport;
-use crate::base::Stopped;
+use deaflow_base::Stopped;
 
 /// Follows a training, and keeps what it needs to be gone on with. All that is left out does nothing.
 pub trait Monitor {

@@ -2,9 +2,9 @@
 
 use super::networks::NetworkKind;
 use super::outcome::TrainError;
-use crate::base::words;
-use crate::dataset::SymmetryGroup;
-use crate::pattern::Symmetries;
+use deaflow_base::words;
+use deaflow_dataset::SymmetryGroup;
+use deaflow_pattern::Symmetries;
 
 words! {
     /// How weights follow gradients.

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::metrics::Metrics;
-use crate::base::Stopped;
-use crate::pattern::Raster;
+use deaflow_base::Stopped;
+use deaflow_pattern::Raster;
 
 /// What an epoch came to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

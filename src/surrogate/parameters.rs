@@ -11,7 +11,7 @@ use candle_core::{DType, Device, Result, Shape, Tensor, Var, bail};
 use candle_nn::var_builder::SimpleBackend;
 use candle_nn::{Init, VarBuilder, VarMap};
 
-use crate::base::Stream;
+use deaflow_base::Stream;
 
 /// Weights to be trained, drawn under a seed, beside constants.
 pub(crate) struct Drawn<'a> {

@@ -9,8 +9,8 @@ use super::networks::{Network, NetworkKind};
 use super::onnx::to_onnx;
 use super::parameters::Stored;
 use super::weights::{LoadError, from_bytes};
-use crate::field::{Evaluator, Field, PredictError, Predictor};
-use crate::pattern::{Pattern, PatternForm};
+use deaflow_field::{Evaluator, Field, PredictError, Predictor};
+use deaflow_pattern::{Pattern, PatternForm};
 
 /// Patterns that a network is asked for at once where it serves.
 const BATCH: usize = 1000;

@@ -7,7 +7,7 @@ use candle_core::{Tensor, Var};
 use super::options::TrainOptions;
 use super::outcome::TrainError;
 use super::weights::from_bytes;
-use crate::pattern::Raster;
+use deaflow_pattern::Raster;
 
 /// A trained network to begin with.
 pub(crate) struct Start {

@@ -13,7 +13,7 @@ use super::example::{Example, Label};
 use super::loss::{LossWeights, total_loss};
 use super::metrics::Agreement;
 use super::networks::{Network, Output};
-use crate::pattern::{Pattern, Raster, Symmetry};
+use deaflow_pattern::{Pattern, Raster, Symmetry};
 
 /// What a training step and its assessment need beside the examples.
 pub(crate) struct Problem<'a> {
@@ -203,10 +203,10 @@ impl Problem<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::Split;
-    use crate::surrogate::NetworkKind;
-    use crate::surrogate::parameters::Drawn;
-    use crate::surrogate::testing::examples;
+    use crate::NetworkKind;
+    use crate::parameters::Drawn;
+    use crate::testing::examples;
+    use deaflow_dataset::Split;
 
     #[test]
     fn the_gradient_is_that_of_the_mean_loss() {

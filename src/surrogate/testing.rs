@@ -2,15 +2,22 @@
 //! millimetre of the nonlinear one.
 
 use super::example::{Example, Label};
-use crate::base::Stream;
-use crate::dataset::Split;
-use crate::field::{CORNERS, Field};
-use crate::pattern::{CELLS, Pattern, Raster};
+use deaflow_base::Stream;
+use deaflow_dataset::Split;
+use deaflow_fem::LinearResponse;
+use deaflow_field::{CORNERS, Field, Mesh};
+use deaflow_pattern::{CELLS, Pattern, Raster};
+use deaflow_scene::Scene;
 
 const INNER: usize = CELLS - 1;
 
 /// κ λp² at λp = 3 and κ = 0.0255, the default scene.
 const LOAD: f64 = 0.2295;
+
+/// The linear response of the default scene at a voltage on the coarsest mesh.
+pub fn response_at(volts: f64) -> LinearResponse {
+    LinearResponse::new(&Scene::vhb4910().at_voltage(volts), Mesh::bilinear(1)).expect("the membrane is stable")
+}
 
 /// S Z S for the symmetric sine matrix S, which diagonalises the bilinear elements on a uniform grid.
 fn sine_transform(values: &[f64]) -> Vec<f64> {

@@ -23,9 +23,9 @@ use super::schedule::learning_rate_factor;
 use super::start::Start;
 use super::step::{AHEAD, Batch, Problem, Shown};
 use super::weights::to_bytes;
-use crate::base::Stream;
-use crate::dataset::{Split, SymmetryGroup};
-use crate::pattern::{Raster, Symmetry};
+use deaflow_base::Stream;
+use deaflow_dataset::{Split, SymmetryGroup};
+use deaflow_pattern::{Raster, Symmetry};
 
 /// A loss has exploded when it is so many times that of the untrained network, or of a network that answers zero.
 const EXPLOSION: f64 = 10.0;

@@ -14,8 +14,8 @@ use serde_json::Value;
 use super::header::{Header, Record, VERSION};
 use super::metrics::ALL;
 use super::outcome::Trained;
-use crate::base::{Digest, DigestWriter};
-use crate::dataset::Split;
+use deaflow_base::{Digest, DigestWriter};
+use deaflow_dataset::Split;
 
 /// The one key of the metadata.
 pub(crate) const KEY: &str = "deaflow";

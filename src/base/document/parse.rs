@@ -10,7 +10,7 @@ use serde_saphyr::{Location, Spanned, options::DuplicateKeyPolicy};
 
 use super::error::{InputError, clipped, nearest};
 use super::node::{Node, NodeValue, Source};
-use crate::base::file::read_bounded;
+use crate::file::read_bounded;
 
 /// Pipelines and scenes are written by hand; a larger file is a mistake, and is refused before it is parsed.
 const MAX_BYTES: u64 = 4 << 20;

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::error::{InputError, suggestion};
 use super::node::{Node, NodeValue};
-use crate::base::quantity::{Decimal, Dimension, Quantity, QuantityError};
+use crate::quantity::{Decimal, Dimension, Quantity, QuantityError};
 
 /// A mapping whose keys have been checked against those that are allowed.
 pub struct Map<'a> {

@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use super::*;
-use crate::base::quantity::Dimension;
+use crate::quantity::Dimension;
 
 fn parse(text: &str) -> Node {
     Document::from_text(Path::new("t.yaml"), text).unwrap().root

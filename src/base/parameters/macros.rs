@@ -25,34 +25,34 @@ macro_rules! parameters {
             $($($(#[doc = $part_doc])+ $part_vis $part: $part_type,)+)?
         }
 
-        impl $crate::base::Declared for $name {
+        impl $crate::Declared for $name {
             const WHAT: &'static str = $what;
 
             fn keys() -> Vec<&'static str> {
                 #[allow(unused_mut)]
                 let mut keys = vec![$(stringify!($field)),*];
-                $($(keys.extend(<$part_type as $crate::base::Declared>::keys());)+)?
+                $($(keys.extend(<$part_type as $crate::Declared>::keys());)+)?
                 keys
             }
 
-            fn add_to(fields: $crate::base::Fields) -> $crate::base::Fields {
+            fn add_to(fields: $crate::Fields) -> $crate::Fields {
                 $(let fields = fields.declare::<$type>(
                     stringify!($field),
                     concat!($($doc),+),
                     $crate::parameters!(@limits $($limits)?),
                     $crate::parameters!(@default $type $(, $default)?),
                 );)*
-                $($(let fields = <$part_type as $crate::base::Declared>::add_to(fields);)+)?
+                $($(let fields = <$part_type as $crate::Declared>::add_to(fields);)+)?
                 $(let fields = $rules(fields);)?
                 fields
             }
 
-            fn fields() -> $crate::base::Fields {
-                Self::add_to($crate::base::Fields::new(concat!($($about),+).trim()))
+            fn fields() -> $crate::Fields {
+                Self::add_to($crate::Fields::new(concat!($($about),+).trim()))
             }
 
             #[allow(unused_variables)]
-            fn read_map(map: &$crate::base::Map<'_>) -> ::std::result::Result<Self, $crate::base::InputError> {
+            fn read_map(map: &$crate::Map<'_>) -> ::std::result::Result<Self, $crate::InputError> {
                 let read = Self {
                     $($field: map.read::<$type>(
                         $what,
@@ -60,35 +60,35 @@ macro_rules! parameters {
                         $crate::parameters!(@limits $($limits)?),
                         $crate::parameters!(@default $type $(, $default)?),
                     )?,)*
-                    $($($part: <$part_type as $crate::base::Declared>::read_map(map)?,)+)?
+                    $($($part: <$part_type as $crate::Declared>::read_map(map)?,)+)?
                 };
                 $($check(&read, map)?;)?
                 Ok(read)
             }
 
             #[allow(unused_variables)]
-            fn entries(&self, out: &mut Vec<(&'static str, $crate::base::Canonical)>) {
+            fn entries(&self, out: &mut Vec<(&'static str, $crate::Canonical)>) {
                 $(out.extend(
-                    $crate::base::Parameter::canonical(&self.$field).map(|value| (stringify!($field), value)),
+                    $crate::Parameter::canonical(&self.$field).map(|value| (stringify!($field), value)),
                 );)*
-                $($($crate::base::Declared::entries(&self.$part, out);)+)?
+                $($($crate::Declared::entries(&self.$part, out);)+)?
             }
         }
 
-        impl $crate::base::Parameter for $name {
+        impl $crate::Parameter for $name {
             type Limits = ();
             type Literal = Self;
 
-            fn read(node: &$crate::base::Node, _key: &str, (): &()) -> ::std::result::Result<Self, $crate::base::InputError> {
-                <Self as $crate::base::Declared>::read_with(node, &[])
+            fn read(node: &$crate::Node, _key: &str, (): &()) -> ::std::result::Result<Self, $crate::InputError> {
+                <Self as $crate::Declared>::read_with(node, &[])
             }
 
-            fn canonical(&self) -> ::std::option::Option<$crate::base::Canonical> {
-                Some($crate::base::Declared::to_canonical(self))
+            fn canonical(&self) -> ::std::option::Option<$crate::Canonical> {
+                Some($crate::Declared::to_canonical(self))
             }
 
-            fn schema((): &()) -> $crate::base::Schema {
-                <Self as $crate::base::Declared>::fields().into()
+            fn schema((): &()) -> $crate::Schema {
+                <Self as $crate::Declared>::fields().into()
             }
 
             fn literal(literal: Self) -> Self {
@@ -99,7 +99,7 @@ macro_rules! parameters {
     (@limits) => { &() };
     (@limits $limits:expr) => { &$limits };
     (@default $type:ty) => { None };
-    (@default $type:ty, $default:expr) => { Some(<$type as $crate::base::Parameter>::literal($default)) };
+    (@default $type:ty, $default:expr) => { Some(<$type as $crate::Parameter>::literal($default)) };
 }
 
 /// Declares an enum of mappings, told apart by the word under a key; see `base::parameters`.
@@ -133,10 +133,10 @@ macro_rules! variants {
             ///
             /// # Errors
             /// When the word is none of these, or as the variant.
-            pub fn read_with(node: &$crate::base::Node, others: &[&str]) -> ::std::result::Result<Self, $crate::base::InputError> {
+            pub fn read_with(node: &$crate::Node, others: &[&str]) -> ::std::result::Result<Self, $crate::InputError> {
                 // First the keys of all variants, so that a misspelt tag is told from a missing one; then those of the variant.
                 let mut keys = vec![$tag];
-                $(keys.extend(<$type as $crate::base::Declared>::keys());)+
+                $(keys.extend(<$type as $crate::Declared>::keys());)+
                 keys.extend(others.iter().copied());
                 keys.dedup();
                 let map = node.fields($what, &keys)?;
@@ -146,42 +146,42 @@ macro_rules! variants {
                 others.push($tag);
                 let own = |of: &str| -> Vec<&'static str> {
                     match of {
-                        $($word => <$type as $crate::base::Declared>::keys(),)+
+                        $($word => <$type as $crate::Declared>::keys(),)+
                         _ => Vec::new(),
                     }
                 };
                 map.refuse_keys_of_others($tag, word, Self::WORDS, &own, &others)?;
                 $(if word == $word {
-                    return <$type as $crate::base::Declared>::read_with(node, &others).map(Self::$variant);
+                    return <$type as $crate::Declared>::read_with(node, &others).map(Self::$variant);
                 })+
                 unreachable!("the word is one of these")
             }
 
             /// The mapping of each variant, for the schema and the reference.
             #[must_use]
-            pub fn all_fields() -> Vec<$crate::base::Fields> {
-                vec![$(<$type as $crate::base::Declared>::fields().tagged($tag, $word)),+]
+            pub fn all_fields() -> Vec<$crate::Fields> {
+                vec![$(<$type as $crate::Declared>::fields().tagged($tag, $word)),+]
             }
         }
 
-        impl $crate::base::Parameter for $name {
+        impl $crate::Parameter for $name {
             type Limits = ();
             type Literal = Self;
 
-            fn read(node: &$crate::base::Node, _key: &str, (): &()) -> ::std::result::Result<Self, $crate::base::InputError> {
+            fn read(node: &$crate::Node, _key: &str, (): &()) -> ::std::result::Result<Self, $crate::InputError> {
                 Self::read_with(node, &[])
             }
 
-            fn canonical(&self) -> ::std::option::Option<$crate::base::Canonical> {
-                let mut entries = vec![($tag, $crate::base::Canonical::from(self.word()))];
+            fn canonical(&self) -> ::std::option::Option<$crate::Canonical> {
+                let mut entries = vec![($tag, $crate::Canonical::from(self.word()))];
                 match self {
-                    $(Self::$variant(own) => $crate::base::Declared::entries(own, &mut entries),)+
+                    $(Self::$variant(own) => $crate::Declared::entries(own, &mut entries),)+
                 }
-                Some($crate::base::Canonical::map(entries))
+                Some($crate::Canonical::map(entries))
             }
 
-            fn schema((): &()) -> $crate::base::Schema {
-                $crate::base::Schema::any_of(Self::all_fields().into_iter().map($crate::base::Schema::from))
+            fn schema((): &()) -> $crate::Schema {
+                $crate::Schema::any_of(Self::all_fields().into_iter().map($crate::Schema::from))
             }
 
             fn literal(literal: Self) -> Self {
@@ -228,21 +228,21 @@ macro_rules! words {
             }
         }
 
-        impl $crate::base::Parameter for $name {
+        impl $crate::Parameter for $name {
             type Limits = ();
             type Literal = Self;
 
-            fn read(node: &$crate::base::Node, key: &str, (): &()) -> ::std::result::Result<Self, $crate::base::InputError> {
+            fn read(node: &$crate::Node, key: &str, (): &()) -> ::std::result::Result<Self, $crate::InputError> {
                 let word = node.word(key, Self::WORDS)?;
                 Ok(Self::from_name(word).expect("the word is one of these"))
             }
 
-            fn canonical(&self) -> ::std::option::Option<$crate::base::Canonical> {
+            fn canonical(&self) -> ::std::option::Option<$crate::Canonical> {
                 Some(self.name().into())
             }
 
-            fn schema((): &()) -> $crate::base::Schema {
-                $crate::base::Schema::word(Self::WORDS)
+            fn schema((): &()) -> $crate::Schema {
+                $crate::Schema::word(Self::WORDS)
             }
 
             fn literal(literal: Self) -> Self {

@@ -1,7 +1,7 @@
 //! A parameter is declared once: name, type with unit, range, default and sentence stand in one place, and reader, JSON Schema, canonical
 //! value, `--set`, lock files and the tables in docs/reference.md follow from it.
 //!
-//! [`parameters!`](crate::base::parameters!) declares a mapping:
+//! [`parameters!`](crate::parameters!) declares a mapping:
 //!
 //! ```text
 //! parameters! {
@@ -25,7 +25,7 @@
 //! order, `include { name: Type }`, whose keys stand beside its own; `rules(path)`, a function that adds to the [`Fields`] what no single
 //! key can say; and `check(path)`, a function that refuses what keys mean together.
 //!
-//! [`variants!`](crate::base::variants) declares a mapping with a key that says which parameters there are, [`words!`](crate::base::words)
+//! [`variants!`](crate::variants) declares a mapping with a key that says which parameters there are, [`words!`](crate::words)
 //! an enum of words. A type with a syntax of its own implements [`Parameter`].
 
 mod macros;
@@ -79,7 +79,7 @@ pub trait Parameter: Sized {
     }
 }
 
-/// A mapping that [`parameters!`](crate::base::parameters!) declares.
+/// A mapping that [`parameters!`](crate::parameters!) declares.
 pub trait Declared: Sized {
     /// What it is, in messages: "a balance stage".
     const WHAT: &'static str;

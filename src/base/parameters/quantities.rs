@@ -4,10 +4,10 @@ use std::fmt;
 use std::ops::{Deref, RangeInclusive};
 
 use super::Parameter;
-use crate::base::canonical::Canonical;
-use crate::base::document::{InputError, Node};
-use crate::base::quantity::{Decimal, Dimension, Quantity};
-use crate::base::schema::Schema;
+use crate::canonical::Canonical;
+use crate::document::{InputError, Node};
+use crate::quantity::{Decimal, Dimension, Quantity};
+use crate::schema::Schema;
 
 macro_rules! quantities {
     ($($(#[doc = $doc:literal])+ $name:ident: $dimension:ident),+ $(,)?) => {$(

@@ -2,7 +2,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::base::{
+use crate::{
     Canonical, Decimal, Declared, Document, Fields, InputError, Length, Map, Node, Parameter, Schema, Seed, parameters,
     variants, words,
 };

@@ -3,10 +3,10 @@
 use std::ops::RangeInclusive;
 
 use super::Parameter;
-use crate::base::canonical::Canonical;
-use crate::base::document::{InputError, Map, Node};
-use crate::base::quantity::{Decimal, Dimension};
-use crate::base::schema::{Fields, Schema};
+use crate::canonical::Canonical;
+use crate::document::{InputError, Map, Node};
+use crate::quantity::{Decimal, Dimension};
+use crate::schema::{Fields, Schema};
 
 impl Parameter for bool {
     type Limits = ();

@@ -6,12 +6,12 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::networks;
-use crate::accuracy::{Benchmark, FamilyError, Measured};
-use crate::cli::accuracy::AccuracyArguments;
-use crate::cli::table;
-use crate::cli::text::Text;
-use crate::cli::write;
-use crate::report::figures::pareto_front;
+use crate::accuracy::AccuracyArguments;
+use crate::table;
+use crate::text::Text;
+use crate::write;
+use deaflow_accuracy::{Benchmark, FamilyError, Measured};
+use deaflow_report::figures::pareto_front;
 
 /// Methods that no other beats in both time and root mean square error, over all families.
 fn front(measured: &[Measured]) -> Vec<usize> {

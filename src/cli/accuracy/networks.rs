@@ -1,7 +1,7 @@
 //! What networks are worth beside estimates.
 
 use super::findings::millimetres;
-use crate::accuracy::Measured;
+use deaflow_accuracy::Measured;
 
 /// For each network the estimate that is both faster and more accurate, if there is one: the most accurate of them.
 pub fn beaten(measured: &[Measured]) -> Vec<(&Measured, Option<&Measured>)> {
@@ -48,7 +48,7 @@ pub fn worth(measured: &[Measured]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::accuracy::FamilyError;
+    use deaflow_accuracy::FamilyError;
 
     fn measured(settings: &str, seconds: f64, rms: f64, equilibria: bool) -> Measured {
         Measured {

@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::base::ArtifactId;
-use crate::cli::error::CliError;
-use crate::cli::text::Text;
-use crate::cli::{table, write};
-use crate::content::{AttributeError, Audit};
-use crate::report::figures::{Ground, Membrane, draw_audit, membrane_drawing};
-use crate::report::{Page, audited};
-use crate::stage::audit::{Audited, Finding, Lineage, Severity, SourceRows, Summary, rows, sort};
+use crate::error::CliError;
+use crate::text::Text;
+use crate::{table, write};
+use deaflow_base::ArtifactId;
+use deaflow_content::{AttributeError, Audit};
+use deaflow_report::figures::{Ground, Membrane, draw_audit, membrane_drawing};
+use deaflow_report::{Page, audited};
+use deaflow_stage::audit::{Audited, Finding, Lineage, Severity, SourceRows, Summary, rows, sort};
 
 /// What a dataset goes back to.
 #[derive(Debug, Serialize)]

@@ -5,14 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use crate::base::SOFTWARE;
-use crate::cli::arguments::StoreArguments;
-use crate::cli::error::CliError;
-use crate::cli::examples::examples;
-use crate::cli::output::{Exit, Output};
-use crate::cli::progress::Bar;
-use crate::cli::{locate, solve, table, write};
-use crate::store::{Ancestor, write_standalone};
+use crate::arguments::StoreArguments;
+use crate::error::CliError;
+use crate::examples::examples;
+use crate::output::{Exit, Output};
+use crate::progress::Bar;
+use crate::{locate, solve, table, write};
+use deaflow_base::software;
+use deaflow_store::{Ancestor, write_standalone};
 
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow export artifact solved -o solved.h5"))]
@@ -41,7 +41,7 @@ pub fn execute(arguments: &ExportArtifactArguments, output: &Output) -> Result<E
     }
     let ancestry = store.ancestry(&artifact)?;
     let bar = Bar::new("export", "chunks", artifact.parts().len().max(1) as u64);
-    write_standalone(&arguments.output, &artifact, &ancestry, SOFTWARE, &bar)?;
+    write_standalone(&arguments.output, &artifact, &ancestry, &software(), &bar)?;
     bar.clear();
     let bytes = std::fs::metadata(&arguments.output).map_or(0, |metadata| metadata.len());
     let unknown: Vec<String> = ancestry

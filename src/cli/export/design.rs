@@ -9,19 +9,19 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::membrane;
-use crate::cli::arguments::{StateArguments, StoreArguments, TOLERANCE, number};
-use crate::cli::error::CliError;
-use crate::cli::examples::examples;
-use crate::cli::output::{Exit, Output};
-use crate::cli::{locate, solve, write};
-use crate::design::DesignFilter;
-use crate::fem::SolveOptions;
-use crate::field::Mesh;
-use crate::pattern::Role;
-use crate::report::export::{self, MOST_PIXELS, Surface, mask_drawing};
-use crate::scene::{Mask, Size, Voltages};
-use crate::stage::designs::{self, Design, Designs};
-use crate::store::Artifact;
+use crate::arguments::{StateArguments, StoreArguments, TOLERANCE, number};
+use crate::error::CliError;
+use crate::examples::examples;
+use crate::output::{Exit, Output};
+use crate::{locate, solve, write};
+use deaflow_design::DesignFilter;
+use deaflow_fem::SolveOptions;
+use deaflow_field::Mesh;
+use deaflow_pattern::Role;
+use deaflow_report::export::{self, MOST_PIXELS, Surface, mask_drawing};
+use deaflow_scene::{Mask, Size, Voltages};
+use deaflow_stage::designs::{self, Design, Designs};
+use deaflow_store::Artifact;
 
 /// The heading of options that say which of several designs is meant.
 const WHICH: &str = "Which design";

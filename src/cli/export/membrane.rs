@@ -1,11 +1,11 @@
 //! The deformed membrane of a design, with what an engineer asks of it, for programs that draw in three dimensions.
 
-use crate::cli::error::CliError;
-use crate::fem::screening::Screened;
-use crate::fem::{CellState, MembraneSolver, SolveOptions, WorkLimit};
-use crate::pattern;
-use crate::stage::designs::Design;
-use crate::store::{Data, Dataset};
+use crate::error::CliError;
+use deaflow_fem::screening::Screened;
+use deaflow_fem::{CellState, MembraneSolver, SolveOptions, WorkLimit};
+use deaflow_pattern as pattern;
+use deaflow_stage::designs::Design;
+use deaflow_store::{Data, Dataset};
 
 /// A membrane in equilibrium at the voltage of its scene.
 pub struct Membrane {

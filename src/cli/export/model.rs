@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use crate::cli::arguments::StoreArguments;
-use crate::cli::error::CliError;
-use crate::cli::examples::examples;
-use crate::cli::output::{Exit, Output};
-use crate::cli::{model, solve, write};
-use crate::field::PredictError;
-use crate::surrogate::{LoadError, Surrogate};
+use crate::arguments::StoreArguments;
+use crate::error::CliError;
+use crate::examples::examples;
+use crate::output::{Exit, Output};
+use crate::{model, solve, write};
+use deaflow_field::PredictError;
+use deaflow_surrogate::{LoadError, Surrogate};
 
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow export model pipeline.yaml:surrogate -o model.onnx"))]

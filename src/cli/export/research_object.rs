@@ -7,17 +7,17 @@ use std::path::{Component, Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use crate::base::{ArtifactId, Document, NodeValue, SOFTWARE, folder_of, kind_of, leads_nowhere_at, read_bounded};
-use crate::cli::arguments::{SetArguments, StoreArguments};
-use crate::cli::error::CliError;
-use crate::cli::examples::examples;
-use crate::cli::output::{Exit, Output};
-use crate::cli::progress::Bar;
-use crate::cli::{locate, run, table, write};
-use crate::orchestrator::{Built, BuiltStage, Pipeline, built};
-use crate::report::{CrateFile, CrateStage, METADATA, ResearchObject, figure_files, file_name};
-use crate::scene::scene_files;
-use crate::store::{LockFile, Store, write_standalone};
+use crate::arguments::{SetArguments, StoreArguments};
+use crate::error::CliError;
+use crate::examples::examples;
+use crate::output::{Exit, Output};
+use crate::progress::Bar;
+use crate::{locate, run, table, write};
+use deaflow_base::{ArtifactId, Document, NodeValue, folder_of, kind_of, leads_nowhere_at, read_bounded, software};
+use deaflow_orchestrator::{Built, BuiltStage, Pipeline, built};
+use deaflow_report::{CrateFile, CrateStage, METADATA, ResearchObject, figure_files, file_name};
+use deaflow_scene::scene_files;
+use deaflow_store::{LockFile, Store, write_standalone};
 
 /// The longest file of a pipeline or a scene, bytes, as they are read.
 const LONGEST: u64 = 4 << 20;
@@ -319,7 +319,7 @@ fn write_stage(
     let digest = stage.record.artifact.to_string();
     let path = format!("artifacts/{}-{digest:.12}.h5", file_name(&stage.name));
     if !writing.files.iter().any(|file| file.path == path) {
-        write_standalone(&writing.place(&path)?, &artifact, &ancestry, SOFTWARE, &writing.bar)?;
+        write_standalone(&writing.place(&path)?, &artifact, &ancestry, &software(), &writing.bar)?;
         writing.note(
             &path,
             format!("What the stage {} of kind {} made", stage.name, stage.kind),

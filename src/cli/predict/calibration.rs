@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use super::PredictArguments;
-use crate::base::Digest;
-use crate::cli::error::CliError;
-use crate::cli::{locate, model};
-use crate::content::Calibration;
-use crate::stage::calibrate::{self, CalibratedModel};
-use crate::store::Artifact;
+use crate::error::CliError;
+use crate::{locate, model};
+use deaflow_base::Digest;
+use deaflow_content::Calibration;
+use deaflow_stage::calibrate::{self, CalibratedModel};
+use deaflow_store::Artifact;
 
 /// A calibration with where it comes from.
 pub struct NamedCalibration {

@@ -6,19 +6,19 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::calibration::NamedCalibration;
-use crate::base::Document;
-use crate::cli::error::CliError;
-use crate::cli::outcomes::FEW as SHOWN;
-use crate::cli::table::{Cell, Table, table};
-use crate::cli::text::Text;
-use crate::cli::tone::Tone;
-use crate::cli::write;
-use crate::content::{LongTexts, ObjectiveIntervals, PredictionIntervals};
-use crate::design::{Goal, Objective};
-use crate::field::Field;
-use crate::pattern::Pattern;
-use crate::scene::Scene;
-use crate::surrogate::{COVERAGE, Interval};
+use crate::error::CliError;
+use crate::outcomes::FEW as SHOWN;
+use crate::table::{Cell, Table, table};
+use crate::text::Text;
+use crate::tone::Tone;
+use crate::write;
+use deaflow_base::Document;
+use deaflow_content::{LongTexts, ObjectiveIntervals, PredictionIntervals};
+use deaflow_design::{Goal, Objective};
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+use deaflow_surrogate::{COVERAGE, Interval};
 
 /// A number that is asked for beside the field.
 struct Wanted {

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use super::{ShowArguments, Shown, ShownDataset, print, print_rows, statistics};
-use crate::cli::error::CliError;
-use crate::cli::output::{Exit, Output};
-use crate::hdf::{Array, HdfFile, Tree};
-use crate::report::{RowSource, Rows, RowsError};
-use crate::store::{Content, Data, StoreError, long_texts};
+use crate::error::CliError;
+use crate::output::{Exit, Output};
+use deaflow_hdf::{Array, HdfFile, Tree};
+use deaflow_report::{RowSource, Rows, RowsError};
+use deaflow_store::{Content, Data, ElementType, StoreError, long_texts};
 
 /// A file, and what it says about itself.
 struct ResultFile<'a> {
@@ -32,7 +32,7 @@ impl ResultFile<'_> {
             let elements = self.elements(&array.path)?;
             Ok(ShownDataset {
                 path: array.path.clone(),
-                kind: elements.element_type().name(),
+                kind: ElementType::of(&elements).name(),
                 shape: array.shape.clone(),
                 units: array.units.clone(),
                 description: array.description.clone(),

@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 use super::facts::Facts;
 use super::finding::{Finding, Severity};
 use super::rows::{Columns, Dataset, NO_NUMBER};
-use crate::base::Digest;
-use crate::dataset::{Bins, Place};
-use crate::pattern::{Pattern, Symmetries};
+use crate::{Bins, Place};
+use deaflow_base::Digest;
+use deaflow_pattern::{Pattern, Symmetries};
 
 /// Part of a displacement by which it may lie on the other side of the edge of a bin: images have it but for rounding.
 const EDGE: f64 = 1e-9;

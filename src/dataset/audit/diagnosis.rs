@@ -1,7 +1,7 @@
 //! What is wrong with a label: how the stored field comes of the true one.
 
-use crate::field::Field;
-use crate::pattern::{Symmetries, Symmetry};
+use deaflow_field::Field;
+use deaflow_pattern::{Symmetries, Symmetry};
 
 /// A field that is so close to a changed truth, relative to its own size, is that.
 const ALIKE: f64 = 0.02;
@@ -92,8 +92,8 @@ fn components(field: &Field, g: Symmetry) -> Field {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::CORNERS;
-    use crate::pattern::Raster;
+    use deaflow_field::CORNERS;
+    use deaflow_pattern::Raster;
 
     fn field() -> Field {
         let value = |i: usize| {

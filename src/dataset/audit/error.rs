@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use crate::field::SimulatorError;
+use deaflow_field::SimulatorError;
 
 /// An audit that could not be carried out.
 #[derive(Debug, thiserror::Error)]

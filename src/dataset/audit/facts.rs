@@ -2,10 +2,10 @@
 
 use super::rows::{Batch, Columns, Dataset};
 use super::symmetric::{PROJECTIONS, Projections, Standing, asymmetry};
-use crate::base::{Digest, OrbitId};
-use crate::dataset::Device;
-use crate::field::Field;
-use crate::pattern::{Pattern, Symmetry};
+use crate::Device;
+use deaflow_base::{Digest, OrbitId};
+use deaflow_field::Field;
+use deaflow_pattern::{Pattern, Symmetry};
 
 /// A row as far as it can be used.
 pub struct CheckedRow {
@@ -146,7 +146,7 @@ fn edges(pattern: &Pattern) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::{Membrane, Raster, Symmetries};
+    use deaflow_pattern::{Membrane, Raster, Symmetries};
 
     #[test]
     fn edges_are_counted_between_cells() {

@@ -3,7 +3,7 @@
 use super::error::AuditError;
 use super::facts::CheckedRow;
 use super::labels::Tolerance;
-use crate::field::{Mesh, SimulatorKind, Simulators};
+use deaflow_field::{Mesh, SimulatorKind, Simulators};
 
 /// The meshes that are tried, cheapest first.
 pub const TRIED: [Mesh; 12] = [
@@ -46,7 +46,7 @@ pub fn mesh(
     tolerance: Tolerance,
 ) -> Result<Option<Mesh>, AuditError> {
     // A field of zeros is the same on every mesh.
-    let moving = |(_, field): &(_, &crate::field::Field)| field.max_magnitude() > MOVING;
+    let moving = |(_, field): &(_, &deaflow_field::Field)| field.max_magnitude() > MOVING;
     let rows: Vec<_> = rows.iter().filter_map(CheckedRow::usable).filter(moving).collect();
     let patterns: Vec<_> = rows.iter().map(|(pattern, _)| (*pattern).clone()).collect();
     let mut best: Option<Trial> = None;

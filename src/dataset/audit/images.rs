@@ -8,8 +8,8 @@ use super::finding::{Finding, Severity};
 use super::labels::{Judge, LabelCheck};
 use super::rows::Columns;
 use super::symmetric::{PROJECTIONS, distance};
-use crate::base::{Digest, OrbitId};
-use crate::field::Mesh;
+use deaflow_base::{Digest, OrbitId};
+use deaflow_field::Mesh;
 
 /// Rows by orbit, in the order of their first row; rows without a pattern are left out.
 #[must_use]

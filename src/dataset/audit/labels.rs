@@ -12,9 +12,9 @@ use super::diagnosis::{Fault, diagnose, fit};
 use super::error::AuditError;
 use super::facts::CheckedRow;
 use super::rows::{Columns, Discretisation};
-use crate::dataset::Device;
-use crate::field::{Field, Mesh, SimulatorKind, Simulators};
-use crate::pattern::Pattern;
+use crate::Device;
+use deaflow_field::{Field, Mesh, SimulatorKind, Simulators};
+use deaflow_pattern::Pattern;
 
 /// What a solution of the full pass may cost, in solutions with one bilinear element per cell.
 const CHEAP: u64 = 5;

@@ -13,8 +13,8 @@ use super::kinds::{Comparison, FEWEST, kinds, suspects, usual};
 use super::labels::{Judge, LabelCheck, Solved};
 use super::resimulate::is_wrong;
 use super::rows::{Dataset, Discretisation};
-use crate::base::Stream;
-use crate::field::Mesh;
+use deaflow_base::Stream;
+use deaflow_field::Mesh;
 
 /// Suspects that are solved again in one round at the least, and as a part of all rows.
 const ROUND: usize = 256;

@@ -3,7 +3,7 @@
 use super::error::AuditError;
 use super::facts::CheckedRow;
 use super::labels::{Judge, LabelCheck, REFERENCE};
-use crate::field::{Mesh, SimulatorKind};
+use deaflow_field::{Mesh, SimulatorKind};
 
 /// A row that was simulated again.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::claims::{Families, Origin};
 use super::error::AuditError;
-use crate::dataset::{Bins, Device};
-use crate::field::Mesh;
+use crate::{Bins, Device};
+use deaflow_field::Mesh;
 
 /// Rows as they stand in the file: nothing is known of them yet.
 pub struct Batch {

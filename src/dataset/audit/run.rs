@@ -15,8 +15,8 @@ use super::rows::{Columns, Dataset, Discretisation};
 use super::spread::{Level, Spread};
 use super::symmetric::Projections;
 use super::{claims, identify, images, values, verdicts};
-use crate::base::Stream;
-use crate::field::{Mesh, Simulators};
+use deaflow_base::Stream;
+use deaflow_field::{Mesh, Simulators};
 
 /// Rows that are held in memory at a time.
 const BATCH: usize = 256;

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::finding::{Finding, Severity};
-use crate::dataset::{Bins, Place};
+use crate::{Bins, Place};
 
 /// Counts by equal bins.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -4,9 +4,9 @@
 //! projections of its field there instead of the field: their root mean square difference is, but for a third, that of the
 //! fields, whatever these are.
 
-use crate::base::{Digest, OrbitId, Stream};
-use crate::field::Field;
-use crate::pattern::{Pattern, Raster, Symmetries, Symmetry};
+use deaflow_base::{Digest, OrbitId, Stream};
+use deaflow_field::Field;
+use deaflow_pattern::{Pattern, Raster, Symmetries, Symmetry};
 
 /// Random projections of a field.
 pub const PROJECTIONS: usize = 16;
@@ -91,7 +91,7 @@ pub fn asymmetry(field: &Field, stabiliser: &[Symmetry]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::CORNERS;
+    use deaflow_field::CORNERS;
 
     fn wavy() -> Field {
         let value = |i: usize| ((i * 37 % 101) as f64 - 50.0) / 40.0;

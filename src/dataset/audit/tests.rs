@@ -5,13 +5,14 @@ use std::ops::Range;
 use std::sync::{Arc, LazyLock};
 
 use super::*;
-use crate::base::{Digest, Stream};
-use crate::dataset::{Bins, Device, Place};
-use crate::field::{
+use crate::{Bins, Device, Place};
+use deaflow_base::{Digest, Stream};
+use deaflow_field::{
     CORNERS, Field, Mesh, Observation, Outcome, SharedSimulator, Simulation, Simulator, SimulatorError, SimulatorKind,
     Simulators,
 };
-use crate::pattern::{self, CELLS, Pattern, Raster, Symmetries, Symmetry};
+use deaflow_pattern as pattern;
+use deaflow_pattern::{CELLS, Pattern, Raster, Symmetries, Symmetry};
 
 /// Coarser meshes are too stiff, and see corners less.
 struct Membrane(f64);

@@ -4,7 +4,7 @@
 use super::facts::Facts;
 use super::finding::{Finding, Severity};
 use super::rows::Dataset;
-use crate::base::{Digest, OrbitId};
+use deaflow_base::{Digest, OrbitId};
 
 /// Part of the largest displacement by which a stored maximum may differ from its field, and by which the frame may move.
 const EXACT: f64 = 1e-6;

@@ -1,7 +1,7 @@
 use std::collections::{BTreeMap, HashSet};
 
 use super::*;
-use crate::pattern::Raster;
+use deaflow_pattern::Raster;
 
 /// A pattern of its own for each number below 65,536, without symmetry: the number in binary, and a mark.
 fn pattern(number: usize) -> Pattern {

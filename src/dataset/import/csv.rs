@@ -8,9 +8,9 @@ use csv::StringRecord;
 
 use super::error::ImportError;
 use super::rows::Rows;
-use crate::base::open_regular;
-use crate::dataset::Device;
-use crate::pattern::{Membrane, Raster};
+use crate::Device;
+use deaflow_base::open_regular;
+use deaflow_pattern::{Membrane, Raster};
 
 /// The names of the columns.
 pub const COLUMNS: [&str; 6] = ["sample", "x_mm", "y_mm", "ux_mm", "uy_mm", "electrode"];

@@ -1,8 +1,8 @@
 //! Why a file is no dataset.
 
 use super::{MOST, of_field, of_pattern};
-use crate::dataset::Device;
-use crate::pattern::allowed_cells;
+use crate::Device;
+use deaflow_pattern::allowed_cells;
 
 /// Why a file is not taken as patterns with fields.
 #[derive(Debug, thiserror::Error)]

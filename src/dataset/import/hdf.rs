@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use super::error::ImportError;
 use super::{DISPLACEMENT, PATTERNS, count};
-use crate::base::open_regular;
-use crate::dataset::is_overlong;
-use crate::field::Outcome;
-use crate::hdf::{Found, HdfError, HdfFile};
-use crate::pattern::Raster;
+use crate::is_overlong;
+use deaflow_base::open_regular;
+use deaflow_field::Outcome;
+use deaflow_hdf::{Found, HdfError, HdfFile};
+use deaflow_pattern::Raster;
 
 /// The word for a field that a network has predicted.
 const PREDICTED: &str = "predicted";

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use npz::Npz;
 
 use super::Device;
-use crate::pattern::Raster;
+use deaflow_pattern::Raster;
 
 pub use error::ImportError;
 pub use rows::Rows;

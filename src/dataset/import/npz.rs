@@ -11,8 +11,8 @@ use zip::{CompressionMethod, ZipArchive};
 
 use super::error::ImportError;
 use super::{DISPLACEMENT, PATTERNS, count};
-use crate::base::{NpyHeader, open_regular};
-use crate::pattern::Raster;
+use deaflow_base::{NpyHeader, open_regular};
+use deaflow_pattern::Raster;
 
 /// How many times as long as its place in the file a deflated array can be at the most (RFC 1951: 258 bytes from 2 bits).
 const PACKED: u64 = 1032;

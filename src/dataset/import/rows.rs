@@ -5,10 +5,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::error::ImportError;
-use crate::base::{Digest, DigestWriter};
-use crate::dataset::Device;
-use crate::field::Field;
-use crate::pattern::Pattern;
+use crate::Device;
+use deaflow_base::{Digest, DigestWriter};
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
 
 /// What the frame may seem to move, mm: rounding of whoever wrote it.
 const ROUNDING_MM: f64 = 1e-6;

@@ -6,8 +6,8 @@ use flate2::Compression;
 use flate2::write::DeflateEncoder;
 
 use super::*;
-use crate::base::Stream;
-use crate::pattern::{CELLS, Membrane, Symmetries};
+use deaflow_base::Stream;
+use deaflow_pattern::{CELLS, Membrane, Symmetries};
 
 const CORNERS: usize = CELLS + 1;
 
@@ -17,8 +17,16 @@ fn device() -> Arc<Device> {
 
 struct Folder(tempfile::TempDir);
 
+/// Serves the tests of this room, which start their program anew with this one alone.
+#[test]
+#[ignore = "the process that other tests start"]
+fn the_process_that_other_tests_start() {
+    deaflow_hdf::serve().unwrap();
+}
+
 impl Folder {
     fn new() -> Self {
+        deaflow_hdf::set_reader(deaflow_hdf::reader_of_tests);
         Self(tempfile::tempdir().unwrap())
     }
 

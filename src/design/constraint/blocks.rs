@@ -5,7 +5,7 @@
 
 use super::raster::RasterConstraints;
 use super::repair::connected;
-use crate::pattern::{Bits, Raster};
+use deaflow_pattern::{Bits, Raster};
 
 /// The nearest repaired pattern over all offsets of the blocks along the diagonal.
 pub(super) fn repaired(raster: &RasterConstraints, bits: &Bits) -> Option<Bits> {

@@ -2,7 +2,7 @@
 
 use super::morphology::opened;
 use super::raster::RasterConstraints;
-use crate::pattern::{Bits, Membrane, Region};
+use deaflow_pattern::{Bits, Membrane, Region};
 
 /// Widths within this part of a cell are equal: rounding must not widen a feature by a cell.
 const RESOLUTION: f64 = 1e-9;

@@ -19,8 +19,8 @@ pub use limits::{ConstraintError, Limits, Sides};
 pub use parameters::ConstraintParameters;
 pub use violations::Violations;
 
-use crate::pattern::{Bits, Layers, Likeness, Membrane, Pattern};
-use crate::scene::Scene;
+use deaflow_pattern::{Bits, Layers, Likeness, Membrane, Pattern};
+use deaflow_scene::Scene;
 use morphology::surrounded;
 use raster::RasterConstraints;
 

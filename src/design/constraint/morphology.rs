@@ -1,7 +1,7 @@
 //! Opening and closing of bit patterns by a square (Serra, Image Analysis and Mathematical Morphology, 1982), and their
 //! connected components.
 
-use crate::pattern::Bits;
+use deaflow_pattern::Bits;
 
 /// Columns and rows of the cells that a square of the least width has; cells need not be square.
 pub(super) type Square = [usize; 2];
@@ -84,8 +84,8 @@ pub(super) fn components(bits: &Bits) -> Vec<Bits> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Stream;
-    use crate::pattern::Raster;
+    use deaflow_base::Stream;
+    use deaflow_pattern::Raster;
 
     fn noise(index: u64, density: f64) -> Bits {
         let mut stream = Stream::new(1, "test", index);

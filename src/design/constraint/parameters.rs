@@ -3,12 +3,12 @@
 use std::fmt;
 
 use super::{ConstraintError, Constraints, Ground, Limits, Sides};
-use crate::base::{
+use crate::text::{flow_mapping, flow_value};
+use deaflow_base::{
     Canonical, Decimal, Declared, InputError, Length, Map, Node, NodeValue, Parameter, Schema, parameters,
 };
-use crate::design::text::{flow_mapping, flow_value};
-use crate::pattern::Membrane;
-use crate::scene::{Scene, Shape};
+use deaflow_pattern::Membrane;
+use deaflow_scene::{Scene, Shape};
 
 /// No pattern has more islands: every other cell.
 const MOST_ISLANDS: u64 = 1250;
@@ -263,7 +263,7 @@ mod tests {
     const MEMBRANE: Membrane = Membrane::square(50.0);
 
     use super::*;
-    use crate::base::Document;
+    use deaflow_base::Document;
 
     fn node(text: &str) -> Node {
         Document::from_text(Path::new("t"), text).unwrap().root

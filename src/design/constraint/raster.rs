@@ -1,7 +1,7 @@
 //! The constraints in terms of the cells of the raster.
 
 use super::morphology::{Square, closed, components, opened};
-use crate::pattern::{Bits, Raster};
+use deaflow_pattern::{Bits, Raster};
 
 /// Where electrodes may lie, and how.
 #[derive(Clone, Debug, PartialEq)]

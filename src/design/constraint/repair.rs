@@ -3,7 +3,7 @@
 use super::blocks;
 use super::morphology::{closed, components, dilated, eroded, grown, met, opened, spread};
 use super::raster::RasterConstraints;
-use crate::pattern::Bits;
+use deaflow_pattern::Bits;
 
 /// How often widths and connections are mended in turn before it is done on blocks instead.
 const ROUNDS: usize = 4;

@@ -1,7 +1,7 @@
 use super::morphology::components;
 use super::*;
-use crate::base::Stream;
-use crate::pattern::{Raster, Region};
+use deaflow_base::Stream;
+use deaflow_pattern::{Raster, Region};
 
 const MEMBRANE: Membrane = Membrane::square(50.0);
 
@@ -15,7 +15,7 @@ fn rectangle(from: [f64; 2], to: [f64; 2]) -> Region {
 
 /// Regions of random shape: noise averaged `grain` times, the highest `area` of it active.
 fn blobs(index: u64, grain: usize, area: f64) -> Pattern {
-    crate::design::Genome::random(area, grain, &mut Stream::new(7, "test", index)).pattern(Raster::PAPER)
+    crate::Genome::random(area, grain, &mut Stream::new(7, "test", index)).pattern(Raster::PAPER)
 }
 
 /// Cells at random.

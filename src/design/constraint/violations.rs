@@ -5,7 +5,7 @@ use std::fmt;
 use super::morphology::{closed, components, opened};
 use super::raster::RasterConstraints;
 use super::{Constraints, Sides};
-use crate::pattern::{Bits, Layers};
+use deaflow_pattern::{Bits, Layers};
 
 /// What of a pattern does not keep the constraints; `Display` says it in words.
 #[derive(Clone, Debug, Default, PartialEq)]

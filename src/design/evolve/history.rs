@@ -3,7 +3,7 @@
 use super::options::EvolveOptions;
 use super::result::{GenerationReport, Stop};
 use super::state::Known;
-use crate::design::genome::Genome;
+use crate::genome::Genome;
 
 /// A genome with what is known of it.
 pub(super) struct Individual {

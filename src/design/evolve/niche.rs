@@ -5,7 +5,7 @@
 //! any other belongs to the winner nearest to it. Cleared individuals are not struck out but ranked behind: first the best of all
 //! niches, then the second of all, and so on, so that each niche has the same share of the parents.
 
-use crate::pattern::{Layers, Likeness};
+use deaflow_pattern::{Layers, Likeness};
 
 /// Winners of niches, added one after another.
 pub(super) struct Niches<'l> {
@@ -77,7 +77,7 @@ pub(super) fn order(sorted: &[Layers], most: usize, distance: f64, likeness: &Li
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::{Bits, Raster, Symmetries};
+    use deaflow_pattern::{Bits, Raster, Symmetries};
 
     fn bar(from: usize) -> Layers {
         Layers::new(vec![Bits::from_fn(Raster::PAPER, |x, _| (from..from + 5).contains(&x))])
@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn a_device_without_symmetries_has_more_designs() {
         let none = Likeness::new(
-            Symmetries::SQUARE.filter(|g| g == crate::pattern::Symmetry::IDENTITY),
+            Symmetries::SQUARE.filter(|g| g == deaflow_pattern::Symmetry::IDENTITY),
             vec![1],
         );
         assert_eq!(order(&[bar(0), bar(1), bar(45)], 8, 0.1, &none), [0, 2, 1]);

@@ -1,9 +1,9 @@
 //! What a search tells on its way, and what it has found.
 
-use crate::base::Stopped;
-use crate::design::constraint::Violations;
-use crate::design::genome::Genome;
-use crate::pattern::Pattern;
+use crate::constraint::Violations;
+use crate::genome::Genome;
+use deaflow_base::Stopped;
+use deaflow_pattern::Pattern;
 
 use super::state::StateError;
 

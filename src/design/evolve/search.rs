@@ -11,11 +11,11 @@ use super::options::EvolveOptions;
 use super::result::{GenerationReport, Watch, Winner};
 use super::state::{Known, State, StoredGeneration};
 use super::{Setting, allowed_units};
-use crate::base::Stream;
-use crate::design::genome::Genome;
-use crate::design::operators::{cross, exchange_groups, invert, smooth};
-use crate::field::{PredictError, StateFields};
-use crate::pattern::{Layers, Pattern};
+use crate::genome::Genome;
+use crate::operators::{cross, exchange_groups, invert, smooth};
+use deaflow_base::Stream;
+use deaflow_field::{PredictError, StateFields};
+use deaflow_pattern::{Layers, Pattern};
 
 /// What it costs in F not to keep the constraints, however little: as much as 2.5 mm.
 const VIOLATION: f64 = 1.0;

@@ -5,8 +5,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::options::EvolveOptions;
-use crate::base::{Digest, decode, encode};
-use crate::design::genome::Genome;
+use crate::genome::Genome;
+use deaflow_base::{Digest, decode, encode};
 
 /// Raised when the layout changes.
 const VERSION: u32 = 1;

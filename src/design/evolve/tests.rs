@@ -2,9 +2,9 @@ use std::cell::RefCell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::*;
-use crate::design::{AREA_PENALTY, Aim, Displacement, Motion, Qin2024};
-use crate::field::Field;
-use crate::pattern::{CELLS, Membrane, Pattern, Raster};
+use crate::{AREA_PENALTY, Aim, Displacement, Motion, Qin2024};
+use deaflow_field::Field;
+use deaflow_pattern::{CELLS, Membrane, Pattern, Raster};
 
 mod constrained;
 mod niches;
@@ -155,7 +155,7 @@ fn a_search_is_named_by_its_seed() {
 fn a_search_for_one_design_without_constraints_stays_what_it_was() {
     // As the search was before it knew of constraints, margins and niches: results of former runs must not change.
     let found = run(&small(3), 0.5);
-    let digest = crate::base::Digest::of(found.best_pattern().cells());
+    let digest = deaflow_base::Digest::of(found.best_pattern().cells());
     assert_eq!((found.evaluations, digest.short().as_str()), (1137, "3b8510874004"));
 }
 

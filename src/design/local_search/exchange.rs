@@ -123,7 +123,7 @@ impl<'a> Exchange<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
+    use deaflow_pattern::Raster;
 
     fn cells() -> Units {
         Units::new([50; 2], Raster::PAPER, &[true; 2500])

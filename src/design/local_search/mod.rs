@@ -16,8 +16,8 @@ mod units;
 
 pub use problem::{SearchProblem, Unsuited};
 
-use crate::field::StateFields;
-use crate::pattern::Pattern;
+use deaflow_field::StateFields;
+use deaflow_pattern::Pattern;
 
 /// One step of a local search.
 #[derive(Clone, Copy, Debug, PartialEq)]

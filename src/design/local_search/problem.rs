@@ -6,10 +6,10 @@ use super::search::LocalSearch;
 use super::squares::Squares;
 use super::units::Units;
 use super::{LocalOptimum, SearchStep};
-use crate::base::Stream;
-use crate::design::{Constraints, Goal};
-use crate::field::{Differentiable, Feasibility, Field, PredictError, StateFields};
-use crate::pattern::{Layers, Pattern};
+use crate::{Constraints, Goal};
+use deaflow_base::Stream;
+use deaflow_field::{Differentiable, Feasibility, Field, PredictError, StateFields};
+use deaflow_pattern::{Layers, Pattern};
 
 /// How often the area before a repair is tried anew so that the area after it is as wanted.
 const TRIALS: usize = 24;

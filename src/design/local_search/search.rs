@@ -7,8 +7,8 @@ use super::gains::{Change, Gains};
 use super::problem::{SearchProblem, State};
 use super::squares::Squares;
 use super::{LocalOptimum, SearchStep};
-use crate::field::PredictError;
-use crate::pattern::Pattern;
+use deaflow_field::PredictError;
+use deaflow_pattern::Pattern;
 
 /// Gains below this are rounding of the solver: 0.25 nm on a membrane whose displacements are of the order of 1 mm.
 const GAIN: f64 = 1e-7;

@@ -48,7 +48,7 @@ impl Squares {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
+    use deaflow_pattern::Raster;
 
     #[test]
     fn a_square_turns_over_what_is_not_as_it_will_be() {

@@ -1,9 +1,9 @@
 use std::sync::Mutex;
 
 use super::*;
-use crate::design::{Aim, Constraints, Displacement, Distance, Goal, Ground, Limits, Measure, Motion};
-use crate::field::{CORNERS, Differentiable, Field, InStates, PredictError, Predictor, StateFields, WithGradient};
-use crate::pattern::{Bits, CELLS, Membrane, Raster, distance};
+use crate::{Aim, Constraints, Displacement, Distance, Goal, Ground, Limits, Measure, Motion};
+use deaflow_field::{CORNERS, Differentiable, Field, InStates, PredictError, Predictor, StateFields, WithGradient};
+use deaflow_pattern::{Bits, CELLS, Membrane, Raster, distance};
 
 /// A membrane whose every point moves along x by Σ worth · active + ½ bend (Σ spread · active)², in mm.
 struct Quadratic {
@@ -280,7 +280,7 @@ fn constraints_are_kept_all_the_way() {
 #[test]
 fn what_is_not_feasible_is_not_taken() {
     struct FewOnTheRight;
-    impl crate::field::Feasibility for FewOnTheRight {
+    impl deaflow_field::Feasibility for FewOnTheRight {
         fn feasible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
             let few = |pattern: &Pattern| (0..50).filter(|&y| pattern.is_active(30, y)).count() <= 10;
             Ok(patterns.iter().map(few).collect())

@@ -1,6 +1,6 @@
 //! What a local search turns on and off, or gives to another group of electrodes: the cells, or the coarser units of the genetic algorithm.
 
-use crate::pattern::{Pattern, Raster};
+use deaflow_pattern::{Pattern, Raster};
 
 /// The membrane in columns and rows of units; of n units along a side of m cells, cell i lies in unit floor(i n / m).
 #[derive(Clone, Debug)]
@@ -85,7 +85,7 @@ impl Units {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design::Genome;
+    use crate::Genome;
 
     #[test]
     fn they_are_those_of_the_genetic_algorithm() {

@@ -1,8 +1,8 @@
 //! Points and bodies, and how they should move.
 
 use super::goal::GoalError;
-use crate::field::Field;
-use crate::pattern::Membrane;
+use deaflow_field::Field;
+use deaflow_pattern::Membrane;
 
 /// What should move, in which state of the device, and where to.
 #[derive(Clone, Copy, Debug, PartialEq)]

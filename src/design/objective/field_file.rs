@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::parameters::{LONGEST_MM, PointParameters};
-use crate::base::{Decimal, Dimension, InputError, Length, Node, Quantity, confined, read_bounded};
-use crate::field::CORNERS;
+use deaflow_base::{Decimal, Dimension, InputError, Length, Node, Quantity, confined, read_bounded};
+use deaflow_field::CORNERS;
 
 const COLUMNS: [&str; 4] = ["x_mm", "y_mm", "ux_mm", "uy_mm"];
 

@@ -8,8 +8,8 @@
 
 use super::aim::{Aim, PlacedAim};
 use super::measure::Measure;
-use crate::field::{Field, StateFields};
-use crate::pattern::{Membrane, Pattern, Raster};
+use deaflow_field::{Field, StateFields};
+use deaflow_pattern::{Membrane, Pattern, Raster};
 
 /// The default weight λ of the area: leaving the wanted area fraction by 1 % costs as much as 0.125 mm gain. That is just
 /// above the steepest gain that area gives in the linear response of the default scene (0.12 mm for 1 %, between area
@@ -216,9 +216,9 @@ impl Goal {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design::objective::aim::{Lever, Motion};
-    use crate::design::objective::measure::{Displacement, Distance, Qin2024};
-    use crate::pattern::Raster;
+    use crate::objective::aim::{Lever, Motion};
+    use crate::objective::measure::{Displacement, Distance, Qin2024};
+    use deaflow_pattern::Raster;
 
     /// The field that is `u` everywhere off the frame.
     fn uniform(u: [f64; 2]) -> [Field; 1] {

@@ -6,12 +6,12 @@ use super::aim::{Aim, Lever, Motion};
 use super::field_file;
 use super::goal::{Goal, GoalError};
 use super::measure::{Displacement, Distance, MEASURES, Measure};
-use crate::base::{
+use crate::text::{flow_mapping, flow_value};
+use deaflow_base::{
     Angle, Canonical, Decimal, Declared, Fields, Frequency, InputError, Length, Map, Node, Parameter, Schema, Time,
     parameters,
 };
-use crate::design::text::{flow_mapping, flow_value};
-use crate::scene::{MOST_BODIES, Scene, States};
+use deaflow_scene::{MOST_BODIES, Scene, States};
 
 /// Largest coordinate and displacement in mm.
 pub(super) const LONGEST_MM: f64 = 1e4;
@@ -703,7 +703,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::base::Document;
+    use deaflow_base::Document;
 
     fn read(text: &str) -> Result<Objective, InputError> {
         Objective::read(&Document::from_text(Path::new("t"), text).unwrap().root)

@@ -3,10 +3,10 @@
 use super::probe::Probe;
 use super::shortage::report_shortage;
 use super::{Search, SearchError};
-use crate::design::evolve::GenerationReport;
-use crate::design::local_search::{LocalOptimum, SearchStep};
-use crate::field::{Field, NO_FIELD, Predictor, StateFields};
-use crate::pattern::{CELLS, Pattern, Role};
+use crate::evolve::GenerationReport;
+use crate::local_search::{LocalOptimum, SearchStep};
+use deaflow_field::{Field, NO_FIELD, Predictor, StateFields};
+use deaflow_pattern::{CELLS, Pattern, Role};
 
 /// One pattern of a target.
 #[derive(Clone, Debug)]

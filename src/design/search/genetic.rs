@@ -3,9 +3,9 @@
 use super::found::{Findings, FoundPattern};
 use super::probe::{Candidate, PATTERNS, Probe, References, cheapest_evaluator};
 use super::{Evaluators, Search, SearchError, SearchResult};
-use crate::design::evolve::{EvolveError, Setting, evolve, first_generation};
-use crate::design::genome::UNITS;
-use crate::pattern::{Pattern, Role};
+use crate::evolve::{EvolveError, Setting, evolve, first_generation};
+use crate::genome::UNITS;
+use deaflow_pattern::{Pattern, Role};
 
 impl Search<'_> {
     pub(super) fn genetic(&self, evaluators: Evaluators) -> Result<SearchResult, SearchError> {

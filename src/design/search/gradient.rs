@@ -2,10 +2,10 @@
 
 use super::found::Findings;
 use super::{Search, SearchError, SearchResult};
-use crate::base::Stream;
-use crate::design::genome::Genome;
-use crate::design::local_search::{LocalOptimum, SearchProblem, SearchStep, Unsuited};
-use crate::pattern::{Pattern, Role};
+use crate::genome::Genome;
+use crate::local_search::{LocalOptimum, SearchProblem, SearchStep, Unsuited};
+use deaflow_base::Stream;
+use deaflow_pattern::{Pattern, Role};
 
 /// How coarse random starts are: a handful of regions.
 const START_GRAIN: usize = 6;

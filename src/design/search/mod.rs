@@ -17,9 +17,9 @@ use super::intuitive::Intuitive;
 use super::local_search::{SearchProblem, SearchStep, Unsuited};
 use super::options::{Method, SearchOptions};
 use super::target::Target;
-use crate::base::Stopped;
-use crate::field::{Differentiable, Feasibility, PredictError, StateFields};
-use crate::pattern::{CELLS, Pattern};
+use deaflow_base::Stopped;
+use deaflow_field::{Differentiable, Feasibility, PredictError, StateFields};
+use deaflow_pattern::{CELLS, Pattern};
 
 /// One target, what its designs must keep to, and how they are searched.
 pub struct Search<'a> {

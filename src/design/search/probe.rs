@@ -4,8 +4,8 @@
 //! measured it. Errors are reproducible, and so is the choice.
 
 use super::Cause;
-use crate::field::{Evaluator, Field, InStates, PredictError, Predictor, StateFields};
-use crate::pattern::Pattern;
+use deaflow_field::{Evaluator, Field, InStates, PredictError, Predictor, StateFields};
+use deaflow_pattern::Pattern;
 
 /// Patterns of the first generation on which evaluators are compared.
 pub(super) const PATTERNS: usize = 32;

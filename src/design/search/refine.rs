@@ -2,9 +2,9 @@
 
 use super::found::Findings;
 use super::{Search, SearchError};
-use crate::base::Stream;
-use crate::design::local_search::LocalOptimum;
-use crate::pattern::{Pattern, Role};
+use crate::local_search::LocalOptimum;
+use deaflow_base::Stream;
+use deaflow_pattern::{Pattern, Role};
 
 /// A design is weak when its score is behind the best by more than this share of it and more than this score (0.5 µm).
 const WEAK_SHARE: f64 = 0.008;

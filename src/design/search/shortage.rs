@@ -1,8 +1,8 @@
 //! What is said where a target has fewer designs than were asked for.
 
 use super::found::FoundDesign;
-use crate::field::NO_FIELD;
-use crate::pattern::Role;
+use deaflow_field::NO_FIELD;
+use deaflow_pattern::Role;
 
 /// Adds to the status of the last design of each role that there are fewer than `wanted` which differ in a share of the cells.
 pub(super) fn report_shortage(designs: &mut [FoundDesign], wanted: usize, distance: f64) {
@@ -26,9 +26,9 @@ pub(super) fn report_shortage(designs: &mut [FoundDesign], wanted: usize, distan
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Field;
-    use crate::pattern::Pattern;
-    use crate::pattern::Raster;
+    use deaflow_field::Field;
+    use deaflow_pattern::Pattern;
+    use deaflow_pattern::Raster;
 
     fn design(role: Role, status: &str) -> FoundDesign {
         FoundDesign {

@@ -3,9 +3,9 @@
 //! It changes no displacement: it is read off a solution.
 
 use super::effect::{Assessment, Effect, Examined, Solutions, Verdict};
-use crate::fem::CellState;
-use crate::scene::effects::names;
-use crate::scene::{Breakdown, Effects, HuangStrength, Scene};
+use crate::CellState;
+use deaflow_scene::effects::names;
+use deaflow_scene::{Breakdown, Effects, HuangStrength, Scene};
 
 /// The largest E/E_B over the cells; `thickness` is the undeformed one in mm.
 #[must_use]
@@ -103,11 +103,11 @@ impl Effect for DielectricBreakdown {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::ElectricField;
-    use crate::fem::{MembraneSolver, SolveOptions};
-    use crate::field::{Outcome, Simulator};
-    use crate::pattern::{Pattern, Raster};
-    use crate::scene::ConstantStrength;
+    use crate::{MembraneSolver, SolveOptions};
+    use deaflow_base::ElectricField;
+    use deaflow_field::{Outcome, Simulator};
+    use deaflow_pattern::{Pattern, Raster};
+    use deaflow_scene::ConstantStrength;
 
     fn constant(megavolts_per_metre: f64) -> Breakdown {
         Breakdown::Constant(ConstantStrength {

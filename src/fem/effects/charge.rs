@@ -1,8 +1,8 @@
 //! Charge control: a charge is given, and the voltage follows from it.
 
 use super::effect::{Assessment, Effect, Verdict};
-use crate::scene::effects::names;
-use crate::scene::{Effects, Scene};
+use deaflow_scene::effects::names;
+use deaflow_scene::{Effects, Scene};
 
 /// The effect.
 pub struct ChargeControl;

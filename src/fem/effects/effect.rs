@@ -4,9 +4,9 @@
 //! of an effect that moves the membrane is how much: solutions with it are compared with solutions without it. Others follow from the
 //! scene alone, or from solutions for a few patterns.
 
-use crate::fem::critical::CriticalVoltage;
-use crate::field::Outcome;
-use crate::scene::{Effects, Scene};
+use crate::critical::CriticalVoltage;
+use deaflow_field::Outcome;
+use deaflow_scene::{Effects, Scene};
 
 /// An effect beyond the base model.
 pub trait Effect: Sync {

@@ -6,11 +6,11 @@
 
 use super::effect::{Assessment, Effect};
 use super::strip::Strip;
-use crate::base::two_digits;
-use crate::fem::energy::{Invariants, Slopes, relief};
-use crate::fem::lanes::Value;
-use crate::scene::effects::names;
-use crate::scene::{Effects, Electrode, Scene};
+use crate::energy::{Invariants, Slopes, relief};
+use crate::lanes::Value;
+use deaflow_base::two_digits;
+use deaflow_scene::effects::names;
+use deaflow_scene::{Effects, Electrode, Scene};
 
 /// Electrodes that resist stretching, if χ is not zero.
 #[derive(Clone, Copy, Debug, PartialEq)]

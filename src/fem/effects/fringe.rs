@@ -17,15 +17,15 @@
 use std::f64::consts::{LN_2, PI};
 
 use super::effect::{Assessment, DISPLACED, Effect, SMALL, Verdict};
-use crate::fem::element::Line;
-use crate::fem::error::SetupError;
-use crate::fem::grid::{Grid, THINNEST};
-use crate::fem::operator::{Activity, Within, load_of};
-use crate::fem::sheet::Sheet;
-use crate::field::{Mesh, Order};
-use crate::pattern::Pattern;
-use crate::scene::effects::names;
-use crate::scene::{Effects, On, Scene};
+use crate::element::Line;
+use crate::error::SetupError;
+use crate::grid::{Grid, THINNEST};
+use crate::operator::{Activity, Within, load_of};
+use crate::sheet::Sheet;
+use deaflow_field::{Mesh, Order};
+use deaflow_pattern::Pattern;
+use deaflow_scene::effects::names;
+use deaflow_scene::{Effects, On, Scene};
 
 /// Strips that are narrower than this share of a bilinear element lie within it. Errors in the largest displacement are those without a
 /// fringe field up to a sixteenth, and more than twice as large at a quarter.
@@ -258,8 +258,8 @@ impl Effect for FringeField {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
-    use crate::pattern::Symmetry;
+    use deaflow_pattern::Raster;
+    use deaflow_pattern::Symmetry;
 
     /// The areas of elements that are active, in cells, where they end with the strips or not.
     fn areas(mesh: Mesh, fringe: &Fringe, pattern: &Pattern) -> Vec<f64> {

@@ -1,8 +1,8 @@
 //! Rigid inclusions: the bodies of the geometry, which are on wherever there are some.
 
 use super::effect::{Assessment, Effect, Verdict};
-use crate::scene::effects::names;
-use crate::scene::{Effects, Scene};
+use deaflow_scene::effects::names;
+use deaflow_scene::{Effects, Scene};
 
 /// The effect.
 pub struct RigidInclusion;

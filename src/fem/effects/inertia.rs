@@ -1,8 +1,8 @@
 //! Inertia: screened by the frequency of the force over that of the first mode.
 
 use super::effect::{Assessment, Effect, Verdict};
-use crate::scene::effects::names;
-use crate::scene::{Effects, Scene};
+use deaflow_scene::effects::names;
+use deaflow_scene::{Effects, Scene};
 
 /// The effect.
 pub struct Inertia;
@@ -32,7 +32,7 @@ impl Effect for Inertia {
         effects.inertia = scene
             .properties
             .density
-            .map(|density| crate::scene::Inertia { density });
+            .map(|density| deaflow_scene::Inertia { density });
     }
 
     fn assess(&self, scene: &Scene) -> Option<Assessment> {

@@ -1,16 +1,16 @@
 //! From a scene to the law of a point of its membrane.
 
 use super::{Decaying, Fringe, Stiff, TensionField};
-use crate::fem::energy::{Compound, Elasticity, Isotropic, Material, Neo, NeoHookean, Stiffened};
-use crate::fem::error::SetupError;
-use crate::fem::grid::Grid;
-use crate::fem::memory::Memory;
-use crate::fem::operator::{Activity, metrics};
-use crate::fem::sheet::Sheet;
-use crate::field::Mesh;
-use crate::pattern::Pattern;
-use crate::scene::laws::StiffeningLaw;
-use crate::scene::{PermittivityDecay, Scene, Stiffening};
+use crate::energy::{Compound, Elasticity, Isotropic, Material, Neo, NeoHookean, Stiffened};
+use crate::error::SetupError;
+use crate::grid::Grid;
+use crate::memory::Memory;
+use crate::operator::{Activity, metrics};
+use crate::sheet::Sheet;
+use deaflow_field::Mesh;
+use deaflow_pattern::Pattern;
+use deaflow_scene::laws::StiffeningLaw;
+use deaflow_scene::{PermittivityDecay, Scene, Stiffening};
 
 /// The physics of a scene, ready for any pattern.
 #[derive(Clone, Debug)]

@@ -7,12 +7,12 @@
 
 use super::effect::{Assessment, Effect};
 use super::strip::Strip;
-use crate::base::two_digits;
-use crate::fem::energy::{Invariants, Slopes};
-use crate::fem::lanes::Value;
-use crate::fem::powers::power_minus_one;
-use crate::scene::effects::names;
-use crate::scene::{Effects, PermittivityDecay, PermittivityReference, Scene};
+use crate::energy::{Invariants, Slopes};
+use crate::lanes::Value;
+use crate::powers::power_minus_one;
+use deaflow_base::two_digits;
+use deaflow_scene::effects::names;
+use deaflow_scene::{Effects, PermittivityDecay, PermittivityReference, Scene};
 
 /// A dielectric whose permittivity falls with the stretch, or an ideal one with s = 0.
 #[derive(Clone, Copy, Debug, PartialEq)]

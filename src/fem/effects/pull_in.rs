@@ -1,10 +1,10 @@
-//! Electromechanical stability: how far the voltage is from the one at which stability is lost. [`crate::fem`] computes it in
+//! Electromechanical stability: how far the voltage is from the one at which stability is lost. [`crate`] computes it in
 //! its modules stability, continuation and margin.
 
 use super::effect::{Assessment, Effect, Solutions, Stability, Verdict};
-use crate::fem::critical::{COARSE, CriticalVoltage};
-use crate::scene::effects::names;
-use crate::scene::{Effects, On, Scene};
+use crate::critical::{COARSE, CriticalVoltage};
+use deaflow_scene::effects::names;
+use deaflow_scene::{Effects, On, Scene};
 
 /// The effect.
 pub struct ElectromechanicalStability;
@@ -132,9 +132,9 @@ fn voltage(limit: &CriticalVoltage) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::critical::MeshLimit;
-    use crate::fem::effects::Examined;
-    use crate::field::{Mesh, Outcome};
+    use crate::critical::MeshLimit;
+    use crate::effects::Examined;
+    use deaflow_field::{Mesh, Outcome};
 
     fn assess(found: &[Stability]) -> Assessment {
         let one = |(i, stability): (usize, &Stability)| Examined {

@@ -3,8 +3,8 @@
 use std::f64::consts::PI;
 
 use super::effect::{Assessment, Effect, Verdict};
-use crate::scene::effects::names;
-use crate::scene::{Effects, Scene};
+use deaflow_scene::effects::names;
+use deaflow_scene::{Effects, Scene};
 
 /// The effect.
 pub struct ElectrodeResistance;
@@ -37,7 +37,7 @@ impl Effect for ElectrodeResistance {
         effects.electrode_resistance = scene
             .properties
             .sheet_resistance
-            .map(|sheet_resistance| crate::scene::ElectrodeResistance { sheet_resistance });
+            .map(|sheet_resistance| deaflow_scene::ElectrodeResistance { sheet_resistance });
     }
 
     fn turn_off(&self, effects: &mut Effects) {

@@ -1,10 +1,10 @@
-//! Strain stiffening: elastomers of finite chains. The laws are in [`crate::scene::laws`];
-//! their kernels are in [`crate::fem::energy`].
+//! Strain stiffening: elastomers of finite chains. The laws are in [`deaflow_scene::laws`];
+//! their kernels are in [`crate::energy`].
 
 use super::effect::{Assessment, Effect};
 use super::strip::Strip;
-use crate::scene::effects::names;
-use crate::scene::{Effects, Scene};
+use deaflow_scene::effects::names;
+use deaflow_scene::{Effects, Scene};
 
 /// The effect.
 pub struct StrainStiffening;

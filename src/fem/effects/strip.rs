@@ -4,7 +4,7 @@
 //! stiffness C = 1 + 3a, and voltage takes b = κλp² from the active one: the displacement is proportional to b/(2C − b).
 
 use super::effect::SMALL;
-use crate::scene::Scene;
+use deaflow_scene::Scene;
 
 /// The strip of a scene.
 pub struct Strip {

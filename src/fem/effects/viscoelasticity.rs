@@ -1,8 +1,8 @@
 //! Viscoelasticity: Maxwell branches beside the equilibrium law, screened by how much they change by the end of the drive.
 
 use super::effect::{Assessment, Effect, SMALL, Verdict};
-use crate::scene::effects::names;
-use crate::scene::{Effects, Scene, Viscoelasticity as Branches};
+use deaflow_scene::effects::names;
+use deaflow_scene::{Effects, Scene, Viscoelasticity as Branches};
 
 /// The effect.
 pub struct Viscoelasticity;

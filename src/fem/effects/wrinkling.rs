@@ -30,10 +30,10 @@
 use pulp::{Simd, WithSimd};
 
 use super::effect::Effect;
-use crate::fem::energy::{Invariants, Potential, Rest, Slopes, slopes_apart};
-use crate::fem::lanes::Value;
-use crate::scene::effects::names;
-use crate::scene::{Effects, On, Scene};
+use crate::energy::{Invariants, Potential, Rest, Slopes, slopes_apart};
+use crate::lanes::Value;
+use deaflow_scene::effects::names;
+use deaflow_scene::{Effects, On, Scene};
 
 /// The share of the flat potential in wrinkled membrane.
 pub const RESIDUAL: f64 = 1e-3;

@@ -2,8 +2,8 @@
 
 use super::elasticity::Elasticity;
 use super::potential::{Invariants, Potential, Rest, Slopes};
-use crate::fem::effects::{Decaying, Stiff};
-use crate::fem::lanes::Value;
+use crate::effects::{Decaying, Stiff};
+use crate::lanes::Value;
 
 /// Elastomer, dielectric and electrodes at a prestretch.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,9 +4,9 @@ use super::first_invariant::FirstInvariant;
 use super::ogden::{MOST_TERMS, Ogden};
 use super::potential::{Invariants, Rest, Slopes};
 use super::second_invariant::SecondInvariant;
-use crate::fem::error::SetupError;
-use crate::fem::lanes::Value;
-use crate::scene::laws::Form;
+use crate::error::SetupError;
+use crate::lanes::Value;
+use deaflow_scene::laws::Form;
 
 /// An elastic energy per prestretched area, in units of μH.
 pub trait Elasticity: Sync + Copy {

@@ -15,9 +15,9 @@
 
 use super::elasticity::relief;
 use super::potential::{Invariants, Rest, Slopes};
-use crate::fem::lanes::Value;
-use crate::fem::powers::logarithm_of_one_plus;
-use crate::scene::laws::Response;
+use crate::lanes::Value;
+use crate::powers::logarithm_of_one_plus;
+use deaflow_scene::laws::Response;
 
 /// The energy of a response at a prestretch.
 #[derive(Clone, Copy, Debug, PartialEq)]

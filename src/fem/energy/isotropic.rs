@@ -2,8 +2,8 @@
 
 use super::potential::{Invariants, Potential, Slopes, first_slopes_apart, slopes_apart};
 use super::{MODULI, Material, Rest};
-use crate::fem::kinematics::{Tensor, add_scaled, cofactor, conformal_split, contract, deformation};
-use crate::fem::lanes::Value;
+use crate::kinematics::{Tensor, add_scaled, cofactor, conformal_split, contract, deformation};
+use crate::lanes::Value;
 
 /// The law of a potential.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -190,10 +190,10 @@ fn displacement<V: Value>(f: Tensor<V>) -> Tensor<V> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Decimal;
-    use crate::fem::effects::{Decaying, Stiff};
-    use crate::fem::energy::{Compound, Neo, Ogden, Stiffened};
-    use crate::scene::laws::{ArrudaBoyce, Gent, StiffeningLaw};
+    use crate::effects::{Decaying, Stiff};
+    use crate::energy::{Compound, Neo, Ogden, Stiffened};
+    use deaflow_base::Decimal;
+    use deaflow_scene::laws::{ArrudaBoyce, Gent, StiffeningLaw};
 
     fn decimal(value: f64) -> Decimal {
         Decimal::from_f64(value).unwrap()

@@ -1,5 +1,5 @@
 //! Elastic and electric energy of a point of the membrane, one form per file; the laws that have these forms are those of
-//! [`crate::scene::laws`].
+//! [`deaflow_scene::laws`].
 //!
 //! [`NeoHookean`] is the base model, and nothing else is compiled into its kernels. With effects the law is that of an
 //! [`Isotropic`] potential, put together of an elastomer, a dielectric and electrodes. A type of its own for every combination

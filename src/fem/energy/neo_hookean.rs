@@ -12,10 +12,10 @@
 //! Taking I − a cof f out of p leaves ∇u + (g′ + a) cof f, which is zero at rest and without voltage.
 
 use super::{MODULI, Material};
-use crate::fem::kinematics::{
+use crate::kinematics::{
     Tensor, add_scaled, cofactor, conformal_split, contract, deformation, determinant, squared_stretches,
 };
-use crate::fem::lanes::Value;
+use crate::lanes::Value;
 
 /// The numbers of the base model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -182,7 +182,7 @@ impl Material for NeoHookean {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::memory;
+    use crate::memory;
 
     const F: Tensor<f64> = [[1.12, 0.07], [-0.11, 0.93]];
     const GRADIENT: Tensor<f64> = [[0.12, 0.07], [-0.11, -0.07]];

@@ -20,8 +20,8 @@
 //! with A = (μₚ/μαₚ) λp^(α−2). The thickness adds B j^(−α), B = (μₚ/μαₚ) λp^(−2α−2). All terms share the roots and ln j; each takes one exponential.
 
 use super::potential::{Invariants, Rest, Slopes};
-use crate::fem::lanes::Value;
-use crate::fem::powers::{exponential_minus_one, logarithm_of_one_plus};
+use crate::lanes::Value;
+use crate::powers::{exponential_minus_one, logarithm_of_one_plus};
 
 /// Terms of a law at most.
 pub const MOST_TERMS: usize = 3;

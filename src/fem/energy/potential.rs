@@ -14,8 +14,8 @@ use std::ops::Add;
 
 use pulp::{Simd, WithSimd};
 
-use crate::fem::kinematics::{Tensor, determinant};
-use crate::fem::lanes::Value;
+use crate::kinematics::{Tensor, determinant};
+use crate::lanes::Value;
 
 /// What an isotropic energy depends on, measured from rest so that small strains keep their digits.
 #[derive(Clone, Copy, Debug)]

@@ -10,7 +10,7 @@
 
 use super::elasticity::relief;
 use super::potential::{Invariants, Rest, Slopes};
-use crate::fem::lanes::Value;
+use crate::lanes::Value;
 
 /// The energy at a prestretch.
 #[derive(Clone, Copy, Debug, PartialEq)]

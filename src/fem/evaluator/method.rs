@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::base::{Canonical, InputError, Node, Parameter, Schema, nearest};
+use deaflow_base::{Canonical, InputError, Node, Parameter, Schema, nearest};
 
 /// How a field is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

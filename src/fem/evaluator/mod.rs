@@ -6,5 +6,5 @@ mod solver;
 
 pub use method::{Method, UnknownMethod};
 pub use parameters::{MeshRequest, SolverParameters, revision_of};
-pub(in crate::fem) use solver::last_state;
+pub(crate) use solver::last_state;
 pub use solver::{CellStates, Solver, check_leads};

@@ -7,14 +7,14 @@ use serde_json::json;
 
 use super::method::Method;
 use super::solver::Solver;
-use crate::base::{
+use crate::error::SetupError;
+use crate::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
+use crate::work::WorkLimit;
+use deaflow_base::{
     Canonical, Decimal, Declared, Document, Fields, InputError, Length, Map, Quantity, Schema, Time, parameters,
 };
-use crate::fem::error::SetupError;
-use crate::fem::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
-use crate::fem::work::WorkLimit;
-use crate::field::{Mesh, Order};
-use crate::scene::{Scene, Stiffening};
+use deaflow_field::{Mesh, Order};
+use deaflow_scene::{Scene, Stiffening};
 
 /// Where the unknowns stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

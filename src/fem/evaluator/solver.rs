@@ -6,16 +6,16 @@ use rayon::prelude::*;
 
 use super::method::Method;
 use super::parameters::{MeshRequest, SolverParameters};
-use crate::fem::accurate::{AccurateSimulation, AccurateSolver};
-use crate::fem::error::SetupError;
-use crate::fem::observable::CellState;
-use crate::fem::response::{Estimator, LinearResponse};
-use crate::fem::screening::resolve;
-use crate::fem::solver::{MembraneSolver, SolveOptions};
-use crate::fem::time::{AccurateHistory, HistorySolver};
-use crate::field::{Evaluator, Field, Mesh, Observation, PredictError, Predictor, Simulation, Simulator};
-use crate::pattern::{Pattern, PatternForm};
-use crate::scene::{Effects, Leads, Scene, Unreached};
+use crate::accurate::{AccurateSimulation, AccurateSolver};
+use crate::error::SetupError;
+use crate::observable::CellState;
+use crate::response::{Estimator, LinearResponse};
+use crate::screening::resolve;
+use crate::solver::{MembraneSolver, SolveOptions};
+use crate::time::{AccurateHistory, HistorySolver};
+use deaflow_field::{Evaluator, Field, Mesh, Observation, PredictError, Predictor, Simulation, Simulator};
+use deaflow_pattern::{Pattern, PatternForm};
+use deaflow_scene::{Effects, Leads, Scene, Unreached};
 
 /// A solver that is ready for the patterns of a scene.
 pub struct Solver {
@@ -49,11 +49,7 @@ impl Solver {
     ///
     /// # Errors
     /// As [`Solver::new`].
-    pub(in crate::fem) fn slowed(
-        scene: &Scene,
-        parameters: &SolverParameters,
-        slowness: f64,
-    ) -> Result<Self, SetupError> {
+    pub(crate) fn slowed(scene: &Scene, parameters: &SolverParameters, slowness: f64) -> Result<Self, SetupError> {
         let limit = parameters.work_limit();
         let scene = &resolve(scene)?;
         let tolerance = parameters.tolerance();
@@ -204,7 +200,7 @@ pub fn check_leads(leads: Option<&Leads>, patterns: &[Pattern]) -> Result<(), Se
 pub type CellStates = Vec<Option<Vec<CellState>>>;
 
 /// The state at the end of a history.
-pub(in crate::fem) fn last_state(found: &AccurateHistory) -> AccurateSimulation {
+pub(crate) fn last_state(found: &AccurateHistory) -> AccurateSimulation {
     let history = &found.history;
     let field = history.fields.last().filter(|_| history.outcome.is_converged());
     let observation = match (field, history.asked().last()) {

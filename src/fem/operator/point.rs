@@ -1,11 +1,11 @@
 //! What an operator does at a quadrature point.
 
-use crate::fem::energy::{MODULI, Material, tangent_from};
-use crate::fem::kinematics::Tensor;
-use crate::fem::lanes::Value;
+use crate::energy::{MODULI, Material, tangent_from};
+use crate::kinematics::Tensor;
+use crate::lanes::Value;
 #[cfg(doc)]
-use crate::fem::memory::Memory;
-use crate::fem::memory::{self, MODULI_WITH_MEMORY};
+use crate::memory::Memory;
+use crate::memory::{self, MODULI_WITH_MEMORY};
 
 /// What happens at a quadrature point: from the gradients of M fields to a stress.
 pub(super) trait Point<const M: usize>: Copy {

@@ -5,12 +5,12 @@ use std::marker::PhantomData;
 use pulp::{Simd, WithSimd};
 
 use super::{Margins, Precision, View, from_rest, gather, per_side, sides};
-use crate::fem::element::Element;
-use crate::fem::energy::{MODULI, Material};
-use crate::fem::kinematics::{Tensor, deformation, determinant};
-use crate::fem::lanes::{Real, Value, Wide};
-use crate::fem::layout::NodeLayout;
-use crate::fem::memory::{self, MODULI_WITH_MEMORY};
+use crate::element::Element;
+use crate::energy::{MODULI, Material};
+use crate::kinematics::{Tensor, deformation, determinant};
+use crate::lanes::{Real, Value, Wide};
+use crate::layout::NodeLayout;
+use crate::memory::{self, MODULI_WITH_MEMORY};
 
 /// One pass over the quadrature points that finds the smallest margins.
 pub(super) struct Survey<'a, E, L, T, const N: usize> {

@@ -7,13 +7,13 @@
 
 use std::sync::Arc;
 
-use crate::fem::continuation::Problem;
-use crate::fem::direct::{Factorisation, Structure};
-use crate::fem::eigenvalue::{Eigenpair, dot, smallest};
-use crate::fem::energy::Material;
-use crate::fem::newton::{Workspace, norm};
-use crate::fem::operator::Operator;
-use crate::fem::stability::LOOSE;
+use crate::continuation::Problem;
+use crate::direct::{Factorisation, Structure};
+use crate::eigenvalue::{Eigenpair, dot, smallest};
+use crate::energy::Material;
+use crate::newton::{Workspace, norm};
+use crate::operator::Operator;
+use crate::stability::LOOSE;
 
 /// A factor by which an iteration must reduce the residual for the factors to be kept.
 const GOOD: f64 = 0.25;

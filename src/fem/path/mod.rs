@@ -7,8 +7,8 @@
 pub(super) mod curve;
 pub(super) mod trace;
 
-use crate::field::Field;
-use crate::pattern::Pattern;
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
 
 use super::effects::WithMaterial;
 use super::energy::Material;

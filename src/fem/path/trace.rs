@@ -1,8 +1,8 @@
 //! Following the curve of equilibria from rest: how long the steps are, what happens on the way, and where to stop.
 
-use crate::fem::eigenvalue::Eigenpair;
-use crate::fem::energy::Material;
-use crate::fem::margin::HIGHEST;
+use crate::eigenvalue::Eigenpair;
+use crate::energy::Material;
+use crate::margin::HIGHEST;
 
 use super::curve::{Curve, Station};
 use super::{EventKind, PathEnd};

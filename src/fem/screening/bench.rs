@@ -4,13 +4,13 @@ use rayon::prelude::*;
 
 use super::comparison::{Comparison, Displacement};
 use super::trial::Trial;
-use crate::fem::effects::Model;
-use crate::fem::grid::Grid;
-use crate::fem::sheet::Sheet;
-use crate::fem::{MembraneSolver, MeshSolution, SetupError, SolveOptions, WorkLimit};
-use crate::field::Mesh;
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use crate::effects::Model;
+use crate::grid::Grid;
+use crate::sheet::Sheet;
+use crate::{MembraneSolver, MeshSolution, SetupError, SolveOptions, WorkLimit};
+use deaflow_field::Mesh;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 /// The part of all work of a pattern that one solution may take.
 const EACH: f64 = 0.25;

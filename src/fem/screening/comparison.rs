@@ -3,8 +3,8 @@
 //! Both are solved for, with all that is not linear about them, because an effect that is small at rest need not be so near a loss of
 //! stability. Where a solution is lost below the voltage of the scene, the two are compared a little below the loss.
 
-use crate::fem::effects::{Assessment, DISPLACED, SMALL, Verdict};
-use crate::field::{Field, Outcome};
+use crate::effects::{Assessment, DISPLACED, SMALL, Verdict};
+use deaflow_field::{Field, Outcome};
 
 /// What an effect does to one pattern.
 #[derive(Clone, Debug, PartialEq)]
@@ -139,8 +139,8 @@ fn in_words(comparison: &Comparison) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::CORNERS;
-    use crate::pattern::Raster;
+    use deaflow_field::CORNERS;
+    use deaflow_pattern::Raster;
 
     fn field(largest: f64, other: f64) -> Field {
         let mut values = vec![0.0; CORNERS * CORNERS * 2];

@@ -1,9 +1,9 @@
 //! What is known about an effect in a scene.
 
 use super::comparison::Comparison;
-use crate::fem::effects::{Assessment, DISPLACED, Effect, Verdict};
-use crate::scene::effects::names;
-use crate::scene::{Effects, Scene};
+use crate::effects::{Assessment, DISPLACED, Effect, Verdict};
+use deaflow_scene::effects::names;
+use deaflow_scene::{Effects, Scene};
 
 /// What is known about an effect in a scene.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,9 +4,9 @@ use super::bench::Bench;
 use super::row::{Judged, Row, Said};
 use super::solution::{self, Purpose};
 use super::trial::Trial;
-use crate::fem::effects::{Assessment, DISPLACED, EFFECTS, Effect, SMALL, Solutions, Verdict};
-use crate::fem::{SetupError, WorkLimit};
-use crate::scene::{Effects, Scene};
+use crate::effects::{Assessment, DISPLACED, EFFECTS, Effect, SMALL, Solutions, Verdict};
+use crate::{SetupError, WorkLimit};
+use deaflow_scene::{Effects, Scene};
 
 /// The part of all work of a pattern that its comparisons may take; the rest goes to its solution and its loss of stability.
 const COMPARING: f64 = 0.5;

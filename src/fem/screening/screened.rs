@@ -5,9 +5,9 @@ use std::sync::{Mutex, PoisonError};
 use super::screen::{Screening, screen_to};
 use super::solution::Purpose;
 use super::trial::{Trial, reference_patterns, watch_patterns, watch_patterns_with};
-use crate::fem::{SetupError, WorkLimit};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use crate::{SetupError, WorkLimit};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 /// The part of the work for a pattern that a run's warnings may take beside it.
 const WATCHING: f64 = 0.4;

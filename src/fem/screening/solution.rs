@@ -3,14 +3,14 @@
 use rayon::prelude::*;
 
 use super::trial::Trial;
-use crate::fem::critical::CriticalVoltage;
-use crate::fem::effects::{
+use crate::critical::CriticalVoltage;
+use crate::effects::{
     Examined, NEAR, Stability, breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength_or_usual,
 };
-use crate::fem::{CriticalSearch, MembraneSolver, SetupError, SolveOptions, WorkLimit, cell_states};
-use crate::field::Mesh;
-use crate::pattern::Pattern;
-use crate::scene::{Breakdown, Effects, Scene};
+use crate::{CriticalSearch, MembraneSolver, SetupError, SolveOptions, WorkLimit, cell_states};
+use deaflow_field::Mesh;
+use deaflow_pattern::Pattern;
+use deaflow_scene::{Breakdown, Effects, Scene};
 
 /// A mesh on which the loss of stability comes out a few per cent high; bilinear elements of the same size would place that
 /// of a single cell 12 % too high.

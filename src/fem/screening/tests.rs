@@ -5,14 +5,14 @@ mod agreement;
 use std::path::Path;
 
 use super::*;
-use crate::base::{Decimal, Declared, Density, ElectricField, Frequency, Length, Parameter, Resistance, Stress, Time};
-use crate::fem::effects::{EFFECTS, Verdict};
-use crate::fem::{MembraneSolver, SetupError, SolveOptions, WorkLimit};
-use crate::field::{Mesh, Outcome};
-use crate::pattern::{Pattern, Raster};
-use crate::scene::effects::names;
-use crate::scene::laws::{Gent, Ogden, OgdenTerm, Yeoh};
-use crate::scene::{
+use crate::effects::{EFFECTS, Verdict};
+use crate::{MembraneSolver, SetupError, SolveOptions, WorkLimit};
+use deaflow_base::{Decimal, Declared, Density, ElectricField, Frequency, Length, Parameter, Resistance, Stress, Time};
+use deaflow_field::{Mesh, Outcome};
+use deaflow_pattern::{Pattern, Raster};
+use deaflow_scene::effects::names;
+use deaflow_scene::laws::{Gent, Ogden, OgdenTerm, Yeoh};
+use deaflow_scene::{
     Branch, Breakdown, ConstantStrength, Edge, Effects, Electrode, Leads, On, PermittivityDecay, PermittivityReference,
     Scene, Stiffening, Viscoelasticity, ViscousLaw,
 };
@@ -253,7 +253,7 @@ fn ogden(modulus: f64, terms: &[(f64, &str)]) -> Stiffening {
 }
 
 fn scene_of(name: &str) -> Scene {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/scenes");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../pipelines/scenes");
     Scene::load(&folder.join(name)).unwrap()
 }
 
@@ -430,7 +430,7 @@ fn the_table_of_five_scenes_is_that_of_the_documentation() {
     };
     let rows = (0..screened[0].rows.len()).map(row);
     let lines: Vec<String> = rows.chain(scenes.into_iter().zip(&screened).map(simulated)).collect();
-    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/effects.md")).unwrap();
+    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/effects.md")).unwrap();
     let missing = lines.iter().any(|line| !page.contains(line.as_str()));
     assert!(!missing, "docs/effects.md should hold\n{}", lines.join("\n"));
 }

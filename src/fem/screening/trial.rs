@@ -1,7 +1,7 @@
 //! The patterns that a scene is screened with.
 
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 /// A pattern that a scene is screened with.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,7 +2,7 @@
 //! energy, 50² bilinear elements).
 
 use super::*;
-use crate::field::Charged;
+use deaflow_field::Charged;
 
 fn charged(drive: &str, cells: usize) -> Scene {
     Scene::from_text(&format!(

@@ -1,7 +1,7 @@
 //! Orders of convergence, and errors on the patterns that matter.
 
 use super::*;
-use crate::fem::grid::Grid;
+use crate::grid::Grid;
 
 #[test]
 fn smooth_solutions_converge_with_the_order_of_the_elements() {

@@ -1,7 +1,7 @@
 //! Frames and rigid bodies.
 
 use super::*;
-use crate::fem::precondition::Laplacian;
+use crate::precondition::Laplacian;
 
 /// A scene of VHB 4910, 1 mm thick, by the rest of its geometry.
 fn scene(geometry: &str, voltage: f64) -> Scene {

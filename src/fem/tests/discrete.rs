@@ -1,7 +1,7 @@
 //! The discrete operators against each other, against differences, and on fields that they must reproduce.
 
 use super::*;
-use crate::fem::element::{Bilinear, Biquadratic, Element};
+use crate::element::{Bilinear, Biquadratic, Element};
 
 #[test]
 fn residual_and_tangent_are_derivatives_of_the_energy() {

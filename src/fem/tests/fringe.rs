@@ -1,10 +1,10 @@
 //! Fringe fields: errors of all meshes, whatever the width of the strip.
 
-use crate::base::Stream;
-use crate::fem::{AccurateSolver, MembraneSolver, SolveOptions};
-use crate::field::{Field, Mesh};
-use crate::pattern::{Pattern, Raster};
-use crate::scene::{On, Scene};
+use crate::{AccurateSolver, MembraneSolver, SolveOptions};
+use deaflow_base::Stream;
+use deaflow_field::{Field, Mesh};
+use deaflow_pattern::{Pattern, Raster};
+use deaflow_scene::{On, Scene};
 
 use std::f64::consts::{LN_2, PI};
 

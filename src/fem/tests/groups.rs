@@ -1,10 +1,10 @@
 //! Groups of electrodes with voltages of their own.
 
 use super::*;
-use crate::fem::GradientEvaluator;
-use crate::fem::effects::Model;
-use crate::fem::evaluator::Solver;
-use crate::field::{Differentiable, InStates, Simulation, StateFields};
+use crate::GradientEvaluator;
+use crate::effects::Model;
+use crate::evaluator::Solver;
+use deaflow_field::{Differentiable, InStates, Simulation, StateFields};
 
 /// A scene of VHB 4910, 1 mm thick.
 fn scene(geometry: &str, drive: &str, effects: &str) -> Scene {

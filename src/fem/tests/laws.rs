@@ -6,11 +6,11 @@ use super::scenes::{
     Piola, PointWork, arruda_boyce, combinations, decay, electrode, gent, ogden, scene, stress, with_law, yeoh,
 };
 use super::*;
-use crate::base::Document;
-use crate::fem::effects::Model;
-use crate::fem::kinematics::{Tensor, contract, deformation, determinant};
-use crate::scene::laws::MooneyRivlin;
-use crate::scene::{Effects, On, PermittivityReference, Stiffening};
+use crate::effects::Model;
+use crate::kinematics::{Tensor, contract, deformation, determinant};
+use deaflow_base::Document;
+use deaflow_scene::laws::MooneyRivlin;
+use deaflow_scene::{Effects, On, PermittivityReference, Stiffening};
 
 const ENTRIES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
 

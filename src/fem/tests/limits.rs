@@ -3,10 +3,10 @@
 use std::time::Instant;
 
 use super::*;
-use crate::fem::{CriticalSearch, CriticalVoltage, SafetyMargins, WorkLimit};
-use crate::field::Feasibility;
-use crate::scene::laws::Gent;
-use crate::scene::{Effects, Stiffening};
+use crate::{CriticalSearch, CriticalVoltage, SafetyMargins, WorkLimit};
+use deaflow_field::Feasibility;
+use deaflow_scene::laws::Gent;
+use deaflow_scene::{Effects, Stiffening};
 
 fn rings(from: usize) -> Pattern {
     let square = |x: usize| x.abs_diff(from).pow(2);

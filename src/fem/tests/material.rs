@@ -1,7 +1,7 @@
 //! Homogeneous states of a free membrane: what the law says without any mesh.
 
-use crate::fem::energy::{Material, NeoHookean};
-use crate::fem::kinematics::Tensor;
+use crate::energy::{Material, NeoHookean};
+use crate::kinematics::Tensor;
 
 /// P₁₁/μ of the active membrane at F = diag(a, b).
 fn stress(kappa: f64, a: f64, b: f64) -> f64 {

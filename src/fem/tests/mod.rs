@@ -27,10 +27,10 @@ use super::operator::{Activity, Operator};
 use super::sheet::Sheet;
 use super::supports::Pose;
 use super::*;
-use crate::base::Stream;
-use crate::field::{CORNERS, Field, Mesh, Order, Outcome, Simulator};
-use crate::pattern::{CELLS, Membrane, Pattern, Raster, Symmetry};
-use crate::scene::Scene;
+use deaflow_base::Stream;
+use deaflow_field::{CORNERS, Field, Mesh, Order, Outcome, Simulator};
+use deaflow_pattern::{CELLS, Membrane, Pattern, Raster, Symmetry};
+use deaflow_scene::Scene;
 
 fn half() -> Pattern {
     Pattern::from_fn(Raster::PAPER, |x, _| x < CELLS / 2)

@@ -2,10 +2,10 @@
 
 use super::scenes::{gent, scene};
 use super::*;
-use crate::fem::GradientEvaluator;
-use crate::field::{Differentiable, Predictor};
-use crate::pattern::Raster;
-use crate::scene::{Effects, On};
+use crate::GradientEvaluator;
+use deaflow_field::{Differentiable, Predictor};
+use deaflow_pattern::Raster;
+use deaflow_scene::{Effects, On};
 
 #[test]
 fn fields_near_a_pattern_are_those_from_rest() {

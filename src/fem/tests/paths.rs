@@ -1,13 +1,13 @@
 //! Load paths: where they end, what lies on them, and what lies beyond a fold.
 
 use super::*;
-use crate::fem::continuation::{Ending, Problem};
-use crate::fem::energy::MODULI;
-use crate::fem::kinematics::{Tensor, add_scaled, cofactor, contract, deformation, determinant, squared_stretches};
-use crate::fem::lanes::Value;
-use crate::fem::newton::Workspace;
-use crate::fem::path::{curve::Curve, trace::follow};
-use crate::fem::precondition::Laplacian;
+use crate::continuation::{Ending, Problem};
+use crate::energy::MODULI;
+use crate::kinematics::{Tensor, add_scaled, cofactor, contract, deformation, determinant, squared_stretches};
+use crate::lanes::Value;
+use crate::newton::Workspace;
+use crate::path::{curve::Curve, trace::follow};
+use crate::precondition::Laplacian;
 
 fn disc(radius: f64) -> Pattern {
     Pattern::from_fn(Raster::PAPER, |x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < radius)

@@ -1,8 +1,8 @@
 //! Membranes that are not the source paper's square: other sides, other cells, unequal prestretch.
 
 use super::*;
-use crate::base::{Decimal, Length};
-use crate::scene::{Both, Geometry};
+use deaflow_base::{Decimal, Length};
+use deaflow_scene::{Both, Geometry};
 
 /// A scene of VHB 4910, 1 mm thick.
 fn scene(sides: [usize; 2], size: [f64; 2], prestretch: [f64; 2], voltage: f64) -> Scene {

@@ -1,11 +1,11 @@
 //! Scenes with effects, and access to their laws.
 
 use super::*;
-use crate::base::{Decimal, Length, Stress};
-use crate::fem::effects::{Model, WithMaterial};
-use crate::fem::kinematics::{Tensor, deformation};
-use crate::scene::laws::{ArrudaBoyce, Gent, Ogden, OgdenTerm, Yeoh};
-use crate::scene::{Effects, Electrode, On, PermittivityDecay, PermittivityReference, Stiffening};
+use crate::effects::{Model, WithMaterial};
+use crate::kinematics::{Tensor, deformation};
+use deaflow_base::{Decimal, Length, Stress};
+use deaflow_scene::laws::{ArrudaBoyce, Gent, Ogden, OgdenTerm, Yeoh};
+use deaflow_scene::{Effects, Electrode, On, PermittivityDecay, PermittivityReference, Stiffening};
 
 pub fn decimal(value: f64) -> Decimal {
     Decimal::from_f64(value).unwrap()

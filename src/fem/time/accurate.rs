@@ -1,10 +1,10 @@
 //! Histories whose discretisation error is known, by the ladder of meshes of [`AccurateSolver`].
 
 use super::history::{History, HistoryRequest};
-use crate::fem::accurate::{AccurateSolver, LADDER};
-use crate::fem::error::SetupError;
-use crate::field::Mesh;
-use crate::pattern::Pattern;
+use crate::accurate::{AccurateSolver, LADDER};
+use crate::error::SetupError;
+use deaflow_field::Mesh;
+use deaflow_pattern::Pattern;
 
 /// A history on the mesh that was picked.
 #[derive(Clone, Debug, PartialEq)]

@@ -11,15 +11,15 @@
 //! v, and forms of two directions are those of their sum and difference.
 
 use super::frequency::{About, FrequencySolver, NUDGE};
-use crate::fem::adjoint::of_cells;
-use crate::fem::dynamic_stiffness::Solved;
-use crate::fem::effects::WithMaterial;
-use crate::fem::eigenvalue::dot;
-use crate::fem::energy::Material;
-use crate::fem::newton::largest;
-use crate::fem::operator::Operator;
-use crate::field::Field;
-use crate::pattern::Pattern;
+use crate::adjoint::of_cells;
+use crate::dynamic_stiffness::Solved;
+use crate::effects::WithMaterial;
+use crate::eigenvalue::dot;
+use crate::energy::Material;
+use crate::newton::largest;
+use crate::operator::Operator;
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
 
 /// The largest entry of a direction along which a residual is differentiated, in units of elements: its square is the error, and rounding that
 /// of 10⁻¹⁶ over it.
@@ -210,14 +210,14 @@ fn add(sum: &mut [f64], factor: f64, vector: &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Stream;
-    use crate::fem::continuation::Ending;
-    use crate::fem::operator::Activity;
-    use crate::fem::solver::SolveOptions;
-    use crate::fem::work::WorkLimit;
-    use crate::field::Mesh;
-    use crate::pattern::Raster;
-    use crate::scene::Scene;
+    use crate::continuation::Ending;
+    use crate::operator::Activity;
+    use crate::solver::SolveOptions;
+    use crate::work::WorkLimit;
+    use deaflow_base::Stream;
+    use deaflow_field::Mesh;
+    use deaflow_pattern::Raster;
+    use deaflow_scene::Scene;
 
     fn scene(effects: &str) -> Scene {
         Scene::from_text(&format!(

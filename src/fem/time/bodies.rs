@@ -2,10 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use crate::fem::grid::Grid;
-use crate::fem::mass::Mass;
-use crate::fem::supports::Pose;
-use crate::scene::Scene;
+use crate::grid::Grid;
+use crate::mass::Mass;
+use crate::supports::Pose;
+use deaflow_scene::Scene;
 
 /// The energy of the springs of bodies, and the work of their loads since they were at rest, in J.
 #[must_use]
@@ -25,7 +25,7 @@ pub fn energies(scene: &Scene, grid: &Grid, u: &[f64]) -> [f64; 2] {
 pub fn shortest_period(grid: &Grid, mass: &Mass) -> Option<f64> {
     let supports = grid.supports()?;
     let len = grid.layout().vector_len();
-    let period = |body: &crate::fem::supports::Rigid| {
+    let period = |body: &crate::supports::Rigid| {
         let (mut along, mut image) = (vec![0.0; len], vec![0.0; len]);
         body.nodes.write(&Pose::REST, [1.0, 0.0, 0.0], &mut along);
         mass.apply(&along, &mut image);

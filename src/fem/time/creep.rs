@@ -13,11 +13,11 @@
 use faer::Mat;
 use faer::linalg::solvers::Solve;
 
-use crate::fem::error::SetupError;
-use crate::fem::evaluator::{Solver, SolverParameters};
-use crate::fem::gradient_evaluator::GradientEvaluator;
-use crate::field::{Evaluator, Weighted};
-use crate::scene::{Scene, ViscousLaw};
+use crate::error::SetupError;
+use crate::evaluator::{Solver, SolverParameters};
+use crate::gradient_evaluator::GradientEvaluator;
+use deaflow_field::{Evaluator, Weighted};
+use deaflow_scene::{Scene, ViscousLaw};
 
 /// The poles θ. Of all sets of three they leave the smallest root mean square error over random blocks, discs and half planes at 3 to 6 kV with
 /// four sets of branches whose 4Γ is 0.4 to 3: docs/time.md.
@@ -197,9 +197,9 @@ fn crept(pole: f64, branches: &[Branch], time_s: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::time::{HistoryOptions, HistoryRequest, HistorySolver};
-    use crate::field::{Differentiable, Field, Mesh, Predictor};
-    use crate::pattern::{Pattern, Raster};
+    use crate::time::{HistoryOptions, HistoryRequest, HistorySolver};
+    use deaflow_field::{Differentiable, Field, Mesh, Predictor};
+    use deaflow_pattern::{Pattern, Raster};
 
     fn branches(each: &[(f64, f64)]) -> Vec<Branch> {
         each.iter().map(|&(modulus, time)| Branch { modulus, time }).collect()
@@ -255,7 +255,7 @@ mod tests {
         let full = HistorySolver::new(&scene, &options, request).unwrap();
         let full = full.follow(&odd()).unwrap().history;
         let largest = full.fields.iter().map(Field::max_magnitude).fold(0.0, f64::max);
-        let parameters = SolverParameters::new(crate::fem::Method::Newton, mesh);
+        let parameters = SolverParameters::new(crate::Method::Newton, mesh);
         for (time, field) in times.iter().zip(&full.fields) {
             let rule = ThreeSolves::new(&scene, *time).unwrap();
             let found = rule.evaluator(&scene, &parameters).unwrap();

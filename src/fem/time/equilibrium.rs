@@ -1,12 +1,12 @@
 //! The equilibrium at the end of a step, with branches whose stress there may depend on it in any way.
 
 use super::viscous::Viscous;
-use crate::fem::charge::{self, Reached};
-use crate::fem::continuation::{Loading, Problem};
-use crate::fem::energy::Material;
-use crate::fem::newton::{self, Progress, Trouble, Workspace};
-use crate::fem::operator::{Activity, Operator};
-use crate::scene::Scene;
+use crate::charge::{self, Reached};
+use crate::continuation::{Loading, Problem};
+use crate::energy::Material;
+use crate::newton::{self, Progress, Trouble, Workspace};
+use crate::operator::{Activity, Operator};
+use deaflow_scene::Scene;
 
 /// How often what branches add is corrected at most. It takes about five corrections; longer steps take more, and one that takes too many is
 /// too long.

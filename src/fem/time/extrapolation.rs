@@ -4,7 +4,7 @@
 //! such extrapolations, from three passes, tell what they leave themselves.
 
 use super::march::{Instant, Pass, PassEnd, magnitude_at};
-use crate::field::{Field, Motion};
+use deaflow_field::{Field, Motion};
 
 /// What a pass is moved by, over its difference from that with steps twice as long.
 const SHARE: f64 = 1.0 / 3.0;

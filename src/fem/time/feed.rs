@@ -11,7 +11,7 @@
 
 use super::march::{Course, Held};
 use super::supply::Supply;
-use crate::fem::operator::Activity;
+use crate::operator::Activity;
 
 /// What feeds electrodes.
 #[derive(Clone, Copy, Debug)]

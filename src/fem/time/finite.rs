@@ -18,7 +18,7 @@
 //! overshoots nor fails. At small strains m − 1 is of second order, and the step is that of the linear law.
 
 use super::coefficients::Coefficients;
-use crate::fem::memory::NUMBERS;
+use crate::memory::NUMBERS;
 
 /// A symmetric tensor with an axis across the membrane: along xx, xy and yy, and across.
 type Symmetric = [f64; NUMBERS];

@@ -14,19 +14,19 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use super::modes::wave_speed;
-use crate::base::Stream;
-use crate::fem::direct::Structure;
-use crate::fem::dynamic_stiffness::{At, DynamicStiffness, Orders, Solved};
-use crate::fem::effects::WithMaterial;
-use crate::fem::energy::Material;
-use crate::fem::error::SetupError;
-use crate::fem::memory::Memory;
-use crate::fem::operator::{Activity, Operator, metrics};
-use crate::fem::solver::{MembraneSolver, MeshSolution, SolveOptions};
-use crate::fem::work::WorkLimit;
-use crate::field::{Field, Outcome};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use crate::direct::Structure;
+use crate::dynamic_stiffness::{At, DynamicStiffness, Orders, Solved};
+use crate::effects::WithMaterial;
+use crate::energy::Material;
+use crate::error::SetupError;
+use crate::memory::Memory;
+use crate::operator::{Activity, Operator, metrics};
+use crate::solver::{MembraneSolver, MeshSolution, SolveOptions};
+use crate::work::WorkLimit;
+use deaflow_base::Stream;
+use deaflow_field::{Field, Outcome};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 /// Change of the load over which its forces are differentiated: laws that wrinkle are not linear in it.
 pub(super) const NUDGE: f64 = 1e-3;
@@ -386,9 +386,9 @@ impl<'a> About<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::time::HistoryRequest;
-    use crate::field::Mesh;
-    use crate::pattern::Raster;
+    use crate::time::HistoryRequest;
+    use deaflow_field::Mesh;
+    use deaflow_pattern::Raster;
 
     const BRANCHES: &str =
         "viscoelasticity: { branches: [{ modulus: 45 kPa, time: 1 s }, { modulus: 20 kPa, time: 20 ms }] }";

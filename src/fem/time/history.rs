@@ -11,19 +11,19 @@ use super::march::{
 use super::modes::wave_speed;
 use super::motion::Motion;
 use super::supply::Supply;
-use crate::fem::charge;
-use crate::fem::continuation::Loss;
-use crate::fem::effects::WithMaterial;
-use crate::fem::energy::Material;
-use crate::fem::error::SetupError;
-use crate::fem::mass::Mass;
-use crate::fem::operator::Activity;
-use crate::fem::precondition::Laplacian;
-use crate::fem::solver::MembraneSolver;
-use crate::fem::work::WorkLimit;
-use crate::field::{Field, Outcome};
-use crate::pattern::Pattern;
-use crate::scene::{Scene, ViscousLaw};
+use crate::charge;
+use crate::continuation::Loss;
+use crate::effects::WithMaterial;
+use crate::energy::Material;
+use crate::error::SetupError;
+use crate::mass::Mass;
+use crate::operator::Activity;
+use crate::precondition::Laplacian;
+use crate::solver::MembraneSolver;
+use crate::work::WorkLimit;
+use deaflow_field::{Field, Outcome};
+use deaflow_pattern::Pattern;
+use deaflow_scene::{Scene, ViscousLaw};
 
 /// Error in time, in units of the largest displacement at each time, unless another is asked for.
 pub const USUAL_ERROR: f64 = 2e-5;

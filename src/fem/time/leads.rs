@@ -8,14 +8,14 @@
 
 use faer::sparse::Pair;
 
-use crate::fem::direct::Sparsity;
-use crate::fem::element::Line;
-use crate::fem::grid::Grid;
-use crate::fem::memory::{NUMBERS, line};
-use crate::fem::operator::Activity;
-use crate::field::Order;
-use crate::pattern::Bits;
-use crate::scene::{Edge, Scene};
+use crate::direct::Sparsity;
+use crate::element::Line;
+use crate::grid::Grid;
+use crate::memory::{NUMBERS, line};
+use crate::operator::Activity;
+use deaflow_field::Order;
+use deaflow_pattern::Bits;
+use deaflow_scene::{Edge, Scene};
 
 /// γ = 1 − √½, at which both stages lie in a step.
 pub const FIRST_STAGE: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
@@ -134,7 +134,7 @@ impl Conductor {
         self.time
     }
 
-    /// The circuit at a metric of [`crate::fem::operator::metrics`], with the capacitance in F of a mean element at the numbers of a point.
+    /// The circuit at a metric of [`crate::operator::metrics`], with the capacitance in F of a mean element at the numbers of a point.
     #[must_use]
     pub fn circuit(&self, metric: &[f64], capacitance: impl Fn([f64; NUMBERS]) -> f64) -> Circuit {
         let (places, weights): (&[f64], &[f64]) = match self.grid.order() {

@@ -12,17 +12,17 @@ use super::equilibrium::{at_charge, equilibrium};
 use super::leads::{Charged, Circuit, Conductor, FIRST_STAGE, Relaxation};
 use super::supply::{Electrodes, Supply};
 use super::viscous::{Loaded, Viscous};
-use crate::fem::charge::{self, ChargedLoading, Reached};
-use crate::fem::continuation::{Climb, Ending, Loading, Loss, Problem};
-use crate::fem::energy::Material;
-use crate::fem::newton::{self, ChordSteps, Trouble, Workspace};
-use crate::fem::operator::{Activity, Operator, metrics};
-use crate::fem::response::INNER;
-use crate::fem::stability::{Stability, judge};
-use crate::fem::stored::{Content, Units, content, deformation};
-use crate::fem::work::WorkLimit;
-use crate::field::{Field, Motion};
-use crate::scene::{Knot, Scene, Side, Waveform};
+use crate::charge::{self, ChargedLoading, Reached};
+use crate::continuation::{Climb, Ending, Loading, Loss, Problem};
+use crate::energy::Material;
+use crate::newton::{self, ChordSteps, Trouble, Workspace};
+use crate::operator::{Activity, Operator, metrics};
+use crate::response::INNER;
+use crate::stability::{Stability, judge};
+use crate::stored::{Content, Units, content, deformation};
+use crate::work::WorkLimit;
+use deaflow_field::{Field, Motion};
+use deaflow_scene::{Knot, Scene, Side, Waveform};
 
 /// Smallest step, in units of the time since the drive began: the bracket of a delayed loss of stability.
 const SMALLEST: f64 = 1e-5;

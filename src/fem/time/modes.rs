@@ -5,18 +5,18 @@
 
 use faer::{Mat, Side};
 
-use crate::base::Stream;
-use crate::fem::effects::WithMaterial;
-use crate::fem::eigenvalue::{dot, precondition};
-use crate::fem::energy::Material;
-use crate::fem::error::SetupError;
-use crate::fem::mass::Mass;
-use crate::fem::operator::{Activity, Operator};
-use crate::fem::precondition::Laplacian;
-use crate::fem::solver::MembraneSolver;
-use crate::field::{Field, Outcome};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use crate::effects::WithMaterial;
+use crate::eigenvalue::{dot, precondition};
+use crate::energy::Material;
+use crate::error::SetupError;
+use crate::mass::Mass;
+use crate::operator::{Activity, Operator};
+use crate::precondition::Laplacian;
+use crate::solver::MembraneSolver;
+use deaflow_base::Stream;
+use deaflow_field::{Field, Outcome};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 /// Most modes that are asked for at once.
 pub const MOST_MODES: usize = 100;

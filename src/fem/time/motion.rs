@@ -11,7 +11,7 @@
 //! it: what they lose is never negative, and stored energy, losses and supply balance to rounding.
 //!
 //! A rigid body that turns from θ₀ to θ₁ moves its nodes by Δt + (R₁ − R₀)(X − Xc) = Δt + 2 sin ½Δθ J Rₘ (X − Xc), in the span of the T of
-//! [`supports`](crate::fem::supports) at the mean angle. The equation is that along this T (Betsch and Steinmann, Int. J. Numer. Meth. Engng
+//! [`supports`](crate::supports) at the mean angle. The equation is that along this T (Betsch and Steinmann, Int. J. Numer. Meth. Engng
 //! 53 (2002) 1775): its product with Δu has the same energies, so with bodies they balance as without, whatever angle they turn by.
 
 use super::bodies;
@@ -19,16 +19,16 @@ use super::feed::{self, Feed, Passage};
 use super::march::{Course, Instant, MOST_STEPS, Pass, PassEnd, magnitude_at};
 use super::supply::Electrodes;
 use super::viscous::Viscous;
-use crate::fem::charge;
-use crate::fem::continuation::Loss;
-use crate::fem::energy::Material;
-use crate::fem::krylov::{Ending, Scratch, conjugate_gradients};
-use crate::fem::mass::Mass;
-use crate::fem::newton::norm;
-use crate::fem::operator::{Activity, Operator, metrics};
-use crate::fem::precondition::Laplacian;
-use crate::fem::stored::{Content, Units, content};
-use crate::scene::{Knot, Side};
+use crate::charge;
+use crate::continuation::Loss;
+use crate::energy::Material;
+use crate::krylov::{Ending, Scratch, conjugate_gradients};
+use crate::mass::Mass;
+use crate::newton::norm;
+use crate::operator::{Activity, Operator, metrics};
+use crate::precondition::Laplacian;
+use crate::stored::{Content, Units, content};
+use deaflow_scene::{Knot, Side};
 
 /// Residual of a step, over the forces in it.
 const TOLERANCE: f64 = 1e-10;
@@ -186,7 +186,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
         Ok(())
     }
 
-    /// What was done up to here, in the units of [`WorkLimit`](crate::fem::WorkLimit).
+    /// What was done up to here, in the units of [`WorkLimit`](crate::WorkLimit).
     fn work(&self) -> u64 {
         let sweeps = SWEEPS * u64::from(self.pass.newton_steps) + SWEEPS * self.pass.steps.len() as u64;
         u64::from(self.krylov.iterations) + sweeps

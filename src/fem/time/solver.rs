@@ -5,12 +5,12 @@ use rayon::prelude::*;
 use super::accurate::AccurateHistory;
 use super::history::{HistoryRequest, check_estimates};
 use super::march::StepEstimate;
-use crate::fem::accurate::AccurateSolver;
-use crate::fem::error::SetupError;
-use crate::fem::solver::{MembraneSolver, SolveOptions};
-use crate::field::{Evaluator, Field, Mesh, Outcome, PredictError, Predictor};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
+use crate::accurate::AccurateSolver;
+use crate::error::SetupError;
+use crate::solver::{MembraneSolver, SolveOptions};
+use deaflow_field::{Evaluator, Field, Mesh, Outcome, PredictError, Predictor};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 /// How histories are solved.
 #[derive(Clone, Debug, PartialEq)]
@@ -145,7 +145,7 @@ impl Evaluator for StepEstimates {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
+    use deaflow_pattern::Raster;
 
     fn scene(voltage: &str, more: &str, effects: &str) -> Scene {
         Scene::from_text(&format!(

@@ -1,7 +1,7 @@
 //! A source that charges the electrodes through a resistance: R Q̇ = Vₛ − Q/C(u), and no faster than its largest current.
 
 use super::coefficients::Coefficients;
-use crate::scene::Scene;
+use deaflow_scene::Scene;
 
 /// The source of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,13 +3,13 @@
 use rayon::prelude::*;
 
 use super::frequency::{AtFrequency, FrequencySolver, at_bias};
-use crate::fem::error::SetupError;
-use crate::fem::evaluator::{SolverParameters, check_leads};
-use crate::fem::gradient_evaluator::{linear_in_cells, of_groups};
-use crate::fem::solver::SolveOptions;
-use crate::field::{Differentiable, Evaluator, Field, Outcome, PredictError, Predictor, WithGradient};
-use crate::pattern::Pattern;
-use crate::scene::{Leads, Scene};
+use crate::error::SetupError;
+use crate::evaluator::{SolverParameters, check_leads};
+use crate::gradient_evaluator::{linear_in_cells, of_groups};
+use crate::solver::SolveOptions;
+use deaflow_field::{Differentiable, Evaluator, Field, Outcome, PredictError, Predictor, WithGradient};
+use deaflow_pattern::Pattern;
+use deaflow_scene::{Leads, Scene};
 
 /// The linear response to the sine of a drive about its bias, at the moment of the period at which a weighted sum of displacements is largest.
 pub struct Swing {
@@ -150,10 +150,10 @@ impl Evaluator for Swing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::time::{HistoryOptions, HistoryRequest, HistorySolver};
-    use crate::fem::{Method, WorkLimit};
-    use crate::field::Mesh;
-    use crate::pattern::Raster;
+    use crate::time::{HistoryOptions, HistoryRequest, HistorySolver};
+    use crate::{Method, WorkLimit};
+    use deaflow_field::Mesh;
+    use deaflow_pattern::Raster;
 
     fn scene(drive: &str, effects: &str) -> Scene {
         Scene::from_text(&format!(

@@ -6,10 +6,10 @@ mod charges;
 
 use super::coefficients::Coefficients;
 use super::*;
-use crate::fem::{MembraneSolver, SolveOptions, WorkLimit};
-use crate::field::{Field, Mesh, Outcome, Simulator};
-use crate::pattern::{Pattern, Raster};
-use crate::scene::Scene;
+use crate::{MembraneSolver, SolveOptions, WorkLimit};
+use deaflow_field::{Field, Mesh, Outcome, Simulator};
+use deaflow_pattern::{Pattern, Raster};
+use deaflow_scene::Scene;
 
 /// A sheet of one point: without prestretch, of stretch λ along both sides.
 struct Sheet {

@@ -17,11 +17,11 @@ use pulp::Arch;
 
 use super::coefficients::Coefficients;
 use super::finite::{self, Step};
-use crate::fem::layout::NodeLayout;
-use crate::fem::memory::{self, Memory, NUMBERS, lines};
-use crate::fem::operator::{Activity, metrics, write_metrics};
-use crate::fem::stored::{integral, integral_of_rows, sum_of_logarithms};
-use crate::scene::{Scene, ViscousLaw};
+use crate::layout::NodeLayout;
+use crate::memory::{self, Memory, NUMBERS, lines};
+use crate::operator::{Activity, metrics, write_metrics};
+use crate::stored::{integral, integral_of_rows, sum_of_logarithms};
+use deaflow_scene::{Scene, ViscousLaw};
 
 /// What is taken of a displacement to find what is linear in it.
 const NEAR: f64 = 1e-3;

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use super::settings::{AxisValue, Setting, Settings, text_of};
 use super::substitute::axes_in;
-use crate::base::{InputError, Node, NodeValue, is_plain_name};
+use deaflow_base::{InputError, Node, NodeValue, is_plain_name};
 
 /// The key of the axes.
 pub const FOREACH: &str = "foreach";

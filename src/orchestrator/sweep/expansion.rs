@@ -7,10 +7,10 @@ use super::matching::{Matching, combined, projected};
 use super::settings::{Setting, Settings, joined, key, name, value_of};
 use super::substitute::{Substitution, axes_in, is_template};
 use super::{MANY_STAGES, Sweep};
-use crate::base::{InputError, Node, NodeValue, nearest};
-use crate::orchestrator::entry::{Registry, refuse_cycle_of, suggestion};
-use crate::orchestrator::graph;
-use crate::orchestrator::kind::Kind;
+use crate::entry::{Registry, refuse_cycle_of, suggestion};
+use crate::graph;
+use crate::kind::Kind;
+use deaflow_base::{InputError, Node, NodeValue, nearest};
 
 /// The key that ends axes.
 pub const GATHER: &str = "gather";

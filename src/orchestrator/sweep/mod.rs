@@ -21,7 +21,7 @@ pub use substitute::axes_in;
 
 use serde_json::{Value, json};
 
-use crate::base::{Fields, Schema};
+use deaflow_base::{Fields, Schema};
 
 /// The keys that any stage may have beside those of its kind: they are gone when its kind reads it.
 pub const KEYS: [&str; 2] = [FOREACH, GATHER];

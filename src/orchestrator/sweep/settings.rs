@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use crate::base::{Node, NodeValue};
+use deaflow_base::{Node, NodeValue};
 
 /// A value of an axis.
 #[derive(Debug)]

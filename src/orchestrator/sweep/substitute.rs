@@ -2,8 +2,8 @@
 
 use super::axes::{FOREACH, combinations, declared, unused};
 use super::settings::{Setting, joined, value_of};
-use crate::base::{InputError, Node, NodeValue};
-use crate::orchestrator::entry::suggestion;
+use crate::entry::suggestion;
+use deaflow_base::{InputError, Node, NodeValue};
 
 /// What stands for a value, up to the name of the axis.
 const OPEN: &str = "${";

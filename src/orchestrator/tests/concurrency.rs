@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use super::*;
-use crate::store::Action;
+use deaflow_store::Action;
 
 #[test]
 fn digests_do_not_depend_on_the_number_of_threads() {
@@ -82,7 +82,7 @@ fn a_held_action_is_waited_for_and_then_found() {
     });
 }
 
-fn has_stage(store: &Store, done: &crate::store::Run, name: &str) -> bool {
+fn has_stage(store: &Store, done: &deaflow_store::Run, name: &str) -> bool {
     let key = done.stage(name).unwrap().key;
     store.record(&key).unwrap().record().is_some()
 }

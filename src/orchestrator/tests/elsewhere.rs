@@ -5,7 +5,7 @@ use std::fs;
 use std::sync::Arc;
 
 use super::*;
-use crate::store::{Promise, Record, StoreError, Upstream};
+use deaflow_store::{Promise, Record, StoreError, Upstream};
 
 /// The store of another laboratory, which no longer has all that it says.
 struct Other {

@@ -3,8 +3,8 @@
 use std::sync::atomic::Ordering;
 
 use super::*;
-use crate::base::ArtifactId;
-use crate::store::LockFile;
+use deaflow_base::ArtifactId;
+use deaflow_store::LockFile;
 
 /// `one` has a chunk that can be told to fail, `two` has not; `sum` needs `one`, `other` needs `two`.
 const FORKED: &str = "

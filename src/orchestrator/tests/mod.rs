@@ -17,8 +17,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tempfile::TempDir;
 
 use super::*;
-use crate::base::{ActionKey, ArtifactId, Canonical, Document, Fields, InputError, Node, Override, Schema};
-use crate::store::{Artifact, Data, Dataset, Object, Store};
+use deaflow_base::{ActionKey, ArtifactId, Canonical, Document, Fields, InputError, Node, Override, Schema};
+use deaflow_store::{Artifact, Data, Dataset, Object, Store};
 
 /// Samples in a chunk of the toy kinds.
 const CHUNK: u64 = 10;

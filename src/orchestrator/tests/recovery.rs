@@ -4,7 +4,7 @@ use std::fs;
 use std::sync::atomic::Ordering;
 
 use super::*;
-use crate::store::Record;
+use deaflow_store::Record;
 
 fn flip(path: &Path) {
     let mut bytes = fs::read(path).unwrap();

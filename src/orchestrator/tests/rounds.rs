@@ -3,7 +3,7 @@
 use miette::Diagnostic;
 
 use super::*;
-use crate::base::NodeValue;
+use deaflow_base::NodeValue;
 
 /// Adds the numbers of its inputs and `add`.
 struct Toy {

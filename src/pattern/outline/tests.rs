@@ -1,6 +1,6 @@
 use super::*;
-use crate::base::Stream;
-use crate::pattern::{CELLS, Raster, Symmetry};
+use crate::{CELLS, Raster, Symmetry};
+use deaflow_base::Stream;
 
 /// The pattern whose cells are drawn at the lower left, the last line lowest.
 fn drawn(lines: &[&str]) -> Pattern {

@@ -2,8 +2,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use super::*;
-use crate::pattern::CELLS;
-use crate::pattern::Raster;
+use crate::CELLS;
+use crate::Raster;
 
 pub fn wanted() -> Pattern {
     // Asymmetric under every transposition and mirror.
@@ -14,8 +14,16 @@ pub fn wanted() -> Pattern {
 
 pub struct Folder(tempfile::TempDir);
 
+/// Serves the tests of this room, which start their program anew with this one alone.
+#[test]
+#[ignore = "the process that other tests start"]
+fn the_process_that_other_tests_start() {
+    deaflow_hdf::serve().unwrap();
+}
+
 impl Folder {
     pub fn new() -> Self {
+        deaflow_hdf::set_reader(deaflow_hdf::reader_of_tests);
         Self(tempfile::tempdir().unwrap())
     }
 

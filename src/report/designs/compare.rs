@@ -57,17 +57,17 @@ fn optimum(design: &Design, optima: &[&Design]) -> Option<f64> {
 }
 
 #[cfg(test)]
-pub(in crate::report) mod tests {
+pub(crate) mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::pattern::{Membrane, Pattern, Raster};
-    use crate::report::designs::{Objective, role_word};
-    use crate::report::drawing::Ground;
-    use crate::scene::Scene;
+    use crate::designs::{Objective, role_word};
+    use crate::drawing::Ground;
+    use deaflow_pattern::{Membrane, Pattern, Raster};
+    use deaflow_scene::Scene;
 
     /// A design of case `I` without fields.
-    pub(in crate::report) fn design(role: Role, units: u64, simulated_mm: Option<f64>) -> Design {
+    pub(crate) fn design(role: Role, units: u64, simulated_mm: Option<f64>) -> Design {
         Design {
             name: format!("I-centre-{}", role_word(role)),
             case: "I".into(),

@@ -1,15 +1,15 @@
 //! The membranes of designs, for figures.
 
 use super::Objective;
-use crate::content::{DesignRowsView, StoredAttribute};
-use crate::field::Field;
-use crate::report::artifacts::Source;
-use crate::report::drawing::{Ground, Membrane};
-use crate::report::error::ReportError;
-use crate::scene::Scene;
+use crate::artifacts::Source;
+use crate::drawing::{Ground, Membrane};
+use crate::error::ReportError;
+use deaflow_content::{DesignRowsView, StoredAttribute};
+use deaflow_field::Field;
+use deaflow_scene::Scene;
 
 /// The patterns of some rows of a design or its verification, each with a field.
-pub(in crate::report) fn membranes<'f>(
+pub(crate) fn membranes<'f>(
     source: &Source<'_>,
     rows: &DesignRowsView<'_>,
     scene: &StoredAttribute<'_, Scene>,

@@ -16,10 +16,10 @@ use std::sync::Arc;
 use super::drawing::{Ground, Membrane};
 use super::intervals::NetworkInterval;
 
-use crate::pattern::Pattern;
-pub use crate::pattern::Role;
-use crate::scene::Scene;
 pub use compare::Compared;
+use deaflow_pattern::Pattern;
+pub use deaflow_pattern::Role;
+use deaflow_scene::Scene;
 pub use found::{Extreme, Found};
 pub(super) use membranes::membranes;
 pub use objective::{Aim, Objective, Way, is_to_be_met};

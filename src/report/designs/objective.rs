@@ -3,8 +3,8 @@
 use std::fmt;
 use std::path::Path;
 
-use crate::base::{Dimension, Document, InputError, Node};
-use crate::scene::Scene;
+use deaflow_base::{Dimension, Document, InputError, Node};
+use deaflow_scene::Scene;
 
 /// An objective.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -6,13 +6,13 @@ use super::compare::{Compared, compare};
 use super::names::name;
 use super::objective::Objective;
 use super::{Design, StateField};
-use crate::content::{DesignRowsView, Designs, StoredAttribute, Verification, predicted_rows};
-use crate::field::{Field, NO_FIELD};
-use crate::report::artifacts::{RunArtifacts, Source};
-use crate::report::drawing::Ground;
-use crate::report::error::ReportError;
-use crate::report::intervals;
-use crate::scene::Scene;
+use crate::artifacts::{RunArtifacts, Source};
+use crate::drawing::Ground;
+use crate::error::ReportError;
+use crate::intervals;
+use deaflow_content::{DesignRowsView, Designs, StoredAttribute, Verification, predicted_rows};
+use deaflow_field::{Field, NO_FIELD};
+use deaflow_scene::Scene;
 
 /// The designs of a run, each once, named and compared: those that were verified, and those that were not as predicted. What
 /// was verified by the stages named in `superseded` alone, the earlier rounds, is left out.

@@ -1,6 +1,6 @@
 //! What can go wrong with a figure.
 
-use crate::base::OutputError;
+use deaflow_base::OutputError;
 
 /// A figure that could not be made.
 #[derive(Debug, thiserror::Error)]

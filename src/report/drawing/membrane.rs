@@ -10,9 +10,10 @@ use maud::{Markup, html};
 use super::chart::THOUSAND;
 use super::error::FigureError;
 use super::path::{number, path};
-use crate::field::Field;
-use crate::pattern::{self, Corners, Part, Pattern, PatternForm, Point, Raster, outlines};
-use crate::scene::Scene;
+use deaflow_field::Field;
+use deaflow_pattern as pattern;
+use deaflow_pattern::{Corners, Part, Pattern, PatternForm, Point, Raster, outlines};
+use deaflow_scene::Scene;
 
 /// Around a drawing, thousandths of its side.
 const MARGIN: f64 = 12.0;

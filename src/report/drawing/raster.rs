@@ -9,7 +9,7 @@ use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg::{self, Tree, fontdb};
 
 use super::error::FigureError;
-use crate::base::printable;
+use deaflow_base::printable;
 
 /// The style sheet of pages, which names the colours.
 pub const PAGE_STYLE: &str = include_str!("../html/page.css");

@@ -8,7 +8,7 @@ use super::chart::{Chart, LEFT, LETTER};
 use super::error::FigureError;
 use super::path::number;
 use super::raster::png;
-use crate::base::write_output;
+use deaflow_base::write_output;
 
 /// Drawings placed on a sheet of a width and height, in pixels of a page.
 pub struct Sheet {

@@ -1,8 +1,8 @@
 //! A mask of electrodes as a drawing, with what it says of itself.
 
 use super::{Drawing, Layer, Shape};
-use crate::base::SOFTWARE;
-use crate::scene::{Islands, Mask, Size};
+use deaflow_base::software;
+use deaflow_scene::{Islands, Mask, Size};
 
 /// The drawing of a mask of what has a title, from a source, with notes beside its size, scale and area.
 #[must_use]
@@ -17,7 +17,7 @@ pub fn mask_drawing(mask: &Mask, title: &str, source: String, more: Vec<String>)
         title: format!("electrode {title}"),
         notes: notes.collect(),
         source,
-        program: SOFTWARE.to_owned(),
+        program: software(),
         size: mask.membrane.size_mm,
         layers: mask.groups.iter().enumerate().map(layer).collect(),
         opening: shapes(&mask.opening),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::store::{Data, Dataset, Grid, StoreError, write_grid};
+use deaflow_store::{Data, Dataset, Grid, StoreError, write_grid};
 
 /// A deformed membrane on a raster of elements, `[y][x]`.
 pub struct Surface<'a> {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::drawing::{Axis, Chart, Colour, FigureError, Series, Sheet};
+use crate::drawing::{Axis, Chart, Colour, FigureError, Series, Sheet};
 
 /// Bins over the common range.
 const BINS: usize = 100;

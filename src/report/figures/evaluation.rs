@@ -4,9 +4,9 @@ use std::path::Path;
 
 use maud::{Markup, html};
 
-use crate::base::two_digits;
-use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
-use crate::report::format::cut;
+use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
+use crate::format::cut;
+use deaflow_base::two_digits;
 
 /// What an evaluation found.
 #[derive(Clone, Debug)]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
+use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 
 /// How one point of a membrane moves.
 #[derive(Clone, Debug)]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use maud::{Markup, html};
 
-use crate::report::drawing::{Axis, Chart, FigureError, Ground, Membrane, Sheet, THOUSAND, exaggeration, viridis};
+use crate::drawing::{Axis, Chart, FigureError, Ground, Membrane, Sheet, THOUSAND, exaggeration, viridis};
 
 /// Longer side of the membrane, and width of the frame of the colour bar.
 const SIDE: f64 = 356.4;

@@ -16,10 +16,10 @@ mod rounds;
 mod training;
 mod verification;
 
-pub(in crate::report) use accuracy::accuracy_charts;
-pub(in crate::report) use curves::curves_chart;
-pub(in crate::report) use deformation::deformation_charts;
-pub(in crate::report) use rounds::rounds_charts;
+pub(crate) use accuracy::accuracy_charts;
+pub(crate) use curves::curves_chart;
+pub(crate) use deformation::deformation_charts;
+pub(crate) use rounds::rounds_charts;
 
 pub use super::drawing::{FigureError, Ground, Membrane};
 pub use accuracy::{Cost, FamilyCosts, draw_accuracy, pareto_front};

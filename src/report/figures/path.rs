@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
+use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 
 /// The path of one pattern. The curves have one value per point, from rest on.
 #[derive(Clone, Debug)]

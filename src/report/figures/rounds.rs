@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
+use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 
 /// What one round came to.
 #[derive(Clone, Debug)]

@@ -2,8 +2,8 @@ use std::fs;
 use std::path::Path;
 
 use super::*;
-use crate::pattern;
-use crate::report::drawing::Ground;
+use crate::drawing::Ground;
+use deaflow_pattern as pattern;
 
 fn square() -> Ground {
     Ground::plain(pattern::Membrane::square(50.0))

@@ -5,10 +5,10 @@ use std::path::Path;
 use maud::html;
 
 use super::membrane::electrode;
-use crate::pattern::Role;
-use crate::report::designs::LEAST_MM;
-use crate::report::drawing::{Axis, Chart, Colour, FigureError, Mark, Membrane, Series, Sheet, exaggeration};
-use crate::report::format::three;
+use crate::designs::LEAST_MM;
+use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Membrane, Series, Sheet, exaggeration};
+use crate::format::three;
+use deaflow_pattern::Role;
 
 /// One pattern, predicted and simulated.
 #[derive(Clone, Debug)]

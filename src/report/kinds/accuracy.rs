@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::content;
-use crate::report::artifacts::{RunArtifacts, Source};
-use crate::report::error::ReportError;
-use crate::report::figures::{Cost, FamilyCosts, accuracy_charts, draw_accuracy};
-use crate::report::html::Page;
-use crate::report::presenter::{DrawFigure, Presenter};
+use crate::artifacts::{RunArtifacts, Source};
+use crate::error::ReportError;
+use crate::figures::{Cost, FamilyCosts, accuracy_charts, draw_accuracy};
+use crate::html::Page;
+use crate::presenter::{DrawFigure, Presenter};
+use deaflow_content as content;
 
 /// Shows accuracy stages.
 pub struct Accuracy;

@@ -4,13 +4,14 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::content::{self, Json, StoredAttribute};
-use crate::report::artifacts::{RunArtifacts, Source};
-use crate::report::error::ReportError;
-use crate::report::figures::{Audited, Counts, draw_audit};
-use crate::report::headline::Headline;
-use crate::report::html::Page;
-use crate::report::presenter::{DrawFigure, Presenter, Results};
+use crate::artifacts::{RunArtifacts, Source};
+use crate::error::ReportError;
+use crate::figures::{Audited, Counts, draw_audit};
+use crate::headline::Headline;
+use crate::html::Page;
+use crate::presenter::{DrawFigure, Presenter, Results};
+use deaflow_content as content;
+use deaflow_content::{Json, StoredAttribute};
 
 /// Shows audit stages.
 pub struct Audit;

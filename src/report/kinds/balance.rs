@@ -1,11 +1,11 @@
 //! Balance stages: how the dataset was levelled.
 
-use crate::content::Balanced;
-use crate::report::artifacts::{RunArtifacts, Source};
-use crate::report::error::ReportError;
-use crate::report::figures::{Histogram, draw_histogram};
-use crate::report::html::Page;
-use crate::report::presenter::{DrawFigure, Presenter};
+use crate::artifacts::{RunArtifacts, Source};
+use crate::error::ReportError;
+use crate::figures::{Histogram, draw_histogram};
+use crate::html::Page;
+use crate::presenter::{DrawFigure, Presenter};
+use deaflow_content::Balanced;
 
 /// Shows balance stages.
 pub struct Balance;

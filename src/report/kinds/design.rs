@@ -4,18 +4,18 @@ use std::path::Path;
 
 use serde_json::json;
 
-use crate::content::{ContentError, Designs, DesignsView};
-use crate::report::artifacts::{RunArtifacts, Source};
-use crate::report::designs::membranes;
-use crate::report::drawing::{Axis, Chart, Colour, Mark, Series};
-use crate::report::error::ReportError;
-use crate::report::evaluators::{Evaluators, read};
-use crate::report::figures::{Evolution, draw_evolution, draw_membrane};
-use crate::report::format::{mm, three};
-use crate::report::headline::Headline;
-use crate::report::html::{Column, Page};
-use crate::report::intervals::{StageIntervals, of_stage};
-use crate::report::presenter::{DrawFigure, Presenter, Results};
+use crate::artifacts::{RunArtifacts, Source};
+use crate::designs::membranes;
+use crate::drawing::{Axis, Chart, Colour, Mark, Series};
+use crate::error::ReportError;
+use crate::evaluators::{Evaluators, read};
+use crate::figures::{Evolution, draw_evolution, draw_membrane};
+use crate::format::{mm, three};
+use crate::headline::Headline;
+use crate::html::{Column, Page};
+use crate::intervals::{StageIntervals, of_stage};
+use crate::presenter::{DrawFigure, Presenter, Results};
+use deaflow_content::{ContentError, Designs, DesignsView};
 
 /// Shows design stages.
 pub struct Design;

@@ -5,16 +5,16 @@ use std::path::Path;
 use maud::{Markup, html};
 use serde_json::json;
 
-use crate::base::two_digits;
-use crate::content;
-use crate::report::artifacts::{RunArtifacts, Source};
-use crate::report::error::ReportError;
-use crate::report::evaluation::{Coverage, Evaluation, Predicted, read};
-use crate::report::figures::{Evaluated, EvaluatedPredictor, draw_evaluation};
-use crate::report::format::percent;
-use crate::report::headline::Headline;
-use crate::report::html::{Column, Page};
-use crate::report::presenter::{DrawFigure, Presenter, Results};
+use crate::artifacts::{RunArtifacts, Source};
+use crate::error::ReportError;
+use crate::evaluation::{Coverage, Evaluation, Predicted, read};
+use crate::figures::{Evaluated, EvaluatedPredictor, draw_evaluation};
+use crate::format::percent;
+use crate::headline::Headline;
+use crate::html::{Column, Page};
+use crate::presenter::{DrawFigure, Presenter, Results};
+use deaflow_base::two_digits;
+use deaflow_content as content;
 
 /// Shows evaluate stages.
 pub struct Evaluate;

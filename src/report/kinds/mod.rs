@@ -12,7 +12,7 @@ pub mod verify;
 
 use super::html::Page;
 use super::presenter::Presenter;
-use crate::content::SOLVED;
+use deaflow_content::SOLVED;
 
 /// All presenters, in the order of what they say at the end of a run.
 pub const PRESENTERS: &[&dyn Presenter] = &[

@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::content::Solutions;
-use crate::report::artifacts::{RunArtifacts, Source};
-use crate::report::error::ReportError;
-use crate::report::figures::{FamilyDeformation, deformation_charts, draw_deformation};
-use crate::report::format::counted;
-use crate::report::headline::Headline;
-use crate::report::html::Page;
-use crate::report::presenter::{DrawFigure, Presenter};
+use crate::artifacts::{RunArtifacts, Source};
+use crate::error::ReportError;
+use crate::figures::{FamilyDeformation, deformation_charts, draw_deformation};
+use crate::format::counted;
+use crate::headline::Headline;
+use crate::html::Page;
+use crate::presenter::{DrawFigure, Presenter};
+use deaflow_content::Solutions;
 
 /// Shows stages of a kind whose artifacts are samples with fields.
 pub struct Solve(pub &'static str);

@@ -4,15 +4,15 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::content;
-use crate::report::artifacts::{RunArtifacts, Source};
-use crate::report::error::ReportError;
-use crate::report::figures::{Curves, curves_chart, draw_curves};
-use crate::report::format::counted;
-use crate::report::headline::Headline;
-use crate::report::html::Page;
-use crate::report::presenter::{DrawFigure, Presenter, Results};
-use crate::report::tables::Collected;
+use crate::artifacts::{RunArtifacts, Source};
+use crate::error::ReportError;
+use crate::figures::{Curves, curves_chart, draw_curves};
+use crate::format::counted;
+use crate::headline::Headline;
+use crate::html::Page;
+use crate::presenter::{DrawFigure, Presenter, Results};
+use crate::tables::Collected;
+use deaflow_content as content;
 
 /// Shows table stages.
 pub struct Table;

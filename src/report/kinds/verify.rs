@@ -4,21 +4,21 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use crate::base::Document;
-use crate::content::Verification;
-use crate::pattern::Role;
-use crate::report::artifacts::{RunArtifacts, Source};
-use crate::report::designs::membranes;
-use crate::report::drawing::Membrane;
-use crate::report::error::ReportError;
-use crate::report::figures::{Case, draw_agreement, draw_gallery, rounds_charts};
-use crate::report::format::{mm, share};
-use crate::report::headline::Headline;
-use crate::report::html::{Column, Page};
-use crate::report::in_time::InTime;
-use crate::report::presenter::{DrawFigure, Presenter, Results};
-use crate::report::rounds::{RoundSummary, by_round, draw_by_round, drawn};
-use crate::report::summary::{RowSummary, Summary, read};
+use crate::artifacts::{RunArtifacts, Source};
+use crate::designs::membranes;
+use crate::drawing::Membrane;
+use crate::error::ReportError;
+use crate::figures::{Case, draw_agreement, draw_gallery, rounds_charts};
+use crate::format::{mm, share};
+use crate::headline::Headline;
+use crate::html::{Column, Page};
+use crate::in_time::InTime;
+use crate::presenter::{DrawFigure, Presenter, Results};
+use crate::rounds::{RoundSummary, by_round, draw_by_round, drawn};
+use crate::summary::{RowSummary, Summary, read};
+use deaflow_base::Document;
+use deaflow_content::Verification;
+use deaflow_pattern::Role;
 
 /// Shows verify stages.
 pub struct Verify;

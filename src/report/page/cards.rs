@@ -2,11 +2,11 @@
 
 use maud::{Markup, html};
 
-use crate::base::unbroken;
-use crate::pattern::CELLS;
-use crate::report::designs::{Design, LEAST_MM, Role, StateField, Way, role_title};
-use crate::report::drawing::{Ground, direction};
-use crate::report::format::{change, mm, share, three, uncertainty};
+use crate::designs::{Design, LEAST_MM, Role, StateField, Way, role_title};
+use crate::drawing::{Ground, direction};
+use crate::format::{change, mm, share, three, uncertainty};
+use deaflow_base::unbroken;
+use deaflow_pattern::CELLS;
 
 /// Where the files of a report are, seen from its page.
 pub const FOLDER: &str = "data/";

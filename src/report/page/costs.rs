@@ -1,10 +1,10 @@
 //! What the stages cost, and where everything comes from.
 
 use super::dag::build_state;
-use crate::base::readable_time as time;
-use crate::report::format::{bytes, percent, seconds};
-use crate::report::history::{History, Origin, StageFacts};
-use crate::report::html::{Column, Page};
+use crate::format::{bytes, percent, seconds};
+use crate::history::{History, Origin, StageFacts};
+use crate::html::{Column, Page};
+use deaflow_base::readable_time as time;
 
 /// Adds the table of costs.
 pub fn section(page: &mut Page, history: &History) {

@@ -3,11 +3,11 @@
 use maud::{Markup, html};
 
 use super::layout::{BOX, Layout, layout};
-use crate::base::readable_time as time;
-use crate::report::drawing::{Colour, number};
-use crate::report::format::{bytes, cut, seconds};
-use crate::report::history::{History, StageFacts};
-use crate::report::html::Page;
+use crate::drawing::{Colour, number};
+use crate::format::{bytes, cut, seconds};
+use crate::history::{History, StageFacts};
+use crate::html::Page;
+use deaflow_base::readable_time as time;
 
 /// Widths in units of the page: of a box, and of the room between two layers.
 const WIDTH: f64 = 184.0;

@@ -3,11 +3,11 @@
 use maud::html;
 
 use super::cards::{FOLDER, cards, shared};
-use crate::report::designs::{Design, LEAST_MM, Role, role_title};
-use crate::report::drawing::{Axis, Chart, Colour, Mark, Membrane, Series, exaggeration};
-use crate::report::format::{change, mm, share, uncertainty};
-use crate::report::html::{Column, Page};
-use crate::report::intervals::verdict;
+use crate::designs::{Design, LEAST_MM, Role, role_title};
+use crate::drawing::{Axis, Chart, Colour, Mark, Membrane, Series, exaggeration};
+use crate::format::{change, mm, share, uncertainty};
+use crate::html::{Column, Page};
+use crate::intervals::verdict;
 
 /// Targets of different areas that make a curve.
 const CURVE: usize = 3;

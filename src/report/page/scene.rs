@@ -1,14 +1,14 @@
 //! The scene: what was simulated, which effects, and what was left out although it matters.
 
 use super::warned::Warned;
-use crate::base::Canonical;
-use crate::content::{Solutions, StoredAttribute, Verification};
-use crate::report::artifacts::{RunArtifacts, Source};
-use crate::report::error::ReportError;
-use crate::report::format::cut;
-use crate::report::history::History;
-use crate::report::html::{Column, Page};
-use crate::scene::Scene;
+use crate::artifacts::{RunArtifacts, Source};
+use crate::error::ReportError;
+use crate::format::cut;
+use crate::history::History;
+use crate::html::{Column, Page};
+use deaflow_base::Canonical;
+use deaflow_content::{Solutions, StoredAttribute, Verification};
+use deaflow_scene::Scene;
 
 /// A scene with its effects as simulated, and the stages that have it.
 struct Simulated {

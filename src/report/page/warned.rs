@@ -1,10 +1,10 @@
 //! What a reader should know before the numbers: what the model leaves out although it matters, and what stages warn of.
 
-use crate::report::artifacts::RunArtifacts;
-use crate::report::error::ReportError;
-use crate::report::history::History;
-use crate::report::kinds::PRESENTERS;
-use crate::report::warnings::warnings;
+use crate::artifacts::RunArtifacts;
+use crate::error::ReportError;
+use crate::history::History;
+use crate::kinds::PRESENTERS;
+use crate::warnings::warnings;
 
 /// The warnings of a pipeline.
 pub struct Warned {

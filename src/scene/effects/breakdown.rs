@@ -1,6 +1,6 @@
 //! Dielectric breakdown: the field at which the elastomer breaks down.
 
-use crate::base::{ElectricField, parameters, variants};
+use deaflow_base::{ElectricField, parameters, variants};
 
 variants! {
     /// The field is compared with the one at which the elastomer breaks down.

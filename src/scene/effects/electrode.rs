@@ -1,6 +1,6 @@
 //! Electrode stiffness: a layer of electrode on the prestretched membrane, free of stress when the membrane is at rest.
 
-use crate::base::{Length, Stress, parameters};
+use deaflow_base::{Length, Stress, parameters};
 
 parameters! {
     /// The electrodes resist stretching.

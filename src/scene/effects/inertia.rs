@@ -1,6 +1,6 @@
 //! Inertia: the membrane has a mass.
 
-use crate::base::{Density, parameters};
+use deaflow_base::{Density, parameters};
 
 parameters! {
     /// The membrane has a mass: histories are motions, not equilibria.

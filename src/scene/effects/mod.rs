@@ -24,7 +24,7 @@ pub use viscoelasticity::{Branch, Viscoelasticity, ViscousLaw};
 
 use std::path::Path;
 
-use crate::base::{Declared, Document, Fields, InputError, parameters};
+use deaflow_base::{Declared, Document, Fields, InputError, parameters};
 
 parameters! {
     /// Effects beyond the base model; each is off unless it is named.

@@ -1,6 +1,6 @@
 //! Stretch-dependent permittivity: ε ∝ J^(−s).
 
-use crate::base::{Decimal, parameters, words};
+use deaflow_base::{Decimal, parameters, words};
 
 parameters! {
     /// The permittivity falls as the membrane is stretched: ε ∝ J^(−s).

@@ -1,6 +1,6 @@
 //! Electrode resistance: charge takes its time to spread from the leads.
 
-use crate::base::{Resistance, parameters};
+use deaflow_base::{Resistance, parameters};
 
 parameters! {
     /// The electrodes resist the current from the leads: histories follow how they charge.

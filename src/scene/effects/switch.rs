@@ -3,8 +3,8 @@
 use serde_json::json;
 
 use super::{Effects, names};
-use crate::base::{Declared, InputError, Node, NodeValue, Schema};
-use crate::scene::properties::Properties;
+use crate::properties::Properties;
+use deaflow_base::{Declared, InputError, Node, NodeValue, Schema};
 
 /// Parameters of effects that stand in `properties` by themselves: the effect, and the name of the parameter there and here.
 const BORROWED: [(&str, &str); 2] = [(names::INERTIA, "density"), (names::RESISTANCE, "sheet_resistance")];
@@ -30,7 +30,7 @@ pub fn switched_on(effects: &Node, properties: Option<&Node>) -> Result<Node, In
                 ))
                 .help("give `geometry.bodies`, and leave it out here"));
         }
-        if value.is_text(crate::scene::AUTO) {
+        if value.is_text(crate::AUTO) {
             return Err(value
                 .error(format!("{} is not left to the program by itself", key.found_key()))
                 .help("true turns it on, and `effects: auto` leaves all of them to the program"));

@@ -1,6 +1,6 @@
 //! Viscoelasticity: Maxwell branches beside the equilibrium law.
 
-use crate::base::{Stress, Time, parameters, words};
+use deaflow_base::{Stress, Time, parameters, words};
 
 /// Most branches: one for each of fourteen decades, and some.
 pub const MOST_BRANCHES: usize = 32;

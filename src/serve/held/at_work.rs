@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use crate::base::read_own;
-use crate::store::{Store, log_name};
+use deaflow_base::read_own;
+use deaflow_store::{Store, log_name};
 
 /// Logs that are looked at, the latest first: a run that goes on longer than so many others is not seen.
 const MOST: usize = 200;

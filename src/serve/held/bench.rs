@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use super::kept::Kept;
-use crate::fem::screening::resolve;
-use crate::fem::{GradientEvaluator, Method, Solver, SolverParameters};
-use crate::field::Mesh;
-use crate::scene::Scene;
-use crate::serve::http::Refusal;
+use crate::http::Refusal;
+use deaflow_fem::screening::resolve;
+use deaflow_fem::{GradientEvaluator, Method, Solver, SolverParameters};
+use deaflow_field::Mesh;
+use deaflow_scene::Scene;
 
 /// Solvers that are kept: a slider goes through many voltages.
 const KEPT: usize = 12;

@@ -1,10 +1,10 @@
 //! What an evaluation says of each pattern: the errors of each predictor, and in which set the pattern stands.
 
-use crate::content::SOLVED;
-use crate::dataset::Split;
-use crate::report::{RowColumn, Rows};
-use crate::serve::http::Refusal;
-use crate::store::{Artifact, Content, Data, Store, StoreError};
+use crate::http::Refusal;
+use deaflow_content::SOLVED;
+use deaflow_dataset::Split;
+use deaflow_report::{RowColumn, Rows};
+use deaflow_store::{Artifact, Content, Data, Store, StoreError};
 
 /// Predictors that have columns.
 const MOST: usize = 16;

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use super::judged::{by_predictor, sources};
 use super::kept::Kept;
-use crate::base::ArtifactId;
-use crate::pattern::Raster;
-use crate::report::{RowColumn, Rows};
-use crate::serve::http::Refusal;
-use crate::store::{Artifact, Content, Data, Store};
+use crate::http::Refusal;
+use deaflow_base::ArtifactId;
+use deaflow_pattern::Raster;
+use deaflow_report::{RowColumn, Rows};
+use deaflow_store::{Artifact, Content, Data, Store};
 
 /// Tables that are kept: a person looks at few artifacts at a time.
 const KEPT: usize = 6;

@@ -4,8 +4,8 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use super::kept::lock;
-use crate::serve::http::Refusal;
-use crate::store::{Store, Totals};
+use crate::http::Refusal;
+use deaflow_store::{Store, Totals};
 
 /// The shortest time between two counts.
 const PAUSE: Duration = Duration::from_secs(2);

@@ -9,7 +9,7 @@ use hyper::body::{Body, Bytes, Frame, SizeHint};
 use serde_json::Value;
 use tokio::sync::mpsc;
 
-use crate::base::printable_json;
+use deaflow_base::printable_json;
 
 /// An answer.
 #[derive(Debug)]

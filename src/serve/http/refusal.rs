@@ -3,15 +3,15 @@
 use miette::{Diagnostic, SourceCode};
 use serde_json::{Value, json};
 
-use crate::base::InputError;
-use crate::content::ContentError;
-use crate::design::{ConstraintError, GoalError};
-use crate::fem::SetupError;
-use crate::field::PredictError;
-use crate::orchestrator::RunError;
-use crate::report::{ReportError, RowsError};
-use crate::stage::direct::DirectError;
-use crate::store::StoreError;
+use deaflow_base::InputError;
+use deaflow_content::ContentError;
+use deaflow_design::{ConstraintError, GoalError};
+use deaflow_fem::SetupError;
+use deaflow_field::PredictError;
+use deaflow_orchestrator::RunError;
+use deaflow_report::{ReportError, RowsError};
+use deaflow_stage::direct::DirectError;
+use deaflow_store::StoreError;
 
 /// Where in a file something is wrong; lines and columns count from 1.
 #[derive(Debug)]

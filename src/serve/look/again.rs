@@ -5,11 +5,11 @@ use serde_json::{Value, json};
 use super::artifacts::named;
 use super::judged::{labels, pattern, scene_of};
 use super::neighbours::{cells_of, patterns};
-use crate::base::ArtifactId;
-use crate::field::{Field, Mesh, Simulation};
-use crate::serve::http::{Answer, Array, Refusal, Request, frame};
-use crate::serve::state::ServedState;
-use crate::stage::audit;
+use crate::http::{Answer, Array, Refusal, Request, frame};
+use crate::state::ServedState;
+use deaflow_base::ArtifactId;
+use deaflow_field::{Field, Mesh, Simulation};
+use deaflow_stage::audit;
 
 /// A row beside what comes out when it is simulated again, as a frame: `?row=`, and `?audit=DIGEST` of an audit that has found out the mesh of
 /// a dataset which does not say it.
@@ -33,7 +33,7 @@ pub fn again(state: &ServedState, request: &Request, digits: &str) -> Result<Ans
     let made_by = made_by(state, request.word("audit"))?;
     let setting = audit::again(&set, &scene, row, made_by.as_deref());
     let setting = setting.map_err(|error| Refusal::new(409, error.to_string()))?;
-    let failed = |error: crate::field::SimulatorError| Refusal::new(409, error.to_string());
+    let failed = |error: deaflow_field::SimulatorError| Refusal::new(409, error.to_string());
     let own = setting.as_labelled(&pattern).map_err(failed)?;
     let finer = setting.on_finer(&pattern).map_err(failed)?;
     let document = document(

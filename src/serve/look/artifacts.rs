@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
-use crate::base::ArtifactId;
-use crate::serve::http::{Answer, Refusal, Request};
-use crate::serve::state::ServedState;
-use crate::store::{Ancestor, Artifact, Content, Store};
+use crate::http::{Answer, Refusal, Request};
+use crate::state::ServedState;
+use deaflow_base::ArtifactId;
+use deaflow_store::{Ancestor, Artifact, Content, Store};
 
 /// Artifacts in one answer.
 const MOST: usize = 5000;

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use serde_json::json;
 
 use super::runs::standing;
-use crate::serve::http::{Answer, Lines, Refusal, Request};
-use crate::serve::state::ServedState;
+use crate::http::{Answer, Lines, Refusal, Request};
+use crate::state::ServedState;
 
 /// Between two looks.
 const BEAT: Duration = Duration::from_millis(500);

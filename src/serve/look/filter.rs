@@ -3,10 +3,10 @@
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
-use crate::base::{Dimension, Quantity, nearest};
-use crate::report::RowColumn;
-use crate::serve::http::Refusal;
-use crate::store::Data;
+use crate::http::Refusal;
+use deaflow_base::{Dimension, Quantity, nearest};
+use deaflow_report::RowColumn;
+use deaflow_store::Data;
 
 /// Conditions in one filter.
 const MOST: usize = 32;

@@ -8,17 +8,17 @@ use serde_json::{Value, json};
 use super::artifacts::named;
 use super::neighbours::{cells_of, patterns};
 use super::pick::elements;
-use crate::base::ArtifactId;
-use crate::content::{ALL_FAMILIES, Balanced, Training};
-use crate::dataset::Split;
-use crate::field::{Field, Predictor};
-use crate::pattern::{Pattern, PatternForm};
-use crate::scene::Scene;
-use crate::serve::http::{Answer, Array, Refusal, Request, frame};
-use crate::serve::state::ServedState;
-use crate::stage::direct;
-use crate::store::{Artifact, Content, Data, Store, StoreError};
-use crate::surrogate::{PatternScore, Score, Surrogate};
+use crate::http::{Answer, Array, Refusal, Request, frame};
+use crate::state::ServedState;
+use deaflow_base::ArtifactId;
+use deaflow_content::{ALL_FAMILIES, Balanced, Training};
+use deaflow_dataset::Split;
+use deaflow_field::{Field, Predictor};
+use deaflow_pattern::{Pattern, PatternForm};
+use deaflow_scene::Scene;
+use deaflow_stage::direct;
+use deaflow_store::{Artifact, Content, Data, Store, StoreError};
+use deaflow_surrogate::{PatternScore, Score, Surrogate};
 
 /// Patterns of a set that are predicted: beyond them an `evaluate` stage takes its time.
 const MOST: usize = 20_000;

@@ -4,10 +4,10 @@ use serde_json::{Value, json};
 
 use super::artifacts::named;
 use super::pick::elements;
-use crate::pattern::{Symmetries, Symmetry};
-use crate::serve::http::{Answer, Refusal, Request};
-use crate::serve::state::ServedState;
-use crate::store::{Artifact, Content, Data};
+use crate::http::{Answer, Refusal, Request};
+use crate::state::ServedState;
+use deaflow_pattern::{Symmetries, Symmetry};
+use deaflow_store::{Artifact, Content, Data};
 
 /// Neighbours in one answer.
 const MOST: usize = 100;

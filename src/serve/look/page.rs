@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::artifacts::named;
-use crate::report::{Made, PRESENTERS, Page, RunArtifacts};
-use crate::serve::http::{Answer, Refusal, Request};
-use crate::serve::state::ServedState;
+use crate::http::{Answer, Refusal, Request};
+use crate::state::ServedState;
+use deaflow_report::{Made, PRESENTERS, Page, RunArtifacts};
 
 /// The page of an artifact. What has no presenter, or nothing to show, says so.
 ///

@@ -5,9 +5,9 @@ use std::ops::Range;
 use serde_json::json;
 
 use super::artifacts::named;
-use crate::serve::http::{Answer, Array, Refusal, Request, frame};
-use crate::serve::state::ServedState;
-use crate::store::{Artifact, Data};
+use crate::http::{Answer, Array, Refusal, Request, frame};
+use crate::state::ServedState;
+use deaflow_store::{Artifact, Data};
 
 /// Rows in one answer.
 const MOST_ROWS: usize = 200;

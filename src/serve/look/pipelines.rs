@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use crate::base::{Document, InputError, Node, NodeValue, Override};
-use crate::orchestrator::{Environment, Pipeline, foreseen, plan as planned, plan_document, splice_scene};
-use crate::report::{STAGE_HEIGHT, layout};
-use crate::serve::http::{Answer, Refusal, Request};
-use crate::serve::state::ServedState;
-use crate::stage;
-use crate::store::Store;
+use crate::http::{Answer, Refusal, Request};
+use crate::state::ServedState;
+use deaflow_base::{Document, InputError, Node, NodeValue, Override};
+use deaflow_orchestrator::{Environment, Pipeline, foreseen, plan as planned, plan_document, splice_scene};
+use deaflow_report::{STAGE_HEIGHT, layout};
+use deaflow_stage as stage;
+use deaflow_store::Store;
 
 /// Bytes of a pipeline's file that are shown.
 const MOST_BYTES: u64 = 4 << 20;
@@ -41,7 +41,7 @@ pub fn pipelines(state: &ServedState, request: &Request) -> Result<Answer, Refus
 pub fn pipeline(state: &ServedState, request: &Request, number: &str) -> Result<Answer, Refusal> {
     request.allow(&[])?;
     let path = numbered(state, &json!(number))?;
-    let text = crate::base::read_bounded(&path, MOST_BYTES).unwrap_or_default();
+    let text = deaflow_base::read_bounded(&path, MOST_BYTES).unwrap_or_default();
     let text = String::from_utf8_lossy(&text).into_owned();
     let document = match load(&path, &[]) {
         Ok(pipeline) => {

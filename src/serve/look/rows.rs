@@ -6,9 +6,9 @@ use serde_json::{Value, json};
 
 use super::artifacts::named;
 use super::filter::{column, matching, number, unknown};
-use crate::serve::http::{Answer, Refusal, Request};
-use crate::serve::state::ServedState;
-use crate::store::Data;
+use crate::http::{Answer, Refusal, Request};
+use crate::state::ServedState;
+use deaflow_store::Data;
 
 /// Rows in one answer.
 const MOST: usize = 1000;

@@ -7,8 +7,8 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::pipelines::{numbered, overrides};
-use crate::serve::http::{Answer, Method, Refusal, Request};
-use crate::serve::state::ServedState;
+use crate::http::{Answer, Method, Refusal, Request};
+use crate::state::ServedState;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -5,14 +5,14 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::base::read_own;
-use crate::executor::workers;
-use crate::report::{Gone, Headline, Made, RunArtifacts, headlines, run_document};
-use crate::serve::held::at_work;
-use crate::serve::http::{Answer, Refusal, Request};
-use crate::serve::state::ServedState;
-use crate::stage::result_unit;
-use crate::store::{Run, Store};
+use crate::held::at_work;
+use crate::http::{Answer, Refusal, Request};
+use crate::state::ServedState;
+use deaflow_base::read_own;
+use deaflow_executor::workers;
+use deaflow_report::{Gone, Headline, Made, RunArtifacts, headlines, run_document};
+use deaflow_stage::result_unit;
+use deaflow_store::{Run, Store};
 
 /// Runs in one answer.
 const MOST: usize = 1000;

@@ -1,8 +1,8 @@
 //! A wanted value between two patterns: the cells in which they differ are changed one after the other, by what each promises, and the
 //! number of them is bisected. What is missing then is looked for in single cells.
 
-use crate::field::PredictError;
-use crate::pattern::Pattern;
+use deaflow_field::PredictError;
+use deaflow_pattern::Pattern;
 
 /// A wanted value counts as reached within this share of it,
 const SHARE: f64 = 0.005;
@@ -178,7 +178,7 @@ fn changed(passed: &Passed, cells: &[usize]) -> Pattern {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pattern::Raster;
+    use deaflow_pattern::Raster;
 
     fn passed(below: impl Fn(usize, usize) -> bool, above: impl Fn(usize, usize) -> bool) -> Passed {
         let raster = Raster::new(10, 10).unwrap();

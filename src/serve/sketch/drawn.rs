@@ -3,17 +3,17 @@
 use serde::Deserialize;
 use serde_json::Value;
 
-use crate::base::{Dimension, Document, Quantity};
-use crate::design::{Goal, Objective};
-use crate::fem::effects::{EFFECTS, Effect, Model, Verdict};
-use crate::fem::{Method, check_leads};
-use crate::field::Mesh;
-use crate::pattern::Pattern;
-use crate::scene::{Effects, Scene};
-use crate::serve::held::Setting;
-use crate::serve::http::Refusal;
-use crate::serve::state::ServedState;
-use crate::stage::direct;
+use crate::held::Setting;
+use crate::http::Refusal;
+use crate::state::ServedState;
+use deaflow_base::{Dimension, Document, Quantity};
+use deaflow_design::{Goal, Objective};
+use deaflow_fem::effects::{EFFECTS, Effect, Model, Verdict};
+use deaflow_fem::{Method, check_leads};
+use deaflow_field::Mesh;
+use deaflow_pattern::Pattern;
+use deaflow_scene::{Effects, Scene};
+use deaflow_stage::direct;
 
 /// Elements along a side of the membrane, times their order, that are solved for here.
 const MOST_ALONG: usize = 1024;

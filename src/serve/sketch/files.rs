@@ -6,11 +6,11 @@ use std::io::Write;
 use serde_json::json;
 
 use super::drawn::Drawn;
-use crate::pattern::{Pattern, read_patterns_of};
-use crate::report::export::{self, mask_drawing};
-use crate::scene::{Mask, Size};
-use crate::serve::http::{Answer, Refusal, Request};
-use crate::serve::state::ServedState;
+use crate::http::{Answer, Refusal, Request};
+use crate::state::ServedState;
+use deaflow_pattern::{Pattern, read_patterns_of};
+use deaflow_report::export::{self, mask_drawing};
+use deaflow_scene::{Mask, Size};
 
 /// Formats that are read.
 const READ: [&str; 3] = ["csv", "npy", "png"];

@@ -12,15 +12,15 @@ use serde_json::{Value, json};
 
 use super::approach::{Passed, between, is_reached};
 use super::drawn::{Drawn, quantity};
-use crate::base::{Dimension, Document, Stopped};
-use crate::design::{ConstraintParameters, Constraints, Goal, SearchProblem};
-use crate::fem::GradientEvaluator;
-use crate::field::{Differentiable, Field, InStates, PredictError, Predictor, StateFields, WithGradient};
-use crate::pattern::Pattern;
-use crate::scene::Scene;
-use crate::serve::held::lock;
-use crate::serve::http::{Answer, Lines, Refusal, Request};
-use crate::serve::state::ServedState;
+use crate::held::lock;
+use crate::http::{Answer, Lines, Refusal, Request};
+use crate::state::ServedState;
+use deaflow_base::{Dimension, Document, Stopped};
+use deaflow_design::{ConstraintParameters, Constraints, Goal, SearchProblem};
+use deaflow_fem::GradientEvaluator;
+use deaflow_field::{Differentiable, Field, InStates, PredictError, Predictor, StateFields, WithGradient};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 /// By how much the area may differ from the one that is asked for: half a per cent of the membrane.
 const AREA_TOLERANCE: f64 = 0.005;

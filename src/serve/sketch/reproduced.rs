@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::drawn::Drawn;
-use crate::base::{Canonical, is_plain_name};
-use crate::fem::{Method, SolverParameters};
-use crate::scene::Scene;
-use crate::serve::held::Setting;
-use crate::serve::http::{Answer, Refusal, Request};
-use crate::serve::state::ServedState;
+use crate::held::Setting;
+use crate::http::{Answer, Refusal, Request};
+use crate::state::ServedState;
+use deaflow_base::{Canonical, is_plain_name};
+use deaflow_fem::{Method, SolverParameters};
+use deaflow_scene::Scene;
 
 /// What a pattern is called unless it has a name.
 const NAME: &str = "mine";

@@ -3,11 +3,11 @@
 use serde_json::{Value, json};
 
 use super::drawn::with_effects;
-use crate::fem::effects::EFFECTS;
-use crate::pattern::Part;
-use crate::scene::Scene;
-use crate::serve::http::{Answer, Refusal, Request};
-use crate::serve::state::{NamedScene, ServedState};
+use crate::http::{Answer, Refusal, Request};
+use crate::state::{NamedScene, ServedState};
+use deaflow_fem::effects::EFFECTS;
+use deaflow_pattern::Part;
+use deaflow_scene::Scene;
 
 /// The scenes, the first of which is that of a sketch which names none, and the files whose scenes cannot be used, each with its problem.
 ///
@@ -33,7 +33,7 @@ fn document(named: &NamedScene) -> Value {
     let in_states = scene.in_states().into_iter();
     let voltages: Vec<Vec<f64>> = in_states.map(|(_, own)| own.drive.voltages.in_volts()).collect();
     let first = scene.in_states().swap_remove(0).1;
-    let effect = |effect: &&dyn crate::fem::effects::Effect| {
+    let effect = |effect: &&dyn deaflow_fem::effects::Effect| {
         let on = effect.is_on(&scene.effects, scene);
         // Whether it could be switched on by itself; what two of them are to each other is told once both are.
         let refused = match on {

@@ -1,9 +1,9 @@
 //! Which effects a drawn pattern calls for.
 
 use super::drawn::Drawn;
-use crate::fem::screening::{Trial, resolve, screen as screened};
-use crate::serve::http::{Answer, Refusal, Request};
-use crate::serve::state::ServedState;
+use crate::http::{Answer, Refusal, Request};
+use crate::state::ServedState;
+use deaflow_fem::screening::{Trial, resolve, screen as screened};
 
 /// Screens the scene with the pattern, as `deaflow screen SCENE PATTERN` does.
 ///

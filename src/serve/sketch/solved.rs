@@ -6,13 +6,13 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::drawn::Drawn;
-use crate::design::Goal;
-use crate::fem::{CellState, CriticalSearch, MeshSolution, Method, SetupError, SolveOptions};
-use crate::field::{Field, Simulation};
-use crate::pattern::Pattern;
-use crate::serve::held::{Bench, Critical, Setting};
-use crate::serve::http::{Answer, Array, Refusal, Request, frame};
-use crate::serve::state::ServedState;
+use crate::held::{Bench, Critical, Setting};
+use crate::http::{Answer, Array, Refusal, Request, frame};
+use crate::state::ServedState;
+use deaflow_design::Goal;
+use deaflow_fem::{CellState, CriticalSearch, MeshSolution, Method, SetupError, SolveOptions};
+use deaflow_field::{Field, Simulation};
+use deaflow_pattern::Pattern;
 
 /// What can be told of each corner or cell.
 const FIELDS: [&str; 5] = ["displacement", "stress", "field", "tension", "sensitivity"];

@@ -1,7 +1,7 @@
 //! What the artifact of an accuracy stage says, and the file of the command: errors. Times are no content.
 
-use crate::accuracy::{Benchmark, FamilyError, Measured, PatternError};
-use crate::content::{Accuracy, FamilyErrors, Mismatches, PatternErrors, ReferenceErrors};
+use deaflow_accuracy::{Benchmark, FamilyError, Measured, PatternError};
+use deaflow_content::{Accuracy, FamilyErrors, Mismatches, PatternErrors, ReferenceErrors};
 
 /// What is said of the methods.
 pub fn content(benchmark: &Benchmark, measured: &[Measured]) -> Accuracy {

@@ -1,13 +1,13 @@
 //! A row of a dataset simulated again, as an audit of it does.
 
 use super::source::Source;
-use crate::dataset::audit::{Discretisation, REFERENCE};
-use crate::fem::{Method, SceneSimulators, SetupError, SolveOptions, SolverParameters};
-use crate::field::{Mesh, Simulation, SimulatorError, SimulatorKind, Simulators};
-use crate::orchestrator::StageError;
-use crate::pattern::Pattern;
-use crate::scene::Scene;
-use crate::store::Artifact;
+use deaflow_dataset::audit::{Discretisation, REFERENCE};
+use deaflow_fem::{Method, SceneSimulators, SetupError, SolveOptions, SolverParameters};
+use deaflow_field::{Mesh, Simulation, SimulatorError, SimulatorKind, Simulators};
+use deaflow_orchestrator::StageError;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+use deaflow_store::Artifact;
 
 /// How a row of a dataset is simulated again.
 pub struct Again {

@@ -1,8 +1,8 @@
 //! What the artifact of an audit stage says, and reads back.
 
-use crate::content::{AreaHistogram, AttributeError, Audit, DisplacementHistogram, Json, ResimulatedRows};
-use crate::dataset::audit::{Finding, LabelCheck, Report, Severity};
-use crate::scene::Scene;
+use deaflow_content::{AreaHistogram, AttributeError, Audit, DisplacementHistogram, Json, ResimulatedRows};
+use deaflow_dataset::audit::{Finding, LabelCheck, Report, Severity};
+use deaflow_scene::Scene;
 
 /// The content of the artifact.
 ///

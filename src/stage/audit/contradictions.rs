@@ -1,10 +1,10 @@
 //! What a dataset says of the scene and the effects that it was simulated with, against those of the audit.
 
 use super::source::Source;
-use crate::dataset::audit::{Finding, Severity};
-use crate::fem::SetupError;
-use crate::fem::screening::resolve;
-use crate::scene::{Effects, Scene};
+use deaflow_dataset::audit::{Finding, Severity};
+use deaflow_fem::SetupError;
+use deaflow_fem::screening::resolve;
+use deaflow_scene::{Effects, Scene};
 
 /// What a file says of its scene that contradicts the scene at hand. What is only known of a material changes no label.
 pub fn other_scene(source: &Source, scene: &Scene) -> Result<Option<Finding>, SetupError> {

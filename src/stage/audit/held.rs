@@ -3,9 +3,9 @@
 
 use super::source::Source;
 use super::{PER_RESIDUAL, Request, SAME, Trust, USUAL_ACCURACY};
-use crate::dataset::audit::{Finding, Severity};
-use crate::fem::Method;
-use crate::scene::Scene;
+use deaflow_dataset::audit::{Finding, Severity};
+use deaflow_fem::Method;
+use deaflow_scene::Scene;
 
 /// The residual to which fields are solved where nothing is said.
 const USUAL_TOLERANCE: f64 = 1e-8;

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::base::{ActionKey, ArtifactId};
-use crate::dataset::audit::{Finding, Severity};
-use crate::stage::{import, patterns};
-use crate::store::{Artifact, Lookup, Store, StoreError};
+use crate::{import, patterns};
+use deaflow_base::{ActionKey, ArtifactId};
+use deaflow_dataset::audit::{Finding, Severity};
+use deaflow_store::{Artifact, Lookup, Store, StoreError};
 
 /// The kinds of stages that read files of a person.
 const FROM_FILES: [&str; 2] = [patterns::NAME, import::NAME];

@@ -4,16 +4,16 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use crate::base::Digest;
-use crate::content::{BalancedView, ContentError, Labelled, StoredAttribute, files};
-use crate::dataset::audit::{
+use deaflow_base::Digest;
+use deaflow_content::{BalancedView, ContentError, Labelled, StoredAttribute, files};
+use deaflow_dataset::audit::{
     AuditError, Batch, Columns, Discretisation, Finding, Level, NO_NUMBER, Origin, RowSource, Severity,
 };
-use crate::dataset::{Bins, is_overlong};
-use crate::fem::SolverParameters;
-use crate::field::{Mesh, Outcome};
-use crate::pattern::Raster;
-use crate::store::{Artifact, RowFile, StoreError};
+use deaflow_dataset::{Bins, is_overlong};
+use deaflow_fem::SolverParameters;
+use deaflow_field::{Mesh, Outcome};
+use deaflow_pattern::Raster;
+use deaflow_store::{Artifact, RowFile, StoreError};
 
 /// The arrays that are read.
 const ARRAYS: [&str; 14] = [

@@ -2,12 +2,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::content::{self, ContentError, Difficulty, Novelty, SingleField};
-use crate::orchestrator::StageError;
-use crate::pattern::Raster;
-use crate::scene::Scene;
-use crate::store::Artifact;
-use crate::surrogate::{COVERAGE, Calibration, CalibrationParts, DifficultyParts, FALSE_ALARM, NoveltyParts};
+use deaflow_content as content;
+use deaflow_content::{ContentError, Difficulty, Novelty, SingleField};
+use deaflow_orchestrator::StageError;
+use deaflow_pattern::Raster;
+use deaflow_scene::Scene;
+use deaflow_store::Artifact;
+use deaflow_surrogate::{COVERAGE, Calibration, CalibrationParts, DifficultyParts, FALSE_ALARM, NoveltyParts};
 
 /// What a calibration is of.
 pub(super) struct Origin<'a> {

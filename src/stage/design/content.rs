@@ -1,8 +1,8 @@
 //! What the artifact of a design stage says: a row for each pattern, and how the searches went.
 
-use crate::content::{Candidates, DesignRows, Designs, GENOME_UNITS, GradientSteps, History, LongTexts, Packed};
-use crate::design::{FoundDesign, GenerationReport, Probe, Refinement, SearchResult, UNITS};
-use crate::scene::Scene;
+use deaflow_content::{Candidates, DesignRows, Designs, GENOME_UNITS, GradientSteps, History, LongTexts, Packed};
+use deaflow_design::{FoundDesign, GenerationReport, Probe, Refinement, SearchResult, UNITS};
+use deaflow_scene::Scene;
 
 /// What is said of every row of a target.
 pub struct Heading {

@@ -2,14 +2,14 @@
 
 use std::fmt;
 
-use crate::base::{Canonical, Frequency, InputError, Node, Parameter, Schema, Time};
-use crate::design::{Candidate, Cause, Evaluators, Goal, Moment};
-use crate::fem::screening::decided_states;
-use crate::fem::{Method, SetupError, SolverParameters, Swing, ThreeSolves, UnknownMethod, creep_settings};
-use crate::field::{Evaluator, Field, InStates, Mesh};
-use crate::orchestrator::{Expectation, Foreseeable, Whose};
-use crate::scene::Scene;
-use crate::surrogate::{NetworkKind, Surrogate};
+use deaflow_base::{Canonical, Frequency, InputError, Node, Parameter, Schema, Time};
+use deaflow_design::{Candidate, Cause, Evaluators, Goal, Moment};
+use deaflow_fem::screening::decided_states;
+use deaflow_fem::{Method, SetupError, SolverParameters, Swing, ThreeSolves, UnknownMethod, creep_settings};
+use deaflow_field::{Evaluator, Field, InStates, Mesh};
+use deaflow_orchestrator::{Expectation, Foreseeable, Whose};
+use deaflow_scene::Scene;
+use deaflow_surrogate::{NetworkKind, Surrogate};
 
 const ALLOWED: &str = "allowed: auto, surrogate, newton, linear, chord:N with N from 1 to 50";
 
@@ -235,11 +235,11 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::base::Document;
-    use crate::design::{Constraints, Probe, References, cheapest_evaluator, first_generation};
-    use crate::field::{Field, Predictor};
-    use crate::pattern::Membrane;
-    use crate::pattern::{Pattern, Raster};
+    use deaflow_base::Document;
+    use deaflow_design::{Constraints, Probe, References, cheapest_evaluator, first_generation};
+    use deaflow_field::{Field, Predictor};
+    use deaflow_pattern::Membrane;
+    use deaflow_pattern::{Pattern, Raster};
 
     #[test]
     fn evaluators_are_read_as_they_are_written() {

@@ -1,16 +1,16 @@
 //! What a calibrated network says of designs, whatever judged them: its own prediction with the interval of the displacement along
 //! the wanted directions.
 
-use crate::content::{DesignInterval, DesignIntervals};
-use crate::design::Goal;
-use crate::field::Predictor;
-use crate::orchestrator::StageError;
-use crate::pattern::Pattern;
-use crate::scene::Scene;
-use crate::stage::calibrate::{self, CalibratedModel};
-use crate::stage::model;
-use crate::store::Artifact;
-use crate::surrogate::{COVERAGE, Surrogate};
+use crate::calibrate::{self, CalibratedModel};
+use crate::model;
+use deaflow_content::{DesignInterval, DesignIntervals};
+use deaflow_design::Goal;
+use deaflow_field::Predictor;
+use deaflow_orchestrator::StageError;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+use deaflow_store::Artifact;
+use deaflow_surrogate::{COVERAGE, Surrogate};
 
 /// A network with its calibration.
 pub struct Calibrated {

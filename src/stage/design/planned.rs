@@ -1,6 +1,6 @@
 //! Designs before they are searched, as the mapping of their stage has them.
 
-use crate::design::{Method, Moment};
+use deaflow_design::{Method, Moment};
 
 /// A design that a stage is to search.
 #[derive(Clone, Debug, PartialEq)]

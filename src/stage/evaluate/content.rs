@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 
 use super::predictors::NamedPredictor;
 use super::{Calibrated, Row};
-use crate::content::{self, ALL_FAMILIES, Evaluation, PatternScores, Scores};
-use crate::scene::Scene;
-use crate::surrogate::{Coverage, OBJECTIVES, PatternScore, Score};
+use deaflow_content as content;
+use deaflow_content::{ALL_FAMILIES, Evaluation, PatternScores, Scores};
+use deaflow_scene::Scene;
+use deaflow_surrogate::{Coverage, OBJECTIVES, PatternScore, Score};
 
 /// Bins of the area fraction between 0 and 1.
 const BINS: f64 = 20.0;

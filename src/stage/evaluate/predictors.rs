@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use crate::fem::{Method, Solver, SolverParameters};
-use crate::field::{Mesh, Predictor};
-use crate::orchestrator::StageError;
-use crate::scene::Scene;
-use crate::stage::model;
-use crate::store::Artifact;
-use crate::surrogate::Surrogate;
+use crate::model;
+use deaflow_fem::{Method, Solver, SolverParameters};
+use deaflow_field::{Mesh, Predictor};
+use deaflow_orchestrator::StageError;
+use deaflow_scene::Scene;
+use deaflow_store::Artifact;
+use deaflow_surrogate::Surrogate;
 
 /// A predictor with what it is called.
 pub struct NamedPredictor {

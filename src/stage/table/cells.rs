@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::columns::{Column, Row, What};
 use super::unit;
-use crate::base::{Canonical, Dimension, NodeValue, Quantity};
-use crate::orchestrator::StageError;
+use deaflow_base::{Canonical, Dimension, NodeValue, Quantity};
+use deaflow_orchestrator::StageError;
 
 /// Dimensions that values of axes are tried as, a pure number first.
 const DIMENSIONS: [Dimension; 10] = [
@@ -22,7 +22,7 @@ const DIMENSIONS: [Dimension; 10] = [
 ];
 
 /// Longest word in a cell, in bytes: that of texts in artifacts.
-const LONGEST: usize = crate::store::TEXT_WIDTH;
+const LONGEST: usize = deaflow_store::TEXT_WIDTH;
 
 /// Where each cell comes from: rows of columns.
 pub struct Cells(Vec<Vec<Cell>>);

@@ -2,11 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::base::{InputError, Node, NodeValue};
+use deaflow_base::{InputError, Node, NodeValue};
 
 use super::MOST_COLUMNS;
-use crate::orchestrator::suggestion;
-use crate::stage::results::words_of;
+use crate::results::words_of;
+use deaflow_orchestrator::suggestion;
 
 /// A row: one combination of values.
 pub struct Row {

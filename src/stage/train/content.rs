@@ -1,8 +1,9 @@
 //! What the artifact of a training says.
 
-use crate::content::{Curves, LeftOutLabels, Lines, Metrics, Training};
-use crate::scene::Scene;
-use crate::surrogate::{self, Ending, EpochReport, Examples, LeftOut, NetworkKind, Trained, Why};
+use deaflow_content::{Curves, LeftOutLabels, Lines, Metrics, Training};
+use deaflow_scene::Scene;
+use deaflow_surrogate as surrogate;
+use deaflow_surrogate::{Ending, EpochReport, Examples, LeftOut, NetworkKind, Trained, Why};
 
 /// Labels that a warning names one by one.
 const NAMED: usize = 5;
@@ -98,7 +99,7 @@ fn ending(ending: Ending) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::Data;
+    use deaflow_store::Data;
 
     fn trained(ending: Ending) -> Trained {
         Trained {

@@ -2,15 +2,15 @@
 
 use rayon::prelude::*;
 
-use crate::content::{Labelled, VerificationView, files};
-use crate::dataset::Split;
-use crate::field::Outcome;
-use crate::orchestrator::StageError;
-use crate::pattern::{Pattern, Raster};
-use crate::scene::Scene;
-use crate::stage::{foresight, model};
-use crate::store::Artifact;
-use crate::surrogate::{Collector, Examples, Label, LabelError, LabelledRow, Origin};
+use crate::{foresight, model};
+use deaflow_content::{Labelled, VerificationView, files};
+use deaflow_dataset::Split;
+use deaflow_field::Outcome;
+use deaflow_orchestrator::StageError;
+use deaflow_pattern::{Pattern, Raster};
+use deaflow_scene::Scene;
+use deaflow_store::Artifact;
+use deaflow_surrogate::{Collector, Examples, Label, LabelError, LabelledRow, Origin};
 
 /// Rows that are read together: some tens of megabytes.
 const BLOCK: usize = 512;

@@ -2,9 +2,9 @@
 
 use std::cell::Cell;
 
-use crate::base::Stopped;
-use crate::orchestrator::Job;
-use crate::surrogate::{EpochReport, Monitor};
+use deaflow_base::Stopped;
+use deaflow_orchestrator::Job;
+use deaflow_surrogate::{EpochReport, Monitor};
 
 /// Notes within an epoch.
 const NOTES: f64 = 10.0;

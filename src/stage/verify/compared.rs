@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
-use crate::base::{InputError, Node};
-use crate::design::Method;
-use crate::stage::design::PlannedDesign;
+use crate::design::PlannedDesign;
+use deaflow_base::{InputError, Node};
+use deaflow_design::Method;
 
 /// Refuses designs that stand under one case and name and are for different objectives or areas, or could not be told apart; `needs` is what
 /// names their stages.
@@ -93,8 +93,8 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::base::Document;
-    use crate::design::Moment;
+    use deaflow_base::Document;
+    use deaflow_design::Moment;
 
     fn design(stage: &str, target: &str, method: Method) -> PlannedDesign {
         PlannedDesign {

@@ -1,12 +1,12 @@
 //! A person's own patterns, beside the designs of each target.
 
-use crate::base::Document;
-use crate::content::{DesignRows, Samples};
-use crate::design::ConstraintParameters;
-use crate::orchestrator::StageError;
-use crate::pattern::Pattern;
-use crate::scene::Scene;
-use crate::store::Artifact;
+use deaflow_base::Document;
+use deaflow_content::{DesignRows, Samples};
+use deaflow_design::ConstraintParameters;
+use deaflow_orchestrator::StageError;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+use deaflow_store::Artifact;
 
 /// Patterns from files, each once.
 pub struct OwnPatterns(Vec<Pattern>);

@@ -217,7 +217,7 @@ fn median_regression(rows: &[[f64; TERMS]], values: &[f64]) -> Result<Vec<f64>, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Stream;
+    use deaflow_base::Stream;
 
     #[test]
     fn ranks_are_those_of_the_conformal_quantile() {

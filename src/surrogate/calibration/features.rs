@@ -1,8 +1,8 @@
 //! What a pattern and its predicted field say for nothing. All of it is the same for the eight images of a
 //! pattern, so for those by the symmetries of any device.
 
-use crate::field::Field;
-use crate::pattern::Pattern;
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
 
 /// Features that foretell how large an error is.
 pub(super) const DIFFICULTY: usize = 13;
@@ -164,11 +164,11 @@ fn correlation(pattern: &Pattern, [dx, dy]: [isize; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Stream;
-    use crate::field::CORNERS;
-    use crate::pattern::CELLS;
-    use crate::pattern::Raster;
-    use crate::pattern::Symmetry;
+    use deaflow_base::Stream;
+    use deaflow_field::CORNERS;
+    use deaflow_pattern::CELLS;
+    use deaflow_pattern::Raster;
+    use deaflow_pattern::Symmetry;
 
     #[test]
     fn outlines_are_counted() {

@@ -29,9 +29,9 @@ use novelty::Novelty;
 pub use difficulty::DifficultyParts;
 pub use novelty::NoveltyParts;
 
-use crate::base::Stream;
-use crate::field::Field;
-use crate::pattern::{Pattern, Raster};
+use deaflow_base::Stream;
+use deaflow_field::Field;
+use deaflow_pattern::{Pattern, Raster};
 
 /// Probability that an interval covers what it is about.
 pub const COVERAGE: f64 = 0.95;

@@ -1,6 +1,6 @@
 use super::*;
-use crate::field::CORNERS;
-use crate::pattern::{CELLS, Raster};
+use deaflow_field::CORNERS;
+use deaflow_pattern::{CELLS, Raster};
 
 /// Patterns of two families: random cells, and half planes. The prediction is a smooth field; what it is off by has a known
 /// law: a normal deviate, larger for half planes, in one corner drawn at random.

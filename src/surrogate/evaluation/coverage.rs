@@ -1,8 +1,8 @@
 //! Whether the intervals of a calibration cover what was simulated.
 
-use crate::field::Field;
-use crate::pattern::Pattern;
-use crate::surrogate::{Calibration, ObjectiveIntervals};
+use crate::{Calibration, ObjectiveIntervals};
+use deaflow_field::Field;
+use deaflow_pattern::Pattern;
 
 /// Points of the membrane, in parts of its sides, with the direction of the displacement that is measured there: objectives
 /// that are held against their intervals.

@@ -4,9 +4,9 @@ use rayon::prelude::*;
 
 use super::coverage::{Coverage, intervals};
 use super::score::PatternScore;
-use crate::field::{Field, PredictError, Predictor};
-use crate::pattern::Pattern;
-use crate::surrogate::{Calibration, ObjectiveIntervals};
+use crate::{Calibration, ObjectiveIntervals};
+use deaflow_field::{Field, PredictError, Predictor};
+use deaflow_pattern::Pattern;
 
 /// Predictors to be judged, and calibrations of some of them.
 pub struct Judge<'a> {

@@ -3,7 +3,7 @@
 //! The scores of single patterns are kept, so that a group may be formed by family, by area or otherwise without a field
 //! being read twice.
 
-use crate::field::Field;
+use deaflow_field::Field;
 
 /// What a group's scores need to know of one pattern, all in mm or mm².
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,8 +106,8 @@ fn determination(error: f64, variance: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::CORNERS;
-    use crate::pattern::Raster;
+    use deaflow_field::CORNERS;
+    use deaflow_pattern::Raster;
 
     const N: usize = CORNERS * CORNERS * 2;
 

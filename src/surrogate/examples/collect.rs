@@ -6,11 +6,11 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 
 use super::left_out::{LeftOut, Why};
-use crate::base::OrbitId;
-use crate::dataset::Split;
-use crate::pattern::{Pattern, Symmetries};
-use crate::surrogate::example::{Example, Label, LabelError};
-use crate::surrogate::labels::implausible;
+use crate::example::{Example, Label, LabelError};
+use crate::labels::implausible;
+use deaflow_base::OrbitId;
+use deaflow_dataset::Split;
+use deaflow_pattern::{Pattern, Symmetries};
 
 /// Names the split of solved samples. It is the same for all trainings, so that networks of other seeds and other training sets
 /// are tested on patterns that none of them has seen.

@@ -5,7 +5,7 @@
 
 use pulp::Arch;
 
-use crate::pattern::Raster;
+use deaflow_pattern::Raster;
 
 /// Corners of the longest row of cells.
 const MOST: usize = Raster::MOST + 1;
@@ -215,9 +215,9 @@ fn neighbours(raster: Raster, p: &[f32], around: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::CORNERS;
-    use crate::pattern::CELLS;
-    use crate::surrogate::layers::plain::{self, numbers};
+    use crate::layers::plain::{self, numbers};
+    use deaflow_field::CORNERS;
+    use deaflow_pattern::CELLS;
 
     const INNER: usize = CORNERS - 2;
     const AREA: usize = CELLS * CELLS;

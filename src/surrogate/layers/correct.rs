@@ -16,7 +16,7 @@ use super::gemm::{Matrix, multiply};
 use super::green::{Green, GreenScratch};
 use super::inner::add_inner_products;
 use super::storage::values;
-use crate::pattern::Raster;
+use deaflow_pattern::Raster;
 
 /// The device that corrections are made on.
 #[derive(Clone, Debug)]
@@ -354,7 +354,7 @@ mod tests {
     use candle_core::Var;
 
     use super::*;
-    use crate::surrogate::layers::{Supports, plain};
+    use crate::layers::{Supports, plain};
 
     const SCALE: Scale = Scale {
         strain: 0.7,

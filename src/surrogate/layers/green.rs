@@ -13,7 +13,7 @@ use pulp::Arch;
 
 use super::cell::inner_corners;
 use super::gemm::{Matrix, multiply};
-use crate::pattern::Raster;
+use deaflow_pattern::Raster;
 
 /// Green's function of a membrane.
 #[derive(Clone, Debug)]
@@ -145,7 +145,7 @@ impl Green {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::surrogate::layers::plain::{self, numbers};
+    use crate::layers::plain::{self, numbers};
 
     fn rasters() -> [(Raster, f64); 3] {
         let raster = |columns, rows| Raster::new(columns, rows).unwrap();

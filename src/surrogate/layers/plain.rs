@@ -5,7 +5,7 @@ use candle_nn::Linear;
 
 use super::cell::{FEATURES, MODES, NEIGHBOURS, SIGNS};
 use super::green::Green;
-use crate::pattern::Raster;
+use deaflow_pattern::Raster;
 
 /// Small integers, so that sums are exact in f32.
 pub(super) fn numbers(dims: &[usize], salt: usize) -> Tensor {

@@ -8,10 +8,10 @@ use faer::linalg::solvers::DenseSolveCore;
 
 use super::fold::{Fold, sign, turns};
 use super::names;
-use crate::fem::LinearResponse;
-use crate::field::Field;
-use crate::pattern::{Membrane, Part, Parts, Symmetries, Symmetry};
-use crate::scene::Scene;
+use deaflow_fem::LinearResponse;
+use deaflow_field::Field;
+use deaflow_pattern::{Membrane, Part, Parts, Symmetries, Symmetry};
+use deaflow_scene::Scene;
 
 /// The most numbers of a response, a quarter of a gigabyte: 107 × 107 cells of a rectangle, 76 × 76 of a device without mirrors.
 const MOST: usize = 1 << 26;

@@ -3,7 +3,7 @@
 
 use candle_core::{Device, Result, Tensor};
 
-use crate::pattern::{Raster, Symmetries, Symmetry};
+use deaflow_pattern::{Raster, Symmetries, Symmetry};
 
 /// Which mirrors are symmetries of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -12,8 +12,8 @@ use candle_core::{Module, Result, Tensor};
 use candle_nn::VarBuilder;
 
 use super::onnx::Export;
-use crate::base::words;
-use crate::pattern::Raster;
+use deaflow_base::words;
+use deaflow_pattern::Raster;
 
 pub use constants::{Constants, ConstantsError};
 

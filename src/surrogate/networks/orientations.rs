@@ -5,8 +5,8 @@
 
 use candle_core::{Device, Result, Tensor};
 
-use crate::pattern::{Symmetries, Symmetry};
-use crate::surrogate::layers::{FEATURES, MODES, NEIGHBOURS};
+use crate::layers::{FEATURES, MODES, NEIGHBOURS};
+use deaflow_pattern::{Symmetries, Symmetry};
 
 /// The images of features and of modes.
 #[derive(Clone, Debug)]
@@ -133,7 +133,7 @@ fn on_features(g: Symmetry) -> Vec<(usize, f32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Stream;
+    use deaflow_base::Stream;
 
     /// The matrix of a symmetry, row by row.
     fn matrix(sources: &[(usize, f32)]) -> Tensor {

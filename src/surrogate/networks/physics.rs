@@ -21,10 +21,10 @@ use candle_nn::{Init, VarBuilder};
 use super::orientations::Orientations;
 use super::response::Response;
 use super::{Network, Output, names};
-use crate::pattern::{Raster, Symmetries};
-use crate::surrogate::layers::{self, FEATURES, Green, Ground, MODES, Scale, Supports, Workspace, correct};
-use crate::surrogate::onnx::{Export, Graph, Value};
-use crate::surrogate::parameters::constant;
+use crate::layers::{self, FEATURES, Green, Ground, MODES, Scale, Supports, Workspace, correct};
+use crate::onnx::{Export, Graph, Value};
+use crate::parameters::constant;
+use deaflow_pattern::{Raster, Symmetries};
 
 /// Corrections one after another. With one the error is twice as large, with three a fifth smaller.
 const CORRECTIONS: usize = 2;

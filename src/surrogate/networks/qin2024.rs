@@ -19,9 +19,9 @@ use candle_core::{Module, Result, Tensor, bail};
 use candle_nn::{Conv2dConfig, VarBuilder};
 
 use super::{Network, Output};
-use crate::pattern::Raster;
-use crate::surrogate::layers::{Conv2d, ConvTranspose2d, Mixing};
-use crate::surrogate::onnx::{Export, Graph, Value};
+use crate::layers::{Conv2d, ConvTranspose2d, Mixing};
+use crate::onnx::{Export, Graph, Value};
+use deaflow_pattern::Raster;
 
 /// Channels after the first and second layer of the encoder, and from the third on.
 const ENCODER: [usize; 3] = [16, 32, 64];
@@ -288,7 +288,7 @@ mod tests {
     use candle_core::{DType, Device};
 
     use super::*;
-    use crate::surrogate::parameters::Drawn;
+    use crate::parameters::Drawn;
 
     #[test]
     fn any_raster_has_an_answer_at_each_inner_corner() {

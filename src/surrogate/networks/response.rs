@@ -11,7 +11,7 @@ use super::super::onnx::{Graph, Value};
 use super::super::parameters::constant;
 use super::fold::{Fold, sign};
 use super::names;
-use crate::pattern::Raster;
+use deaflow_pattern::Raster;
 
 /// The response as a layer.
 pub(crate) struct Response {

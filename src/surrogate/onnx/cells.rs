@@ -1,11 +1,11 @@
-//! What lies between corners and cells as operations of a graph, as [`crate::surrogate::layers`] has it. The modes of a cell are a
+//! What lies between corners and cells as operations of a graph, as [`crate::layers`] has it. The modes of a cell are a
 //! convolution with 2 × 2 windows, forces its transpose, and the cells around a cell one with 3 × 3 windows.
 
 use candle_core::{Device, Result, Tensor};
 
 use super::graph::{Attribute, Graph, Value};
-use crate::pattern::Raster;
-use crate::surrogate::layers::{FEATURES, Green, MODES, NEIGHBOURS, SIGNS, Supports};
+use crate::layers::{FEATURES, Green, MODES, NEIGHBOURS, SIGNS, Supports};
+use deaflow_pattern::Raster;
 
 impl Graph {
     /// What a local law sees of patterns (n, rows, columns) and displacements (n, 2, rows − 1, columns − 1): (n, 22, cells).

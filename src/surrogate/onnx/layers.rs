@@ -1,11 +1,11 @@
-//! The layers of [`crate::surrogate::layers`] as operations of a graph. Images keep their channels last here too; ONNX has
+//! The layers of [`crate::layers`] as operations of a graph. Images keep their channels last here too; ONNX has
 //! convolutions for channels that come first.
 
 use candle_core::{Result, Tensor};
 
 use super::Export;
 use super::graph::{Attribute, Graph, Value};
-use crate::surrogate::layers::{Conv2d, ConvTranspose2d, Mixing};
+use crate::layers::{Conv2d, ConvTranspose2d, Mixing};
 
 const CHANNELS_FIRST: [i64; 4] = [0, 3, 1, 2];
 const CHANNELS_LAST: [i64; 4] = [0, 2, 3, 1];

@@ -15,7 +15,7 @@ use super::encode::seen;
 use super::header::Header;
 use super::networks::Network;
 use super::weights::KEY;
-use crate::pattern::Raster;
+use deaflow_pattern::Raster;
 
 pub(crate) use graph::{Graph, Value};
 

@@ -8,7 +8,7 @@
 
 use faer::Accum;
 
-use crate::surrogate::layers::{Matrix, multiply};
+use crate::layers::{Matrix, multiply};
 
 /// Decay of the momentum.
 const MOMENTUM: f32 = 0.95;
@@ -89,7 +89,7 @@ fn orthogonalize(matrix: &mut [f32], rows: usize, columns: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Stream;
+    use deaflow_base::Stream;
 
     #[test]
     fn singular_values_become_about_one_and_directions_stay() {

@@ -1,13 +1,13 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::dataset::Split;
-use crate::field::CORNERS;
-use crate::pattern::Raster;
-use crate::surrogate::header::Header;
-use crate::surrogate::testing::examples;
-use crate::surrogate::weights::to_bytes;
-use crate::surrogate::{TrainOptions, train};
+use crate::header::Header;
+use crate::testing::examples;
+use crate::weights::to_bytes;
+use crate::{TrainOptions, train};
+use deaflow_dataset::Split;
+use deaflow_field::CORNERS;
+use deaflow_pattern::Raster;
 
 fn model() -> Vec<u8> {
     let options = TrainOptions {

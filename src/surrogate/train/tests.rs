@@ -4,10 +4,10 @@ mod update;
 use std::cell::RefCell;
 
 use super::*;
-use crate::base::Stopped;
-use crate::pattern::{Pattern, Raster};
-use crate::surrogate::testing::examples;
-use crate::surrogate::{Label, Metrics, OptimizerKind};
+use crate::testing::examples;
+use crate::{Label, Metrics, OptimizerKind};
+use deaflow_base::Stopped;
+use deaflow_pattern::{Pattern, Raster};
 
 fn run(examples: &[Example], options: &TrainOptions) -> Result<Trained, TrainError> {
     train(examples, None, options, &())

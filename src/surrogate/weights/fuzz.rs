@@ -7,8 +7,8 @@ use safetensors::SafeTensors;
 
 use super::tests::model;
 use super::{KEY, LoadError, digest, from_bytes, opening};
-use crate::surrogate::checkpoint::Checkpoint;
-use crate::surrogate::{EpochReport, Surrogate};
+use crate::checkpoint::Checkpoint;
+use crate::{EpochReport, Surrogate};
 
 /// One way to break an input for all fuzz targets, wherever they stand.
 #[path = "../../../tests/it/fuzz/mutate.rs"]

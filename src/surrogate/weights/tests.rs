@@ -2,9 +2,9 @@ use candle_core::DType;
 use proptest::prelude::*;
 
 use super::*;
-use crate::pattern::Raster;
-use crate::surrogate::EpochReport;
-use crate::surrogate::metrics::Metrics;
+use crate::EpochReport;
+use crate::metrics::Metrics;
+use deaflow_pattern::Raster;
 
 fn tensors() -> BTreeMap<String, Tensor> {
     let tensor = |values: &[f32]| Tensor::new(values, &Device::Cpu).unwrap();
@@ -194,7 +194,7 @@ fn the_record_counts_examples_by_family() {
         curves: vec![report(1, 0.5), report(2, 0.25), report(3, 0.75)],
         metrics: vec![metrics("all", Split::Train, 5), metrics("bezier", Split::Train, 5)],
         best_epoch: 2,
-        ending: crate::surrogate::Ending::Complete,
+        ending: crate::Ending::Complete,
     };
     let record = Record::of(&trained, 7, Vec::new());
     assert_eq!((record.epochs, record.best_epoch, record.seed), (3, 2, 7));

@@ -3,9 +3,9 @@
 use std::sync::Mutex;
 
 use super::*;
-use crate::design::{Limits, Sides};
-use crate::pattern::Region;
-use crate::pattern::{Membrane, Raster};
+use crate::{Limits, Sides};
+use deaflow_pattern::Region;
+use deaflow_pattern::{Membrane, Raster};
 
 fn wanted() -> Constraints {
     let limits = Limits {

@@ -1,7 +1,7 @@
 //! Searches for several designs.
 
 use super::*;
-use crate::pattern::distance;
+use deaflow_pattern::distance;
 
 fn several(designs: usize, distance: f64, options: &EvolveOptions) -> EvolveOptions {
     EvolveOptions {

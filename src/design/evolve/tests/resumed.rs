@@ -1,9 +1,9 @@
 //! Searches that were stopped and are gone on with.
 
 use super::*;
-use crate::base::Stopped;
-use crate::design::{Limits, Sides};
-use crate::pattern::Membrane;
+use crate::{Limits, Sides};
+use deaflow_base::Stopped;
+use deaflow_pattern::Membrane;
 
 /// Keeps every state, and goes on from one.
 #[derive(Default)]
@@ -126,7 +126,7 @@ fn other_bytes_are_refused_and_the_search_starts_anew() {
         assert_eq!(refusal(&damaged, &short), StateError::Damaged, "byte {at}");
     }
     let sealed = |mut content: Vec<u8>| {
-        let sum = crate::base::Digest::of(&content);
+        let sum = deaflow_base::Digest::of(&content);
         content.extend(sum.as_bytes());
         content
     };

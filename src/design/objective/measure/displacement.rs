@@ -1,7 +1,7 @@
 //! Displacement along the wanted directions.
 
 use super::{Goal, Measure, SCALE_MM};
-use crate::field::Field;
+use deaflow_field::Field;
 
 /// The mean displacement along the wanted directions.
 pub struct Displacement;

@@ -1,7 +1,7 @@
 //! Distance from the wanted displacements.
 
 use super::{Goal, Measure, SCALE_MM};
-use crate::field::Field;
+use deaflow_field::Field;
 
 /// The root mean square distance from the wanted displacements.
 pub struct Distance;

@@ -11,7 +11,7 @@ pub use distance::Distance;
 pub use qin2024::Qin2024;
 
 use super::goal::Goal;
-use crate::field::Field;
+use deaflow_field::Field;
 
 /// The displacement in mm that counts as 1: the top of the paper's deformation space.
 const SCALE_MM: f64 = 2.5;

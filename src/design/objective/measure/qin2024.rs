@@ -1,8 +1,8 @@
 //! The source paper's equation 6 to the letter (Qin et al., doi 10.1089/soro.2024.0063).
 
 use super::{Goal, Measure};
-use crate::design::objective::aim::PlacedAim;
-use crate::field::Field;
+use crate::objective::aim::PlacedAim;
+use deaflow_field::Field;
 
 /// How well the directions agree, regardless of sign and magnitude.
 pub struct Qin2024;

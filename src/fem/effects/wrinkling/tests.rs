@@ -1,8 +1,8 @@
 use super::*;
-use crate::base::Decimal;
-use crate::fem::effects::{Decaying, Stiff};
-use crate::fem::energy::{Compound, Elasticity, Isotropic, Material, Neo, Stiffened};
-use crate::scene::laws::{Gent, StiffeningLaw};
+use crate::effects::{Decaying, Stiff};
+use crate::energy::{Compound, Elasticity, Isotropic, Material, Neo, Stiffened};
+use deaflow_base::Decimal;
+use deaflow_scene::laws::{Gent, StiffeningLaw};
 
 fn field<M: Elasticity>(prestretch: f64, kappa: f64, elasticity: M) -> TensionField<Compound<M>> {
     let dielectric = Decaying::ideal(prestretch, kappa);

@@ -3,11 +3,11 @@
 use std::fmt::Write;
 
 use super::*;
-use crate::base::Stream;
-use crate::fem::effects::Effect;
-use crate::fem::screening::Displacement;
-use crate::field::Simulator;
-use crate::scene::laws::{ArrudaBoyce, MooneyRivlin};
+use crate::effects::Effect;
+use crate::screening::Displacement;
+use deaflow_base::Stream;
+use deaflow_field::Simulator;
+use deaflow_scene::laws::{ArrudaBoyce, MooneyRivlin};
 
 /// What is drawn: an effect, by one of its laws.
 const DRAWN: [(&str, &str); 9] = [

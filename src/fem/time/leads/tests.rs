@@ -1,11 +1,11 @@
 //! Known answers of a strip as an RC line, orders of convergence, balances of energy, and agreement with statics.
 
 use super::*;
-use crate::fem::operator::metrics;
-use crate::fem::time::{History, HistoryRequest};
-use crate::fem::{MembraneSolver, SetupError, SolveOptions, Solver, SolverParameters};
-use crate::field::{Mesh, Simulator};
-use crate::pattern::{Pattern, Raster};
+use crate::operator::metrics;
+use crate::time::{History, HistoryRequest};
+use crate::{MembraneSolver, SetupError, SolveOptions, Solver, SolverParameters};
+use deaflow_field::{Mesh, Simulator};
+use deaflow_pattern::{Pattern, Raster};
 
 /// A strip of 50 mm by so many elements, all of it active, with its lead at the left; the unit of time is R c ℓ².
 struct Strip {
@@ -20,7 +20,7 @@ impl Strip {
             "geometry: {{ size: [50 mm, 1 mm], thickness: 1 mm, prestretch: 3, cells: [{elements}, 1] }}, \
              drive: {{ voltage: 1 V }}, {RESISTANCE}"
         ));
-        let grid = crate::fem::grid::Grid::uniform(Mesh::bilinear(1), &crate::fem::sheet::Sheet::of(&scene));
+        let grid = crate::grid::Grid::uniform(Mesh::bilinear(1), &crate::sheet::Sheet::of(&scene));
         let pattern = Pattern::from_fn(Raster::new(elements, 1).unwrap(), |_, _| true);
         let activity = Activity::new(&grid, &pattern);
         let conductor = Conductor::of(&scene, &activity).unwrap();
@@ -222,7 +222,7 @@ fn errors_in_time_fall_with_the_square_of_the_step_and_energies_balance() {
             last.supplied
         );
         let least = -1e-9 * last.supplied;
-        let is_lost = |pair: &[crate::fem::time::Instant]| pair[1].dissipated - pair[0].dissipated >= least;
+        let is_lost = |pair: &[crate::time::Instant]| pair[1].dissipated - pair[0].dissipated >= least;
         assert!(found.instants.windows(2).all(is_lost));
     }
 }
@@ -250,11 +250,7 @@ fn cells_may_be_leads_and_corners_conduct_nothing() {
     let one = solver.history(&alone, &HistoryRequest::at(vec![0.1])).unwrap();
     assert!(found.fields[0].max_difference(&one.fields[0]) < 1e-6 * one.fields[0].max_magnitude());
     // Whoever asks for it is told.
-    let solver = Solver::new(
-        &scene,
-        &SolverParameters::new(crate::fem::Method::Newton, Mesh::bilinear(1)),
-    )
-    .unwrap();
+    let solver = Solver::new(&scene, &SolverParameters::new(crate::Method::Newton, Mesh::bilinear(1))).unwrap();
     let refused = solver.simulate(&[alone, squares]).err();
     let island = SetupError::Island {
         pattern: 1,

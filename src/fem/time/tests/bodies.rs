@@ -3,12 +3,12 @@
 use std::f64::consts::TAU;
 
 use super::*;
-use crate::fem::energy::NeoHookean;
-use crate::fem::mass::Mass;
-use crate::fem::operator::{Activity, Operator};
-use crate::fem::time::modes::lowest;
-use crate::field::Motion;
-use crate::pattern::Symmetry;
+use crate::energy::NeoHookean;
+use crate::mass::Mass;
+use crate::operator::{Activity, Operator};
+use crate::time::modes::lowest;
+use deaflow_field::Motion;
+use deaflow_pattern::Symmetry;
 
 /// A bar in the middle, which electrodes on either side turn, with a pull.
 fn bar(pull: &str) -> String {

@@ -4,12 +4,12 @@ use std::f64::consts::TAU;
 
 use super::bodies::{by_steps, open_balance, solver, within};
 use super::*;
-use crate::fem::SetupError;
-use crate::fem::charge::sprayed;
-use crate::fem::energy::NeoHookean;
-use crate::fem::mass::Mass;
-use crate::fem::operator::Operator;
-use crate::fem::time::modes::lowest;
+use crate::SetupError;
+use crate::charge::sprayed;
+use crate::energy::NeoHookean;
+use crate::mass::Mass;
+use crate::operator::Operator;
+use crate::time::modes::lowest;
 
 const FED: [&str; 4] = [
     "charge: { total: 1 uC }",
@@ -156,7 +156,7 @@ fn a_body_in_a_charged_membrane_swings_at_its_linear_frequency() {
             pulled: 1.0,
         };
         let modes = lowest(&operator, &solver.laplacian, &mass, &none, 4);
-        let per_second = crate::fem::time::modes::wave_speed(&charged).unwrap() / (1e-3 * solver.grid.unit_mm());
+        let per_second = crate::time::modes::wave_speed(&charged).unwrap() / (1e-3 * solver.grid.unit_mm());
         let hertz: Vec<f64> = modes.iter().map(|(value, _)| value.sqrt() * per_second / TAU).collect();
         let times: Vec<f64> = (0..16).map(|k| 0.13 * f64::from(k) / hertz[0]).collect();
         let found = within(&charged, &all, times.clone(), 1e-7);

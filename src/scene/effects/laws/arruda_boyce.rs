@@ -11,7 +11,7 @@
 //! Neo-Hookean as λL → ∞. At finite λL the modulus of the undeformed elastomer is larger than μ, by 3/(5λL²) at first order.
 
 use super::{Form, Response, StiffeningLaw};
-use crate::base::{Decimal, parameters};
+use deaflow_base::{Decimal, parameters};
 
 parameters! {
     /// Eight chains of limited extensibility (Arruda and Boyce, J. Mech. Phys. Solids 41 (1993) 389); μ is the modulus n k T of the network.

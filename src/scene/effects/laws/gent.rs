@@ -3,7 +3,7 @@
 //! W = −½μ Jm ln(1 − (I₁ − 3)/Jm), so 2ψ′/μ = 1/(1 − (I₁ − 3)/Jm). Neo-Hookean as Jm → ∞.
 
 use super::{Form, Response, StiffeningLaw};
-use crate::base::{Decimal, parameters};
+use deaflow_base::{Decimal, parameters};
 
 parameters! {
     /// W = −½μ Jm ln(1 − (I1 − 3)/Jm) (Gent, Rubber Chem. Technol. 69 (1996) 59).

@@ -17,7 +17,7 @@ pub use mooney_rivlin::MooneyRivlin;
 pub use ogden::{Ogden, OgdenTerm};
 pub use yeoh::Yeoh;
 
-use crate::base::{InputError, Node, variants};
+use deaflow_base::{InputError, Node, variants};
 
 /// A law by which an elastomer stiffens.
 pub trait StiffeningLaw {

@@ -4,7 +4,7 @@
 //! zero. Under equibiaxial stress σ = 2(λ² − λ⁻⁴)(C₁ + C₂λ²): a positive C₂ stiffens what is stretched in both directions.
 
 use super::{Form, Response, StiffeningLaw};
-use crate::base::{Stress, parameters};
+use deaflow_base::{Stress, parameters};
 
 parameters! {
     /// W = C1(I1 − 3) + C2(I2 − 3) with C1 + C2 = ½μ (Mooney, J. Appl. Phys. 11 (1940) 582; Rivlin, Phil. Trans. R. Soc. A 241 (1948) 379).

@@ -3,7 +3,7 @@
 //! W = Σ (μₚ/αₚ)(λ₁^αₚ + λ₂^αₚ + λ₃^αₚ − 3) with ½ Σ μₚαₚ = μ. Neo-Hookean with the single exponent 2.
 
 use super::{Form, StiffeningLaw};
-use crate::base::{Decimal, InputError, Map, Node, Stress, parameters};
+use deaflow_base::{Decimal, InputError, Map, Node, Stress, parameters};
 
 parameters! {
     /// W = Σ (mu/alpha)(λ1^alpha + λ2^alpha + λ3^alpha − 3) (Ogden, Proc. R. Soc. A 326 (1972) 565).

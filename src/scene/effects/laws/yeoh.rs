@@ -4,7 +4,7 @@
 //! are zero.
 
 use super::{Form, Response, StiffeningLaw};
-use crate::base::{Stress, parameters};
+use deaflow_base::{Stress, parameters};
 
 parameters! {
     /// W = C1(I1 − 3) + C2(I1 − 3)² + C3(I1 − 3)³ with C1 = ½μ (Yeoh, Rubber Chem. Technol. 66 (1993) 754).

@@ -1,15 +1,15 @@
 use super::*;
-use crate::content::{
+use deaflow_content::{
     BalanceCounts, Balanced, Components, DesignRows, Histograms, LongTexts, Observations, Packed, SampleRows,
     Solutions, Unstable, Verification,
 };
-use crate::field::CORNERS;
-use crate::field::Field;
-use crate::pattern::{Raster, Role};
-use crate::pattern::{Symmetries, Symmetry};
-use crate::scene::Scene;
-use crate::store::{Data, Dataset, Object, Provenance, Store};
-use crate::surrogate::{Example, LeftOut, SPLIT_SEED, Why};
+use deaflow_field::CORNERS;
+use deaflow_field::Field;
+use deaflow_pattern::{Raster, Role};
+use deaflow_pattern::{Symmetries, Symmetry};
+use deaflow_scene::Scene;
+use deaflow_store::{Data, Dataset, Object, Provenance, Store};
+use deaflow_surrogate::{Example, LeftOut, SPLIT_SEED, Why};
 
 /// Different patterns for k below 41, none with a symmetry.
 fn pattern(k: usize) -> Pattern {

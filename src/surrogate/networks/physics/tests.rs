@@ -1,18 +1,19 @@
 use candle_core::Var;
 
 use super::*;
-use crate::base::Stream;
-use crate::fem::LinearResponse;
-use crate::field::{Field, Mesh};
-use crate::pattern::{Part, Pattern, Raster, Symmetry};
-use crate::scene::Scene;
-use crate::surrogate::Constants;
-use crate::surrogate::encode::{patterns_to_tensor, tensor_to_fields};
-use crate::surrogate::parameters::{Drawn, Stored};
+use crate::Constants;
+use crate::encode::{patterns_to_tensor, tensor_to_fields};
+use crate::parameters::{Drawn, Stored};
+use crate::testing::response_at;
+use deaflow_base::Stream;
+use deaflow_fem::LinearResponse;
+use deaflow_field::{Field, Mesh};
+use deaflow_pattern::{Part, Pattern, Raster, Symmetry};
+use deaflow_scene::Scene;
 
 /// The constants of the default scene at a voltage, on the coarsest mesh.
 fn constants(volts: f64) -> (LinearResponse, Constants) {
-    let response = LinearResponse::of_default_scene(volts);
+    let response = response_at(volts);
     let constants = Constants::new(&response, &Scene::vhb4910()).unwrap();
     (response, constants)
 }

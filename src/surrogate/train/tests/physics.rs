@@ -1,10 +1,11 @@
 //! Trainings of the network that starts from what is known of the scene.
 
 use super::*;
-use crate::fem::LinearResponse;
-use crate::field::{CORNERS, Predictor};
-use crate::scene::Scene;
-use crate::surrogate::{Constants, NetworkKind, Surrogate};
+use crate::testing::response_at;
+use crate::{Constants, NetworkKind, Surrogate};
+use deaflow_fem::LinearResponse;
+use deaflow_field::{CORNERS, Predictor};
+use deaflow_scene::Scene;
 
 /// Grids and half planes with the fields of four chord steps, which are within a thousandth of a millimetre of the solution.
 fn simulated(response: &LinearResponse, count: u64, split: Split) -> Vec<Example> {
@@ -25,7 +26,7 @@ fn options() -> TrainOptions {
 
 #[test]
 fn a_few_examples_take_away_most_of_what_the_linear_response_misses() {
-    let response = LinearResponse::of_default_scene(5250.0);
+    let response = response_at(5250.0);
     let constants = Constants::new(&response, &Scene::vhb4910()).unwrap();
     let mut data = simulated(&response, 64, Split::Train);
     data.extend(simulated(&response, 16, Split::Validation));
@@ -71,7 +72,7 @@ fn a_few_examples_take_away_most_of_what_the_linear_response_misses() {
 
 #[test]
 fn it_goes_on_from_every_state_to_the_same_bits() {
-    let response = LinearResponse::of_default_scene(5250.0);
+    let response = response_at(5250.0);
     let constants = Constants::new(&response, &Scene::vhb4910()).unwrap();
     let data = simulated(&response, 12, Split::Train);
     let options = TrainOptions { epochs: 3, ..options() };

@@ -1,8 +1,8 @@
 //! Trainings that go on from a trained network, and examples that count more than others.
 
 use super::*;
-use crate::field::CORNERS;
-use crate::surrogate::NetworkKind;
+use crate::NetworkKind;
+use deaflow_field::CORNERS;
 
 fn options(epochs: u32) -> TrainOptions {
     TrainOptions {

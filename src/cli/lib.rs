@@ -74,12 +74,15 @@ use commands::{Cli, JOBS};
 use error::CliError;
 use output::Output;
 
-use crate::hdf;
+use deaflow_base as base;
+use deaflow_hdf as hdf;
 
 pub use output::Exit;
 
 /// Runs a command line and says how it ended.
-pub fn main(arguments: impl IntoIterator<Item = OsString>) -> Exit {
+/// The digest of the sources names this build.
+pub fn main(arguments: impl IntoIterator<Item = OsString>, sources: &str) -> Exit {
+    base::set_build(sources);
     signals::prepare();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     if arguments.get(1).is_some_and(|word| word == hdf::COMMAND) {

@@ -26,14 +26,14 @@ mod verify;
 pub use foresight::of_faint_drive;
 pub use results::{unit as result_unit, words_of as result_words};
 
-use crate::base::{Fields, InputError, Node, Schema};
-use crate::content::{ContentError, StoredAttribute};
-use crate::dataset::Device;
-use crate::fem::effects::Model;
-use crate::orchestrator::{MOST_STAGES, Registry, StageError};
-use crate::pattern::Raster;
-use crate::scene::{Difference, Outline, Scene, States};
-use crate::store::Artifact;
+use deaflow_base::{Fields, InputError, Node, Schema};
+use deaflow_content::StoredAttribute;
+use deaflow_dataset::Device;
+use deaflow_fem::effects::Model;
+use deaflow_orchestrator::{MOST_STAGES, Registry, StageError};
+use deaflow_pattern::Raster;
+use deaflow_scene::{Difference, Outline, Scene, States};
+use deaflow_store::Artifact;
 
 /// All kinds of stages, and how a scene is checked.
 #[must_use]
@@ -147,15 +147,6 @@ fn checked_scene(node: &Node) -> Result<Scene, InputError> {
         Some(error) => {
             let section = if scene.auto { "properties" } else { "effects" };
             Err(node.peek(section).unwrap_or(node).error(error.to_string()))
-        }
-    }
-}
-
-impl From<ContentError> for StageError {
-    fn from(error: ContentError) -> Self {
-        match error {
-            ContentError::Store(error) => Self::Store(error),
-            fault => Self::Input(fault.to_string()),
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Whether a network may be used in a scene: it knows no other than the one that it was trained in.
 
 use super::predict::Surrogate;
-use crate::base::InputError;
-use crate::scene::{Difference, Scene};
+use deaflow_base::InputError;
+use deaflow_scene::{Difference, Scene};
 
 /// Why a network may not be used in a scene.
 #[derive(Debug, thiserror::Error)]

@@ -1,6 +1,6 @@
 //! Finds the pattern that moves points and bodies where they should go.
 //!
-//! Programs against the traits of [`crate::field`] alone: whether a network, a linear response or the finite elements predict
+//! Programs against the traits of [`deaflow_field`] alone: whether a network, a linear response or the finite elements predict
 //! a field is not known here.
 
 mod constraint;

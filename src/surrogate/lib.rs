@@ -19,13 +19,13 @@ mod options;
 mod outcome;
 mod parameters;
 mod predict;
-mod scene;
 mod schedule;
 mod start;
 mod step;
 #[cfg(test)]
 mod testing;
 mod train;
+mod trained_for;
 mod weights;
 
 pub use calibration::{
@@ -43,6 +43,6 @@ pub use networks::{Constants, ConstantsError, NetworkKind};
 pub use options::{OptimizerKind, TrainOptions};
 pub use outcome::{Ending, EpochReport, TrainError, Trained};
 pub use predict::Surrogate;
-pub use scene::SceneError;
 pub use train::{train, update};
+pub use trained_for::SceneError;
 pub use weights::{LoadError, annotated};
