@@ -157,6 +157,11 @@ impl Stage for TrainStage {
         true
     }
 
+    /// Gradients of the others are summed in another order than they were.
+    fn revision(&self) -> u32 {
+        u32::from(self.parameters.network != NetworkKind::Physics)
+    }
+
     fn unit(&self) -> &'static str {
         "epochs"
     }
