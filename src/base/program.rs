@@ -25,8 +25,14 @@ pub fn build() -> &'static str {
     })
 }
 
+/// The version, and which build of it: two builds of other sources are told apart.
+#[must_use]
+pub fn version() -> String {
+    format!("{VERSION} (build {})", &build()[..12])
+}
+
 /// This program, as files name it.
 #[must_use]
 pub fn software() -> String {
-    format!("deaflow {VERSION} (build {})", &build()[..12])
+    format!("deaflow {}", version())
 }

@@ -34,9 +34,8 @@ const WIDTH: usize = 100;
 /// The fewest columns in which the list of commands says what each does.
 const LEAST: usize = 20;
 
-/// The version, and which build of it: two builds of other sources are told apart.
-static VERSION: LazyLock<String> =
-    LazyLock::new(|| format!("{} (build {})", deaflow_base::VERSION, &deaflow_base::build()[..12]));
+/// What `--version` says.
+static VERSION: LazyLock<String> = LazyLock::new(deaflow_base::version);
 
 /// Designs dielectric-elastomer actuators, reproducibly: sample, solve, balance, train, design, verify.
 #[derive(Debug, Parser)]

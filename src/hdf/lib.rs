@@ -26,7 +26,7 @@ pub use error::{Failure, HdfError};
 pub use file::HdfFile;
 pub use limits::{MEMORY, SECONDS};
 pub use message::Found;
-pub use session::{reader_of_tests, set_reader};
+pub use session::{read_by_test, set_reader};
 pub use tree::{Array, Tree};
 
 #[cfg(test)]

@@ -31,14 +31,15 @@ pub(super) fn has_reader() -> bool {
     READER.get().is_some()
 }
 
-/// Runs of this program, that of the unit tests of a room, one test, `the_process_that_other_tests_start`, which is to call
-/// [`super::serve`]: what such tests name to [`set_reader`].
+/// Has the unit tests of a room read files of others by a test of their own program, `the_process_that_other_tests_start`, which
+/// is to call [`super::serve`].
 #[doc(hidden)]
-#[must_use]
-pub fn reader_of_tests() -> Command {
-    let mut command = Command::new(std::env::current_exe().unwrap_or_default());
-    command.args(["the_process_that_other_tests_start", "--ignored"]);
-    command
+pub fn read_by_test() {
+    set_reader(|| {
+        let mut command = Command::new(std::env::current_exe().unwrap_or_default());
+        command.args(["the_process_that_other_tests_start", "--ignored"]);
+        command
+    });
 }
 
 /// A running process.

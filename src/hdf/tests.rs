@@ -13,7 +13,7 @@ fn the_process_that_other_tests_start() {
 
 /// Writes a file without a lock, which a process that starts meanwhile would inherit and keep.
 fn write(path: &Path, write: impl Fn(&hdf5::File)) {
-    set_reader(reader_of_tests);
+    read_by_test();
     let mut builder = hdf5::FileBuilder::new();
     builder.with_fapl(|access| access.file_locking(false));
     write(&builder.create(path).unwrap());

@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn rows_are_read_by_ranges_and_texts_whatever_their_form() {
-        deaflow_hdf::set_reader(deaflow_hdf::reader_of_tests);
+        deaflow_hdf::read_by_test();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.h5");
         let numbers = crate::Dataset::new("mm", "d", &[3, 2], Data::F32(vec![1.0, 2.0, 3.0, f32::NAN, 5.0, 6.0]));

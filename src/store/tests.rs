@@ -20,7 +20,7 @@ fn the_process_that_other_tests_start() {
 }
 
 fn store() -> (TempDir, Store) {
-    deaflow_hdf::set_reader(deaflow_hdf::reader_of_tests);
+    deaflow_hdf::read_by_test();
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&folder.path().join("store")).unwrap();
     (folder, store)

@@ -26,7 +26,7 @@ fn the_process_that_other_tests_start() {
 
 impl Folder {
     fn new() -> Self {
-        deaflow_hdf::set_reader(deaflow_hdf::reader_of_tests);
+        deaflow_hdf::read_by_test();
         Self(tempfile::tempdir().unwrap())
     }
 
