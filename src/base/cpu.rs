@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Levels of x86-64 (x86-64 psABI, section 3.1.1). The numerical kernels use v3 wherever it is there, and nothing above it.
+/// Levels of x86-64 (x86-64 psABI, section 3.1.1). The numerical kernels use v3 wherever it is there; what
+/// they use beyond it, registers of 512 bits, changes no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum CpuLevel {
     /// Any processor.

@@ -3,7 +3,9 @@
 //! The matrices fit in the second-level cache, so nothing is packed: a tile of the result stays in registers while a row of
 //! the right factor and a column of the left one pass by.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
+
+use crate::registers::dispatch_widest;
 
 /// A matrix inside a longer row-major array: row i begins at `offset + i · stride`.
 #[derive(Clone, Copy, Debug)]
@@ -38,7 +40,7 @@ pub struct Product<'a> {
 impl Product<'_> {
     /// Computes it.
     pub fn run(self) {
-        Arch::new().dispatch(self);
+        dispatch_widest(self);
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! They work in single precision: Newton's method corrects whatever they leave, and halved vectors move twice as fast.
 
-use pulp::Arch;
+use crate::registers::dispatch_widest;
 
 /// How the iteration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,7 +97,7 @@ const RUN: usize = 512;
 /// Σ aᵢbᵢ, in an order that depends on the length alone.
 #[must_use]
 pub fn dot(a: &[f32], b: &[f32]) -> f64 {
-    Arch::new().dispatch(
+    dispatch_widest(
         #[inline(always)]
         || a.chunks(RUN).zip(b.chunks(RUN)).map(|(a, b)| short_dot(a, b)).sum(),
     )
@@ -118,7 +118,7 @@ fn short_dot(a: &[f32], b: &[f32]) -> f64 {
 
 /// y ← y + αx.
 pub(super) fn add_scaled(y: &mut [f32], alpha: f32, x: &[f32]) {
-    Arch::new().dispatch(
+    dispatch_widest(
         #[inline(always)]
         || y.iter_mut().zip(x).for_each(|(y, x)| *y += alpha * x),
     );
@@ -126,7 +126,7 @@ pub(super) fn add_scaled(y: &mut [f32], alpha: f32, x: &[f32]) {
 
 /// p ← z + βp.
 fn extend(p: &mut [f32], beta: f32, z: &[f32]) {
-    Arch::new().dispatch(
+    dispatch_widest(
         #[inline(always)]
         || p.iter_mut().zip(z).for_each(|(p, z)| *p = z + beta * *p),
     );
@@ -134,7 +134,7 @@ fn extend(p: &mut [f32], beta: f32, z: &[f32]) {
 
 /// r ← r − αq; returns r·r.
 fn retreat(r: &mut [f32], alpha: f32, q: &[f32]) -> f64 {
-    Arch::new().dispatch(
+    dispatch_widest(
         #[inline(always)]
         || {
             let mut total = 0.0;

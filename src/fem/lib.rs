@@ -42,6 +42,7 @@ mod path;
 mod powers;
 mod precision;
 pub mod precondition;
+pub mod registers;
 mod response;
 mod safety_margins;
 pub mod screening;

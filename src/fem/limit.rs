@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use deaflow_field::{Mesh, Order};
 use deaflow_pattern::Pattern;
-use deaflow_scene::Scene;
+use deaflow_scene::{Effects, Scene};
 
 use super::continuation::Ending;
 use super::critical::{CriticalVoltage, MeshLimit};
@@ -85,6 +85,18 @@ impl CriticalSearch {
     /// When the effects of the scene cannot be simulated.
     pub fn is_far_from_any(scene: &Scene) -> Result<bool, SetupError> {
         Ok(scene.voltage_v() <= 0.0 || Model::new(scene)?.with(Load))
+    }
+
+    /// The same of patterns that do not wrinkle at the voltage of the scene: they are those of a membrane that cannot.
+    ///
+    /// # Errors
+    /// When the effects of the scene cannot be simulated.
+    pub fn is_far_from_any_taut(scene: &Scene) -> Result<bool, SetupError> {
+        let effects = Effects {
+            wrinkling: None,
+            ..scene.effects.clone()
+        };
+        Self::is_far_from_any(&scene.with_effects(effects))
     }
 
     /// The critical voltage of a pattern that loses stability on the coarser mesh at a voltage in V.

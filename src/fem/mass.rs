@@ -3,8 +3,8 @@
 //! On a tensor-product mesh it is M⊗M with the one-dimensional mass matrices. Frames and rigid bodies see of an image what they see of any
 //! force: a body is as heavy as the membrane that would be in its place.
 
+use crate::registers::dispatch;
 use faer::Mat;
-use pulp::Arch;
 
 use super::element::Line;
 use super::grid::Grid;
@@ -59,7 +59,7 @@ impl Mass {
 
     /// Its image of a vector, at interior nodes.
     pub fn apply<T: Real>(&self, vector: &[T], out: &mut [T]) {
-        Arch::new().dispatch(
+        dispatch(
             #[inline(always)]
             || self.apply_here(vector, out),
         );

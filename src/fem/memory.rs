@@ -10,7 +10,7 @@
 
 use std::ops::Range;
 
-use pulp::Arch;
+use crate::registers::dispatch;
 
 use super::energy::MODULI;
 use super::kinematics::{
@@ -73,7 +73,7 @@ impl Memory {
         let (double, single) = self.values.parts_mut();
         let count = double.len() / size * layout.columns();
         let (mut largest, mut sum) = ([0.0_f64; ABREAST], [0.0; ABREAST]);
-        Arch::new().dispatch(
+        dispatch(
             #[inline(always)]
             || {
                 let rows = double.chunks_exact_mut(size).zip(single.chunks_exact_mut(size));
@@ -138,7 +138,7 @@ pub fn add_energy(part: usize, [coefficients, metric]: [&[f64]; 2], share: f64, 
         .chunks_exact(NUMBERS * part)
         .zip(metric.chunks_exact(NUMBERS * part))
         .zip(energy.chunks_exact_mut(part));
-    Arch::new().dispatch(
+    dispatch(
         #[inline(always)]
         || {
             for ((coefficients, metric), energy) in rows {
@@ -156,7 +156,7 @@ pub fn add_energy(part: usize, [coefficients, metric]: [&[f64]; 2], share: f64, 
 /// The same with the sums of two sets of P, between two metrics: a share of the energy at the second less that at the first.
 pub fn add_work(part: usize, coefficients: [&[f64]; 2], metric: [&[f64]; 2], share: f64, work: &mut [f64]) {
     let size = NUMBERS * part;
-    Arch::new().dispatch(
+    dispatch(
         #[inline(always)]
         || {
             for (row, work) in work.chunks_exact_mut(part).enumerate() {

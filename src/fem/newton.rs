@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use pulp::Arch;
+use crate::registers::dispatch_widest;
 
 use deaflow_base::Stream;
 
@@ -455,7 +455,7 @@ fn line_search<L: Material>(
 /// Euclidean norm, in an order that depends on the length alone.
 #[must_use]
 pub fn norm(a: &[f64]) -> f64 {
-    Arch::new().dispatch(
+    dispatch_widest(
         #[inline(always)]
         || {
             let mut sums = [0.0; 32];
@@ -476,7 +476,7 @@ pub fn largest(a: &[f64]) -> f64 {
 }
 
 fn narrow(from: &[f64], factor: f64, to: &mut [f32]) {
-    Arch::new().dispatch(
+    dispatch_widest(
         #[inline(always)]
         || {
             to.iter_mut()
@@ -488,7 +488,7 @@ fn narrow(from: &[f64], factor: f64, to: &mut [f32]) {
 
 /// trial ← u + α · step.
 fn advance(u: &[f64], alpha: f64, step: &[f32], trial: &mut [f64]) {
-    Arch::new().dispatch(
+    dispatch_widest(
         #[inline(always)]
         || {
             let pairs = u.iter().zip(step);

@@ -129,28 +129,54 @@ impl WithMaterial for States<'_> {
     type Output = Vec<CellState>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Vec<CellState> {
-        let material = material(1.0);
-        let raster = self.activity.grid().raster();
+        let (material, grid) = (material(1.0), self.activity.grid());
+        let (raster, integrals) = (grid.raster(), [0, 1].map(|axis| along_side(grid, axis)));
+        // Values of a scene are texts, which are not read again for each cell.
+        let scale = Scale {
+            prestretch: self.scene.mean_prestretch(),
+            modulus: self.scene.shear_modulus_pa(),
+            voltage: self.scene.voltage_v(),
+            thickness: 1e-3 * self.scene.thickness_mm(),
+        };
         let cells = (0..raster.cells()).map(|i| (i % raster.columns(), i / raster.columns()));
-        cells.map(|(x, y)| self.state(&material, x, y)).collect()
+        cells
+            .map(|(x, y)| {
+                let f = mean_deformation(grid, &integrals, self.u, x, y);
+                self.state(&material, &scale, f, [x, y])
+            })
+            .collect()
     }
 }
 
 /// A compression that rounding can cause, in units of the shear modulus.
 const ROUNDING: f64 = 1e-9;
 
+/// What all cells have in common.
+struct Scale {
+    prestretch: f64,
+    /// In Pa.
+    modulus: f64,
+    /// In V and in m.
+    voltage: f64,
+    thickness: f64,
+}
+
 impl States<'_> {
-    fn state<L: Material>(&self, material: &L, x: usize, y: usize) -> CellState {
-        let (prestretch, modulus) = (self.scene.mean_prestretch(), self.scene.shear_modulus_pa());
-        let f = mean_deformation(self.activity.grid(), self.u, x, y);
+    fn state<L: Material>(&self, material: &L, scale: &Scale, f: Tensor<f64>, [x, y]: [usize; 2]) -> CellState {
+        let &Scale {
+            prestretch,
+            modulus,
+            voltage,
+            thickness,
+        } = scale;
         let stress = material.stress([[f[0][0] - 1.0, f[0][1]], [f[1][0], f[1][1] - 1.0]], self.share(x, y));
         let rest = material.self_stress(f);
-        let scale = modulus * prestretch;
-        let piola = std::array::from_fn(|i| std::array::from_fn(|k| scale * (stress[i][k] + rest[i][k])));
+        let unit = modulus * prestretch;
+        let piola = std::array::from_fn(|i| std::array::from_fn(|k| unit * (stress[i][k] + rest[i][k])));
         let stresses = principal_stresses(piola, f.map(|row| row.map(|v| prestretch * v)));
         let load = load_of(self.pattern.group(x, y), self.loads);
         let nominal = if load > 0.0 && self.activity.grid().is_membrane(x, y) {
-            self.scene.voltage_v() * load.sqrt() / (1e-3 * self.scene.thickness_mm())
+            voltage * load.sqrt() / thickness
         } else {
             0.0
         };
@@ -184,35 +210,43 @@ fn principal_stresses(piola: Tensor<f64>, f: Tensor<f64>) -> [f64; 2] {
     [mean + radius, mean - radius]
 }
 
-/// The mean of f over a cell: by the divergence theorem that of ∇u is an integral of u along its sides.
-fn mean_deformation(grid: &Grid, u: &[f64], x: usize, y: usize) -> Tensor<f64> {
-    let (layout, per_cell) = (grid.layout(), grid.per_cell());
-    let degree = layout.degree();
-    let [right, up] = per_cell.map(|count| count * degree);
+/// The nodes along a side of a cell, counted from its corner, with their weights in the integral over the side: that along y for axis 1.
+fn along_side(grid: &Grid, axis: usize) -> Vec<(usize, f64)> {
+    let degree = grid.layout().degree();
     let weights: &[f64] = if degree == 1 {
         &[0.5, 0.5]
     } else {
         &[1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0]
     };
-    let along = |axis: usize, value: &dyn Fn(usize) -> f64| -> f64 {
-        let side = (0..per_cell[axis]).flat_map(|e| {
-            let length = grid.sides([e; 2])[axis];
-            weights
-                .iter()
-                .enumerate()
-                .map(move |(a, w)| (e * degree + a, w * length))
-        });
-        side.map(|(at, w)| w * value(at)).sum::<f64>()
-    };
+    let elements = 0..grid.per_cell()[axis];
+    let nodes = elements.flat_map(|e| {
+        let length = grid.sides([e; 2])[axis];
+        weights
+            .iter()
+            .enumerate()
+            .map(move |(a, w)| (e * degree + a, w * length))
+    });
+    nodes.collect()
+}
+
+/// The mean of f over a cell: by the divergence theorem that of ∇u is an integral of u along its sides.
+fn mean_deformation(grid: &Grid, integrals: &[Vec<(usize, f64)>; 2], u: &[f64], x: usize, y: usize) -> Tensor<f64> {
+    let (layout, per_cell) = (grid.layout(), grid.per_cell());
+    let [right, up] = per_cell.map(|count| count * layout.degree());
     let area = (per_cell[0] * per_cell[1]) as f64;
     let (left, low) = (x * right, y * up);
     let [first, second] = grid.rest();
     let mut f = [[first, 0.0], [0.0, second]];
     for (c, row) in f.iter_mut().enumerate() {
-        let jump_x = |at: usize| u[layout.index(c, left + right, low + at)] - u[layout.index(c, left, low + at)];
-        let jump_y = |at: usize| u[layout.index(c, left + at, low + up)] - u[layout.index(c, left + at, low)];
-        row[0] += along(1, &jump_x) / area;
-        row[1] += along(0, &jump_y) / area;
+        let node = |x, y| u[layout.index(c, x, y)];
+        let jumps_x = integrals[1]
+            .iter()
+            .map(|&(at, w)| w * (node(left + right, low + at) - node(left, low + at)));
+        let jumps_y = integrals[0]
+            .iter()
+            .map(|&(at, w)| w * (node(left + at, low + up) - node(left + at, low)));
+        row[0] += jumps_x.sum::<f64>() / area;
+        row[1] += jumps_y.sum::<f64>() / area;
     }
     f
 }

@@ -9,7 +9,9 @@ mod survey;
 
 use std::marker::PhantomData;
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
+
+use super::registers::{dispatch, dispatch_widest};
 
 use deaflow_field::Order;
 
@@ -17,7 +19,7 @@ use super::activity::View;
 pub use super::activity::{Activity, Within, load_of};
 use super::eigenvalue::WITHOUT_THICKNESS;
 use super::element::{Bilinear, Biquadratic, Element};
-use super::energy::{MODULI, Material, NeoHookean};
+use super::energy::{MODULI, Margins, Material, NeoHookean};
 use super::kinematics::Tensor;
 use super::lanes::{Real, Value, WIDEST, Wide};
 use super::layout::NodeLayout;
@@ -40,17 +42,6 @@ pub struct Operator<'a, L> {
     pub activity: &'a Activity,
     /// The share of their loads that pulls the bodies.
     pub pulled: f64,
-}
-
-/// The least favourable values over all quadrature points.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Margins {
-    /// Of [`Material::ellipticity`].
-    pub ellipticity: f64,
-    /// Of [`Material::convexity`].
-    pub convexity: f64,
-    /// Of [`Material::tension`]; infinite where the law does not wrinkle.
-    pub tension: f64,
 }
 
 impl<L: Material> Operator<'_, L> {
@@ -110,7 +101,7 @@ impl<L: Material> Operator<'_, L> {
 
     /// The law at rest in numbers of a kind, in the order of bare and active.
     fn law_at_rest<T: Precision>(&self) -> LawAtRest {
-        Arch::new().dispatch(survey::AskAtRest::<L, T> {
+        dispatch(survey::AskAtRest::<L, T> {
             material: self.material,
             number: PhantomData,
         })
@@ -147,7 +138,7 @@ impl<L: Material> Operator<'_, L> {
         }
         let mut more = vec![T::default(); out.len()];
         self.without_law().sweep(inputs, &[], &mut more, point);
-        Arch::new().dispatch(
+        dispatch(
             #[inline(always)]
             || {
                 out.iter_mut()
@@ -264,14 +255,22 @@ impl<L: Material> Operator<'_, L> {
         };
         moduli.resize(layout.rows() * layout.part() * N * each, T::default());
         let survey = self.survey::<E, T, N>(u);
-        Arch::new().dispatch(Store { survey, moduli });
+        self.survey_with(Store { survey, moduli });
     }
 
     /// The smallest margins over the quadrature points.
-    pub fn margins<T: Precision>(&self, u: &[T]) -> Margins {
+    pub fn margins<T: Precision>(&self, u: &[T]) -> Margins<f64> {
         match self.activity.grid().order() {
-            Order::Bilinear => Arch::new().dispatch(self.survey::<Bilinear, T, 4>(u)),
-            Order::Biquadratic => Arch::new().dispatch(self.survey::<Biquadratic, T, 9>(u)),
+            Order::Bilinear => self.survey_with(self.survey::<Bilinear, T, 4>(u)),
+            Order::Biquadratic => self.survey_with(self.survey::<Biquadratic, T, 9>(u)),
+        }
+    }
+
+    /// With the registers that [`Operator::sweep_elements`] takes, on which the order of stored moduli depends.
+    fn survey_with<W: WithSimd>(&self, survey: W) -> W::Output {
+        match self.activity.grid().is_plain() {
+            true => dispatch_widest(survey),
+            false => dispatch(survey),
         }
     }
 
@@ -350,7 +349,11 @@ impl<L: Material> Operator<'_, L> {
             point,
             element: PhantomData,
         };
-        let smallest = Arch::new().dispatch(sweep);
+        let smallest = if const { SHAPE == PLAIN && P::WIDEST } {
+            dispatch_widest(sweep)
+        } else {
+            dispatch(sweep)
+        };
         layout.clear_frame(out);
         smallest
     }
@@ -375,11 +378,11 @@ pub fn write_metrics(activity: &Activity, u: &[f64], values: &mut Vec<f64>) {
     let points = (layout.degree() + 1).pow(2);
     values.resize(layout.rows() * points * memory::NUMBERS * layout.part(), 0.0);
     match activity.grid().order() {
-        Order::Bilinear => Arch::new().dispatch(Metrics {
+        Order::Bilinear => dispatch(Metrics {
             survey: operator.survey::<Bilinear, f64, 4>(u),
             values,
         }),
-        Order::Biquadratic => Arch::new().dispatch(Metrics {
+        Order::Biquadratic => dispatch(Metrics {
             survey: operator.survey::<Biquadratic, f64, 9>(u),
             values,
         }),

@@ -12,7 +12,9 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use faer::Mat;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
+
+use crate::registers::dispatch_widest;
 
 use super::capacitance::{Capacitance, CapacitanceScratch};
 use super::element::Line;
@@ -303,7 +305,7 @@ impl Rectangle {
 
     /// Solves along y for all modes, of as many components as there are, in place.
     fn solve_columns(&self, modes: &mut [f32]) {
-        Arch::new().dispatch(ColumnSolve {
+        dispatch_widest(ColumnSolve {
             columns: &self.columns,
             modes,
         });
@@ -332,7 +334,7 @@ impl Rectangle {
     /// Sums and differences of the two halves of each row.
     fn fold(&self, r: &[f32], folded: &mut [f32]) {
         let part = self.layout.part();
-        Arch::new().dispatch(
+        dispatch_widest(
             #[inline(always)]
             || {
                 let rows = r.chunks_exact(self.layout.stride());
@@ -359,7 +361,7 @@ impl Rectangle {
     fn unfold(&self, folded: &[f32], z: &mut [f32]) {
         let part = self.layout.part();
         let [_, nodes] = self.layout.nodes();
-        Arch::new().dispatch(
+        dispatch_widest(
             #[inline(always)]
             || {
                 let rows = z

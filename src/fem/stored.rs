@@ -1,6 +1,6 @@
 //! What a membrane stores, and the charge on its electrodes, at one time.
 
-use pulp::Arch;
+use crate::registers::dispatch;
 
 use crate::element::Line;
 use crate::energy::Material;
@@ -106,7 +106,7 @@ pub fn content<L: Material>(
         .chunks_exact(NUMBERS * part)
         .zip(elastic.chunks_exact_mut(part))
         .zip(charge.chunks_exact_mut(part).zip(driven.chunks_exact_mut(part)));
-    Arch::new().dispatch(
+    dispatch(
         #[inline(always)]
         || {
             for (line, ((metric, elastic), (charge, driven))) in rows.enumerate() {

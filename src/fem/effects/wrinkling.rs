@@ -30,7 +30,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::effect::Effect;
-use crate::energy::{Invariants, Potential, Rest, Slopes, slopes_apart};
+use crate::energy::{Invariants, Potential, Rest, Slopes, Watched, slopes_apart};
 use crate::lanes::Value;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, On, Scene};
@@ -190,8 +190,27 @@ impl<P: Potential> TensionField<P> {
     }
 
     #[inline(always)]
-    fn relaxed<V: Value>(&self, at: &Invariants<V>, principal: &Principal<V>, active: V) -> Slopes<V> {
-        let strip = self.strip_apart(principal.first, active);
+    fn blended<V: Value>(
+        &self,
+        at: &Invariants<V>,
+        principal: &Principal<V>,
+        strip: &Strip<V>,
+        active: V,
+    ) -> Slopes<V> {
+        let relaxed = self.relaxed(at, principal, strip, active);
+        let blend =
+            relaxed.scaled(active.constant(1.0 - RESIDUAL)) + principal.slopes.scaled(active.constant(RESIDUAL));
+        Slopes::choose(principal.compression, blend, principal.slopes)
+    }
+
+    #[inline(always)]
+    fn relaxed<V: Value>(
+        &self,
+        at: &Invariants<V>,
+        principal: &Principal<V>,
+        strip: &Strip<V>,
+        active: V,
+    ) -> Slopes<V> {
         let number = |value: f64| active.constant(value);
         let zero = number(0.0);
         let x = principal.first;
@@ -260,10 +279,8 @@ impl<P: Potential> Potential for TensionField<P> {
         if !principal.compression.any_positive() {
             return principal.slopes;
         }
-        let relaxed = self.relaxed(at, &principal, active);
-        let blend =
-            relaxed.scaled(active.constant(1.0 - RESIDUAL)) + principal.slopes.scaled(active.constant(RESIDUAL));
-        Slopes::choose(principal.compression, blend, principal.slopes)
+        let strip = self.strip_apart(principal.first, active);
+        self.blended(at, &principal, &strip, active)
     }
 
     fn rest(&self) -> Rest {
@@ -293,27 +310,28 @@ impl<P: Potential> Potential for TensionField<P> {
     }
 
     #[inline(always)]
-    fn tension<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
-        let (principal, taut) = (self.principal(at, active), active.constant(1.0));
-        if !principal.compression.any_positive() {
+    fn watched<V: Value>(&self, at: &Invariants<V>, active: V) -> Watched<V> {
+        let principal = self.principal(at, active);
+        let taut = Watched {
+            slopes: principal.slopes,
+            bound: active.constant(f64::INFINITY),
+            tension: active.constant(1.0),
+            is_loose: active.constant(-1.0),
+        };
+        let folds = principal.compression;
+        if !folds.any_positive() {
             return taut;
         }
         let strip = self.strip_apart(principal.first, active);
-        principal.compression.choose(strip.stress, taut)
-    }
-
-    #[inline(always)]
-    fn ellipticity<V: Value>(&self, least: V, at: &Invariants<V>, active: V) -> V {
-        let principal = self.principal(at, active);
-        if !principal.compression.any_positive() {
-            return least;
-        }
-        let strip = self.strip_apart(principal.first, active);
         let missed = active.constant(WIDTH_TOLERANCE) - strip.across.max(-strip.across);
-        let width = strip.lateral.min(missed);
         // What is left of the flat potential in slack membrane says nothing.
-        let relaxed = strip.stress.choose(least.min(width), width);
-        principal.compression.choose(relaxed, least)
+        let is_slack = strip.stress.choose(taut.is_loose, active.constant(1.0));
+        Watched {
+            slopes: self.blended(at, &principal, &strip, active),
+            bound: folds.choose(strip.lateral.min(missed), taut.bound),
+            tension: folds.choose(strip.stress, taut.tension),
+            is_loose: folds.choose(is_slack, taut.is_loose),
+        }
     }
 }
 

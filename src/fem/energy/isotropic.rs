@@ -1,7 +1,9 @@
 //! The law of an isotropic potential: stress, tangent and the margins of stability, in closed form.
 
-use super::potential::{Invariants, Potential, Slopes, first_slopes_apart, slopes_apart};
-use super::{MODULI, Material, Rest};
+use super::potential::{
+    Invariants, Potential, Slopes, Watched, energy_apart, first_slopes_apart, slopes_apart, watched_apart,
+};
+use super::{MODULI, Margins, Material, Rest};
 use crate::kinematics::{Tensor, add_scaled, cofactor, conformal_split, contract, deformation};
 use crate::lanes::Value;
 
@@ -44,11 +46,17 @@ impl<P: Potential> Isotropic<P> {
     /// (m⊗N) : ∂²w/∂f² : (m⊗N) = 2φᵢ + Q(x, y), where Q is a quadratic form and |x| + |y| ≤ 1: the least is 2φᵢ, or on an
     /// edge of that square.
     #[inline(always)]
-    fn ellipticity_of<V: Value>(&self, q: &Form<V>, s: &Slopes<V>, at: &Invariants<V>, active: V) -> V {
+    fn ellipticity_of<V: Value>(q: &Form<V>, watched: &Watched<V>) -> V {
         let equal = smallest_on_edge(q.sums, q.mixed, q.differences);
         let opposite = smallest_on_edge(q.differences, q.mixed, q.sums);
-        let least = s.i + equal.min(opposite).min(active.constant(0.0));
-        self.potential.ellipticity(least, at, active)
+        let Watched {
+            slopes,
+            bound,
+            is_loose,
+            ..
+        } = *watched;
+        let least = slopes.i + equal.min(opposite).min(bound.constant(0.0));
+        is_loose.choose(bound, least.min(bound))
     }
 
     /// In principal axes the tangent falls apart into the shears, 2φᵢ ± φⱼ, and a two-by-two block of the stretches.
@@ -90,7 +98,7 @@ impl<P: Potential> Material for Isotropic<P> {
 
     #[inline(always)]
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-        self.potential.energy(&Invariants::of(displacement(f)), active)
+        energy_apart(&self.potential, &Invariants::of(displacement(f)), active)
     }
 
     #[inline(always)]
@@ -141,29 +149,14 @@ impl<P: Potential> Material for Isotropic<P> {
     }
 
     #[inline(always)]
-    fn ellipticity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-        let at = Invariants::of(displacement(f));
-        let s = slopes_apart(&self.potential, &at, active);
-        self.ellipticity_of(&Self::form(f, &s), &s, &at, active)
-    }
-
-    #[inline(always)]
-    fn convexity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-        let s = slopes_apart(&self.potential, &Invariants::of(displacement(f)), active);
-        self.convexity_of(&Self::form(f, &s), &s)
-    }
-
-    #[inline(always)]
-    fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> [V; 2] {
-        let at = Invariants::of(displacement(f));
-        let s = slopes_apart(&self.potential, &at, active);
-        let q = Self::form(f, &s);
-        [self.ellipticity_of(&q, &s, &at, active), self.convexity_of(&q, &s)]
-    }
-
-    #[inline(always)]
-    fn tension<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-        self.potential.tension(&Invariants::of(displacement(f)), active)
+    fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> Margins<V> {
+        let watched = watched_apart(&self.potential, &Invariants::of(displacement(f)), active);
+        let q = Self::form(f, &watched.slopes);
+        Margins {
+            ellipticity: Self::ellipticity_of(&q, &watched),
+            convexity: self.convexity_of(&q, &watched.slopes),
+            tension: watched.tension,
+        }
     }
 }
 
@@ -266,7 +259,7 @@ mod tests {
                 };
                 let matrix = faer::Mat::from_fn(4, 4, shifted);
                 let eigenvalues = matrix.self_adjoint_eigenvalues(faer::Side::Lower).unwrap();
-                let found = material.convexity(deformation(gradient), active);
+                let found = material.margins(deformation(gradient), active).convexity;
                 assert!(
                     (found - eigenvalues[0]).abs() < 1e-11 * (1.0 + found.abs()),
                     "{found} {eigenvalues:?}"
@@ -286,7 +279,10 @@ mod tests {
             assert!((material.largest_load() - base.largest_load()).abs() < 1e-14);
             for f in gradients().map(deformation) {
                 assert!((material.ellipticity(f, 1.0) - base.ellipticity(f, 1.0)).abs() < 1e-13);
-                assert_eq!(material.convexity(f, 1.0) > 0.0, base.convexity(f, 1.0) > 0.0);
+                assert_eq!(
+                    material.margins(f, 1.0).convexity > 0.0,
+                    base.margins(f, 1.0).convexity > 0.0
+                );
             }
         }
     }

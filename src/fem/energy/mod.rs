@@ -21,7 +21,7 @@ pub use first_invariant::FirstInvariant;
 pub use isotropic::{Isotropic, tangent_from};
 pub use neo_hookean::NeoHookean;
 pub use ogden::{MOST_TERMS, Ogden};
-pub use potential::{Invariants, Potential, Rest, Slopes, slopes_apart};
+pub use potential::{Invariants, Potential, Rest, Slopes, Watched, slopes_apart};
 pub use second_invariant::SecondInvariant;
 
 use super::element::Line;
@@ -33,6 +33,20 @@ pub const MODULI: usize = 5;
 
 /// The square of a step that is long.
 const LONG: f64 = 1e-5;
+
+/// How far a law is from being lost: at a point, or the least of all points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Margins<V> {
+    /// The smallest acoustic eigenvalue, min over unit m and N of (m⊗N) : ∂²w/∂f² : (m⊗N); positive where the law is
+    /// strongly elliptic.
+    pub ellipticity: V,
+    /// Positive where the tangent, shifted by a null Lagrangian, is positive definite at the point. If it is positive everywhere
+    /// the equilibrium of a clamped membrane is certainly stable; the converse does not hold.
+    pub convexity: V,
+    /// The largest principal stress where the membrane wrinkles, as far as its sign matters: not negative while there is
+    /// tension. Some positive number elsewhere, infinite over all points under a law that does not wrinkle.
+    pub tension: V,
+}
 
 /// An energy density per area of the prestretched membrane, in units of μH, as a function of f = I + ∇u.
 ///
@@ -102,21 +116,11 @@ pub trait Material: Sync {
     fn largest_load(&self) -> f64;
     /// The size of the load, the stress that the voltage causes in an undisplaced active cell.
     fn load(&self) -> f64;
-    /// The smallest acoustic eigenvalue, min over unit m and N of (m⊗N) : ∂²w/∂f² : (m⊗N); positive where the law is
-    /// strongly elliptic.
-    fn ellipticity<V: Value>(&self, f: Tensor<V>, active: V) -> V;
-    /// A number that is positive where the tangent, shifted by a null Lagrangian, is positive definite at the point. If it
-    /// is positive everywhere the equilibrium of a clamped membrane is certainly stable; the converse does not hold.
-    fn convexity<V: Value>(&self, f: Tensor<V>, active: V) -> V;
-    /// Both of them, for laws that need the same numbers for either.
+    /// How far the law is from being lost at f.
+    fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> Margins<V>;
+    /// The first of them.
     #[inline(always)]
-    fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> [V; 2] {
-        [self.ellipticity(f, active), self.convexity(f, active)]
-    }
-    /// The largest principal stress, as far as its sign matters: not negative while there is tension. Asked for only where
-    /// the membrane wrinkles.
-    #[inline(always)]
-    fn tension<V: Value>(&self, _f: Tensor<V>, active: V) -> V {
-        active.constant(1.0)
+    fn ellipticity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
+        self.margins(f, active).ellipticity
     }
 }

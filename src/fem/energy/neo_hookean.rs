@@ -11,7 +11,7 @@
 //!
 //! Taking I − a cof f out of p leaves ∇u + (g′ + a) cof f, which is zero at rest and without voltage.
 
-use super::{MODULI, Material};
+use super::{MODULI, Margins, Material};
 use crate::kinematics::{
     Tensor, add_scaled, cofactor, conformal_split, contract, deformation, determinant, squared_stretches,
 };
@@ -87,6 +87,31 @@ impl NeoHookean {
     }
 }
 
+impl NeoHookean {
+    #[inline(always)]
+    fn smallest_acoustic<V: Value>(&self, f: Tensor<V>, active: V) -> V {
+        let (_, curvature) = self.slopes(determinant(f) - active.constant(1.0), active);
+        let [largest, _] = squared_stretches(f);
+        // cof(m⊗N) is orthogonal to m⊗N, so only the volumetric part can be negative, at most along the largest stretch.
+        curvature.min(active.constant(0.0)).madd(largest, active.constant(1.0))
+    }
+
+    #[inline(always)]
+    fn convexity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
+        let (slope, curvature) = self.slopes(determinant(f) - active.constant(1.0), active);
+        // df : cof df is +|df|² on the conformal part and −|df|² on the other, so the tangent is diag(1 + δ, 1 − δ) plus
+        // the rank-one volumetric term; Sherman and Morrison's determinant decides.
+        let one = active.constant(1.0);
+        let shift = slope - active.constant(self.null_weight());
+        let (conformal, anticonformal) = conformal_split(f);
+        let room = (one + shift).min(one - shift);
+        let guarded = room.max(active.constant(1e-6));
+        let (plus, minus) = ((one + shift).max(guarded), (one - shift).max(guarded));
+        let flexibility = conformal * plus.recip() + anticonformal * minus.recip();
+        room.min(curvature.min(active.constant(0.0)).madd(flexibility, one))
+    }
+}
+
 impl Material for NeoHookean {
     fn slowed(self, slowness: f64) -> Option<Self> {
         Some(Self::slowed(self, slowness))
@@ -156,26 +181,12 @@ impl Material for NeoHookean {
     }
 
     #[inline(always)]
-    fn ellipticity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-        let (_, curvature) = self.slopes(determinant(f) - active.constant(1.0), active);
-        let [largest, _] = squared_stretches(f);
-        // cof(m⊗N) is orthogonal to m⊗N, so only the volumetric part can be negative, at most along the largest stretch.
-        curvature.min(active.constant(0.0)).madd(largest, active.constant(1.0))
-    }
-
-    #[inline(always)]
-    fn convexity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-        let (slope, curvature) = self.slopes(determinant(f) - active.constant(1.0), active);
-        // df : cof df is +|df|² on the conformal part and −|df|² on the other, so the tangent is diag(1 + δ, 1 − δ) plus
-        // the rank-one volumetric term; Sherman and Morrison's determinant decides.
-        let one = active.constant(1.0);
-        let shift = slope - active.constant(self.null_weight());
-        let (conformal, anticonformal) = conformal_split(f);
-        let room = (one + shift).min(one - shift);
-        let guarded = room.max(active.constant(1e-6));
-        let (plus, minus) = ((one + shift).max(guarded), (one - shift).max(guarded));
-        let flexibility = conformal * plus.recip() + anticonformal * minus.recip();
-        room.min(curvature.min(active.constant(0.0)).madd(flexibility, one))
+    fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> Margins<V> {
+        Margins {
+            ellipticity: self.smallest_acoustic(f, active),
+            convexity: self.convexity(f, active),
+            tension: active.constant(1.0),
+        }
     }
 }
 
@@ -251,11 +262,8 @@ mod tests {
                 fn load(&self) -> f64 {
                     self.0.load()
                 }
-                fn ellipticity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-                    self.0.ellipticity(f, active)
-                }
-                fn convexity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-                    self.0.convexity(f, active)
+                fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> Margins<V> {
+                    self.0.margins(f, active)
                 }
             }
             let other = contract(Other(material).stress_between(GRADIENT, active, df), df) + null;

@@ -192,16 +192,45 @@ pub trait Potential: Sync {
     fn load(&self) -> f64;
     /// By how much φⱼⱼ of an undisplaced active cell falls for each unit of load.
     fn softening(&self) -> f64;
-    /// Positive where there is tension, as a potential that wrinkles needs to hold its shape.
+    /// The slopes with what the margins of a potential that wrinkles need beside them.
     #[inline(always)]
-    fn tension<V: Value>(&self, _at: &Invariants<V>, active: V) -> V {
-        active.constant(1.0)
+    fn watched<V: Value>(&self, at: &Invariants<V>, active: V) -> Watched<V> {
+        Watched {
+            slopes: self.slopes(at, active),
+            bound: active.constant(f64::INFINITY),
+            tension: active.constant(1.0),
+            is_loose: active.constant(-1.0),
+        }
     }
-    /// The margin of ellipticity, from the smallest acoustic eigenvalue of the slopes: a potential that wrinkles has none where
-    /// it has no natural width.
+}
+
+/// What [`Potential::watched`] says of a point.
+#[derive(Clone, Copy, Debug)]
+pub struct Watched<V> {
+    /// The derivatives of φ.
+    pub slopes: Slopes<V>,
+    /// What the margin of ellipticity is not above: where there is no natural width there is no ellipticity.
+    pub bound: V,
+    /// Positive where there is tension, as a potential that wrinkles needs to hold its shape.
+    pub tension: V,
+    /// Positive where the slopes say nothing about ellipticity, and the bound alone does.
+    pub is_loose: V,
+}
+
+/// [`Potential::watched`], compiled once for each kind of number.
+#[inline(never)]
+pub fn watched_apart<P: Potential, V: Value>(potential: &P, at: &Invariants<V>, active: V) -> Watched<V> {
+    active.apart(WatchedAt(SlopesAt { potential, at, active }))
+}
+
+struct WatchedAt<'a, P, V>(SlopesAt<'a, P, V>);
+
+impl<P: Potential, V: Value> WithSimd for WatchedAt<'_, P, V> {
+    type Output = Watched<V>;
+
     #[inline(always)]
-    fn ellipticity<V: Value>(&self, least: V, _at: &Invariants<V>, _active: V) -> V {
-        least
+    fn with_simd<S: Simd>(self, _simd: S) -> Watched<V> {
+        self.0.potential.watched(self.0.at, self.0.active)
     }
 }
 
@@ -224,6 +253,23 @@ impl<P: Potential, V: Value> WithSimd for SlopesAt<'_, P, V> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) -> Slopes<V> {
         self.potential.slopes(self.at, self.active)
+    }
+}
+
+/// [`Potential::energy`], compiled once for each kind of number.
+#[inline(never)]
+pub fn energy_apart<P: Potential, V: Value>(potential: &P, at: &Invariants<V>, active: V) -> V {
+    active.apart(EnergyAt(SlopesAt { potential, at, active }))
+}
+
+struct EnergyAt<'a, P, V>(SlopesAt<'a, P, V>);
+
+impl<P: Potential, V: Value> WithSimd for EnergyAt<'_, P, V> {
+    type Output = V;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) -> V {
+        self.0.potential.energy(self.0.at, self.0.active)
     }
 }
 

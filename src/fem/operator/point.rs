@@ -9,6 +9,8 @@ use crate::memory::{self, MODULI_WITH_MEMORY};
 
 /// What happens at a quadrature point: from the gradients of M fields to a stress.
 pub(super) trait Point<const M: usize>: Copy {
+    /// Whether it is worth a kernel of its own for registers of 512 bits.
+    const WIDEST: bool = false;
     /// Whether this is the stress of the first field: then [`Point::watched`] is wanted, and the stress at rest is taken away.
     const WATCHED: bool = false;
     /// What has to stay positive at the gradient of the first field.
@@ -101,6 +103,7 @@ impl<L> Clone for TangentAt<'_, L> {
 impl<L> Copy for TangentAt<'_, L> {}
 
 impl<L: Material> Point<1> for StressAt<'_, L> {
+    const WIDEST: bool = true;
     const WATCHED: bool = true;
     #[inline(always)]
     fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
@@ -113,6 +116,7 @@ impl<L: Material> Point<1> for StressAt<'_, L> {
 }
 
 impl<L: Material> Point<2> for TangentAt<'_, L> {
+    const WIDEST: bool = true;
     #[inline(always)]
     fn stress<V: Value>(
         self,
@@ -125,6 +129,7 @@ impl<L: Material> Point<2> for TangentAt<'_, L> {
 }
 
 impl Point<2> for TangentFrom {
+    const WIDEST: bool = true;
     const STORED: usize = MODULI;
     #[inline(always)]
     fn stress<V: Value>(
@@ -139,6 +144,7 @@ impl Point<2> for TangentFrom {
 }
 
 impl Point<1> for StressAtRest {
+    const WIDEST: bool = true;
     #[inline(always)]
     fn stress<V: Value>(self, _gradients: [Tensor<V>; 1], active: V, _stored: [V; MODULI_WITH_MEMORY]) -> Tensor<V> {
         let [bare, covered] = self.0;
@@ -153,6 +159,7 @@ impl Point<1> for StressAtRest {
 }
 
 impl Point<2> for TangentAtRest {
+    const WIDEST: bool = true;
     #[inline(always)]
     fn stress<V: Value>(
         self,
@@ -170,6 +177,7 @@ impl Point<2> for TangentAtRest {
 }
 
 impl Point<2> for TangentOfBoth {
+    const WIDEST: bool = true;
     const STORED: usize = MODULI_WITH_MEMORY;
     #[inline(always)]
     fn stress<V: Value>(

@@ -4,9 +4,9 @@ use std::marker::PhantomData;
 
 use pulp::{Simd, WithSimd};
 
-use super::{Margins, Precision, View, from_rest, gather, per_side, sides};
+use super::{Precision, View, from_rest, gather, per_side, sides};
 use crate::element::Element;
-use crate::energy::{MODULI, Material};
+use crate::energy::{MODULI, Margins, Material};
 use crate::kinematics::{Tensor, deformation, determinant};
 use crate::lanes::{Real, Value, Wide};
 use crate::layout::NodeLayout;
@@ -24,10 +24,10 @@ pub(super) struct Survey<'a, E, L, T, const N: usize> {
 }
 
 impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Survey<'_, E, L, T, N> {
-    type Output = Margins;
+    type Output = Margins<f64>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> Margins {
+    fn with_simd<S: Simd>(self, simd: S) -> Margins<f64> {
         let mut ellipticity = Wide::<S, T>::splat(simd, f64::INFINITY);
         let (mut convexity, mut tension) = (ellipticity, ellipticity);
         for row in 0..self.layout.rows() {
@@ -37,22 +37,20 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Surv
                         .activity
                         .within_electrode(simd, self.layout.part(), [first, row], q);
                     let f = deformation(gradient);
-                    let mut margins = self.material.margins(f, active);
+                    let mut here = self.material.margins(f, active);
                     if let Some((numbers, weight)) = self.activity.memory {
                         let number =
                             |at| Wide::load(simd, &numbers[memory::line(self.layout, N, row, q, at) + first..]);
                         let [elliptic, convex] =
                             memory::margins([number(0), number(1), number(2), number(3)], weight, f);
                         // A law says no more than whether it is convex, so nothing can be added to that.
-                        margins = [
-                            margins[0] + elliptic,
-                            margins[1].min(convex.choose(active.constant(1e30), convex)),
-                        ];
+                        here.ellipticity = here.ellipticity + elliptic;
+                        here.convexity = here.convexity.min(convex.choose(active.constant(1e30), convex));
                     }
-                    ellipticity = ellipticity.min(margins[0]);
-                    convexity = convexity.min(margins[1]);
+                    ellipticity = ellipticity.min(here.ellipticity);
+                    convexity = convexity.min(here.convexity);
                     if L::WRINKLES {
-                        tension = tension.min(self.material.tension(f, active));
+                        tension = tension.min(here.tension);
                     }
                 }
             }

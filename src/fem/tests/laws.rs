@@ -32,7 +32,7 @@ impl PointWork for Derivatives {
                 continue;
             }
             let f = deformation(gradient);
-            let wrinkles = L::WRINKLES && material.tension(f, self.active) != 1.0;
+            let wrinkles = L::WRINKLES && material.margins(f, self.active).tension != 1.0;
             // Without natural width there is no energy.
             if wrinkles && material.ellipticity(f, self.active) <= 0.0 {
                 continue;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::continuation::{Ending, Problem};
-use crate::energy::MODULI;
+use crate::energy::{MODULI, Margins};
 use crate::kinematics::{Tensor, add_scaled, cofactor, contract, deformation, determinant, squared_stretches};
 use crate::lanes::Value;
 use crate::newton::Workspace;
@@ -210,15 +210,14 @@ impl Material for Stiffening {
     }
 
     #[inline(always)]
-    fn ellipticity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
+    fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> Margins<V> {
         let (_, curvature) = self.slopes(determinant(f), active);
         let [largest, _] = squared_stretches(f);
-        curvature.min(active.constant(0.0)).madd(largest, active.constant(1.0))
-    }
-
-    #[inline(always)]
-    fn convexity<V: Value>(&self, _: Tensor<V>, active: V) -> V {
-        active.constant(-1.0)
+        Margins {
+            ellipticity: curvature.min(active.constant(0.0)).madd(largest, active.constant(1.0)),
+            convexity: active.constant(-1.0),
+            tension: active.constant(1.0),
+        }
     }
 }
 

@@ -13,7 +13,7 @@ use std::mem;
 use std::ops::Range;
 use std::sync::Arc;
 
-use pulp::Arch;
+use crate::registers::dispatch;
 
 use super::coefficients::Coefficients;
 use super::finite::{self, Step};
@@ -419,7 +419,7 @@ fn follow(&Coefficients { kept, before, now }: &Coefficients, state: &mut [f64],
 /// Does work on ranges of numbers that stay in the cache from one branch to the next.
 fn in_chunks(len: usize, mut work: impl FnMut(Range<usize>)) {
     const CHUNK: usize = 1024;
-    Arch::new().dispatch(
+    dispatch(
         #[inline(always)]
         || {
             (0..len)

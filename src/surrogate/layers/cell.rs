@@ -3,7 +3,7 @@
 //! A displacement on the four corners of a cell is a translation and three modes of each component: its derivatives along
 //! x and y, and the hourglass, which has none at the centre of the cell.
 
-use pulp::Arch;
+use deaflow_fem::registers::dispatch;
 
 use deaflow_pattern::Raster;
 
@@ -112,7 +112,7 @@ pub(super) fn inner_corners(raster: Raster) -> usize {
 
 /// The modes (6, cells) of a displacement (2, inner corners).
 pub(crate) fn write_modes(raster: Raster, displacement: &[f32], factor: f32, modes: &mut [f32]) {
-    Arch::new().dispatch(
+    dispatch(
         #[inline(always)]
         || {
             on(
@@ -131,7 +131,7 @@ pub(crate) fn write_modes(raster: Raster, displacement: &[f32], factor: f32, mod
 /// Adds the forces of stresses (6, cells), one for each mode, to forces (2, inner corners): the transpose of [`write_modes`], so that
 /// stresses do the work that displacements do against forces.
 pub(crate) fn add_forces(raster: Raster, stresses: &[f32], forces: &mut [f32]) {
-    Arch::new().dispatch(
+    dispatch(
         #[inline(always)]
         || {
             on(
@@ -182,7 +182,7 @@ pub(crate) fn write_strains(raster: Raster, pattern: &[f32], displacement: &[f32
     let modes = &mut features[NEIGHBOURS * area..];
     let (modes, signed) = modes.split_at_mut(MODES * area);
     write_modes(raster, displacement, strain, modes);
-    Arch::new().dispatch(
+    dispatch(
         #[inline(always)]
         || {
             for (signed, mode) in signed.chunks_exact_mut(area).zip(modes.chunks_exact(area)) {

@@ -6,8 +6,8 @@ use std::cell::Cell;
 use std::sync::Arc;
 
 use candle_core::{CpuStorage, CustomOp3, Device, Layout, Result, Shape, Tensor, bail};
+use deaflow_fem::registers::dispatch;
 use faer::Accum;
-use pulp::Arch;
 
 use super::cell::{
     FEATURES, MODES, add_forces, add_strain_forces, inner_corners, write_modes, write_strains, write_surroundings,
@@ -176,7 +176,7 @@ impl Workspace {
 
 /// out ← a · b, number by number.
 fn product(out: &mut [f32], a: &[f32], b: &[f32]) {
-    Arch::new().dispatch(
+    dispatch(
         #[inline(always)]
         || {
             out.iter_mut()
@@ -188,7 +188,7 @@ fn product(out: &mut [f32], a: &[f32], b: &[f32]) {
 
 /// y ← y + αx.
 fn add_scaled(y: &mut [f32], alpha: f32, x: &[f32]) {
-    Arch::new().dispatch(
+    dispatch(
         #[inline(always)]
         || y.iter_mut().zip(x).for_each(|(y, x)| *y += alpha * x),
     );

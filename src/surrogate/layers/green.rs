@@ -8,8 +8,8 @@
 use std::f64::consts::PI;
 
 use candle_core::{Device, Result, Tensor};
+use deaflow_fem::registers::dispatch;
 use faer::Accum;
-use pulp::Arch;
 
 use super::cell::inner_corners;
 use super::gemm::{Matrix, multiply};
@@ -132,7 +132,7 @@ impl Green {
         for (f, u) in forces.chunks_exact(plane).zip(displacements.chunks_exact_mut(plane)) {
             multiply(scratch, Accum::Replace, Matrix::new(f, columns), along);
             multiply(u, Accum::Replace, up, Matrix::new(scratch, columns));
-            Arch::new().dispatch(
+            dispatch(
                 #[inline(always)]
                 || u.iter_mut().zip(&self.inverse).for_each(|(u, inverse)| *u *= inverse),
             );

@@ -3,11 +3,12 @@
 //! As products of matrices they are much deeper than wide, and a kernel for wide ones keeps a quarter of the registers busy. Here eight sums
 //! of vectors are under way at a time.
 
-use pulp::{Arch, Simd, WithSimd};
+use deaflow_fem::registers::dispatch;
+use pulp::{Simd, WithSimd};
 
 /// `out[i][j] += Σ a[i][k] · b[j][k]` of rows of so many numbers, always in the same order.
 pub(super) fn add_inner_products(out: &mut [f32], a: &[f32], b: &[f32], length: usize) {
-    Arch::new().dispatch(InnerProducts { out, a, b, length });
+    dispatch(InnerProducts { out, a, b, length });
 }
 
 struct InnerProducts<'a> {

@@ -3,8 +3,8 @@
 
 use candle_core::{Device, Result, Tensor, bail};
 use candle_nn::VarBuilder;
+use deaflow_fem::registers::dispatch;
 use faer::Accum;
-use pulp::Arch;
 
 use super::super::layers::{Matrix, multiply};
 use super::super::onnx::{Graph, Value};
@@ -131,7 +131,7 @@ impl Response {
         for (block, weights) in &self.blocks {
             let images = cells.chunks_exact(all);
             for (cells, folded) in images.zip(folded.chunks_exact_mut(area)) {
-                Arch::new().dispatch(
+                dispatch(
                     #[inline(always)]
                     || fold.fold(cells, *block, folded),
                 );
@@ -143,7 +143,7 @@ impl Response {
             transpose(&parts, n, &mut columns[..n * values]);
             let parts = columns[..n * values].chunks_exact(values);
             for (part, displacement) in parts.zip(displacements.chunks_exact_mut(image)) {
-                Arch::new().dispatch(
+                dispatch(
                     #[inline(always)]
                     || fold.unfold(part, *block, displacement),
                 );
