@@ -177,6 +177,9 @@ pub fn pipeline_in(path: PathBuf) -> Result<PathBuf, String> {
     found.sort();
     match found.as_slice() {
         [one] => Ok(one.clone()),
+        [] if Store::is_at(&path) => Err(format!(
+            "{shown} is a store, and a pipeline is meant: `--store {shown}` names a store"
+        )),
         [] => Err(format!(
             "there is no pipeline in {shown}, which is a YAML file with `stages:`"
         )),

@@ -47,6 +47,9 @@ pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, Cl
     Ok(Exit::Done)
 }
 
+/// As short as digests are printed.
+const SHORTEST_DIGEST: usize = 12;
+
 /// The pipeline of this folder, for a stage that stands alone; what is no stage is said to be none.
 fn alone(stage: &str) -> Result<PathBuf, CliError> {
     if Path::new(stage).is_file() {
@@ -55,6 +58,15 @@ fn alone(stage: &str) -> Result<PathBuf, CliError> {
                 "deaflow explain {stage} STAGE; `deaflow plan {stage}` lists the stages"
             )),
         );
+    }
+    // No name of a stage that somebody thought of looks like this.
+    if stage.len() >= SHORTEST_DIGEST && stage.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+        return Err(CliError::bad_input(format!(
+            "{stage} is the digest of an artifact, and stages are explained"
+        ))
+        .help(format!(
+            "deaflow explain PIPELINE.yaml STAGE; `deaflow show {stage}` tells of the artifact"
+        )));
     }
     pipeline_in(PathBuf::from(".")).map_err(|why| {
         let help = "deaflow explain PIPELINE.yaml STAGE; `deaflow show DIGEST` tells of an artifact";

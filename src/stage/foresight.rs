@@ -4,7 +4,7 @@ use super::checked_scene;
 use deaflow_base::Node;
 use deaflow_fem::{FIRST_LOST, MOST_LOST, Method, covered_limit};
 use deaflow_orchestrator::{Foreseeable, Foreseen};
-use deaflow_scene::Scene;
+use deaflow_scene::{Body, Scene};
 
 /// What is foreseen of a stage that simulates patterns: what is said of its drive, and whether most of them will be lost.
 pub fn of_simulations(stage: &Foreseeable<'_>) -> Foreseen {
@@ -18,8 +18,10 @@ pub fn of_simulations(stage: &Foreseeable<'_>) -> Foreseen {
     let is_lost = finds_out && found.as_ref().is_some_and(|found| found.is_lost);
     let warning = match found {
         Some(found) => Some(found.warning),
-        None if has_one_mesh => scene.as_ref().and_then(near),
-        None => None,
+        None => {
+            let near = || scene.as_ref().filter(|_| has_one_mesh).and_then(near);
+            scene.as_ref().and_then(of_no_drive).or_else(near)
+        }
     };
     Foreseen {
         is_lost,
@@ -40,6 +42,18 @@ struct Beyond {
     warning: String,
     /// Whether most are.
     is_lost: bool,
+}
+
+/// What is said of a scene that nothing drives.
+fn of_no_drive(scene: &Scene) -> Option<String> {
+    let is_pulled = |body: &Body| body.load_n() != [0.0; 2];
+    let drive = &scene.drive;
+    let is_driven =
+        scene.voltage_v() > 0.0 || drive.charge.is_some() || drive.waveform.is_some() || drive.source.is_some();
+    let moves = is_driven || scene.geometry.bodies.iter().flatten().any(is_pulled);
+    (!moves).then(|| {
+        "at 0 V nothing moves: no network can learn from that, and no design is better than another".to_owned()
+    })
 }
 
 /// What is said of a voltage that moves next to nothing: most likely a number without its unit.
@@ -177,6 +191,9 @@ mod tests {
             "{told}"
         );
         assert_eq!((at(200.0), at(5250.0), at(0.0)), (None, None, None));
+        let still = |volts: f64| of_no_drive(&Scene::vhb4910().at_voltage(volts));
+        assert!(still(0.0).unwrap().starts_with("at 0 V nothing moves"));
+        assert_eq!(still(5.25), None);
     }
 
     #[test]

@@ -408,6 +408,38 @@ fn a_pipeline_alone_in_a_folder_need_not_be_named() {
         "{}",
         forgotten.stderr
     );
+    // What is there, in place of what is meant.
+    let digest = workspace.run(&["explain", "0123456789ab"]);
+    assert!(
+        digest.code == Some(2)
+            && digest.stderr.contains("digest of an artifact")
+            && digest.stderr.contains("deaflow show 0123456789ab"),
+        "{}",
+        digest.stderr
+    );
+    for command in ["status", "log", "plan"] {
+        let store = workspace.run(&[command, "store"]);
+        assert!(
+            store.code == Some(2)
+                && store.stderr.contains("store is a store")
+                && store.stderr.contains("`--store store`"),
+            "{command}: {}",
+            store.stderr
+        );
+    }
+    let folder = workspace.run(&["status", "."]);
+    assert!(
+        folder.code == Some(0) && folder.stdout.contains("small.yaml"),
+        "{}{}",
+        folder.stdout,
+        folder.stderr
+    );
+    let still = workspace.run(&["plan", "small.yaml", "--set", "scene.drive.voltage=0 V"]);
+    assert!(
+        still.stdout.contains("solved: at 0 V nothing moves"),
+        "{}",
+        still.stdout
+    );
     let empty = workspace.run(&["plan", "small.yaml", "--set", "stages.small.count="]);
     assert!(
         empty.code == Some(2) && empty.stderr.contains("no value behind the '='") && empty.stderr.contains("`null`"),
