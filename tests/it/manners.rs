@@ -436,9 +436,9 @@ fn a_pipeline_alone_in_a_folder_need_not_be_named() {
     );
     let still = workspace.run(&["plan", "small.yaml", "--set", "scene.drive.voltage=0 V"]);
     assert!(
-        still.stdout.contains("solved: at 0 V nothing moves"),
+        still.stderr.contains("solved: at 0 V nothing moves"),
         "{}",
-        still.stdout
+        still.stderr
     );
     let empty = workspace.run(&["plan", "small.yaml", "--set", "stages.small.count="]);
     assert!(
