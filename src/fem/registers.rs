@@ -59,7 +59,7 @@ mod tests {
         };
         // A checkerboard with a frame, whose rows end within a register.
         let active: Vec<u8> = (0..CELLS * CELLS)
-            .map(|i| u8::from((i % CELLS / 3 + i / CELLS / 4) % 2 == 0))
+            .map(|i| u8::from((i % CELLS / 3 + i / CELLS / 4).is_multiple_of(2)))
             .collect();
         let pattern = Pattern::from_cells(Raster::PAPER, &active).unwrap();
         for effects in [Effects::default(), stiffening] {
