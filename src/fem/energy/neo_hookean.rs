@@ -80,7 +80,7 @@ impl NeoHookean {
         (pull.madd(j, relief), (active.constant(3.0) * inverse).madd(cubic, pull))
     }
 
-    /// The weight of the null Lagrangian det ∇w in [`Material::convexity`]: found by hand to be near the best for patterns of
+    /// The weight of the null Lagrangian det ∇w in [`Margins::convexity`]: found by hand to be near the best for patterns of
     /// active and bare cells, for which it must serve both.
     fn null_weight(&self) -> f64 {
         -(2.0 * self.pull).min(0.9)
