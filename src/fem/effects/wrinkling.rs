@@ -189,20 +189,7 @@ impl<P: Potential> TensionField<P> {
         })
     }
 
-    #[inline(always)]
-    fn blended<V: Value>(
-        &self,
-        at: &Invariants<V>,
-        principal: &Principal<V>,
-        strip: &Strip<V>,
-        active: V,
-    ) -> Slopes<V> {
-        let relaxed = self.relaxed(at, principal, strip, active);
-        let blend =
-            relaxed.scaled(active.constant(1.0 - RESIDUAL)) + principal.slopes.scaled(active.constant(RESIDUAL));
-        Slopes::choose(principal.compression, blend, principal.slopes)
-    }
-
+    /// The slopes of a membrane that wrinkles where it would be compressed, with the residual of the flat potential.
     #[inline(always)]
     fn relaxed<V: Value>(
         &self,
@@ -227,14 +214,16 @@ impl<P: Potential> TensionField<P> {
         let along = (eta + eta) * share;
         let across = -((eta + eta) * area);
         let Rest { i: rest_i, j: rest_j } = self.flat.rest();
-        Slopes {
+        let relaxed = Slopes {
             pressure: along + across - number(rest_i + rest_j),
             i: along,
             j: across - number(rest_j),
             ii: (number(4.0) * change * share).madd(share, -(bend * area * area)),
             ij: (number(-4.0) * change * share).madd(area, number(0.5) * bend * area * i),
             jj: (number(4.0) * change * area).madd(area, number(-0.25) * bend * i * i),
-        }
+        };
+        let blend = relaxed.scaled(number(1.0 - RESIDUAL)) + principal.slopes.scaled(number(RESIDUAL));
+        Slopes::choose(principal.compression, blend, principal.slopes)
     }
 }
 
@@ -280,7 +269,7 @@ impl<P: Potential> Potential for TensionField<P> {
             return principal.slopes;
         }
         let strip = self.strip_apart(principal.first, active);
-        self.blended(at, &principal, &strip, active)
+        self.relaxed(at, &principal, &strip, active)
     }
 
     fn rest(&self) -> Rest {
@@ -312,12 +301,7 @@ impl<P: Potential> Potential for TensionField<P> {
     #[inline(always)]
     fn watched<V: Value>(&self, at: &Invariants<V>, active: V) -> Watched<V> {
         let principal = self.principal(at, active);
-        let taut = Watched {
-            slopes: principal.slopes,
-            bound: active.constant(f64::INFINITY),
-            tension: active.constant(1.0),
-            is_loose: active.constant(-1.0),
-        };
+        let taut = Watched::taut(principal.slopes, active);
         let folds = principal.compression;
         if !folds.any_positive() {
             return taut;
@@ -327,7 +311,7 @@ impl<P: Potential> Potential for TensionField<P> {
         // What is left of the flat potential in slack membrane says nothing.
         let is_slack = strip.stress.choose(taut.is_loose, active.constant(1.0));
         Watched {
-            slopes: self.blended(at, &principal, &strip, active),
+            slopes: self.relaxed(at, &principal, &strip, active),
             bound: folds.choose(strip.lateral.min(missed), taut.bound),
             tension: folds.choose(strip.stress, taut.tension),
             is_loose: folds.choose(is_slack, taut.is_loose),

@@ -87,31 +87,6 @@ impl NeoHookean {
     }
 }
 
-impl NeoHookean {
-    #[inline(always)]
-    fn smallest_acoustic<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-        let (_, curvature) = self.slopes(determinant(f) - active.constant(1.0), active);
-        let [largest, _] = squared_stretches(f);
-        // cof(m⊗N) is orthogonal to m⊗N, so only the volumetric part can be negative, at most along the largest stretch.
-        curvature.min(active.constant(0.0)).madd(largest, active.constant(1.0))
-    }
-
-    #[inline(always)]
-    fn convexity<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-        let (slope, curvature) = self.slopes(determinant(f) - active.constant(1.0), active);
-        // df : cof df is +|df|² on the conformal part and −|df|² on the other, so the tangent is diag(1 + δ, 1 − δ) plus
-        // the rank-one volumetric term; Sherman and Morrison's determinant decides.
-        let one = active.constant(1.0);
-        let shift = slope - active.constant(self.null_weight());
-        let (conformal, anticonformal) = conformal_split(f);
-        let room = (one + shift).min(one - shift);
-        let guarded = room.max(active.constant(1e-6));
-        let (plus, minus) = ((one + shift).max(guarded), (one - shift).max(guarded));
-        let flexibility = conformal * plus.recip() + anticonformal * minus.recip();
-        room.min(curvature.min(active.constant(0.0)).madd(flexibility, one))
-    }
-}
-
 impl Material for NeoHookean {
     fn slowed(self, slowness: f64) -> Option<Self> {
         Some(Self::slowed(self, slowness))
@@ -182,10 +157,22 @@ impl Material for NeoHookean {
 
     #[inline(always)]
     fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> Margins<V> {
+        let (slope, curvature) = self.slopes(determinant(f) - active.constant(1.0), active);
+        let (one, curvature) = (active.constant(1.0), curvature.min(active.constant(0.0)));
+        let [largest, _] = squared_stretches(f);
+        // df : cof df is +|df|² on the conformal part and −|df|² on the other, so the tangent is diag(1 + δ, 1 − δ) plus
+        // the rank-one volumetric term; Sherman and Morrison's determinant decides.
+        let shift = slope - active.constant(self.null_weight());
+        let (conformal, anticonformal) = conformal_split(f);
+        let room = (one + shift).min(one - shift);
+        let guarded = room.max(active.constant(1e-6));
+        let (plus, minus) = ((one + shift).max(guarded), (one - shift).max(guarded));
+        let flexibility = conformal * plus.recip() + anticonformal * minus.recip();
         Margins {
-            ellipticity: self.smallest_acoustic(f, active),
-            convexity: self.convexity(f, active),
-            tension: active.constant(1.0),
+            // cof(m⊗N) is orthogonal to m⊗N, so only the volumetric part can be negative, at most along the largest stretch.
+            ellipticity: curvature.madd(largest, one),
+            convexity: room.min(curvature.madd(flexibility, one)),
+            tension: one,
         }
     }
 }
@@ -352,7 +339,7 @@ mod tests {
                     smallest = smallest.min(shifted / contract(d, d));
                 }
                 assert_eq!(
-                    material.convexity(F, active) > 0.0,
+                    material.margins(F, active).convexity > 0.0,
                     smallest > 0.0,
                     "κ = {kappa}, S = {active}"
                 );

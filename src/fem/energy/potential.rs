@@ -195,12 +195,7 @@ pub trait Potential: Sync {
     /// The slopes with what the margins of a potential that wrinkles need beside them.
     #[inline(always)]
     fn watched<V: Value>(&self, at: &Invariants<V>, active: V) -> Watched<V> {
-        Watched {
-            slopes: self.slopes(at, active),
-            bound: active.constant(f64::INFINITY),
-            tension: active.constant(1.0),
-            is_loose: active.constant(-1.0),
-        }
+        Watched::taut(self.slopes(at, active), active)
     }
 }
 
@@ -215,6 +210,19 @@ pub struct Watched<V> {
     pub tension: V,
     /// Positive where the slopes say nothing about ellipticity, and the bound alone does.
     pub is_loose: V,
+}
+
+impl<V: Value> Watched<V> {
+    /// Where nothing wrinkles the slopes say all.
+    #[inline(always)]
+    pub fn taut(slopes: Slopes<V>, active: V) -> Self {
+        Self {
+            slopes,
+            bound: active.constant(f64::INFINITY),
+            tension: active.constant(1.0),
+            is_loose: active.constant(-1.0),
+        }
+    }
 }
 
 /// [`Potential::watched`], compiled once for each kind of number.
