@@ -16,7 +16,7 @@ use deaflow_content::{Lines, Observations, Packed, SolveFile};
 use deaflow_fem::screening::{NOT_EACH, Screened, resolve_states};
 use deaflow_fem::{
     AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SolveOptions, Solver, SolverParameters,
-    Tension, wrinkled_fraction,
+    wrinkled_fraction,
 };
 use deaflow_field::{Field, Mesh, Order};
 use deaflow_pattern::Pattern;
@@ -338,11 +338,10 @@ fn near_limit(
     }
     let tolerance = parameters.tolerance();
     let search = CriticalSearch::beside(scene, SolveOptions { mesh, tolerance })?;
-    let is_far_where_taut = CriticalSearch::is_far_from_any_taut(scene)?;
-    let is_in_question = |result: &AccurateSimulation| {
-        let tension = result.simulation.observation.tension.as_ref();
-        let is_taut = tension.is_some_and(|cells| cells.iter().all(|&code| code == Tension::Taut.code()));
-        result.simulation.field.is_some() && !(is_far_where_taut && is_taut)
+    let is_far_where_taut = scene.effects.wrinkling.is_some() && CriticalSearch::is_far_from_any_taut(scene)?;
+    let is_in_question = |AccurateSimulation { simulation, .. }: &AccurateSimulation| {
+        let is_taut = simulation.observation.wrinkled_fraction() == Some(0.0);
+        simulation.field.is_some() && !(is_far_where_taut && is_taut)
     };
     let solved = patterns.par_iter().zip(results).enumerate();
     let doubtful = solved.filter(|(_, (pattern, result))| is_in_question(result) && !search.keeps(pattern));

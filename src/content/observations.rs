@@ -81,7 +81,7 @@ impl Observations {
         Self {
             breakdown_ratio: breakdown.then(|| floats(&|o| o.breakdown_ratio)),
             wrinkling: wrinkling.then(|| states(samples, raster)),
-            wrinkled_fraction: wrinkling.then(|| floats(&|o| Some(wrinkled_fraction(o.tension.as_ref()?)))),
+            wrinkled_fraction: wrinkling.then(|| floats(&Observation::wrinkled_fraction)),
             smallest_eigenvalue: stability.then(|| floats(&|o| o.smallest_eigenvalue)),
             critical_voltage: stability.then(|| {
                 let bracket = |o: &Option<&Observation>| o.and_then(|o| o.critical_voltage).unwrap_or_default();
@@ -113,10 +113,6 @@ fn motions(samples: &[Option<&Observation>], bodies: usize) -> Vec<Motion> {
             .unwrap_or_else(|| vec![none; bodies])
     };
     samples.iter().flat_map(of).collect()
-}
-
-fn wrinkled_fraction(tension: &[u8]) -> f64 {
-    tension.iter().filter(|&&state| state > 0).count() as f64 / tension.len() as f64
 }
 
 fn states(samples: &[Option<&Observation>], raster: Raster) -> Packed<PerCell<u8>> {

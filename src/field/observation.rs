@@ -46,4 +46,11 @@ impl Observation {
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
+
+    /// Wrinkling: the part of the membrane whose cells are wrinkled or slack.
+    #[must_use]
+    pub fn wrinkled_fraction(&self) -> Option<f64> {
+        let tension = self.tension.as_ref()?;
+        Some(tension.iter().filter(|&&state| state > 0).count() as f64 / tension.len() as f64)
+    }
 }

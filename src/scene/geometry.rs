@@ -351,6 +351,12 @@ impl Geometry {
         }
     }
 
+    /// Whether a force pulls one of its bodies.
+    #[must_use]
+    pub fn has_forces(&self) -> bool {
+        self.bodies.iter().flatten().any(|body| body.load_n() != [0.0; 2])
+    }
+
     /// What its cells are; nothing where all of them are membrane.
     #[must_use]
     pub fn parts(&self) -> Option<Arc<Parts>> {

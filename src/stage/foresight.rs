@@ -4,7 +4,7 @@ use super::checked_scene;
 use deaflow_base::Node;
 use deaflow_fem::{FIRST_LOST, MOST_LOST, Method, covered_limit};
 use deaflow_orchestrator::{Foreseeable, Foreseen};
-use deaflow_scene::{Body, Scene};
+use deaflow_scene::Scene;
 
 /// What is foreseen of a stage that simulates patterns: what is said of its drive, and whether most of them will be lost.
 pub fn of_simulations(stage: &Foreseeable<'_>) -> Foreseen {
@@ -46,11 +46,10 @@ struct Beyond {
 
 /// What is said of a scene that nothing drives.
 fn of_no_drive(scene: &Scene) -> Option<String> {
-    let is_pulled = |body: &Body| body.load_n() != [0.0; 2];
     let drive = &scene.drive;
     let is_driven =
         scene.voltage_v() > 0.0 || drive.charge.is_some() || drive.waveform.is_some() || drive.source.is_some();
-    let moves = is_driven || scene.geometry.bodies.iter().flatten().any(is_pulled);
+    let moves = is_driven || scene.geometry.has_forces();
     (!moves).then(|| {
         "at 0 V nothing moves: no network can learn from that, and no design is better than another".to_owned()
     })

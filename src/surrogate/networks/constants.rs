@@ -82,13 +82,7 @@ impl Constants {
         let strain = Tensor::new(&[strain as f32, side_mm as f32], &Device::Cpu)?;
         tensors.insert(names::STRAIN.to_owned(), strain);
         tensors.extend(medium(scene)?);
-        if scene
-            .geometry
-            .bodies
-            .iter()
-            .flatten()
-            .any(|body| body.load_n() != [0.0; 2])
-        {
+        if scene.geometry.has_forces() {
             let field = response.to_loads().ok_or(ConstantsError::Unsolved)?;
             tensors.insert(names::LOADED.to_owned(), planes(&field, unit_mm)?);
         }
