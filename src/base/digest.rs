@@ -37,10 +37,13 @@ impl Digest {
         Self(bytes)
     }
 
-    /// The first 12 hexadecimal digits, for tables and messages that a person reads.
+    /// How many digits stand where a person reads them.
+    pub const SHORT: usize = 12;
+
+    /// The first [`Digest::SHORT`] hexadecimal digits, for tables and messages that a person reads.
     #[must_use]
     pub fn short(&self) -> String {
-        self.to_string()[..12].to_owned()
+        self.to_string()[..Self::SHORT].to_owned()
     }
 }
 

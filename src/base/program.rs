@@ -28,7 +28,7 @@ pub fn build() -> &'static str {
 /// The version, and which build of it: two builds of other sources are told apart.
 #[must_use]
 pub fn version() -> String {
-    format!("{VERSION} (build {})", &build()[..12])
+    format!("{VERSION} (build {})", &build()[..Digest::SHORT])
 }
 
 /// This program, as files name it.

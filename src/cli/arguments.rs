@@ -145,7 +145,7 @@ impl SetArguments {
 #[derive(Clone, Debug, Args)]
 pub struct PipelineArguments {
     /// The pipeline, a YAML file, or a folder with one alone [default: that of this folder]
-    #[arg(default_value = ".", hide_default_value = true, value_parser = PathBufValueParser::new().try_map(pipeline_in))]
+    #[arg(default_value = ".", hide_default_value = true, value_parser = pipeline_parser())]
     pub pipeline: PathBuf,
     #[command(flatten)]
     pub store: StoreArguments,
@@ -159,6 +159,11 @@ pub struct PipelineArguments {
     pub verify: bool,
     #[command(flatten)]
     pub remote: RemoteArguments,
+}
+
+/// What an argument that names a pipeline is read by.
+pub fn pipeline_parser() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(pipeline_in)
 }
 
 /// The only pipeline of a folder; a file as it is.

@@ -3,15 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use clap::builder::{PathBufValueParser, TypedValueParser};
 use serde_json::json;
 
-use super::arguments::{SetArguments, StoreArguments, pipeline_in};
+use super::arguments::{SetArguments, StoreArguments, pipeline_in, pipeline_parser};
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use super::{locate, run};
-use deaflow_base::{ArtifactId, readable_time};
+use deaflow_base::{ArtifactId, Digest, readable_time};
 use deaflow_orchestrator::{Explanation, explain};
 
 /// Say why a stage would be built: every parameter and input that has changed
@@ -19,7 +18,7 @@ use deaflow_orchestrator::{Explanation, explain};
 #[command(allow_missing_positional = true, after_help = examples!("deaflow explain pipeline.yaml design", "deaflow explain pipeline.yaml:design"))]
 pub struct ExplainArguments {
     /// The pipeline, a YAML file, or a folder with one alone [default: that of this folder]
-    #[arg(value_parser = PathBufValueParser::new().try_map(pipeline_in))]
+    #[arg(value_parser = pipeline_parser())]
     pub pipeline: Option<PathBuf>,
     /// The stage, or PIPELINE.yaml:STAGE alone
     pub stage: String,
@@ -47,9 +46,6 @@ pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, Cl
     Ok(Exit::Done)
 }
 
-/// As short as digests are printed.
-const SHORTEST_DIGEST: usize = 12;
-
 /// The pipeline of this folder, for a stage that stands alone; what is no stage is said to be none.
 fn alone(stage: &str) -> Result<PathBuf, CliError> {
     if Path::new(stage).is_file() {
@@ -60,7 +56,7 @@ fn alone(stage: &str) -> Result<PathBuf, CliError> {
         );
     }
     // No name of a stage that somebody thought of looks like this.
-    if stage.len() >= SHORTEST_DIGEST && stage.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+    if stage.len() >= Digest::SHORT && stage.bytes().all(|byte| byte.is_ascii_hexdigit()) {
         return Err(CliError::bad_input(format!(
             "{stage} is the digest of an artifact, and stages are explained"
         ))

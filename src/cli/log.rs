@@ -4,10 +4,9 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use clap::builder::{PathBufValueParser, TypedValueParser};
 use serde_json::{Value, json};
 
-use super::arguments::{StoreArguments, pipeline_in};
+use super::arguments::{StoreArguments, pipeline_parser};
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
@@ -39,7 +38,7 @@ const RESULTS: usize = 4;
 #[command(after_help = examples!("deaflow log", "deaflow log pipeline.yaml -n 3"))]
 pub struct LogArguments {
     /// The runs of this pipeline alone; a YAML file
-    #[arg(value_parser = PathBufValueParser::new().try_map(pipeline_in))]
+    #[arg(value_parser = pipeline_parser())]
     pub pipeline: Option<PathBuf>,
     /// The last N runs alone [default: 20 in words, all in JSON and CSV]
     #[arg(short = 'n', long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]

@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use clap::builder::{PathBufValueParser, TypedValueParser};
 use serde_json::json;
 
-use super::arguments::{SetArguments, StoreArguments, pipeline_in};
+use super::arguments::{SetArguments, StoreArguments, pipeline_parser};
 use super::error::CliError;
 use super::examples::examples;
 use super::locate;
@@ -21,7 +20,7 @@ use deaflow_report::{History, StageFacts, write_report};
 #[command(after_help = examples!("deaflow report pipeline.yaml -o report"))]
 pub struct ReportArguments {
     /// The pipeline, a YAML file, or a folder with one alone [default: that of this folder]
-    #[arg(default_value = ".", hide_default_value = true, value_parser = PathBufValueParser::new().try_map(pipeline_in))]
+    #[arg(default_value = ".", hide_default_value = true, value_parser = pipeline_parser())]
     pub pipeline: PathBuf,
     /// Folder for index.html, data/designs.csv, data/patterns/*.csv and data/masks/*.dxf
     #[arg(short, long, value_name = "DIR")]

@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use clap::builder::{PathBufValueParser, TypedValueParser};
 use serde_json::{Value, json};
 
-use super::arguments::{StoreArguments, pipeline_in};
+use super::arguments::{StoreArguments, pipeline_parser};
 use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
@@ -25,7 +24,7 @@ use deaflow_store::{Checkpoints, Command, LockFile, Reached, Run, Store, Totals}
 #[command(after_help = examples!("deaflow status", "deaflow status pipeline.yaml"))]
 pub struct StatusArguments {
     /// Pipelines to look at [default: those of the last runs]
-    #[arg(value_name = "PIPELINE", value_parser = PathBufValueParser::new().try_map(pipeline_in))]
+    #[arg(value_name = "PIPELINE", value_parser = pipeline_parser())]
     pub pipelines: Vec<PathBuf>,
     #[command(flatten)]
     pub store: StoreArguments,

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::{Value, json};
 
-use deaflow_base::uri;
+use deaflow_base::{Digest, uri};
 
 /// The file that makes a folder a crate.
 pub const METADATA: &str = "ro-crate-metadata.json";
@@ -260,7 +260,7 @@ impl ResearchObject {
             self.description()
         );
         for stage in &self.stages {
-            let (name, digest) = (stage.name.replace('|', "\\|"), &stage.digest[..12]);
+            let (name, digest) = (stage.name.replace('|', "\\|"), &stage.digest[..Digest::SHORT]);
             text += &format!(
                 "| {name} | {} | `{digest}` | [{}]({}) |\n",
                 stage.kind,

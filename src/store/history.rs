@@ -384,7 +384,7 @@ fn stamp(name: &str) -> Option<Stamp> {
         _ => c.is_ascii_digit(),
     };
     let (number, digest) = rest.strip_suffix(".json")?.split_once('-')?;
-    let is_digest = digest.len() == 12 && digest.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let is_digest = digest.len() == Digest::SHORT && digest.bytes().all(|byte| byte.is_ascii_hexdigit());
     let number = match number.strip_prefix('.') {
         Some(digits) => digits.parse().ok()?,
         None if number.is_empty() => 0,
