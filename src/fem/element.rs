@@ -90,7 +90,8 @@ impl Element<4> for Bilinear {
     #[inline(always)]
     fn forces_on<V: Value>(stresses: &[Tensor<V>; 4], [x, y]: [f64; 2]) -> [[V; 4]; 2] {
         let number = |value: f64| stresses[0][0][0].constant(value);
-        let [near, far] = Line::LINEAR.points.map(|place| 0.25 * place);
+        let [near, far] = Line::LINEAR.points;
+        let (near, far) = (0.25 * near, 0.25 * far);
         let mut forces = [[number(0.0); 4]; 2];
         for (c, force) in forces.iter_mut().enumerate() {
             let [low, high, left, right] = edge_sums(stresses, c);
@@ -225,10 +226,10 @@ fn biquadratic_gradients<V: Value>(
             for a in 0..3 {
                 let column = [u[a], u[a + 3], u[a + 6]];
                 values[a] = weighted(column, line.values[row]);
-                rises[a] = weighted(column, line.slopes[row].map(|slope| slope * y));
+                rises[a] = weighted(column, scaled(line.slopes[row], y));
             }
             for q in 0..3 {
-                let (slopes, here) = (line.slopes[q].map(|slope| slope * x), line.values[q]);
+                let (slopes, here) = (scaled(line.slopes[q], x), line.values[q]);
                 gradients[3 * row + q][c] = match (c, offset) {
                     (_, None) => [weighted(values, slopes), weighted(rises, here)],
                     (0, Some([along, _])) => [weighted_from(along, values, slopes), weighted(rises, here)],
@@ -237,6 +238,11 @@ fn biquadratic_gradients<V: Value>(
             }
         }
     }
+}
+
+#[inline(always)]
+fn scaled([a, b, c]: [f64; 3], factor: f64) -> [f64; 3] {
+    [a * factor, b * factor, c * factor]
 }
 
 /// A column of a table, times the weights of the points and another factor.

@@ -50,7 +50,8 @@ impl NodeLayout {
     #[inline(always)]
     #[must_use]
     pub fn nodes(&self) -> [usize; 2] {
-        self.elements.map(|count| count * self.degree + 1)
+        let [columns, rows] = self.elements;
+        [columns * self.degree + 1, rows * self.degree + 1]
     }
 
     /// All elements (column, row), row by row.

@@ -11,7 +11,7 @@ use std::marker::PhantomData;
 
 use pulp::{Simd, WithSimd};
 
-use super::registers::{dispatch, dispatch_widest};
+use super::registers::{self, dispatch, dispatch_widest};
 
 use deaflow_field::Order;
 
@@ -28,8 +28,8 @@ pub use super::precision::Precision;
 use super::sheet::Mount;
 use super::supports::{Pose, Supports};
 use point::{
-    FollowingTangent, MemoryBetween, MemoryStress, MemoryTangent, Point, StressAt, StressAtRest, StressBetween,
-    TangentAt, TangentAtRest, TangentFrom, TangentOfBoth,
+    FollowingTangent, MemoryBetween, MemoryStress, Point, StressAt, StressAtRest, StressBetween, TangentAt,
+    TangentAtRest, TangentFrom, TangentOfBoth,
 };
 use survey::{LawAtRest, Metrics, Store, Survey, place};
 
@@ -160,8 +160,9 @@ impl<L: Material> Operator<'_, L> {
     /// The tangent at `u` times `du`, at interior nodes, into `out`.
     pub fn tangent<T: Precision>(&self, u: &[T], du: &[T], out: &mut [T]) {
         let curvatures = self.curvatures(u);
-        self.sweep([u, du], &[], out, TangentAt(self.material));
-        self.remember([u, du], out, MemoryTangent);
+        let mut moduli = Vec::new();
+        self.store(u, &mut moduli);
+        self.image(u, &moduli, du, out);
         self.add_bodies(u, du, &curvatures, out);
     }
 
@@ -213,13 +214,8 @@ impl<L: Material> Operator<'_, L> {
     pub fn linearise<T: Precision>(&self, u: &[T], moduli: &mut Vec<T>) {
         if self.is_uniform_at_rest() && u.iter().all(|u| u.to_f64() == 0.0) {
             moduli.clear();
-        } else if L::STORES || self.activity.memory().is_some() {
-            match self.activity.grid().order() {
-                Order::Bilinear => self.store::<Bilinear, T, 4>(u, moduli),
-                Order::Biquadratic => self.store::<Biquadratic, T, 9>(u, moduli),
-            }
         } else {
-            moduli.clear();
+            self.store(u, moduli);
         }
         moduli.extend(self.curvatures(u).into_iter().map(T::from_f64));
     }
@@ -232,22 +228,39 @@ impl<L: Material> Operator<'_, L> {
             .supports()
             .map_or(0, |supports| supports.bodies().len());
         let (moduli, curvatures) = moduli.split_at(moduli.len() - bodies);
-        if self.activity.memory().is_some() {
-            // The same kernel whatever the law, so that it is compiled once.
-            self.without_law().sweep([u, du], moduli, out, TangentOfBoth);
-        } else if L::STORES && moduli.is_empty() {
+        if L::STORES && moduli.is_empty() {
             let LawAtRest { moduli, .. } = self.law_at_rest::<T>();
             self.without_law().sweep_plain([u, du], &[], out, TangentAtRest(moduli));
-        } else if L::STORES {
-            self.without_law().sweep([u, du], moduli, out, TangentFrom);
         } else {
-            self.sweep([u, du], &[], out, TangentAt(self.material));
+            self.image(u, moduli, du, out);
         }
         let curvatures: Vec<f64> = curvatures.iter().map(|curvature| curvature.to_f64()).collect();
         self.add_bodies(u, du, &curvatures, out);
     }
 
-    fn store<E: Element<N>, T: Precision, const N: usize>(&self, u: &[T], moduli: &mut Vec<T>) {
+    /// The elements' part of the tangent times `du`, by kernels that are the same for all laws which store moduli: they are compiled once.
+    fn image<T: Precision>(&self, u: &[T], moduli: &[T], du: &[T], out: &mut [T]) {
+        if self.activity.memory().is_some() {
+            self.without_law().sweep([u, du], moduli, out, TangentOfBoth);
+        } else if L::STORES {
+            self.without_law().sweep([u, du], moduli, out, TangentFrom);
+        } else {
+            self.sweep([u, du], &[], out, TangentAt(self.material));
+        }
+    }
+
+    /// The moduli that [`Operator::image`] reads.
+    fn store<T: Precision>(&self, u: &[T], moduli: &mut Vec<T>) {
+        if !L::STORES && self.activity.memory().is_none() {
+            return moduli.clear();
+        }
+        match self.activity.grid().order() {
+            Order::Bilinear => self.store_of::<Bilinear, T, 4>(u, moduli),
+            Order::Biquadratic => self.store_of::<Biquadratic, T, 9>(u, moduli),
+        }
+    }
+
+    fn store_of<E: Element<N>, T: Precision, const N: usize>(&self, u: &[T], moduli: &mut Vec<T>) {
         let layout = self.layout();
         let each = match self.activity.memory() {
             None => MODULI,
@@ -307,12 +320,26 @@ impl<L: Material> Operator<'_, L> {
         point: P,
     ) -> f64 {
         match self.activity.grid().order() {
-            Order::Bilinear => self.sweep_elements::<Bilinear, T, P, 4, M, PLAIN>(inputs, moduli, out, point),
-            Order::Biquadratic => self.sweep_elements::<Biquadratic, T, P, 9, M, PLAIN>(inputs, moduli, out, point),
+            Order::Bilinear => self.sweep_squares::<Bilinear, T, P, 4, M>(inputs, moduli, out, point),
+            Order::Biquadratic => self.sweep_squares::<Biquadratic, T, P, 9, M>(inputs, moduli, out, point),
         }
     }
 
-    /// By a kernel of its own for each shape: no number waits for a branch there.
+    fn sweep_squares<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize>(
+        &self,
+        inputs: [&[T]; M],
+        moduli: &[T],
+        out: &mut [T],
+        point: P,
+    ) -> f64 {
+        match registers::are_scalar() {
+            false => self.sweep_elements::<E, T, P, N, M, PLAIN>(inputs, moduli, out, point),
+            true => self.sweep_elements::<E, T, P, N, M, VARIED>(inputs, moduli, out, point),
+        }
+    }
+
+    /// By a kernel of its own for each shape: no number waits for a branch there. That for all shapes serves machines without vector
+    /// registers, so that less is compiled for them.
     fn sweep_shape<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize>(
         &self,
         inputs: [&[T]; M],
@@ -321,10 +348,12 @@ impl<L: Material> Operator<'_, L> {
         point: P,
     ) -> f64 {
         let grid = self.activity.grid();
-        match (grid.is_plain(), grid.is_uniform()) {
-            (true, _) => self.sweep_elements::<E, T, P, N, M, PLAIN>(inputs, moduli, out, point),
-            (false, true) => self.sweep_elements::<E, T, P, N, M, UNIFORM>(inputs, moduli, out, point),
-            (false, false) => self.sweep_elements::<E, T, P, N, M, VARIED>(inputs, moduli, out, point),
+        if grid.is_plain() {
+            self.sweep_squares::<E, T, P, N, M>(inputs, moduli, out, point)
+        } else if grid.is_uniform() && !registers::are_scalar() {
+            self.sweep_elements::<E, T, P, N, M, UNIFORM>(inputs, moduli, out, point)
+        } else {
+            self.sweep_elements::<E, T, P, N, M, VARIED>(inputs, moduli, out, point)
         }
     }
 
@@ -349,10 +378,12 @@ impl<L: Material> Operator<'_, L> {
             point,
             element: PhantomData,
         };
-        let smallest = if const { SHAPE == PLAIN && P::WIDEST } {
-            dispatch_widest(sweep)
-        } else {
+        let smallest = if const { SHAPE == VARIED } {
             dispatch(sweep)
+        } else if const { SHAPE == PLAIN && P::WIDEST } {
+            registers::dispatch_widest_vector(sweep)
+        } else {
+            registers::dispatch_vector(sweep)
         };
         layout.clear_frame(out);
         smallest
@@ -422,10 +453,10 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
     fn with_simd<S: Simd>(mut self, simd: S) -> f64 {
         let mut smallest = Wide::<S, T>::splat(simd, f64::INFINITY);
         // Of elements that all have the same sides.
-        let [width, height] = self
-            .activity
-            .sides
-            .map_or([1.0; 2], |[widths, heights]| [widths[0].to_f64(), heights[0].to_f64()]);
+        let [width, height] = match self.activity.sides {
+            Some([widths, heights]) => [widths[0].to_f64(), heights[0].to_f64()],
+            None => [1.0; 2],
+        };
         let factors = [width.recip(), height.recip()];
         let mut gradients = [[[Wide::splat(simd, 0.0); 2]; 2]; N];
         let mut changes = gradients;
@@ -434,7 +465,7 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                 let zero = Wide::splat(simd, 0.0);
                 let sides = match self.activity.sides {
                     Some(all) if SHAPE == VARIED => sides(simd, all, first, row),
-                    _ => [zero; 2],
+                    _ => [Wide::splat(simd, 1.0); 2],
                 };
                 // Not a loop, which is too long to be unrolled: gradients would go through memory, a third of a tangent.
                 self.gradients(simd, (first, row), 0, factors, self.rest, sides, &mut gradients);
@@ -513,7 +544,7 @@ impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPE
         let nodal = gather::<E, S, T, N>(simd, self.layout, self.inputs[field], first, row);
         match SHAPE {
             PLAIN => E::write_gradients(&nodal, gradients),
-            UNIFORM => E::write_gradients_on(&nodal, factors, rest.map(|rest| rest - 1.0), gradients),
+            UNIFORM => E::write_gradients_on(&nodal, factors, [rest[0] - 1.0, rest[1] - 1.0], gradients),
             _ => {
                 E::write_gradients(&nodal, gradients);
                 per_side(gradients, sides);
@@ -541,7 +572,9 @@ impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPE
     #[inline(always)]
     fn collect<S: Simd>(&mut self, simd: S, row: usize) {
         let (degree, part) = (E::DEGREE, self.layout.part());
-        for (c, rise) in (0..2).flat_map(|c| (0..=degree).map(move |rise| (c, rise))) {
+        // One loop for both, of which nested ones would be longer to compile.
+        for component in 0..2 * (degree + 1) {
+            let (c, rise) = (component / (degree + 1), component % (degree + 1));
             for inner in 0..degree {
                 let own = self.line(c, rise * (degree + 1) + inner);
                 let left = self.line(c, rise * (degree + 1) + degree) - 1;

@@ -4,32 +4,71 @@
 
 use pulp::{Simd, WithSimd};
 
+/// Whether the machine has no vector registers that kernels are compiled for.
+#[must_use]
+pub fn are_scalar() -> bool {
+    #[cfg(test)]
+    if tests::ALLOWED.get() == tests::Allowed::Scalar {
+        return true;
+    }
+    #[cfg(target_arch = "x86_64")]
+    {
+        pulp::x86::V3::try_new().is_none()
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    false
+}
+
 /// Does work with registers of up to 256 bits.
 #[inline]
 pub fn dispatch<W: WithSimd>(work: W) -> W::Output {
+    if are_scalar() {
+        Simd::vectorize(pulp::Scalar::new(), work)
+    } else {
+        dispatch_vector(work)
+    }
+}
+
+/// The same where there are vector registers.
+///
+/// # Panics
+/// When [`are_scalar`].
+#[inline]
+pub fn dispatch_vector<W: WithSimd>(work: W) -> W::Output {
     #[cfg(target_arch = "x86_64")]
     {
-        match pulp::x86::V3::try_new() {
-            Some(simd) => Simd::vectorize(simd, work),
-            None => Simd::vectorize(pulp::Scalar::new(), work),
-        }
+        let simd = pulp::x86::V3::try_new().expect("asked by are_scalar()");
+        Simd::vectorize(simd, work)
     }
     #[cfg(not(target_arch = "x86_64"))]
     pulp::Arch::new().dispatch(work)
 }
 
-/// The same with registers of 512 bits where there are: for what most solves wait for, since it is compiled once more.
+/// As [`dispatch`], with registers of 512 bits where there are: for what most solves wait for, since it is compiled once more.
 #[inline]
 pub fn dispatch_widest<W: WithSimd>(work: W) -> W::Output {
+    if are_scalar() {
+        Simd::vectorize(pulp::Scalar::new(), work)
+    } else {
+        dispatch_widest_vector(work)
+    }
+}
+
+/// The same where there are vector registers.
+///
+/// # Panics
+/// When [`are_scalar`].
+#[inline]
+pub fn dispatch_widest_vector<W: WithSimd>(work: W) -> W::Output {
     #[cfg(test)]
-    if tests::NARROW.get() {
-        return dispatch(work);
+    if tests::ALLOWED.get() == tests::Allowed::Narrow {
+        return dispatch_vector(work);
     }
     #[cfg(all(target_arch = "x86_64", feature = "avx512"))]
     if let Some(simd) = pulp::x86::V4::try_new() {
         return Simd::vectorize(simd, work);
     }
-    dispatch(work)
+    dispatch_vector(work)
 }
 
 #[cfg(test)]
@@ -43,13 +82,23 @@ mod tests {
 
     use crate::{MembraneSolver, SolveOptions};
 
+    /// What a thread takes of the registers that there are.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub(super) enum Allowed {
+        /// None.
+        Scalar,
+        /// Up to 256 bits.
+        Narrow,
+        /// All.
+        Widest,
+    }
+
     thread_local! {
-        /// Whether this thread does without registers of 512 bits.
-        pub(super) static NARROW: Cell<bool> = const { Cell::new(false) };
+        pub(super) static ALLOWED: Cell<Allowed> = const { Cell::new(Allowed::Widest) };
     }
 
     #[test]
-    fn wider_registers_change_no_bit() {
+    fn registers_change_no_bit_and_doing_without_them_only_rounding() {
         let stiffening = Effects {
             strain_stiffening: Some(Stiffening::Gent(Gent {
                 jm: deaflow_base::Decimal::from_f64(100.0).unwrap(),
@@ -62,22 +111,36 @@ mod tests {
             .map(|i| u8::from((i % CELLS / 3 + i / CELLS / 4).is_multiple_of(2)))
             .collect();
         let pattern = Pattern::from_cells(Raster::PAPER, &active).unwrap();
-        for effects in [Effects::default(), stiffening] {
-            let scene = Scene::vhb4910().with_effects(effects);
+        let fringe = Effects {
+            fringe_field: Some(On {}),
+            ..Effects::default()
+        };
+        // Squares that rest at f = I, elements that are all alike but do not, and elements of many sides.
+        let mut scenes = [Effects::default(), stiffening, fringe]
+            .map(|effects| Scene::vhb4910().with_effects(effects))
+            .to_vec();
+        let mut uneven = scenes[1].clone();
+        uneven.geometry.prestretch.0[0] = deaflow_base::Decimal::from_f64(3.2).unwrap();
+        scenes.push(uneven);
+        for scene in scenes {
             for mesh in [
                 Mesh::new(1, Order::Bilinear),
                 Mesh::new(3, Order::Bilinear),
                 Mesh::biquadratic(1),
             ] {
                 let solver = MembraneSolver::new(&scene, SolveOptions::on(mesh)).unwrap();
-                let [wide, narrow] = [false, true].map(|narrow| {
-                    NARROW.set(narrow);
+                let [wide, narrow, scalar] = [Allowed::Widest, Allowed::Narrow, Allowed::Scalar].map(|allowed| {
+                    ALLOWED.set(allowed);
                     solver.solve(&pattern)
                 });
-                NARROW.set(false);
+                ALLOWED.set(Allowed::Widest);
                 assert!(wide.outcome.is_converged());
                 assert_eq!(wide.displacement, narrow.displacement);
                 assert_eq!(wide.krylov_iterations, narrow.krylov_iterations);
+                let pairs = || wide.displacement.iter().zip(&scalar.displacement);
+                let largest = pairs().fold(0.0, |largest: f64, (u, _)| largest.max(u.abs()));
+                let worst = pairs().fold(0.0, |worst: f64, (a, b)| worst.max((a - b).abs()));
+                assert!(worst > 0.0 && worst < 1e-8 * largest, "{worst:e} of {largest:e}");
             }
         }
     }

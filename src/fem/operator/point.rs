@@ -58,10 +58,6 @@ pub(super) struct StressBetween<'a, L>(pub(super) &'a L);
 #[derive(Clone, Copy)]
 pub(super) struct MemoryBetween;
 
-/// The tangent of a [`Memory`] at the first field along the second.
-#[derive(Clone, Copy)]
-pub(super) struct MemoryTangent;
-
 /// How the tangent of a [`Memory`] that follows the first field changes with it, along the second field and times it.
 #[derive(Clone, Copy)]
 pub(super) struct FollowingTangent;
@@ -225,18 +221,5 @@ impl Point<2> for MemoryBetween {
         [xx, xy, yy, normal, ..]: [V; MODULI_WITH_MEMORY],
     ) -> Tensor<V> {
         memory::stress_between([xx, xy, yy, normal], gradient, change)
-    }
-}
-
-impl Point<2> for MemoryTangent {
-    const REMEMBERS: bool = true;
-    #[inline(always)]
-    fn stress<V: Value>(
-        self,
-        [gradient, change]: [Tensor<V>; 2],
-        _active: V,
-        [xx, xy, yy, normal, ..]: [V; MODULI_WITH_MEMORY],
-    ) -> Tensor<V> {
-        memory::tangent([xx, xy, yy, normal], gradient, change)
     }
 }

@@ -32,7 +32,7 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Surv
         let (mut convexity, mut tension) = (ellipticity, ellipticity);
         for row in 0..self.layout.rows() {
             for first in (0..self.layout.columns()).step_by(T::lanes::<S>()) {
-                for (q, gradient) in self.gradients(simd, first, row).into_iter().enumerate() {
+                for (q, &gradient) in self.gradients(simd, first, row).iter().enumerate() {
                     let active = self
                         .activity
                         .within_electrode(simd, self.layout.part(), [first, row], q);
@@ -71,8 +71,8 @@ impl<E: Element<N>, L, T: Precision, const N: usize> Survey<'_, E, L, T, N> {
         match self.activity.sides {
             None => E::gradients(&nodal),
             Some(all) if self.activity.is_uniform => {
-                let factors = all.map(|sides| sides[0].to_f64().recip());
-                E::gradients_on(&nodal, factors, self.rest.map(|rest| rest - 1.0))
+                let factors = [all[0][0].to_f64().recip(), all[1][0].to_f64().recip()];
+                E::gradients_on(&nodal, factors, [self.rest[0] - 1.0, self.rest[1] - 1.0])
             }
             Some(all) => {
                 let mut gradients = E::gradients(&nodal);
@@ -116,7 +116,7 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Stor
         let lanes = T::lanes::<S>();
         for row in 0..layout.rows() {
             for first in (0..layout.columns()).step_by(lanes) {
-                for (q, gradient) in self.survey.gradients(simd, first, row).into_iter().enumerate() {
+                for (q, &gradient) in self.survey.gradients(simd, first, row).iter().enumerate() {
                     let active = activity.at(simd, [first, row], q);
                     let moduli = material.moduli(gradient, active);
                     if let Some((numbers, _)) = activity.memory {
@@ -124,12 +124,12 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Stor
                         let numbers = [number(0), number(1), number(2), number(3)];
                         let both = memory::moduli_with_memory(moduli, numbers, gradient);
                         let start = place(layout, [first, row], lanes, [N, q], MODULI_WITH_MEMORY);
-                        for (at, value) in both.into_iter().enumerate() {
+                        for (at, &value) in both.iter().enumerate() {
                             value.store(&mut self.moduli[start + at * lanes..]);
                         }
                     } else {
                         let start = place(layout, [first, row], lanes, [N, q], MODULI);
-                        for (at, value) in moduli.into_iter().enumerate() {
+                        for (at, &value) in moduli.iter().enumerate() {
                             value.store(&mut self.moduli[start + at * lanes..]);
                         }
                     }
@@ -189,7 +189,7 @@ impl<E: Element<N>, L: Material, const N: usize> WithSimd for Metrics<'_, E, L, 
         let layout = self.survey.layout;
         for row in 0..layout.rows() {
             for first in (0..layout.columns()).step_by(f64::lanes::<S>()) {
-                for (q, gradient) in self.survey.gradients(simd, first, row).into_iter().enumerate() {
+                for (q, &gradient) in self.survey.gradients(simd, first, row).iter().enumerate() {
                     let [[a, b], [c, d]] = deformation(gradient);
                     let j = determinant([[a, b], [c, d]]);
                     let square = j * j;
