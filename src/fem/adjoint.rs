@@ -7,7 +7,7 @@
 use deaflow_field::{Field, Order};
 
 use super::element::{Bilinear, Biquadratic, Element};
-use super::energy::Material;
+use super::law::Law;
 use super::newton::{self, Trouble, Workspace};
 use super::operator::{Operator, from_rest, on_sides, per_side};
 use super::precondition::Laplacian;
@@ -16,7 +16,7 @@ use super::precondition::Laplacian;
 ///
 /// # Errors
 /// When the tangent at `u` is not positive definite.
-pub fn gradient<L: Material>(
+pub fn gradient<L: Law>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     tolerance: f64,
@@ -31,18 +31,14 @@ pub fn gradient<L: Material>(
 
 /// −ψ · ∂R/∂S, added up over the elements of each cell.
 #[must_use]
-pub fn of_cells<L: Material>(operator: &Operator<'_, L>, u: &[f64], adjoint: &[f64]) -> Vec<f64> {
+pub fn of_cells<L: Law>(operator: &Operator<'_, L>, u: &[f64], adjoint: &[f64]) -> Vec<f64> {
     match operator.activity.grid().order() {
         Order::Bilinear => cells::<Bilinear, L, 4>(operator, u, adjoint),
         Order::Biquadratic => cells::<Biquadratic, L, 9>(operator, u, adjoint),
     }
 }
 
-fn cells<E: Element<N>, L: Material, const N: usize>(
-    operator: &Operator<'_, L>,
-    u: &[f64],
-    adjoint: &[f64],
-) -> Vec<f64> {
+fn cells<E: Element<N>, L: Law, const N: usize>(operator: &Operator<'_, L>, u: &[f64], adjoint: &[f64]) -> Vec<f64> {
     let (layout, grid, side) = (operator.layout(), operator.activity.grid(), E::DEGREE + 1);
     let (raster, [along, across]) = (grid.raster(), grid.per_cell());
     let mut gradient = vec![0.0; raster.cells()];

@@ -10,7 +10,7 @@ use deaflow_scene::Scene;
 
 use super::continuation::{Ending, Loading, Loss, Problem};
 use super::eigenvalue::dot;
-use super::energy::Material;
+use super::law::Law;
 use super::memory::{self, Memory, NUMBERS, line};
 use super::newton::{self, Workspace, norm};
 use super::operator::{Activity, Operator, metrics};
@@ -44,7 +44,7 @@ pub struct Reached {
 }
 
 /// Moves `u` from rest to the equilibrium at the charge of a scene whose electrodes conduct.
-pub fn conducting<L: Material, F: Fn(f64) -> L>(
+pub fn conducting<L: Law, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
     scene: &Scene,
     charge: f64,
@@ -137,7 +137,7 @@ pub enum Refusal {
 ///
 /// # Errors
 /// When there is no stable one that the iteration finds.
-pub fn near<L: Material, F: Fn(f64) -> L>(
+pub fn near<L: Law, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
     scene: &Scene,
     charge: f64,
@@ -152,7 +152,7 @@ struct System<'a, 'b, F> {
     scene: &'a Scene,
 }
 
-impl<L: Material, F: Fn(f64) -> L> System<'_, '_, F> {
+impl<L: Law, F: Fn(f64) -> L> System<'_, '_, F> {
     /// The charge at the full load, and its electric energy in units of the membrane.
     fn at_full_load(&self, u: &[f64]) -> (f64, f64) {
         let activity = self.problem.activity;
@@ -345,7 +345,7 @@ pub fn energy_of_sprayed(activity: &Activity, u: &[f64]) -> f64 {
 }
 
 /// Moves `u` from rest to the equilibrium with charge that was sprayed evenly over the electrodes.
-pub fn immobile<L: Material, F: Fn(f64) -> L>(
+pub fn immobile<L: Law, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
     scene: &Scene,
     charge: f64,

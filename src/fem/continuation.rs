@@ -4,7 +4,7 @@
 //! to V², is raised in steps from the last stable state; steps that fail are halved until the loss of stability lies
 //! between two voltages one part in a thousand apart.
 
-use super::energy::Material;
+use super::law::Law;
 use super::newton::{self, Trouble, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
@@ -132,7 +132,7 @@ pub struct Problem<'a, F> {
     pub tolerance: f64,
 }
 
-impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
+impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
     /// Moves `u`, whatever it was, from rest to the full load, or to the last stable state on the way there.
     pub fn load(&self, u: &mut [f64], workspace: &mut Workspace) -> Loading {
         match self.rest(u, workspace) {
@@ -260,7 +260,8 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
     /// from somewhere, and there is no first stable state to look for.
     fn is_loose_at_rest(&self) -> bool {
         let identity = [[1.0, 0.0], [0.0, 1.0]];
-        L::WRINKLES && (self.material)(0.0).self_stress(identity)[0][0].abs() < LOOSE
+        let unloaded = (self.material)(0.0);
+        unloaded.wrinkles() && unloaded.self_stress(identity)[0][0].abs() < LOOSE
     }
 
     /// The largest step worth a try from rest; huge voltages come down to it at once.
@@ -295,7 +296,9 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         match result {
             Ok(_) => match judge(&operator, self.laplacian, u, workspace) {
                 Stability::Stable { pointwise } => {
-                    if L::SEVERAL_BRANCHES && !same_basin(&operator, self.laplacian, before, u, workspace) {
+                    if operator.material.has_several_branches()
+                        && !same_basin(&operator, self.laplacian, before, u, workspace)
+                    {
                         return Err(Refusal::Lost(Loss::Stability));
                     }
                     total.pointwise = pointwise;

@@ -5,8 +5,8 @@
 //! Akad. Wet. 50 (1947) 18). Rigid bodies inside give way, so that with them stability is lost at that voltage at the latest.
 
 use super::effects::{Model, WithMaterial};
-use super::energy::Material;
 use super::error::SetupError;
+use super::law::Law;
 use super::sheet::Sheet;
 use deaflow_scene::Scene;
 
@@ -30,10 +30,10 @@ struct Lost {
 impl WithMaterial for Lost {
     type Output = Option<f64>;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<f64> {
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<f64> {
         let [along, across] = self.distortion;
         let is_lost = |share: f64| material(share).ellipticity([[along, 0.0], [0.0, across]], 1.0) <= 0.0;
-        if L::WRINKLES || !is_lost(self.most) {
+        if material(0.0).wrinkles() || !is_lost(self.most) {
             return None;
         }
         let [mut stable, mut lost] = [0.0, self.most];

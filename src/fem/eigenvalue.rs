@@ -8,7 +8,8 @@ use faer::{Mat, Side};
 
 use deaflow_base::Stream;
 
-use super::energy::{Material, NeoHookean};
+use super::energy::NeoHookean;
+use super::law::Law;
 use super::operator::Operator;
 use super::precondition::{Laplacian, LaplacianScratch};
 use super::supports::Pose;
@@ -43,7 +44,7 @@ struct Direction {
 }
 
 impl Direction {
-    fn new<L: Material>(operator: &Operator<'_, L>, u: &[f64], vector: Vec<f64>) -> Self {
+    fn new<L: Law>(operator: &Operator<'_, L>, u: &[f64], vector: Vec<f64>) -> Self {
         let mut stiff = vec![0.0; vector.len()];
         operator.tangent(u, &vector, &mut stiff);
         let mut harmonic = vec![0.0; vector.len()];
@@ -95,7 +96,7 @@ impl Direction {
 ///
 /// Its relative error is about 1e-5, absolutely 1e-8 where it is near zero.
 #[must_use]
-pub fn smallest<L: Material>(
+pub fn smallest<L: Law>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     u: &[f64],
@@ -166,7 +167,7 @@ fn ritz(x: &Direction, w: Direction, p: Option<Direction>) -> Option<(Direction,
 }
 
 /// A smooth vector that has a part along every mode.
-fn start<L: Material>(
+fn start<L: Law>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     u: &[f64],

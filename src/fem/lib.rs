@@ -29,6 +29,7 @@ pub mod grid;
 pub mod kinematics;
 mod krylov;
 pub mod lanes;
+pub mod law;
 pub mod layout;
 mod limit;
 mod margin;

@@ -9,9 +9,9 @@ use deaflow_scene::{Effects, Scene};
 use super::continuation::Ending;
 use super::critical::{CriticalVoltage, MeshLimit};
 use super::effects::{Model, Stability, WithMaterial};
-use super::energy::Material;
 use super::error::SetupError;
 use super::krylov;
+use super::law::Law;
 use super::newton::{Workspace, probe};
 use super::operator::{Activity, Operator};
 use super::solver::{MembraneSolver, MeshSolution, SolveOptions};
@@ -253,9 +253,9 @@ struct Load;
 impl WithMaterial for Load {
     type Output = bool;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
         let full = material(1.0);
-        !L::WRINKLES && full.load() < FAR * 0.5 * full.largest_load()
+        !full.wrinkles() && full.load() < FAR * 0.5 * full.largest_load()
     }
 }
 
@@ -277,7 +277,7 @@ struct Clear<'a> {
 impl WithMaterial for Clear<'_> {
     type Output = bool;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
         let operator = Operator {
             material: &material(1.0),
             activity: self.activity,
@@ -299,7 +299,7 @@ struct Between<'a> {
 impl WithMaterial for Between<'_> {
     type Output = Ending;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Ending {
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Ending {
         let mut u = vec![0.0; self.solver.grid.layout().vector_len()];
         let mut workspace = Workspace::new(u.len(), &self.solver.laplacian);
         workspace.begin(self.solver.limit);

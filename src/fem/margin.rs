@@ -5,8 +5,8 @@ use deaflow_pattern::Pattern;
 use super::continuation::{Climb, Ending};
 use super::effects::{Model, WithMaterial};
 use super::eigenvalue::smallest;
-use super::energy::Material;
 use super::error::SetupError;
+use super::law::Law;
 use super::newton::Workspace;
 use super::operator::{Activity, Operator};
 use super::solver::{MembraneSolver, MeshSolution};
@@ -93,7 +93,7 @@ struct Smallest<'a> {
 impl WithMaterial for Smallest<'_> {
     type Output = Option<f64>;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<f64> {
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<f64> {
         let operator = Operator {
             material: &material(1.0),
             activity: self.activity,
@@ -115,7 +115,7 @@ struct Onward<'a> {
 struct FromRest<'a>(Onward<'a>);
 
 impl Onward<'_> {
-    fn climb<L: Material, F: Fn(f64) -> L>(self, material: F, from: f64) -> Option<[f64; 2]> {
+    fn climb<L: Law, F: Fn(f64) -> L>(self, material: F, from: f64) -> Option<[f64; 2]> {
         let full = material(1.0);
         let unit = 0.5 * full.largest_load() / full.load();
         let problem = self.solver.problem(self.activity, material);
@@ -137,7 +137,7 @@ impl Onward<'_> {
 impl WithMaterial for Onward<'_> {
     type Output = Option<[f64; 2]>;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
         self.climb(material, 1.0)
     }
 }
@@ -145,7 +145,7 @@ impl WithMaterial for Onward<'_> {
 impl WithMaterial for FromRest<'_> {
     type Output = Option<[f64; 2]>;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
         self.0.climb(material, 0.0)
     }
 }

@@ -11,8 +11,8 @@ use crate::registers::dispatch_widest;
 use deaflow_base::Stream;
 
 use super::direct::{Factorisation, Structure};
-use super::energy::Material;
 use super::krylov::{self, Ending, conjugate_gradients};
+use super::law::Law;
 use super::operator::Operator;
 use super::precondition::{Laplacian, LaplacianScratch};
 use super::work::{SWEEP, WorkLimit, factors};
@@ -137,7 +137,7 @@ impl Workspace {
     }
 
     /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
-    pub fn factorise<L: Material>(&mut self, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
+    pub fn factorise<L: Law>(&mut self, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
         self.other_work += factors(u.len());
         if self.structure.is_none() {
             self.structure = Structure::new(operator.activity.grid());
@@ -175,7 +175,7 @@ const ROUNDING: f64 = 1e-14;
 ///
 /// # Errors
 /// With the progress made until then, when it does not get there; `u` is then where it got to.
-pub fn solve<L: Material>(
+pub fn solve<L: Law>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     tolerance: f64,
@@ -265,7 +265,7 @@ pub struct ChordSteps {
 ///
 /// # Errors
 /// With the progress made until then, when A is not positive definite, or a step turns an element over.
-pub fn chord<L: Material>(
+pub fn chord<L: Law>(
     [actual, linear]: [&Operator<'_, L>; 2],
     laplacian: &Laplacian,
     ChordSteps { count, inner, unit }: ChordSteps,
@@ -304,7 +304,7 @@ pub fn chord<L: Material>(
 ///
 /// # Errors
 /// When the tangent is not positive definite, or single precision makes no headway on it.
-pub fn solve_tangent<L: Material>(
+pub fn solve_tangent<L: Law>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     tolerance: f64,
@@ -336,7 +336,7 @@ pub fn solve_tangent<L: Material>(
 
 /// The Newton step −A⁻¹R, divided by −‖R‖, into the solution of the Krylov workspace: by conjugate gradients, and by factors of the
 /// matrix where those take too long, which they do next to a loss of stability.
-fn find_step<L: Material>(
+fn find_step<L: Law>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     goal: f64,
@@ -381,7 +381,7 @@ fn find_step<L: Material>(
 
 /// How conjugate gradients end with the tangent at `u`, less `shift` times the Laplacian, on a random load, which has a part
 /// along every mode: a negative eigenvalue cannot hide from them, and they end well only where there is none.
-pub fn probe<L: Material>(
+pub fn probe<L: Law>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     shift: f32,
@@ -421,12 +421,7 @@ pub fn probe<L: Material>(
 }
 
 /// Moves `u` along the step as far as the residual falls; returns its new norm.
-fn line_search<L: Material>(
-    operator: &Operator<'_, L>,
-    size: f64,
-    u: &mut [f64],
-    workspace: &mut Workspace,
-) -> Option<f64> {
+fn line_search<L: Law>(operator: &Operator<'_, L>, size: f64, u: &mut [f64], workspace: &mut Workspace) -> Option<f64> {
     let Workspace {
         residual,
         trial,

@@ -1,37 +1,23 @@
 //! The residual and the tangent–vector product of the whole membrane, without a matrix.
-//!
-//! Neighbouring elements of a row are treated side by side, one per lane of a register. The forces that they exert on
-//! their nodes are first written apart, one line per node of the element, and added up once the row is finished: no
-//! element waits for its neighbour.
 
+mod kernels;
 mod point;
 mod survey;
 
-use std::marker::PhantomData;
-
-use pulp::{Simd, WithSimd};
-
-use super::registers::{self, dispatch, dispatch_widest};
-
-use deaflow_field::Order;
-
 use super::activity::View;
 pub use super::activity::{Activity, Within, load_of};
-use super::eigenvalue::WITHOUT_THICKNESS;
-use super::element::{Bilinear, Biquadratic, Element};
-use super::energy::{MODULI, Margins, Material, NeoHookean};
-use super::kinematics::Tensor;
-use super::lanes::{Real, Value, WIDEST, Wide};
+use super::energy::Margins;
+use super::law::{Law, Passes};
 use super::layout::NodeLayout;
-use super::memory::{self, MODULI_WITH_MEMORY};
+use super::memory;
 pub use super::precision::Precision;
+use super::registers::dispatch;
 use super::sheet::Mount;
 use super::supports::{Pose, Supports};
-use point::{
-    FollowingTangent, MemoryBetween, MemoryStress, Point, StressAt, StressAtRest, StressBetween, TangentAt,
-    TangentAtRest, TangentFrom, TangentOfBoth,
-};
-use survey::{LawAtRest, Metrics, Store, Survey, place};
+pub use kernels::Kernels;
+pub(crate) use kernels::{from_rest, on_sides, per_side};
+use kernels::{gather, sides, stress_at_rest, without_law};
+pub use survey::LawAtRest;
 
 /// The discrete equilibrium of one pattern under one law.
 #[derive(Clone, Copy)]
@@ -44,7 +30,7 @@ pub struct Operator<'a, L> {
     pub pulled: f64,
 }
 
-impl<L: Material> Operator<'_, L> {
+impl<L: Law> Operator<'_, L> {
     /// How vectors lie in memory.
     #[must_use]
     pub fn layout(&self) -> NodeLayout {
@@ -54,14 +40,17 @@ impl<L: Material> Operator<'_, L> {
     /// What rounding of the stress at rest may leave of a residual, entry by entry: where prestretch is unequal that stress is not zero.
     #[must_use]
     pub fn rounding(&self) -> f64 {
-        let [along, across] = stress_at_rest(self.material, self.activity.grid().rest());
+        let [along, across] = stress_at_rest(
+            |gradient| self.material.stress(gradient, 0.0),
+            self.activity.grid().rest(),
+        );
         let remembered = self.activity.memory().map_or(0.0, |memory| memory.largest);
         2.0 * f64::EPSILON * (along.abs() + across.abs() + remembered)
     }
 
-    /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest [`Material::admissible`]; the
+    /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest [`Law::admissible`]; the
     /// residual means something only where that is positive.
-    pub fn residual<T: Precision>(&self, u: &[T], out: &mut [T]) -> f64 {
+    pub fn residual(&self, u: &[f64], out: &mut [f64]) -> f64 {
         let smallest = self.forces(u, out);
         if let Some(supports) = self.activity.grid().supports() {
             self.mount(supports, &supports.poses(u), out);
@@ -70,7 +59,7 @@ impl<L: Material> Operator<'_, L> {
     }
 
     /// Makes forces on nodes those that frames and bodies at some poses see, with loads and springs.
-    fn mount<T: Precision>(&self, supports: &Supports, poses: &[Pose], out: &mut [T]) {
+    fn mount(&self, supports: &Supports, poses: &[Pose], out: &mut [f64]) {
         let bodies = supports.bodies();
         supports.restrict_with(poses, out, |body, [x, y, moment]| {
             let (Mount { load, spring }, [p, q]) = (bodies[body].mount, poses[body].translation);
@@ -85,8 +74,8 @@ impl<L: Material> Operator<'_, L> {
     /// The residual of a membrane that is not displaced; `rest` is zero everywhere.
     pub fn residual_at_rest(&self, rest: &[f64], out: &mut [f64]) {
         if self.is_uniform_at_rest() {
-            let LawAtRest { stresses, .. } = self.law_at_rest::<f64>();
-            self.without_law().sweep_plain([rest], &[], out, StressAtRest(stresses));
+            let law = f64::passes(self.material).at_rest();
+            without_law(self.activity).forces_at_rest(rest, &law, out);
         } else {
             self.residual(rest, out);
         }
@@ -96,29 +85,25 @@ impl<L: Material> Operator<'_, L> {
     fn is_uniform_at_rest(&self) -> bool {
         let grid = self.activity.grid();
         let is_alone = grid.supports().is_none() && self.activity.memory().is_none();
-        L::STORES && grid.is_plain() && is_alone && self.activity.is_binary()
+        self.material.stores() && grid.is_plain() && is_alone && self.activity.is_binary()
     }
 
-    /// The law at rest in numbers of a kind, in the order of bare and active.
-    fn law_at_rest<T: Precision>(&self) -> LawAtRest {
-        dispatch(survey::AskAtRest::<L, T> {
-            material: self.material,
-            number: PhantomData,
-        })
-    }
-
-    /// The forces of all elements on the nodes that are not on the edge; returns the smallest [`Material::admissible`].
-    fn forces<T: Precision>(&self, u: &[T], out: &mut [T]) -> f64 {
-        let smallest = self.sweep([u], &[], out, StressAt(self.material));
-        self.remember([u], out, MemoryStress);
+    /// The forces of all elements on the nodes that are not on the edge; returns the smallest [`Law::admissible`].
+    fn forces(&self, u: &[f64], out: &mut [f64]) -> f64 {
+        let smallest = self.material.forces(self.activity, u, out);
+        self.remember(out, |of_memory| {
+            without_law(self.activity).forces_of_memory(u, of_memory)
+        });
         smallest
     }
 
     /// The mean residual over a step from `u` by `du`, of which the work is the change of energy, at interior nodes, into `out`; `poses` are
     /// those of the bodies half-way.
     pub fn residual_between(&self, u: &[f64], du: &[f64], poses: &[Pose], out: &mut [f64]) {
-        self.sweep([u, du], &[], out, StressBetween(self.material));
-        self.remember([u, du], out, MemoryBetween);
+        self.material.forces_between(self.activity, [u, du], out);
+        self.remember(out, |of_memory| {
+            without_law(self.activity).forces_of_memory_between([u, du], of_memory);
+        });
         if let Some(supports) = self.activity.grid().supports() {
             self.mount(supports, poses, out);
         }
@@ -127,49 +112,35 @@ impl<L: Material> Operator<'_, L> {
     /// The derivative by `u` of v · (the tangent times v) of branches of modulus 1 that have relaxed at `u`, at interior nodes, into `out`.
     /// Bodies are not seen to.
     pub fn relaxed_change(&self, u: &[f64], v: &[f64], out: &mut [f64]) {
-        self.without_law().sweep([u, v], &[], out, FollowingTangent);
+        without_law(self.activity).following_tangent([u, v], out);
         self.activity.grid().restrict(u, out);
     }
 
-    /// Adds what the [`memory::Memory`] of the elements makes of some fields, where they have one.
-    fn remember<T: Precision, P: Point<M>, const M: usize>(&self, inputs: [&[T]; M], out: &mut [T], point: P) {
+    /// Adds the forces of the [`super::memory::Memory`] of the elements, where they have one.
+    fn remember(&self, out: &mut [f64], forces: impl FnOnce(&mut [f64])) {
         if self.activity.memory().is_none() {
             return;
         }
-        let mut more = vec![T::default(); out.len()];
-        self.without_law().sweep(inputs, &[], &mut more, point);
+        let mut more = vec![0.0; out.len()];
+        forces(&mut more);
         dispatch(
             #[inline(always)]
-            || {
-                out.iter_mut()
-                    .zip(&more)
-                    .for_each(|(out, more)| *out = T::from_f64(out.to_f64() + more.to_f64()))
-            },
+            || out.iter_mut().zip(&more).for_each(|(out, more)| *out += more),
         );
-    }
-
-    /// A membrane of the same elements without thickness and voltage.
-    fn without_law(&self) -> Operator<'_, NeoHookean> {
-        Operator {
-            material: &WITHOUT_THICKNESS,
-            activity: self.activity,
-            pulled: 0.0,
-        }
     }
 
     /// The tangent at `u` times `du`, at interior nodes, into `out`.
     pub fn tangent<T: Precision>(&self, u: &[T], du: &[T], out: &mut [T]) {
         let curvatures = self.curvatures(u);
-        let mut moduli = Vec::new();
-        self.store(u, &mut moduli);
-        self.image(u, &moduli, du, out);
+        let (mut moduli, law) = (Vec::new(), T::passes(self.material));
+        law.store(self.activity, u, &mut moduli);
+        law.image(self.activity, [u, du], &moduli, out);
         self.add_bodies(u, du, &curvatures, out);
     }
 
     /// The Laplacian times `du`: the tangent of a membrane without thickness and voltage, of bodies without loads and springs.
     pub fn laplacian<T: Precision>(&self, u: &[T], du: &[T], out: &mut [T]) {
-        let flat = self.without_law();
-        flat.sweep([u, du], &[], out, TangentAt(flat.material));
+        without_law(self.activity).tangent([u, du], out);
         if let Some(supports) = self.activity.grid().supports() {
             supports.restrict(&supports.poses(u), out);
         }
@@ -215,7 +186,7 @@ impl<L: Material> Operator<'_, L> {
         if self.is_uniform_at_rest() && u.iter().all(|u| u.to_f64() == 0.0) {
             moduli.clear();
         } else {
-            self.store(u, moduli);
+            T::passes(self.material).store(self.activity, u, moduli);
         }
         moduli.extend(self.curvatures(u).into_iter().map(T::from_f64));
     }
@@ -228,165 +199,19 @@ impl<L: Material> Operator<'_, L> {
             .supports()
             .map_or(0, |supports| supports.bodies().len());
         let (moduli, curvatures) = moduli.split_at(moduli.len() - bodies);
-        if L::STORES && moduli.is_empty() {
-            let LawAtRest { moduli, .. } = self.law_at_rest::<T>();
-            self.without_law().sweep_plain([u, du], &[], out, TangentAtRest(moduli));
+        let law = T::passes(self.material);
+        if self.material.stores() && moduli.is_empty() {
+            without_law(self.activity).tangent_at_rest([u, du], &law.at_rest(), out);
         } else {
-            self.image(u, moduli, du, out);
+            law.image(self.activity, [u, du], moduli, out);
         }
         let curvatures: Vec<f64> = curvatures.iter().map(|curvature| curvature.to_f64()).collect();
         self.add_bodies(u, du, &curvatures, out);
     }
 
-    /// The elements' part of the tangent times `du`, by kernels that are the same for all laws which store moduli: they are compiled once.
-    fn image<T: Precision>(&self, u: &[T], moduli: &[T], du: &[T], out: &mut [T]) {
-        if self.activity.memory().is_some() {
-            self.without_law().sweep([u, du], moduli, out, TangentOfBoth);
-        } else if L::STORES {
-            self.without_law().sweep([u, du], moduli, out, TangentFrom);
-        } else {
-            self.sweep([u, du], &[], out, TangentAt(self.material));
-        }
-    }
-
-    /// The moduli that [`Operator::image`] reads.
-    fn store<T: Precision>(&self, u: &[T], moduli: &mut Vec<T>) {
-        if !L::STORES && self.activity.memory().is_none() {
-            return moduli.clear();
-        }
-        match self.activity.grid().order() {
-            Order::Bilinear => self.store_of::<Bilinear, T, 4>(u, moduli),
-            Order::Biquadratic => self.store_of::<Biquadratic, T, 9>(u, moduli),
-        }
-    }
-
-    fn store_of<E: Element<N>, T: Precision, const N: usize>(&self, u: &[T], moduli: &mut Vec<T>) {
-        let layout = self.layout();
-        let each = match self.activity.memory() {
-            None => MODULI,
-            Some(_) => MODULI_WITH_MEMORY,
-        };
-        moduli.resize(layout.rows() * layout.part() * N * each, T::default());
-        let survey = self.survey::<E, T, N>(u);
-        self.survey_with(Store { survey, moduli });
-    }
-
     /// The smallest margins over the quadrature points.
     pub fn margins<T: Precision>(&self, u: &[T]) -> Margins<f64> {
-        match self.activity.grid().order() {
-            Order::Bilinear => self.survey_with(self.survey::<Bilinear, T, 4>(u)),
-            Order::Biquadratic => self.survey_with(self.survey::<Biquadratic, T, 9>(u)),
-        }
-    }
-
-    /// With the registers that [`Operator::sweep_elements`] takes, on which the order of stored moduli depends.
-    fn survey_with<W: WithSimd>(&self, survey: W) -> W::Output {
-        match self.activity.grid().is_plain() {
-            true => dispatch_widest(survey),
-            false => dispatch(survey),
-        }
-    }
-
-    fn survey<'a, E: Element<N>, T: Precision, const N: usize>(&'a self, u: &'a [T]) -> Survey<'a, E, L, T, N> {
-        Survey {
-            layout: self.layout(),
-            material: self.material,
-            activity: self.activity.view(),
-            rest: self.activity.grid().rest(),
-            u,
-            element: PhantomData,
-        }
-    }
-
-    fn sweep<T: Precision, P: Point<M>, const M: usize>(
-        &self,
-        inputs: [&[T]; M],
-        moduli: &[T],
-        out: &mut [T],
-        point: P,
-    ) -> f64 {
-        match self.activity.grid().order() {
-            Order::Bilinear => self.sweep_shape::<Bilinear, T, P, 4, M>(inputs, moduli, out, point),
-            Order::Biquadratic => self.sweep_shape::<Biquadratic, T, P, 9, M>(inputs, moduli, out, point),
-        }
-    }
-
-    /// On squares of side 1 that rest at f = I.
-    fn sweep_plain<T: Precision, P: Point<M>, const M: usize>(
-        &self,
-        inputs: [&[T]; M],
-        moduli: &[T],
-        out: &mut [T],
-        point: P,
-    ) -> f64 {
-        match self.activity.grid().order() {
-            Order::Bilinear => self.sweep_squares::<Bilinear, T, P, 4, M>(inputs, moduli, out, point),
-            Order::Biquadratic => self.sweep_squares::<Biquadratic, T, P, 9, M>(inputs, moduli, out, point),
-        }
-    }
-
-    fn sweep_squares<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize>(
-        &self,
-        inputs: [&[T]; M],
-        moduli: &[T],
-        out: &mut [T],
-        point: P,
-    ) -> f64 {
-        match registers::are_scalar() {
-            false => self.sweep_elements::<E, T, P, N, M, PLAIN>(inputs, moduli, out, point),
-            true => self.sweep_elements::<E, T, P, N, M, VARIED>(inputs, moduli, out, point),
-        }
-    }
-
-    /// By a kernel of its own for each shape: no number waits for a branch there. That for all shapes serves machines without vector
-    /// registers, so that less is compiled for them.
-    fn sweep_shape<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize>(
-        &self,
-        inputs: [&[T]; M],
-        moduli: &[T],
-        out: &mut [T],
-        point: P,
-    ) -> f64 {
-        let grid = self.activity.grid();
-        if grid.is_plain() {
-            self.sweep_squares::<E, T, P, N, M>(inputs, moduli, out, point)
-        } else if grid.is_uniform() && !registers::are_scalar() {
-            self.sweep_elements::<E, T, P, N, M, UNIFORM>(inputs, moduli, out, point)
-        } else {
-            self.sweep_elements::<E, T, P, N, M, VARIED>(inputs, moduli, out, point)
-        }
-    }
-
-    fn sweep_elements<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const SHAPE: u8>(
-        &self,
-        inputs: [&[T]; M],
-        moduli: &[T],
-        out: &mut [T],
-        point: P,
-    ) -> f64 {
-        let layout = self.layout();
-        let rest = self.activity.grid().rest();
-        let sweep = Sweep::<E, T, P, N, M, SHAPE> {
-            layout,
-            activity: self.activity.view(),
-            rest,
-            stress_at_rest: stress_at_rest(self.material, rest),
-            inputs,
-            moduli,
-            lines: vec![T::default(); 2 * N * (WIDEST + layout.part())],
-            out,
-            point,
-            element: PhantomData,
-        };
-        let smallest = if const { SHAPE == VARIED } {
-            dispatch(sweep)
-        } else if const { SHAPE == PLAIN && P::WIDEST } {
-            registers::dispatch_widest_vector(sweep)
-        } else {
-            registers::dispatch_vector(sweep)
-        };
-        layout.clear_frame(out);
-        smallest
+        T::passes(self.material).least(self.activity, u)
     }
 }
 
@@ -400,269 +225,8 @@ pub fn metrics(activity: &Activity, u: &[f64]) -> Vec<f64> {
 
 /// The same into room that may be there: of metrics of the same grid, whose padding is left as it is.
 pub fn write_metrics(activity: &Activity, u: &[f64], values: &mut Vec<f64>) {
-    let operator = Operator {
-        material: &WITHOUT_THICKNESS,
-        activity,
-        pulled: 0.0,
-    };
     let layout = activity.grid().layout();
     let points = (layout.degree() + 1).pow(2);
     values.resize(layout.rows() * points * memory::NUMBERS * layout.part(), 0.0);
-    match activity.grid().order() {
-        Order::Bilinear => dispatch(Metrics {
-            survey: operator.survey::<Bilinear, f64, 4>(u),
-            values,
-        }),
-        Order::Biquadratic => dispatch(Metrics {
-            survey: operator.survey::<Biquadratic, f64, 9>(u),
-            values,
-        }),
-    }
-}
-
-/// Shapes of elements: squares of side 1 that rest at f = I; all of the same sides; and any.
-const PLAIN: u8 = 0;
-const UNIFORM: u8 = 1;
-const VARIED: u8 = 2;
-
-/// One pass over the elements that turns nodal fields into nodal forces.
-struct Sweep<'a, E, T, P, const N: usize, const M: usize, const SHAPE: u8> {
-    layout: NodeLayout,
-    activity: View<'a, T>,
-    /// f at rest.
-    rest: [f64; 2],
-    /// The stress there of what is not active, along x and y. It is the same everywhere, so its forces are none: without it small loads do not
-    /// drown in its rounding.
-    stress_at_rest: [f64; 2],
-    inputs: [&'a [T]; M],
-    /// Moduli of the points, if they are used, as [`Store`] writes them.
-    moduli: &'a [T],
-    /// One line for each component and node of the element: a margin of zeros, then a number per element of the row.
-    lines: Vec<T>,
-    out: &'a mut [T],
-    point: P,
-    element: PhantomData<E>,
-}
-
-impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const SHAPE: u8> WithSimd
-    for Sweep<'_, E, T, P, N, M, SHAPE>
-{
-    type Output = f64;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) -> f64 {
-        let mut smallest = Wide::<S, T>::splat(simd, f64::INFINITY);
-        // Of elements that all have the same sides.
-        let [width, height] = match self.activity.sides {
-            Some([widths, heights]) => [widths[0].to_f64(), heights[0].to_f64()],
-            None => [1.0; 2],
-        };
-        let factors = [width.recip(), height.recip()];
-        let mut gradients = [[[Wide::splat(simd, 0.0); 2]; 2]; N];
-        let mut changes = gradients;
-        for row in 0..self.layout.rows() {
-            for first in (0..self.layout.columns()).step_by(T::lanes::<S>()) {
-                let zero = Wide::splat(simd, 0.0);
-                let sides = match self.activity.sides {
-                    Some(all) if SHAPE == VARIED => sides(simd, all, first, row),
-                    _ => [Wide::splat(simd, 1.0); 2],
-                };
-                // Not a loop, which is too long to be unrolled: gradients would go through memory, a third of a tangent.
-                self.gradients(simd, (first, row), 0, factors, self.rest, sides, &mut gradients);
-                if M > 1 {
-                    self.gradients(simd, (first, row), 1, factors, [1.0; 2], sides, &mut changes);
-                }
-                if SHAPE == VARIED {
-                    from_rest(&mut gradients, self.rest);
-                }
-                // Each gradient gives place to its stress.
-                for q in 0..N {
-                    let mut here = [gradients[q]; M];
-                    if let Some(here) = here.get_mut(1) {
-                        *here = changes[q];
-                    }
-                    if P::WATCHED {
-                        smallest = smallest.min(self.point.watched(here[0]));
-                    }
-                    let mut moduli = [zero; MODULI_WITH_MEMORY];
-                    if P::STORED > 0 {
-                        let lanes = T::lanes::<S>();
-                        let start = place(self.layout, [first, row], lanes, [N, q], P::STORED);
-                        for (at, value) in moduli.iter_mut().take(P::STORED).enumerate() {
-                            *value = Wide::load(simd, &self.moduli[start + at * lanes..]);
-                        }
-                    }
-                    if P::REMEMBERS
-                        && let Some((numbers, _)) = self.activity.memory
-                    {
-                        for (at, value) in moduli.iter_mut().take(memory::NUMBERS).enumerate() {
-                            *value = Wide::load(simd, &numbers[memory::line(self.layout, N, row, q, at) + first..]);
-                        }
-                    }
-                    let active = self.activity.at(simd, [first, row], q);
-                    let mut stress = self.point.stress(here, active, moduli);
-                    if SHAPE != PLAIN && P::WATCHED {
-                        let [along, across] = self.stress_at_rest;
-                        stress[0][0] = stress[0][0] + zero.constant(-along);
-                        stress[1][1] = stress[1][1] + zero.constant(-across);
-                    }
-                    gradients[q] = stress;
-                }
-                let forces = if SHAPE == UNIFORM {
-                    E::forces_on(&gradients, [height, width])
-                } else {
-                    if SHAPE == VARIED {
-                        on_sides(&mut gradients, sides);
-                    }
-                    E::forces(&gradients)
-                };
-                self.write(&forces, first);
-            }
-            self.collect(simd, row);
-        }
-        smallest.smallest()
-    }
-}
-
-impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPE: u8> Sweep<'_, E, T, P, N, M, SHAPE> {
-    /// Writes the gradients of a field at the points of some elements, less 1 on the diagonal but for what it rests at.
-    #[inline(always)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "all of them differ between the two fields, or are known once for both"
-    )]
-    fn gradients<S: Simd>(
-        &self,
-        simd: S,
-        (first, row): (usize, usize),
-        field: usize,
-        factors: [f64; 2],
-        rest: [f64; 2],
-        sides: [Wide<S, T>; 2],
-        gradients: &mut [Tensor<Wide<S, T>>; N],
-    ) {
-        let nodal = gather::<E, S, T, N>(simd, self.layout, self.inputs[field], first, row);
-        match SHAPE {
-            PLAIN => E::write_gradients(&nodal, gradients),
-            UNIFORM => E::write_gradients_on(&nodal, factors, [rest[0] - 1.0, rest[1] - 1.0], gradients),
-            _ => {
-                E::write_gradients(&nodal, gradients);
-                per_side(gradients, sides);
-            }
-        }
-    }
-
-    /// Where the line of a node of the element begins.
-    #[inline(always)]
-    fn line(&self, c: usize, node: usize) -> usize {
-        (c * N + node) * (WIDEST + self.layout.part()) + WIDEST
-    }
-
-    #[inline(always)]
-    fn write<S: Simd>(&mut self, forces: &[[Wide<S, T>; N]; 2], first: usize) {
-        for (c, component) in forces.iter().enumerate() {
-            for (node, force) in component.iter().enumerate() {
-                let at = self.line(c, node) + first;
-                force.store(&mut self.lines[at..]);
-            }
-        }
-    }
-
-    /// Adds the lines of a finished row of elements to the rows of nodes that it touches.
-    #[inline(always)]
-    fn collect<S: Simd>(&mut self, simd: S, row: usize) {
-        let (degree, part) = (E::DEGREE, self.layout.part());
-        // One loop for both, of which nested ones would be longer to compile.
-        for component in 0..2 * (degree + 1) {
-            let (c, rise) = (component / (degree + 1), component % (degree + 1));
-            for inner in 0..degree {
-                let own = self.line(c, rise * (degree + 1) + inner);
-                let left = self.line(c, rise * (degree + 1) + degree) - 1;
-                let start = self.layout.index_in(c, 0, inner, row * degree + rise);
-                let target = &mut self.out[start..start + part];
-                for at in (0..part).step_by(T::lanes::<S>()) {
-                    let mut sum = Wide::load(simd, &self.lines[own + at..]);
-                    if inner == 0 {
-                        sum = sum + Wide::load(simd, &self.lines[left + at..]);
-                    }
-                    if rise == 0 && row > 0 {
-                        sum = sum + Wide::load(simd, &target[at..]);
-                    }
-                    sum.store(&mut target[at..]);
-                }
-            }
-        }
-    }
-}
-
-/// The widths of as many elements as a register holds, and their height.
-#[inline(always)]
-fn sides<S: Simd, T: Real>(simd: S, [widths, heights]: [&[T]; 2], first: usize, row: usize) -> [Wide<S, T>; 2] {
-    [
-        Wide::load(simd, &widths[first..]),
-        Wide::splat(simd, heights[row].to_f64()),
-    ]
-}
-
-/// The stress at rest of what is not active. The law is isotropic, so it has no shear.
-fn stress_at_rest<L: Material>(material: &L, [along, across]: [f64; 2]) -> [f64; 2] {
-    let [[xx, _], [_, yy]] = material.stress([[along - 1.0, 0.0], [0.0, across - 1.0]], 0.0);
-    [xx, yy]
-}
-
-/// (∇u) D as f − I, which at rest is D − I.
-#[inline(always)]
-pub(super) fn from_rest<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [along, across]: [f64; 2]) {
-    for gradient in gradients {
-        gradient[0][0] = gradient[0][0] + gradient[0][0].constant(along - 1.0);
-        gradient[1][1] = gradient[1][1] + gradient[1][1].constant(across - 1.0);
-    }
-}
-
-/// Gradients on elements of sides 1 as gradients on elements of these sides.
-#[inline(always)]
-pub(super) fn per_side<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [width, height]: [V; 2]) {
-    let (along, across) = (width.recip(), height.recip());
-    for gradient in gradients {
-        for row in gradient {
-            *row = [row[0] * along, row[1] * across];
-        }
-    }
-}
-
-/// Stresses of which the forces on an element of sides 1 are those of the given stresses on an element of these sides.
-#[inline(always)]
-pub(super) fn on_sides<V: Value, const N: usize>(stresses: &mut [Tensor<V>; N], [width, height]: [V; 2]) {
-    for stress in stresses {
-        for row in stress {
-            *row = [row[0] * height, row[1] * width];
-        }
-    }
-}
-
-/// The nodal values of as many elements as a register holds, from element `first` of a row; beyond the last element zero.
-#[inline(always)]
-fn gather<E: Element<N>, S: Simd, T: Real, const N: usize>(
-    simd: S,
-    layout: NodeLayout,
-    vector: &[T],
-    first: usize,
-    row: usize,
-) -> [[Wide<S, T>; N]; 2] {
-    let (degree, lanes) = (E::DEGREE, T::lanes::<S>());
-    let real = layout.columns() - first;
-    let mut nodal = [[Wide::splat(simd, 0.0); N]; 2];
-    for (c, component) in nodal.iter_mut().enumerate() {
-        for (node, value) in component.iter_mut().enumerate() {
-            let (column, rise) = (node % (degree + 1), node / (degree + 1));
-            // The degree is known where this is compiled, so nothing is divided.
-            let start = layout.index_in(c, first + column / degree, column % degree, row * degree + rise);
-            *value = if real >= lanes {
-                Wide::load(simd, &vector[start..])
-            } else {
-                Wide::load_part(simd, &vector[start..start + real])
-            };
-        }
-    }
-    nodal
+    without_law(activity).metrics(u, values);
 }

@@ -11,9 +11,9 @@ use super::adjoint;
 use super::charge::{self, ChargedLoading};
 use super::continuation::{Ending, Loss, Problem};
 use super::effects::{Model, WithMaterial, breakdown_ratio};
-use super::energy::Material;
 use super::error::SetupError;
 use super::grid::Grid;
+use super::law::Law;
 use super::newton::{self, Workspace};
 use super::observable::{CellState, Survey, states};
 use super::operator::{Activity, Operator};
@@ -417,7 +417,7 @@ struct Load<'a> {
 impl WithMaterial for Load<'_> {
     type Output = ChargedLoading;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> ChargedLoading {
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> ChargedLoading {
         let problem = Problem {
             tolerance: self.tolerance,
             ..self.solver.problem(self.activity, material)
@@ -454,7 +454,7 @@ struct Near<'a> {
 impl WithMaterial for Near<'_> {
     type Output = bool;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
         let operator = Operator {
             material: &material(1.0),
             activity: self.activity,
@@ -480,7 +480,7 @@ struct Gradient<'a> {
 impl WithMaterial for Gradient<'_> {
     type Output = Option<Vec<f64>>;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Vec<f64>> {
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Vec<f64>> {
         let operator = Operator {
             material: &material(1.0),
             activity: self.activity,

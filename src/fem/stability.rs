@@ -6,8 +6,8 @@
 //! tangent; and where these take too long, the matrix is factorised and its negative pivots are counted (Sylvester's law
 //! of inertia).
 
-use super::energy::Material;
 use super::krylov::Ending;
+use super::law::Law;
 use super::newton::{Workspace, probe};
 use super::operator::Operator;
 use super::precondition::Laplacian;
@@ -34,7 +34,7 @@ const CLEAR: f64 = 1e-3;
 pub(super) const LOOSE: f64 = 1e-9;
 
 /// Judges the equilibrium `u`.
-pub fn judge<L: Material>(
+pub fn judge<L: Law>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     u: &[f64],
@@ -68,7 +68,7 @@ pub fn judge<L: Material>(
 /// Whether the energy is convex along the segment from the last stable state, the one at rest where there is none, to an
 /// equilibrium: then both lie in one basin, and the membrane goes from one to the other without a snap. It is looked at
 /// in three places between them.
-pub fn same_basin<L: Material>(
+pub fn same_basin<L: Law>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     before: Option<&[f64]>,

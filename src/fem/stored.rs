@@ -3,8 +3,8 @@
 use crate::registers::dispatch;
 
 use crate::element::Line;
-use crate::energy::Material;
 use crate::kinematics::Tensor;
+use crate::law::Law;
 use crate::memory::{NUMBERS, lines};
 use crate::operator::Activity;
 use deaflow_field::Order;
@@ -90,7 +90,7 @@ fn weights(order: Order) -> Vec<f64> {
 
 /// What is stored at a metric, under laws without voltage and with it, which is so many V.
 #[must_use]
-pub fn content<L: Material>(
+pub fn content<L: Law>(
     [unloaded, loaded]: [&L; 2],
     activity: &Activity,
     metric: &[f64],
@@ -113,22 +113,12 @@ pub fn content<L: Material>(
                 let active = &activity.at_point(line / points, line % points, points)[..columns];
                 let strongest = activity.strongest(line / points);
                 let [xx, xy, yy, square] = lines(part, metric);
-                for at in 0..columns {
-                    elastic[at] = unloaded.energy(deformation([xx[at], xy[at], yy[at], square[at]]), active[at]);
-                }
+                let metric = [xx, xy, yy, square];
+                unloaded.energies(metric, active, false, elastic);
                 if voltage == 0.0 {
                     continue;
                 }
-                if L::STORES {
-                    // A law that takes so much time is asked of electrodes alone.
-                    for at in (0..columns).filter(|at| active[*at] != 0.0) {
-                        driven[at] = loaded.energy(deformation([xx[at], xy[at], yy[at], square[at]]), active[at]);
-                    }
-                } else {
-                    for at in 0..columns {
-                        driven[at] = loaded.energy(deformation([xx[at], xy[at], yy[at], square[at]]), active[at]);
-                    }
-                }
+                loaded.energies(metric, active, true, driven);
                 for at in 0..columns {
                     let charged = 2.0 * (elastic[at] - driven[at]) / voltage;
                     let is_electric = active[at] != 0.0;

@@ -1,9 +1,10 @@
 //! From a scene to the law of a point of its membrane.
 
 use super::{Decaying, Fringe, Stiff, TensionField};
-use crate::energy::{Compound, Elasticity, Isotropic, Material, Neo, NeoHookean, Stiffened};
+use crate::energy::{Compound, Elasticity, Isotropic, Neo, NeoHookean, Stiffened};
 use crate::error::SetupError;
 use crate::grid::Grid;
+use crate::law::{AnyLaw, Law};
 use crate::memory::Memory;
 use crate::operator::{Activity, metrics};
 use crate::sheet::Sheet;
@@ -37,7 +38,12 @@ pub trait WithMaterial {
     /// What comes of it.
     type Output;
     /// Does it. `law` is the law at a share of the full load, which is proportional to V².
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output;
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output;
+}
+
+/// Does work under a law whose type it does not know, so that it is compiled once.
+fn run<W: WithMaterial>(work: W, material: &(dyn Fn(f64) -> AnyLaw + Sync)) -> W::Output {
+    work.run(material)
 }
 
 /// The margins of finite energy and of ellipticity at rest, without voltage.
@@ -46,7 +52,7 @@ struct AtRest([f64; 2]);
 impl WithMaterial for AtRest {
     type Output = [f64; 2];
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> [f64; 2] {
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> [f64; 2] {
         let ([along, across], material) = (self.0, material(0.0));
         [
             material.admissible([[along - 1.0, 0.0], [0.0, across - 1.0]]),
@@ -119,7 +125,9 @@ impl Model {
         match self.stiffening {
             None if self.is_base_law() => {
                 let slowness = if self.law_takes_slowness() { self.slowness } else { 0.0 };
-                work.run(|share: f64| NeoHookean::new(prestretch, share * kappa).slowed(slowness))
+                run(work, &|share| {
+                    AnyLaw::new(NeoHookean::new(prestretch, share * kappa).slowed(slowness))
+                })
             }
             None => self.with_elasticity(Neo::new(prestretch), work),
             Some(elasticity) => self.with_elasticity(elasticity, work),
@@ -152,9 +160,11 @@ impl Model {
             Compound::new(prestretch, elasticity, dielectric, electrode)
         };
         if self.wrinkles {
-            work.run(|share: f64| Isotropic::new(TensionField::new(potential(share))))
+            run(work, &|share| {
+                AnyLaw::new(Isotropic::new(TensionField::new(potential(share))))
+            })
         } else {
-            work.run(|share: f64| Isotropic::new(potential(share)))
+            run(work, &|share| AnyLaw::new(Isotropic::new(potential(share))))
         }
     }
 

@@ -9,7 +9,7 @@ use crate::lanes::Value;
 use deaflow_scene::laws::Form;
 
 /// An elastic energy per prestretched area, in units of μH.
-pub trait Elasticity: Sync + Copy {
+pub trait Elasticity: Sync + Copy + 'static {
     /// Whether it stiffens, so that a membrane can be stable again after a snap.
     const STIFFENS: bool;
 

@@ -51,7 +51,7 @@ pub struct Margins<V> {
 /// An energy density per area of the prestretched membrane, in units of μH, as a function of f = I + ∇u.
 ///
 /// `active` is 1 where the membrane carries an electrode and 0 where it is bare.
-pub trait Material: Sync {
+pub trait Material: Sync + 'static {
     /// Whether a pattern can have several stable equilibria at one load, as where the elastomer stiffens after a snap. The
     /// loading then takes care to stay on the branch that begins at rest.
     const SEVERAL_BRANCHES: bool = false;
@@ -68,7 +68,7 @@ pub trait Material: Sync {
     /// The derivative of `stress` along `df`.
     fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V>;
     /// The law with ½γ(tr c + j⁻²) beside it, over 1 + γ, where it is of the same form.
-    fn slowed(self, _slowness: f64) -> Option<Self>
+    fn slowed(&self, _slowness: f64) -> Option<Self>
     where
         Self: Sized,
     {

@@ -88,8 +88,8 @@ impl NeoHookean {
 }
 
 impl Material for NeoHookean {
-    fn slowed(self, slowness: f64) -> Option<Self> {
-        Some(Self::slowed(self, slowness))
+    fn slowed(&self, slowness: f64) -> Option<Self> {
+        Some(Self::slowed(*self, slowness))
     }
 
     #[inline(always)]

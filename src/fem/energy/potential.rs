@@ -166,7 +166,7 @@ impl Add for Rest {
 }
 
 /// An isotropic energy per prestretched area, in units of μH.
-pub trait Potential: Sync {
+pub trait Potential: Sync + 'static {
     /// Whether there can be several stable equilibria at one load.
     const SEVERAL_BRANCHES: bool = false;
     /// Whether it bears no compression.

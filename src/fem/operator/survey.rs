@@ -140,8 +140,10 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Stor
 }
 
 /// What a law says of an undisplaced point that is bare, and of one that is active.
-pub(super) struct LawAtRest {
+pub struct LawAtRest {
+    /// Without the self-stress.
     pub stresses: [Tensor<f64>; 2],
+    /// As [`Material::moduli`].
     pub moduli: [[f64; MODULI]; 2],
 }
 

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::continuation::{Ending, Problem};
-use crate::energy::{MODULI, Margins};
+use crate::energy::{MODULI, Margins, Material};
 use crate::kinematics::{Tensor, add_scaled, cofactor, contract, deformation, determinant, squared_stretches};
 use crate::lanes::Value;
 use crate::newton::Workspace;
@@ -198,7 +198,7 @@ impl Material for Stiffening {
     }
 
     fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64> {
-        NeoHookean::of(self.thickness, self.pull).self_stress(f)
+        Law::self_stress(&NeoHookean::of(self.thickness, self.pull), f)
     }
 
     fn largest_load(&self) -> f64 {

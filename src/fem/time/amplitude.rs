@@ -15,7 +15,7 @@ use crate::adjoint::of_cells;
 use crate::dynamic_stiffness::Solved;
 use crate::effects::WithMaterial;
 use crate::eigenvalue::dot;
-use crate::energy::Material;
+use crate::law::Law;
 use crate::newton::largest;
 use crate::operator::Operator;
 use deaflow_field::Field;
@@ -63,7 +63,7 @@ struct Differentiate<'a> {
 impl WithMaterial for Differentiate<'_> {
     type Output = Option<Differentiated>;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Differentiated> {
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Differentiated> {
         let About { solver, activity, u } = self.about;
         let equations = self.about.equations(&material)?;
         let (matrices, probe) = (&equations.matrices, &equations.probe);
@@ -151,7 +151,7 @@ struct Forced<'a, L> {
     sum: Vec<f64>,
 }
 
-impl<L: Material> Forced<'_, L> {
+impl<L: Law> Forced<'_, L> {
     /// Adds a share of the derivative of v · K w.
     fn elastic(&mut self, share: f64, v: &[f64], w: &[f64]) {
         let (operator, u, at_rest) = (self.operator, self.u, &self.at_rest);
@@ -191,7 +191,7 @@ fn of_two(sum: &mut [f64], share: f64, (v, w): (&[f64], &[f64]), of: impl Fn(&[f
     }
 }
 
-fn residual<L: Material>(operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
+fn residual<L: Law>(operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
     let mut residual = vec![0.0; u.len()];
     operator.residual(u, &mut residual);
     residual
@@ -245,7 +245,7 @@ mod tests {
     impl WithMaterial for Amplitude<'_> {
         type Output = (f64, Vec<f64>);
 
-        fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> (f64, Vec<f64>) {
+        fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> (f64, Vec<f64>) {
             let solver = &self.solver.solver;
             let activity = Activity::from_shares(&solver.grid, |x, y| self.shares[10 * y + x]);
             let mut u = vec![0.0; solver.grid.layout().vector_len()];

@@ -3,7 +3,7 @@
 use super::viscous::Viscous;
 use crate::charge::{self, Reached};
 use crate::continuation::{Loading, Problem};
-use crate::energy::Material;
+use crate::law::Law;
 use crate::newton::{self, Progress, Trouble, Workspace};
 use crate::operator::{Activity, Operator};
 use deaflow_scene::Scene;
@@ -20,7 +20,7 @@ const STILL: f64 = 1e-12;
 ///
 /// # Errors
 /// As [`newton::solve`].
-pub fn equilibrium<L: Material, F>(
+pub fn equilibrium<L: Law, F>(
     problem: &Problem<'_, F>,
     material: &L,
     viscous: &mut Viscous,
@@ -69,7 +69,7 @@ pub fn equilibrium<L: Material, F>(
 ///
 /// # Errors
 /// As [`charge::near`], and when what branches add does not settle.
-pub fn at_charge<L: Material, F: Fn(f64) -> L>(
+pub fn at_charge<L: Law, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
     (scene, charge): (&Scene, f64),
     (viscous, step): (&mut Viscous, f64),

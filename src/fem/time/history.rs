@@ -14,8 +14,8 @@ use super::supply::Supply;
 use crate::charge;
 use crate::continuation::Loss;
 use crate::effects::WithMaterial;
-use crate::energy::Material;
 use crate::error::SetupError;
+use crate::law::Law;
 use crate::mass::Mass;
 use crate::operator::Activity;
 use crate::precondition::Laplacian;
@@ -373,7 +373,7 @@ impl Moving {
 impl WithMaterial for Follow<'_> {
     type Output = (Pass, Refined);
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> (Pass, Refined) {
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> (Pass, Refined) {
         let Self {
             solver,
             activity,

@@ -14,7 +14,7 @@ use super::supply::{Electrodes, Supply};
 use super::viscous::{Loaded, Viscous};
 use crate::charge::{self, ChargedLoading, Reached};
 use crate::continuation::{Climb, Ending, Loading, Loss, Problem};
-use crate::energy::Material;
+use crate::law::Law;
 use crate::newton::{self, ChordSteps, Trouble, Workspace};
 use crate::operator::{Activity, Operator, metrics};
 use crate::response::INNER;
@@ -237,7 +237,7 @@ struct Past {
     potential: Vec<f64>,
 }
 
-impl<L: Material, F: Fn(f64) -> L> Course<'_, F> {
+impl<L: Law, F: Fn(f64) -> L> Course<'_, F> {
     /// The load at a time, over that of the scene.
     pub(super) fn share(&self, time: f64, side: Side) -> f64 {
         let amplitude = self.scene.voltage_v();
@@ -352,7 +352,7 @@ struct Run<'a, 'b, F> {
     pass: Pass,
 }
 
-impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
+impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, F> {
     fn go(&mut self, steps: Steps<'_>) -> Result<(), PassEnd> {
         let course = self.course;
         let end = course.times.last().copied().unwrap_or(0.0);
@@ -1109,7 +1109,7 @@ impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, F> {
         let ratio = if full > 0.0 { volts / full } else { 0.0 };
         // The electric energy is a difference, which is lost in rounding at low voltages; it is in proportion to their square, but where the
         // membrane wrinkles.
-        let (at, scale) = match L::WRINKLES {
+        let (at, scale) = match (course.problem.material)(0.0).wrinkles() {
             true => (ratio, 1.0),
             false => (1.0, ratio),
         };

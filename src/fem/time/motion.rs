@@ -21,8 +21,8 @@ use super::supply::Electrodes;
 use super::viscous::Viscous;
 use crate::charge;
 use crate::continuation::Loss;
-use crate::energy::Material;
 use crate::krylov::{Ending, Scratch, conjugate_gradients};
+use crate::law::Law;
 use crate::mass::Mass;
 use crate::newton::norm;
 use crate::operator::{Activity, Operator, metrics};
@@ -86,7 +86,7 @@ struct Run<'a, 'b, 'c, F> {
     pass: Pass,
 }
 
-impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
+impl<L: Law, F: Fn(f64) -> L> Motion<'_, '_, F> {
     /// Goes through the time.
     pub fn pass(&self) -> Pass {
         let activity = self.course.problem.activity;
@@ -136,7 +136,7 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
     }
 }
 
-impl<L: Material, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
+impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
     fn go(&mut self) -> Result<(), PassEnd> {
         let course = self.motion.course;
         let end = course.times.last().copied().unwrap_or(0.0);

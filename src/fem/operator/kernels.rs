@@ -1,0 +1,520 @@
+//! One pass of one law over all elements: the kernels, and which of them is taken.
+//!
+//! Neighbouring elements of a row are treated side by side, one per lane of a register. The forces that they exert on
+//! their nodes are first written apart, one line per node of the element, and added up once the row is finished: no
+//! element waits for its neighbour.
+
+use std::marker::PhantomData;
+
+use pulp::{Simd, WithSimd};
+
+use deaflow_field::Order;
+
+use super::point::{
+    FollowingTangent, MemoryBetween, MemoryStress, Point, StressAt, StressAtRest, StressBetween, TangentAt,
+    TangentAtRest, TangentFrom, TangentOfBoth,
+};
+use super::survey::{AskAtRest, LawAtRest, Metrics, Store, Survey, place};
+use crate::activity::{Activity, View};
+use crate::eigenvalue::WITHOUT_THICKNESS;
+use crate::element::{Bilinear, Biquadratic, Element};
+use crate::energy::{MODULI, Margins, Material, NeoHookean};
+use crate::kinematics::Tensor;
+use crate::lanes::{Real, Value, WIDEST, Wide};
+use crate::layout::NodeLayout;
+use crate::memory::{self, MODULI_WITH_MEMORY};
+use crate::precision::Precision;
+use crate::registers::{self, dispatch, dispatch_widest};
+
+/// A law and the elements that it is asked for.
+#[derive(Clone, Copy)]
+pub struct Kernels<'a, L> {
+    material: &'a L,
+    activity: &'a Activity,
+}
+
+/// Those of a membrane without thickness and voltage, for passes that no law has a part in.
+pub(super) fn without_law(activity: &Activity) -> Kernels<'_, NeoHookean> {
+    Kernels::new(&WITHOUT_THICKNESS, activity)
+}
+
+impl Kernels<'_, NeoHookean> {
+    /// The stresses at rest of what is bare and of what is active as forces.
+    pub(super) fn forces_at_rest(&self, rest: &[f64], law: &LawAtRest, out: &mut [f64]) {
+        self.sweep_plain([rest], &[], out, StressAtRest(law.stresses));
+    }
+
+    /// The tangent at rest, of elements that are squares there.
+    pub(super) fn tangent_at_rest<T: Precision>(&self, step: [&[T]; 2], law: &LawAtRest, out: &mut [T]) {
+        self.sweep_plain(step, &[], out, TangentAtRest(law.moduli));
+    }
+
+    /// The tangent at the first field times the second.
+    pub(super) fn tangent<T: Precision>(&self, step: [&[T]; 2], out: &mut [T]) {
+        self.sweep(step, &[], out, TangentAt(self.material));
+    }
+
+    /// The forces of memories.
+    pub(super) fn forces_of_memory(&self, u: &[f64], out: &mut [f64]) {
+        self.sweep([u], &[], out, MemoryStress);
+    }
+
+    /// Their mean over a step.
+    pub(super) fn forces_of_memory_between(&self, step: [&[f64]; 2], out: &mut [f64]) {
+        self.sweep(step, &[], out, MemoryBetween);
+    }
+
+    /// How the tangent of memories that follow the first field changes with it, along the second and times it.
+    pub(super) fn following_tangent(&self, step: [&[f64]; 2], out: &mut [f64]) {
+        self.sweep(step, &[], out, FollowingTangent);
+    }
+
+    /// The metrics of points.
+    pub(super) fn metrics(&self, u: &[f64], values: &mut [f64]) {
+        match self.activity.grid().order() {
+            Order::Bilinear => dispatch(Metrics {
+                survey: self.survey::<Bilinear, f64, 4>(u),
+                values,
+            }),
+            Order::Biquadratic => dispatch(Metrics {
+                survey: self.survey::<Biquadratic, f64, 9>(u),
+                values,
+            }),
+        }
+    }
+}
+
+impl<'a, L: Material> Kernels<'a, L> {
+    /// Those of a law for some elements.
+    pub(crate) fn new(material: &'a L, activity: &'a Activity) -> Self {
+        Self { material, activity }
+    }
+
+    fn layout(&self) -> NodeLayout {
+        self.activity.grid().layout()
+    }
+
+    /// The law at rest in numbers of a kind.
+    pub(crate) fn at_rest<T: Precision>(material: &L) -> LawAtRest {
+        dispatch(AskAtRest::<L, T> {
+            material,
+            number: PhantomData,
+        })
+    }
+
+    /// The forces at one field; returns the smallest [`Material::admissible`].
+    pub(crate) fn forces(&self, u: &[f64], out: &mut [f64]) -> f64 {
+        self.sweep([u], &[], out, StressAt(self.material))
+    }
+
+    /// The mean forces of a step from the first field by the second.
+    pub(crate) fn forces_between(&self, step: [&[f64]; 2], out: &mut [f64]) {
+        self.sweep(step, &[], out, StressBetween(self.material));
+    }
+
+    /// The tangent at the first field times the second, by kernels that are the same for all laws which store moduli: they are compiled once.
+    pub(crate) fn image<T: Precision>(&self, step: [&[T]; 2], moduli: &[T], out: &mut [T]) {
+        if self.activity.memory().is_some() {
+            without_law(self.activity).sweep(step, moduli, out, TangentOfBoth);
+        } else if L::STORES {
+            without_law(self.activity).sweep(step, moduli, out, TangentFrom);
+        } else {
+            self.sweep(step, &[], out, TangentAt(self.material));
+        }
+    }
+
+    /// The moduli that [`Kernels::image`] reads.
+    pub(crate) fn store<T: Precision>(&self, u: &[T], moduli: &mut Vec<T>) {
+        if !L::STORES && self.activity.memory().is_none() {
+            return moduli.clear();
+        }
+        match self.activity.grid().order() {
+            Order::Bilinear => self.store_of::<Bilinear, T, 4>(u, moduli),
+            Order::Biquadratic => self.store_of::<Biquadratic, T, 9>(u, moduli),
+        }
+    }
+
+    fn store_of<E: Element<N>, T: Precision, const N: usize>(&self, u: &[T], moduli: &mut Vec<T>) {
+        let layout = self.layout();
+        let each = match self.activity.memory() {
+            None => MODULI,
+            Some(_) => MODULI_WITH_MEMORY,
+        };
+        moduli.resize(layout.rows() * layout.part() * N * each, T::default());
+        let survey = self.survey::<E, T, N>(u);
+        self.survey_with(Store { survey, moduli });
+    }
+
+    /// The smallest margins over the quadrature points.
+    pub(crate) fn least<T: Precision>(&self, u: &[T]) -> Margins<f64> {
+        match self.activity.grid().order() {
+            Order::Bilinear => self.survey_with(self.survey::<Bilinear, T, 4>(u)),
+            Order::Biquadratic => self.survey_with(self.survey::<Biquadratic, T, 9>(u)),
+        }
+    }
+
+    /// With the registers that [`Kernels::sweep_elements`] takes, on which the order of stored moduli depends.
+    fn survey_with<W: WithSimd>(&self, survey: W) -> W::Output {
+        match self.activity.grid().is_plain() {
+            true => dispatch_widest(survey),
+            false => dispatch(survey),
+        }
+    }
+
+    fn survey<'u, E: Element<N>, T: Precision, const N: usize>(&self, u: &'u [T]) -> Survey<'u, E, L, T, N>
+    where
+        'a: 'u,
+    {
+        Survey {
+            layout: self.layout(),
+            material: self.material,
+            activity: self.activity.view(),
+            rest: self.activity.grid().rest(),
+            u,
+            element: PhantomData,
+        }
+    }
+
+    fn sweep<T: Precision, P: Point<M>, const M: usize>(
+        &self,
+        inputs: [&[T]; M],
+        moduli: &[T],
+        out: &mut [T],
+        point: P,
+    ) -> f64 {
+        match self.activity.grid().order() {
+            Order::Bilinear => self.sweep_shape::<Bilinear, T, P, 4, M>(inputs, moduli, out, point),
+            Order::Biquadratic => self.sweep_shape::<Biquadratic, T, P, 9, M>(inputs, moduli, out, point),
+        }
+    }
+
+    /// On squares of side 1 that rest at f = I.
+    fn sweep_plain<T: Precision, P: Point<M>, const M: usize>(
+        &self,
+        inputs: [&[T]; M],
+        moduli: &[T],
+        out: &mut [T],
+        point: P,
+    ) -> f64 {
+        match self.activity.grid().order() {
+            Order::Bilinear => self.sweep_squares::<Bilinear, T, P, 4, M>(inputs, moduli, out, point),
+            Order::Biquadratic => self.sweep_squares::<Biquadratic, T, P, 9, M>(inputs, moduli, out, point),
+        }
+    }
+
+    fn sweep_squares<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize>(
+        &self,
+        inputs: [&[T]; M],
+        moduli: &[T],
+        out: &mut [T],
+        point: P,
+    ) -> f64 {
+        match registers::are_scalar() {
+            false => self.sweep_elements::<E, T, P, N, M, PLAIN>(inputs, moduli, out, point),
+            true => self.sweep_elements::<E, T, P, N, M, VARIED>(inputs, moduli, out, point),
+        }
+    }
+
+    /// By a kernel of its own for each shape: no number waits for a branch there. That for all shapes serves machines without vector
+    /// registers, so that less is compiled for them.
+    fn sweep_shape<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize>(
+        &self,
+        inputs: [&[T]; M],
+        moduli: &[T],
+        out: &mut [T],
+        point: P,
+    ) -> f64 {
+        let grid = self.activity.grid();
+        if grid.is_plain() {
+            self.sweep_squares::<E, T, P, N, M>(inputs, moduli, out, point)
+        } else if grid.is_uniform() && !registers::are_scalar() {
+            self.sweep_elements::<E, T, P, N, M, UNIFORM>(inputs, moduli, out, point)
+        } else {
+            self.sweep_elements::<E, T, P, N, M, VARIED>(inputs, moduli, out, point)
+        }
+    }
+
+    fn sweep_elements<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const SHAPE: u8>(
+        &self,
+        inputs: [&[T]; M],
+        moduli: &[T],
+        out: &mut [T],
+        point: P,
+    ) -> f64 {
+        let layout = self.layout();
+        let rest = self.activity.grid().rest();
+        let sweep = Sweep::<E, T, P, N, M, SHAPE> {
+            layout,
+            activity: self.activity.view(),
+            rest,
+            stress_at_rest: stress_at_rest(|gradient| self.material.stress(gradient, 0.0), rest),
+            inputs,
+            moduli,
+            lines: vec![T::default(); 2 * N * (WIDEST + layout.part())],
+            out,
+            point,
+            element: PhantomData,
+        };
+        let smallest = if const { SHAPE == VARIED } {
+            dispatch(sweep)
+        } else if const { SHAPE == PLAIN && P::WIDEST } {
+            registers::dispatch_widest_vector(sweep)
+        } else {
+            registers::dispatch_vector(sweep)
+        };
+        layout.clear_frame(out);
+        smallest
+    }
+}
+
+/// Shapes of elements: squares of side 1 that rest at f = I; all of the same sides; and any.
+const PLAIN: u8 = 0;
+const UNIFORM: u8 = 1;
+const VARIED: u8 = 2;
+
+/// One pass over the elements that turns nodal fields into nodal forces.
+struct Sweep<'a, E, T, P, const N: usize, const M: usize, const SHAPE: u8> {
+    layout: NodeLayout,
+    activity: View<'a, T>,
+    /// f at rest.
+    rest: [f64; 2],
+    /// The stress there of what is not active, along x and y. It is the same everywhere, so its forces are none: without it small loads do not
+    /// drown in its rounding.
+    stress_at_rest: [f64; 2],
+    inputs: [&'a [T]; M],
+    /// Moduli of the points, if they are used, as [`Store`] writes them.
+    moduli: &'a [T],
+    /// One line for each component and node of the element: a margin of zeros, then a number per element of the row.
+    lines: Vec<T>,
+    out: &'a mut [T],
+    point: P,
+    element: PhantomData<E>,
+}
+
+impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, const SHAPE: u8> WithSimd
+    for Sweep<'_, E, T, P, N, M, SHAPE>
+{
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) -> f64 {
+        let mut smallest = Wide::<S, T>::splat(simd, f64::INFINITY);
+        // Of elements that all have the same sides.
+        let [width, height] = match self.activity.sides {
+            Some([widths, heights]) => [widths[0].to_f64(), heights[0].to_f64()],
+            None => [1.0; 2],
+        };
+        let factors = [width.recip(), height.recip()];
+        let mut gradients = [[[Wide::splat(simd, 0.0); 2]; 2]; N];
+        let mut changes = gradients;
+        for row in 0..self.layout.rows() {
+            for first in (0..self.layout.columns()).step_by(T::lanes::<S>()) {
+                let zero = Wide::splat(simd, 0.0);
+                let sides = match self.activity.sides {
+                    Some(all) if SHAPE == VARIED => sides(simd, all, first, row),
+                    _ => [Wide::splat(simd, 1.0); 2],
+                };
+                // Not a loop, which is too long to be unrolled: gradients would go through memory, a third of a tangent.
+                self.gradients(simd, (first, row), 0, factors, self.rest, sides, &mut gradients);
+                if M > 1 {
+                    self.gradients(simd, (first, row), 1, factors, [1.0; 2], sides, &mut changes);
+                }
+                if SHAPE == VARIED {
+                    from_rest(&mut gradients, self.rest);
+                }
+                // Each gradient gives place to its stress.
+                for q in 0..N {
+                    let mut here = [gradients[q]; M];
+                    if let Some(here) = here.get_mut(1) {
+                        *here = changes[q];
+                    }
+                    if P::WATCHED {
+                        smallest = smallest.min(self.point.watched(here[0]));
+                    }
+                    let mut moduli = [zero; MODULI_WITH_MEMORY];
+                    if P::STORED > 0 {
+                        let lanes = T::lanes::<S>();
+                        let start = place(self.layout, [first, row], lanes, [N, q], P::STORED);
+                        for (at, value) in moduli.iter_mut().take(P::STORED).enumerate() {
+                            *value = Wide::load(simd, &self.moduli[start + at * lanes..]);
+                        }
+                    }
+                    if P::REMEMBERS
+                        && let Some((numbers, _)) = self.activity.memory
+                    {
+                        for (at, value) in moduli.iter_mut().take(memory::NUMBERS).enumerate() {
+                            *value = Wide::load(simd, &numbers[memory::line(self.layout, N, row, q, at) + first..]);
+                        }
+                    }
+                    let active = self.activity.at(simd, [first, row], q);
+                    let mut stress = self.point.stress(here, active, moduli);
+                    if SHAPE != PLAIN && P::WATCHED {
+                        let [along, across] = self.stress_at_rest;
+                        stress[0][0] = stress[0][0] + zero.constant(-along);
+                        stress[1][1] = stress[1][1] + zero.constant(-across);
+                    }
+                    gradients[q] = stress;
+                }
+                let forces = if SHAPE == UNIFORM {
+                    E::forces_on(&gradients, [height, width])
+                } else {
+                    if SHAPE == VARIED {
+                        on_sides(&mut gradients, sides);
+                    }
+                    E::forces(&gradients)
+                };
+                self.write(&forces, first);
+            }
+            self.collect(simd, row);
+        }
+        smallest.smallest()
+    }
+}
+
+impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPE: u8> Sweep<'_, E, T, P, N, M, SHAPE> {
+    /// Writes the gradients of a field at the points of some elements, less 1 on the diagonal but for what it rests at.
+    #[inline(always)]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "all of them differ between the two fields, or are known once for both"
+    )]
+    fn gradients<S: Simd>(
+        &self,
+        simd: S,
+        (first, row): (usize, usize),
+        field: usize,
+        factors: [f64; 2],
+        rest: [f64; 2],
+        sides: [Wide<S, T>; 2],
+        gradients: &mut [Tensor<Wide<S, T>>; N],
+    ) {
+        let nodal = gather::<E, S, T, N>(simd, self.layout, self.inputs[field], first, row);
+        match SHAPE {
+            PLAIN => E::write_gradients(&nodal, gradients),
+            UNIFORM => E::write_gradients_on(&nodal, factors, [rest[0] - 1.0, rest[1] - 1.0], gradients),
+            _ => {
+                E::write_gradients(&nodal, gradients);
+                per_side(gradients, sides);
+            }
+        }
+    }
+
+    /// Where the line of a node of the element begins.
+    #[inline(always)]
+    fn line(&self, c: usize, node: usize) -> usize {
+        (c * N + node) * (WIDEST + self.layout.part()) + WIDEST
+    }
+
+    #[inline(always)]
+    fn write<S: Simd>(&mut self, forces: &[[Wide<S, T>; N]; 2], first: usize) {
+        for (c, component) in forces.iter().enumerate() {
+            for (node, force) in component.iter().enumerate() {
+                let at = self.line(c, node) + first;
+                force.store(&mut self.lines[at..]);
+            }
+        }
+    }
+
+    /// Adds the lines of a finished row of elements to the rows of nodes that it touches.
+    #[inline(always)]
+    fn collect<S: Simd>(&mut self, simd: S, row: usize) {
+        let (degree, part) = (E::DEGREE, self.layout.part());
+        // One loop for both, of which nested ones would be longer to compile.
+        for component in 0..2 * (degree + 1) {
+            let (c, rise) = (component / (degree + 1), component % (degree + 1));
+            for inner in 0..degree {
+                let own = self.line(c, rise * (degree + 1) + inner);
+                let left = self.line(c, rise * (degree + 1) + degree) - 1;
+                let start = self.layout.index_in(c, 0, inner, row * degree + rise);
+                let target = &mut self.out[start..start + part];
+                for at in (0..part).step_by(T::lanes::<S>()) {
+                    let mut sum = Wide::load(simd, &self.lines[own + at..]);
+                    if inner == 0 {
+                        sum = sum + Wide::load(simd, &self.lines[left + at..]);
+                    }
+                    if rise == 0 && row > 0 {
+                        sum = sum + Wide::load(simd, &target[at..]);
+                    }
+                    sum.store(&mut target[at..]);
+                }
+            }
+        }
+    }
+}
+
+/// The widths of as many elements as a register holds, and their height.
+#[inline(always)]
+pub(super) fn sides<S: Simd, T: Real>(
+    simd: S,
+    [widths, heights]: [&[T]; 2],
+    first: usize,
+    row: usize,
+) -> [Wide<S, T>; 2] {
+    [
+        Wide::load(simd, &widths[first..]),
+        Wide::splat(simd, heights[row].to_f64()),
+    ]
+}
+
+/// The stress at rest of what is not active. The law is isotropic, so it has no shear.
+pub(super) fn stress_at_rest(stress: impl Fn(Tensor<f64>) -> Tensor<f64>, [along, across]: [f64; 2]) -> [f64; 2] {
+    let [[xx, _], [_, yy]] = stress([[along - 1.0, 0.0], [0.0, across - 1.0]]);
+    [xx, yy]
+}
+
+/// (∇u) D as f − I, which at rest is D − I.
+#[inline(always)]
+pub(crate) fn from_rest<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [along, across]: [f64; 2]) {
+    for gradient in gradients {
+        gradient[0][0] = gradient[0][0] + gradient[0][0].constant(along - 1.0);
+        gradient[1][1] = gradient[1][1] + gradient[1][1].constant(across - 1.0);
+    }
+}
+
+/// Gradients on elements of sides 1 as gradients on elements of these sides.
+#[inline(always)]
+pub(crate) fn per_side<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [width, height]: [V; 2]) {
+    let (along, across) = (width.recip(), height.recip());
+    for gradient in gradients {
+        for row in gradient {
+            *row = [row[0] * along, row[1] * across];
+        }
+    }
+}
+
+/// Stresses of which the forces on an element of sides 1 are those of the given stresses on an element of these sides.
+#[inline(always)]
+pub(crate) fn on_sides<V: Value, const N: usize>(stresses: &mut [Tensor<V>; N], [width, height]: [V; 2]) {
+    for stress in stresses {
+        for row in stress {
+            *row = [row[0] * height, row[1] * width];
+        }
+    }
+}
+
+/// The nodal values of as many elements as a register holds, from element `first` of a row; beyond the last element zero.
+#[inline(always)]
+pub(super) fn gather<E: Element<N>, S: Simd, T: Real, const N: usize>(
+    simd: S,
+    layout: NodeLayout,
+    vector: &[T],
+    first: usize,
+    row: usize,
+) -> [[Wide<S, T>; N]; 2] {
+    let (degree, lanes) = (E::DEGREE, T::lanes::<S>());
+    let real = layout.columns() - first;
+    let mut nodal = [[Wide::splat(simd, 0.0); N]; 2];
+    for (c, component) in nodal.iter_mut().enumerate() {
+        for (node, value) in component.iter_mut().enumerate() {
+            let (column, rise) = (node % (degree + 1), node / (degree + 1));
+            // The degree is known where this is compiled, so nothing is divided.
+            let start = layout.index_in(c, first + column / degree, column % degree, row * degree + rise);
+            *value = if real >= lanes {
+                Wide::load(simd, &vector[start..])
+            } else {
+                Wide::load_part(simd, &vector[start..start + real])
+            };
+        }
+    }
+    nodal
+}
