@@ -10,7 +10,8 @@ use super::simulate::Place;
 use super::table::{self, Cell};
 use super::text::Text;
 use super::tone::Tone;
-use deaflow_field::Field;
+use deaflow_field::{Field, Mesh};
+use deaflow_report::uncertainty;
 
 /// Patterns that are told one by one.
 pub const FEW: usize = 20;
@@ -28,6 +29,17 @@ pub struct Ending {
     pub name: String,
     /// The displacement of the point that was asked about along its direction, mm.
     pub along_mm: Option<f64>,
+    /// What an accuracy that was asked for came to; none without one.
+    pub reached: Option<Reached>,
+}
+
+/// How accurate a solution is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reached {
+    /// The mesh that was picked.
+    pub mesh: Mesh,
+    /// The estimated largest error of the displacement on it, mm; none where there is no solution.
+    pub error_mm: Option<f64>,
 }
 
 /// The largest displacement of a field.
@@ -67,9 +79,19 @@ fn hundredths(mm: f64) -> f64 {
 pub fn text(endings: &[Ending], file: Option<&Path>, watched: Option<&Watched>) -> Text {
     match endings.len() {
         0 => Text::new(),
-        1..=FEW => Text::of(one_by_one(endings, watched)),
+        1..=FEW => {
+            let mut text = Text::of(one_by_one(endings, watched));
+            if endings.iter().any(|ending| error_mm(ending).is_some()) {
+                text.line("±: the error of the mesh, estimated from two; that of the model is no part of it");
+            }
+            text
+        }
         _ => in_numbers(endings, file),
     }
+}
+
+fn error_mm(ending: &Ending) -> Option<f64> {
+    ending.reached?.error_mm
 }
 
 fn one_by_one(endings: &[Ending], watched: Option<&Watched>) -> table::Table {
@@ -89,8 +111,11 @@ fn one_by_one(endings: &[Ending], watched: Option<&Watched>) -> table::Table {
         peak,
         name,
         along_mm,
+        reached,
     } in endings
     {
+        let error = reached.and_then(|reached| reached.error_mm);
+        let error = error.map_or_else(String::new, |mm| format!(" {}", uncertainty(mm)));
         let mut row = vec![Cell::from(place.index)];
         if has_names {
             row.push(Cell::from(name));
@@ -100,7 +125,7 @@ fn one_by_one(endings: &[Ending], watched: Option<&Watched>) -> table::Table {
         }
         row.push(Cell::toned(outcome, Tone::of_solve(outcome)));
         row.push(Cell::from(
-            peak.map_or("-".to_owned(), |peak| format!("{:.4} mm", peak.mm)),
+            peak.map_or("-".to_owned(), |peak| format!("{:.4}{error} mm", peak.mm)),
         ));
         row.push(Cell::from(peak.map_or("-".to_owned(), |peak| peak.at())));
         if watched.is_some() {
@@ -137,6 +162,14 @@ fn in_numbers(endings: &[Ending], file: Option<&Path>) -> Text {
             "largest displacement of each: smallest {}, median {median:.4} mm, largest {} at {at}",
             named(smallest),
             named(largest)
+        ));
+    }
+    let errors = endings.iter().filter_map(|ending| Some((error_mm(ending)?, ending)));
+    if let Some((mm, ending)) = errors.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        text.line(format!(
+            "estimated error of the mesh: at most {} mm ({}); that of the model is no part of it",
+            uncertainty(mm).trim_start_matches("± "),
+            ending.place
         ));
     }
     text.line(match file {
@@ -188,7 +221,11 @@ impl<'a> Spread<'a> {
 /// For programs: `outcomes`, `max_displacement_mm` and `patterns`.
 pub fn document(endings: &[Ending]) -> Value {
     let each = endings.iter().map(|ending| {
+        let reached = |of: fn(Reached) -> Value| ending.reached.map_or(Value::Null, of);
         ending.place.document(json!({
+            "discretisation_error": error_mm(ending),
+            "elements_per_cell": reached(|reached| json!(reached.mesh.elements_per_cell())),
+            "order": reached(|reached| json!(reached.mesh.order().degree())),
             "outcome": ending.outcome,
             "max_displacement_mm": ending.peak.map(|peak| peak.mm),
             "at_mm": ending.peak.and_then(|peak| peak.at_mm),
@@ -222,7 +259,37 @@ mod tests {
             }),
             name: String::new(),
             along_mm: None,
+            reached: None,
         }
+    }
+
+    #[test]
+    fn an_accuracy_that_was_asked_for_is_told() {
+        let reached = |error_mm| {
+            let mesh = Mesh::biquadratic(2);
+            Some(Reached { mesh, error_mm })
+        };
+        let accurate = |index, mm, error_mm| Ending {
+            reached: reached(error_mm),
+            ..ending(index, mm)
+        };
+        let few = [accurate(0, Some(2.15), Some(0.0032)), accurate(1, None, None)];
+        let shown = text(&few, None, None).show(Screen::default());
+        let lines: Vec<&str> = shown.lines().collect();
+        assert_eq!(lines[3], "       0   converged     2.1500 ± 0.0032 mm   25, 1 mm");
+        assert_eq!(lines[4], "       1   pull-in                        -   -");
+        assert!(lines[6].starts_with("±: the error of the mesh"), "{shown}");
+        let document = document(&few);
+        let [first, lost] = [&document["patterns"][0], &document["patterns"][1]];
+        assert_eq!(first["discretisation_error"], 0.0032);
+        assert_eq!((&first["elements_per_cell"], &first["order"]), (&json!(2), &json!(2)));
+        assert_eq!(lost["discretisation_error"], Value::Null);
+        let many: Vec<Ending> = (0..23).map(|k| accurate(k, Some(1.0), Some(1e-4 * k as f64))).collect();
+        let shown = text(&many, None, None).show(Screen::default());
+        assert!(
+            shown.contains("estimated error of the mesh: at most 0.0022 mm (pattern 22)"),
+            "{shown}"
+        );
     }
 
     #[test]

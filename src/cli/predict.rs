@@ -114,6 +114,7 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
         peak: Some(Peak::of(field, cell_mm)),
         name: names[index].clone(),
         along_mm: watched.map(|watched| watched.of(field)),
+        reached: None,
     };
     let (at_point, point) = watched
         .map(|watched| watched.of_all(fields.iter().map(|field| Some(watched.of(field)))))

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::cells::{self, States};
 use super::error::CliError;
-use super::outcomes::{Ending, Peak};
+use super::outcomes::{Ending, Peak, Reached};
 use super::point::Watched;
 use super::text::Text;
 use deaflow_base::Progress;
@@ -267,6 +267,10 @@ fn answer(
             peak: simulation.field.as_ref().map(|field| Peak::of(field, Some(cell_mm))),
             name: String::new(),
             along_mm: simulation.field.as_ref().and_then(|field| Some(watched?.of(field))),
+            reached: parameters.accuracy().map(|_| Reached {
+                mesh: run.results[index].mesh,
+                error_mm: run.results[index].discretisation_error,
+            }),
         }
     });
     let unstable = rows().filter(|(index, run)| run.results[*index].simulation.field.is_none());
