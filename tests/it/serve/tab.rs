@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::super::common::readers;
 
 /// How long something on a page may take to be as it should.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(180);
 
 /// A browser with one tab.
 pub struct Tab {
