@@ -11,7 +11,7 @@ use super::table::{self, Cell};
 use super::text::Text;
 use super::tone::Tone;
 use deaflow_field::{Field, Mesh};
-use deaflow_report::uncertainty;
+use deaflow_report::{error, uncertainty};
 
 /// Patterns that are told one by one.
 pub const FEW: usize = 20;
@@ -40,6 +40,13 @@ pub struct Reached {
     pub mesh: Mesh,
     /// The estimated largest error of the displacement on it, mm; none where there is no solution.
     pub error_mm: Option<f64>,
+}
+
+impl Ending {
+    /// The estimated error, mm, where an accuracy was asked for and reached or missed.
+    fn error_mm(&self) -> Option<f64> {
+        self.reached?.error_mm
+    }
 }
 
 /// The largest displacement of a field.
@@ -81,17 +88,13 @@ pub fn text(endings: &[Ending], file: Option<&Path>, watched: Option<&Watched>) 
         0 => Text::new(),
         1..=FEW => {
             let mut text = Text::of(one_by_one(endings, watched));
-            if endings.iter().any(|ending| error_mm(ending).is_some()) {
+            if endings.iter().any(|ending| ending.error_mm().is_some()) {
                 text.line("±: the error of the mesh, estimated from two; that of the model is no part of it");
             }
             text
         }
         _ => in_numbers(endings, file),
     }
-}
-
-fn error_mm(ending: &Ending) -> Option<f64> {
-    ending.reached?.error_mm
 }
 
 fn one_by_one(endings: &[Ending], watched: Option<&Watched>) -> table::Table {
@@ -105,17 +108,18 @@ fn one_by_one(endings: &[Ending], watched: Option<&Watched>) -> table::Table {
     header.extend(title.as_deref());
     let numbers = ["pattern", "largest displacement", title.as_deref().unwrap_or_default()];
     let mut table = table::table(&header, &numbers).dispensable(&["pattern"]);
-    for Ending {
-        place,
-        outcome,
-        peak,
-        name,
-        along_mm,
-        reached,
-    } in endings
-    {
-        let error = reached.and_then(|reached| reached.error_mm);
-        let error = error.map_or_else(String::new, |mm| format!(" {}", uncertainty(mm)));
+    for ending in endings {
+        let Ending {
+            place,
+            outcome,
+            peak,
+            name,
+            along_mm,
+            ..
+        } = ending;
+        let error = ending
+            .error_mm()
+            .map_or_else(String::new, |mm| format!(" {}", uncertainty(mm)));
         let mut row = vec![Cell::from(place.index)];
         if has_names {
             row.push(Cell::from(name));
@@ -164,11 +168,11 @@ fn in_numbers(endings: &[Ending], file: Option<&Path>) -> Text {
             named(largest)
         ));
     }
-    let errors = endings.iter().filter_map(|ending| Some((error_mm(ending)?, ending)));
+    let errors = endings.iter().filter_map(|ending| Some((ending.error_mm()?, ending)));
     if let Some((mm, ending)) = errors.max_by(|a, b| a.0.total_cmp(&b.0)) {
         text.line(format!(
             "estimated error of the mesh: at most {} mm ({}); that of the model is no part of it",
-            uncertainty(mm).trim_start_matches("± "),
+            error(mm),
             ending.place
         ));
     }
@@ -223,7 +227,7 @@ pub fn document(endings: &[Ending]) -> Value {
     let each = endings.iter().map(|ending| {
         let reached = |of: fn(Reached) -> Value| ending.reached.map_or(Value::Null, of);
         ending.place.document(json!({
-            "discretisation_error": error_mm(ending),
+            "discretisation_error": ending.error_mm(),
             "elements_per_cell": reached(|reached| json!(reached.mesh.elements_per_cell())),
             "order": reached(|reached| json!(reached.mesh.order().degree())),
             "outcome": ending.outcome,

@@ -4,7 +4,6 @@ mod kernels;
 mod point;
 mod survey;
 
-use super::activity::View;
 pub use super::activity::{Activity, Within, load_of};
 use super::energy::Margins;
 use super::law::{Law, Passes};
@@ -14,9 +13,8 @@ pub use super::precision::Precision;
 use super::registers::dispatch;
 use super::sheet::Mount;
 use super::supports::{Pose, Supports};
-pub use kernels::Kernels;
-pub(crate) use kernels::{from_rest, on_sides, per_side};
-use kernels::{gather, sides, stress_at_rest, without_law};
+pub(crate) use kernels::{Kernels, from_rest, on_sides, per_side};
+use kernels::{stress_at_rest, without_law};
 pub use survey::LawAtRest;
 
 /// The discrete equilibrium of one pattern under one law.

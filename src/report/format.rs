@@ -83,9 +83,14 @@ pub fn change(change: f64) -> String {
 
 /// An estimated error in mm, after a length with as many decimals.
 pub fn uncertainty(mm: f64) -> String {
+    format!("± {}", error(mm))
+}
+
+/// The size of an estimated error in mm.
+pub fn error(mm: f64) -> String {
     match mm.abs() {
-        error if error < 1e-4 => "± < 0.0001".to_owned(),
-        error => format!("± {error:.4}"),
+        error if error < 1e-4 => "< 0.0001".to_owned(),
+        error => format!("{error:.4}"),
     }
 }
 

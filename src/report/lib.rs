@@ -34,7 +34,7 @@ pub use ahead::FiguresAhead;
 pub use artifacts::{Made, RunArtifacts, Source};
 pub use error::ReportError;
 pub use figure_files::{FigureFile, figures_of, remove_figures};
-pub use format::{bytes, file_name, number, seconds, uncertainty};
+pub use format::{bytes, error, file_name, number, seconds, uncertainty};
 pub use headline::{Headline, headlines};
 pub use history::{History, Origin, StageFacts};
 pub use html::{Column, Page};

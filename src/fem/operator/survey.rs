@@ -4,13 +4,15 @@ use std::marker::PhantomData;
 
 use pulp::{Simd, WithSimd};
 
-use super::{Precision, View, from_rest, gather, per_side, sides};
+use super::kernels::{from_rest, gather, per_side, sides};
+use crate::activity::View;
 use crate::element::Element;
 use crate::energy::{MODULI, Margins, Material};
 use crate::kinematics::{Tensor, deformation, determinant};
 use crate::lanes::{Real, Value, Wide};
 use crate::layout::NodeLayout;
 use crate::memory::{self, MODULI_WITH_MEMORY};
+use crate::precision::Precision;
 
 /// One pass over the quadrature points that finds the smallest margins.
 pub(super) struct Survey<'a, E, L, T, const N: usize> {

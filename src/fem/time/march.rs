@@ -1109,12 +1109,13 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, F> {
         let ratio = if full > 0.0 { volts / full } else { 0.0 };
         // The electric energy is a difference, which is lost in rounding at low voltages; it is in proportion to their square, but where the
         // membrane wrinkles.
-        let (at, scale) = match (course.problem.material)(0.0).wrinkles() {
+        let unloaded = (course.problem.material)(0.0);
+        let (at, scale) = match unloaded.wrinkles() {
             true => (ratio, 1.0),
             false => (1.0, ratio),
         };
-        let laws = [0.0, at * at].map(|share| (course.problem.material)(share));
-        let found = content([&laws[0], &laws[1]], activity, metric, at * full, self.units);
+        let loaded = (course.problem.material)(at * at);
+        let found = content([&unloaded, &loaded], activity, metric, at * full, self.units);
         Content {
             charge: scale * found.charge,
             driven: scale * found.driven,
