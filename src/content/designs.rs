@@ -153,7 +153,7 @@ arrays! {
         history: History = group("history"),
         /// The searches along the gradient.
         steps: GradientSteps = group("climb"),
-        /// Patterns predicted by the search of each target.
+        /// Patterns judged by the search of each target.
         evaluations: Vec<u64> = array("evaluations", "1", [target]),
         /// The evaluators that could have been used.
         candidates: Candidates = group("probe"),

@@ -7,7 +7,8 @@
 //!
 //! Beside the paper's procedure stand what it does not have: a first generation of several areas where the area is free;
 //! constraints, to which each individual's pattern is mended, with a penalty for what cannot be mended; margins, of which only
-//! the best are asked; and niches, so that several different designs are found at once. None of it changes a search without it.
+//! the best are asked; niches, so that several different designs are found at once; and a rough score by which all are ranked, so that
+//! only the best are judged. None of it changes a search without it.
 //!
 //! Every random choice of a generation is a function of the seed and the generation's number, and equal fitness is
 //! ordered by genome, so a search can be gone on with from any generation and does not depend on threads.
@@ -25,7 +26,7 @@ pub use state::StateError;
 
 use super::constraint::Constraints;
 use super::genome::{Genome, UNITS, unit_of};
-use super::objective::Goal;
+use super::objective::{Goal, RoughScore};
 use deaflow_base::{Stopped, Stream};
 use deaflow_field::{Feasibility, PredictError, Predictor, StateFields};
 use history::{History, Individual};
@@ -50,6 +51,8 @@ pub struct Setting<'a> {
     pub constraints: &'a Constraints,
     /// What the best must keep to beside, if anything.
     pub feasibility: Option<&'a dyn Feasibility>,
+    /// What ranks patterns in microseconds, so that only the best of a generation are judged.
+    pub rough: Option<&'a RoughScore<'a>>,
 }
 
 /// Why there is no result.

@@ -140,10 +140,11 @@ impl Genome {
     /// The pattern of cells.
     #[must_use]
     pub fn pattern(&self, raster: Raster) -> Pattern {
-        Pattern::from_groups(raster, |x, y| {
-            let [x, y] = unit_of(raster, [x, y]);
-            self.genes[y * UNITS + x]
-        })
+        // One division for each column and row, not for each cell.
+        let [columns, rows] = raster
+            .sides()
+            .map(|cells| (0..cells).map(|at| unit_along(cells, at)).collect::<Vec<_>>());
+        Pattern::from_groups(raster, |x, y| self.genes[rows[y] * UNITS + columns[x]])
     }
 }
 
@@ -155,7 +156,12 @@ const fn planes(groups: usize) -> usize {
 /// The unit of a cell (column, row).
 pub(super) fn unit_of(raster: Raster, cell: [usize; 2]) -> [usize; 2] {
     let sides = raster.sides();
-    [0, 1].map(|axis| cell[axis] * UNITS / sides[axis])
+    [0, 1].map(|axis| unit_along(sides[axis], cell[axis]))
+}
+
+/// The column or row of units that holds one of so many columns or rows of cells.
+fn unit_along(cells: usize, at: usize) -> usize {
+    at * UNITS / cells
 }
 
 /// The units of the 3 × 3 around a unit that lie on the membrane, the unit itself included.

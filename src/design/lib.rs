@@ -26,7 +26,7 @@ pub use intuitive::Intuitive;
 pub use local_search::{LocalOptimum, SearchProblem, SearchStep};
 pub use objective::{
     AREA_PENALTY, Aim, Displacement, Distance, Goal, GoalError, Lever, MEASURES, Measure, Moment, Motion, Objective,
-    PlacedAim, Qin2024, Subject,
+    PlacedAim, Qin2024, RoughScore, Subject,
 };
 pub use options::{Method, SearchOptions};
 pub use search::{

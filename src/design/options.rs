@@ -45,6 +45,8 @@ parameters! {
         pub population: usize [2..=1_000_000] = EvolveOptions::PAPER.population,
         /// Generations at most.
         pub generations: usize [0..=1_000_000] = EvolveOptions::PAPER.generations,
+        /// Share of each generation that the evaluator judges: those that the linear response ranks first. 1 judges all, as the paper does.
+        pub judged: Decimal [0.0..=1.0] = 0.25,
         /// Best individuals that stay.
         pub elite: Decimal [0.0..=1.0] = EvolveOptions::PAPER.elite,
         /// Probability of a crossover.
@@ -61,12 +63,13 @@ parameters! {
 }
 
 /// Keys that mean nothing along the gradient alone; a network, an evaluator and its accuracy are named in the stage.
-const GENETIC: [&str; 10] = [
+const GENETIC: [&str; 11] = [
     "evaluator",
     "evaluator_accuracy",
     "area_penalty",
     "population",
     "generations",
+    "judged",
     "elite",
     "crossover",
     "mutation",
@@ -115,6 +118,7 @@ impl SearchOptions {
             population: self.population,
             generations: self.generations,
             elite: self.elite.to_f64(),
+            judged: self.judged.to_f64(),
             crossover: self.crossover.to_f64(),
             mutation: self.mutation.to_f64(),
             stagnation: self.stagnation,

@@ -1,6 +1,6 @@
 //! Finite elements that say how a field changes with its pattern, for searches along the gradient.
 
-use super::{MembraneSolver, SetupError, SolveOptions};
+use super::{LinearResponse, MembraneSolver, SetupError, SolveOptions};
 use deaflow_field::{Differentiable, Field, Mesh, PredictError, Predictor, Simulator, WithGradient};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
@@ -28,6 +28,9 @@ pub struct GradientEvaluator {
     plain: Option<MembraneSolver>,
     /// Of each group of electrodes its share of the load.
     loads: Vec<f64>,
+    /// What its linear response is made of.
+    scene: Scene,
+    slowness: f64,
 }
 
 impl GradientEvaluator {
@@ -51,6 +54,8 @@ impl GradientEvaluator {
             solver: MembraneSolver::slowed(scene, slowness, options)?,
             plain: plain.transpose()?,
             loads: scene.group_loads(),
+            scene: scene.clone(),
+            slowness,
         })
     }
 }
@@ -82,5 +87,22 @@ impl Differentiable for GradientEvaluator {
     fn predict_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
         let start = self.solver.solve(base);
         Ok(self.solver.fields_near(&start, patterns))
+    }
+
+    /// On one bilinear element in each cell, and `None` where the half-active membrane is not stable, or charge is given and no voltage.
+    fn at_rest(&self, weights: &[Field]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
+        if self.scene.drive.charge.is_some() {
+            return Ok(None);
+        }
+        let plain = linear_in_cells(&self.scene);
+        let scene = plain.as_ref().unwrap_or(&self.scene);
+        let response = match LinearResponse::slowed(scene, self.slowness, Mesh::bilinear(1)) {
+            Ok(response) => response,
+            Err(SetupError::Unstable) => return Ok(None),
+            Err(error) => return Err(PredictError::failed(error)),
+        };
+        let found = response.of_functionals(weights);
+        let in_groups = |(value, of_cells): WithGradient<f64>| (value, of_groups(&self.loads, &of_cells));
+        Ok(found.map(|found| found.into_iter().map(in_groups).collect()))
     }
 }

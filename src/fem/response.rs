@@ -6,10 +6,11 @@
 
 use rayon::prelude::*;
 
-use deaflow_field::{Field, Mesh, Observation, Outcome, Simulation, Simulator};
+use deaflow_field::{Field, Mesh, Observation, Outcome, Simulation, Simulator, WithGradient};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
+use super::adjoint;
 use super::effects::{Model, WithMaterial};
 use super::error::SetupError;
 use super::law::Law;
@@ -111,6 +112,26 @@ impl LinearResponse {
     pub fn to_loads(&self) -> Option<Field> {
         let workspace = &mut Workspace::new(self.rest.len(), &self.laplacian);
         self.to_activity(|_, _| 0.0, 1.0, workspace)
+    }
+
+    /// Functionals Σ weights · u over the cell corners, u in mm: what the loads of bodies make each without electrodes, and its derivative by
+    /// the activity of each cell, `[y][x]`, in this response. `None` where a linear system cannot be solved.
+    #[must_use]
+    pub fn of_functionals(&self, weights: &[Field]) -> Option<Vec<WithGradient<f64>>> {
+        let loaded = self.to_loads()?;
+        let workspace = || Workspace::new(self.rest.len(), &self.laplacian);
+        let of = |workspace: &mut Workspace, weights: &Field| {
+            let gradient = self.model.with(Gradient {
+                response: self,
+                weights,
+                workspace,
+            })?;
+            let pairs = weights.values().iter().zip(loaded.values());
+            let value = pairs.map(|(weight, u)| weight * u).sum();
+            let unit = self.half_active.grid().unit_mm();
+            Some((value, gradient.iter().map(|g| g * unit).collect()))
+        };
+        weights.par_iter().map_init(workspace, of).collect()
     }
 
     fn to_activity(
@@ -270,6 +291,32 @@ impl WithMaterial for ToActivity<'_> {
     }
 }
 
+/// The derivative of a functional by the activity of each cell, at rest.
+struct Gradient<'a> {
+    response: &'a LinearResponse,
+    weights: &'a Field,
+    workspace: &'a mut Workspace,
+}
+
+impl WithMaterial for Gradient<'_> {
+    type Output = Option<Vec<f64>>;
+
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Vec<f64>> {
+        let response = self.response;
+        let material = material(1.0);
+        let linear = response.operator(&material, &response.half_active);
+        let gradient = adjoint::gradient(
+            &linear,
+            &response.laplacian,
+            EXACT,
+            &response.rest,
+            self.weights,
+            self.workspace,
+        );
+        gradient.ok()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -336,6 +383,25 @@ mod tests {
             whole.rms_difference(&sum) / size
         );
         assert!(size > 1e-3);
+    }
+
+    #[test]
+    fn a_functional_of_a_pattern_is_the_sum_of_its_gradient_over_the_cells() {
+        let pattern = Pattern::from_fn(Raster::PAPER, |x, y| x < 25 && (x / 5 + y / 5) % 2 == 0);
+        let response = LinearResponse::new(&Scene::vhb4910(), Mesh::bilinear(1)).unwrap();
+        let mut weights = Field::zero(Raster::PAPER).values().to_vec();
+        for (place, weight) in [(2 * (51 * 25 + 25), 1.0), (2 * (51 * 12 + 30) + 1, -0.4)] {
+            weights[place] = weight;
+        }
+        let weights = Field::from_values(Raster::PAPER, weights).unwrap();
+        let whole = response.predict(std::slice::from_ref(&pattern), 0).remove(0).unwrap();
+        let pairs = whole.values().iter().zip(weights.values());
+        let expected: f64 = pairs.map(|(u, weight)| u * weight).sum();
+        let (unloaded, gradient) = response.of_functionals(&[weights]).unwrap().remove(0);
+        let cells = gradient.iter().zip(pattern.cells());
+        let sum: f64 = cells.map(|(g, cell)| g * f64::from(*cell)).sum();
+        assert!(unloaded == 0.0 && expected.abs() > 0.1);
+        assert!((sum / expected - 1.0).abs() < 3e-3, "{sum} {expected}");
     }
 
     #[test]

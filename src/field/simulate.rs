@@ -267,4 +267,14 @@ pub trait Differentiable<F = Field>: Predictor<F> {
     fn predict_near(&self, _base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<F>>, PredictError> {
         self.predict_some(patterns)
     }
+
+    /// Functionals Σ weights · u over the cell corners in the linear response of the membrane, u in mm: what each is without electrodes, and
+    /// its derivative with respect to the activity of each cell, `[group][y][x]`, which sum to a rough value for any pattern. `None` where there
+    /// is no such response.
+    ///
+    /// # Errors
+    /// When the model cannot be evaluated.
+    fn at_rest(&self, _weights: &[F]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
+        Ok(None)
+    }
 }

@@ -123,6 +123,22 @@ impl<P: Deref<Target: Differentiable> + Sync> Differentiable<StateFields> for In
     fn predict_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
         self.in_all(patterns, |state| state.predict_near(base, patterns))
     }
+
+    fn at_rest(&self, weights: &[StateFields]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
+        let mut sums: Vec<WithGradient<f64>> = vec![(0.0, Vec::new()); weights.len()];
+        for (at, state) in self.0.iter().enumerate() {
+            let own: Vec<Field> = weights.iter().map(|weights| weights[at].clone()).collect();
+            let Some(own) = state.at_rest(&own)? else {
+                return Ok(None);
+            };
+            for (sum, own) in sums.iter_mut().zip(own) {
+                sum.0 += own.0;
+                sum.1.resize(own.1.len(), 0.0);
+                sum.1.iter_mut().zip(own.1).for_each(|(sum, own)| *sum += own);
+            }
+        }
+        Ok(Some(sums))
+    }
 }
 
 /// A weighted sum of what several predict of a pattern.
@@ -141,6 +157,11 @@ impl<P> Weighted<P> {
             weights,
             settings,
         }
+    }
+
+    /// The slope of the sum as that of each part.
+    fn of_parts(&self, slope: &Field) -> StateFields {
+        self.weights.iter().map(|weight| slope.scaled(*weight)).collect()
     }
 
     fn sum(&self, fields: &[Field]) -> Field {
@@ -173,10 +194,7 @@ impl<P: Deref<Target: Differentiable> + Sync> Differentiable for Weighted<P> {
         pattern: &Pattern,
         slope: &dyn Fn(&Field) -> Field,
     ) -> Result<Option<WithGradient>, PredictError> {
-        let of_parts = |fields: &StateFields| {
-            let slope = slope(&self.sum(fields));
-            self.weights.iter().map(|weight| slope.scaled(*weight)).collect()
-        };
+        let of_parts = |fields: &StateFields| self.of_parts(&slope(&self.sum(fields)));
         let found = self.parts.gradient(pattern, &of_parts)?;
         Ok(found.map(|(fields, gradient)| (self.sum(&fields), gradient)))
     }
@@ -184,5 +202,10 @@ impl<P: Deref<Target: Differentiable> + Sync> Differentiable for Weighted<P> {
     fn predict_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
         let each = self.parts.predict_near(base, patterns)?.into_iter();
         Ok(each.map(|fields| fields.map(|fields| self.sum(&fields))).collect())
+    }
+
+    fn at_rest(&self, weights: &[Field]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
+        let of_parts: Vec<StateFields> = weights.iter().map(|weights| self.of_parts(weights)).collect();
+        self.parts.at_rest(&of_parts)
     }
 }

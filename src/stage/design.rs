@@ -126,13 +126,14 @@ impl Kind for DesignKind {
     }
 
     fn recipe(&self) -> u32 {
-        5
+        6
     }
 
     fn priced_apart(&self) -> &'static [&'static str] {
         &[
             "stage.method",
             "stage.evaluator",
+            "stage.judged",
             "stage.refine",
             "stage.units",
             "stage.scene.effects",

@@ -26,13 +26,13 @@ impl History {
     pub fn add(&mut self, population: Vec<Individual>) {
         let generation = self.reports.len();
         let best = &population[0];
-        let judged = population.iter().map(|individual| individual.known.fitness);
-        let judged: Vec<f64> = judged.filter(|fitness| fitness.is_finite()).collect();
+        let all = population.iter().map(|individual| individual.known.fitness);
+        let finite: Vec<f64> = all.filter(|fitness| fitness.is_finite()).collect();
         let report = GenerationReport {
             generation,
             genome: best.genome.clone(),
             best: best.known.fitness,
-            mean: judged.iter().sum::<f64>() / judged.len() as f64,
+            mean: finite.iter().sum::<f64>() / finite.len() as f64,
             value_mm: best.known.value_mm,
             area: best.known.area,
         };

@@ -9,6 +9,8 @@ pub struct EvolveOptions {
     pub generations: usize,
     /// Share of the best that goes on unchanged; at least one individual does.
     pub elite: f64,
+    /// Share of a generation that is judged, where a rough score ranks all: the best. The others are ranked by it alone.
+    pub judged: f64,
     /// Probability that two parents exchange genes.
     pub crossover: f64,
     /// Probability that a child is mutated.
@@ -52,11 +54,12 @@ pub enum OptionsError {
 }
 
 impl EvolveOptions {
-    /// The paper's: 1000 individuals, 60 generations, 2 % elite, crossover 0.7, mutation 0.3; one design.
+    /// The paper's: 1000 individuals, 60 generations, 2 % elite, crossover 0.7, mutation 0.3, all judged; one design.
     pub const PAPER: Self = Self {
         population: 1000,
         generations: 60,
         elite: 0.02,
+        judged: 1.0,
         crossover: 0.7,
         mutation: 0.3,
         stagnation: None,
@@ -71,6 +74,7 @@ impl EvolveOptions {
         }
         let shares = [
             ("elite", self.elite),
+            ("judged", self.judged),
             ("crossover", self.crossover),
             ("mutation", self.mutation),
             ("distance", self.distance),
@@ -91,5 +95,11 @@ impl EvolveOptions {
     pub(super) fn elites(&self) -> usize {
         let wanted = (self.elite * self.population as f64).round() as usize;
         wanted.max(self.designs).clamp(1, self.population - 1)
+    }
+
+    /// How many are judged: all that go on unchanged.
+    pub(super) fn judged_count(&self) -> usize {
+        let wanted = (self.judged * self.population as f64).ceil() as usize;
+        wanted.clamp(self.elites(), self.population)
     }
 }

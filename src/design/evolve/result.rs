@@ -16,7 +16,7 @@ pub struct GenerationReport {
     pub genome: Genome,
     /// F of the best; smaller is better.
     pub best: f64,
-    /// Mean F of all individuals with a field.
+    /// Mean F of all individuals with a field, the rough F of those that were not judged.
     pub mean: f64,
     /// Predicted value of the best in mm.
     pub value_mm: f64,
@@ -60,7 +60,7 @@ pub struct Evolution {
     /// The designs, best first: the best of all, then the best that differ from those before by the wanted distance and keep the
     /// constraints. There may be fewer than wanted.
     pub winners: Vec<Winner>,
-    /// Patterns that were predicted: one that recurs is not predicted again.
+    /// Patterns that were judged: one that recurs is not judged again.
     pub evaluations: usize,
 }
 

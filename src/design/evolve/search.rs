@@ -33,6 +33,8 @@ const SOON: Duration = Duration::from_millis(100);
 /// What is known of a genome, and its pattern.
 struct Entry {
     known: Known,
+    /// F by the rough score; NaN where there is none.
+    rough: f64,
     layers: Layers,
 }
 
@@ -63,9 +65,9 @@ impl<'a> Search<'a> {
         self.setting.constraints.groups()
     }
 
-    /// How many patterns were predicted.
+    /// How many patterns were judged.
     pub fn evaluations(&self) -> usize {
-        self.known.len()
+        self.known.values().filter(|entry| entry.known.judged).count()
     }
 
     /// The next generation of a sorted one.
@@ -74,7 +76,8 @@ impl<'a> Search<'a> {
         let mut stream = Stream::new(self.options.seed, "generation", history.reports.len() as u64);
         let elites = population[..self.options.elites()].iter();
         let mut next: Vec<Genome> = elites.map(|individual| individual.genome.clone()).collect();
-        while next.len() < size {
+        let mut children = Vec::with_capacity(size - next.len() + 1);
+        while next.len() + children.len() < size {
             let (mut a, mut b) = (parent(population, &mut stream), parent(population, &mut stream));
             if stream.chance(self.options.crossover) {
                 cross(&mut a, &mut b, &mut stream);
@@ -87,30 +90,105 @@ impl<'a> Search<'a> {
                 if self.groups() > 1 && stream.chance(self.options.mutation) {
                     exchange_groups(&mut child, self.groups(), &mut stream);
                 }
-                next.push(smooth(&child, self.groups()).within(&self.allowed));
+                children.push(child);
             }
         }
+        let finished = |child: Genome| smooth(&child, self.groups()).within(&self.allowed);
+        next.par_extend(children.into_par_iter().map(finished));
         next.truncate(size);
         next
     }
 
-    /// The individuals of these genomes in their order.
+    /// The individuals of these genomes in their order. Those that go on unchanged were judged, and so were as many more as are to be.
     pub fn evaluated(&mut self, genomes: Vec<Genome>, watch: &dyn Watch) -> Result<Vec<Individual>, PredictError> {
+        self.meet(&genomes);
+        let mut population: Vec<Individual> = genomes.into_iter().map(|genome| self.individual(genome)).collect();
+        let best = match self.setting.rough {
+            Some(_) => self.options.judged_count(),
+            None => population.len(),
+        };
+        let unjudged = |some: &[Individual]| distinct(some.iter().filter(|individual| !individual.known.judged));
+        let (mut judged, mut next) = (0, Vec::new());
+        if self.setting.rough.is_none() {
+            next = unjudged(&population);
+        }
+        loop {
+            if !next.is_empty() {
+                self.judge(&next, (judged, best), watch)?;
+                judged += next.len();
+            }
+            self.refresh(&mut population);
+            self.sort(&mut population);
+            next = unjudged(&population[..best]);
+            if next.is_empty() && !self.check_feasibility(&population)? {
+                return Ok(population);
+            }
+        }
+    }
+
+    /// Ranks roughly what was not met before.
+    fn meet(&mut self, genomes: &[Genome]) {
         let mut unknown: Vec<&Genome> = genomes.iter().filter(|g| !self.known.contains_key(*g)).collect();
         unknown.sort_unstable();
         unknown.dedup();
-        let patterns = self.patterns(&unknown);
-        let found = self.predicted(&patterns, watch)?;
-        let new = unknown.into_iter().zip(patterns).zip(found);
-        for ((genome, layers), known) in new {
-            self.known.insert(genome.clone(), Entry { known, layers });
+        let entries: Vec<Entry> = unknown.par_iter().map(|genome| self.entry(genome)).collect();
+        self.known.extend(unknown.into_iter().cloned().zip(entries));
+    }
+
+    fn entry(&self, genome: &Genome) -> Entry {
+        let (pattern, layers) = self.pattern(genome);
+        let score = self.setting.rough.map(|rough| rough.score(&pattern));
+        let rough = score.map_or(f64::NAN, |score| self.fitness(&pattern, score));
+        Entry {
+            known: Known {
+                fitness: rough,
+                value_mm: 0.0,
+                area: pattern.area_fraction(),
+                judged: false,
+                feasible: None,
+            },
+            rough,
+            layers,
         }
-        let mut population: Vec<Individual> = genomes.into_iter().map(|genome| self.individual(genome)).collect();
-        self.sort(&mut population);
-        while self.check_feasibility(&mut population)? {
-            self.sort(&mut population);
+    }
+
+    /// Asks the evaluator of these genomes. Before them so many of their generation were judged, of so many in all or more.
+    fn judge(
+        &mut self,
+        genomes: &[Genome],
+        (before, all): (usize, usize),
+        watch: &dyn Watch,
+    ) -> Result<(), PredictError> {
+        let patterns: Vec<Pattern> = genomes
+            .iter()
+            .map(|genome| self.known[genome].layers.pattern())
+            .collect();
+        let all = all.max(before + genomes.len()) as f64;
+        let judged = |of_these: usize| watch.judged((before + of_these) as f64 / all);
+        let found = self.predicted(&patterns, &judged)?;
+        for (genome, known) in genomes.iter().zip(found) {
+            if let Some(entry) = self.known.get_mut(genome) {
+                entry.known = known;
+            }
         }
-        Ok(population)
+        Ok(())
+    }
+
+    /// Takes over what is known by now. Rough F are off alike in a generation, and are shifted by what those that were judged are off.
+    fn refresh(&self, population: &mut [Individual]) {
+        let entries = population.iter().map(|individual| &self.known[&individual.genome]);
+        let off = entries.map(|entry| (entry.known.judged, entry.known.fitness - entry.rough));
+        let off: Vec<f64> = off
+            .filter(|(judged, off)| *judged && off.is_finite())
+            .map(|(_, off)| off)
+            .collect();
+        let shift = off.iter().sum::<f64>() / off.len().max(1) as f64;
+        for individual in population {
+            individual.known = self.known[&individual.genome].known;
+            if !individual.known.judged {
+                individual.known.fitness += shift;
+            }
+        }
     }
 
     fn individual(&self, genome: Genome) -> Individual {
@@ -120,25 +198,22 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The patterns of genomes, mended where constraints ask for it; what cannot be mended is left without the cells that
+    /// The pattern of a genome, mended where constraints ask for it; what cannot be mended is left without the cells that
     /// are not allowed.
-    fn patterns(&self, genomes: &[&Genome]) -> Vec<Layers> {
+    fn pattern(&self, genome: &Genome) -> (Pattern, Layers) {
         let constraints = self.setting.constraints;
-        let pattern = |genome: &&Genome| {
-            let pattern = genome.pattern(constraints.membrane().raster);
-            let layers = constraints.layers(&pattern);
-            if constraints.is_free() {
-                return layers;
-            }
-            let mended = constraints.repaired_layers(&layers);
-            mended.unwrap_or_else(|| constraints.layers(&constraints.masked(&pattern)))
-        };
-        genomes.par_iter().map(pattern).collect()
+        let pattern = genome.pattern(constraints.membrane().raster);
+        let layers = constraints.layers(&pattern);
+        if constraints.is_free() {
+            return (pattern, layers);
+        }
+        let mended = constraints.repaired_layers(&layers);
+        let layers = mended.unwrap_or_else(|| constraints.layers(&constraints.masked(&pattern)));
+        (layers.pattern(), layers)
     }
 
-    /// What is known of patterns once they are predicted.
-    fn predicted(&mut self, layers: &[Layers], watch: &dyn Watch) -> Result<Vec<Known>, PredictError> {
-        let patterns: Vec<Pattern> = layers.iter().map(Layers::pattern).collect();
+    /// What is known of patterns once they are predicted; `watch` hears how many were.
+    fn predicted(&mut self, patterns: &[Pattern], watch: &dyn Fn(usize)) -> Result<Vec<Known>, PredictError> {
         let mut fields = Vec::with_capacity(patterns.len());
         let mut judged = 0;
         while judged < patterns.len() {
@@ -148,23 +223,24 @@ impl<'a> Search<'a> {
             judged += some.len();
             if judged < patterns.len() {
                 self.batch = paced(self.batch, begun.elapsed());
-                watch.judged(judged as f64 / patterns.len() as f64);
+                watch(judged);
             }
         }
         check_count(fields.len(), "fields", patterns.len())?;
         let known = |(pattern, fields): (&Pattern, &Option<StateFields>)| Known {
-            fitness: fields
-                .as_ref()
-                .map_or(f64::INFINITY, |fields| self.fitness(pattern, fields)),
+            fitness: fields.as_ref().map_or(f64::INFINITY, |fields| {
+                self.fitness(pattern, self.setting.goal.score(fields))
+            }),
             value_mm: fields.as_ref().map_or(0.0, |fields| self.setting.goal.value_mm(fields)),
             area: pattern.area_fraction(),
+            judged: true,
             feasible: None,
         };
         Ok(patterns.iter().zip(&fields).map(known).collect())
     }
 
-    fn fitness(&self, pattern: &Pattern, fields: &StateFields) -> f64 {
-        let fitness = self.setting.goal.fitness(pattern, fields);
+    fn fitness(&self, pattern: &Pattern, score: f64) -> f64 {
+        let fitness = self.setting.goal.fitness_of(pattern, score);
         let constraints = self.setting.constraints;
         if constraints.is_free() || constraints.hold(pattern) {
             return fitness;
@@ -181,15 +257,15 @@ impl<'a> Search<'a> {
         if self.options.designs == 1 {
             return;
         }
-        let judged = population.partition_point(|individual| individual.known.fitness.is_finite());
-        let layers: Vec<Layers> = population[..judged]
+        let finite = population.partition_point(|individual| individual.known.fitness.is_finite());
+        let layers: Vec<Layers> = population[..finite]
             .iter()
             .map(|individual| self.known[&individual.genome].layers.clone())
             .collect();
         let mut places = vec![0; population.len()];
         let likeness = self.setting.constraints.likeness();
         let order = order(&layers, self.options.designs, self.options.distance, likeness);
-        for (place, index) in order.into_iter().chain(judged..population.len()).enumerate() {
+        for (place, index) in order.into_iter().chain(finite..population.len()).enumerate() {
             places[index] = place;
         }
         let mut placed: Vec<(usize, Individual)> = places.into_iter().zip(population.drain(..)).collect();
@@ -198,21 +274,15 @@ impl<'a> Search<'a> {
     }
 
     /// Asks whether those of the best are feasible of which it is not known; whether one of them is not.
-    fn check_feasibility(&mut self, population: &mut [Individual]) -> Result<bool, PredictError> {
+    fn check_feasibility(&mut self, population: &[Individual]) -> Result<bool, PredictError> {
         let best = population[..self.options.elites()].iter();
-        let unasked = best.filter(|i| i.known.fitness.is_finite() && i.known.feasible.is_none());
-        let mut genomes: Vec<Genome> = unasked.map(|individual| individual.genome.clone()).collect();
-        genomes.sort_unstable();
-        genomes.dedup();
+        let genomes = distinct(best.filter(|i| i.known.fitness.is_finite() && i.known.feasible.is_none()));
         let mut refused = false;
         for (genome, feasible) in genomes.iter().zip(self.feasible(&genomes)?) {
             if let Some(entry) = self.known.get_mut(genome) {
                 entry.known = entry.known.with_verdict(feasible);
             }
             refused |= !feasible;
-        }
-        for individual in population {
-            individual.known = self.known[&individual.genome].known;
         }
         Ok(refused)
     }
@@ -244,14 +314,17 @@ impl<'a> Search<'a> {
         let likeness = self.setting.constraints.likeness();
         let mut niches = Niches::new(self.options.designs, self.options.distance, likeness);
         niches.add(&self.known[best].layers);
-        let judged = self.known.iter().filter(|(_, entry)| entry.known.fitness.is_finite());
+        let judged = self
+            .known
+            .iter()
+            .filter(|(_, entry)| entry.known.judged && entry.known.fitness.is_finite());
         let mut sorted: Vec<(f64, Genome)> = judged.map(|(g, entry)| (entry.known.fitness, g.clone())).collect();
         sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
         for (_, genome) in sorted {
             if niches.are_full() {
                 break;
             }
-            let Entry { known, layers } = &self.known[&genome];
+            let Entry { known, layers, .. } = &self.known[&genome];
             if !niches.are_far_from(layers) || !self.setting.constraints.hold_layers(layers) {
                 continue;
             }
@@ -269,7 +342,7 @@ impl<'a> Search<'a> {
     }
 
     fn winner(&self, genome: &Genome) -> Winner {
-        let Entry { known, layers } = &self.known[genome];
+        let Entry { known, layers, .. } = &self.known[genome];
         let pattern = layers.pattern();
         Winner {
             genome: genome.clone(),
@@ -333,11 +406,11 @@ impl<'a> Search<'a> {
             reports: state.history.iter().enumerate().map(report).collect(),
             last_gain: state.last_gain as usize,
         };
-        let patterns = self.patterns(&state.known.iter().map(|(genome, _)| genome).collect::<Vec<_>>());
-        let entries = state.known.into_iter().zip(patterns);
-        self.known = entries
-            .map(|((genome, known), layers)| (genome, Entry { known, layers }))
-            .collect();
+        let entry = |(genome, known)| {
+            let entry = self.entry(&genome);
+            (genome, Entry { known, ..entry })
+        };
+        self.known = state.known.into_par_iter().map(entry).collect();
         history
     }
 }
@@ -362,6 +435,14 @@ fn paced(batch: usize, took: Duration) -> usize {
     } else {
         batch
     }
+}
+
+/// The genomes of some individuals, each once, sorted.
+fn distinct<'i>(individuals: impl Iterator<Item = &'i Individual>) -> Vec<Genome> {
+    let mut genomes: Vec<Genome> = individuals.map(|individual| individual.genome.clone()).collect();
+    genomes.sort_unstable();
+    genomes.dedup();
+    genomes
 }
 
 fn check_count(found: usize, what: &str, patterns: usize) -> Result<(), PredictError> {

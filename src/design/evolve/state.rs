@@ -9,9 +9,9 @@ use crate::genome::Genome;
 use deaflow_base::{Digest, decode, encode};
 
 /// Raised when the layout changes.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
-/// Bytes of what is known of a genome of so many groups: its genes, three numbers, and a verdict.
+/// Bytes of what is known of a genome of so many groups: its genes, three numbers, and how far it was judged.
 const fn row_bytes(groups: usize) -> usize {
     Genome::bytes(groups) + 3 * 8 + 1
 }
@@ -36,7 +36,7 @@ pub enum StateError {
 /// A search after a generation.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct State {
-    /// What is known of every genome that was judged, sorted by genome.
+    /// What is known of every genome that was met, sorted by genome.
     pub known: Vec<(Genome, Known)>,
     /// The last generation in its order, by place among the known.
     pub population: Vec<u64>,
@@ -46,12 +46,14 @@ pub(super) struct State {
     pub last_gain: u64,
 }
 
-/// What is known of a genome; its fitness is infinite where it has no field or is not feasible.
+/// What is known of a genome; its fitness is infinite where it has no field or is not feasible, and rough where it was not judged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Known {
     pub fitness: f64,
     pub value_mm: f64,
     pub area: f64,
+    /// Whether the evaluator was asked.
+    pub judged: bool,
     /// Whether it is feasible, where that was asked.
     pub feasible: Option<bool>,
 }
@@ -78,7 +80,15 @@ struct Header {
 
 /// The digest of the options that decide how one generation follows from another. More generations continue the same search.
 fn digest(options: &EvolveOptions) -> Digest {
-    let shares = [options.elite, options.crossover, options.mutation, options.distance];
+    let EvolveOptions {
+        elite,
+        judged,
+        crossover,
+        mutation,
+        distance,
+        ..
+    } = *options;
+    let shares = [elite, judged, crossover, mutation, distance];
     let mut bytes: Vec<u8> = shares.iter().flat_map(|share| share.to_bits().to_le_bytes()).collect();
     for number in [options.population as u64, options.designs as u64, options.seed] {
         bytes.extend(number.to_le_bytes());
@@ -107,10 +117,11 @@ impl State {
             for number in [known.fitness, known.value_mm, known.area] {
                 bytes.extend(number.to_le_bytes());
             }
-            bytes.push(match known.feasible {
-                None => 0,
-                Some(false) => 1,
-                Some(true) => 2,
+            bytes.push(match (known.judged, known.feasible) {
+                (true, None) => 0,
+                (true, Some(false)) => 1,
+                (true, Some(true)) => 2,
+                (false, _) => 3,
             });
         }
         let digest = Digest::of(&bytes);
@@ -172,16 +183,18 @@ fn known(bytes: &[u8], groups: usize) -> Option<Vec<(Genome, Known)>> {
         let (genome, rest) = row.split_at_checked(Genome::bytes(groups))?;
         let (numbers, verdict) = rest.as_chunks::<8>();
         let [fitness, value_mm, area] = [0, 1, 2].map(|at| f64::from_le_bytes(numbers[at]));
-        let feasible = match verdict {
-            [0] => None,
-            [1] => Some(false),
-            [2] => Some(true),
+        let (judged, feasible) = match verdict {
+            [0] => (true, None),
+            [1] => (true, Some(false)),
+            [2] => (true, Some(true)),
+            [3] => (false, None),
             _ => return None,
         };
         let known = Known {
             fitness,
             value_mm,
             area,
+            judged,
             feasible,
         };
         let genome = Genome::from_bytes(genome, groups)?;

@@ -9,6 +9,7 @@ use deaflow_pattern::{CELLS, Membrane, Pattern, Raster};
 mod constrained;
 mod niches;
 mod resumed;
+mod rough;
 
 /// A membrane that answers linearly: everything moves along x by the sum of the weights of the active cells.
 struct Linear {
@@ -90,6 +91,7 @@ fn free<'a>(predictor: &'a dyn Predictor<StateFields>, goal: &'a Goal) -> Settin
         goal,
         constraints: &NONE,
         feasibility: None,
+        rough: None,
     }
 }
 
@@ -267,6 +269,10 @@ fn options_out_of_range_are_refused() {
     assert!(matches!(
         with(|o| o.elite = 1.5),
         OptionsError::Share { name: "elite", .. }
+    ));
+    assert!(matches!(
+        with(|o| o.judged = -0.5),
+        OptionsError::Share { name: "judged", .. }
     ));
     assert!(matches!(
         with(|o| o.crossover = f64::NAN),

@@ -205,18 +205,16 @@ impl PlacedAim {
         }
     }
 
-    /// The motion along its direction in mm.
+    /// How far a motion goes along its direction, in mm.
     #[must_use]
-    pub fn along(&self, fields: &[Field]) -> f64 {
-        let [x, y] = self.motion(fields);
+    pub fn along(&self, [x, y]: [f64; 2]) -> f64 {
         x * self.direction[0] + y * self.direction[1]
     }
 
-    /// The motion beyond the wanted one, in mm.
+    /// What of a motion is beyond the wanted one, in mm.
     #[must_use]
-    pub fn off(&self, fields: &[Field]) -> [f64; 2] {
-        let u = self.motion(fields);
-        [u[0] - self.wanted[0], u[1] - self.wanted[1]]
+    pub fn off(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [x - self.wanted[0], y - self.wanted[1]]
     }
 
     /// How what changes by `gradient` with its motion changes with the displacements of corners: of each, by its place in `[y][x]`, the

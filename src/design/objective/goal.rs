@@ -156,37 +156,75 @@ impl Goal {
     /// The value of a design in mm by its fields in the states of the device: the mean displacement of the points along their directions.
     #[must_use]
     pub fn value_mm(&self, fields: &[Field]) -> f64 {
-        self.mean(|aim| aim.along(fields))
+        self.value_of(&self.motions(fields))
+    }
+
+    /// The motion of each aim in mm in the states of the device, as [`PlacedAim::motion`] has it.
+    #[must_use]
+    pub fn motions(&self, fields: &[Field]) -> Vec<[f64; 2]> {
+        self.aims.iter().map(|aim| aim.motion(fields)).collect()
+    }
+
+    /// The value of a design in mm by the motions of its aims.
+    #[must_use]
+    pub fn value_of(&self, motions: &[[f64; 2]]) -> f64 {
+        self.mean(motions, PlacedAim::along)
     }
 
     /// How far the points are from where they are wanted, root mean square in mm; `None` where nothing but a direction is
     /// wanted.
     #[must_use]
     pub fn distance_mm(&self, fields: &[Field]) -> Option<f64> {
-        self.measure.needs_displacement().then(|| self.distance(fields))
+        self.measure
+            .needs_displacement()
+            .then(|| self.distance(&self.motions(fields)))
     }
 
     /// F of a pattern and its fields; smaller is better.
     #[must_use]
     pub fn fitness(&self, pattern: &Pattern, fields: &[Field]) -> f64 {
+        self.fitness_of(pattern, self.score(fields))
+    }
+
+    /// F of a pattern and its score; smaller is better.
+    #[must_use]
+    pub fn fitness_of(&self, pattern: &Pattern, score: f64) -> f64 {
         let off = self.area.map_or(0.0, |area| (pattern.area_fraction() - area).abs());
-        1.0 - self.score(fields) + self.area_penalty * off
+        1.0 - score + self.area_penalty * off
     }
 
     /// How good fields are, whatever the area of their pattern; larger is better.
     #[must_use]
     pub fn score(&self, fields: &[Field]) -> f64 {
-        self.measure.score(self, fields)
+        self.score_of(&self.motions(fields))
+    }
+
+    /// How good motions of the aims are; larger is better.
+    #[must_use]
+    pub fn score_of(&self, motions: &[[f64; 2]]) -> f64 {
+        self.measure.score(self, motions)
     }
 
     /// The derivative of [`Goal::score`] with respect to the displacement of each corner in each state, per mm; zero where there is none.
     #[must_use]
     pub fn slope(&self, fields: &[Field]) -> StateFields {
+        let gradients = self.measure.gradients(self, &self.motions(fields));
+        let pairs = self.aims.iter().zip(gradients);
+        self.slopes(
+            fields,
+            pairs.map(|(aim, gradient)| (aim, gradient.map(|g| aim.weight * g))),
+        )
+    }
+
+    /// The derivative of what changes by `gradient` with the motion of one aim.
+    pub(super) fn slope_of(&self, aim: &PlacedAim, fields: &[Field], gradient: [f64; 2]) -> StateFields {
+        self.slopes(fields, [(aim, gradient)].into_iter())
+    }
+
+    fn slopes<'a>(&self, fields: &[Field], each: impl Iterator<Item = (&'a PlacedAim, [f64; 2])>) -> StateFields {
         let mut slopes = vec![vec![0.0; 2 * self.raster.corners()]; fields.len()];
-        let gradients = self.measure.gradients(self, fields);
-        for (aim, gradient) in self.aims.iter().zip(gradients) {
-            let weighted = gradient.map(|g| aim.weight * g);
-            for (corner, slope) in aim.slope(fields, weighted) {
+        for (aim, gradient) in each {
+            for (corner, slope) in aim.slope(fields, gradient) {
                 for (k, g) in slope.into_iter().enumerate() {
                     slopes[aim.state][2 * corner + k] += g;
                 }
@@ -198,18 +236,19 @@ impl Goal {
 
     /// How far the points are from the wanted displacements, root mean square in mm.
     #[must_use]
-    pub fn distance(&self, fields: &[Field]) -> f64 {
-        self.mean(|aim| {
-            let off = aim.off(fields);
+    pub fn distance(&self, motions: &[[f64; 2]]) -> f64 {
+        self.mean(motions, |aim, motion| {
+            let off = aim.off(motion);
             off[0] * off[0] + off[1] * off[1]
         })
         .sqrt()
     }
 
-    /// The weighted mean of a value of each aim.
+    /// The weighted mean of a value of each aim, by its motion.
     #[must_use]
-    pub fn mean(&self, of: impl Fn(&PlacedAim) -> f64) -> f64 {
-        self.aims.iter().map(|aim| aim.weight * of(aim)).sum()
+    pub fn mean(&self, motions: &[[f64; 2]], of: impl Fn(&PlacedAim, [f64; 2]) -> f64) -> f64 {
+        let pairs = self.aims.iter().zip(motions);
+        pairs.map(|(aim, motion)| aim.weight * of(aim, *motion)).sum()
     }
 }
 

@@ -5,8 +5,10 @@ mod field_file;
 mod goal;
 mod measure;
 mod parameters;
+mod rough;
 
 pub use aim::{Aim, Lever, Motion, PlacedAim, Subject};
 pub use goal::{AREA_PENALTY, Goal, GoalError};
 pub use measure::{Displacement, Distance, MEASURES, Measure, Qin2024};
 pub use parameters::{Moment, Objective};
+pub use rough::RoughScore;

@@ -5,6 +5,7 @@ use super::probe::{Candidate, PATTERNS, Probe, References, cheapest_evaluator};
 use super::{Evaluators, Search, SearchError, SearchResult};
 use crate::evolve::{EvolveError, Setting, evolve, first_generation};
 use crate::genome::UNITS;
+use crate::objective::RoughScore;
 use deaflow_pattern::{Pattern, Role};
 
 impl Search<'_> {
@@ -18,11 +19,13 @@ impl Search<'_> {
             Ok(evaluator) => evaluator,
             Err(why) => return Err(SearchError::Evaluator { settings, why }),
         };
+        let rough = self.rough()?;
         let setting = Setting {
             predictor: &evaluator,
             goal: &self.target.goal,
             constraints: self.constraints,
             feasibility: self.feasibility()?,
+            rough: rough.as_ref(),
         };
         let evolution = evolve(&setting, &self.options.evolve(), self.progress).map_err(|source| match source {
             EvolveError::Stopped(stopped) => stopped.into(),
@@ -49,6 +52,15 @@ impl Search<'_> {
             self.refine(&mut findings)?;
         }
         self.result(settings, &evaluator, findings, probes)
+    }
+
+    /// What ranks patterns, where not all are to be judged.
+    fn rough(&self) -> Result<Option<RoughScore<'_>>, SearchError> {
+        if self.options.judged.to_f64() >= 1.0 {
+            return Ok(None);
+        }
+        let elements = self.elements.gradient()?;
+        Ok(RoughScore::new(&self.target.goal, elements, self.drivers.len())?)
     }
 
     /// The cheapest evaluator that is accurate enough, and what each said of the patterns.

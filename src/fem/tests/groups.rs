@@ -167,6 +167,38 @@ fn gradients_say_what_each_group_adds() {
 }
 
 #[test]
+fn what_electrodes_move_is_roughly_a_sum_over_their_cells() {
+    let of = |second: f64| scene(PLATE, &format!("voltages: [4 kV, {second} V]"), "{}");
+    let (at, other) = (of(2800.0), of(0.0));
+    let (pattern, raster) = (stripes(&at), at.membrane().raster);
+    let weights = (0..2 * raster.corners()).map(|i| if i % 61 == 7 { 1.0 } else { 0.0 });
+    let weights = Field::from_values(raster, weights.collect()).unwrap();
+    let value = |field: &Field| -> f64 { field.values().iter().zip(weights.values()).map(|(u, w)| u * w).sum() };
+    let states = InStates::new(
+        [&at, &other]
+            .map(|scene| Box::new(GradientEvaluator::new(scene).unwrap()))
+            .into(),
+    );
+    let functionals = [
+        vec![weights.clone(), Field::zero(raster)],
+        vec![Field::zero(raster), weights.clone()],
+        vec![weights.clone(), weights.scaled(-3.0)],
+    ];
+    let found = states.at_rest(&functionals).unwrap().unwrap();
+    let rough = found.iter().map(|(unloaded, gradient)| {
+        let cells = pattern.cells().iter().enumerate().filter(|(_, group)| **group > 0);
+        let added = cells.map(|(cell, group)| gradient[(usize::from(*group) - 1) * raster.cells() + cell]);
+        unloaded + added.sum::<f64>()
+    });
+    let rough: Vec<f64> = rough.collect();
+    let exact = [&at, &other].map(|scene| value(&moved(scene, &pattern)));
+    for (rough, exact) in rough.iter().zip([exact[0], exact[1], exact[0] - 3.0 * exact[1]]) {
+        assert!((rough - exact).abs() < 0.1 * exact.abs(), "{rough} {exact}");
+    }
+    assert!((rough[2] - rough[0] + 3.0 * rough[1]).abs() < 1e-9 && exact[1].abs() > 0.01);
+}
+
+#[test]
 fn what_no_group_stands_for_is_refused() {
     let two = scene(PLATE, "voltages: [4 kV, 3 kV]", "{}");
     let parameters = SolverParameters::new(Method::Newton, Mesh::bilinear(1));

@@ -100,7 +100,7 @@ stages:
   evaluated: { kind: evaluate, needs: [surrogate, intervals, refined], estimates: [linear, 'chord:2'] }
   design: { kind: design, needs: [surrogate], evaluator: auto, evaluator_accuracy: 0.01 mm, objective: { point: [25 mm, 25 mm], direction: 0 deg, measure: qin2024 },
     area: 0.5, area_penalty: 5, population: 20, generations: 2, elite: 0.02, crossover: 0.7, mutation: 0.3,
-    stagnation: 5, seed: 6 }
+    stagnation: 5, judged: 0.5, seed: 6 }
   judged: { kind: design, needs: [surrogate, intervals], evaluator: surrogate, objective: { point: [20, 20], direction: 0 }, seed: 8 }
   rotation: { kind: design, evaluator: chord:2, seed: 7, objective: { points: [{ point: [12, 25], direction: 90 },
     { point: [38, 25], direction: -90 }], measure: displacement } }

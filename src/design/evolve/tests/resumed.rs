@@ -7,9 +7,9 @@ use deaflow_pattern::Membrane;
 
 /// Keeps every state, and goes on from one.
 #[derive(Default)]
-struct Keeper {
+pub(super) struct Keeper {
     from: Option<Vec<u8>>,
-    states: RefCell<Vec<Vec<u8>>>,
+    pub(super) states: RefCell<Vec<Vec<u8>>>,
     resumed: RefCell<Vec<usize>>,
     heard: RefCell<Vec<usize>>,
     refused: RefCell<Vec<StateError>>,
@@ -39,7 +39,7 @@ impl Watch for Keeper {
 }
 
 impl Keeper {
-    fn from(state: &[u8]) -> Self {
+    pub(super) fn from(state: &[u8]) -> Self {
         Self {
             from: Some(state.to_vec()),
             ..Self::default()

@@ -1,7 +1,6 @@
 //! Displacement along the wanted directions.
 
 use super::{Goal, Measure, SCALE_MM};
-use deaflow_field::Field;
 
 /// The mean displacement along the wanted directions.
 pub struct Displacement;
@@ -11,11 +10,11 @@ impl Measure for Displacement {
         "displacement"
     }
 
-    fn score(&self, goal: &Goal, fields: &[Field]) -> f64 {
-        goal.value_mm(fields) / SCALE_MM
+    fn score(&self, goal: &Goal, motions: &[[f64; 2]]) -> f64 {
+        goal.value_of(motions) / SCALE_MM
     }
 
-    fn gradients(&self, goal: &Goal, _fields: &[Field]) -> Vec<[f64; 2]> {
+    fn gradients(&self, goal: &Goal, _motions: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let gradient = |direction: [f64; 2]| direction.map(|d| d / SCALE_MM);
         goal.aims().iter().map(|aim| gradient(aim.direction)).collect()
     }

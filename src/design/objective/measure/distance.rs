@@ -1,7 +1,6 @@
 //! Distance from the wanted displacements.
 
 use super::{Goal, Measure, SCALE_MM};
-use deaflow_field::Field;
 
 /// The root mean square distance from the wanted displacements.
 pub struct Distance;
@@ -15,16 +14,17 @@ impl Measure for Distance {
         true
     }
 
-    fn score(&self, goal: &Goal, fields: &[Field]) -> f64 {
-        -goal.distance(fields) / SCALE_MM
+    fn score(&self, goal: &Goal, motions: &[[f64; 2]]) -> f64 {
+        -goal.distance(motions) / SCALE_MM
     }
 
-    fn gradients(&self, goal: &Goal, fields: &[Field]) -> Vec<[f64; 2]> {
-        let distance = goal.distance(fields);
+    fn gradients(&self, goal: &Goal, motions: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let distance = goal.distance(motions);
         let gradient = |off: [f64; 2]| match distance > 0.0 {
             true => off.map(|off| -off / (distance * SCALE_MM)),
             false => [0.0; 2],
         };
-        goal.aims().iter().map(|aim| gradient(aim.off(fields))).collect()
+        let pairs = goal.aims().iter().zip(motions);
+        pairs.map(|(aim, motion)| gradient(aim.off(*motion))).collect()
     }
 }

@@ -1,4 +1,4 @@
-//! How fields are measured against a goal: one measure per file, all of them in [`MEASURES`].
+//! How motions are measured against a goal: one measure per file, all of them in [`MEASURES`].
 
 mod displacement;
 mod distance;
@@ -11,7 +11,6 @@ pub use distance::Distance;
 pub use qin2024::Qin2024;
 
 use super::goal::Goal;
-use deaflow_field::Field;
 
 /// The displacement in mm that counts as 1: the top of the paper's deformation space.
 const SCALE_MM: f64 = 2.5;
@@ -19,7 +18,7 @@ const SCALE_MM: f64 = 2.5;
 /// Every measure.
 pub const MEASURES: [&dyn Measure; 3] = [&Displacement, &Distance, &Qin2024];
 
-/// A measure of how well the fields of a pattern meet a goal.
+/// A measure of how well the motions of points and bodies meet a goal.
 pub trait Measure: Sync {
     /// The word after `measure:`.
     fn name(&self) -> &'static str;
@@ -34,11 +33,11 @@ pub trait Measure: Sync {
         true
     }
 
-    /// How good the fields in the states of a device are; larger is better. 1 is worth 2.5 mm of displacement, where a length is measured.
-    fn score(&self, goal: &Goal, fields: &[Field]) -> f64;
+    /// How good motions of the aims in mm are; larger is better. 1 is worth 2.5 mm of displacement, where a length is measured.
+    fn score(&self, goal: &Goal, motions: &[[f64; 2]]) -> f64;
 
     /// For each aim of the goal the derivative of the score with respect to its motion, per mm, without its weight.
-    fn gradients(&self, goal: &Goal, fields: &[Field]) -> Vec<[f64; 2]>;
+    fn gradients(&self, goal: &Goal, motions: &[[f64; 2]]) -> Vec<[f64; 2]>;
 }
 
 impl PartialEq for dyn Measure {

@@ -2,7 +2,6 @@
 
 use super::{Goal, Measure};
 use crate::objective::aim::PlacedAim;
-use deaflow_field::Field;
 
 /// How well the directions agree, regardless of sign and magnitude.
 pub struct Qin2024;
@@ -16,29 +15,24 @@ impl Measure for Qin2024 {
         false
     }
 
-    fn score(&self, goal: &Goal, fields: &[Field]) -> f64 {
-        goal.mean(|aim| {
-            let [x, y] = aim.motion(fields);
-            let length = x.hypot(y);
-            if length > 0.0 {
-                aim.along(fields).abs() / length
-            } else {
-                0.0
-            }
+    fn score(&self, goal: &Goal, motions: &[[f64; 2]]) -> f64 {
+        goal.mean(motions, |aim, u| {
+            let length = u[0].hypot(u[1]);
+            if length > 0.0 { aim.along(u).abs() / length } else { 0.0 }
         })
     }
 
-    fn gradients(&self, goal: &Goal, fields: &[Field]) -> Vec<[f64; 2]> {
-        goal.aims().iter().map(|aim| gradient(aim, fields)).collect()
+    fn gradients(&self, goal: &Goal, motions: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let pairs = goal.aims().iter().zip(motions);
+        pairs.map(|(aim, motion)| gradient(aim, *motion)).collect()
     }
 }
 
-fn gradient(aim: &PlacedAim, fields: &[Field]) -> [f64; 2] {
-    let u = aim.motion(fields);
+fn gradient(aim: &PlacedAim, u: [f64; 2]) -> [f64; 2] {
     let length = u[0].hypot(u[1]);
     if length == 0.0 {
         return [0.0; 2];
     }
-    let along = aim.along(fields);
+    let along = aim.along(u);
     std::array::from_fn(|k| along.signum() * (aim.direction[k] / length - along * u[k] / (length * length * length)))
 }

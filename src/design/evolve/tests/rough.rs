@@ -1,0 +1,103 @@
+//! Searches that judge the best of a generation alone, as a rough score ranks them.
+
+use super::resumed::Keeper;
+use super::*;
+use crate::RoughScore;
+use deaflow_field::{Differentiable, WithGradient};
+
+impl Differentiable<StateFields> for Linear {
+    fn gradient(
+        &self,
+        _pattern: &Pattern,
+        _slope: &dyn Fn(&StateFields) -> StateFields,
+    ) -> Result<Option<WithGradient<StateFields>>, PredictError> {
+        Ok(None)
+    }
+
+    fn at_rest(&self, weights: &[StateFields]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
+        let along_x = |weights: &StateFields| weights[0].values().iter().step_by(2).sum::<f64>();
+        let scaled = |by: f64| self.weights.iter().map(|weight| by * weight).collect();
+        Ok(Some(weights.iter().map(|of| (0.0, scaled(along_x(of)))).collect()))
+    }
+}
+
+/// Answers less than a linear membrane, the more the farther it moves, and has an electrode in one cell count double.
+struct Softening(Linear);
+
+impl Predictor<StateFields> for Softening {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
+        let fields = self.0.predict(patterns)?.into_iter().zip(patterns);
+        let answer = |(field, pattern): (StateFields, &Pattern)| {
+            let [x, _] = field[0].at([25.0, 25.0]);
+            let more = if pattern.is_active(10, 30) { 1.02 } else { 1.0 };
+            Some(vec![field[0].scaled(more * (1.0 - 0.05 * x))])
+        };
+        Ok(fields.map(answer).collect())
+    }
+}
+
+fn judging(share: f64, seed: u64) -> EvolveOptions {
+    EvolveOptions {
+        population: 200,
+        generations: 40,
+        judged: share,
+        ..small(seed)
+    }
+}
+
+fn searched(predictor: &dyn Predictor<StateFields>, options: &EvolveOptions, watch: &dyn Watch) -> Evolution {
+    let (goal, linear) = (goal(0.5), Linear::new([25.0, 25.0]));
+    let rough = RoughScore::new(&goal, &linear, 1).unwrap();
+    let setting = Setting {
+        rough: rough.as_ref(),
+        ..free(predictor, &goal)
+    };
+    evolve(&setting, options, watch).unwrap()
+}
+
+#[test]
+fn a_quarter_of_the_judgements_finds_as_much() {
+    let (mut all, mut few, mut share) = (0.0, 0.0, 0.0);
+    for seed in 1..=5 {
+        let softening = Softening(Linear::new([25.0, 25.0]));
+        let silent = |_: &GenerationReport| ();
+        let everything = searched(&softening, &judging(1.0, seed), &silent);
+        let asked = softening.0.predicted.swap(0, Ordering::Relaxed);
+        assert_eq!(
+            everything,
+            evolved(&softening, &goal(0.5), &judging(1.0, seed)).unwrap()
+        );
+        softening.0.predicted.store(0, Ordering::Relaxed);
+        let best = searched(&softening, &judging(0.25, seed), &silent);
+        assert_eq!(softening.0.predicted.load(Ordering::Relaxed), best.evaluations);
+        all += everything.winners[0].value_mm / 5.0;
+        few += best.winners[0].value_mm / 5.0;
+        share += best.evaluations as f64 / asked as f64 / 5.0;
+        let judged = softening.predict(&[best.best_pattern()]).unwrap();
+        assert_eq!(goal(0.5).value_mm(&judged[0]), best.winners[0].value_mm);
+    }
+    assert!(few > 0.995 * all, "{few} and {all} mm");
+    assert!((0.1..0.3).contains(&share), "{share} of the judgements");
+}
+
+#[test]
+fn what_has_no_field_does_not_win_however_well_it_ranks() {
+    let partial = Partial(Linear::new([25.0, 25.0]));
+    let found = searched(&partial, &judging(0.1, 1), &|_: &GenerationReport| ());
+    assert!(found.history.iter().all(|report| report.best.is_finite()));
+    assert!(partial.predict_some(&[found.best_pattern()]).unwrap()[0].is_some());
+}
+
+#[test]
+fn it_goes_on_to_the_same_result() {
+    let softening = Softening(Linear::new([25.0, 25.0]));
+    let options = EvolveOptions {
+        generations: 8,
+        ..judging(0.25, 2)
+    };
+    let keeper = Keeper::default();
+    let whole = searched(&softening, &options, &keeper);
+    for state in keeper.states.take() {
+        assert_eq!(searched(&softening, &options, &Keeper::from(&state)), whole);
+    }
+}
