@@ -5,6 +5,7 @@ use serde_json::json;
 use super::evolve::EvolveOptions;
 use super::genome::UNITS;
 use super::objective::AREA_PENALTY;
+use super::search::SWEEPS;
 use deaflow_base::{Canonical, Decimal, Declared, Fields, InputError, Length, Map, Seed, parameters, words};
 use deaflow_pattern::CELLS;
 
@@ -147,9 +148,15 @@ impl SearchOptions {
     #[must_use]
     pub fn steps(&self) -> u64 {
         match self.method {
-            Method::Ga => self.generations as u64 + 1 + u64::from(self.refine) * self.designs as u64,
+            Method::Ga => self.generations as u64 + 1 + u64::from(self.refine) * self.refinements(),
             Method::Adjoint => (self.starts as u64 + 1) * self.designs as u64,
         }
+    }
+
+    /// How many local searches finish designs: one each, and of several each may be replaced.
+    fn refinements(&self) -> u64 {
+        let sweeps = if self.designs > 1 { SWEEPS } else { 0 };
+        self.designs as u64 * (1 + sweeps as u64)
     }
 
     /// What these steps are: those of a genetic algorithm whose designs are refined are of two sorts.

@@ -20,7 +20,7 @@ impl Search<'_> {
         let starts = self.starts();
         let mut optima: Vec<Pattern> = Vec::new();
         for member in 0..self.options.designs {
-            let best = match self.best_of(&self.problem(&optima)?, &starts)? {
+            let best = match self.best_of(&self.problem(&optima)?, &starts, &|| self.progress.searched())? {
                 Ok(best) => best,
                 Err(_) if member > 0 => break,
                 Err(why) => {
@@ -34,11 +34,13 @@ impl Search<'_> {
         self.result(self.elements.settings(), elements, findings, Vec::new())
     }
 
-    /// The best local optimum from some starts: the gradient is followed from all, and the best are finished by exchanges.
-    fn best_of(
+    /// The best local optimum from some starts: the gradient is followed from all, and the best are finished by exchanges. `searched` is called
+    /// after each start, and at the end.
+    pub(super) fn best_of(
         &self,
         problem: &SearchProblem<'_>,
         starts: &[Pattern],
+        searched: &dyn Fn(),
     ) -> Result<Result<LocalOptimum, Unsuited>, SearchError> {
         let (mut followed, mut why) = (Vec::<LocalOptimum>::new(), Unsuited::Shape);
         for start in starts {
@@ -47,7 +49,7 @@ impl Search<'_> {
                 Err(Unsuited::Field) => why = Unsuited::Field,
                 Err(Unsuited::Shape) => {}
             }
-            self.progress.searched();
+            searched();
         }
         // Starts that lead to the same pattern count once.
         followed.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -62,7 +64,7 @@ impl Search<'_> {
                 .chain(joined)
                 .reduce(|a, b| if b.score > a.score { b } else { a });
         }
-        self.progress.searched();
+        searched();
         Ok(best.ok_or(why))
     }
 

@@ -11,7 +11,7 @@ const WEAK_SHARE: f64 = 0.008;
 const WEAK_SCORE: f64 = 2e-4;
 
 /// How often weak designs are replaced, and from how many perturbed patterns each time.
-const SWEEPS: usize = 2;
+pub(crate) const SWEEPS: usize = 2;
 const PERTURBATIONS: u64 = 4;
 
 /// A refined design, with its number.
@@ -35,8 +35,10 @@ impl Search<'_> {
                 }
             }
         }
-        for _ in 0..SWEEPS {
-            self.replace_weak_designs(&mut refined)?;
+        if self.options.designs > 1 {
+            for _ in 0..SWEEPS {
+                self.replace_weak_designs(&mut refined)?;
+            }
         }
         for (member, optimum) in refined {
             findings.add(Role::Refined, member, self.options.units, optimum);
@@ -50,30 +52,32 @@ impl Search<'_> {
             return Ok(());
         };
         let leader = refined.iter().find(|(_, optimum)| optimum.score == best);
-        let leader = leader.map(|(_, optimum)| optimum.pattern.clone());
+        let Some(leader) = leader.map(|(_, optimum)| optimum.pattern.clone()) else {
+            return Ok(());
+        };
         for at in 0..refined.len() {
-            let behind = best - refined[at].1.score;
-            let Some(leader) = leader
-                .as_ref()
-                .filter(|_| behind > (WEAK_SHARE * best.abs()).max(WEAK_SCORE))
-            else {
-                continue;
-            };
-            let others = refined.iter().enumerate().filter(|(other, _)| *other != at);
-            let problem = self.problem(&patterns(others.map(|(_, refined)| refined)))?;
-            let mut starts = vec![leader.clone()];
-            for draw in 0..PERTURBATIONS {
-                let index = (refined[at].0 as u64) * PERTURBATIONS + draw;
-                // The words name the random numbers: others would find other designs.
-                let mut stream = Stream::new(self.options.seed.0, "spread design", index);
-                starts.extend(problem.perturb(leader, &mut stream)?);
+            if best - refined[at].1.score > (WEAK_SHARE * best.abs()).max(WEAK_SCORE) {
+                self.replace(refined, at, &leader)?;
             }
-            for start in starts {
-                let optimum = problem.refine(&start, &self.report_step())?;
-                if let Some(optimum) = optimum.ok().filter(|optimum| optimum.score > refined[at].1.score) {
-                    refined[at].1 = optimum;
-                }
-            }
+            self.progress.searched();
+        }
+        Ok(())
+    }
+
+    /// Replaces a design by the best that is found from another and from patterns that differ a little from it, where that is better.
+    fn replace(&self, refined: &mut [Refined], at: usize, leader: &Pattern) -> Result<(), SearchError> {
+        let others = refined.iter().enumerate().filter(|(other, _)| *other != at);
+        let problem = self.problem(&patterns(others.map(|(_, refined)| refined)))?;
+        let mut starts = vec![leader.clone()];
+        for draw in 0..PERTURBATIONS {
+            let index = (refined[at].0 as u64) * PERTURBATIONS + draw;
+            // The words name the random numbers: others would find other designs.
+            let mut stream = Stream::new(self.options.seed.0, "spread design", index);
+            starts.extend(problem.perturb(leader, &mut stream)?);
+        }
+        let found = self.best_of(&problem, &starts, &|| ())?;
+        if let Some(optimum) = found.ok().filter(|optimum| optimum.score > refined[at].1.score) {
+            refined[at].1 = optimum;
         }
         Ok(())
     }
