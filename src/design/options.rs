@@ -46,7 +46,7 @@ parameters! {
         pub population: usize [2..=1_000_000] = EvolveOptions::PAPER.population,
         /// Generations at most.
         pub generations: usize [0..=1_000_000] = EvolveOptions::PAPER.generations,
-        /// Share of each generation that the evaluator judges: those that the linear response ranks first. 1 judges all, as the paper does.
+        /// Share of each generation that the evaluator judges: those that the linear response ranks first, and 50 at least. 1 judges all, as the paper does.
         pub judged: Decimal [0.0..=1.0] = 0.25,
         /// Best individuals that stay.
         pub elite: Decimal [0.0..=1.0] = EvolveOptions::PAPER.elite,

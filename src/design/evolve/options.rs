@@ -9,7 +9,7 @@ pub struct EvolveOptions {
     pub generations: usize,
     /// Share of the best that goes on unchanged; at least one individual does.
     pub elite: f64,
-    /// Share of a generation that is judged, where a rough score ranks all: the best. The others are ranked by it alone.
+    /// Share of a generation that is judged, where a rough score ranks all: the best, 50 at least. The others are ranked by it alone.
     pub judged: f64,
     /// Probability that two parents exchange genes.
     pub crossover: f64,
@@ -52,6 +52,9 @@ pub enum OptionsError {
     #[error("designs is at least 1")]
     Designs,
 }
+
+/// Of 60 individuals a quarter found 4 % less in ten generations than all do; a quarter of 200 is no loss.
+const LEAST_JUDGED: usize = 50;
 
 impl EvolveOptions {
     /// The paper's: 1000 individuals, 60 generations, 2 % elite, crossover 0.7, mutation 0.3, all judged; one design.
@@ -97,9 +100,9 @@ impl EvolveOptions {
         wanted.max(self.designs).clamp(1, self.population - 1)
     }
 
-    /// How many are judged: all that go on unchanged.
+    /// How many are judged: all that go on unchanged, and of few not so few that a search finds less.
     pub(super) fn judged_count(&self) -> usize {
         let wanted = (self.judged * self.population as f64).ceil() as usize;
-        wanted.clamp(self.elites(), self.population)
+        wanted.max(self.elites()).max(LEAST_JUDGED).min(self.population)
     }
 }

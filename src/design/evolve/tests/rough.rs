@@ -89,6 +89,20 @@ fn what_has_no_field_does_not_win_however_well_it_ranks() {
 }
 
 #[test]
+fn of_few_all_are_judged() {
+    let softening = Softening(Linear::new([25.0, 25.0]));
+    let few = |share| EvolveOptions {
+        population: 50,
+        ..judging(share, 3)
+    };
+    let silent = |_: &GenerationReport| ();
+    assert_eq!(
+        searched(&softening, &few(0.0), &silent),
+        searched(&softening, &few(1.0), &silent)
+    );
+}
+
+#[test]
 fn it_goes_on_to_the_same_result() {
     let softening = Softening(Linear::new([25.0, 25.0]));
     let options = EvolveOptions {
