@@ -5,7 +5,6 @@ use serde_json::json;
 use super::evolve::EvolveOptions;
 use super::genome::UNITS;
 use super::objective::AREA_PENALTY;
-use super::search::SWEEPS;
 use deaflow_base::{Canonical, Decimal, Declared, Fields, InputError, Length, Map, Seed, parameters, words};
 use deaflow_pattern::CELLS;
 
@@ -155,8 +154,12 @@ impl SearchOptions {
 
     /// How many local searches finish designs: one each, and of several each may be replaced.
     fn refinements(&self) -> u64 {
-        let sweeps = if self.designs > 1 { SWEEPS } else { 0 };
-        self.designs as u64 * (1 + sweeps as u64)
+        self.designs as u64 * (1 + self.sweeps())
+    }
+
+    /// How often weak ones of several designs are replaced.
+    pub(crate) fn sweeps(&self) -> u64 {
+        if self.designs > 1 { 2 } else { 0 }
     }
 
     /// What these steps are: those of a genetic algorithm whose designs are refined are of two sorts.

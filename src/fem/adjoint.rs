@@ -6,10 +6,11 @@
 
 use deaflow_field::{Field, Order};
 
+use super::effects::WithMaterial;
 use super::element::{Bilinear, Biquadratic, Element};
 use super::law::Law;
 use super::newton::{self, Trouble, Workspace};
-use super::operator::{Operator, from_rest, on_sides, per_side};
+use super::operator::{Activity, Operator, from_rest, on_sides, per_side};
 use super::precondition::Laplacian;
 
 /// dJ/dS of each cell, `[y][x]`, for J = Σ weights · u over the cell corners, with u in units of [`super::grid::Grid::unit_mm`].
@@ -28,6 +29,33 @@ pub fn gradient<L: Law>(
     let adjoint = newton::solve_tangent(operator, laplacian, tolerance, u, &load, workspace)?;
     Ok(of_cells(operator, u, &adjoint))
 }
+
+/// The gradient of J with u in mm under the law of a model; `None` when the tangent at `u` is not positive definite.
+pub struct InMm<'a> {
+    pub activity: &'a Activity,
+    pub laplacian: &'a Laplacian,
+    pub u: &'a [f64],
+    pub weights: &'a Field,
+    pub workspace: &'a mut Workspace,
+}
+
+impl WithMaterial for InMm<'_> {
+    type Output = Option<Vec<f64>>;
+
+    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Vec<f64>> {
+        let operator = Operator {
+            material: &material(1.0),
+            activity: self.activity,
+            pulled: 1.0,
+        };
+        let found = gradient(&operator, self.laplacian, EXACT, self.u, self.weights, self.workspace);
+        let unit = self.activity.grid().unit_mm();
+        Some(found.ok()?.iter().map(|g| g * unit).collect())
+    }
+}
+
+/// Relative residual to which the adjoint is solved for.
+const EXACT: f64 = 1e-9;
 
 /// −ψ · ∂R/∂S, added up over the elements of each cell.
 #[must_use]
@@ -75,7 +103,6 @@ mod tests {
     use crate::continuation::{Ending, Problem};
     use crate::energy::NeoHookean;
     use crate::grid::Grid;
-    use crate::operator::Activity;
     use deaflow_base::Stream;
     use deaflow_field::{CORNERS, Mesh};
     use deaflow_pattern::{CELLS, Raster};

@@ -121,15 +121,15 @@ impl LinearResponse {
         let loaded = self.to_loads()?;
         let workspace = || Workspace::new(self.rest.len(), &self.laplacian);
         let of = |workspace: &mut Workspace, weights: &Field| {
-            let gradient = self.model.with(Gradient {
-                response: self,
+            let gradient = self.model.with(adjoint::InMm {
+                activity: &self.half_active,
+                laplacian: &self.laplacian,
+                u: &self.rest,
                 weights,
                 workspace,
             })?;
             let pairs = weights.values().iter().zip(loaded.values());
-            let value = pairs.map(|(weight, u)| weight * u).sum();
-            let unit = self.half_active.grid().unit_mm();
-            Some((value, gradient.iter().map(|g| g * unit).collect()))
+            Some((pairs.map(|(weight, u)| weight * u).sum(), gradient))
         };
         weights.par_iter().map_init(workspace, of).collect()
     }
@@ -288,32 +288,6 @@ impl WithMaterial for ToActivity<'_> {
             self.workspace,
         );
         Some(response.half_active.grid().sample(&solution.ok()?))
-    }
-}
-
-/// The derivative of a functional by the activity of each cell, at rest.
-struct Gradient<'a> {
-    response: &'a LinearResponse,
-    weights: &'a Field,
-    workspace: &'a mut Workspace,
-}
-
-impl WithMaterial for Gradient<'_> {
-    type Output = Option<Vec<f64>>;
-
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Vec<f64>> {
-        let response = self.response;
-        let material = material(1.0);
-        let linear = response.operator(&material, &response.half_active);
-        let gradient = adjoint::gradient(
-            &linear,
-            &response.laplacian,
-            EXACT,
-            &response.rest,
-            self.weights,
-            self.workspace,
-        );
-        gradient.ok()
     }
 }
 

@@ -264,13 +264,13 @@ impl MembraneSolver {
         if !solution.outcome.is_converged() || !self.model.is_linear_in_cells() || is_charged {
             return None;
         }
-        let gradient = self.model.with(Gradient {
-            solver: self,
+        self.model.with(adjoint::InMm {
             activity: &self.model.activity(&self.grid, pattern),
+            laplacian: &self.laplacian,
             u: &solution.displacement,
             weights,
-        })?;
-        Some(gradient.iter().map(|g| g * self.grid.unit_mm()).collect())
+            workspace: &mut self.workspace(),
+        })
     }
 
     /// The state of each cell, `[y][x]`, in a solution of this pattern.
@@ -466,29 +466,6 @@ impl WithMaterial for Near<'_> {
         } = self.room;
         workspace.begin_again();
         newton::solve(&operator, &self.solver.laplacian, NEAR, u, workspace).is_ok()
-    }
-}
-
-/// The gradient at a solution.
-struct Gradient<'a> {
-    solver: &'a MembraneSolver,
-    activity: &'a Activity,
-    u: &'a [f64],
-    weights: &'a Field,
-}
-
-impl WithMaterial for Gradient<'_> {
-    type Output = Option<Vec<f64>>;
-
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Vec<f64>> {
-        let operator = Operator {
-            material: &material(1.0),
-            activity: self.activity,
-            pulled: 1.0,
-        };
-        let mut workspace = self.solver.workspace();
-        let laplacian = &self.solver.laplacian;
-        adjoint::gradient(&operator, laplacian, 1e-9, self.u, self.weights, &mut workspace).ok()
     }
 }
 

@@ -103,15 +103,11 @@ impl<'a> Search<'a> {
     pub fn evaluated(&mut self, genomes: Vec<Genome>, watch: &dyn Watch) -> Result<Vec<Individual>, PredictError> {
         self.meet(&genomes);
         let mut population: Vec<Individual> = genomes.into_iter().map(|genome| self.individual(genome)).collect();
-        let best = match self.setting.rough {
-            Some(_) => self.options.judged_count(),
-            None => population.len(),
+        let (best, mut next) = match self.setting.rough {
+            Some(_) => (self.options.judged_count(), Vec::new()),
+            None => (population.len(), unjudged(&population)),
         };
-        let unjudged = |some: &[Individual]| distinct(some.iter().filter(|individual| !individual.known.judged));
-        let (mut judged, mut next) = (0, Vec::new());
-        if self.setting.rough.is_none() {
-            next = unjudged(&population);
-        }
+        let mut judged = 0;
         loop {
             if !next.is_empty() {
                 self.judge(&next, (judged, best), watch)?;
@@ -128,11 +124,9 @@ impl<'a> Search<'a> {
 
     /// Ranks roughly what was not met before.
     fn meet(&mut self, genomes: &[Genome]) {
-        let mut unknown: Vec<&Genome> = genomes.iter().filter(|g| !self.known.contains_key(*g)).collect();
-        unknown.sort_unstable();
-        unknown.dedup();
+        let unknown = distinct(genomes.iter().filter(|genome| !self.known.contains_key(*genome)));
         let entries: Vec<Entry> = unknown.par_iter().map(|genome| self.entry(genome)).collect();
-        self.known.extend(unknown.into_iter().cloned().zip(entries));
+        self.known.extend(unknown.into_iter().zip(entries));
     }
 
     fn entry(&self, genome: &Genome) -> Entry {
@@ -177,11 +171,9 @@ impl<'a> Search<'a> {
     /// Takes over what is known by now. Rough F are off alike in a generation, and are shifted by what those that were judged are off.
     fn refresh(&self, population: &mut [Individual]) {
         let entries = population.iter().map(|individual| &self.known[&individual.genome]);
-        let off = entries.map(|entry| (entry.known.judged, entry.known.fitness - entry.rough));
-        let off: Vec<f64> = off
-            .filter(|(judged, off)| *judged && off.is_finite())
-            .map(|(_, off)| off)
-            .collect();
+        let judged = entries.filter(|entry| entry.known.judged);
+        let off = judged.map(|entry| entry.known.fitness - entry.rough);
+        let off: Vec<f64> = off.filter(|off| off.is_finite()).collect();
         let shift = off.iter().sum::<f64>() / off.len().max(1) as f64;
         for individual in population {
             individual.known = self.known[&individual.genome].known;
@@ -276,7 +268,8 @@ impl<'a> Search<'a> {
     /// Asks whether those of the best are feasible of which it is not known; whether one of them is not.
     fn check_feasibility(&mut self, population: &[Individual]) -> Result<bool, PredictError> {
         let best = population[..self.options.elites()].iter();
-        let genomes = distinct(best.filter(|i| i.known.fitness.is_finite() && i.known.feasible.is_none()));
+        let unasked = best.filter(|i| i.known.fitness.is_finite() && i.known.feasible.is_none());
+        let genomes = distinct(unasked.map(|individual| &individual.genome));
         let mut refused = false;
         for (genome, feasible) in genomes.iter().zip(self.feasible(&genomes)?) {
             if let Some(entry) = self.known.get_mut(genome) {
@@ -437,9 +430,15 @@ fn paced(batch: usize, took: Duration) -> usize {
     }
 }
 
-/// The genomes of some individuals, each once, sorted.
-fn distinct<'i>(individuals: impl Iterator<Item = &'i Individual>) -> Vec<Genome> {
-    let mut genomes: Vec<Genome> = individuals.map(|individual| individual.genome.clone()).collect();
+/// The genomes of those individuals that were not judged.
+fn unjudged(individuals: &[Individual]) -> Vec<Genome> {
+    let unjudged = individuals.iter().filter(|individual| !individual.known.judged);
+    distinct(unjudged.map(|individual| &individual.genome))
+}
+
+/// Genomes each once, sorted.
+fn distinct<'g>(genomes: impl Iterator<Item = &'g Genome>) -> Vec<Genome> {
+    let mut genomes: Vec<Genome> = genomes.cloned().collect();
     genomes.sort_unstable();
     genomes.dedup();
     genomes

@@ -10,7 +10,6 @@ mod shortage;
 
 pub use found::{FoundDesign, Refinement, SearchResult};
 pub use probe::{Candidate, Probe, References, cheapest_evaluator};
-pub(super) use refine::SWEEPS;
 
 use super::constraint::Constraints;
 use super::evolve::{EvolveError, Watch};

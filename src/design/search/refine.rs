@@ -10,8 +10,7 @@ use deaflow_pattern::{Pattern, Role};
 const WEAK_SHARE: f64 = 0.008;
 const WEAK_SCORE: f64 = 2e-4;
 
-/// How often weak designs are replaced, and from how many perturbed patterns each time.
-pub(crate) const SWEEPS: usize = 2;
+/// From how many perturbed patterns a weak design is replaced.
 const PERTURBATIONS: u64 = 4;
 
 /// A refined design, with its number.
@@ -35,10 +34,8 @@ impl Search<'_> {
                 }
             }
         }
-        if self.options.designs > 1 {
-            for _ in 0..SWEEPS {
-                self.replace_weak_designs(&mut refined)?;
-            }
+        for _ in 0..self.options.sweeps() {
+            self.replace_weak_designs(&mut refined)?;
         }
         for (member, optimum) in refined {
             findings.add(Role::Refined, member, self.options.units, optimum);
@@ -48,11 +45,9 @@ impl Search<'_> {
 
     /// Searches the neighbourhood of the best of several designs for better ones in place of the weak ones.
     fn replace_weak_designs(&self, refined: &mut [Refined]) -> Result<(), SearchError> {
-        let Some(best) = refined.iter().map(|(_, optimum)| optimum.score).reduce(f64::max) else {
-            return Ok(());
-        };
-        let leader = refined.iter().find(|(_, optimum)| optimum.score == best);
-        let Some(leader) = leader.map(|(_, optimum)| optimum.pattern.clone()) else {
+        let optima = refined.iter().map(|(_, optimum)| optimum);
+        let leader = optima.reduce(|best, one| if one.score > best.score { one } else { best });
+        let Some((best, leader)) = leader.map(|leader| (leader.score, leader.pattern.clone())) else {
             return Ok(());
         };
         for at in 0..refined.len() {
