@@ -82,9 +82,25 @@ impl DigestWriter {
 
     /// Adds one byte string.
     pub fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
-        self.0.update(&(bytes.len() as u64).to_le_bytes());
+        self.number_of_bytes(bytes.len());
         self.0.update(bytes);
         self
+    }
+
+    /// Adds one byte string of that length, which stands in pieces: those of large arrays need not be in memory together.
+    pub fn pieces<P: AsRef<[u8]>>(&mut self, length: usize, pieces: impl IntoIterator<Item = P>) -> &mut Self {
+        self.number_of_bytes(length);
+        let mut added = 0;
+        for piece in pieces {
+            added += piece.as_ref().len();
+            self.0.update(piece.as_ref());
+        }
+        debug_assert_eq!(added, length, "the pieces are as long as was said");
+        self
+    }
+
+    fn number_of_bytes(&mut self, length: usize) {
+        self.0.update(&(length as u64).to_le_bytes());
     }
 
     /// Adds one text.
@@ -107,6 +123,13 @@ impl DigestWriter {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pieces_are_the_bytes_that_they_are_together() {
+        let whole = DigestWriter::new().bytes(b"in pieces").text("after").finish();
+        let pieces = [&b"in "[..], b"", b"pieces"];
+        assert_eq!(DigestWriter::new().pieces(9, pieces).text("after").finish(), whole);
+    }
 
     #[test]
     fn text_form_round_trips_and_is_the_published_blake3_value() {

@@ -298,7 +298,7 @@ impl Object {
             dataset.shape.iter().for_each(|&n| {
                 writer.number(n as u64);
             });
-            writer.bytes(&little_endian(&dataset.data));
+            add_elements(&mut writer, &dataset.data);
         }
         writer.number(self.parts.len() as u64);
         for part in &self.parts {
@@ -325,24 +325,32 @@ fn validate_attribute(name: &str, value: &str) -> Result<(), ObjectError> {
     Ok(())
 }
 
-/// The little-endian bytes of all elements.
-fn little_endian(data: &Data) -> Vec<u8> {
+/// Bytes of elements that are in memory beside them at a time.
+const PIECE: usize = 1 << 20;
+
+/// Adds the little-endian bytes of all elements to a digest.
+fn add_elements(writer: &mut DigestWriter, data: &Data) {
     match data {
-        Data::U8(v) => v.clone(),
-        Data::U32(v) => v.iter().flat_map(|x| x.to_le_bytes()).collect(),
-        Data::U64(v) => v.iter().flat_map(|x| x.to_le_bytes()).collect(),
+        Data::U8(v) => {
+            writer.bytes(v);
+        }
+        Data::U32(v) => add(writer, v, |x| x.to_le_bytes()),
+        Data::U64(v) => add(writer, v, |x| x.to_le_bytes()),
         // Adding zero makes −0 into 0: they are equal, so they must not tell two artifacts apart.
-        Data::F32(v) => v.iter().flat_map(|x| (x + 0.0).to_le_bytes()).collect(),
-        Data::F64(v) => v.iter().flat_map(|x| (x + 0.0).to_le_bytes()).collect(),
-        Data::Text(v) => v
-            .iter()
-            .flat_map(|t| {
-                let mut cell = [0; TEXT_WIDTH];
-                cell[..t.len()].copy_from_slice(t.as_bytes());
-                cell
-            })
-            .collect(),
+        Data::F32(v) => add(writer, v, |x| (x + 0.0).to_le_bytes()),
+        Data::F64(v) => add(writer, v, |x| (x + 0.0).to_le_bytes()),
+        Data::Text(v) => add(writer, v, |t| {
+            let mut cell = [0; TEXT_WIDTH];
+            cell[..t.len()].copy_from_slice(t.as_bytes());
+            cell
+        }),
     }
+}
+
+fn add<T, const N: usize>(writer: &mut DigestWriter, elements: &[T], bytes: impl Fn(&T) -> [u8; N]) {
+    let pieces = elements.chunks(PIECE / N);
+    let pieces = pieces.map(|piece| piece.iter().flat_map(&bytes).collect::<Vec<u8>>());
+    writer.pieces(N * elements.len(), pieces);
 }
 
 #[cfg(test)]

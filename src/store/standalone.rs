@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use hdf5::{Extents, Group, H5Type, Hyperslab};
-use ndarray::{ArrayView, IxDyn};
+use hdf5::{Extents, Group, H5Type};
 
 use super::ancestry::Ancestor;
 use super::artifact::Artifact;
@@ -11,12 +10,9 @@ use super::element_type::ElementType;
 use super::error::StoreError;
 use super::listing::Content;
 use super::object::{Data, KIND, TEXT_WIDTH};
-use super::write::{TextCell, describe, slab};
+use super::write::{PIECE, TextCell, describe, put_elements};
 use super::{create, plain, scales, texts};
 use deaflow_base::{ArtifactId, Progress};
-
-/// Bytes of one dataset that are in memory at a time.
-const PIECE: usize = 8 << 20;
 
 /// Writes an artifact at `path`, where the file appears complete or not at all and replaces what was there. Elements are copied some
 /// rows at a time. `ancestry` begins with the artifact itself; `writer` names this program. Each chunk is a step of progress, an
@@ -186,24 +182,4 @@ fn put(dataset: &hdf5::Dataset, shape: &[usize], start: usize, count: usize, dat
             put_elements(dataset, shape, start, count, &cells)
         }
     }
-}
-
-fn put_elements<T: H5Type>(
-    dataset: &hdf5::Dataset,
-    shape: &[usize],
-    start: usize,
-    count: usize,
-    elements: &[T],
-) -> hdf5::Result<()> {
-    if elements.is_empty() {
-        return Ok(());
-    }
-    if shape.is_empty() {
-        return dataset.write_raw(elements);
-    }
-    let mut extents = shape.to_vec();
-    extents[0] = count;
-    let view = ArrayView::from_shape(IxDyn(&extents), elements).map_err(|e| hdf5::Error::from(e.to_string()))?;
-    let rows: Hyperslab = slab(start, &extents);
-    dataset.write_slice(view, rows)
 }

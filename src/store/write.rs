@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use hdf5::types::FixedUnicode;
 use hdf5::{Extents, Group, H5Type, Hyperslab, SliceOrIndex};
+use ndarray::{ArrayView, IxDyn};
 
 use super::element_type::ElementType;
 use super::header::BLOCK;
@@ -23,6 +24,9 @@ use deaflow_hdf::AXES;
 
 /// One element of a text dataset.
 pub type TextCell = FixedUnicode<TEXT_WIDTH>;
+
+/// Bytes of an array that are copied at a time.
+pub(super) const PIECE: usize = 8 << 20;
 
 /// A chunk as a manifest sees it: its digest and what it holds.
 pub struct Part {
@@ -94,8 +98,8 @@ pub(super) fn write_dataset(group: &Group, name: &str, dataset: &Dataset) -> hdf
         Data::U32(v) => write_elements(group, name, dataset, v),
         Data::U64(v) => write_elements(group, name, dataset, v),
         // The digest takes −0 for 0, so the file must hold one of them whichever was put first.
-        Data::F32(v) => write_elements(group, name, dataset, &v.iter().map(|x| x + 0.0).collect::<Vec<_>>()),
-        Data::F64(v) => write_elements(group, name, dataset, &v.iter().map(|x| x + 0.0).collect::<Vec<_>>()),
+        Data::F32(v) => write_floats(group, name, dataset, v, |x| x + 0.0),
+        Data::F64(v) => write_floats(group, name, dataset, v, |x| x + 0.0),
         Data::Text(v) => {
             let cells: Result<Vec<TextCell>, _> = v.iter().map(|text| text.parse()).collect();
             let cells = cells.map_err(|_| hdf5::Error::from(format!("dataset `{name}`: a text is too long")))?;
@@ -116,6 +120,47 @@ fn write_elements<T: H5Type>(
     }
     describe(&written, &dataset.units, &dataset.description, &dataset.axes)?;
     Ok(written)
+}
+
+/// Writes numbers as a function gives them, some rows at a time, so that there is no second copy of large arrays.
+fn write_floats<T: H5Type + Copy>(
+    group: &Group,
+    name: &str,
+    dataset: &Dataset,
+    elements: &[T],
+    given: impl Fn(T) -> T,
+) -> hdf5::Result<hdf5::Dataset> {
+    let shape = &dataset.shape;
+    let written = group.new_dataset::<T>().shape(shape.clone()).create(name)?;
+    let row: usize = shape.iter().skip(1).product();
+    let rows = (PIECE / (row * size_of::<T>()).max(1)).max(1);
+    for (piece, values) in elements.chunks((rows * row).max(1)).enumerate() {
+        let values: Vec<T> = values.iter().map(|value| given(*value)).collect();
+        put_elements(&written, shape, piece * rows, values.len() / row, &values)?;
+    }
+    describe(&written, &dataset.units, &dataset.description, &dataset.axes)?;
+    Ok(written)
+}
+
+/// Writes `count` rows of a dataset of a shape, from row `start`.
+pub(super) fn put_elements<T: H5Type>(
+    dataset: &hdf5::Dataset,
+    shape: &[usize],
+    start: usize,
+    count: usize,
+    elements: &[T],
+) -> hdf5::Result<()> {
+    if elements.is_empty() {
+        return Ok(());
+    }
+    if shape.is_empty() {
+        return dataset.write_raw(elements);
+    }
+    let mut extents = shape.to_vec();
+    extents[0] = count;
+    let view = ArrayView::from_shape(IxDyn(&extents), elements).map_err(|e| hdf5::Error::from(e.to_string()))?;
+    let rows: Hyperslab = slab(start, &extents);
+    dataset.write_slice(view, rows)
 }
 
 /// A manifest that was copied without its chunks must not read as zeros, which look like data: its arrays show what no array
