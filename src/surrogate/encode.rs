@@ -49,16 +49,13 @@ fn inner_row(raster: Raster, y: usize) -> Range<usize> {
 }
 
 /// Labels on these cells as (n, rows − 1, columns − 1, 2), divided by `scale` (mm).
-pub(crate) fn labels_to_tensor<'a>(
-    raster: Raster,
-    labels: impl Iterator<Item = &'a Label>,
-    scale: f64,
-) -> Result<Tensor> {
-    let scaled = |u: &f32| (f64::from(*u) / scale) as f32;
-    let values: Vec<f32> = labels.flat_map(Label::values).map(scaled).collect();
+pub(crate) fn labels_to_tensor(raster: Raster, labels: &[Label], scale: f64) -> Result<Tensor> {
     let [columns, rows] = inner_sides(raster);
-    let n = values.len() / (2 * columns * rows);
-    Tensor::from_vec(values, (n, rows, columns, 2), &Device::Cpu)
+    let mut values = Vec::with_capacity(2 * columns * rows * labels.len());
+    for label in labels {
+        values.extend(label.values().iter().map(|u| (f64::from(*u) / scale) as f32));
+    }
+    Tensor::from_vec(values, (labels.len(), rows, columns, 2), &Device::Cpu)
 }
 
 /// The x displacement at every second inner corner, (n, 25, 25, 1) of fields as (n, 49, 49, 2).
@@ -114,7 +111,7 @@ mod tests {
         };
         let field = Field::from_values(Raster::PAPER, (0..CORNERS * CORNERS * 2).map(value).collect()).unwrap();
         let labels = [Label::from(&field), Label::zero(Raster::PAPER)];
-        let tensor = labels_to_tensor(Raster::PAPER, labels.iter(), 0.25).unwrap();
+        let tensor = labels_to_tensor(Raster::PAPER, &labels, 0.25).unwrap();
         assert_eq!(tensor.dims(), [2, INNER, INNER, 2]);
         let back = tensor_to_fields(Raster::PAPER, &tensor, 0.25).unwrap().unwrap();
         assert_eq!(back, [field.clone(), Field::zero(Raster::PAPER)]);

@@ -1,5 +1,8 @@
 //! What a network learns from.
 
+use std::borrow::Cow;
+use std::sync::Arc;
+
 use super::encode::inner_sides;
 use deaflow_dataset::Split;
 use deaflow_field::Field;
@@ -21,11 +24,21 @@ pub struct Example {
 }
 
 /// A displacement field in mm as a network is taught it: at the inner corners, `[y][x][component]`, in single
-/// precision. The edges do not move, so a third of a field's memory holds all that there is to learn.
-#[derive(Clone, Debug, PartialEq)]
+/// precision. The edges do not move, so half of a field's memory holds all that there is to learn. Images under symmetries
+/// share the numbers of the field that they are images of.
+#[derive(Clone, Debug)]
 pub struct Label {
+    /// The cells of the field whose numbers are held.
     raster: Raster,
-    values: Box<[f32]>,
+    values: Arc<[f32]>,
+    /// Of that field the image by this one.
+    symmetry: Symmetry,
+}
+
+impl PartialEq for Label {
+    fn eq(&self, other: &Self) -> bool {
+        self.raster() == other.raster() && self.values() == other.values()
+    }
 }
 
 /// Numbers that are not a label.
@@ -75,7 +88,8 @@ impl Label {
         }
         Ok(Self {
             raster,
-            values: inner.into_boxed_slice(),
+            values: inner.into(),
+            symmetry: Symmetry::IDENTITY,
         })
     }
 
@@ -88,19 +102,29 @@ impl Label {
     /// The cells at whose corners it is.
     #[must_use]
     pub fn raster(&self) -> Raster {
-        self.raster
+        self.raster.transformed(self.symmetry)
     }
 
     /// The displacements in mm at the inner corners, `[y][x][component]`.
     #[must_use]
-    pub fn values(&self) -> &[f32] {
-        &self.values
+    pub fn values(&self) -> Cow<'_, [f32]> {
+        if self.symmetry == Symmetry::IDENTITY {
+            return Cow::Borrowed(&self.values);
+        }
+        let mut values = vec![0.0; self.values.len()];
+        let [[a, b], [c, d]] = self.symmetry.matrix().map(|row| row.map(|entry| entry as f32));
+        let to = self.symmetry.permutation(inner_sides(self.raster));
+        for (u, to) in self.values.chunks_exact(2).zip(to) {
+            values[2 * to] = a * u[0] + b * u[1];
+            values[2 * to + 1] = c * u[0] + d * u[1];
+        }
+        Cow::Owned(values)
     }
 
     /// The sum of the squared components, mm².
     #[must_use]
     pub fn squares(&self) -> f64 {
-        self.values.iter().map(|u| f64::from(*u).powi(2)).sum()
+        self.values().iter().map(|u| f64::from(*u).powi(2)).sum()
     }
 
     /// The largest displacement magnitude in mm.
@@ -113,20 +137,27 @@ impl Label {
         lengths.fold(0.0, f64::max)
     }
 
-    /// The image under a symmetry: `(gu)(gX) = g·u(X)`, as [`Field::transformed`].
+    /// The image under a symmetry: `(gu)(gX) = g·u(X)`, as [`Field::transformed`]. It takes no memory of its own.
     #[must_use]
     pub fn transformed(&self, g: Symmetry) -> Self {
-        if g == Symmetry::IDENTITY {
-            return self.clone();
+        Self {
+            raster: self.raster,
+            values: Arc::clone(&self.values),
+            symmetry: g.compose(self.symmetry),
         }
-        let mut values = vec![0.0; self.values.len()].into_boxed_slice();
-        let [[a, b], [c, d]] = g.matrix().map(|row| row.map(|entry| entry as f32));
-        for (u, to) in self.values.chunks_exact(2).zip(g.permutation(inner_sides(self.raster))) {
-            values[2 * to] = a * u[0] + b * u[1];
-            values[2 * to + 1] = c * u[0] + d * u[1];
-        }
-        let raster = self.raster.transformed(g);
-        Self { raster, values }
+    }
+
+    /// The same label, in the memory of the image of another under a symmetry where it equals that.
+    #[must_use]
+    pub(crate) fn sharing(self, other: &Self, g: Symmetry) -> Self {
+        let image = other.transformed(g);
+        if image == self { image } else { self }
+    }
+
+    /// Whether both are in the same memory.
+    #[cfg(test)]
+    pub(crate) fn shares_memory_with(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.values, &other.values)
     }
 }
 
@@ -140,6 +171,7 @@ impl From<&Field> for Label {
         Self {
             raster,
             values: values.collect(),
+            symmetry: Symmetry::IDENTITY,
         }
     }
 }
@@ -207,6 +239,25 @@ mod tests {
     fn all_symmetries_act_as_on(field: &Field) {
         for g in Symmetry::ALL {
             assert_eq!(Label::from(field).transformed(g), Label::from(&field.transformed(g)));
+        }
+    }
+
+    #[test]
+    fn images_are_in_the_memory_of_their_field_where_they_are_images_of_it() {
+        let raster = Raster::new(7, 4).unwrap();
+        let values = (0..2 * raster.corners()).map(|at| (at * 37 % 101) as f64);
+        let field = Field::from_values(raster, values.collect()).unwrap();
+        let first = Label::from(&field.transformed(Symmetry::ALL[3]));
+        for g in Symmetry::ALL {
+            let image = Label::from(&field.transformed(g));
+            let of_first = g.compose(Symmetry::ALL[3].inverse());
+            let shared = image.clone().sharing(&first, of_first);
+            assert!(shared == image && Arc::ptr_eq(&shared.values, &first.values));
+            let other = Label::zero(raster.transformed(g));
+            assert!(!Arc::ptr_eq(
+                &other.clone().sharing(&first, of_first).values,
+                &first.values
+            ));
         }
     }
 

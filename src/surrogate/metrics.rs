@@ -51,7 +51,8 @@ impl Agreement {
             sum: 0.0,
             squares: 0.0,
         };
-        let pairs = label.values().iter().zip(predicted);
+        let values = label.values();
+        let pairs = values.iter().zip(predicted);
         pairs.fold(nothing, |so_far, (value, predicted)| {
             let value = f64::from(*value);
             let error = f64::from(*predicted) * scale - value;
@@ -151,7 +152,7 @@ mod tests {
     fn measured(examples: &[Example], predicted: &[&[f64]]) -> Vec<Metrics> {
         let pairs = examples.iter().zip(predicted);
         let agreements: Vec<Agreement> = pairs
-            .map(|(example, first)| Agreement::of(&example.label, label(first).values(), 1.0))
+            .map(|(example, first)| Agreement::of(&example.label, &label(first).values(), 1.0))
             .collect();
         measure(examples, &agreements)
     }
@@ -169,7 +170,7 @@ mod tests {
 
     #[test]
     fn predictions_are_in_units_of_the_scale() {
-        let found = Agreement::of(&label(&[0.5, 1.0]), label(&[1.0, 2.5]).values(), 0.5);
+        let found = Agreement::of(&label(&[0.5, 1.0]), &label(&[1.0, 2.5]).values(), 0.5);
         let expected = Agreement {
             components: COMPONENTS,
             error: 0.0625,

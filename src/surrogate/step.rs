@@ -56,11 +56,8 @@ impl<'a> Shown<'a> {
         }
     }
 
-    fn label(self) -> Cow<'a, Label> {
-        match self.symmetry {
-            Symmetry::IDENTITY => Cow::Borrowed(&self.example.label),
-            g => Cow::Owned(self.example.label.transformed(g)),
-        }
+    fn label(self) -> Label {
+        self.example.label.transformed(self.symmetry)
     }
 }
 
@@ -160,8 +157,8 @@ impl Problem<'_> {
     /// What the network answers, and the loss summed over the examples.
     fn answer(&self, part: Batch<'_>) -> Result<(Output, Tensor)> {
         let patterns = self.patterns(part.shown)?;
-        let labels: Vec<Cow<'_, Label>> = part.shown.iter().map(|shown| shown.label()).collect();
-        let labels = labels_to_tensor(self.raster, labels.iter().map(AsRef::as_ref), self.scale_mm)?;
+        let labels: Vec<Label> = part.shown.iter().map(|shown| shown.label()).collect();
+        let labels = labels_to_tensor(self.raster, &labels, self.scale_mm)?;
         let output = self.network.forward_for_training(&patterns, part.untrained)?;
         let loss = total_loss(&output, &labels, self.loss)?;
         Ok((output, loss))
@@ -262,7 +259,7 @@ mod tests {
         let example = &examples(1, Split::Train)[0];
         for symmetry in Symmetry::ALL {
             let (shown, image) = (Shown { example, symmetry }, example.transformed(symmetry));
-            assert_eq!((&*shown.pattern(), &*shown.label()), (&image.pattern, &image.label));
+            assert_eq!((&*shown.pattern(), &shown.label()), (&image.pattern, &image.label));
         }
     }
 }

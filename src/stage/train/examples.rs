@@ -7,7 +7,7 @@ use deaflow_content::{Labelled, VerificationView, files};
 use deaflow_dataset::Split;
 use deaflow_field::Outcome;
 use deaflow_orchestrator::StageError;
-use deaflow_pattern::{Pattern, Raster};
+use deaflow_pattern::{Pattern, Raster, Symmetry};
 use deaflow_scene::Scene;
 use deaflow_store::Artifact;
 use deaflow_surrogate::{Collector, Examples, Label, LabelError, LabelledRow, Origin};
@@ -81,13 +81,38 @@ fn read_file(file: &Artifact, (input, first): (usize, usize), collector: &mut Co
         }
         Labelled::Verified(_) => Vec::new(),
     };
+    let images = images(&labelled)?;
     let raster = patterns.first().map_or(Raster::PAPER, Pattern::raster);
     let mut described = patterns.into_iter().zip(families).zip(origins).enumerate();
     for_each_label(&labelled, raster, |label| match described.next() {
-        Some((at, (described, origin))) => add(collector, file, (input, first + at), described, origin, label),
+        Some((at, ((pattern, family), origin))) => add(
+            collector,
+            file,
+            LabelledRow {
+                input,
+                row: first + at,
+                pattern,
+                family,
+                origin,
+                label,
+                image: images.get(at).copied(),
+            },
+        ),
         None => Ok(()),
     })?;
     Ok(count)
+}
+
+/// Of which sample each row of a balanced set is an image, and by which symmetry; nothing of others.
+fn images(labelled: &Labelled<'_>) -> Result<Vec<(u64, Symmetry)>, StageError> {
+    let Labelled::Balanced(view) = labelled else {
+        return Ok(Vec::new());
+    };
+    let symmetry = |index: u64| usize::try_from(index).ok().and_then(|index| Symmetry::ALL.get(index));
+    let unknown = |index: u64| wrong(view.artifact(), &format!("unknown symmetry {index}"));
+    let rows = view.source().read()?.into_iter().zip(view.symmetry().read()?);
+    rows.map(|(source, index)| Ok((source, *symmetry(index).ok_or_else(|| unknown(index))?)))
+        .collect()
 }
 
 /// Reads the designs of a verify stage that have a field; fields stand in the order of these.
@@ -99,37 +124,24 @@ fn read_verified(view: &VerificationView<'_>, input: usize, collector: &mut Coll
     let patterns = patterns.into_iter().enumerate();
     let mut solved = patterns.filter(|(row, _)| fields[*row].is_some());
     for_each_label(&Labelled::Verified(view.clone()), raster, |label| match solved.next() {
-        Some((row, pattern)) => {
-            let described = (pattern, VERIFIED.to_owned());
-            add(
-                collector,
-                view.artifact(),
-                (input, row),
-                described,
-                Origin::Verified,
+        Some((row, pattern)) => add(
+            collector,
+            view.artifact(),
+            LabelledRow {
+                input,
+                row,
+                pattern,
+                family: VERIFIED.to_owned(),
+                origin: Origin::Verified,
                 label,
-            )
-        }
+                image: None,
+            },
+        ),
         None => Ok(()),
     })
 }
 
-fn add(
-    collector: &mut Collector,
-    file: &Artifact,
-    (input, row): (usize, usize),
-    (pattern, family): (Pattern, String),
-    origin: Origin,
-    label: Result<Label, LabelError>,
-) -> Result<(), StageError> {
-    let row = LabelledRow {
-        input,
-        row,
-        pattern,
-        family,
-        origin,
-        label,
-    };
+fn add(collector: &mut Collector, file: &Artifact, row: LabelledRow) -> Result<(), StageError> {
     collector.add(row).map_err(|e| wrong(file, &e.to_string()))
 }
 

@@ -2,6 +2,7 @@
 //! from.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 use rayon::prelude::*;
 
@@ -10,7 +11,7 @@ use crate::example::{Example, Label, LabelError};
 use crate::labels::implausible;
 use deaflow_base::OrbitId;
 use deaflow_dataset::Split;
-use deaflow_pattern::{Pattern, Symmetries};
+use deaflow_pattern::{Pattern, Symmetries, Symmetry};
 
 /// Names the split of solved samples. It is the same for all trainings, so that networks of other seeds and other training sets
 /// are tested on patterns that none of them has seen.
@@ -31,6 +32,8 @@ pub struct LabelledRow {
     pub origin: Origin,
     /// Its label.
     pub label: Result<Label, LabelError>,
+    /// Which sample of the input it says to be an image of, and by which symmetry.
+    pub image: Option<(u64, Symmetry)>,
 }
 
 /// What kind of dataset a row stands in.
@@ -78,6 +81,8 @@ pub struct Collector {
     symmetries: Symmetries,
     inputs: usize,
     rows: Vec<Row>,
+    /// By input and sample, the first label of an image of the sample, and by which symmetry it is one.
+    of_samples: HashMap<(usize, u64), (Label, Symmetry)>,
     unstable: u64,
     left_out: Vec<LeftOut>,
 }
@@ -116,6 +121,7 @@ impl Collector {
             symmetries,
             inputs: 0,
             rows: Vec::new(),
+            of_samples: HashMap::new(),
             unstable: 0,
             left_out: Vec::new(),
         }
@@ -144,6 +150,10 @@ impl Collector {
             (_, Err(LabelError::NotFinite(_))) => (0.0, Why::NotFinite),
             (_, Err(error @ LabelError::Shape { .. })) => return Err(error),
             (origin, Ok(label)) => {
+                let label = match row.image {
+                    Some((sample, symmetry)) => self.shared(label, (row.input, sample), symmetry),
+                    None => label,
+                };
                 self.rows.push(Row {
                     place,
                     pattern: row.pattern,
@@ -156,6 +166,20 @@ impl Collector {
         };
         self.left_out.push(place.left_out(found_mm, why));
         Ok(())
+    }
+
+    /// A label that is an image of a sample by a symmetry, in the memory of the first image of that sample.
+    fn shared(&mut self, label: Label, sample: (usize, u64), symmetry: Symmetry) -> Label {
+        match self.of_samples.entry(sample) {
+            Entry::Occupied(known) => {
+                let (first, of_first) = known.get();
+                label.sharing(first, symmetry.compose(of_first.inverse()))
+            }
+            Entry::Vacant(place) => {
+                place.insert((label.clone(), symmetry));
+                label
+            }
+        }
     }
 
     /// The examples, for a membrane of that longer side in mm. An epoch shows a verified design `verified_weight` times.
@@ -258,5 +282,65 @@ fn nothing(unstable: u64, left_out: &[LeftOut]) -> NoExamples {
     NoExamples {
         why: text,
         all_unstable: unstable > 0 && left_out.is_empty(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use deaflow_pattern::Raster;
+
+    #[test]
+    fn images_of_a_sample_are_in_one_memory_and_labels_that_only_claim_to_be_are_not() {
+        let raster = Raster::PAPER;
+        let pattern = Pattern::from_fn(raster, |x, y| x + 2 * y < 40);
+        let mut values = vec![0.0; 2 * raster.corners()];
+        values[2 * (51 * 7 + 3)] = 0.25;
+        let label = Label::from_values(raster, &values).unwrap();
+        let mut collector = Collector::new(Symmetries::SQUARE);
+        collector.begin(0);
+        let mut expected = Vec::new();
+        // Of sample 4 eight images and a label that is none of it; of sample 5 the same field again.
+        let images = Symmetry::ALL.map(|g| (4, g, label.transformed(g)));
+        let others = [
+            (4, Symmetry::ALL[1], label.clone()),
+            (5, Symmetry::IDENTITY, label.clone()),
+        ];
+        for (row, (sample, symmetry, label)) in images.into_iter().chain(others).enumerate() {
+            let label = Label::from_values(raster, &of_field(&label)).unwrap();
+            expected.push(label.clone());
+            let row = LabelledRow {
+                input: 0,
+                row,
+                pattern: pattern.transformed(symmetry),
+                family: "grid".to_owned(),
+                origin: Origin::Balanced(Split::Train),
+                label: Ok(label),
+                image: Some((sample, symmetry)),
+            };
+            collector.add(row).unwrap();
+        }
+        let found: Vec<Label> = collector
+            .finish(50.0, 1)
+            .unwrap()
+            .examples
+            .into_iter()
+            .map(|e| e.label)
+            .collect();
+        assert_eq!(found, expected);
+        let shared: Vec<bool> = found.iter().map(|label| label.shares_memory_with(&found[0])).collect();
+        assert_eq!(shared, [true, true, true, true, true, true, true, true, false, false]);
+    }
+
+    /// The numbers of a field whose inside is a label.
+    fn of_field(label: &Label) -> Vec<f64> {
+        let [columns, rows] = label.raster().sides();
+        let mut values = vec![0.0; 2 * label.raster().corners()];
+        for (at, u) in label.values().iter().enumerate() {
+            let (x, y) = (at / 2 % (columns - 1) + 1, at / 2 / (columns - 1) + 1);
+            assert!(y < rows);
+            values[2 * (y * (columns + 1) + x) + at % 2] = f64::from(*u);
+        }
+        values
     }
 }

@@ -44,7 +44,8 @@ fn a_few_examples_take_away_most_of_what_the_linear_response_misses() {
                 .clone()
                 .unwrap(),
         );
-        let pairs = linear.values().iter().zip(example.label.values());
+        let (linear, simulated) = (linear.values(), example.label.values());
+        let pairs = linear.iter().zip(simulated.iter());
         pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>()
     });
     let untrained = (squares.sum::<f64>() / (16 * 2 * CORNERS * CORNERS) as f64).sqrt();
@@ -63,7 +64,8 @@ fn a_few_examples_take_away_most_of_what_the_linear_response_misses() {
     let predicted = surrogate.predict(&patterns).unwrap();
     let squares = tests.iter().zip(&predicted).map(|(example, field)| {
         let predicted = Label::from(field);
-        let pairs = predicted.values().iter().zip(example.label.values());
+        let (predicted, simulated) = (predicted.values(), example.label.values());
+        let pairs = predicted.iter().zip(simulated.iter());
         pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>()
     });
     let rmse = (squares.sum::<f64>() / (16 * 2 * CORNERS * CORNERS) as f64).sqrt();
