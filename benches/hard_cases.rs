@@ -4,11 +4,12 @@
 
 use std::time::Instant;
 
-use deaflow::base::Stream;
+use deaflow::base::{Decimal, Length, Stream, Stress};
 use deaflow::fem::{LoadPath, MembraneSolver, SolveOptions};
 use deaflow::field::{Mesh, Order, Outcome, Simulator};
 use deaflow::pattern::{Pattern, Raster};
-use deaflow::scene::Scene;
+use deaflow::scene::laws::{Gent, Ogden, OgdenTerm};
+use deaflow::scene::{Effects, Electrode, On, PermittivityDecay, PermittivityReference, Scene, Stiffening};
 
 const INTRODUCTION: &str = "# Hard cases
 
@@ -28,6 +29,11 @@ const ABOUT_PATHS: &str = "\
 Load paths at 25 kPa and λp = 3 (`deaflow solve --path`), one element per cell of each order, and what the solver says of
 1 % less and 1 % more than the critical voltage. Known values: for `full` the closed form √κ = √(λ⁻² + 3λ⁻⁸), for the others
 an independent analysis with one element per cell whose order is not known, given in kV to two decimals.";
+
+const ABOUT_EFFECTS: &str = "\
+All patterns above at 45 kPa and 3, 6, 9, 20 and 50 kV, one bilinear element per cell, with a law that stiffens, a fringe field, wrinkling,
+permittivity that falls with stretch and electrodes that are stiff. What takes more work than is allowed ends as `work-limit`
+([time has a ceiling](effects.md#time-has-a-ceiling)).";
 
 fn scattered(share: f64, seed: u64) -> Pattern {
     let mut stream = Stream::new(seed, "hard cases", 0);
@@ -176,17 +182,30 @@ struct Tally {
     converged: u32,
     pull_in: u32,
     not_elliptic: u32,
+    slack: u32,
+    work_limit: u32,
     other: u32,
     slowest: f64,
     case: String,
 }
 
 impl Tally {
+    fn solve_all(&mut self, solver: &MembraneSolver, kilovolts: f64) {
+        for (name, pattern, _) in patterns() {
+            let start = Instant::now();
+            let result = solver.simulate(std::slice::from_ref(&pattern)).remove(0);
+            let seconds = start.elapsed().as_secs_f64();
+            self.add(result.outcome, seconds, || format!("{name}, {kilovolts} kV"));
+        }
+    }
+
     fn add(&mut self, outcome: Outcome, seconds: f64, case: impl FnOnce() -> String) {
         match outcome {
             Outcome::Converged => self.converged += 1,
             Outcome::PullIn { .. } => self.pull_in += 1,
             Outcome::NotElliptic { .. } => self.not_elliptic += 1,
+            Outcome::Slack { .. } => self.slack += 1,
+            Outcome::WorkLimit => self.work_limit += 1,
             _ => self.other += 1,
         }
         if seconds > self.slowest {
@@ -209,16 +228,78 @@ fn sweep() {
                     elements_per_cell,
                     Order::Bilinear,
                 );
-                for (name, pattern, _) in patterns() {
-                    let start = Instant::now();
-                    let result = solver.simulate(std::slice::from_ref(&pattern)).remove(0);
-                    let seconds = start.elapsed().as_secs_f64();
-                    tally.add(result.outcome, seconds, || format!("{name}, {kilovolts} kV"));
-                }
+                tally.solve_all(&solver, kilovolts);
             }
             println!(
                 "| {elements_per_cell} | {prestretch} | {} | {} | {} | {} | {:.2} | {} |",
-                tally.converged, tally.pull_in, tally.not_elliptic, tally.other, tally.slowest, tally.case
+                tally.converged,
+                tally.pull_in,
+                tally.not_elliptic,
+                tally.slack + tally.work_limit + tally.other,
+                tally.slowest,
+                tally.case
+            );
+        }
+    }
+}
+
+/// All effects that move a membrane, with a law that does not soften.
+fn all_on(stiffening: Stiffening) -> Effects {
+    let stress = |value| Stress::from_f64(value).expect("a finite number");
+    Effects {
+        strain_stiffening: Some(stiffening),
+        electrode_stiffness: Some(Electrode {
+            shear_modulus: stress(50e3),
+            thickness: Length::from_f64(0.05).expect("a finite number"),
+        }),
+        stretch_dependent_permittivity: Some(PermittivityDecay {
+            exponent: Decimal::from_f64(0.1).expect("a finite number"),
+            reference: PermittivityReference::Prestretched,
+        }),
+        fringe_field: Some(On {}),
+        wrinkling: Some(On {}),
+        ..Effects::default()
+    }
+}
+
+fn laws() -> [(&'static str, Stiffening); 2] {
+    let decimal = |value| Decimal::from_f64(value).expect("a finite number");
+    let term = |(mu, alpha)| OgdenTerm {
+        mu: Stress::from_f64(mu).expect("a finite number"),
+        alpha: decimal(alpha),
+    };
+    let terms = [(40e3, 1.9), (50.0, 5.0), (-3e3, -2.0)].map(term).to_vec();
+    [
+        ("Gent", Stiffening::Gent(Gent { jm: decimal(100.0) })),
+        ("Ogden, three terms", Stiffening::Ogden(Ogden { terms })),
+    ]
+}
+
+fn all_effects() {
+    println!("\n## With all effects on\n");
+    println!("{ABOUT_EFFECTS}\n");
+    println!("| law | λp | converged | pull-in | not elliptic | slack | work-limit | other | slowest s | which |");
+    println!("|---|---|---|---|---|---|---|---|---|---|");
+    for (law, stiffening) in laws() {
+        for prestretch in [1.05, 1.5, 3.0, 5.0] {
+            let mut tally = Tally::default();
+            for kilovolts in [3.0, 6.0, 9.0, 20.0, 50.0] {
+                let scene = Scene {
+                    effects: all_on(stiffening.clone()),
+                    ..at(prestretch, 45e3, 1e3 * kilovolts)
+                };
+                tally.solve_all(&solver(&scene, 1, Order::Bilinear), kilovolts);
+            }
+            println!(
+                "| {law} | {prestretch} | {} | {} | {} | {} | {} | {} | {:.2} | {} |",
+                tally.converged,
+                tally.pull_in,
+                tally.not_elliptic,
+                tally.slack,
+                tally.work_limit,
+                tally.other,
+                tally.slowest,
+                tally.case
             );
         }
     }
@@ -234,5 +315,6 @@ fn main() {
         paths();
         uniform();
         sweep();
+        all_effects();
     });
 }
