@@ -348,9 +348,9 @@ fn near_limit(
         simulation.field.is_some() && !(is_far_where_taut && is_taut)
     };
     let solved = patterns.par_iter().zip(results).enumerate();
-    let doubtful = solved.filter(|(_, (pattern, result))| is_in_question(result) && !search.keeps(pattern));
-    let near = doubtful.map(|(at, (pattern, _))| (at, search.near(pattern, scene.voltage_v())));
-    Ok(near.collect())
+    let questioned = solved.filter(|(_, (_, result))| is_in_question(result));
+    let doubtful = questioned.filter_map(|(at, (pattern, _))| search.doubt(pattern).map(|found| (at, found)));
+    Ok(doubtful.collect())
 }
 
 /// The time since `start`, shared out evenly; threads beyond the number of samples stood idle.

@@ -76,7 +76,8 @@ impl CriticalSearch {
             Order::Biquadratic => Mesh::biquadratic(options.mesh.elements_per_cell().min(2)),
         };
         let search = Self::new(scene, SolveOptions { mesh, ..options })?;
-        Ok(search.within(WorkLimit::default().part(WATCHING)))
+        let limit = search.coarse.scaled(WorkLimit::default().part(WATCHING));
+        Ok(search.within(limit))
     }
 
     /// Whether no pattern loses stability anywhere near the voltage of a scene: nothing need be solved to know that all keep it.
@@ -153,21 +154,46 @@ impl CriticalSearch {
     /// [interval](CriticalVoltage::interval) of its critical one. Far below it, this takes one solution on the coarser mesh.
     #[must_use]
     pub fn keeps(&self, pattern: &Pattern) -> bool {
+        matches!(self.watch(pattern), Watched::Kept)
+    }
+
+    /// The critical voltage of a pattern that a finer mesh could refuse at the voltage of the scene, without one where it was not found;
+    /// `None` where the pattern [keeps](CriticalSearch::keeps) that voltage.
+    #[must_use]
+    pub fn doubt(&self, pattern: &Pattern) -> Option<Option<CriticalVoltage>> {
+        match self.watch(pattern) {
+            Watched::Kept => None,
+            Watched::OnCoarse(voltage) => Some(Some(self.refine(pattern, voltage))),
+            Watched::OnFine(fine) => Some(Some(CriticalVoltage::new(fine, None))),
+            Watched::OnBoth(found) => Some(Some(found)),
+            Watched::Nothing => Some(None),
+        }
+    }
+
+    fn watch(&self, pattern: &Pattern) -> Watched {
         let solution = self.coarse.solve(pattern);
         if !solution.outcome.is_converged() {
-            return false;
+            return match solution.stability(self.coarse.mesh()) {
+                Stability::Lost(found) => Watched::OnCoarse(found.voltage),
+                Stability::Never | Stability::UpTo(_) => Watched::Nothing,
+            };
         }
         if self.coarse.is_clear_of_loss(pattern, &solution) {
-            return true;
+            return Watched::Kept;
         }
         let voltage = self.coarse.scene.voltage_v();
         match self.fine().map(|fine| fine.search(pattern, [voltage, ROOM * voltage])) {
-            Some(Found::NoLoss) => true,
-            Some(Found::Nothing) | None => false,
+            Some(Found::NoLoss) => Watched::Kept,
+            Some(Found::Nothing) | None => Watched::Nothing,
             Some(Found::Limit(fine)) => {
-                let coarse = self.coarse.limit_between(pattern, around(fine.voltage));
-                let found = coarse.map(|coarse| CriticalVoltage::new(coarse, Some(fine)));
-                found.is_some_and(|found| voltage < found.interval()[0])
+                let Some(coarse) = self.coarse.limit_between(pattern, around(fine.voltage)) else {
+                    return Watched::OnFine(fine);
+                };
+                let found = CriticalVoltage::new(coarse, Some(fine));
+                match voltage < found.interval()[0] {
+                    true => Watched::Kept,
+                    false => Watched::OnBoth(found),
+                }
             }
         }
     }
@@ -257,6 +283,20 @@ impl WithMaterial for Load {
         let full = material(1.0);
         !full.wrinkles() && full.load() < FAR * 0.5 * full.largest_load()
     }
+}
+
+/// What is found of a pattern at the voltage of a scene.
+enum Watched {
+    /// It is stable there whatever the mesh.
+    Kept,
+    /// It is lost on the coarser mesh at this voltage in V.
+    OnCoarse(f64),
+    /// It is lost on the finer mesh alone, as far as is known.
+    OnFine(MeshLimit),
+    /// It is lost on both, too near to tell.
+    OnBoth(CriticalVoltage),
+    /// Nothing is known.
+    Nothing,
 }
 
 /// What a search for a loss of stability ends with.
