@@ -2,11 +2,14 @@
 //!
 //! `cargo bench --bench phases`. The arithmetic bound is measured: independent fused multiply–adds in the registers that
 //! the kernels use. Operations are counted from the sources of the kernels, padding not included; a division counts as one.
-//! Vectors are streamed by conjugate gradients, so their bound is the speed of a sum of two vectors as long.
+//! Vectors are streamed by conjugate gradients, so their bound is the speed of a sum of two vectors in as much memory: the last table
+//! says what share of a solve the arithmetic takes at its bound, and what share the vectors at theirs.
+
+mod bound;
 
 use std::hint::black_box;
-use std::time::Instant;
 
+use bound::{HEAD, Work, arithmetic32, arithmetic64, memory, row, seconds};
 use deaflow::fem::energy::NeoHookean;
 use deaflow::fem::grid::Grid;
 use deaflow::fem::operator::{Activity, Operator};
@@ -16,12 +19,18 @@ use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::{Mesh, Order, Simulator};
 use deaflow::pattern::{Pattern, Raster};
 use deaflow::scene::Scene;
-use pulp::{Arch, Simd, WithSimd};
 
 fn main() {
-    let (double, single) = (1e-9 * Arch::new().dispatch(Peak64), 1e-9 * Arch::new().dispatch(Peak32));
-    println!("arithmetic bound of one core: {double:.0} Gflop/s in f64, {single:.0} Gflop/s in f32\n");
+    let (double, single) = (1e-9 * arithmetic64(), 1e-9 * arithmetic32());
+    println!("arithmetic bound of one core: {double:.0} Gflop/s in f64, {single:.0} Gflop/s in f32");
+    println!(
+        "memory bound of one core: {:.0} GB/s in 100 kB, {:.0} GB/s in 4 MB, {:.0} GB/s in 256 MB\n",
+        1e-9 * memory(100 << 10),
+        1e-9 * memory(4 << 20),
+        1e-9 * memory(256 << 20)
+    );
     println!("order       elements  phase           µs    Gflop/s  of bound  calls  share of solve");
+    let mut rows = Vec::new();
     for (order, per_cell) in [
         (Order::Bilinear, 1),
         (Order::Bilinear, 2),
@@ -29,11 +38,14 @@ fn main() {
         (Order::Biquadratic, 1),
         (Order::Biquadratic, 2),
     ] {
-        report(order, per_cell, double, single);
+        rows.push(report(order, per_cell, double, single));
     }
+    println!("\n{HEAD}");
+    rows.iter().for_each(|row| println!("{row}"));
 }
 
-fn report(order: Order, per_cell: usize, double: f64, single: f64) {
+/// Prints the phases of a solve, and gives the row of the whole.
+fn report(order: Order, per_cell: usize, double: f64, single: f64) -> String {
     let mesh = Mesh::new(per_cell, order);
     let scene = Scene::vhb4910();
     let pattern = Pattern::from_fn(Raster::PAPER, |x, y| {
@@ -103,7 +115,20 @@ fn report(order: Order, per_cell: usize, double: f64, single: f64) {
         100.0 * (1.0 - known / solve),
         1e3 * solve
     );
+    let work = Work {
+        double: residuals * stress_flops * elements,
+        single: iterations * (tangent_flops * elements + inverse_flops),
+        bytes: len as f64 * (iterations * ITERATION_BYTES + residuals * RESIDUAL_BYTES),
+        held: 6 * 4 * len,
+    };
+    row(&format!("solve, {order:?} {side}²"), solve, work)
 }
+
+/// Bytes for each number of a vector that an iteration of conjugate gradients reads and writes: a product with the tangent has three, the
+/// preconditioner four, the three updates three each and the two inner products two each, in single precision.
+const ITERATION_BYTES: f64 = 4.0 * (3.0 + 4.0 + 9.0 + 4.0);
+/// The same of a residual: the displacement, the forces and their norm, in double precision.
+const RESIDUAL_BYTES: f64 = 8.0 * 3.0;
 
 /// Operations per element of a residual and of a tangent product, from the formulas: gradients and forces of the element,
 /// and the law at each point (residual 36, det f included; tangent 58).
@@ -116,71 +141,5 @@ fn element_flops(order: Order) -> (f64, f64) {
             2.0 * (180.0 + 198.0) + 9.0 * 36.0,
             2.0 * (2.0 * 180.0 + 198.0) + 9.0 * 58.0,
         ),
-    }
-}
-
-/// The shortest of many calls, in s.
-fn seconds<R>(mut call: impl FnMut() -> R) -> f64 {
-    let start = Instant::now();
-    let mut best = f64::INFINITY;
-    let mut calls = 0;
-    while calls < 20 || start.elapsed().as_secs_f64() < 0.5 {
-        let start = Instant::now();
-        black_box(call());
-        best = best.min(start.elapsed().as_secs_f64());
-        calls += 1;
-    }
-    best
-}
-
-const ROUNDS: usize = 1 << 18;
-/// Independent chains: enough to hide the latency of an operation.
-const CHAINS: usize = 12;
-
-struct Peak64;
-
-impl WithSimd for Peak64 {
-    type Output = f64;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let (factor, term) = (simd.splat_f64s(black_box(0.5)), simd.splat_f64s(black_box(1.0)));
-        let mut sums = [simd.splat_f64s(black_box(0.0)); CHAINS];
-        let mut best = f64::INFINITY;
-        for _ in 0..20 {
-            let start = Instant::now();
-            for _ in 0..ROUNDS {
-                for sum in &mut sums {
-                    *sum = simd.mul_add_e_f64s(*sum, factor, term);
-                }
-            }
-            best = best.min(start.elapsed().as_secs_f64());
-        }
-        black_box(sums);
-        (2 * S::F64_LANES * CHAINS * ROUNDS) as f64 / best
-    }
-}
-
-struct Peak32;
-
-impl WithSimd for Peak32 {
-    type Output = f64;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let (factor, term) = (simd.splat_f32s(black_box(0.5)), simd.splat_f32s(black_box(1.0)));
-        let mut sums = [simd.splat_f32s(black_box(0.0)); CHAINS];
-        let mut best = f64::INFINITY;
-        for _ in 0..20 {
-            let start = Instant::now();
-            for _ in 0..ROUNDS {
-                for sum in &mut sums {
-                    *sum = simd.mul_add_e_f32s(*sum, factor, term);
-                }
-            }
-            best = best.min(start.elapsed().as_secs_f64());
-        }
-        black_box(sums);
-        (2 * S::F32_LANES * CHAINS * ROUNDS) as f64 / best
     }
 }

@@ -4,6 +4,9 @@
 //! prediction takes does not depend on the weights. Times are those that the thread was on a core, the best of ten rounds of
 //! 1000 patterns; so other work on the machine disturbs them little. With names behind `--` only those are measured.
 
+mod bound;
+
+use bound::Work;
 use deaflow::base::{Stream, thread_seconds};
 use deaflow::dataset::Split;
 use deaflow::fem::LinearResponse;
@@ -24,6 +27,7 @@ fn main() {
 
     let names: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
     let wanted = |name: &str| names.is_empty() || names.iter().any(|other| other == name);
+    let mut bounds = Vec::new();
     println!("method      ms per pattern   1000 patterns, s");
     for kind in NetworkKind::ALL.into_iter().filter(|kind| wanted(kind.name())) {
         let training = TrainOptions {
@@ -35,12 +39,38 @@ fn main() {
         let surrogate = Surrogate::load(&trained.weights).expect("it was just written");
         let seconds = pool.install(|| best(|| surrogate.predict(&patterns).expect("it predicts").len()));
         row(kind.name(), seconds);
+        bounds.push(bound::row(
+            &format!("prediction, {}", kind.name()),
+            1e-3 * seconds,
+            work(kind),
+        ));
     }
     for (name, steps) in [("linear", 0), ("chord:1", 1), ("chord:2", 2)] {
         if !wanted(name) {
             continue;
         }
         row(name, pool.install(|| best(|| coarse.predict(&patterns, steps).len())));
+    }
+    println!("\n{}", bound::HEAD);
+    bounds.iter().for_each(|row| println!("{row}"));
+}
+
+/// Operations and bytes for a pattern on the paper's membrane: the products of `benches/training.rs` but the auxiliary ones, forward alone, and for `physics` the
+/// response, read once for 64 patterns, and two corrections.
+fn work(kind: NetworkKind) -> Work {
+    match kind {
+        NetworkKind::Qin2024 => Work {
+            single: 79.9e6,
+            bytes: 4.0 * (1.24e6 + 4.5e5),
+            held: 4 << 20,
+            ..Work::default()
+        },
+        NetworkKind::Physics => Work {
+            single: 6.25e6 + 2.0 * (1.76e6 + 0.9e6 + 1.88e6),
+            bytes: 4.0 * (4.0 * 625.0 * 1250.0 / 64.0 + 2.0 * 2.0 * 2500.0 * 52.0),
+            held: 1 << 20,
+            ..Work::default()
+        },
     }
 }
 

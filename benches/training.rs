@@ -5,17 +5,22 @@
 //! Operations of a product are counted as two for each pair of numbers. Beside it stands the same network in candle's own layers, which
 //! would take more threads without that variable; `benches/peers/training.py` is the same in PyTorch.
 
-use std::cell::Cell;
-use std::hint::black_box;
-use std::time::Instant;
+mod bound;
 
+use std::cell::Cell;
+
+use bound::{HEAD, Work, arithmetic32, row, seconds};
 use deaflow::base::{Stream, thread_seconds};
 use deaflow::dataset::Split;
+use deaflow::fem::LinearResponse;
+use deaflow::field::Mesh;
 use deaflow::pattern::{Pattern, Raster};
-use deaflow::surrogate::{EpochReport, Example, Label, Monitor, OptimizerKind, TrainOptions, train};
+use deaflow::scene::Scene;
+use deaflow::surrogate::{
+    Constants, EpochReport, Example, Label, Monitor, NetworkKind, OptimizerKind, TrainOptions, train,
+};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
-use pulp::{Arch, Simd, WithSimd};
 
 /// Name, calls per example in a forward pass, and rows, inner extent and columns of the product.
 const PRODUCTS: [(&str, usize, [usize; 3]); 11] = [
@@ -35,7 +40,7 @@ const PRODUCTS: [(&str, usize, [usize; 3]); 11] = [
 const EXAMPLES: usize = 256;
 
 fn main() {
-    let bound = 1e-9 * Arch::new().dispatch(Peak);
+    let bound = 1e-9 * arithmetic32();
     println!("arithmetic bound of one core: {bound:.0} Gflop/s in f32\n");
     println!("product        rows inner cols   value  of bound   by weights  of bound   by input  of bound");
     let mut products = 0.0;
@@ -58,6 +63,7 @@ fn main() {
         "\nproducts of one example, value and gradients: {:.2} ms",
         1e3 * products
     );
+    let mut rows = Vec::new();
     for optimizer in OptimizerKind::ALL {
         let step = pool.install(|| epoch(optimizer)) / EXAMPLES as f64;
         println!(
@@ -66,13 +72,58 @@ fn main() {
             1e3 * step,
             100.0 * products / step
         );
+        rows.push(row(&format!("training qin2024, {}", optimizer.name()), step, qin2024()));
     }
+    let step = pool.install(physics_epoch) / EXAMPLES as f64;
+    rows.push(row("training physics, adamw", step, physics()));
+    println!("\n{HEAD}");
+    rows.iter().for_each(|row| println!("{row}"));
+    println!();
     if candle_core::utils::get_num_threads() > 1 {
         println!("candle's own layers are left out: they would take more than one core (RAYON_NUM_THREADS=1)");
         return;
     }
     let step = pool.install(plain::epoch).expect("it trains") / EXAMPLES as f64;
     println!("candle's own layers, AdamW, the same: {:.2} ms", 1e3 * step);
+}
+
+/// Operations and bytes for an example: each product reads and writes its three matrices, and of its gradients likewise; two examples
+/// are a part, which reads the weights twice and writes their gradient, and a batch of eight has an update that reads four arrays of
+/// weights and writes three.
+fn qin2024() -> Work {
+    let (mut flops, mut numbers) = (0.0, 0.0);
+    for (name, calls, [m, k, n]) in PRODUCTS {
+        let needed = calls as f64 * if name == "encoder.1" { 2.0 } else { 3.0 };
+        flops += needed * 2.0 * (m * k * n) as f64;
+        numbers += needed * (m * k + m * n) as f64;
+    }
+    let weights = 4.5e5;
+    Work {
+        single: flops,
+        bytes: 4.0 * (numbers + weights * (3.0 / 2.0 + 7.0 / 8.0)),
+        held: 4 << 20,
+        ..Work::default()
+    }
+}
+
+/// The same of `physics` on the paper's membrane, by the formulas of its two corrections: the law in 16 factors and 6 stresses of 22
+/// features and 8 products, Green's function in four products a component; the response is one product, read once for 64 examples.
+fn physics() -> Work {
+    let (cells, features, products, modes) = (2500.0, 22.0, 8.0, 6.0);
+    let look = 2.0 * cells * features * 2.0 * products;
+    let law = 2.0 * cells * (products + features) * modes;
+    let green = 2.0 * 4.0 * 2.0 * 49f64.powi(3);
+    let response = 4.0 * 2.0 * 625.0 * 1250.0;
+    // The way back looks again, and has a product by the numbers of the law and one by what it sees for each of its own.
+    let correction = (look + law + green) + (look + green + 2.0 * law + 2.0 * look);
+    // Each product of the law reads and writes what it sees of all cells.
+    let seen = cells * (features + 3.0 * products + modes);
+    Work {
+        single: response + 2.0 * correction,
+        bytes: 4.0 * (4.0 * 625.0 * 1250.0 / 64.0 + 2.0 * 6.0 * seen),
+        held: 1 << 20,
+        ..Work::default()
+    }
 }
 
 /// The same network in candle's own layers, as one would write it first.
@@ -240,6 +291,31 @@ impl Kind {
 /// The least processor time of an epoch, of a few, in s: training on one thread, it is that of the thread, so that it matters
 /// little what else the machine does.
 fn epoch(optimizer: OptimizerKind) -> f64 {
+    let options = TrainOptions {
+        epochs: 4,
+        optimizer,
+        ..TrainOptions::default()
+    };
+    least_of(&options, None)
+}
+
+/// The same of `physics`.
+fn physics_epoch() -> f64 {
+    let scene = Scene::vhb4910();
+    let response = LinearResponse::new(&scene, Mesh::biquadratic(1)).expect("the membrane is stable");
+    let constants = Constants::new(&response, &scene).expect("the membrane moves");
+    let options = TrainOptions {
+        network: NetworkKind::Physics,
+        epochs: 4,
+        optimizer: OptimizerKind::AdamW,
+        learning_rate: 0.01,
+        batch: 16,
+        ..TrainOptions::default()
+    };
+    least_of(&options, Some(&constants))
+}
+
+fn least_of(options: &TrainOptions, constants: Option<&Constants>) -> f64 {
     struct Watch {
         begun: Cell<f64>,
         least: Cell<f64>,
@@ -272,57 +348,10 @@ fn epoch(optimizer: OptimizerKind) -> f64 {
         }
     };
     let examples: Vec<Example> = (0..EXAMPLES as u64 + 1).map(example).collect();
-    let options = TrainOptions {
-        epochs: 4,
-        optimizer,
-        ..TrainOptions::default()
-    };
     let watch = Watch {
         begun: Cell::new(thread_seconds()),
         least: Cell::new(f64::INFINITY),
     };
-    train(&examples, None, &options, &watch).expect("it trains");
+    train(&examples, constants, options, &watch).expect("it trains");
     watch.least.get()
-}
-
-/// The shortest of many calls, in s.
-fn seconds<R>(mut call: impl FnMut() -> R) -> f64 {
-    let start = Instant::now();
-    let mut best = f64::INFINITY;
-    let mut calls = 0;
-    while calls < 20 || start.elapsed().as_secs_f64() < 0.1 {
-        let start = Instant::now();
-        black_box(call());
-        best = best.min(start.elapsed().as_secs_f64());
-        calls += 1;
-    }
-    best
-}
-
-const ROUNDS: usize = 1 << 18;
-/// Independent chains: enough to hide the latency of an operation.
-const CHAINS: usize = 12;
-
-struct Peak;
-
-impl WithSimd for Peak {
-    type Output = f64;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let (factor, term) = (simd.splat_f32s(black_box(0.5)), simd.splat_f32s(black_box(1.0)));
-        let mut sums = [simd.splat_f32s(black_box(0.0)); CHAINS];
-        let mut best = f64::INFINITY;
-        for _ in 0..20 {
-            let start = Instant::now();
-            for _ in 0..ROUNDS {
-                for sum in &mut sums {
-                    *sum = simd.mul_add_e_f32s(*sum, factor, term);
-                }
-            }
-            best = best.min(start.elapsed().as_secs_f64());
-        }
-        black_box(sums);
-        (2 * S::F32_LANES * CHAINS * ROUNDS) as f64 / best
-    }
 }
