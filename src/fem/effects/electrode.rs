@@ -59,7 +59,7 @@ impl Effect for ElectrodeStiffness {
     }
 
     fn cost(&self) -> &'static str {
-        "1.4× a solve"
+        "1.7× a solve"
     }
 
     fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {

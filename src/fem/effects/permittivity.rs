@@ -99,7 +99,7 @@ impl Effect for StretchDependentPermittivity {
     }
 
     fn cost(&self) -> &'static str {
-        "3× a solve"
+        "2× a solve"
     }
 
     fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {

@@ -15,7 +15,7 @@ impl Effect for StrainStiffening {
     }
 
     fn cost(&self) -> &'static str {
-        "1.8× a solve, Ogden 4 to 6×"
+        "2.3× a solve, Ogden 3 to 4×"
     }
 
     fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
