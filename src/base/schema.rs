@@ -102,6 +102,13 @@ impl Schema {
         Self::quantity(Dimension::Number, low, high)
     }
 
+    /// A share of a whole in per cent.
+    #[must_use]
+    pub fn percentage() -> Self {
+        let percentage = Self::matching(r"^\s*\+?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\s*%\s*$");
+        percentage.description("The same in per cent: from 0 % to 100 %.")
+    }
+
     /// A list of at least `least` and at most `most` items.
     #[must_use]
     pub fn list(item: Self, least: usize, most: usize) -> Self {

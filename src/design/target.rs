@@ -161,15 +161,6 @@ impl fmt::Display for Area {
     }
 }
 
-/// A number in per cent as a fraction; none where it is no such number.
-fn percentage(node: &Node) -> Option<Decimal> {
-    let NodeValue::Text(text) = node.value() else {
-        return None;
-    };
-    let number: Decimal = text.trim().strip_suffix('%')?.trim().parse().ok()?;
-    Some(number.scaled(-2))
-}
-
 impl Parameter for Area {
     type Limits = ();
     type Literal = f64;
@@ -178,12 +169,9 @@ impl Parameter for Area {
         if node.is_text("free") {
             return Ok(Self(None));
         }
-        let area = match percentage(node) {
-            Some(area) => Some(area).filter(|area| (0.0..=1.0).contains(&area.to_f64())),
-            None => Decimal::read(node, key, &(0.0..=1.0)).ok(),
-        };
-        area.map(|area| Self(Some(area))).ok_or_else(|| {
-            let why = match percentage(node) {
+        let area = Decimal::read(node, key, &(0.0..=1.0));
+        area.map(|area| Self(Some(area))).map_err(|_| {
+            let why = match node.percentage() {
                 Some(area) if area.to_f64() > 1.0 => ": more than all of the membrane",
                 Some(_) => ": less than nothing",
                 None => "",
@@ -198,9 +186,7 @@ impl Parameter for Area {
     }
 
     fn schema((): &()) -> Schema {
-        let percentage = Schema::matching(r"^\s*\+?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\s*%\s*$");
-        let percentage = percentage.description("The same in per cent: from 0 % to 100 %.");
-        Schema::any_of([Schema::number(0.0, 1.0), percentage, Schema::word(&["free"])])
+        Schema::any_of([Schema::number(0.0, 1.0), Schema::percentage(), Schema::word(&["free"])])
     }
 
     fn literal(literal: f64) -> Self {

@@ -3,7 +3,7 @@
 use super::canvas::Canvas;
 use super::error::{SampleError, cells_at};
 use super::family::Refusal;
-use deaflow_base::{Canonical, Decimal, Dimension, InputError, Node, Parameter, Schema, Stream};
+use deaflow_base::{Canonical, Decimal, InputError, Node, Parameter, Schema, Stream};
 use deaflow_pattern::Pattern;
 
 /// A range of area fractions to draw from; both ends may be equal.
@@ -65,7 +65,7 @@ impl Parameter for AreaFractions {
     type Literal = [f64; 2];
 
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        let one = |node: &Node| Ok(node.quantity_in(key, Dimension::Number, 0.0, 1.0)?.base());
+        let one = |node: &Node| Decimal::read(node, key, &(0.0..=1.0));
         match node.list(key) {
             Ok([low, high]) => Ok(Self([one(low)?, one(high)?])),
             Ok(_) => Err(node
@@ -80,7 +80,7 @@ impl Parameter for AreaFractions {
     }
 
     fn schema((): &()) -> Schema {
-        let one = || Schema::number(0.0, 1.0);
+        let one = || Decimal::schema(&(0.0..=1.0));
         Schema::any_of([one(), Schema::list(one(), 2, 2)])
     }
 

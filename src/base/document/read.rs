@@ -155,6 +155,16 @@ impl Node {
         })
     }
 
+    /// The share of a whole that a text such as `25 %` stands for; `None` of all else.
+    #[must_use]
+    pub fn percentage(&self) -> Option<Decimal> {
+        let NodeValue::Text(text) = self.value() else {
+            return None;
+        };
+        let number: Decimal = text.trim().strip_suffix('%')?.trim().parse().ok()?;
+        Some(number.scaled(-2))
+    }
+
     /// The node as a quantity within bounds given in the base unit, both included.
     ///
     /// # Errors

@@ -118,6 +118,19 @@ fn one_declaration_reads_and_fills_in_defaults() {
 }
 
 #[test]
+fn a_share_may_stand_in_per_cent() {
+    let base = "count: 3, range: [0, 2 mm], seed: 7";
+    let share = |text: &str| read(&format!("{{ {base}, share: {text} }}")).map(|all| all.share.to_string());
+    assert_eq!([share("25 %").unwrap(), share("'12.5%'").unwrap()], ["0.25", "0.125"]);
+    let said = refusal(&format!("{{ {base}, share: 150 % }}"));
+    assert!(
+        said.contains("`share` is out of range: found \"150 %\"; allowed: 0 % to 100 %"),
+        "{said}"
+    );
+    assert!(share("x %").is_err() && read(&format!("{{ {base}, accuracy: 25 % }}")).is_err());
+}
+
+#[test]
 fn refusals_name_the_key_and_what_is_allowed() {
     let base = "count: 3, range: [0, 2 mm], seed: 7";
     for (text, said) in [

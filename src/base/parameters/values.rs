@@ -58,12 +58,26 @@ macro_rules! integers {
 
 integers!(u32, u64, usize);
 
-/// A pure number.
+/// Whether numbers within limits are shares of a whole, which may stand in per cent.
+fn are_shares(limits: &RangeInclusive<f64>) -> bool {
+    *limits.start() >= 0.0 && *limits.end() <= 1.0
+}
+
+/// A pure number. A share of a whole may stand in per cent: `25 %` is 0.25.
 impl Parameter for Decimal {
     type Limits = RangeInclusive<f64>;
     type Literal = f64;
 
     fn read(node: &Node, key: &str, limits: &RangeInclusive<f64>) -> Result<Self, InputError> {
+        if let Some(share) = node.percentage().filter(|_| are_shares(limits)) {
+            let (low, high) = (100.0 * limits.start(), 100.0 * limits.end());
+            return match limits.contains(&share.to_f64()) {
+                true => Ok(share),
+                false => Err(node
+                    .error(format!("`{key}` is out of range: found {}", node.found()))
+                    .help(format!("allowed: {low} % to {high} %"))),
+            };
+        }
         Ok(node
             .quantity_in(key, Dimension::Number, *limits.start(), *limits.end())?
             .base())
@@ -74,7 +88,11 @@ impl Parameter for Decimal {
     }
 
     fn schema(limits: &RangeInclusive<f64>) -> Schema {
-        Schema::number(*limits.start(), *limits.end())
+        let number = Schema::number(*limits.start(), *limits.end());
+        match are_shares(limits) {
+            true => Schema::any_of([number, Schema::percentage()]),
+            false => number,
+        }
     }
 
     fn literal(literal: f64) -> Self {
