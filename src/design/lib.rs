@@ -33,5 +33,5 @@ pub use search::{
     Candidate, Cause, Elements, Evaluators, FoundDesign, Probe, Progress, References, Refinement, Search, SearchError,
     SearchResult, cheapest_evaluator,
 };
-pub use selection::{DesignFilter, DesignLabel};
+pub use selection::{DesignFilter, DesignLabel, Merit};
 pub use target::{Area, Target, Targets};

@@ -1,5 +1,6 @@
 //! Which of several designs is meant.
 
+use std::cmp::Ordering;
 use std::fmt;
 
 use deaflow_base::InputError;
@@ -21,6 +22,22 @@ pub struct DesignFilter<'a> {
     pub member: Option<u64>,
     /// Its units along a side of the membrane.
     pub units: Option<u64>,
+}
+
+/// How good a design is by simulation: the less, the better.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Merit {
+    /// How far it is from the wanted displacements, mm; 0 where nothing but a direction is wanted.
+    pub distance_mm: f64,
+    /// How far it moves along the wanted directions, mm.
+    pub along_mm: f64,
+}
+
+fn by_merit(a: Option<Merit>, b: Option<Merit>) -> Ordering {
+    match (a, b) {
+        (Some(a), Some(b)) => (a.distance_mm.total_cmp(&b.distance_mm)).then(b.along_mm.total_cmp(&a.along_mm)),
+        (a, b) => a.is_none().cmp(&b.is_none()),
+    }
 }
 
 /// What a design is called.
@@ -55,7 +72,7 @@ impl DesignLabel {
 impl fmt::Display for DesignLabel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (target, role) = (self.target_text(), self.role.name());
-        write!(f, "{target} ({role}, member {}, {} units)", self.member, self.units)
+        write!(f, "{target} ({role}, number {}, {} units)", self.member + 1, self.units)
     }
 }
 
@@ -70,11 +87,12 @@ impl DesignFilter<'_> {
     }
 
     /// The row of the design that is wanted. Where only the target is known, that of the first role of refined, ga, optimum,
-    /// intuitive, own that it has, and of that role the first.
+    /// intuitive, own that it has, and of that role the best: that of the least merit, of equal ones the first. `merits` are those of the
+    /// rows; of designs that were not simulated none is known, and they come last.
     ///
     /// # Errors
     /// When none is as wanted, or several targets or kinds of designs are: with a list of them.
-    pub fn choose(&self, labels: &[DesignLabel]) -> Result<usize, InputError> {
+    pub fn choose(&self, labels: &[DesignLabel], merits: &[Option<Merit>]) -> Result<usize, InputError> {
         let found: Vec<&DesignLabel> = labels.iter().filter(|label| self.matches(label)).collect();
         let Some(first) = found.first() else {
             let all = list(labels.iter().map(ToString::to_string));
@@ -86,7 +104,11 @@ impl DesignFilter<'_> {
                 .help(format!("give --design, and --case where two share a name: {targets}")));
         }
         let place = |label: &DesignLabel| (label.role, label.member);
-        let least = found.iter().map(|label| place(label)).min();
+        let role = found.iter().map(|label| label.role).min();
+        let of_role = labels.iter().zip(merits);
+        let of_role = of_role.filter(|(label, _)| self.matches(label) && Some(label.role) == role);
+        let least = of_role.min_by(|(a, merit), (b, other)| by_merit(**merit, **other).then(a.member.cmp(&b.member)));
+        let least = least.map(|(label, _)| place(label));
         let best = |label: &DesignLabel| self.matches(label) && Some(place(label)) == least;
         let mut rows = (0..labels.len()).filter(|&row| best(&labels[row]));
         match (rows.next(), rows.next()) {
@@ -143,7 +165,7 @@ mod tests {
     #[test]
     fn a_target_alone_means_its_refined_design_and_the_first_of_them() {
         let labels = labels();
-        let chosen = |wanted: &DesignFilter<'_>| wanted.choose(&labels).unwrap();
+        let chosen = |wanted: &DesignFilter<'_>| wanted.choose(&labels, &[None; 6]).unwrap();
         let named = |name, role| DesignFilter {
             name: Some(name),
             role,
@@ -165,9 +187,22 @@ mod tests {
     }
 
     #[test]
+    fn of_several_designs_the_best_by_simulation_is_meant() {
+        let labels: Vec<DesignLabel> = (0..4).map(|member| label("", "a", "refined", member, 20)).collect();
+        let merit = |distance_mm, along_mm| Some(Merit { distance_mm, along_mm });
+        let chosen = |merits: &[Option<Merit>]| DesignFilter::default().choose(&labels, merits).unwrap();
+        assert_eq!(
+            chosen(&[merit(0.006, 0.29), merit(0.0006, 0.3), None, merit(0.001, 0.31)]),
+            1
+        );
+        assert_eq!(chosen(&[None, merit(0.0, 2.1), merit(0.0, 2.2), merit(0.0, 2.2)]), 2);
+        assert_eq!(chosen(&[None; 4]), 0);
+    }
+
+    #[test]
     fn what_is_not_there_or_not_alone_is_refused_with_what_there_is() {
         let refused = |labels: &[DesignLabel], wanted: DesignFilter<'_>| {
-            let error = wanted.choose(labels).unwrap_err();
+            let error = wanted.choose(labels, &vec![None; labels.len()]).unwrap_err();
             format!("{error}: {}", miette::Diagnostic::help(&error).unwrap())
         };
         let all = refused(&labels(), DesignFilter::default());
@@ -181,7 +216,7 @@ mod tests {
         };
         let several = refused(&labels(), optimum);
         assert!(
-            several.contains("--units: case I, a (optimum, member 0, 20 units); case I, a (optimum"),
+            several.contains("--units: case I, a (optimum, number 1, 20 units); case I, a (optimum"),
             "{several}"
         );
         let none = DesignFilter {

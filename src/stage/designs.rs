@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::direct::{self, read_scene};
 use deaflow_base::InputError;
-use deaflow_content::{ContentError, DesignRows, StoredAttribute};
-use deaflow_design::{DesignFilter, DesignLabel};
+use deaflow_content::{ContentError, DesignRows, StoredAttribute, Verification, VerificationView};
+use deaflow_design::{DesignFilter, DesignLabel, Merit};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 use deaflow_store::Artifact;
@@ -38,6 +38,7 @@ impl Design {
 /// The designs of an artifact.
 pub struct Designs {
     labels: Vec<DesignLabel>,
+    merits: Vec<Option<Merit>>,
     patterns: Vec<Pattern>,
     scene: Scene,
     source: String,
@@ -62,8 +63,13 @@ impl Designs {
             member: member[i],
             units: units[i],
         };
+        let merits = match artifact.kind() {
+            "verify" => merits(&Verification::open(artifact)?)?,
+            _ => vec![None; case.len()],
+        };
         Ok(Some(Self {
             labels: (0..case.len()).map(label).collect(),
+            merits,
             patterns: rows.patterns().read()?,
             scene: StoredAttribute::new(artifact, "scene").read()?,
             source: format!("artifact {}", artifact.digest()),
@@ -75,7 +81,7 @@ impl Designs {
     /// # Errors
     /// When none is as wanted, or several targets or kinds of designs are: with a list of them.
     pub fn choose(&self, wanted: &DesignFilter<'_>) -> Result<Design, InputError> {
-        let row = wanted.choose(&self.labels)?;
+        let row = wanted.choose(&self.labels, &self.merits)?;
         Ok(Design {
             title: self.labels[row].to_string(),
             label: Some(self.labels[row].clone()),
@@ -85,6 +91,25 @@ impl Designs {
             state: None,
         })
     }
+}
+
+/// How good the designs of a `verify` stage are; none of those without a field.
+fn merits(view: &VerificationView<'_>) -> Result<Vec<Option<Merit>>, ContentError> {
+    let (distance, along) = (
+        view.component().distance().read()?,
+        view.component().simulated().read()?,
+    );
+    let merit = |row: usize| {
+        Some(Merit {
+            distance_mm: *distance.get(row)?,
+            along_mm: *along.get(row)?,
+        })
+    };
+    Ok(view
+        .simulated_rows()?
+        .into_iter()
+        .map(|row| row.and_then(merit))
+        .collect())
 }
 
 /// The one pattern of a file, for the scene in another.

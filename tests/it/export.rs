@@ -294,14 +294,14 @@ stages:
         assert_eq!(said["design"]["case"], "I & II");
         assert!((number(&said["area_mm2"]) - 1250.0).abs() < 100.0, "{said}");
         let found = read(&workspace, &["right.svg".to_owned()]).remove(0);
-        assert_eq!(found["title"], "electrode case I & II, right (ga, member 0, 20 units)");
+        assert_eq!(found["title"], "electrode case I & II, right (ga, number 1, 20 units)");
         assert!(found["notes"].as_str().unwrap().contains("from artifact "), "{found}");
         // In a folder a file is called after the design.
         let said = export(
             &workspace,
             &[&source, "--design", "up-1", "--format", "gerber", "-o", "."],
         );
-        assert_eq!(said["file"], "./up-1-ga-0.gbr");
+        assert_eq!(said["file"], "./up-1-ga-1.gbr");
         let none = workspace.run(&["export", "design", &source, "--role", "best", "-o", "x.svg"]);
         assert!(
             none.stderr
@@ -312,7 +312,7 @@ stages:
         let none = workspace.run(&["export", "design", &source, "--role", "own", "-o", "x.svg"]);
         assert!(
             none.stderr
-                .contains("there are: case I & II, right (ga, member 0, 20 units); "),
+                .contains("there are: case I & II, right (ga, number 1, 20 units); "),
             "{}",
             none.stderr
         );

@@ -53,8 +53,8 @@ pub struct ExportDesignArguments {
     /// How it came about [default: the first of these that there is]
     #[arg(long, value_parser = PossibleValuesParser::new(Role::ALL.map(Role::name)), conflicts_with = "scene", help_heading = WHICH)]
     pub role: Option<String>,
-    /// Which of the different designs of the target [default: the best, 0]
-    #[arg(long, value_name = "N", conflicts_with = "scene", help_heading = WHICH)]
+    /// Which of the different designs of the target, counted from 1 as in runs and reports [default: the best by simulation, or the first]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), conflicts_with = "scene", help_heading = WHICH)]
     pub member: Option<u64>,
     /// The design with so many units along a side
     #[arg(long, value_name = "N", conflicts_with = "scene", help_heading = WHICH)]
@@ -204,8 +204,11 @@ fn format(arguments: &ExportDesignArguments) -> Result<DesignFormat, CliError> {
             format.name()
         ))),
         (Some(format), _) | (None, Some(format)) => Ok(format),
-        (None, None) => Err(CliError::bad_input("the format of the design is not said")
-            .help("give --format svg, dxf, gerber, png, csv or vtkhdf, or a file that ends so")),
+        (None, None) => Err(CliError::bad_input(match extension {
+            "" => "the format of the design is not said".to_owned(),
+            other => format!("no format of a design ends in .{other}"),
+        })
+        .help("give --format svg, dxf, gerber, png, csv or vtkhdf, or a file that ends so")),
     }
 }
 
@@ -257,7 +260,7 @@ fn design(arguments: &ExportDesignArguments) -> Result<Design, CliError> {
         name: arguments.design.as_deref(),
         case: arguments.case.as_deref(),
         role: arguments.role.as_deref(),
-        member: arguments.member,
+        member: arguments.member.map(|number| number - 1),
         units: arguments.units,
     };
     let designs = Designs::read(&artifact)?.ok_or_else(|| {
@@ -333,7 +336,12 @@ fn path(arguments: &ExportDesignArguments, design: &Design, format: DesignFormat
                 .state
                 .as_ref()
                 .map_or_else(String::new, |state| format!("-{state}"));
-            format!("{}-{}-{}{group}{state}", label.name, label.role.name(), label.member)
+            format!(
+                "{}-{}-{}{group}{state}",
+                label.name,
+                label.role.name(),
+                label.member + 1
+            )
         }
         None => design.title.clone(),
     };

@@ -40,7 +40,7 @@ pub fn report_page(run: &RunArtifacts<'_>, history: &History, designs: &[Design]
     Ok(page.finish())
 }
 
-/// The command that makes a mask of the first design that was found.
+/// The command that makes a mask of the best of the designs like the first that was found.
 fn mask_command(history: &History, designs: &[Design]) -> String {
     let built = history.stages.iter().filter(|stage| stage.digest.is_some());
     let of = |kind: &str| built.clone().rfind(|stage| stage.kind == kind);
