@@ -267,7 +267,7 @@ impl PatternArguments {
             end.display()
         );
         Err(CliError::bad_input(message)
-            .help("allowed: .h5 and .hdf5, as in -o out.h5; `deaflow show out.h5 --csv` prints its rows as CSV"))
+            .help("allowed: .h5 and .hdf5, as in -o out.h5; `deaflow show out.h5 --csv` prints its rows as CSV, `--corners` the displacement of each corner"))
     }
 }
 

@@ -1,5 +1,6 @@
 //! `deaflow show`: what is in an artifact.
 
+mod corners;
 mod file;
 
 use std::collections::BTreeMap;
@@ -30,6 +31,9 @@ pub struct ShowArguments {
     /// Print what it has for each row as a table in CSV
     #[arg(long)]
     pub csv: bool,
+    /// Print the displacement of each corner of the cells as a table in CSV, in the columns that an `import` stage reads
+    #[arg(long, conflicts_with_all = ["csv", "along"])]
+    pub corners: bool,
     /// The axis of which each place is a row [default: the one that most arrays have]
     #[arg(long, value_name = "AXIS", requires = "csv")]
     pub along: Option<String>,
@@ -55,6 +59,10 @@ pub fn execute(arguments: &ShowArguments, output: &Output) -> Result<Exit, CliEr
         let record = record(&store, &artifact)?;
         (artifact, Some(record))
     };
+    if arguments.corners && !output.is_json() {
+        let scene = artifact.attributes().get("scene").map(String::as_str);
+        return corners::print(&artifact, scene, output);
+    }
     if arguments.csv && !output.is_json() {
         return show_rows(&artifact, arguments, output);
     }

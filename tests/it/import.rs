@@ -399,3 +399,27 @@ fn nothing_is_built_under_a_key_that_is_not_its_own() {
 fn flow() -> String {
     scene_file().lines().collect::<Vec<_>>().join(", ")
 }
+
+#[test]
+fn the_corners_that_are_shown_are_read_again() {
+    let workspace = workspace(&LABELLED.replace("FILES", "corners.csv"));
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    let ended = workspace.run(&["solve", "scene.yaml", "half.csv", "-o", "out.h5"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let shown = workspace.run(&["show", "out.h5", "--corners"]).stdout;
+    assert_eq!(shown.lines().count(), 1 + 51 * 51, "{shown:.200}");
+    // The middle of the membrane, whose upper right cell is bare.
+    let middle = shown.lines().nth(1 + 25 * 51 + 25).unwrap();
+    assert!(middle.starts_with("0,25,25,") && middle.ends_with(",0"), "{middle}");
+    assert!(
+        shown.lines().nth(1 + 50).unwrap().ends_with(","),
+        "no cell is right of the frame"
+    );
+    workspace.write("corners.csv", &shown);
+    let ended = workspace.run(&["run", "own.yaml", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let again = workspace.run(&["show", "own.yaml:labels", "--corners"]);
+    assert_eq!(again.stdout, shown, "{}", again.stderr);
+    let none = workspace.run(&["show", "own.yaml:labels", "--corners", "--csv"]);
+    assert_eq!(none.code, Some(2), "{}", none.stderr);
+}

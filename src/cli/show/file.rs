@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{ShowArguments, Shown, ShownDataset, print, print_rows, statistics};
+use super::{ShowArguments, Shown, ShownDataset, corners, print, print_rows, statistics};
 use crate::error::CliError;
 use crate::output::{Exit, Output};
 use deaflow_hdf::{Array, HdfFile, Tree};
@@ -20,6 +20,10 @@ pub fn execute(path: &Path, arguments: &ShowArguments, output: &Output) -> Resul
     let file = HdfFile::apart(path).map_err(StoreError::from)?;
     let tree = file.tree().map_err(StoreError::from)?;
     let file = ResultFile { path, file, tree };
+    if arguments.corners && !output.is_json() {
+        let scene = file.tree.attributes.get("scene").map(String::as_str);
+        return corners::print(&file, scene, output);
+    }
     if arguments.csv && !output.is_json() {
         return print_rows(&Rows::of(&file, arguments.along.as_deref())?, output);
     }
