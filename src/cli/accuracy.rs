@@ -52,7 +52,7 @@ pub struct AccuracyArguments {
     /// Folder for accuracy.h5, accuracy.csv and accuracy.png
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Name the cheapest setting whose largest displacement error stays below this, as in "0.01 mm"
+    /// Name the cheapest setting that is bound to err by no more than this, as in "0.01 mm"
     #[arg(long, value_name = "LENGTH", value_parser = accuracy)]
     pub target: Option<Quantity>,
     /// What to measure, as in "[linear, chord:1, { elements_per_cell: 4, order: 2 }, { accuracy: 0.01 mm },

@@ -34,7 +34,7 @@ pub fn add_to(
         text.toned(tone, line.text.as_str());
     }
     if more > 0 {
-        text.line(format!("and {more} more results"));
+        text.line(format!("and {} more", table::counted(more as u64, "results")));
     }
 }
 

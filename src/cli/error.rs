@@ -281,7 +281,7 @@ impl From<StageError> for CliError {
             StageError::Stopped(stopped) => Self::new(Exit::TryAgain, stopped.to_string()),
             StageError::Locked(difference) => Self::locked(difference.to_string()),
             StageError::Blocked(why) => Self::new(Exit::Findings, why)
-                .help("`deaflow show PIPELINE:STAGE` of the audit tells what they are; with `fail_on: never` the pipeline goes on"),
+                .help("`deaflow show STAGE` of the audit tells what the last run found; with `fail_on: never` the pipeline goes on"),
             StageError::Advised { message, help } => Self::failure(message).help(help),
             other => Self::failure(other.to_string()),
         }

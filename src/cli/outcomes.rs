@@ -107,7 +107,9 @@ fn one_by_one(endings: &[Ending], watched: Option<&Watched>) -> table::Table {
     header.extend(["outcome", "largest displacement", "at"]);
     header.extend(title.as_deref());
     let numbers = ["pattern", "largest displacement", title.as_deref().unwrap_or_default()];
-    let mut table = table::table(&header, &numbers).dispensable(&["pattern"]);
+    let mut table = table::table(&header, &numbers)
+        .flowing(&["at"])
+        .dispensable(&["pattern"]);
     for ending in endings {
         let Ending {
             place,
@@ -131,7 +133,9 @@ fn one_by_one(endings: &[Ending], watched: Option<&Watched>) -> table::Table {
         row.push(Cell::from(
             peak.map_or("-".to_owned(), |peak| format!("{:.4}{error} mm", peak.mm)),
         ));
-        row.push(Cell::from(peak.map_or("-".to_owned(), |peak| peak.at())));
+        // Beside a point it may stand below the line, where a dash would be a line of its own.
+        let nowhere = if watched.is_some() { "" } else { "-" };
+        row.push(Cell::from(peak.map_or(nowhere.to_owned(), |peak| peak.at())));
         if watched.is_some() {
             row.push(Cell::from(along_mm.map_or("-".to_owned(), |mm| format!("{mm:.4} mm"))));
         }

@@ -97,29 +97,21 @@ pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> R
 
 /// One line per pattern.
 fn overview(paths: &[Followed]) -> table::Table {
-    let header = [
-        "pattern",
-        "limit",
-        "voltage",
-        "this mesh",
-        "displacement",
-        "points",
-        "end",
-    ];
-    let mut table = table::table(&header, &["voltage", "this mesh", "displacement", "points"])
-        .dispensable(&["points", "this mesh"]);
+    let header = ["pattern", "limit", "voltage", "on this mesh", "points", "end"];
+    let mut table = table::table(&header, &["voltage", "on this mesh", "points"]).dispensable(&["points"]);
     for (index, Followed { path, critical }) in paths.iter().enumerate() {
         let limit = path.limit();
-        let displacement = limit
-            .and_then(|limit| path.points.get(limit.point))
-            .map(|p| p.max_displacement);
+        // The displacement is that at the voltage of this mesh, not at the one that is extrapolated from two.
+        let on_mesh = limit.and_then(|limit| {
+            let mm = path.points.get(limit.point)?.max_displacement;
+            Some(format!("{mm:.4} mm at {:.1} V", limit.voltage))
+        });
         let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
         table.add_row([
             index.to_string(),
             limit.map_or("none", |limit| limit.kind.name()).to_owned(),
             or_dash(critical.map(|critical| with_error(&critical))),
-            or_dash(limit.map(|limit| format!("{:.1} V", limit.voltage))),
-            or_dash(displacement.map(|mm| format!("{mm:.4} mm"))),
+            or_dash(on_mesh),
             path.points.len().to_string(),
             path.end.name().to_owned(),
         ]);

@@ -60,7 +60,7 @@ pub fn list(store: &Store, output: &Output) -> Result<Exit, CliError> {
         return Ok(Exit::Done);
     }
     if pins.is_empty() {
-        output.text("no pins")?;
+        output.text(format!("no pins in {}", store.root().display()))?;
         return Ok(Exit::Done);
     }
     let mut table = table::table(&["artifact", "pinned", "keeps", "label"], &[]).flowing(&["label"]);

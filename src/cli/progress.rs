@@ -369,7 +369,7 @@ pub fn line(event: &Event) -> Option<String> {
             });
             let why = match reasons.len() {
                 0..=REASONS => reasons.join("; "),
-                n => format!("{}; and {} more reasons", reasons[..REASONS].join("; "), n - REASONS),
+                n => format!("{}; and {} more", reasons[..REASONS].join("; "), n - REASONS),
             };
             format!("{name}: {} to do ({why}){price}", table::counted(*steps, unit))
         }

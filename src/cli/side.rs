@@ -144,10 +144,11 @@ impl<'a> Places<'a> {
         } else {
             format!(" of {pipeline}")
         };
-        Err(
-            CliError::bad_input(format!("there is no run @{place}{of}: {seen} are remembered"))
-                .help("`deaflow log` lists them"),
-        )
+        Err(CliError::bad_input(format!(
+            "there is no run @{place}{of}: {seen} are remembered in {}",
+            self.store.root().display()
+        ))
+        .help("`deaflow log` lists them"))
     }
 
     /// What a run did, without what came of it.

@@ -218,17 +218,25 @@ fn first_axis(array: &Content) -> Option<&String> {
     array.axes.first()
 }
 
-/// The axis that most arrays of one dimension have; of several, the one that is named first.
+/// The axis that most arrays of one dimension have; of several, the one that is named first. Where it has a single one, as with what a device
+/// does in each of its states, arrays of two dimensions that fit into columns count too.
 fn main_axis(contents: &[Content]) -> Option<String> {
-    let mut counts: BTreeMap<&String, (usize, usize)> = BTreeMap::new();
-    for (at, array) in contents.iter().enumerate().filter(|(_, array)| array.shape.len() == 1) {
-        let Some(axis) = first_axis(array) else { continue };
-        counts.entry(axis).or_insert((0, usize::MAX - at)).0 += 1;
-    }
-    counts
-        .into_iter()
-        .max_by_key(|(_, count)| *count)
-        .map(|(axis, _)| axis.clone())
+    let most = |counted: &dyn Fn(&Content) -> bool| {
+        let mut counts: BTreeMap<&String, (usize, usize)> = BTreeMap::new();
+        for (at, array) in contents.iter().enumerate().filter(|(_, array)| counted(array)) {
+            let Some(axis) = first_axis(array) else { continue };
+            counts.entry(axis).or_insert((0, usize::MAX - at)).0 += 1;
+        }
+        counts.into_iter().max_by_key(|(_, count)| *count)
+    };
+    let of_lists = most(&|array| array.shape.len() == 1);
+    let found = match of_lists {
+        Some((_, (1, _))) => {
+            most(&|array| array.shape.len() <= 2 && array.shape.iter().skip(1).all(|n| *n <= MOST_COLUMNS))
+        }
+        other => other,
+    };
+    found.map(|(axis, _)| axis.clone())
 }
 
 fn no_axis(source: &dyn RowSource, contents: &[Content], along: Option<&str>) -> RowsError {

@@ -161,13 +161,13 @@ fn unpinning_says_what_was_unpinned_and_a_collection_what_would_free_something()
     let unpinned = workspace.run(&["unpin", "solved"]);
     assert_eq!(unpinned.code, Some(0), "{}", unpinned.stderr);
     let line = format!("unpinned {} (figure 3)\n", &first.as_str().unwrap()[..12]);
-    assert_eq!(unpinned.stdout, format!("{line}no pins\n"));
+    assert_eq!(unpinned.stdout, format!("{line}no pins in store\n"));
     assert_eq!(workspace.run(&["unpin", "solved"]).code, Some(2));
     // By its label, too.
     assert_eq!(workspace.run(&["pin", "small", "--label", "figure 4"]).code, Some(0));
     assert_eq!(workspace.run(&["unpin", "figure 5"]).code, Some(2));
     let by_label = workspace.run(&["unpin", "figure 4"]).stdout;
-    assert!(by_label.contains("(figure 4)\nno pins"), "{by_label}");
+    assert!(by_label.contains("(figure 4)\nno pins in store"), "{by_label}");
     let nothing = workspace.run(&["gc", "-n", "--keep-runs", "0"]).stdout;
     assert!(
         nothing.contains("are held by their age alone: --grace 0 would remove them"),

@@ -233,9 +233,11 @@ impl Intervals {
         let mut header = vec!["pattern", "largest mm", "radius mm"];
         header.extend(objectives.iter().map(String::as_str));
         header.extend(["novelty", ""]);
-        let objectives: Vec<&str> = header[3..header.len() - 2].iter().rev().copied().collect();
-        let leaving = [&["radius mm"], &objectives[..]].concat();
-        let mut table = table(&header, &header[..header.len() - 1]).dispensable(&leaving);
+        // What was asked for stands below a line before it leaves.
+        let asked_for = header[3..header.len() - 2].to_vec();
+        let mut table = table(&header, &header[..header.len() - 1])
+            .flowing(&asked_for)
+            .dispensable(&["radius mm"]);
         for (index, row) in self.rows.iter().enumerate().take(SHOWN) {
             let ends = |[value, lower, upper]: [f64; 3]| format!("{value:.4} [{lower:.4}, {upper:.4}]");
             let mut cells: Vec<Cell> = vec![index.into(), ends(row.largest).into()];

@@ -32,7 +32,7 @@ impl Presenter for Balance {
             page.charts(charts);
             let empty = after.iter().filter(|count| **count == 0).count();
             page.note(&format!(
-                "{empty} of {} bins are empty: no sample moves so far.",
+                "{empty} of {} bins are empty: no sample moves by as much as they stand for.",
                 after.len()
             ));
         }
