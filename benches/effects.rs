@@ -4,12 +4,15 @@
 //! the default scene, relative residual 1e-8. Times are those that the thread was on a core (`/proc/thread-self/schedstat`);
 //! all effects take turns, and the best of five rounds counts.
 
-use deaflow::base::{Decimal, Length, Stream, Stress, thread_seconds};
+mod effect_set;
+
+use deaflow::base::{Stream, thread_seconds};
 use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::Simulator;
 use deaflow::pattern::{CELLS, Pattern, Raster};
-use deaflow::scene::laws::{ArrudaBoyce, Gent, Ogden, OgdenTerm, Yeoh};
-use deaflow::scene::{Effects, Electrode, On, PermittivityDecay, PermittivityReference, Scene, Stiffening};
+use deaflow::scene::laws::{ArrudaBoyce, Yeoh};
+use deaflow::scene::{Effects, On, Scene, Stiffening};
+use effect_set::{THREE_TERMS, all_with, decay, decimal, electrode, gent, ogden, stress};
 
 const PATTERNS: u64 = 24;
 
@@ -53,29 +56,9 @@ fn solver(effects: Effects) -> MembraneSolver {
 }
 
 fn cases() -> Vec<(&'static str, Effects)> {
-    let decimal = |value| Decimal::from_f64(value).expect("a finite number");
-    let stress = |value| Stress::from_f64(value).expect("a finite number");
-    let term = |&(mu, alpha): &(f64, f64)| OgdenTerm {
-        mu: stress(mu),
-        alpha: decimal(alpha),
-    };
-    let ogden = |terms: &[(f64, f64)]| {
-        Stiffening::Ogden(Ogden {
-            terms: terms.iter().map(term).collect(),
-        })
-    };
     let stiffening = |law| Effects {
         strain_stiffening: Some(law),
         ..Effects::default()
-    };
-    let gent = || Stiffening::Gent(Gent { jm: decimal(100.0) });
-    let electrode = || Electrode {
-        shear_modulus: stress(50e3),
-        thickness: Length::from_f64(0.05).expect("a finite number"),
-    };
-    let decay = || PermittivityDecay {
-        exponent: decimal(0.1),
-        reference: PermittivityReference::Prestretched,
     };
     vec![
         ("none", Effects::default()),
@@ -94,10 +77,7 @@ fn cases() -> Vec<(&'static str, Effects)> {
             })),
         ),
         ("Ogden, one term", stiffening(ogden(&[(45e3, 2.0)]))),
-        (
-            "Ogden, three terms",
-            stiffening(ogden(&[(40e3, 1.9), (50.0, 5.0), (-3e3, -2.0)])),
-        ),
+        ("Ogden, three terms", stiffening(ogden(&THREE_TERMS))),
         (
             "electrode stiffness",
             Effects {
@@ -126,17 +106,7 @@ fn cases() -> Vec<(&'static str, Effects)> {
                 ..Effects::default()
             },
         ),
-        (
-            "Gent and all others",
-            Effects {
-                strain_stiffening: Some(gent()),
-                electrode_stiffness: Some(electrode()),
-                stretch_dependent_permittivity: Some(decay()),
-                fringe_field: Some(On {}),
-                wrinkling: Some(On {}),
-                ..Effects::default()
-            },
-        ),
+        ("Gent and all others", all_with(gent())),
     ]
 }
 

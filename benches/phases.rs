@@ -9,7 +9,7 @@ mod bound;
 
 use std::hint::black_box;
 
-use bound::{HEAD, Work, arithmetic32, arithmetic64, memory, row, seconds};
+use bound::{Work, arithmetic32, arithmetic64, memory, row, seconds};
 use deaflow::fem::energy::NeoHookean;
 use deaflow::fem::grid::Grid;
 use deaflow::fem::operator::{Activity, Operator};
@@ -40,8 +40,7 @@ fn main() {
     ] {
         rows.push(report(order, per_cell, double, single));
     }
-    println!("\n{HEAD}");
-    rows.iter().for_each(|row| println!("{row}"));
+    bound::print(&rows);
 }
 
 /// Prints the phases of a solve, and gives the row of the whole.

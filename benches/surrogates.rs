@@ -5,6 +5,8 @@
 //! 1000 patterns; so other work on the machine disturbs them little. With names behind `--` only those are measured.
 
 mod bound;
+#[allow(dead_code, reason = "trainings are in another benchmark")]
+mod network_work;
 
 use bound::Work;
 use deaflow::base::{Stream, thread_seconds};
@@ -51,26 +53,13 @@ fn main() {
         }
         row(name, pool.install(|| best(|| coarse.predict(&patterns, steps).len())));
     }
-    println!("\n{}", bound::HEAD);
-    bounds.iter().for_each(|row| println!("{row}"));
+    bound::print(&bounds);
 }
 
-/// Operations and bytes for a pattern on the paper's membrane: the products of `benches/training.rs` but the auxiliary ones, forward alone, and for `physics` the
-/// response, read once for 64 patterns, and two corrections.
 fn work(kind: NetworkKind) -> Work {
     match kind {
-        NetworkKind::Qin2024 => Work {
-            single: 79.9e6,
-            bytes: 4.0 * (1.24e6 + 4.5e5),
-            held: 4 << 20,
-            ..Work::default()
-        },
-        NetworkKind::Physics => Work {
-            single: 6.25e6 + 2.0 * (1.76e6 + 0.9e6 + 1.88e6),
-            bytes: 4.0 * (4.0 * 625.0 * 1250.0 / 64.0 + 2.0 * 2.0 * 2500.0 * 52.0),
-            held: 1 << 20,
-            ..Work::default()
-        },
+        NetworkKind::Qin2024 => network_work::predict_qin2024(),
+        NetworkKind::Physics => network_work::predict_physics(),
     }
 }
 

@@ -6,10 +6,12 @@
 //! would take more threads without that variable; `benches/peers/training.py` is the same in PyTorch.
 
 mod bound;
+#[allow(dead_code, reason = "predictions are in another benchmark")]
+mod network_work;
 
 use std::cell::Cell;
 
-use bound::{HEAD, Work, arithmetic32, row, seconds};
+use bound::{arithmetic32, row, seconds};
 use deaflow::base::{Stream, thread_seconds};
 use deaflow::dataset::Split;
 use deaflow::fem::LinearResponse;
@@ -21,21 +23,7 @@ use deaflow::surrogate::{
 };
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
-
-/// Name, calls per example in a forward pass, and rows, inner extent and columns of the product.
-const PRODUCTS: [(&str, usize, [usize; 3]); 11] = [
-    ("encoder.1", 1, [625, 100, 16]),
-    ("encoder.2", 1, [169, 784, 32]),
-    ("encoder.3", 1, [169, 800, 64]),
-    ("encoder.4, 5", 2, [169, 576, 64]),
-    ("mixing", 8, [169, 169, 8]),
-    ("channels", 1, [169, 64, 64]),
-    ("decoder.1", 2, [169, 576, 32]),
-    ("decoder.2", 2, [169, 32, 400]),
-    ("decoder.3", 2, [625, 16, 25]),
-    ("auxiliary.1", 1, [169, 576, 16]),
-    ("auxiliary.2", 1, [169, 16, 25]),
-];
+use network_work::PRODUCTS;
 
 const EXAMPLES: usize = 256;
 
@@ -72,12 +60,15 @@ fn main() {
             1e3 * step,
             100.0 * products / step
         );
-        rows.push(row(&format!("training qin2024, {}", optimizer.name()), step, qin2024()));
+        rows.push(row(
+            &format!("training qin2024, {}", optimizer.name()),
+            step,
+            network_work::train_qin2024(),
+        ));
     }
     let step = pool.install(physics_epoch) / EXAMPLES as f64;
-    rows.push(row("training physics, adamw", step, physics()));
-    println!("\n{HEAD}");
-    rows.iter().for_each(|row| println!("{row}"));
+    rows.push(row("training physics, adamw", step, network_work::train_physics()));
+    bound::print(&rows);
     println!();
     if candle_core::utils::get_num_threads() > 1 {
         println!("candle's own layers are left out: they would take more than one core (RAYON_NUM_THREADS=1)");
@@ -85,45 +76,6 @@ fn main() {
     }
     let step = pool.install(plain::epoch).expect("it trains") / EXAMPLES as f64;
     println!("candle's own layers, AdamW, the same: {:.2} ms", 1e3 * step);
-}
-
-/// Operations and bytes for an example: each product reads and writes its three matrices, and of its gradients likewise; two examples
-/// are a part, which reads the weights twice and writes their gradient, and a batch of eight has an update that reads four arrays of
-/// weights and writes three.
-fn qin2024() -> Work {
-    let (mut flops, mut numbers) = (0.0, 0.0);
-    for (name, calls, [m, k, n]) in PRODUCTS {
-        let needed = calls as f64 * if name == "encoder.1" { 2.0 } else { 3.0 };
-        flops += needed * 2.0 * (m * k * n) as f64;
-        numbers += needed * (m * k + m * n) as f64;
-    }
-    let weights = 4.5e5;
-    Work {
-        single: flops,
-        bytes: 4.0 * (numbers + weights * (3.0 / 2.0 + 7.0 / 8.0)),
-        held: 4 << 20,
-        ..Work::default()
-    }
-}
-
-/// The same of `physics` on the paper's membrane, by the formulas of its two corrections: the law in 16 factors and 6 stresses of 22
-/// features and 8 products, Green's function in four products a component; the response is one product, read once for 64 examples.
-fn physics() -> Work {
-    let (cells, features, products, modes) = (2500.0, 22.0, 8.0, 6.0);
-    let look = 2.0 * cells * features * 2.0 * products;
-    let law = 2.0 * cells * (products + features) * modes;
-    let green = 2.0 * 4.0 * 2.0 * 49f64.powi(3);
-    let response = 4.0 * 2.0 * 625.0 * 1250.0;
-    // The way back looks again, and has a product by the numbers of the law and one by what it sees for each of its own.
-    let correction = (look + law + green) + (look + green + 2.0 * law + 2.0 * look);
-    // Each product of the law reads and writes what it sees of all cells.
-    let seen = cells * (features + 3.0 * products + modes);
-    Work {
-        single: response + 2.0 * correction,
-        bytes: 4.0 * (4.0 * 625.0 * 1250.0 / 64.0 + 2.0 * 6.0 * seen),
-        held: 1 << 20,
-        ..Work::default()
-    }
 }
 
 /// The same network in candle's own layers, as one would write it first.

@@ -1,6 +1,7 @@
 //! What one core of the machine can do at the most, measured: what the other benchmarks are held against.
 
 use std::hint::black_box;
+use std::sync::LazyLock;
 use std::time::Instant;
 
 use pulp::{Arch, Simd, WithSimd};
@@ -10,14 +11,15 @@ const ROUNDS: usize = 1 << 18;
 const CHAINS: usize = 12;
 
 /// Operations in double precision a second: independent fused multiply–adds in the widest registers.
-#[allow(dead_code, reason = "not every benchmark has work in both precisions")]
 pub fn arithmetic64() -> f64 {
-    Arch::new().dispatch(Peak64)
+    static PEAK: LazyLock<f64> = LazyLock::new(|| Arch::new().dispatch(Peak64));
+    *PEAK
 }
 
 /// The same in single precision.
 pub fn arithmetic32() -> f64 {
-    Arch::new().dispatch(Peak32)
+    static PEAK: LazyLock<f64> = LazyLock::new(|| Arch::new().dispatch(Peak32));
+    *PEAK
 }
 
 /// Bytes a second that are read and written by `y += a x` where both arrays together take so many bytes: what lies in a cache that holds
@@ -63,8 +65,11 @@ pub struct Work {
     pub held: usize,
 }
 
-/// The head of the table whose rows are [`row`]s.
-pub const HEAD: &str = "work                                 ms  arithmetic  memory  waiting and all else";
+/// Prints the table of these [`row`]s.
+pub fn print(rows: &[String]) {
+    println!("\nwork                                 ms  arithmetic  memory  waiting and all else");
+    rows.iter().for_each(|row| println!("{row}"));
+}
 
 /// What share of some seconds the bounds account for. Both go on at once, so what is left beside the larger is waiting for what was asked
 /// before, operations that are not counted, and calls.
@@ -80,50 +85,34 @@ pub fn row(name: &str, seconds: f64, work: Work) -> String {
     )
 }
 
-struct Peak64;
+/// The operations a second of a precision, as the type that measures them.
+macro_rules! peak {
+    ($name:ident, $lanes:ident, $splat:ident, $mul_add:ident) => {
+        struct $name;
 
-impl WithSimd for Peak64 {
-    type Output = f64;
+        impl WithSimd for $name {
+            type Output = f64;
 
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let (factor, term) = (simd.splat_f64s(black_box(0.5)), simd.splat_f64s(black_box(1.0)));
-        let mut sums = [simd.splat_f64s(black_box(0.0)); CHAINS];
-        let mut best = f64::INFINITY;
-        for _ in 0..20 {
-            let start = Instant::now();
-            for _ in 0..ROUNDS {
-                for sum in &mut sums {
-                    *sum = simd.mul_add_e_f64s(*sum, factor, term);
+            #[inline(always)]
+            fn with_simd<S: Simd>(self, simd: S) -> f64 {
+                let (factor, term) = (simd.$splat(black_box(0.5)), simd.$splat(black_box(1.0)));
+                let mut sums = [simd.$splat(black_box(0.0)); CHAINS];
+                let mut best = f64::INFINITY;
+                for _ in 0..20 {
+                    let start = Instant::now();
+                    for _ in 0..ROUNDS {
+                        for sum in &mut sums {
+                            *sum = simd.$mul_add(*sum, factor, term);
+                        }
+                    }
+                    best = best.min(start.elapsed().as_secs_f64());
                 }
+                black_box(sums);
+                (2 * S::$lanes * CHAINS * ROUNDS) as f64 / best
             }
-            best = best.min(start.elapsed().as_secs_f64());
         }
-        black_box(sums);
-        (2 * S::F64_LANES * CHAINS * ROUNDS) as f64 / best
-    }
+    };
 }
 
-struct Peak32;
-
-impl WithSimd for Peak32 {
-    type Output = f64;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let (factor, term) = (simd.splat_f32s(black_box(0.5)), simd.splat_f32s(black_box(1.0)));
-        let mut sums = [simd.splat_f32s(black_box(0.0)); CHAINS];
-        let mut best = f64::INFINITY;
-        for _ in 0..20 {
-            let start = Instant::now();
-            for _ in 0..ROUNDS {
-                for sum in &mut sums {
-                    *sum = simd.mul_add_e_f32s(*sum, factor, term);
-                }
-            }
-            best = best.min(start.elapsed().as_secs_f64());
-        }
-        black_box(sums);
-        (2 * S::F32_LANES * CHAINS * ROUNDS) as f64 / best
-    }
-}
+peak!(Peak64, F64_LANES, splat_f64s, mul_add_e_f64s);
+peak!(Peak32, F32_LANES, splat_f32s, mul_add_e_f32s);

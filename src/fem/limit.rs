@@ -199,8 +199,7 @@ impl CriticalSearch {
     }
 
     /// The critical voltage of a pattern where it is expected near a voltage in V; `None` where it is not found within a fifth above.
-    #[must_use]
-    pub fn near(&self, pattern: &Pattern, expected: f64) -> Option<CriticalVoltage> {
+    fn near(&self, pattern: &Pattern, expected: f64) -> Option<CriticalVoltage> {
         let coarse = self.near_on_coarse(pattern, expected)?;
         Some(self.refine(pattern, coarse.voltage))
     }
