@@ -15,7 +15,7 @@ BASH_FILE := $(SHARE)/bash-completion/completions/deaflow
 ZSH_FILE := $(SHARE)/zsh/site-functions/_deaflow
 FISH_FILE := $(SHARE)/fish/vendor_completions.d/deaflow.fish
 
-.PHONY: help demo build install uninstall test test-all check fmt clippy doc deny bench
+.PHONY: help demo build schema install uninstall test test-all check fmt clippy doc deny bench
 
 help:
 	@echo "make demo      run pipelines/quickstart.yaml; figures and artifacts go to $(STORE)/"
@@ -32,6 +32,13 @@ demo: build
 build:
 	@.ci/install-missing build
 	cargo build --release --locked
+	@$(MAKE) --no-print-directory schema
+
+# Editors complete and check the files in pipelines/ by these schemas; the program prints them, so they are not in the repository.
+schema:
+	@mkdir -p pipelines/schema
+	./target/release/deaflow schema > pipelines/schema/pipeline.json
+	./target/release/deaflow schema scene > pipelines/schema/scene.json
 
 # Root installs what somebody else has built: nothing is built anew here.
 install: $(PROGRAM)

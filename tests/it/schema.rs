@@ -1,5 +1,4 @@
-//! The JSON Schemas say what the readers say: the files in `pipelines/schema/` are what the command prints, and an
-//! independent validator accepts and refuses what the readers accept and refuse.
+//! The JSON Schemas agree with the readers: an independent validator accepts and refuses the same files.
 
 mod documents;
 mod faults;
@@ -7,7 +6,7 @@ mod validator;
 mod walk;
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use serde_json::Value;
 
@@ -38,22 +37,17 @@ fn shipped() -> Vec<(PathBuf, Kind)> {
 }
 
 #[test]
-fn the_committed_schemas_are_what_the_command_prints() {
+fn schema_prints_the_schema_of_pipelines_unless_asked_for_scenes() {
     let workspace = Workspace::new();
-    for (arguments, file) in [
-        (&["schema"][..], "pipeline.json"),
-        (&["schema", "pipeline"], "pipeline.json"),
-        (&["schema", "scene"], "scene.json"),
-    ] {
-        let committed = std::fs::read_to_string(pipelines().join("schema").join(file)).unwrap();
+    let print = |arguments: &[&str]| {
         let ended = workspace.run(arguments);
-        assert_eq!(ended.code, Some(0));
-        assert!(
-            ended.stdout == committed,
-            "write it again: deaflow {} > pipelines/schema/{file}",
-            arguments.join(" ")
-        );
-    }
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        serde_json::from_str::<Value>(&ended.stdout).unwrap()
+    };
+    let registry = registry();
+    assert_eq!(print(&["schema"]), of_pipeline(&registry));
+    assert_eq!(print(&["schema", "pipeline"]), of_pipeline(&registry));
+    assert_eq!(print(&["schema", "scene"]), of_scene(&registry));
 }
 
 #[test]
@@ -68,8 +62,15 @@ fn shipped_files_name_their_schema() {
             .parent()
             .unwrap()
             .join(named.unwrap_or_else(|| panic!("{} names none", file.display())));
-        let expected = pipelines().join("schema").join(kind.file());
-        assert_eq!(schema.canonicalize().unwrap(), expected.canonicalize().unwrap());
+        // `make build` writes the schemas, so they need not be there: the path is compared without reading it.
+        let mut resolved = PathBuf::new();
+        for part in schema.components() {
+            match part {
+                Component::ParentDir => _ = resolved.pop(),
+                part => resolved.push(part),
+            }
+        }
+        assert_eq!(resolved, pipelines().join("schema").join(kind.file()), "{}", file.display());
     }
 }
 
