@@ -1,23 +1,30 @@
-//! README and tutorial are true: their commands are run as they stand there, and what they print is compared with what is
-//! shown.
+//! Runs the commands of README and documentation, and compares their output with the output that the pages show.
 //!
-//! Blocks of `sh` and `python` are run, each file of documentation in a folder of its own with a copy of `pipelines/`. The block
-//! of `text` after them is what they print. Comments of HTML before a block say what differs:
+//! Blocks of `sh` and `python` are run, each page in a folder of its own with a copy of `pipelines/`. The block of `text` after
+//! them is their output; in it, a line `…` stands for any lines, and `…` at the end of a line for any words. HTML comments before a
+//! block change this:
 //!
 //! - `<!-- not run: REASON -->`: the block is not run; the test prints the reason
 //! - `<!-- run as: COMMAND -->`: this is run instead
-//! - `<!-- exit: CODE -->`: the last command ends with this code, and what it says on stderr is shown too
+//! - `<!-- exit: CODE -->`: the last command ends with this code, and the block shows stderr too
 //! - `<!-- file: PATH -->`: the block is written to this file
+//!
+//! `DEAFLOW_UPDATE_DOCS=1 cargo test --test it docs` writes the output of commands and the generated pages into the files.
 
-mod compare;
 mod markdown;
+mod update;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::common::Workspace;
+use super::common::{Workspace, compare};
 use markdown::{Block, blocks};
+
+/// Whether pages are rewritten where they differ.
+fn is_update() -> bool {
+    std::env::var_os("DEAFLOW_UPDATE_DOCS").is_some_and(|value| value == "1")
+}
 
 #[test]
 fn the_readme_is_true() {
@@ -59,7 +66,7 @@ fn the_tables_of_arrays_say_what_the_program_writes() {
     is_written_by(&["schema", "artifacts"], "docs/tools/arrays.py", "docs/arrays.md");
 }
 
-/// Holds a page to what a tool makes of what the program prints.
+/// Compares a page with the output of a tool that reads what the program prints.
 fn is_written_by(arguments: &[&str], tool: &str, page: &str) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let workspace = Workspace::new();
@@ -69,10 +76,14 @@ fn is_written_by(arguments: &[&str], tool: &str, page: &str) {
         .stdin(std::fs::File::open(workspace.path("printed.json")).unwrap())
         .output()
         .unwrap();
-    let stands = std::fs::read_to_string(root.join(page)).unwrap();
+    assert!(written.status.success(), "{}", String::from_utf8_lossy(&written.stderr));
+    if is_update() {
+        std::fs::write(root.join(page), &written.stdout).unwrap();
+    }
+    let stored = std::fs::read_to_string(root.join(page)).unwrap();
     assert!(
-        String::from_utf8_lossy(&written.stdout) == stands,
-        "deaflow {} | python3 {tool} > {page} writes it anew",
+        String::from_utf8_lossy(&written.stdout) == stored,
+        "{page} is out of date; run: deaflow {} | python3 {tool} > {page}",
         arguments.join(" ")
     );
 }
@@ -142,11 +153,13 @@ fn figures_are_shown_and_a_tool_draws_them() {
     assert!(size <= MOST_FIGURES, "{size} bytes");
 }
 
-/// Runs the blocks of a file of documentation, from top to bottom.
+/// Runs the blocks of a page from top to bottom.
 fn run(file: &str) {
-    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
+    let text = std::fs::read_to_string(&path).unwrap();
     let session = Session::new();
     let mut printed = None;
+    let mut replaced = Vec::new();
     for block in blocks(&text) {
         let place = format!("{file}, line {}", block.line);
         if let Some(reason) = block.directive("not run") {
@@ -158,9 +171,16 @@ fn run(file: &str) {
             printed = Some(session.run(&block, &place));
         } else if block.language == "text"
             && let Some(printed) = printed.take()
+            && let Err(difference) = compare::check(&block.text, &printed)
         {
-            compare::check(&block.text, &printed).unwrap_or_else(|e| panic!("{place}: {e}\n\nprinted was:\n{printed}"));
+            assert!(is_update(), "{place}: {difference}\n\nprinted was:\n{printed}");
+            let new = update::merged(&block.text, &printed);
+            compare::check(&new, &printed).unwrap_or_else(|e| panic!("{place}: {e} in the new block:\n{new}"));
+            replaced.push((block, new));
         }
+    }
+    if !replaced.is_empty() {
+        std::fs::write(path, update::with_blocks(&text, &replaced)).unwrap();
     }
 }
 
@@ -193,7 +213,7 @@ impl Session {
         self.workspace.write(path, text);
     }
 
-    /// What the block prints, on stderr too where it fails as it should.
+    /// The output of a block: stdout, and stderr too if the block is to fail.
     fn run(&self, block: &Block, place: &str) -> String {
         let mut paths = vec![self.workspace.path("bin")];
         paths.extend(std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()));
@@ -215,9 +235,9 @@ impl Session {
             String::from_utf8_lossy(&output.stdout),
             String::from_utf8_lossy(&output.stderr),
         );
-        let wanted: i32 = block.directive("exit").map_or(0, |code| code.parse().unwrap());
-        assert_eq!(output.status.code(), Some(wanted), "{place}:\n{stdout}\n{stderr}");
-        if wanted == 0 {
+        let expected: i32 = block.directive("exit").map_or(0, |code| code.parse().unwrap());
+        assert_eq!(output.status.code(), Some(expected), "{place}:\n{stdout}\n{stderr}");
+        if expected == 0 {
             stdout.into_owned()
         } else {
             format!("{stdout}{stderr}")

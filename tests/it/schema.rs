@@ -70,7 +70,12 @@ fn shipped_files_name_their_schema() {
                 part => resolved.push(part),
             }
         }
-        assert_eq!(resolved, pipelines().join("schema").join(kind.file()), "{}", file.display());
+        assert_eq!(
+            resolved,
+            pipelines().join("schema").join(kind.file()),
+            "{}",
+            file.display()
+        );
     }
 }
 

@@ -1,7 +1,12 @@
 //! A hermetic place to run the real binary in: its own folder, its own store, no inherited settings.
 
 pub mod bounded;
+pub mod compare;
 pub mod readers;
+pub mod snapshots;
+
+pub use snapshots::Transcript;
+pub(crate) use snapshots::snapshot;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,11 +1,15 @@
-//! Whether something was printed as it is shown: words are equal, numbers are close, and what differs from run to run (times,
-//! digests, the width of columns) is not looked at. A line with `…` alone stands for any lines, at the end of a line for any words.
+//! Whether two outputs are the same: words are equal, numbers are close, and values that change from run to run (times, digests,
+//! widths of columns) are ignored.
 
-/// Numbers may differ by this share, or by two units of the last place shown.
-const TOLERANCE: f64 = 0.05;
+/// Relative difference allowed between two numbers with decimals. Two units of the last digit are allowed too.
+#[derive(Clone, Copy)]
+pub struct Tolerance(pub f64);
+
+/// Tolerance for pages of documentation, whose numbers come from other machines.
+const PAGES: Tolerance = Tolerance(0.05);
 
 /// A piece of a line.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 enum Piece {
     Text(String),
     /// The unit of the last place is 0 for a whole number.
@@ -17,8 +21,8 @@ enum Piece {
     Time,
 }
 
-impl PartialEq for Piece {
-    fn eq(&self, other: &Self) -> bool {
+impl Piece {
+    fn agrees(&self, other: &Self, tolerance: Tolerance) -> bool {
         match (self, other) {
             (Self::Text(a), Self::Text(b)) => a == b,
             (
@@ -30,7 +34,7 @@ impl PartialEq for Piece {
                     value: b,
                     unit_of_last_place: v,
                 },
-            ) if *u > 0.0 && *v > 0.0 => (a - b).abs() <= (TOLERANCE * a.abs().max(b.abs())).max(2.0 * u.max(*v)),
+            ) if *u > 0.0 && *v > 0.0 => (a - b).abs() <= (tolerance.0 * a.abs().max(b.abs())).max(2.0 * u.max(*v)),
             // Whole numbers are counts.
             (Self::Number { value: a, .. }, Self::Number { value: b, .. }) => a == b,
             (Self::Digest, Self::Digest) | (Self::Time, Self::Time) => true,
@@ -39,41 +43,80 @@ impl PartialEq for Piece {
     }
 }
 
-/// Compares what is shown with what was printed.
+fn agree(a: &[Piece], b: &[Piece], tolerance: Tolerance) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.agrees(b, tolerance))
+}
+
+/// Compares two outputs wholly; where lines break does not matter.
+pub fn same(a: &str, b: &str, tolerance: Tolerance) -> bool {
+    agree(&pieces(a), &pieces(b), tolerance)
+}
+
+/// Fraction of the pieces of both lines that they have in common, in any order: 1 for equal lines, 0 for unrelated ones.
+pub fn similarity(a: &str, b: &str) -> f64 {
+    let (a, mut b) = (pieces(a), pieces(b));
+    let total = a.len() + b.len();
+    let mut common = 0;
+    for piece in a {
+        if let Some(at) = b.iter().position(|other| piece.agrees(other, PAGES)) {
+            b.swap_remove(at);
+            common += 2;
+        }
+    }
+    if total == 0 {
+        1.0
+    } else {
+        f64::from(common) / total as f64
+    }
+}
+
+/// Whether a line of a page shows a printed line; `…` at its end stands for any words.
+pub fn shows(shown: &str, printed: &str) -> bool {
+    let (start, is_cut) = shown.strip_suffix('…').map_or((shown, false), |start| (start, true));
+    let (expected, mut found) = (pieces(start), pieces(printed));
+    if is_cut {
+        found.truncate(expected.len());
+    }
+    agree(&expected, &found, PAGES)
+}
+
+/// Whether a line of a page stands for any number of printed lines.
+pub fn is_gap(shown: &str) -> bool {
+    shown.ends_with('…') && pieces(shown.trim_end_matches('…')).is_empty()
+}
+
+/// Whether a line has nothing but spaces and rules.
+pub fn is_empty(line: &str) -> bool {
+    pieces(line).is_empty()
+}
+
+/// Compares a block of a page with what was printed.
 pub fn check(shown: &str, printed: &str) -> Result<(), String> {
-    let mut printed = printed.lines().filter(|line| !pieces(line).is_empty());
+    let mut printed = printed.lines().filter(|line| !is_empty(line));
     let mut gap = false;
     for line in shown.lines() {
-        let (start, cut) = line.strip_suffix('…').map_or((line, false), |start| (start, true));
-        let wanted = pieces(start);
-        if wanted.is_empty() {
-            gap |= cut;
-            continue;
-        }
-        let is_wanted = |found: &&str| {
-            let found = pieces(found);
-            if cut {
-                found.starts_with(&wanted)
+        if is_gap(line) {
+            gap = true;
+        } else if !is_empty(line) {
+            let found = if gap {
+                printed.find(|found| shows(line, found))
             } else {
-                found == wanted
+                printed.next()
+            };
+            if !found.is_some_and(|found| shows(line, found)) {
+                let found = found.unwrap_or_default();
+                return Err(format!("the page shows `{line}`, the command printed `{found}`"));
             }
-        };
-        let found = if gap { printed.find(is_wanted) } else { printed.next() };
-        if !found.as_ref().is_some_and(is_wanted) {
-            return Err(format!(
-                "`{line}` is shown, `{}` was printed",
-                found.unwrap_or_default()
-            ));
+            gap = false;
         }
-        gap = false;
     }
     match printed.next() {
-        Some(rest) if !gap => Err(format!("`{rest}` was printed and is not shown")),
+        Some(rest) if !gap => Err(format!("the page does not show `{rest}`, which the command printed")),
         _ => Ok(()),
     }
 }
 
-/// The pieces of a line without spaces, rules and frames.
+/// The pieces of a text without spaces, line breaks, rules and frames.
 fn pieces(line: &str) -> Vec<Piece> {
     let mut found: Vec<Piece> = Vec::new();
     let is_frame = |c: char| c.is_whitespace() || matches!(c, '─' | '═' | '│');
@@ -124,7 +167,7 @@ fn is_clock(word: &str) -> bool {
 }
 
 /// At least eight hexadecimal digits, with a decimal one among them.
-fn is_digest(text: &str) -> bool {
+pub fn is_digest(text: &str) -> bool {
     let hexadecimal = |c: char| matches!(c, '0'..='9' | 'a'..='f');
     text.len() >= 8 && text.chars().all(hexadecimal) && text.contains(|c: char| c.is_ascii_digit())
 }
