@@ -216,7 +216,7 @@ impl PipelineArguments {
     /// # Errors
     /// When the remote that is to be read through cannot be.
     pub fn read(&self, store: Store, output: &Output) -> Result<Reading, CliError> {
-        let store = if self.verify { store.without_trust() } else { store };
+        let store = if self.verify { store.without_index() } else { store };
         Reading::of(store, &self.remote, output)
     }
 }

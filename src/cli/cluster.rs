@@ -23,7 +23,7 @@ use deaflow_executor::{
     CommandEngine, Ending, Engine, EngineKind, Failed, LEDGER, Ledger, Profile, Recipe, SlurmEngine, Standings,
     Submission, supervise, topic,
 };
-use deaflow_orchestrator::{Pipeline, Stands, check_locked, standings};
+use deaflow_orchestrator::{Pipeline, Readiness, check_locked, stage_progress};
 use deaflow_stage as stage;
 use deaflow_store::{Board, LockFile, Store};
 
@@ -96,7 +96,7 @@ pub fn build(pipeline: &Pipeline, arguments: &RunArguments, output: &Output) -> 
     let reading = arguments.of.read(Store::open(&arguments.of.store_folder())?, output)?;
     let store = reading.store();
     if arguments.locked {
-        let lock = read_lock(&LockFile::beside(&pipeline.path))?;
+        let lock = read_lock(&LockFile::path_for(&pipeline.path))?;
         check_locked(pipeline, arguments.of.until.as_deref(), store, &lock)?;
     }
     let work = Work {
@@ -124,8 +124,8 @@ impl Work<'_> {
     /// Goes on with what a recipe says until all is there, which gives none.
     pub fn submit(&self, recipe: Recipe, how: How, output: &Output) -> Result<Option<Exit>, CliError> {
         let (profile, kind) = self.profile(&recipe)?;
-        let stages = standings(self.pipeline, self.store, recipe.until.as_deref())?;
-        if stages.iter().all(|stage| stage.stands == Stands::There) {
+        let stages = stage_progress(self.pipeline, self.store, recipe.until.as_deref())?;
+        if stages.iter().all(|stage| stage.readiness == Readiness::Built) {
             return Ok(None);
         }
         let engine = engine(&profile, kind, recipe.submit.clone())?;
@@ -404,7 +404,7 @@ impl Display {
         let stages = standings.stages;
         let done: u64 = stages.iter().map(|stage| stage.done).sum();
         let pieces: u64 = stages.iter().map(|stage| stage.pieces).sum();
-        let there = stages.iter().filter(|stage| stage.stands == Stands::There);
+        let there = stages.iter().filter(|stage| stage.readiness == Readiness::Built);
         let there: Vec<String> = there.map(|stage| stage.name.clone()).collect();
         let counts = (done, pieces, standings.workers);
         let trouble = standings
@@ -437,7 +437,7 @@ impl Display {
                 .filter(|name| said.there.as_ref().is_some_and(|said| !said.contains(name)));
             new.for_each(|name| self.say(&format!("{name}: there")));
             bar.set(done, pieces);
-            let at_work = stages.iter().filter(|stage| stage.stands == Stands::Ready);
+            let at_work = stages.iter().filter(|stage| stage.readiness == Readiness::Ready);
             let at_work = at_work.map(|stage| format!("{} {}/{}", stage.name, stage.done, stage.pieces));
             let at_work: Vec<String> = at_work.take(3).collect();
             bar.note(&format!("{} workers; {}", standings.workers, at_work.join(", ")));

@@ -11,7 +11,7 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::progress::Lazy;
 use super::{locate, table};
-use deaflow_store::{Artifact, Copied, Store};
+use deaflow_store::{Artifact, CopySummary, Store};
 
 /// Copy an artifact and what it was made from into another store
 #[derive(Debug, Args)]
@@ -53,7 +53,7 @@ pub fn execute(arguments: &CopyArguments, output: &Output) -> Result<Exit, CliEr
     Ok(Exit::Done)
 }
 
-fn copy(store: &Store, target: &Store, artifact: &Artifact) -> Result<Copied, CliError> {
+fn copy(store: &Store, target: &Store, artifact: &Artifact) -> Result<CopySummary, CliError> {
     let bar = Lazy::new("copy", "artifacts");
     let copied = store.copy_to(target, artifact.digest(), &|done, total| bar.set(done, total));
     bar.clear();
@@ -67,7 +67,7 @@ fn is_same(a: &Path, b: &Path) -> bool {
     }
 }
 
-fn document(arguments: &CopyArguments, artifact: &Artifact, copied: &Copied) -> serde_json::Value {
+fn document(arguments: &CopyArguments, artifact: &Artifact, copied: &CopySummary) -> serde_json::Value {
     json!({
         "artifact": artifact.digest().to_string(),
         "from": arguments.store.folder_of_any([&arguments.artifact]),
@@ -81,7 +81,7 @@ fn document(arguments: &CopyArguments, artifact: &Artifact, copied: &Copied) -> 
     })
 }
 
-fn text(arguments: &CopyArguments, artifact: &Artifact, copied: &Copied) -> String {
+fn text(arguments: &CopyArguments, artifact: &Artifact, copied: &CopySummary) -> String {
     let there = match (copied.artifacts_there, copied.records_there) {
         (0, 0) => String::new(),
         (artifacts, records) => format!(

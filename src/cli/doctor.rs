@@ -10,7 +10,7 @@ use super::output::{Exit, Output};
 use super::text::Text;
 use super::tone::Tone;
 use super::{locate, table};
-use deaflow_store::{Manner, Service, Store, Verdict};
+use deaflow_store::{CheckResult, LockingMethod, OperationTime, Store};
 
 /// Try what a store needs of its file system: locks, links, clocks, room
 #[derive(Debug, Args)]
@@ -25,57 +25,57 @@ pub struct DoctorArguments {
 
 pub fn execute(arguments: &DoctorArguments, output: &Output) -> Result<Exit, CliError> {
     let store = locate::of_folder(Store::open_existing(&arguments.store.folder()))?;
-    let found = store.examine()?;
+    let found = store.check_file_system()?;
     let services = match arguments.measure {
-        true => store.measure()?,
+        true => store.measure_file_system()?,
         false => Vec::new(),
     };
-    let word = |verdict: Verdict| match verdict {
-        Verdict::Good => "good",
-        Verdict::Noted => "noted",
-        Verdict::Bad => "bad",
+    let word = |result: CheckResult| match result {
+        CheckResult::Good => "good",
+        CheckResult::Noted => "noted",
+        CheckResult::Bad => "bad",
     };
-    let manner = match found.choice.manner {
-        Manner::Locks => "locks",
-        Manner::Claims => "claims",
+    let manner = match found.choice.method {
+        LockingMethod::Locks => "locks",
+        LockingMethod::Claims => "claims",
     };
     if output.is_json() {
-        let trials = found.trials.iter();
-        let trials =
-            trials.map(|trial| json!({ "name": trial.name, "verdict": word(trial.verdict), "found": trial.found }));
+        let checks = found.checks.iter();
+        let checks =
+            checks.map(|check| json!({ "name": check.name, "result": word(check.result), "found": check.found }));
         let mut document = json!({
             "store": store.root(),
             "file_system": found.file_system,
             "locking": manner,
-            "why": found.choice.why,
-            "trials": trials.collect::<Vec<_>>(),
+            "why": found.choice.reason,
+            "checks": checks.collect::<Vec<_>>(),
         });
         if arguments.measure {
-            let service = |service: &Service| json!({ "name": service.name, "requests": service.requests, "seconds": service.seconds });
+            let service = |service: &OperationTime| json!({ "name": service.name, "requests": service.requests, "seconds": service.seconds });
             document["services"] = services.iter().map(service).collect();
         }
         output.document(&document)?;
     } else {
-        let mut trials = table::table(&["tried", "", "found"], &[]).flowing(&["found"]);
-        for trial in &found.trials {
-            let tone = match trial.verdict {
-                Verdict::Good => Tone::Good,
-                Verdict::Noted => Tone::Caution,
-                Verdict::Bad => Tone::Bad,
+        let mut checks = table::table(&["tried", "", "found"], &[]).flowing(&["found"]);
+        for check in &found.checks {
+            let tone = match check.result {
+                CheckResult::Good => Tone::Good,
+                CheckResult::Noted => Tone::Caution,
+                CheckResult::Bad => Tone::Bad,
             };
-            trials.add_row([
-                table::Cell::from(trial.name),
-                table::Cell::toned(word(trial.verdict), tone),
-                table::Cell::from(&trial.found),
+            checks.add_row([
+                table::Cell::from(check.name),
+                table::Cell::toned(word(check.result), tone),
+                table::Cell::from(&check.found),
             ]);
         }
         let mut text = Text::from(format!(
             "{} on {}: processes keep apart by {manner}, since {}",
             store.root().display(),
             found.file_system,
-            found.choice.why
+            found.choice.reason
         ));
-        text.table(trials);
+        text.table(checks);
         output.text(text)?;
         if arguments.measure {
             let mut rows = table::table(&["service", "requests", "median"], &["requests", "median"]);
@@ -88,6 +88,6 @@ pub fn execute(arguments: &DoctorArguments, output: &Output) -> Result<Exit, Cli
             output.text(text)?;
         }
     }
-    let is_bad = found.trials.iter().any(|trial| trial.verdict == Verdict::Bad);
+    let is_bad = found.checks.iter().any(|check| check.result == CheckResult::Bad);
     Ok(if is_bad { Exit::Failure } else { Exit::Done })
 }

@@ -116,7 +116,7 @@ impl CliError {
     }
 
     /// Whether another machine, or this one later, may succeed.
-    pub fn may_pass(&self) -> bool {
+    pub fn is_transient(&self) -> bool {
         self.may_pass
     }
 
@@ -242,7 +242,7 @@ impl CliError {
 
 impl From<StoreError> for CliError {
     fn from(error: StoreError) -> Self {
-        let (message, may_pass) = (error.to_string(), error.may_pass());
+        let (message, may_pass) = (error.to_string(), error.is_transient());
         let error = match error {
             StoreError::Output(error) => error.into(),
             e if e.is_damage() => Self::new(Exit::Damaged, message)
@@ -255,7 +255,7 @@ impl From<StoreError> for CliError {
             | StoreError::NotAStore { .. }
             | StoreError::NoStore { .. }
             | StoreError::PathNotUtf8 { .. } => Self::bad_input(message),
-            StoreError::NotWhole { .. } => Self::bad_input(message)
+            StoreError::IncompleteInputs { .. } => Self::bad_input(message)
                 .help("build it again with `deaflow run`, or pin the artifact alone: --result-only"),
             StoreError::Unreachable { .. } => Self::new(Exit::Damaged, message)
                 .help("build it again with `deaflow run`, or let it go: `deaflow unpin`, or remove the lock file"),
@@ -300,7 +300,7 @@ impl From<RunError> for CliError {
 
 impl From<RemoteError> for CliError {
     fn from(error: RemoteError) -> Self {
-        let (message, help, may_pass) = (error.to_string(), error.help(), error.may_pass());
+        let (message, help, may_pass) = (error.to_string(), error.help(), error.is_transient());
         let error = match error {
             RemoteError::Input(error) => return error.into(),
             RemoteError::Store(error) => return error.into(),

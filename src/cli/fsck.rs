@@ -29,7 +29,7 @@ pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliEr
     let (marker, store) = match arguments.repair {
         true => (
             locate::of_folder(Store::repair_marker(&folder))?,
-            locate::of_folder(Store::open_alone(&folder))?,
+            locate::of_folder(Store::open_exclusive(&folder))?,
         ),
         false => (None, locate::existing_store(&folder)?),
     };
@@ -66,7 +66,7 @@ fn document(report: &Report) -> serde_json::Value {
     let missing = report
         .missing
         .iter()
-        .map(|m| json!({ "digest": m.digest.to_string(), "wanted_by": m.wanted_by }));
+        .map(|m| json!({ "digest": m.digest.to_string(), "wanted_by": m.needed_by }));
     json!({
         "sound": report.is_sound(),
         "objects": report.objects,
@@ -110,7 +110,7 @@ fn text(report: &Report, repaired: bool) -> String {
         lines.push(format!(
             "missing: artifact {}, wanted by {}",
             absence.digest.short(),
-            absence.wanted_by
+            absence.needed_by
         ));
     }
     for digest in &report.rewritten {

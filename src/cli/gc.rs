@@ -16,7 +16,7 @@ use super::tone::Tone;
 use super::{locate, table};
 use deaflow_orchestrator::Environment;
 use deaflow_report::{FigureFile, figures_of, remove_figures};
-use deaflow_store::{AGE, AGE_OF_NEED, Collection, Group, Judged, Retention, Store, Tally};
+use deaflow_store::{AGE, AGE_OF_NEED, GcArtifact, GcCount, GcGroup, GcPlan, Retention, Store};
 
 /// Remove artifacts that neither the last runs nor a pin nor a lock file need
 #[derive(Debug, Args)]
@@ -40,13 +40,13 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
     // To look needs no store to itself.
     let store = locate::of_folder(match arguments.dry_run {
         true => Store::open_existing(&folder),
-        false => Store::open_alone(&folder),
+        false => Store::open_exclusive(&folder),
     })?;
     let retention = Retention {
         runs: arguments.keep_runs,
         grace: Duration::from_secs_f64(3600.0 * arguments.grace),
     };
-    let collection = store.judge(&retention, store.now())?;
+    let collection = store.plan_gc(&retention, store.now())?;
     let figures = figures_of(&store, &collection.removed.iter().map(|judged| judged.digest).collect());
     if !arguments.dry_run {
         let bar = Lazy::new("gc", "artifacts");
@@ -63,9 +63,9 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
     Ok(Exit::Done)
 }
 
-fn document(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> Value {
-    let tally = |tally: Tally| json!({ "artifacts": tally.artifacts, "bytes": tally.bytes });
-    let group = |group: &Group| {
+fn document(collection: &GcPlan, figures: &[FigureFile], dry_run: bool) -> Value {
+    let tally = |tally: GcCount| json!({ "artifacts": tally.artifacts, "bytes": tally.bytes });
+    let group = |group: &GcGroup| {
         json!({
             "pipeline": group.stage.as_ref().map(|name| &name.pipeline),
             "stage": group.stage.as_ref().map(|name| &name.stage),
@@ -75,7 +75,7 @@ fn document(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> V
             "held_by": group.held_by,
         })
     };
-    let judged = |judged: &Judged| {
+    let judged = |judged: &GcArtifact| {
         json!({
             "digest": judged.digest.to_string(),
             "size": judged.size,
@@ -98,7 +98,7 @@ fn document(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> V
     })
 }
 
-fn text(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> Text {
+fn text(collection: &GcPlan, figures: &[FigureFile], dry_run: bool) -> Text {
     let mut text = Text::new();
     if dry_run {
         let header = ["stage", "kind", "goes", "size", "stays", "size", "held by"];
@@ -155,8 +155,8 @@ fn text(collection: &Collection, figures: &[FigureFile], dry_run: bool) -> Text 
 }
 
 /// What would have a collection that removes nothing remove something; none where nothing would but to unpin.
-fn advice(collection: &Collection) -> Option<String> {
-    let of_age = |judged: &&Judged| {
+fn advice(collection: &GcPlan) -> Option<String> {
+    let of_age = |judged: &&GcArtifact| {
         judged
             .held_by
             .iter()
@@ -180,7 +180,7 @@ fn advice(collection: &Collection) -> Option<String> {
 }
 
 /// How many, and their size; nothing where there are none.
-fn cells(tally: Tally) -> Vec<String> {
+fn cells(tally: GcCount) -> Vec<String> {
     match tally.artifacts {
         0 => vec!["-".to_owned(), "-".to_owned()],
         n => vec![n.to_string(), table::bytes(tally.bytes)],

@@ -12,7 +12,7 @@ use super::examples::examples;
 use super::output::{Exit, Output};
 use super::write;
 use deaflow_base::is_plain_name;
-use deaflow_orchestrator::{of_pipeline, of_scene};
+use deaflow_orchestrator::{pipeline_schema, scene_schema};
 use deaflow_stage as stage;
 use deaflow_store::Store;
 
@@ -97,8 +97,8 @@ fn files(folder: &Path) -> Vec<(&'static str, String)> {
             PIPELINE.replacen(NAME, &format!("name: {:?}", name(folder)), 1),
         ),
         ("scene.yaml", SCENE.to_owned()),
-        ("schema/pipeline.json", schema(&of_pipeline(&registry))),
-        ("schema/scene.json", schema(&of_scene(&registry))),
+        ("schema/pipeline.json", schema(&pipeline_schema(&registry))),
+        ("schema/scene.json", schema(&scene_schema(&registry))),
         (".gitignore", IGNORED.to_owned()),
     ]
 }

@@ -6,7 +6,7 @@ use super::error::CliError;
 use super::run;
 use deaflow_base::{ArtifactId, nearest, readable_time};
 use deaflow_orchestrator::{Environment, StageReport, Staleness, plan};
-use deaflow_store::{Artifact, Command, Lookup, Removed, Run, Store, StoreError};
+use deaflow_store::{Artifact, Command, Lookup, RemovedArtifact, Run, Store, StoreError};
 
 /// The fewest digits that name a digest.
 pub const LEAST: usize = 4;
@@ -79,7 +79,7 @@ fn open(store: &Store, digest: &ArtifactId) -> Result<Artifact, CliError> {
 }
 
 /// A refusal of an artifact that a collection has removed.
-fn collected(removed: &Removed) -> CliError {
+fn collected(removed: &RemovedArtifact) -> CliError {
     let kind = match removed.kind.as_str() {
         "" => String::new(),
         kind => format!(" ({kind})"),
@@ -175,7 +175,7 @@ fn of_digits(store: &Store, digits: &str) -> Result<ArtifactId, CliError> {
 
 /// What is said of digits with which an artifact begins that a collection has removed; of several the last.
 fn gone(store: &Store, digits: &str) -> Result<Option<CliError>, CliError> {
-    let begins = |removed: &Removed| removed.digest.to_string().starts_with(digits);
+    let begins = |removed: &RemovedArtifact| removed.digest.to_string().starts_with(digits);
     let Some(last) = store.removed().into_iter().rfind(begins) else {
         return Ok(None);
     };

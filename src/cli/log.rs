@@ -19,7 +19,7 @@ use super::{csv, diff, locate, run, table};
 use deaflow_base::{Canonical, readable_time};
 use deaflow_orchestrator::file_of;
 use deaflow_report::{Gone, run_document};
-use deaflow_store::{Command, Ended, Run, Store, StoreError};
+use deaflow_store::{Command, Run, StageOutcome, Store, StoreError};
 
 /// Runs that people are shown unless they ask for others.
 const SHOWN: usize = 20;
@@ -187,7 +187,7 @@ fn overrides(run: &Run, between: &str) -> String {
 }
 
 fn built(run: &Run) -> Vec<&str> {
-    let built = run.stages.iter().filter(|stage| stage.outcome == Ended::Built);
+    let built = run.stages.iter().filter(|stage| stage.outcome == StageOutcome::Built);
     built.map(|stage| stage.name.as_str()).collect()
 }
 

@@ -9,7 +9,7 @@ use super::output::{Exit, Output};
 use super::text::Text;
 use super::tone::Tone;
 use super::{run, table};
-use deaflow_orchestrator::{Environment, Pipeline, bill, foreseen, plan, plan_document};
+use deaflow_orchestrator::{Environment, Pipeline, plan, plan_document, plan_warnings, price_total};
 
 /// Say what `run` would build, why, and what it would take; build nothing
 #[derive(Debug, Args)]
@@ -34,24 +34,24 @@ pub fn of_pipeline(pipeline: &Pipeline, arguments: &PipelineArguments, output: &
         arguments.until.as_deref(),
         &Environment::system(),
     )?;
-    let warnings = foreseen(pipeline, &stages, reading.store())?;
+    let warnings = plan_warnings(pipeline, &stages, reading.store())?;
     reading.end(output, true);
     if output.is_json() {
         output.document(&plan_document(pipeline, &folder, &stages, &warnings))?;
         return Ok(Exit::Done);
     }
-    let bill = bill(&stages);
-    let summary = match bill.stale {
+    let total = price_total(&stages);
+    let summary = match total.stale {
         0 => "nothing to build".to_owned(),
         n => format!(
             "{n} of {} stages to build: {}",
             stages.len(),
-            table::price(bill.price.as_ref(), bill.unpriced)
+            table::price(total.price.as_ref(), total.unpriced)
         ),
     };
     let mut text = Text::of(table::of_plan(&stages));
     text.line("").line(summary);
-    if bill.price.is_some() && bill.stale > 1 && rayon::current_num_threads() > 1 {
+    if total.price.is_some() && total.stale > 1 && rayon::current_num_threads() > 1 {
         text.toned(
             Tone::Dim,
             "time: a stage's part of the time of the run; of stages that are built at once each is at work for longer",

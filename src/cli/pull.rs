@@ -13,7 +13,7 @@ use super::progress::Lazy;
 use super::upstream;
 use super::{run, table};
 use deaflow_base::ArtifactId;
-use deaflow_orchestrator::built;
+use deaflow_orchestrator::built_stages;
 use deaflow_remote::{Foreign, Pulled, Remote, pull_all, pull_some};
 use deaflow_store::Store;
 
@@ -67,7 +67,7 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
                 .iter()
                 .map(|&index| pipeline.stages[index].name.as_str())
                 .collect();
-            let built = built(pipeline, &store)?;
+            let built = built_stages(pipeline, &store)?;
             let stages = built
                 .stages
                 .iter()

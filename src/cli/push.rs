@@ -13,7 +13,7 @@ use super::output::{Exit, Output};
 use super::progress::Lazy;
 use super::{locate, run, table, upstream};
 use deaflow_base::ArtifactId;
-use deaflow_orchestrator::{Pipeline, built};
+use deaflow_orchestrator::{Pipeline, built_stages};
 use deaflow_remote::{Configuration, Push, Pushed, Remote, SigningKey, push};
 use deaflow_store::Store;
 
@@ -64,7 +64,7 @@ pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliEr
     let done = push(&all, &|done, total| bar.set(done, total));
     bar.clear();
     let pushed = done?;
-    store.keep_index();
+    store.save_index();
     upstream::tell(&remote, output);
     if output.is_json() {
         output.document(&json!({
@@ -99,7 +99,7 @@ fn left(left: &[(ArtifactId, String)]) -> Vec<serde_json::Value> {
 
 /// The artifacts of the stages that are built and here; others may be there.
 fn roots(pipeline: &Pipeline, store: &Store, remote: &Arc<Remote>) -> Result<Vec<ArtifactId>, CliError> {
-    let built = built(pipeline, &store.clone().with_upstream(remote.clone()))?;
+    let built = built_stages(pipeline, &store.clone().with_upstream(remote.clone()))?;
     let artifacts = built.stages.iter().map(|stage| stage.record.artifact);
     let here: Vec<ArtifactId> = artifacts.filter(|artifact| store.has(artifact)).collect();
     match here.is_empty() {

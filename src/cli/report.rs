@@ -12,7 +12,7 @@ use super::locate;
 use super::neglected::neglected;
 use super::output::{Exit, Output};
 use super::{run, write};
-use deaflow_orchestrator::{Environment, foreseen, plan};
+use deaflow_orchestrator::{Environment, plan, plan_warnings};
 use deaflow_report::{History, StageFacts, write_report};
 
 /// Write a report of a pipeline: a page with every design, and the designs as files
@@ -44,7 +44,7 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
     let mut history = History::of(&pipeline, &stages, &store)?;
     let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();
-    history.neglected = foreseen(&pipeline, &stages, &store)?;
+    history.neglected = plan_warnings(&pipeline, &stages, &store)?;
     history.neglected.extend(neglected(&pipeline, &names, &store)?);
     check(&history, arguments)?;
     // What cannot be written is found before the report is made.

@@ -89,7 +89,7 @@ pub fn of_pipeline(
     output: &Output,
     built: WhenBuilt<'_>,
 ) -> Result<(Exit, Vec<StageReport>), CliError> {
-    let lock_path = LockFile::beside(&pipeline.path);
+    let lock_path = LockFile::path_for(&pipeline.path);
     let lock = arguments.locked.then(|| read_lock(&lock_path)).transpose()?;
     if arguments.lock {
         // Before the work, not after it.
@@ -120,7 +120,7 @@ pub fn of_pipeline(
         keep_going: arguments.keep_going,
         lock: lock.as_ref(),
         command,
-        abreast: rayon::current_num_threads(),
+        parallel_stages: rayon::current_num_threads(),
         stop: Some(stop.flag()),
         ..RunOptions::default()
     };
@@ -160,7 +160,7 @@ pub fn of_pipeline(
         .into_iter()
         .partition(|made| reading.remote().is_none() || is_here(store, &made.digest));
     // What nothing needed is not brought to be told of.
-    let here = store.alone();
+    let here = store.without_upstream();
     let store = &here;
     let names: Vec<&str> = made.iter().map(|made| made.stage.as_str()).collect();
     let neglected = neglected(pipeline, &names, store)?;
@@ -189,7 +189,7 @@ pub fn of_pipeline(
         }
         // What was said before the work comes first.
         let found = document["warnings"].as_array().into_iter().flatten().cloned();
-        document["warnings"] = outcome.foreseen.iter().map(|text| json!(text)).chain(found).collect();
+        document["warnings"] = outcome.warnings.iter().map(|text| json!(text)).chain(found).collect();
         output.document(&document)?;
     } else if arguments.quiet {
         results.warning_lines().for_each(|line| output.complain(&line));
@@ -279,8 +279,8 @@ impl Prepared {
         let selected = pipeline.selection(arguments.until.as_deref()).ok()?;
         let stages: Vec<&str> = selected.iter().map(|at| pipeline.stages[*at].name.as_str()).collect();
         Some(Self {
-            figures: FiguresAhead::start(store.alone(), pipeline.file(), pipeline.name.clone()).ok()?,
-            screening: neglected::ahead(pipeline, &stages, store.alone()).ok()?,
+            figures: FiguresAhead::start(store.without_upstream(), pipeline.file(), pipeline.name.clone()).ok()?,
+            screening: neglected::ahead(pipeline, &stages, store.without_upstream()).ok()?,
         })
     }
 }
@@ -343,7 +343,7 @@ pub fn store_to_look_into(folder: &Path) -> Result<(Option<TempDir>, Store), Cli
 
 /// Whether an artifact is here with all its chunks.
 fn is_here(store: &Store, digest: &ArtifactId) -> bool {
-    let here = store.alone();
+    let here = store.without_upstream();
     here.has(digest)
         && here
             .parts(digest)
@@ -374,7 +374,7 @@ fn made_by(stage: &StageReport) -> Option<Made> {
 }
 
 fn document(outcome: &RunOutcome) -> Value {
-    json!({ "stages": outcome.stages, "unstable": outcome.unstable, "warnings": outcome.foreseen })
+    json!({ "stages": outcome.stages, "unstable": outcome.unstable, "warnings": outcome.warnings })
 }
 
 /// What is said of a run that was stopped.

@@ -8,7 +8,7 @@ use super::error::CliError;
 use super::examples::examples;
 use super::output::{Exit, Output};
 use deaflow_content::{ContentOfKind, Declared, catalogue};
-use deaflow_orchestrator::{of_pipeline, of_scene};
+use deaflow_orchestrator::{pipeline_schema, scene_schema};
 use deaflow_stage as stage;
 
 /// Print the JSON Schema of pipelines or scenes, or the arrays of artifacts
@@ -33,8 +33,8 @@ pub enum SchemaOf {
 pub fn execute(arguments: &SchemaArguments, output: &Output) -> Result<Exit, CliError> {
     let registry = stage::registry();
     output.document(&match arguments.of {
-        SchemaOf::Pipeline => of_pipeline(&registry),
-        SchemaOf::Scene => of_scene(&registry),
+        SchemaOf::Pipeline => pipeline_schema(&registry),
+        SchemaOf::Scene => scene_schema(&registry),
         SchemaOf::Artifacts => catalogue().iter().map(of_kind).collect(),
     })?;
     Ok(Exit::Done)

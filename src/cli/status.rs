@@ -16,8 +16,8 @@ use super::tone::Tone;
 use super::{locate, run, table};
 use deaflow_base::readable_time;
 use deaflow_executor::{SILENT, Seen, workers};
-use deaflow_orchestrator::{Bill, Environment, Outcome, StageReport, Staleness, file_of, plan};
-use deaflow_store::{Checkpoints, Command, LockFile, Reached, Run, Store, Totals};
+use deaflow_orchestrator::{Environment, Outcome, PriceTotal, StageReport, Staleness, file_of, plan};
+use deaflow_store::{CheckpointProgress, Checkpoints, Command, LockFile, Run, Store, Totals};
 
 /// Say what is in a store, what is at work in it, and what of pipelines would be built
 #[derive(Debug, Args)]
@@ -90,7 +90,7 @@ fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<S
     let here = std::env::current_dir().ok();
     let near = here.and_then(|here| Some(path.strip_prefix(here).ok()?.to_owned()));
     Ok(Standing {
-        locked: LockFile::beside(&path).is_file(),
+        locked: LockFile::path_for(&path).is_file(),
         path: near.unwrap_or(path),
         stages,
         last,
@@ -107,7 +107,7 @@ fn document(
 ) -> Value {
     let unfinished = kept.iter().filter(|kept| kept.size > 0);
     let unfinished = unfinished.map(|kept| {
-        let reached = kept.reached.clone().unwrap_or_default();
+        let reached = kept.progress.clone().unwrap_or_default();
         json!({ "key": kept.key.to_string(), "stage": reached.stage, "steps": reached.steps, "unit": reached.unit, "bytes": kept.size })
     });
     let workers = workers.iter().map(|seen| {
@@ -154,11 +154,11 @@ const NAMED: usize = 5;
 
 /// Which stages what is kept is of, and how far each has come.
 fn unfinished(kept: &[Checkpoints]) -> String {
-    let reached: Vec<&Reached> = kept.iter().filter_map(|kept| kept.reached.as_ref()).collect();
+    let reached: Vec<&CheckpointProgress> = kept.iter().filter_map(|kept| kept.progress.as_ref()).collect();
     let named = reached
         .iter()
         .take(NAMED)
-        .map(|Reached { stage, steps, unit }| match steps {
+        .map(|CheckpointProgress { stage, steps, unit }| match steps {
             0 => stage.clone(),
             _ => format!("{stage} after {}", table::counted(*steps, unit)),
         });
@@ -291,12 +291,12 @@ fn state(stages: &Result<Vec<StageReport>, String>) -> String {
         _ => stage.name.clone(),
     };
     let names: Vec<String> = stale.iter().map(named).collect();
-    let bill = Bill::of(stale.iter().map(|stage| stage.price));
+    let total = PriceTotal::of(stale.iter().map(|stage| stage.price));
     format!(
         "{} of {} stages to build ({}): {}",
-        bill.stale,
+        total.stale,
         stages.len(),
         names.join(", "),
-        table::price(bill.price.as_ref(), bill.unpriced)
+        table::price(total.price.as_ref(), total.unpriced)
     )
 }

@@ -5,7 +5,7 @@ pub use deaflow_report::{bytes, number, seconds};
 
 use super::text::Text;
 use super::tone::Tone;
-use deaflow_orchestrator::{Bill, Estimate, Outcome, Price, StageReport};
+use deaflow_orchestrator::{Estimate, Outcome, Price, PriceTotal, StageReport};
 
 /// What parts of the time are, beside times.
 const PARTS: &str = "part: what a stage has of the time of the run, which stages that are built at once share; it is the part that is foretold";
@@ -50,7 +50,7 @@ fn table_of_run(stages: &[StageReport]) -> Table {
             row.push(seconds(parts.sum()).into());
         }
         if foretold {
-            let price = Bill::of(lines.iter().map(|stage| stage.price)).price;
+            let price = PriceTotal::of(lines.iter().map(|stage| stage.price)).price;
             row.push(price.map_or_else(String::new, |price| time(&price.seconds)).into());
         }
         let digest = match lines {
@@ -74,8 +74,8 @@ pub fn of_plan(stages: &[StageReport]) -> Table {
         .flowing(&["why"])
         .dispensable(&["kind", "disk", "chunks"]);
     for lines in lines(stages) {
-        let bill = Bill::of(lines.iter().filter(|stage| is_stale(stage)).map(|stage| stage.price));
-        let (time, disk) = match &bill.price {
+        let total = PriceTotal::of(lines.iter().filter(|stage| is_stale(stage)).map(|stage| stage.price));
+        let (time, disk) = match &total.price {
             Some(price) => (time(&price.seconds), bytes(price.bytes.likely as u64)),
             None if lines.iter().any(is_stale) => {
                 let unmeasured = lines.iter().find_map(|stage| stage.unmeasured.clone());

@@ -95,7 +95,7 @@ impl Reading {
         let remote = Arc::new(open(Some(&name), &store)?);
         match remote.refresh() {
             Ok(foreign) => complain(&remote, &foreign, output),
-            Err(error) if error.may_pass() && !matches!(error, RemoteError::Store(_)) => {
+            Err(error) if error.is_transient() && !matches!(error, RemoteError::Store(_)) => {
                 remote.learn();
                 remote.turn_off(&error);
             }

@@ -150,10 +150,10 @@ fn build(
         stages: stages.as_ref(),
         // Who was started for work that is not there any more gives its place back.
         patience: array.map(|_| LINGER),
-        abreast: rayon::current_num_threads(),
+        parallel_stages: rayon::current_num_threads(),
         keep_going: true,
         stop: Some(&stop),
-        unremembered: true,
+        skip_history: true,
         ..RunOptions::default()
     };
     let outcome = run(&pipeline, store, &options, &Environment::system(), &|event| {
@@ -221,7 +221,9 @@ impl Submitter<'_> {
             })
             .collect();
         report_failures(&self.board, &failed).map_err(again)?;
-        let trouble = errors.iter().find(|(_, error)| !is_hopeless(error) && error.may_pass());
+        let trouble = errors
+            .iter()
+            .find(|(_, error)| !is_hopeless(error) && error.is_transient());
         if let Some((_, error)) = trouble {
             report_trouble(&self.board, error.message()).map_err(again)?;
         }

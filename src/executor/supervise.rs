@@ -15,7 +15,7 @@ use super::ledger::{Array, LEDGER, Ledger, Recipe};
 use super::profile::{Profile, Resources};
 use super::workers::{SILENT, workers};
 use deaflow_base::{Digest, host_name};
-use deaflow_orchestrator::{Pipeline, RunError, Standing, Stands, Sweep, standings};
+use deaflow_orchestrator::{Pipeline, Readiness, RunError, StageProgress, Sweep, stage_progress};
 use deaflow_store::{Board, Guard, Store, StoreError};
 
 /// Between two looks at the store; longer where a look takes long.
@@ -87,7 +87,7 @@ pub struct Failed {
 /// How a submission stands.
 pub struct Standings<'a> {
     /// Its stages.
-    pub stages: &'a [Standing],
+    pub stages: &'a [StageProgress],
     /// Workers that wait or work, as far as is known.
     pub workers: u32,
     /// What the engine last said that was no answer.
@@ -215,7 +215,7 @@ pub fn supervise(submission: &Submission<'_>, tell: &dyn Fn(&Standings<'_>)) -> 
             Ok(None) => refused = 0,
             // A network, a full disk: workers go on meanwhile.
             Err(SubmitError::Store(error) | SubmitError::Run(RunError::Store(error)))
-                if error.may_pass() && refused < REFUSALS =>
+                if error.is_transient() && refused < REFUSALS =>
             {
                 refused += 1;
                 supervisor.trouble = Some(error.to_string());
@@ -242,7 +242,7 @@ pub fn cancel(board: &Board, engine: &dyn Engine) -> Result<Result<usize, Engine
     let cancelled = cancel_arrays(&ledger, engine);
     noted?;
     if cancelled.is_ok()
-        && let Some(_lead) = board.try_lead()?
+        && let Some(_lead) = board.try_lock()?
     {
         ledger.arrays.iter_mut().for_each(|array| array.living = 0);
         board.write(LEDGER, &ledger)?;
@@ -315,7 +315,7 @@ impl Supervisor<'_> {
         let submission = self.submission;
         // What another user has submitted nobody else can ask for or cancel.
         if self.lead.is_none() && (!self.board.has(LEDGER) || self.board.is_own(LEDGER)) {
-            self.lead = self.board.try_lead()?;
+            self.lead = self.board.try_lock()?;
             if self.lead.is_some() {
                 self.take_over()?;
             }
@@ -323,7 +323,7 @@ impl Supervisor<'_> {
         if self.lead.is_none() {
             self.ledger = self.board.read(LEDGER)?.unwrap_or_default();
         }
-        let stages = standings(
+        let stages = stage_progress(
             submission.pipeline,
             submission.store,
             submission.recipe.until.as_deref(),
@@ -364,7 +364,7 @@ impl Supervisor<'_> {
     }
 
     /// What one does who does not lead.
-    fn watch(&mut self, stages: &[Standing]) -> Result<Option<Ending>, StoreError> {
+    fn watch(&mut self, stages: &[StageProgress]) -> Result<Option<Ending>, StoreError> {
         let failures = self.failures()?;
         Ok(match () {
             () if all_there(stages) => Some(Ending::Done),
@@ -382,7 +382,7 @@ impl Supervisor<'_> {
     }
 
     /// What one does who leads.
-    fn act(&mut self, stages: &[Standing]) -> Result<Option<Ending>, SubmitError> {
+    fn act(&mut self, stages: &[StageProgress]) -> Result<Option<Ending>, SubmitError> {
         if all_there(stages) {
             // What still waits has nothing to do; where it cannot be cancelled it ends by itself.
             if self.cancel_all().is_err() {
@@ -439,7 +439,7 @@ impl Supervisor<'_> {
     }
 
     /// Asks the engine what waits and works, if it is time to.
-    fn ask(&mut self, stages: &[Standing]) -> Result<(), StoreError> {
+    fn ask(&mut self, stages: &[StageProgress]) -> Result<(), StoreError> {
         let is_time = self.asked.is_none_or(|asked| asked.elapsed() >= self.interval);
         if !is_time || self.ledger.living().next().is_none() {
             return Ok(());
@@ -488,7 +488,7 @@ impl Supervisor<'_> {
     }
 
     /// Learns from an array of which nobody waits or works any more.
-    fn ended(&mut self, stages: &[Standing], array: &Array) -> Result<(), StoreError> {
+    fn ended(&mut self, stages: &[StageProgress], array: &Array) -> Result<(), StoreError> {
         let has_built = done(stages, &array.stages) > array.before || self.last_checkpoint()? > array.checkpoint;
         // What others build, they build: it is looked for again, and that is no failure.
         let has_left = self.board.has(&format!("{LEFT}{}", array.name));
@@ -546,12 +546,17 @@ impl Supervisor<'_> {
     }
 
     /// Starts workers on a group of stages if it has more work than workers.
-    fn fill(&mut self, at: usize, stages: &[Standing], failed: &BTreeSet<&str>) -> Result<Option<Ending>, StoreError> {
+    fn fill(
+        &mut self,
+        at: usize,
+        stages: &[StageProgress],
+        failed: &BTreeSet<&str>,
+    ) -> Result<Option<Ending>, StoreError> {
         let group = &self.groups[at];
         let own = stages.iter().filter(|stage| group.stages.contains(&stage.name));
         let ready: u64 = own
             .filter(|stage| !failed.contains(stage.name.as_str()))
-            .map(Standing::ready)
+            .map(StageProgress::ready)
             .sum();
         let meets = |array: &&Array| array.stages.iter().any(|stage| group.stages.contains(stage));
         let living: u32 = self.ledger.living().filter(meets).map(|array| array.living).sum();
@@ -566,7 +571,7 @@ impl Supervisor<'_> {
                 return Ok(None);
             }
             let trouble = self.board.read(TROUBLE)?;
-            let stages = stages.iter().filter(|stage| stage.stands == Stands::Ready);
+            let stages = stages.iter().filter(|stage| stage.readiness == Readiness::Ready);
             let names = stages
                 .map(|stage| stage.name.clone())
                 .filter(|name| group.stages.contains(name));
@@ -664,13 +669,13 @@ fn named(pipeline: &Pipeline, stages: &[String], are_all: bool) -> Vec<String> {
     alone.chain(sweeps.iter().map(|sweep| &sweep.name)).cloned().collect()
 }
 
-fn all_there(stages: &[Standing]) -> bool {
-    stages.iter().all(|stage| stage.stands == Stands::There)
+fn all_there(stages: &[StageProgress]) -> bool {
+    stages.iter().all(|stage| stage.readiness == Readiness::Built)
 }
 
 /// Pieces of some stages that are there. A stage that is put together counts as one more.
-fn done(stages: &[Standing], names: &[String]) -> u64 {
+fn done(stages: &[StageProgress], names: &[String]) -> u64 {
     let own = stages.iter().filter(|stage| names.contains(&stage.name));
-    own.map(|stage| stage.done + u64::from(stage.stands == Stands::There))
+    own.map(|stage| stage.done + u64::from(stage.readiness == Readiness::Built))
         .sum()
 }

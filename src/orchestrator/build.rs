@@ -17,7 +17,7 @@ use super::spec::StageSpec;
 use super::work::Work;
 use deaflow_base::{ActionKey, ArtifactId, Progress, Stopped, side_by_side};
 use deaflow_store::{
-    Action, Artifact, Condition, Effort, Guard, Lookup, Object, Record, Recorded, Store, StoreError, Stored,
+    Action, Artifact, Condition, Effort, Guard, Lookup, Object, Record, RecordIndex, Store, StoreError, Stored,
 };
 
 /// What building needs beside the stage.
@@ -213,8 +213,8 @@ impl Builder<'_> {
     }
 
     /// The records there, where so many chunks are worth it.
-    fn listed(&self, ours: Ours<'_>) -> Result<Option<Recorded>, StoreError> {
-        ours.are_listed.then(|| self.store.recorded()).transpose()
+    fn listed(&self, ours: Ours<'_>) -> Result<Option<RecordIndex>, StoreError> {
+        ours.are_listed.then(|| self.store.record_index()).transpose()
     }
 
     /// Whether this process puts a stage together. Where processes share a store by claims one does, and the others need not look at
@@ -307,7 +307,7 @@ impl Builder<'_> {
                 done[at] = Some(found);
             }
             // A record that names nothing is none.
-            while self.pass(ours, None, Some(&Recorded::default()), done)? {}
+            while self.pass(ours, None, Some(&RecordIndex::default()), done)? {}
         }
         let end = self.patience_ends();
         for at in open(done) {
@@ -318,7 +318,7 @@ impl Builder<'_> {
     }
 
     /// A chunk that has been recorded, if its file is there.
-    fn found(&self, state: &ChunkState, listed: &Recorded) -> Result<Option<Done>, StageError> {
+    fn found(&self, state: &ChunkState, listed: &RecordIndex) -> Result<Option<Done>, StageError> {
         if self.is_stopped() {
             return Err(Stopped.into());
         }
@@ -328,7 +328,7 @@ impl Builder<'_> {
         let Lookup::Found(record, _) = self.store.record(key)? else {
             return Ok(None);
         };
-        Ok(self.store.has_made(&record).then(|| Done::there(*record)))
+        Ok(self.store.has_artifact_of(&record).then(|| Done::there(*record)))
     }
 
     /// Some chunks of a stage that has none are not what anybody means.
@@ -349,7 +349,7 @@ impl Builder<'_> {
         &self,
         ours: Ours<'_>,
         reserve: Option<&Reserve<'_>>,
-        listed: Option<&Recorded>,
+        listed: Option<&RecordIndex>,
         done: &mut [Option<Done>],
     ) -> Result<bool, StageError> {
         let Ours {
@@ -446,7 +446,7 @@ impl Builder<'_> {
         if self.is_stopped() {
             return Err(Stopped.into());
         }
-        let who = self.store.who_does(&piece.key);
+        let who = self.store.action_owner(&piece.key);
         (self.listener)(&Event::Note {
             name: piece.spec.name.clone(),
             text: format!(

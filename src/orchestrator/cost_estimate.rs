@@ -61,10 +61,10 @@ fn work(spec: &StageSpec, status: &StageStatus, input_bytes: Option<u64>, enviro
         steps: steps(status),
         weight: spec.stage.weight(),
         repeats_inputs: spec.stage.repeats_inputs(),
-        goes_by_inputs: spec.stage.goes_by_inputs(),
+        time_scales_with_inputs: spec.stage.time_scales_with_inputs(),
         size_parameter: spec.stage.size_parameter(),
-        is_lost: spec.foreseen.is_lost,
-        apart: spec.kind.priced_apart(),
+        mostly_unstable: spec.check.mostly_unstable,
+        apart: spec.kind.separate_cost_parameters(),
         chunks: match &status.work {
             Plan::Chunks(_) => Some(missing(status).count() as u64),
             Plan::Whole { .. } => None,
@@ -110,7 +110,7 @@ fn kept(status: &StageStatus, store: &Store, build: &str) -> u64 {
     let kept = actions
         .into_iter()
         .flatten()
-        .filter_map(|(_, key)| store.reached(key, build));
+        .filter_map(|(_, key)| store.checkpoint_progress(key, build));
     kept.map(|reached| reached.steps).sum()
 }
 

@@ -37,17 +37,17 @@ pub struct Entry<'a> {
 impl Entry<'_> {
     /// Whether a stage that it needs is one that it only waits for.
     pub fn is_gate(&self, other: &Entry<'_>) -> bool {
-        other.kind.gates() && !self.counts(other) && !self.may_need(other)
+        other.kind.gates() && !self.needs_kind_of(other) && !self.optional_needs(other)
     }
 
     /// Whether a stage is one of those of which it needs so many.
-    fn counts(&self, other: &Entry<'_>) -> bool {
+    fn needs_kind_of(&self, other: &Entry<'_>) -> bool {
         self.kind.needs().kinds.contains(&other.kind.name())
     }
 
     /// Whether a stage is one that it reads beside these.
-    fn may_need(&self, other: &Entry<'_>) -> bool {
-        self.kind.may_need().contains(&other.kind.name())
+    fn optional_needs(&self, other: &Entry<'_>) -> bool {
+        self.kind.optional_needs().contains(&other.kind.name())
     }
 }
 
@@ -129,7 +129,7 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
     for (index, node) in &entry.needs {
         let found = entries[*index].kind.name();
         let other = &entries[*index];
-        if !entry.counts(other) && !entry.may_need(other) && !entry.is_gate(other) {
+        if !entry.needs_kind_of(other) && !entry.optional_needs(other) && !entry.is_gate(other) {
             let message = match needs.kinds {
                 [] => format!("{article} `{kind}` stage needs nothing"),
                 kinds => format!(
@@ -141,7 +141,7 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
             return Err(node.error(message).help(fitting()));
         }
     }
-    let counted = |(index, _): &&(usize, &Node)| entry.counts(&entries[*index]);
+    let counted = |(index, _): &&(usize, &Node)| entry.needs_kind_of(&entries[*index]);
     let count = entry.needs.iter().filter(counted).count();
     if (needs.least..=needs.most).contains(&count) {
         return Ok(());
@@ -156,7 +156,10 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
         needs.kinds.join(" or ")
     );
     let node = entry.node.peek("needs").unwrap_or(entry.key);
-    let beside = entry.needs.iter().find(|(index, _)| entry.may_need(&entries[*index]));
+    let beside = entry
+        .needs
+        .iter()
+        .find(|(index, _)| entry.optional_needs(&entries[*index]));
     let advice = match beside {
         None => fitting(),
         Some((index, _)) => format!(

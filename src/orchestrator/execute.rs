@@ -8,21 +8,21 @@ use std::time::{Duration, SystemTime};
 
 use super::build::Builder;
 use super::cost_estimate;
-use super::difference::Difference;
 use super::event::{Event, Listener, Outcome, StageReport};
-use super::foresight::foreseen;
 use super::kind::{Input, Plan, StageError};
+use super::lock_difference::LockDifference;
 use super::locked;
 use super::plan;
+use super::plan_warnings::plan_warnings;
 use super::planner::{self, Planner, StageStatus, State};
-use super::price::{Bill, Price};
+use super::price::{Price, PriceTotal};
 use super::provenance::Environment;
 use super::shares::Shares;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
 use super::work::{Built, Work};
 use deaflow_base::{ArtifactId, InputError};
-use deaflow_store::{Command, Effort, Ended, LockFile, LockedStage, Record, Run, RunStage, Store, StoreError};
+use deaflow_store::{Command, Effort, LockFile, LockedStage, Record, Run, RunStage, StageOutcome, Store, StoreError};
 
 /// Stack of the thread of a stage, bytes: as much as the main thread has.
 const STACK: usize = 8 << 20;
@@ -43,7 +43,7 @@ pub struct RunOptions<'a> {
     /// Where the listener writes what is built, in the folder of the store.
     pub log: Option<&'a str>,
     /// How many stages that do not need each other may be built at once; 0 is as 1.
-    pub abreast: usize,
+    pub parallel_stages: usize,
     /// Builds these chunks of the last stage and no others; the stage itself is left to whoever builds the rest.
     pub chunks: Option<(usize, usize)>,
     /// Builds these stages and leaves all others to others; or all.
@@ -53,7 +53,7 @@ pub struct RunOptions<'a> {
     /// Once it is set nothing more is begun, and what can be gone on with later stops.
     pub stop: Option<&'a AtomicBool>,
     /// Whether the history is not to know of it.
-    pub unremembered: bool,
+    pub skip_history: bool,
 }
 
 /// Why a run or a plan could not be made.
@@ -67,10 +67,10 @@ pub enum RunError {
     Store(#[from] StoreError),
     /// The pipeline is not what its lock file says.
     #[error("the pipeline is not what its lock file says: {}", listed(.0))]
-    Locked(Vec<Difference>),
+    Locked(Vec<LockDifference>),
 }
 
-fn listed(differences: &[Difference]) -> String {
+fn listed(differences: &[LockDifference]) -> String {
     let texts: Vec<String> = differences.iter().map(ToString::to_string).collect();
     texts.join("; ")
 }
@@ -102,11 +102,11 @@ pub struct RunOutcome {
     /// The stages that failed: one, or with `keep_going` perhaps more.
     pub failures: Vec<Failure>,
     /// Why the run is not remembered, if it is not (a read-only or full store): its results are none the worse.
-    pub not_logged: Option<StoreError>,
+    pub history_error: Option<StoreError>,
     /// What the stages made, to be held to later.
     pub lock: LockFile,
     /// Warnings that were given before the work.
-    pub foreseen: Vec<String>,
+    pub warnings: Vec<String>,
     /// What it took from its beginning to its end, as the history has it, s.
     pub seconds: f64,
 }
@@ -133,12 +133,12 @@ pub fn run(
     let prices = cost_estimate::prices(pipeline, &selection, &statuses, store, environment)?;
     let prices: Vec<Option<Price>> = prices.into_iter().map(|(price, _)| price).collect();
     listener(&started(pipeline, &statuses, &prices));
-    let foreseen = match options.chunks.is_none() && options.stages.is_none() {
-        true => foreseen(pipeline, &reports(pipeline, &selection, &statuses), store)?,
+    let warnings = match options.chunks.is_none() && options.stages.is_none() {
+        true => plan_warnings(pipeline, &reports(pipeline, &selection, &statuses), store)?,
         // A part of the work of others, to whom it has been said.
         false => Vec::new(),
     };
-    foreseen
+    warnings
         .iter()
         .for_each(|text| listener(&Event::Warning { text: text.clone() }));
     let first = if options.only {
@@ -175,19 +175,19 @@ pub fn run(
         },
         planner,
         builder: &builder,
-        abreast: options.abreast.max(1),
+        parallel_stages: options.parallel_stages.max(1),
         ours: options.stages,
         lock: options.lock,
         prices: selection.iter().copied().zip(prices).collect(),
         inputs: known,
         sizes,
         remembered,
-        not_logged: None,
+        history_error: None,
         unstable: BTreeMap::new(),
     };
     let (stages, failures) = execution.stages(selection.get(first..).unwrap_or_default());
     let lock = execution.lock_file();
-    store.keep_index();
+    store.save_index();
     let stages_done = std::mem::take(&mut execution.remembered);
     let is_whole = options.chunks.is_none() && options.stages.is_none();
     let is_left = |index: &&usize| is_whole && !stages_done.contains_key(index);
@@ -208,12 +208,12 @@ pub fn run(
         not_begun,
         ..Run::default()
     };
-    let logged = match options.unremembered {
+    let logged = match options.skip_history {
         true => Ok(()),
         false => execution.log(run),
     };
-    let not_logged = execution.not_logged.or(logged.err());
-    if let Some(reason) = &not_logged {
+    let history_error = execution.history_error.or(logged.err());
+    if let Some(reason) = &history_error {
         let text = format!("the store does not remember this run: {reason}");
         listener(&Event::Warning { text });
     }
@@ -221,9 +221,9 @@ pub fn run(
         stages,
         unstable: execution.unstable.values().sum(),
         failures,
-        not_logged,
+        history_error,
         lock,
-        foreseen,
+        warnings,
         seconds,
     })
 }
@@ -259,7 +259,7 @@ fn remembered(spec: &StageSpec, status: &StageStatus) -> Option<RunStage> {
             kind: spec.kind.name().to_owned(),
             key: record.key,
             artifact: record.artifact,
-            outcome: Ended::Reused,
+            outcome: StageOutcome::Reused,
         }),
         State::Stale { .. } => None,
     }
@@ -267,13 +267,13 @@ fn remembered(spec: &StageSpec, status: &StageStatus) -> Option<RunStage> {
 
 fn started(pipeline: &Pipeline, statuses: &[StageStatus], prices: &[Option<Price>]) -> Event {
     let stale = statuses.iter().zip(prices).filter(|(status, _)| status.is_stale());
-    let bill = Bill::of(stale.map(|(_, price)| *price));
+    let total = PriceTotal::of(stale.map(|(_, price)| *price));
     Event::RunStarted {
         pipeline: pipeline.name.clone(),
         stages: statuses.len(),
-        stale: bill.stale,
-        price: bill.price,
-        unpriced: bill.unpriced,
+        stale: total.stale,
+        price: total.price,
+        unpriced: total.unpriced,
     }
 }
 
@@ -297,7 +297,7 @@ struct Execution<'a> {
     pipeline: &'a Pipeline,
     planner: Planner<'a>,
     builder: &'a Builder<'a>,
-    abreast: usize,
+    parallel_stages: usize,
     /// The stages that are built here; or all.
     ours: Option<&'a BTreeSet<usize>>,
     lock: Option<&'a LockFile>,
@@ -308,7 +308,7 @@ struct Execution<'a> {
     sizes: BTreeMap<usize, u64>,
     /// By their places in the pipeline.
     remembered: BTreeMap<usize, RunStage>,
-    not_logged: Option<StoreError>,
+    history_error: Option<StoreError>,
     /// Samples without a stable solution, by stages.
     unstable: BTreeMap<usize, u64>,
 }
@@ -387,7 +387,7 @@ impl<'a> Execution<'a> {
         let (sender, receiver) = channel();
         std::thread::scope(|scope| {
             loop {
-                while at_work.len() < self.abreast && self.goes_on(&concluded) {
+                while at_work.len() < self.parallel_stages && self.goes_on(&concluded) {
                     let is_open = |index: &usize| open.contains(*index) || at_work.contains(*index);
                     let is_ready = |index: &&usize| !stages[**index].waits_for().iter().any(is_open);
                     let Some(index) = open.left.iter().find(is_ready).copied() else {
@@ -427,7 +427,7 @@ impl<'a> Execution<'a> {
                             continue;
                         }
                         Ok(Begun::There(report)) => Ok(*report),
-                        Ok(Begun::AtWork(work)) if self.abreast == 1 => {
+                        Ok(Begun::AtWork(work)) if self.parallel_stages == 1 => {
                             self.end(work.done(builder, &stages[index]), None)
                         }
                         Ok(Begun::AtWork(work)) => {
@@ -589,7 +589,7 @@ impl<'a> Execution<'a> {
     /// What a stage that was not expected to be built needs and what is not here: it is brought, or has to be built first.
     fn lost(&mut self, index: usize) -> Result<Vec<usize>, StoreError> {
         let mut lost = Vec::new();
-        if !self.builder.store.reads_through() {
+        if !self.builder.store.has_upstream() {
             return Ok(lost);
         }
         for &need in &self.pipeline.stages[index].needs {
@@ -670,8 +670,8 @@ impl<'a> Execution<'a> {
             _ => Event::StageFinished(report.clone()),
         });
         let ended = match report.outcome {
-            Outcome::Built => Ended::Built,
-            _ => Ended::Reused,
+            Outcome::Built => StageOutcome::Built,
+            _ => StageOutcome::Reused,
         };
         let stage = RunStage {
             name: spec.name.clone(),
@@ -713,14 +713,14 @@ impl<'a> Execution<'a> {
         let run = Run {
             pipeline: self.pipeline.name.clone(),
             path: self.pipeline.file().display().to_string(),
-            place: self.builder.store.as_seen_from_here(&self.pipeline.file()),
+            place: self.builder.store.relative_path_to(&self.pipeline.file()),
             created: environment.now(),
             host: environment.host.clone(),
             version: format!("{} (build {})", environment.version, environment.build),
             overrides: self.pipeline.overrides.clone(),
             ..run
         };
-        if !self.builder.store.is_news(&run)? {
+        if !self.builder.store.is_new_run(&run)? {
             return Ok(());
         }
         let mut results = BTreeMap::new();
@@ -752,7 +752,7 @@ impl<'a> Execution<'a> {
             }
         }
         // What nothing needed is not brought from elsewhere to be told of.
-        if self.builder.store.reads_through() && !self.builder.store.has(&stage.artifact) {
+        if self.builder.store.has_upstream() && !self.builder.store.has(&stage.artifact) {
             return Ok(Vec::new());
         }
         let found = self.builder.store.artifact(&stage.artifact).map_err(StageError::from);
@@ -805,7 +805,7 @@ impl<'a> Execution<'a> {
         let environment = self.builder.environment;
         let cost = cost_estimate::cost(spec, status, report, unstable, input_bytes, environment);
         if let Some(Err(error)) = cost.map(|cost| self.builder.store.put_cost(&cost)) {
-            self.not_logged.get_or_insert(error);
+            self.history_error.get_or_insert(error);
         }
     }
 

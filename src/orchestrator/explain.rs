@@ -25,12 +25,12 @@ pub struct Explanation {
     /// What its inputs would be built for, directly or not: each of these stages with its own reasons, in topological order.
     pub causes: Vec<(String, Vec<Staleness>)>,
     /// The last run that did the same; or else the last one that had a stage of its name.
-    pub last: Option<Last>,
+    pub last: Option<LastRun>,
 }
 
 /// The last run that had a stage.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Last {
+pub struct LastRun {
     /// Whether it did the same: the stage as it stands, with its parameters and inputs.
     pub is_same: bool,
     /// When it ended.
@@ -93,7 +93,7 @@ pub fn explain(pipeline: &Pipeline, store: &Store, stage: &str) -> Result<Explan
         causes,
         reasons,
         inputs: names.zip(digests).collect(),
-        last: last.map(|(run, stage)| Last {
+        last: last.map(|(run, stage)| LastRun {
             is_same,
             created: run.created.clone(),
             key: stage.key,

@@ -5,7 +5,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use super::difference::Difference;
+use super::lock_difference::LockDifference;
 use super::scratch::Scratch;
 use deaflow_base::{ArtifactId, Canonical, Fields, InputError, Node, NodeValue, Progress, Stopped};
 use deaflow_store::{Artifact, Object, ObjectError, StoreError};
@@ -22,7 +22,7 @@ pub trait Kind: Sync {
     fn needs(&self) -> Needs;
 
     /// Kinds that `needs` may name too, without being counted: there must be enough of [`Kind::needs`] beside them.
-    fn may_need(&self) -> &'static [&'static str] {
+    fn optional_needs(&self) -> &'static [&'static str] {
         &[]
     }
 
@@ -65,7 +65,7 @@ pub trait Kind: Sync {
 
     /// Parameters, by their dotted paths in the key of a stage or of a chunk, that make the work another one: what it took with one value
     /// foretells nothing of another.
-    fn priced_apart(&self) -> &'static [&'static str] {
+    fn separate_cost_parameters(&self) -> &'static [&'static str] {
         &[]
     }
 
@@ -90,9 +90,9 @@ pub trait Kind: Sync {
     ///
     /// # Errors
     /// When the stage would fail with whatever the stages that it needs make.
-    fn foresee(&self, stage: &Foreseeable<'_>, needs: &[Foreseeable<'_>]) -> Result<Foreseen, InputError> {
+    fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         let _ = (stage, needs);
-        Ok(Foreseen::default())
+        Ok(StageCheck::default())
     }
 
     /// Reads a stage from its mapping, which includes `kind` and `needs`, and from the pipeline's scene, already one
@@ -105,7 +105,7 @@ pub trait Kind: Sync {
 
 /// A stage as it stands in the pipeline.
 #[derive(Clone, Copy)]
-pub struct Foreseeable<'a> {
+pub struct StageDeclaration<'a> {
     /// Its name.
     pub name: &'a str,
     /// Its kind.
@@ -118,31 +118,31 @@ pub struct Foreseeable<'a> {
 
 /// What is foreseen of a stage.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Foreseen {
+pub struct StageCheck {
     /// Warnings, for people.
     pub warnings: Vec<String>,
     /// What is to be compared with results of earlier runs.
     pub expectations: Vec<Expectation>,
     /// Whether most of its samples are likely to have no stable solution: what stages took that found one foretells nothing of it then.
-    pub is_lost: bool,
+    pub mostly_unstable: bool,
 }
 
 /// A number that stages with a result of some name should not exceed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expectation {
     /// The stages whose results count: one by its name, or all of a kind.
-    pub of: Whose,
+    pub source: ResultSource,
     /// Name of the result, as in [`Kind::results`].
     pub result: String,
     /// The most that it should be.
-    pub most: f64,
+    pub limit: f64,
     /// What is warned of where it is more, with `{value}` in place of the result and `{stage}` in place of the stage.
     pub warning: String,
 }
 
 /// Whose results count.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Whose {
+pub enum ResultSource {
     /// Those of a stage.
     Stage(String),
     /// Those of all stages of a kind.
@@ -200,7 +200,7 @@ pub trait Stage: Send + Sync {
     }
 
     /// Whether a stage in one piece takes as long as its inputs are, and not as many steps as it has. It serves to foretell costs and nothing else.
-    fn goes_by_inputs(&self) -> bool {
+    fn time_scales_with_inputs(&self) -> bool {
         true
     }
 
@@ -230,7 +230,7 @@ pub trait Stage: Send + Sync {
     }
 
     /// Whether [`Stage::blocks`] looks into the artifact, which has to be here then even where nothing is to be built.
-    fn is_judged(&self) -> bool {
+    fn blocking_reads_artifact(&self) -> bool {
         false
     }
 
@@ -320,7 +320,7 @@ pub enum StageError {
     Failed(String),
     /// It made something else than the lock file says.
     #[error(transparent)]
-    Locked(#[from] Difference),
+    Locked(#[from] LockDifference),
     /// The artifact is there, and what it says stops the pipeline.
     #[error("{0}")]
     Blocked(String),

@@ -1,18 +1,18 @@
 //! Knows stages, keys and chunks, and no physics: reads a pipeline, decides what is stale, builds that and no more.
 
 mod build;
-mod built;
+mod built_stages;
 mod cost_estimate;
-mod difference;
 mod entry;
 mod event;
 mod execute;
 mod explain;
-mod foresight;
 mod graph;
 mod kind;
+mod lock_difference;
 mod locked;
 mod plan;
+mod plan_warnings;
 mod planner;
 mod price;
 mod provenance;
@@ -22,28 +22,30 @@ mod schema;
 mod scratch;
 mod shares;
 mod spec;
+mod stage_progress;
 mod staleness;
-mod standing;
 mod sweep;
 mod work;
 
-pub use built::{Built, BuiltStage, built};
-pub use difference::Difference;
+pub use built_stages::{BuiltStage, BuiltStages, built_stages};
 pub use entry::{Registry, suggestion};
 pub use event::{Event, Listener, Outcome, StageReport};
 pub use execute::{Failure, RunError, RunOptions, RunOutcome, check_locked, run};
-pub use explain::{Explanation, Last, explain};
-pub use foresight::foreseen;
-pub use kind::{Chunk, Expectation, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError, Whose};
-pub use plan::{bill, plan, plan_document};
-pub use price::{Bill, Estimate, Price};
+pub use explain::{Explanation, LastRun, explain};
+pub use kind::{
+    Chunk, Expectation, Input, Job, Kind, Needs, Plan, ResultSource, Stage, StageCheck, StageDeclaration, StageError,
+};
+pub use lock_difference::LockDifference;
+pub use plan::{plan, plan_document, price_total};
+pub use plan_warnings::plan_warnings;
+pub use price::{Estimate, Price, PriceTotal};
 pub use provenance::Environment;
 pub use rounds::Rounds;
-pub use schema::{of_pipeline, of_scene};
+pub use schema::{pipeline_schema, scene_schema};
 pub use scratch::Scratch;
 pub use spec::{Pipeline, StageSpec, file_of, splice_scene};
+pub use stage_progress::{Readiness, StageProgress, stage_progress};
 pub use staleness::{Staleness, as_set, is_filled};
-pub use standing::{Standing, Stands, standings};
 pub use sweep::{MANY_STAGES, MOST_STAGES, Sweep};
 
 #[cfg(test)]

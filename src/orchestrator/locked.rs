@@ -3,7 +3,7 @@
 //! Keys are made of recipe, parameters and the digests of inputs, and the lock file says those digests: so all keys are
 //! known before anything is built, and a difference costs no work.
 
-use super::difference::Difference;
+use super::lock_difference::LockDifference;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::{Current, Staleness};
 use deaflow_base::ArtifactId;
@@ -18,13 +18,13 @@ pub fn differences(
     selection: &[usize],
     store: &Store,
     lock: &LockFile,
-) -> Result<Vec<Difference>, StoreError> {
+) -> Result<Vec<LockDifference>, StoreError> {
     let dropped = lock.stages.keys().filter(|name| pipeline.stage(name).is_none());
-    let mut found: Vec<Difference> = dropped.map(|name| Difference::Dropped(name.clone())).collect();
+    let mut found: Vec<LockDifference> = dropped.map(|name| LockDifference::Dropped(name.clone())).collect();
     for &index in selection {
         let spec = &pipeline.stages[index];
         match lock.stages.get(&spec.name) {
-            None => found.push(Difference::Added(spec.name.clone())),
+            None => found.push(LockDifference::Added(spec.name.clone())),
             Some(locked) => found.extend(other_key(pipeline, spec, store, lock, locked)?),
         }
     }
@@ -38,7 +38,7 @@ fn other_key(
     store: &Store,
     lock: &LockFile,
     locked: &LockedStage,
-) -> Result<Option<Difference>, StoreError> {
+) -> Result<Option<LockDifference>, StoreError> {
     let needs = spec.needs.iter().map(|&need| pipeline.stages[need].name.as_str());
     let inputs: Vec<(&str, Option<ArtifactId>)> = needs
         .map(|name| (name, lock.stages.get(name).map(|stage| stage.artifact)))
@@ -66,7 +66,7 @@ fn other_key(
         }
         None => format!("its key is {}, not {}", key.short(), locked.key.short()),
     };
-    Ok(Some(Difference::Key {
+    Ok(Some(LockDifference::Key {
         stage: spec.name.clone(),
         why,
     }))
@@ -74,7 +74,7 @@ fn other_key(
 
 /// The difference in what a stage made.
 #[must_use]
-pub fn other_artifact(spec: &StageSpec, lock: &LockFile, record: &Record) -> Option<Difference> {
+pub fn other_artifact(spec: &StageSpec, lock: &LockFile, record: &Record) -> Option<LockDifference> {
     let locked = lock.stages.get(&spec.name)?;
     if locked.artifact == record.artifact {
         return None;
@@ -87,7 +87,7 @@ pub fn other_artifact(spec: &StageSpec, lock: &LockFile, record: &Record) -> Opt
             record.target, lock.target
         )
     };
-    Some(Difference::Artifact {
+    Some(LockDifference::Artifact {
         stage: spec.name.clone(),
         found: record.artifact.short(),
         locked: locked.artifact.short(),

@@ -9,7 +9,7 @@ use super::event::{Outcome, StageReport};
 use super::execute::RunError;
 use super::kind::Plan;
 use super::planner::{Planner, StageStatus, State};
-use super::price::Bill;
+use super::price::PriceTotal;
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
@@ -50,21 +50,21 @@ pub fn plan(
 
 /// What building those of some stages that are stale takes together.
 #[must_use]
-pub fn bill(stages: &[StageReport]) -> Bill {
+pub fn price_total(stages: &[StageReport]) -> PriceTotal {
     let stale = stages.iter().filter(|stage| stage.outcome == Outcome::Stale);
-    Bill::of(stale.map(|stage| stage.price))
+    PriceTotal::of(stale.map(|stage| stage.price))
 }
 
 /// A plan as `deaflow plan --json` prints it: its stages, what building those that are stale takes together, and what is foreseen of it.
 #[must_use]
 pub fn plan_document(pipeline: &Pipeline, store: &Path, stages: &[StageReport], warnings: &[String]) -> Value {
-    let bill = bill(stages);
+    let total = price_total(stages);
     json!({
         "pipeline": pipeline.name,
         "store": store,
         "stages": stages,
-        "price": bill.price,
-        "unpriced": bill.unpriced,
+        "price": total.price,
+        "unpriced": total.unpriced,
         "warnings": warnings,
     })
 }

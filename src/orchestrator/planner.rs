@@ -14,7 +14,7 @@ use super::spec::{Pipeline, StageSpec};
 use super::staleness::{Current, Staleness};
 use deaflow_base::{ActionKey, ArtifactId, Canonical};
 use deaflow_store::{
-    Action, Condition, Effort, Lookup, Object, Record, Recorded, Run, RunStage, Runs, RunsOf, Store, StoreError,
+    Action, Condition, Effort, Lookup, Object, Record, RecordIndex, Run, RunStage, Runs, RunsOf, Store, StoreError,
 };
 
 /// Files that one thread looks at sooner than another could be woken.
@@ -135,12 +135,12 @@ impl ChunkState {
     }
 
     /// Whether it is among what has been recorded.
-    pub fn is_in(&self, recorded: &Recorded) -> bool {
+    pub fn is_in(&self, recorded: &RecordIndex) -> bool {
         self.action.as_ref().is_some_and(|(_, key)| recorded.contains(key))
     }
 
     /// A chunk of whose record only the name is looked at.
-    fn listed(action: Option<(Action, ActionKey)>, recorded: &Recorded) -> Self {
+    fn listed(action: Option<(Action, ActionKey)>, recorded: &RecordIndex) -> Self {
         let unseen = Self {
             action,
             record: None,
@@ -208,7 +208,7 @@ impl<'a> Planner<'a> {
             inputs.insert(index, status.as_input());
             out.push(status);
         }
-        self.store.keep_index();
+        self.store.save_index();
         Ok(out)
     }
 
@@ -222,7 +222,7 @@ impl<'a> Planner<'a> {
         let parameters = spec.stage.parameters();
         let action = keyed(Action::of_stage(spec.kind.name(), spec.recipe(), &parameters, &digests))?;
         let work = spec.stage.plan(inputs);
-        let effort = match spec.stage.is_judged() {
+        let effort = match spec.stage.blocking_reads_artifact() {
             true => Effort::Thorough,
             false => effort,
         };
@@ -241,7 +241,7 @@ impl<'a> Planner<'a> {
         };
         let chunks = self.chunks(spec, &work, effort)?;
         let expected = match expected {
-            None => foreseen(spec, &chunks)?,
+            None => expected_manifest(spec, &chunks)?,
             some => some,
         };
         let state = State::Stale { why, chunks, expected };
@@ -466,9 +466,9 @@ impl<'a> Planner<'a> {
     }
 
     /// The records in the store, where a stage has very many chunks.
-    fn listed(&self, actions: &[Option<(Action, ActionKey)>]) -> Result<Option<Recorded>, StoreError> {
+    fn listed(&self, actions: &[Option<(Action, ActionKey)>]) -> Result<Option<RecordIndex>, StoreError> {
         let is_worth_it = are_listed(self.store, actions.len()) && actions.iter().any(Option::is_some);
-        is_worth_it.then(|| self.store.recorded()).transpose()
+        is_worth_it.then(|| self.store.record_index()).transpose()
     }
 
     fn chunk(&self, action: Option<(Action, ActionKey)>, effort: Effort) -> Result<ChunkState, StoreError> {
@@ -484,7 +484,7 @@ impl<'a> Planner<'a> {
 
 /// Whether names of records are looked at where a stage has so many chunks.
 pub fn are_listed(store: &Store, chunks: usize) -> bool {
-    chunks >= MANY && !store.reads_through()
+    chunks >= MANY && !store.has_upstream()
 }
 
 /// Length of an intact file in bytes, or why there is none.
@@ -506,7 +506,7 @@ fn keyed(action: Option<Action>) -> Result<Option<(Action, ActionKey)>, StoreErr
 }
 
 /// The manifest of chunks that have all been built before, though not under this key.
-fn foreseen(spec: &StageSpec, chunks: &[ChunkState]) -> Result<Option<ArtifactId>, StoreError> {
+fn expected_manifest(spec: &StageSpec, chunks: &[ChunkState]) -> Result<Option<ArtifactId>, StoreError> {
     let parts: Option<Vec<ArtifactId>> = chunks.iter().map(ChunkState::artifact).collect();
     match parts {
         Some(parts) if !parts.is_empty() => Ok(Some(manifest(spec, parts).digest()?)),

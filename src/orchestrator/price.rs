@@ -52,7 +52,7 @@ pub struct Price {
 
 /// What stale stages take together.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bill {
+pub struct PriceTotal {
     /// How many stages are stale.
     pub stale: usize,
     /// What building them takes, as far as something can be foretold.
@@ -61,7 +61,7 @@ pub struct Bill {
     pub unpriced: usize,
 }
 
-impl Bill {
+impl PriceTotal {
     /// The bill of stale stages by their prices.
     #[must_use]
     pub fn of(prices: impl Iterator<Item = Option<Price>> + Clone) -> Self {
@@ -93,11 +93,11 @@ pub struct Work {
     /// Whether each step goes through all inputs.
     pub repeats_inputs: bool,
     /// Whether, in one piece, it takes as long as its inputs are.
-    pub goes_by_inputs: bool,
+    pub time_scales_with_inputs: bool,
     /// The parameter with which its files grow, where it is one piece of work.
     pub size_parameter: Option<&'static str>,
     /// Whether most samples are likely to have no stable solution.
-    pub is_lost: bool,
+    pub mostly_unstable: bool,
     /// Parameters whose values make it another sort of work.
     pub apart: &'static [&'static str],
     /// Chunks to build, or `None` where the stage is one piece of work.
@@ -213,8 +213,8 @@ pub fn price(costs: &[Cost], work: &Work) -> Result<Price, Unmeasured> {
         return Err(latest.and_then(|cost| apart(cost, work)).unwrap_or(Unmeasured::Kind));
     };
     // What stable ones took says nothing of others, unless they were so with these very parameters.
-    if work.is_lost && nearest > 0 {
-        known.retain(|(_, cost)| is_lost(cost));
+    if work.mostly_unstable && nearest > 0 {
+        known.retain(|(_, cost)| mostly_unstable(cost));
     }
     let nearest = known
         .iter()
@@ -223,12 +223,13 @@ pub fn price(costs: &[Cost], work: &Work) -> Result<Price, Unmeasured> {
         .ok_or(Unmeasured::Lost)?;
     known.retain(|(distance, _)| *distance == nearest);
     // Where membranes are lost at other parameters says nothing of these.
-    if nearest > 0 && !work.is_lost && !known.iter().all(|(_, cost)| is_lost(cost)) {
-        known.retain(|(_, cost)| !is_lost(cost));
+    if nearest > 0 && !work.mostly_unstable && !known.iter().all(|(_, cost)| mostly_unstable(cost)) {
+        known.retain(|(_, cost)| !mostly_unstable(cost));
     }
     let known = alike(known.into_iter().map(|(_, cost)| cost).collect(), work);
     let latest: Vec<&Cost> = known.iter().rev().take(LATEST).copied().collect();
-    let by_input = latest.iter().all(|cost| cost.input_bytes > 0) && work.chunks.is_none() && work.goes_by_inputs;
+    let by_input =
+        latest.iter().all(|cost| cost.input_bytes > 0) && work.chunks.is_none() && work.time_scales_with_inputs;
     let by_input = work.input_bytes.filter(|_| by_input);
     let ratio = latest
         .iter()
@@ -315,7 +316,7 @@ fn size_ratio(cost: &Cost, work: &Work) -> f64 {
 }
 
 /// Whether most of what was solved has no stable solution.
-fn is_lost(cost: &Cost) -> bool {
+fn mostly_unstable(cost: &Cost) -> bool {
     2 * cost.unstable > cost.steps
 }
 
@@ -336,12 +337,12 @@ fn unlike(cost: &Cost, work: &Work) -> f64 {
     }
     let of_steps = work.steps as f64 * work.weight / (cost.steps as f64 * cost.weight);
     let of_input = match (work.chunks, work.input_bytes) {
-        (None, Some(bytes)) if work.goes_by_inputs && cost.input_bytes > 0 && bytes > 0 => {
+        (None, Some(bytes)) if work.time_scales_with_inputs && cost.input_bytes > 0 && bytes > 0 => {
             bytes as f64 / cost.input_bytes as f64
         }
         _ => 1.0,
     };
-    let ratio = match work.repeats_inputs || work.chunks.is_some() || !work.goes_by_inputs {
+    let ratio = match work.repeats_inputs || work.chunks.is_some() || !work.time_scales_with_inputs {
         true => of_steps * of_input,
         false => of_input * work.weight / cost.weight,
     };
@@ -412,9 +413,9 @@ mod tests {
             steps,
             weight: 1.0,
             repeats_inputs: true,
-            goes_by_inputs: true,
+            time_scales_with_inputs: true,
             size_parameter: None,
-            is_lost: false,
+            mostly_unstable: false,
             apart: &["order"],
             chunks,
             input_bytes: Some(2000),
@@ -557,7 +558,7 @@ mod tests {
     #[test]
     fn where_membranes_are_likely_to_be_lost_what_stable_ones_took_says_nothing() {
         let mut here = Work {
-            is_lost: true,
+            mostly_unstable: true,
             ..work(Some(10), 100)
         };
         here.parameters.insert("voltage".into(), "12".into());
@@ -578,7 +579,7 @@ mod tests {
         // Inputs twice as long, such as searches of twice as many generations.
         let verify = Work {
             repeats_inputs: false,
-            goes_by_inputs: false,
+            time_scales_with_inputs: false,
             ..work(None, 8)
         };
         assert!((price(&costs, &verify).unwrap().seconds.likely - 4.0).abs() < 1e-12);

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use super::planner::ChunkState;
 use deaflow_base::Digest;
-use deaflow_store::{Guard, Manner, Store};
+use deaflow_store::{Guard, LockingMethod, Store};
 
 /// Blocks of a stage at most. A stage of fewer than twice as many chunks has none: there each is tried.
 #[cfg(not(test))]
@@ -29,7 +29,7 @@ impl<'a> Reserve<'a> {
     /// those costs nothing.
     pub fn of(store: &'a Store, chunks: &[ChunkState], most: usize) -> Option<Self> {
         let length = chunks.len() / most.max(1);
-        if length < 2 || store.locking().manner == Manner::Locks {
+        if length < 2 || store.locking().method == LockingMethod::Locks {
             return None;
         }
         let name = |block: &[ChunkState]| {

@@ -12,7 +12,7 @@ const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
 
 /// The JSON Schema of pipelines.
 #[must_use]
-pub fn of_pipeline(registry: &Registry) -> Value {
+pub fn pipeline_schema(registry: &Registry) -> Value {
     let reference = |name: &str| Schema::new(json!({ "$ref": format!("#/$defs/{name}") }));
     let scene = Schema::any_of([
         Schema::new(json!({ "type": "string", "description": "A file, relative to the pipeline." })),
@@ -52,7 +52,7 @@ pub fn of_pipeline(registry: &Registry) -> Value {
 
 /// The JSON Schema of scenes in files of their own.
 #[must_use]
-pub fn of_scene(registry: &Registry) -> Value {
+pub fn scene_schema(registry: &Registry) -> Value {
     let mut root = titled("deaflow scene", (registry.scene_schema)());
     allow_axes(&mut root);
     root["$defs"] = json!({ "axis": axis() });
@@ -115,7 +115,7 @@ fn titled(title: &str, schema: Schema) -> Value {
 /// `gated`: any stage that needs others may also wait for some that it does not read.
 fn of_kind(kind: &dyn Kind, gated: bool, registry: &Registry) -> Schema {
     let needs = kind.needs();
-    let most = if gated || !kind.may_need().is_empty() {
+    let most = if gated || !kind.optional_needs().is_empty() {
         usize::MAX
     } else {
         needs.most
@@ -124,7 +124,7 @@ fn of_kind(kind: &dyn Kind, gated: bool, registry: &Registry) -> Schema {
         let fields = sweep::schema(rounds::schema(kind, fields, registry));
         let fields = fields.required("kind", Schema::word(&[kind.name()]).description("What the stage does."));
         let list = || {
-            let beside = match kind.may_need() {
+            let beside = match kind.optional_needs() {
                 [] => String::new(),
                 kinds => format!(" Beside them also of kind {}.", kinds.join(" or ")),
             };

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use deaflow_base::{ActionKey, Stopped};
-use deaflow_store::{Reached, Store, StoreError};
+use deaflow_store::{CheckpointProgress, Store, StoreError};
 
 /// Keeping may take this part of the time at most.
 const SHARE: u32 = 20;
@@ -58,15 +58,15 @@ impl<'a> Scratch<'a> {
 
     /// What an earlier run kept under a name. What is damaged, or was written by another build, is told and not used.
     #[must_use]
-    pub fn kept(&self, name: &str) -> Option<Vec<u8>> {
+    pub fn load(&self, name: &str) -> Option<Vec<u8>> {
         match self.store.checkpoint(&self.key, name, &self.build) {
             Ok(content) => content,
             Err(StoreError::Damaged { path, reason }) => {
-                self.ignore(&format!("{}: {reason}", path.display()));
+                self.report_unused(&format!("{}: {reason}", path.display()));
                 None
             }
             Err(error) => {
-                self.ignore(&error.to_string());
+                self.report_unused(&error.to_string());
                 None
             }
         }
@@ -77,13 +77,13 @@ impl<'a> Scratch<'a> {
     ///
     /// # Errors
     /// When the work is to stop.
-    pub fn keep(&self, name: &str, content: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
+    pub fn save(&self, name: &str, content: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
         let stops = self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed));
-        self.keep_when_due(name, content, stops);
+        self.save_when_due(name, content, stops);
         if stops { Err(Stopped) } else { Ok(()) }
     }
 
-    fn keep_when_due(&self, name: &str, content: &dyn Fn() -> Option<Vec<u8>>, stops: bool) {
+    fn save_when_due(&self, name: &str, content: &dyn Fn() -> Option<Vec<u8>>, stops: bool) {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let due = match *kept {
             Kept::NotYet => true,
@@ -95,7 +95,7 @@ impl<'a> Scratch<'a> {
         }
         let start = Instant::now();
         let Some(content) = content() else { return };
-        let reached = Reached {
+        let reached = CheckpointProgress {
             stage: self.of.0.to_owned(),
             steps: self.steps.load(Ordering::Relaxed),
             unit: self.of.1.to_owned(),
@@ -113,7 +113,7 @@ impl<'a> Scratch<'a> {
     }
 
     /// Tells that what an earlier run kept is not used.
-    pub fn ignore(&self, reason: &str) {
+    pub fn report_unused(&self, reason: &str) {
         (self.warn)(format!("what an earlier run had come to is not used: {reason}"));
     }
 
@@ -146,17 +146,17 @@ mod tests {
         let warnings = Mutex::new(Vec::new());
         let warn = |text: String| warnings.lock().unwrap().push(text);
         let scratch = |build: &str| Scratch::new(&store, of_build(build), OF, &STEPS, &warn, None);
-        assert_eq!(scratch("one").kept("state"), None);
+        assert_eq!(scratch("one").load("state"), None);
         let first = scratch("one");
-        first.keep("state", &|| Some(b"content".to_vec())).unwrap();
-        assert_eq!(scratch("one").kept("state").as_deref(), Some(&b"content"[..]));
-        let reached = store.reached(&ActionKey::of(b"key"), "one").unwrap();
+        first.save("state", &|| Some(b"content".to_vec())).unwrap();
+        assert_eq!(scratch("one").load("state").as_deref(), Some(&b"content"[..]));
+        let reached = store.checkpoint_progress(&ActionKey::of(b"key"), "one").unwrap();
         assert_eq!((reached.stage.as_str(), reached.steps), ("surrogate", 3));
         assert!(warnings.lock().unwrap().is_empty());
-        assert_eq!(scratch("two").kept("state"), None);
+        assert_eq!(scratch("two").load("state"), None);
         assert!(warnings.lock().unwrap()[0].contains("another build"), "{warnings:?}");
         scratch("one").clear();
-        assert_eq!(scratch("one").kept("state"), None);
+        assert_eq!(scratch("one").load("state"), None);
     }
 
     #[test]
@@ -167,7 +167,7 @@ mod tests {
         let scratch = Scratch::new(&store, of_build("build"), OF, &STEPS, &warn, None);
         let made = Mutex::new(0);
         let keep = || {
-            scratch.keep("state", &|| {
+            scratch.save("state", &|| {
                 *made.lock().unwrap() += 1;
                 std::thread::sleep(Duration::from_millis(20));
                 Some(vec![1])
@@ -186,15 +186,15 @@ mod tests {
         let stop = AtomicBool::new(false);
         let scratch = Scratch::new(&store, of_build("build"), OF, &STEPS, &warn, Some(&stop));
         let keep = |content: u8| {
-            scratch.keep("state", &|| {
+            scratch.save("state", &|| {
                 std::thread::sleep(Duration::from_millis(20));
                 Some(vec![content])
             })
         };
         assert_eq!((keep(1), keep(2)), (Ok(()), Ok(())));
-        assert_eq!(scratch.kept("state"), Some(vec![1]), "the second came too soon");
+        assert_eq!(scratch.load("state"), Some(vec![1]), "the second came too soon");
         stop.store(true, Ordering::Relaxed);
-        assert_eq!((keep(3), scratch.kept("state")), (Err(Stopped), Some(vec![3])));
+        assert_eq!((keep(3), scratch.load("state")), (Err(Stopped), Some(vec![3])));
     }
 
     #[test]
@@ -206,7 +206,7 @@ mod tests {
         let warn = |text: String| warnings.lock().unwrap().push(text);
         let scratch = Scratch::new(&store, of_build("build"), OF, &STEPS, &warn, None);
         for _ in 0..2 {
-            scratch.keep("state", &|| Some(vec![1])).unwrap();
+            scratch.save("state", &|| Some(vec![1])).unwrap();
         }
         let told = warnings.lock().unwrap().clone();
         assert!(told.len() == 1 && told[0].contains("will begin again"), "{told:?}");

@@ -8,7 +8,7 @@ use super::entry::{
     Entry, Registry, check_length, check_names, check_needs, read_entries, refuse_cycle_of, suggestion,
 };
 use super::graph;
-use super::kind::{Foreseeable, Foreseen, Kind, Stage};
+use super::kind::{Kind, Stage, StageCheck, StageDeclaration};
 use super::rounds::{self, Rounds};
 use super::sweep::{self, Sweep};
 use deaflow_base::{Document, InputError, Node, NodeValue, Override, folder_of};
@@ -53,7 +53,7 @@ pub struct StageSpec {
     /// The files that it names, relative to that of the pipeline.
     pub files: Vec<String>,
     /// What is foreseen of it.
-    pub foreseen: Foreseen,
+    pub check: StageCheck,
     /// What it does.
     pub stage: Box<dyn Stage>,
 }
@@ -289,13 +289,13 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
             gates: places(true),
             scene: own_scene.cloned(),
             files: entry.kind.files(entry.node),
-            foreseen: Foreseen::default(),
+            check: StageCheck::default(),
             stage,
         }));
     }
-    for (index, foreseen) in foresee(entries, scene, swept)?.into_iter().enumerate() {
+    for (index, check) in check_stages(entries, scene, swept)?.into_iter().enumerate() {
         if let Some(stage) = &mut stages[index] {
-            stage.foreseen = foreseen;
+            stage.check = check;
         }
     }
     let stages: Vec<StageSpec> = order.iter().filter_map(|&index| stages[index].take()).collect();
@@ -304,7 +304,7 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
 }
 
 /// What is foreseen of each stage, in the order of the file.
-fn foresee(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Result<Vec<Foreseen>, InputError> {
+fn check_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Result<Vec<StageCheck>, InputError> {
     let own_scene = |entry: &Entry<'_>| entry.node.peek(sweep::SCENE).filter(|_| swept).cloned();
     let scenes: Vec<Option<Node>> = entries.iter().map(own_scene).collect();
     let nodes: Vec<Cow<'_, Node>> = entries
@@ -315,15 +315,15 @@ fn foresee(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Result<V
             None => Cow::Borrowed(entry.node),
         })
         .collect();
-    let foreseeable = |index: usize| Foreseeable {
+    let declaration = |index: usize| StageDeclaration {
         name: entries[index].name,
         kind: entries[index].kind.name(),
         node: &nodes[index],
         scene: scenes[index].as_ref().or(scene),
     };
     let each = entries.iter().enumerate().map(|(index, entry)| {
-        let needs: Vec<Foreseeable<'_>> = entry.needs.iter().map(|(need, _)| foreseeable(*need)).collect();
-        entry.kind.foresee(&foreseeable(index), &needs)
+        let needs: Vec<StageDeclaration<'_>> = entry.needs.iter().map(|(need, _)| declaration(*need)).collect();
+        entry.kind.check(&declaration(index), &needs)
     });
     each.collect()
 }

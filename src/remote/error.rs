@@ -112,11 +112,11 @@ impl RemoteError {
 
     /// Whether to try again later may help.
     #[must_use]
-    pub fn may_pass(&self) -> bool {
+    pub fn is_transient(&self) -> bool {
         match self {
             Self::Unreachable { .. } => true,
             Self::Refused { status, code, .. } => is_passing(*status) || code == "RequestTimeTooSkewed",
-            Self::Store(error) => error.may_pass(),
+            Self::Store(error) => error.is_transient(),
             Self::Io { .. } => true,
             _ => false,
         }

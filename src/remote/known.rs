@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use super::key::PublicKey;
 use super::pack::Statement;
 use deaflow_base::{ActionKey, ArtifactId};
-use deaflow_store::{Promise, Record};
+use deaflow_store::{Record, UpstreamArtifact};
 
 /// Who says what of an action.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -42,7 +42,7 @@ pub struct Known {
     statements: HashMap<ActionKey, (PublicKey, Statement)>,
     disputed: BTreeMap<ActionKey, Disagreement>,
     by_artifact: HashMap<ArtifactId, Vec<ActionKey>>,
-    promised: HashMap<ArtifactId, Promise>,
+    promised: HashMap<ArtifactId, UpstreamArtifact>,
     said: HashSet<(PublicKey, ActionKey, ArtifactId)>,
 }
 
@@ -50,7 +50,7 @@ impl Known {
     /// Adds what a trusted signer says.
     pub fn add(&mut self, signer: PublicKey, statement: Statement) {
         let (key, artifact) = (statement.record.key, statement.record.artifact);
-        self.promise(&statement);
+        self.find_artifact(&statement);
         self.said.insert((signer, key, artifact));
         let said = |signer, artifact| Said { signer, artifact };
         if let Some(dispute) = self.disputed.get_mut(&key) {
@@ -79,8 +79,8 @@ impl Known {
     }
 
     /// Whoever says what made it: content is what it is.
-    fn promise(&mut self, statement: &Statement) {
-        let unsaid = || Promise {
+    fn find_artifact(&mut self, statement: &Statement) {
+        let unsaid = || UpstreamArtifact {
             size: 0,
             parts: Some(Vec::new()),
         };
@@ -115,7 +115,7 @@ impl Known {
     }
 
     /// What the remote has of an artifact.
-    pub fn promised(&self, artifact: &ArtifactId) -> Option<&Promise> {
+    pub fn promised(&self, artifact: &ArtifactId) -> Option<&UpstreamArtifact> {
         self.promised.get(artifact)
     }
 

@@ -42,7 +42,7 @@ pub fn pull_some(
     progress: &(dyn Fn(u64, u64) + Sync),
 ) -> Result<Pulled, RemoteError> {
     let (before, total, done) = (remote.brought(), artifacts.len() as u64, AtomicU64::new(0));
-    let own = store.alone();
+    let own = store.without_upstream();
     let mut here = 0;
     for artifact in artifacts {
         here += u64::from(matches!(
@@ -54,7 +54,7 @@ pub fn pull_some(
     let mut left = store.fetch_all(artifacts, &step)?;
     left.sort_unstable();
     own.settle_records()?;
-    store.keep_index();
+    store.save_index();
     let brought = remote.brought();
     Ok(Pulled {
         artifacts: brought.artifacts - before.artifacts,

@@ -10,7 +10,7 @@ use super::key::SigningKey;
 use super::pack::{self, MOST_RECORDS, Statement};
 use super::upstream::{OBJECTS, Remote, object_name, object_of};
 use deaflow_base::{ArtifactId, side_by_side};
-use deaflow_store::{Holding, Store};
+use deaflow_store::{Store, StoredArtifact};
 
 /// What to push.
 pub struct Push<'a> {
@@ -70,7 +70,7 @@ impl Push<'_> {
 /// When the remote cannot be reached or refuses, or the store cannot be read.
 pub fn push(push: &Push<'_>, progress: &(dyn Fn(u64, u64) + Sync)) -> Result<Pushed, RemoteError> {
     let remote = push.remote;
-    let held = push.store.holdings(push.roots.as_deref())?;
+    let held = push.store.stored_artifacts(push.roots.as_deref())?;
     remote.mark()?;
     let signer = push.key.public();
     let there = if push.again { HashSet::new() } else { objects(remote)? };
@@ -124,16 +124,17 @@ fn objects(remote: &Remote) -> Result<HashSet<ArtifactId>, RemoteError> {
 /// Sends those that are not there: chunks before the manifests that need them.
 fn send_all(
     push: &Push<'_>,
-    batch: &[Holding],
+    batch: &[StoredArtifact],
     there: &HashSet<ArtifactId>,
     missing: &mut BTreeSet<ArtifactId>,
     pushed: &mut Pushed,
     step: &(dyn Fn() + Sync),
 ) -> Result<(), RemoteError> {
-    let (plain, manifests): (Vec<&Holding>, Vec<&Holding>) = batch.iter().partition(|held| held.parts.is_empty());
+    let (plain, manifests): (Vec<&StoredArtifact>, Vec<&StoredArtifact>) =
+        batch.iter().partition(|held| held.parts.is_empty());
     for group in [plain, manifests] {
-        let lacks = |held: &&Holding| held.parts.iter().any(|part| missing.contains(part));
-        let (broken, whole): (Vec<&Holding>, Vec<&Holding>) = group.into_iter().partition(lacks);
+        let lacks = |held: &&StoredArtifact| held.parts.iter().any(|part| missing.contains(part));
+        let (broken, whole): (Vec<&StoredArtifact>, Vec<&StoredArtifact>) = group.into_iter().partition(lacks);
         for held in broken {
             if missing.insert(held.artifact) {
                 pushed

@@ -14,7 +14,7 @@ use super::known::{Disagreement, Foreign, Known};
 use super::pack::{self, NoPack, RECORDS, Statement};
 use super::s3::S3;
 use deaflow_base::{ActionKey, ArtifactId, Digest, read_own, side_by_side, write_output};
-use deaflow_store::{Promise, Record, Store, StoreError, Upstream};
+use deaflow_store::{Record, Store, StoreError, Upstream, UpstreamArtifact};
 
 /// The marker, and what it says.
 pub const MARKER: &str = "format";
@@ -425,7 +425,7 @@ impl Upstream for Remote {
         })
     }
 
-    fn counts(&self, record: &Record, origin: &str) -> bool {
+    fn is_trusted(&self, record: &Record, origin: &str) -> bool {
         let signer = origin.strip_prefix(&self.place).map(str::trim_start);
         let is_trusted = match signer.map(str::parse) {
             Some(Ok(signer)) => self.trusts(&signer),
@@ -466,7 +466,7 @@ impl Upstream for Remote {
         }
     }
 
-    fn promise(&self, artifact: &ArtifactId) -> Option<Promise> {
+    fn find_artifact(&self, artifact: &ArtifactId) -> Option<UpstreamArtifact> {
         let is_gone = self
             .gone
             .lock()
@@ -478,7 +478,7 @@ impl Upstream for Remote {
         self.with_known(|known| known.promised(artifact).cloned())
     }
 
-    fn bring(&self, artifact: &ArtifactId, target: &Path) -> Result<bool, StoreError> {
+    fn download(&self, artifact: &ArtifactId, target: &Path) -> Result<bool, StoreError> {
         if self.is_off.load(Ordering::Relaxed) {
             self.lose(artifact, None);
             return Ok(false);

@@ -8,7 +8,7 @@ use super::artifacts::{Made, RunArtifacts};
 use super::error::ReportError;
 use deaflow_base::{ArtifactId, Node, NodeValue};
 use deaflow_orchestrator::{Pipeline, Rounds, StageReport};
-use deaflow_store::{Artifact, Command, Cost, Ended, Run, Store, StoreError};
+use deaflow_store::{Artifact, Command, Cost, Run, StageOutcome, Store, StoreError};
 
 /// A pipeline with what has been built of it.
 #[derive(Clone, Debug)]
@@ -221,7 +221,7 @@ fn there(report: &StageReport) -> Option<ArtifactId> {
 
 /// Whether a run built an artifact that a plan has.
 fn has_built(run: &Run, plan: &[StageReport]) -> bool {
-    let built = run.stages.iter().filter(|stage| stage.outcome == Ended::Built);
+    let built = run.stages.iter().filter(|stage| stage.outcome == StageOutcome::Built);
     built.into_iter().any(|stage| {
         let of_plan = plan.iter().find(|report| report.name == stage.name);
         of_plan.and_then(there) == Some(stage.artifact)
@@ -323,8 +323,8 @@ mod tests {
         ArtifactId::of(text.as_bytes())
     }
 
-    fn run(name: &str, command: Command, stages: &[(&str, &str, Ended)]) -> Run {
-        let stage = |(name, artifact, outcome): &(&str, &str, Ended)| RunStage {
+    fn run(name: &str, command: Command, stages: &[(&str, &str, StageOutcome)]) -> Run {
+        let stage = |(name, artifact, outcome): &(&str, &str, StageOutcome)| RunStage {
             name: (*name).to_owned(),
             kind: "solve".into(),
             key: ActionKey::of(artifact.as_bytes()),
@@ -350,7 +350,7 @@ mod tests {
 
     #[test]
     fn the_last_run_is_the_one_that_built_what_is_there() {
-        use Ended::{Built, Reused};
+        use StageOutcome::{Built, Reused};
         let plan = [planned("a", "a1", None), planned("b", "b1", None)];
         let swept = run("swept", Command::Run, &[("a", "a1", Reused), ("b", "b2", Built)]);
         let audit = run("audit", Command::Audit, &[("a", "a1", Built)]);

@@ -145,7 +145,7 @@ impl ServedState {
             // A page that is left open must not keep `gc` from its work.
             let store = match self.allow_run {
                 true => Store::open_existing(&self.store_folder)?,
-                false => Store::open_aside(&self.store_folder)?,
+                false => Store::open_unlocked(&self.store_folder)?,
             };
             *held = Some(Arc::new(store.guarded()));
         }

@@ -240,12 +240,12 @@ impl Stage for AuditStage {
         Ok(audit.object())
     }
 
-    fn is_judged(&self) -> bool {
+    fn blocking_reads_artifact(&self) -> bool {
         self.parameters.fail_on != FailOn::Never
     }
 
     fn blocks(&self, open: &dyn Fn() -> Result<Artifact, StoreError>) -> Result<Option<String>, StageError> {
-        if !self.is_judged() {
+        if !self.blocking_reads_artifact() {
             return Ok(None);
         }
         let artifact = open()?;

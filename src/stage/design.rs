@@ -29,7 +29,7 @@ use deaflow_fem::{
     GradientEvaluator, SafetyMargins, SetupError, Swing, ThreeSolves, at_peak, breakdown_strength, revision_of,
 };
 use deaflow_field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
-use deaflow_orchestrator::{Chunk, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_pattern::{Part, Pattern, Symmetries};
 use deaflow_scene::{MOST_STATES, Scene};
 use deaflow_store::{Artifact, Object};
@@ -129,7 +129,7 @@ impl Kind for DesignKind {
         6
     }
 
-    fn priced_apart(&self) -> &'static [&'static str] {
+    fn separate_cost_parameters(&self) -> &'static [&'static str] {
         &[
             "stage.method",
             "stage.evaluator",
@@ -179,7 +179,7 @@ impl Kind for DesignKind {
         vec![DesignParameters::fields()]
     }
 
-    fn foresee(&self, stage: &Foreseeable<'_>, needs: &[Foreseeable<'_>]) -> Result<Foreseen, InputError> {
+    fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         let map = stage.node.fields(DesignParameters::WHAT, &keys())?;
         let parameters = DesignParameters::read_map(&map)?;
         let (mut warnings, mut expectations) = (Vec::new(), Vec::new());
@@ -194,10 +194,10 @@ impl Kind for DesignKind {
             ));
             expectations = evaluator.expectations(accuracy.value(), needs);
         }
-        Ok(Foreseen {
+        Ok(StageCheck {
             warnings,
             expectations,
-            ..Foreseen::default()
+            ..StageCheck::default()
         })
     }
 
@@ -248,7 +248,7 @@ fn keys() -> Vec<&'static str> {
 ///
 /// # Errors
 /// When its mapping cannot be read.
-pub(super) fn planned(stage: &Foreseeable<'_>) -> Result<Vec<PlannedDesign>, InputError> {
+pub(super) fn planned(stage: &StageDeclaration<'_>) -> Result<Vec<PlannedDesign>, InputError> {
     let map = stage.node.fields(DesignParameters::WHAT, &keys())?;
     let scene = super::scene_in_states_of(stage.node, stage.scene)?;
     let DesignParameters {
@@ -667,11 +667,11 @@ impl Watch for Follow<'_> {
     }
 
     fn kept(&self) -> Option<Vec<u8>> {
-        self.job.scratch.kept(STATE)
+        self.job.scratch.load(STATE)
     }
 
     fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
-        self.job.scratch.keep(STATE, state)
+        self.job.scratch.save(STATE, state)
     }
 
     fn resumed(&self, report: &GenerationReport) {
@@ -687,7 +687,7 @@ impl Watch for Follow<'_> {
     }
 
     fn unusable(&self, error: &StateError) {
-        self.job.scratch.ignore(&error.to_string());
+        self.job.scratch.report_unused(&error.to_string());
     }
 }
 

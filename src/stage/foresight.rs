@@ -1,13 +1,13 @@
-//! What stages that simulate foresee of their scene before any work.
+//! Checks of the scenes of stages that simulate, done before a run.
 
 use super::checked_scene;
 use deaflow_base::Node;
 use deaflow_fem::{FIRST_LOST, MOST_LOST, Method, covered_limit};
-use deaflow_orchestrator::{Foreseeable, Foreseen};
+use deaflow_orchestrator::{StageCheck, StageDeclaration};
 use deaflow_scene::Scene;
 
 /// What is foreseen of a stage that simulates patterns: what is said of its drive, and whether most of them will be lost.
-pub fn of_simulations(stage: &Foreseeable<'_>) -> Foreseen {
+pub fn of_simulations(stage: &StageDeclaration<'_>) -> StageCheck {
     let scene = scene_of(stage);
     let found = scene.as_ref().and_then(stability);
     // An estimate does not look for what is stable.
@@ -23,17 +23,17 @@ pub fn of_simulations(stage: &Foreseeable<'_>) -> Foreseen {
             scene.as_ref().and_then(of_no_drive).or_else(near)
         }
     };
-    Foreseen {
-        is_lost,
+    StageCheck {
+        mostly_unstable: is_lost,
         warnings: warning.into_iter().collect(),
-        ..Foreseen::default()
+        ..StageCheck::default()
     }
 }
 
 /// What is said of a drive beyond the voltage at which membranes lose stability; nothing where it is surely below.
 ///
 /// A scene that cannot be read or simulated has been refused by then, so nothing is said of it here.
-pub fn of_stability(stage: &Foreseeable<'_>) -> Option<String> {
+pub fn of_stability(stage: &StageDeclaration<'_>) -> Option<String> {
     scene_of(stage).as_ref().and_then(stability).map(|found| found.warning)
 }
 
@@ -68,7 +68,7 @@ pub fn of_faint_drive(scene: &Scene) -> Option<String> {
 }
 
 /// The scene of a stage, in its state or at the largest voltages of any.
-fn scene_of(stage: &Foreseeable<'_>) -> Option<Scene> {
+fn scene_of(stage: &StageDeclaration<'_>) -> Option<Scene> {
     let scene = checked_scene(stage.scene?).ok()?;
     let state = stage.node.peek(super::STATE);
     match state.and_then(|node: &Node| node.text(super::STATE).ok()) {

@@ -28,7 +28,7 @@ impl Kind for SampleKind {
         2
     }
 
-    fn priced_apart(&self) -> &'static [&'static str] {
+    fn separate_cost_parameters(&self) -> &'static [&'static str] {
         &["family"]
     }
 

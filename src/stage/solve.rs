@@ -8,7 +8,7 @@ use deaflow_content::{SAMPLED, Samples, Solutions};
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{SetupError, Solver, SolverParameters};
 use deaflow_field::Mesh;
-use deaflow_orchestrator::{Chunk, Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_scene::{Effects, Scene};
 use deaflow_store::{Artifact, Object};
 
@@ -30,7 +30,7 @@ impl Kind for SolveKind {
         4
     }
 
-    fn priced_apart(&self) -> &'static [&'static str] {
+    fn separate_cost_parameters(&self) -> &'static [&'static str] {
         &["method", "accuracy", "history", "scene.effects"]
     }
 
@@ -55,7 +55,7 @@ impl Kind for SolveKind {
         vec![SolverParameters::schema(super::with_state(fields), MESH)]
     }
 
-    fn foresee(&self, stage: &Foreseeable<'_>, _needs: &[Foreseeable<'_>]) -> Result<Foreseen, InputError> {
+    fn check(&self, stage: &StageDeclaration<'_>, _needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         Ok(foresight::of_simulations(stage))
     }
 

@@ -39,7 +39,7 @@ impl Kind for TrainKind {
         4
     }
 
-    fn priced_apart(&self) -> &'static [&'static str] {
+    fn separate_cost_parameters(&self) -> &'static [&'static str] {
         &["network"]
     }
 

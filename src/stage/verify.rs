@@ -16,7 +16,7 @@ use deaflow_design::{Goal, Moment, Objective};
 use deaflow_fem::screening::decided_states;
 use deaflow_fem::{AccurateHistory, AccurateSimulation, History, SetupError, Solver, SolverParameters, Swing};
 use deaflow_field::{Field, Mesh, Outcome, StateFields};
-use deaflow_orchestrator::{Foreseeable, Foreseen, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_pattern::{Pattern, Role};
 use deaflow_scene::{Effects, Scene};
 use deaflow_store::{Artifact, Object};
@@ -44,7 +44,7 @@ impl Kind for VerifyKind {
         5
     }
 
-    fn priced_apart(&self) -> &'static [&'static str] {
+    fn separate_cost_parameters(&self) -> &'static [&'static str] {
         &["method", "accuracy", "history", "scene.effects"]
     }
 
@@ -91,7 +91,7 @@ impl Kind for VerifyKind {
         true
     }
 
-    fn may_need(&self) -> &'static [&'static str] {
+    fn optional_needs(&self) -> &'static [&'static str] {
         &[patterns::NAME]
     }
 
@@ -105,7 +105,7 @@ impl Kind for VerifyKind {
         Some("train")
     }
 
-    fn foresee(&self, stage: &Foreseeable<'_>, needs: &[Foreseeable<'_>]) -> Result<Foreseen, InputError> {
+    fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         let map = stage.node.fields(WHAT, &keys())?;
         let solver = SolverParameters::read(&map, MESH)?;
         let designs = needs.iter().filter(|need| need.kind == "design").map(design::planned);
@@ -115,9 +115,9 @@ impl Kind for VerifyKind {
         }
         let node = stage.node.peek("needs").unwrap_or(stage.node);
         compared::refuse(&designs, node)?;
-        let mut foreseen = foresight::of_simulations(stage);
-        foreseen.warnings.splice(..0, compared::warnings(&designs));
-        Ok(foreseen)
+        let mut check = foresight::of_simulations(stage);
+        check.warnings.splice(..0, compared::warnings(&designs));
+        Ok(check)
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
@@ -145,7 +145,7 @@ fn refuse_moment(
     design: &PlannedDesign,
     solver: &SolverParameters,
     map: &Map<'_>,
-    stage: &Foreseeable<'_>,
+    stage: &StageDeclaration<'_>,
 ) -> Result<(), InputError> {
     let node = map.optional("history").unwrap_or(stage.node);
     let name = format!("design `{}` of stage `{}`", design.target, design.stage);
@@ -246,7 +246,7 @@ impl Stage for VerifyStage {
     }
 
     // Its inputs hold the whole search, of which it simulates the best alone.
-    fn goes_by_inputs(&self) -> bool {
+    fn time_scales_with_inputs(&self) -> bool {
         false
     }
 

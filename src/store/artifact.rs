@@ -1,4 +1,4 @@
-//! An artifact that can be read: arrays, or a manifest whose chunks read as one.
+//! Reads artifacts: arrays, or a manifest whose chunks are read as one array each.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use super::row_file::RowFile;
 use super::verified::Verified;
 use deaflow_base::{ArtifactId, FileDigest};
 
-/// A verified artifact. Cheap to clone; elements are read when asked for.
+/// A verified artifact. Cheap to clone; elements are read on demand.
 #[derive(Clone)]
 pub struct Artifact(Arc<Inner>);
 
@@ -31,13 +31,13 @@ struct Inner {
 }
 
 impl Artifact {
-    /// Opens the file of an artifact wherever it stands; the chunks of a manifest are looked for as in a store. Anybody may have
-    /// made it: it is read in another process.
+    /// Opens the file of an artifact at any path; the chunks of a manifest are expected beside it as in a store. The file is
+    /// untrusted, so another process reads it.
     ///
     /// # Errors
-    /// When it is not an artifact, or damaged.
+    /// If it is not an artifact, or is damaged.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        // Its chunks are looked for beside the file and not beside a link to it.
+        // The chunks are beside the file, not beside a link to it.
         let path = match path.is_symlink() {
             true => std::fs::canonicalize(path).map_err(StoreError::io("open", path))?,
             false => path.to_owned(),
@@ -46,13 +46,13 @@ impl Artifact {
         Self::load(Access::Apart, path, header.content, Arc::default())
     }
 
-    /// Whether the file at `path` is meant for an artifact.
+    /// Whether the file at `path` starts with the header of an artifact.
     #[must_use]
     pub fn is_at(path: &Path) -> bool {
         Header::is_at(path)
     }
 
-    /// Opens the file of an artifact, verified. What is not known to stand in it is read in another process.
+    /// Opens and verifies the file of an artifact. Another process reads it if its structure is not known yet.
     pub(super) fn load(
         access: Access,
         path: PathBuf,
@@ -60,11 +60,11 @@ impl Artifact {
         verified: Arc<Verified>,
     ) -> Result<Self, StoreError> {
         verified.verify(&path, &digest)?;
-        let first = match access {
+        let overview_access = match access {
             Access::Here if !verified.is_described(&path, &digest)? => Access::Guarded,
             access => access,
         };
-        let overview = read::overview(first, &path)?;
+        let overview = read::overview(overview_access, &path)?;
         verified.describe(&digest, overview.listing.clone(), overview.parts.clone());
         Ok(Self(Arc::new(Inner {
             digest,
@@ -77,48 +77,48 @@ impl Artifact {
         })))
     }
 
-    /// Reads a file whole and digests what stands in it anew, trusting nothing that this process has seen before.
+    /// Reads a whole file and computes the digest of its content, without using anything that is cached.
     ///
     /// # Errors
-    /// When it is not the artifact that it should be.
-    pub(super) fn read_anew(path: &Path, digest: &ArtifactId) -> Result<(Self, Object), StoreError> {
+    /// If it is not the expected artifact.
+    pub(super) fn read_uncached(path: &Path, digest: &ArtifactId) -> Result<(Self, Object), StoreError> {
         let artifact = Self::load(Access::Guarded, path.to_owned(), *digest, Arc::default())?;
         let object = artifact.object()?;
         let found = object.digest()?;
         if found != *digest {
-            let reason = format!("its content has the digest {}", found.short());
+            let reason = format!("the digest of its content is {}", found.short());
             return Err(StoreError::damaged(path, reason));
         }
         Ok((artifact, object))
     }
 
-    /// Its digest.
+    /// Returns the digest.
     #[must_use]
     pub fn digest(&self) -> ArtifactId {
         self.0.digest
     }
 
-    /// Its file.
+    /// Returns the path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.0.path
     }
 
-    /// BLAKE3 of its file as written (after the user block).
+    /// Returns the BLAKE3 digest of the file (after the user block).
     ///
     /// # Errors
-    /// When the file is missing or damaged.
+    /// If the file is missing or damaged.
     pub fn file_digest(&self) -> Result<FileDigest, StoreError> {
         Ok(self.0.verified.verify(&self.0.path, &self.0.digest)?.file)
     }
 
-    /// Kind of the stage that made it; empty where none did.
+    /// Returns the kind of the stage that made it; empty if no stage did.
     #[must_use]
     pub fn kind(&self) -> &str {
         stage_kind(&self.0.overview.listing.kind)
     }
 
-    /// A content attribute.
+    /// Returns a content attribute.
     #[must_use]
     pub fn attribute(&self, name: &str) -> Option<&str> {
         self.0.overview.attributes.get(name).map(String::as_str)
@@ -136,76 +136,76 @@ impl Artifact {
         &self.0.overview.parts
     }
 
-    /// Whether its datasets are those of chunks laid end to end.
+    /// Whether the artifact is a manifest, whose datasets are the concatenated datasets of its chunks.
     #[must_use]
     pub fn is_manifest(&self) -> bool {
         !self.parts().is_empty()
     }
 
-    /// The chunks as artifacts of their own, in order; none unless it is a manifest.
+    /// Returns the chunks as artifacts, in order; empty unless it is a manifest.
     ///
     /// # Errors
-    /// When one is missing or damaged.
+    /// If one is missing or damaged.
     pub fn chunks(&self) -> Result<&[Artifact], StoreError> {
         if let Some(chunks) = self.0.chunks.get() {
             return Ok(chunks);
         }
-        let chunks: Result<Vec<Self>, StoreError> = self.parts().iter().map(|digest| self.beside(digest)).collect();
+        let chunks: Result<Vec<Self>, StoreError> = self.parts().iter().map(|digest| self.sibling(digest)).collect();
         let chunks = chunks?;
-        // Another thread may have been faster, with the same chunks.
+        // Another thread may have set the same chunks meanwhile.
         Ok(self.0.chunks.get_or_init(|| chunks))
     }
 
-    /// The first chunk, without opening the others; none unless it is a manifest.
+    /// Returns the first chunk without opening the others; `None` unless it is a manifest.
     ///
     /// # Errors
-    /// When it is missing or damaged.
+    /// If it is missing or damaged.
     pub fn first_chunk(&self) -> Result<Option<Self>, StoreError> {
-        self.parts().first().map(|digest| self.beside(digest)).transpose()
+        self.parts().first().map(|digest| self.sibling(digest)).transpose()
     }
 
-    /// Opens another artifact of the store that it stands in.
+    /// Opens another artifact of the same store.
     ///
     /// # Errors
-    /// When it is missing or damaged.
-    pub fn beside(&self, digest: &ArtifactId) -> Result<Self, StoreError> {
+    /// If it is missing or damaged.
+    pub fn sibling(&self, digest: &ArtifactId) -> Result<Self, StoreError> {
         Self::load(
             self.0.access,
-            self.path_beside(digest),
+            self.sibling_path(digest),
             *digest,
             self.0.verified.clone(),
         )
     }
 
-    /// The file of another artifact of the store that it stands in.
-    fn path_beside(&self, digest: &ArtifactId) -> PathBuf {
+    /// Returns the path of another artifact of the same store.
+    fn sibling_path(&self, digest: &ArtifactId) -> PathBuf {
         let folder = self.0.path.parent().and_then(Path::parent).unwrap_or(Path::new(".."));
         let name = digest.to_string();
         folder.join(&name[..2]).join(format!("{name}.h5"))
     }
 
-    /// What stands in each chunk, in order; in a store their files are opened only where that is not known.
+    /// Returns the listing of each chunk, in order. In a store, files are opened only if the index does not have the listing.
     fn listings(&self) -> Result<Vec<Arc<Listing>>, StoreError> {
         if self.0.access == Access::Apart {
             let listings = self.chunks()?.iter().map(|chunk| chunk.0.overview.listing.clone());
             return Ok(listings.map(Arc::new).collect());
         }
-        let of = |digest: &ArtifactId| Ok(self.0.verified.structure(&self.path_beside(digest), digest)?.listing);
+        let of = |digest: &ArtifactId| Ok(self.0.verified.structure(&self.sibling_path(digest), digest)?.listing);
         self.parts().iter().map(of).collect()
     }
 
-    /// Opens its file to read rows of its own datasets. Every byte was verified when the artifact was opened.
+    /// Opens the file to read rows of its own datasets. Every byte was verified when the artifact was opened.
     ///
     /// # Errors
-    /// When it cannot be opened.
+    /// If it cannot be opened.
     pub fn rows(&self) -> Result<RowFile, StoreError> {
         RowFile::of(self.0.access, &self.0.path)
     }
 
-    /// The datasets in the order of their paths, without their elements.
+    /// Returns the descriptions of the datasets in the order of their paths.
     ///
     /// # Errors
-    /// When a chunk is missing or damaged.
+    /// If a chunk is missing or damaged.
     pub fn contents(&self) -> Result<&[Content], StoreError> {
         if !self.is_manifest() {
             return Ok(&self.0.overview.listing.contents);
@@ -219,10 +219,10 @@ impl Artifact {
         Ok(self.0.contents.get_or_init(|| whole))
     }
 
-    /// One dataset without its elements.
+    /// Returns the description of one dataset.
     ///
     /// # Errors
-    /// When there is none of that path, or a chunk is missing or damaged.
+    /// If there is no such dataset, or a chunk is missing or damaged.
     pub fn content(&self, path: &str) -> Result<&Content, StoreError> {
         let contents = self.contents()?;
         contents.iter().find(|content| content.path == path).ok_or_else(|| {
@@ -235,10 +235,10 @@ impl Artifact {
         })
     }
 
-    /// Reads one dataset; of a manifest, that of all chunks, laid end to end along the first axis.
+    /// Reads one dataset; for a manifest, concatenates those of all chunks along the first axis.
     ///
     /// # Errors
-    /// When there is none of that path, or a file is missing or damaged.
+    /// If there is no such dataset, or a file is missing or damaged.
     pub fn read(&self, path: &str) -> Result<Dataset, StoreError> {
         let content = self.content(path)?;
         if !self.is_manifest() {
@@ -252,20 +252,20 @@ impl Artifact {
                 continue;
             };
             if !whole.data.append(part.data) {
-                let reason = format!("`{path}` changed its type");
-                return Err(StoreError::damaged(&self.path_beside(digest), reason));
+                let reason = format!("the type of `{path}` has changed");
+                return Err(StoreError::damaged(&self.sibling_path(digest), reason));
             }
         }
-        let mut whole = whole.ok_or_else(|| StoreError::damaged(&self.0.path, "it has no chunks"))?;
+        let mut whole = whole.ok_or_else(|| StoreError::damaged(&self.0.path, "it is a manifest without chunks"))?;
         whole.shape.clone_from(&content.shape);
         Ok(whole)
     }
 
-    /// One dataset of a chunk, by what is known to stand in it: its file is opened once. Every byte of it is verified.
+    /// Reads one dataset of a chunk whose listing is known, so that the file is opened once. Every byte of it is verified.
     fn read_part(&self, digest: &ArtifactId, listing: &Listing, path: &str) -> Result<Dataset, StoreError> {
-        let file = self.path_beside(digest);
+        let file = self.sibling_path(digest);
         let Some(content) = listing.contents.iter().find(|content| content.path == path) else {
-            return Err(StoreError::damaged(&file, format!("`{path}` is not in it")));
+            return Err(StoreError::damaged(&file, format!("it has no dataset `{path}`")));
         };
         self.0.verified.verify(&file, digest)?;
         let access = match self.0.access {
@@ -276,16 +276,16 @@ impl Artifact {
         read::dataset(access, &file, content)
     }
 
-    /// Verified anew, since the file may have changed after it was opened; a glance unless it did.
+    /// Reads a dataset of this file, which is verified again in case it changed; without a change that is only a look at its stamp.
     fn read_own(&self, content: &Content) -> Result<Dataset, StoreError> {
         self.0.verified.verify(&self.0.path, &self.0.digest)?;
         read::dataset(self.0.access, &self.0.path, content)
     }
 
-    /// Everything: what was put, as it was put.
+    /// Reads the whole content.
     ///
     /// # Errors
-    /// When the file is missing or damaged.
+    /// If the file is missing or damaged.
     pub fn object(&self) -> Result<Object, StoreError> {
         let mut object = Object {
             kind: self.0.overview.listing.kind.clone(),
@@ -299,49 +299,49 @@ impl Artifact {
         Ok(object)
     }
 
-    /// The attributes of `/provenance`: when, where, how long, by which action.
+    /// Reads the attributes of `/provenance`: time, host, duration and action.
     ///
     /// # Errors
-    /// When the file is missing or damaged.
+    /// If the file is missing or damaged.
     pub fn provenance(&self) -> Result<BTreeMap<String, String>, StoreError> {
         self.0.verified.verify(&self.0.path, &self.0.digest)?;
         read::provenance(self.0.access, &self.0.path)
     }
 
-    /// What the action that made it measured by name, s; none where nothing was.
+    /// Returns the times in s that the action which made it measured, by name.
     ///
     /// # Errors
-    /// When the file is missing or damaged.
+    /// If the file is missing or damaged.
     pub fn measurements(&self) -> Result<Vec<(String, f64)>, StoreError> {
         Ok(provenance::measurements(&self.provenance()?))
     }
 
-    fn wrong(&self, path: &str, wanted: &'static str, found: &Data) -> StoreError {
+    fn wrong_type(&self, path: &str, expected: &'static str, found: &Data) -> StoreError {
         StoreError::WrongType {
             digest: self.0.digest,
             dataset: path.to_owned(),
-            wanted,
+            expected,
             found: ElementType::of(found).name(),
         }
     }
 }
 
 impl Artifact {
-    /// Texts of any length, as [`super::Object::with_long_texts`] keeps them.
+    /// Reads texts of any length that [`super::Object::with_long_texts`] added.
     ///
     /// # Errors
-    /// When they are not there, their lengths are not those of their bytes, or a file is missing or damaged.
+    /// If there are none, the lengths do not match the bytes, or a file is missing or damaged.
     pub fn long_texts(&self, path: &str) -> Result<Vec<String>, StoreError> {
         let (_, bytes) = self.u8s(&format!("{path}/text"))?;
         let (_, lengths) = self.u64s(&format!("{path}/length"))?;
         long_texts(&bytes, &lengths).ok_or_else(|| {
-            let reason = format!("the texts of `{path}` are not as long as it says");
+            let reason = format!("the lengths of the texts in `{path}` do not match their bytes");
             StoreError::damaged(&self.0.path, reason)
         })
     }
 }
 
-/// Texts of any length from their bytes, end to end, and their lengths; none where these contradict each other.
+/// Splits concatenated bytes into texts of the given lengths; returns `None` if the lengths do not match.
 #[must_use]
 pub fn long_texts(bytes: &[u8], lengths: &[u64]) -> Option<Vec<String>> {
     let (mut texts, mut rest) = (Vec::new(), bytes);
@@ -353,19 +353,19 @@ pub fn long_texts(bytes: &[u8], lengths: &[u64]) -> Option<Vec<String>> {
     rest.is_empty().then_some(texts)
 }
 
-/// One getter per element type: the type is checked, so that the caller has a vector and no `match`.
+/// Defines a reader for one element type, which checks the type.
 macro_rules! typed {
-    ($name:ident, $variant:ident, $element:ty, $wanted:literal) => {
+    ($name:ident, $variant:ident, $element:ty, $expected:literal) => {
         impl Artifact {
-            #[doc = concat!("Shape and elements of a dataset of type ", $wanted, ".")]
+            #[doc = concat!("Reads shape and elements of a dataset of type ", $expected, ".")]
             ///
             /// # Errors
-            /// When there is none of that path, it has another type, or a file is missing or damaged.
+            /// If there is no such dataset, it has another type, or a file is missing or damaged.
             pub fn $name(&self, path: &str) -> Result<(Vec<usize>, Vec<$element>), StoreError> {
                 let dataset = self.read(path)?;
                 match dataset.data {
                     Data::$variant(elements) => Ok((dataset.shape, elements)),
-                    other => Err(self.wrong(path, $wanted, &other)),
+                    other => Err(self.wrong_type(path, $expected, &other)),
                 }
             }
         }

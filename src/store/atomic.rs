@@ -7,8 +7,8 @@ use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
+use super::delayed_names;
 use super::error::StoreError;
-use super::late;
 use deaflow_base::folder_of;
 
 /// Writes `bytes` as `target`, by way of the file `temporary` in the same filesystem.
@@ -41,7 +41,7 @@ pub fn write_unsettled(temporary: &Path, target: &Path, bytes: &[u8]) -> Result<
 /// When the system refuses.
 pub fn link(temporary: &Path, target: &Path) -> Result<bool, StoreError> {
     make_folder_of(target)?;
-    match late::until_seen(|| fs::hard_link(temporary, target)) {
+    match delayed_names::until_seen(|| fs::hard_link(temporary, target)) {
         Ok(()) => {
             // What is left under the other name goes with its folder.
             let _ = fs::remove_file(temporary);
@@ -76,13 +76,13 @@ pub fn rename(temporary: &Path, target: &Path) -> Result<(), StoreError> {
 
 fn place(temporary: &Path, target: &Path) -> Result<(), StoreError> {
     make_folder_of(target)?;
-    late::until_seen(|| fs::rename(temporary, target)).map_err(StoreError::io("write", target))
+    delayed_names::until_seen(|| fs::rename(temporary, target)).map_err(StoreError::io("write", target))
 }
 
 fn make_folder_of(target: &Path) -> Result<(), StoreError> {
     let folder = folder_of(target);
     if !folder.is_dir() {
-        late::make_folders(folder).map_err(StoreError::io("create", folder))?;
+        delayed_names::make_folders(folder).map_err(StoreError::io("create", folder))?;
         sync_folder(folder_of(folder))?;
     }
     Ok(())

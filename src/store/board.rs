@@ -12,9 +12,9 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::atomic;
+use super::delayed_names;
 use super::entries::{files_in_optional, is_file};
 use super::error::StoreError;
-use super::late;
 use super::layout::CLUSTER;
 use super::lock::Guard;
 use super::open::Store;
@@ -49,7 +49,7 @@ impl Store {
 impl Board {
     fn make(&self, folder: &Path) -> Result<(), StoreError> {
         self.store.clear_folder(folder)?;
-        late::make_folders(folder).map_err(StoreError::io("create", folder))
+        delayed_names::make_folders(folder).map_err(StoreError::io("create", folder))
     }
 
     fn make_folder(&self) -> Result<(), StoreError> {
@@ -73,7 +73,7 @@ impl Board {
     /// # Errors
     /// When the system refuses.
     pub fn write<T: Serialize>(&self, name: &str, note: &T) -> Result<(), StoreError> {
-        let text = serde_json::to_vec(note).map_err(|error| StoreError::Json(error.to_string()))?;
+        let text = serde_json::to_vec(note)?;
         self.make_folder()?;
         let temporary = self.store.temporary_file()?;
         atomic::write(&temporary, &self.folder.join(name), &text)
@@ -143,10 +143,10 @@ impl Board {
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn try_lead(&self) -> Result<Option<Guard>, StoreError> {
+    pub fn try_lock(&self) -> Result<Option<Guard>, StoreError> {
         self.make_folder()?;
         let name = format!("{LEAD}-{}", self.topic);
-        self.store.hold.try_named(&self.folder.join(LEAD), &name)
+        self.store.session.try_named(&self.folder.join(LEAD), &name)
     }
 }
 
@@ -189,10 +189,10 @@ mod tests {
     fn one_leads_at_a_time() {
         let folder = tempfile::tempdir().unwrap();
         let board = |topic| Store::open(folder.path()).unwrap().board(topic);
-        let lead = board("topic").try_lead().unwrap();
-        assert!(lead.is_some() && board("topic").try_lead().unwrap().is_none());
-        assert!(board("other").try_lead().unwrap().is_some());
+        let lead = board("topic").try_lock().unwrap();
+        assert!(lead.is_some() && board("topic").try_lock().unwrap().is_none());
+        assert!(board("other").try_lock().unwrap().is_some());
         drop(lead);
-        assert!(board("topic").try_lead().unwrap().is_some());
+        assert!(board("topic").try_lock().unwrap().is_some());
     }
 }

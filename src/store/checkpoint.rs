@@ -34,7 +34,7 @@ const FIRST_TITLE: &str = "deaflow-checkpoint 1";
 
 /// How far an unfinished action has come.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Reached {
+pub struct CheckpointProgress {
     /// The stage of which it is a part.
     pub stage: String,
     /// Steps that are done.
@@ -55,7 +55,7 @@ pub struct Checkpoints {
     /// When one of them was last written or removed; none where the system does not say.
     pub written: Option<SystemTime>,
     /// How far the work has come, where that can be read.
-    pub reached: Option<Reached>,
+    pub progress: Option<CheckpointProgress>,
 }
 
 impl Checkpoints {
@@ -77,10 +77,10 @@ impl Store {
         key: &ActionKey,
         name: &str,
         build: &str,
-        reached: &Reached,
+        reached: &CheckpointProgress,
         content: &[u8],
     ) -> Result<(), StoreError> {
-        let reached = serde_json::to_string(reached).map_err(|error| StoreError::Json(error.to_string()))?;
+        let reached = serde_json::to_string(reached)?;
         let body = [origin(key, name, build).as_bytes(), reached.as_bytes(), b"\n", content].concat();
         let head = format!("{TITLE}\n{}\n", Digest::of(&body));
         let temporary = self.temporary_file()?;
@@ -111,7 +111,7 @@ impl Store {
 
     /// How far an action has come that the same build can go on with; none where nothing is kept.
     #[must_use]
-    pub fn reached(&self, key: &ActionKey, build: &str) -> Option<Reached> {
+    pub fn checkpoint_progress(&self, key: &ActionKey, build: &str) -> Option<CheckpointProgress> {
         let files = files_in_optional(&self.layout.checkpoints_of(key)).ok()?;
         let (wrote, reached) = files.iter().find_map(|path| head(path))?;
         (wrote == one_line(build)).then_some(reached)
@@ -182,7 +182,7 @@ fn one_line(text: &str) -> String {
 
 /// By which build a checkpoint was written, and how far the work had come; none where that cannot be read. It is for people and for
 /// what is foretold, and is not checked against the digest.
-fn head(path: &Path) -> Option<(String, Reached)> {
+fn head(path: &Path) -> Option<(String, CheckpointProgress)> {
     let file = BufReader::new(open_own(path).ok()?);
     let mut lines = std::io::Read::take(file, LONGEST_HEAD).lines().map_while(Result::ok);
     if lines.next()? != TITLE {
@@ -226,7 +226,7 @@ fn weigh(key: ActionKey, path: PathBuf) -> Result<Checkpoints, StoreError> {
     let mut checkpoints = Checkpoints {
         key,
         size: 0,
-        reached: None,
+        progress: None,
         written: fs::metadata(&path).and_then(|metadata| metadata.modified()).ok(),
         path,
     };
@@ -235,7 +235,7 @@ fn weigh(key: ActionKey, path: PathBuf) -> Result<Checkpoints, StoreError> {
         if let Ok(metadata) = fs::symlink_metadata(&file) {
             checkpoints.size += metadata.len();
             checkpoints.written = checkpoints.written.max(metadata.modified().ok());
-            checkpoints.reached = checkpoints.reached.or_else(|| Some(head(&file)?.1));
+            checkpoints.progress = checkpoints.progress.or_else(|| Some(head(&file)?.1));
         }
     }
     Ok(checkpoints)
@@ -258,7 +258,7 @@ mod tests {
         let (_folder, store) = store();
         let (key, other) = (ActionKey::of(b"key"), ActionKey::of(b"other"));
         assert_eq!(store.checkpoint(&key, "state", "b").unwrap(), None);
-        let reached = Reached {
+        let reached = CheckpointProgress {
             stage: "a\nb".into(),
             steps: 7,
             unit: "epochs".into(),
@@ -268,13 +268,19 @@ mod tests {
             assert_eq!(store.checkpoint(&key, "state", "b").unwrap().as_deref(), Some(content));
         }
         // How far it has come is known to the build that can go on with it, and to whoever lists them.
-        assert_eq!(store.reached(&key, "b"), Some(reached.clone()));
-        assert_eq!((store.reached(&key, "c"), store.reached(&other, "b")), (None, None));
-        assert_eq!(store.checkpoints().unwrap()[0].reached, Some(reached));
+        assert_eq!(store.checkpoint_progress(&key, "b"), Some(reached.clone()));
+        assert_eq!(
+            (
+                store.checkpoint_progress(&key, "c"),
+                store.checkpoint_progress(&other, "b")
+            ),
+            (None, None)
+        );
+        assert_eq!(store.checkpoints().unwrap()[0].progress, Some(reached));
         assert_eq!(store.checkpoint(&key, "more", "b").unwrap(), None);
         assert_eq!(store.checkpoint(&other, "state", "b").unwrap(), None);
         store
-            .put_checkpoint(&other, "state", "b", &Reached::default(), b"1234")
+            .put_checkpoint(&other, "state", "b", &CheckpointProgress::default(), b"1234")
             .unwrap();
         let found: Vec<ActionKey> = store.checkpoints().unwrap().into_iter().map(|c| c.key).collect();
         assert!(found.len() == 2 && found.contains(&key) && found.contains(&other));
@@ -289,7 +295,7 @@ mod tests {
         let (_folder, store) = store();
         let (key, other) = (ActionKey::of(b"key"), ActionKey::of(b"other"));
         store
-            .put_checkpoint(&key, "state", "build 1", &Reached::default(), b"content")
+            .put_checkpoint(&key, "state", "build 1", &CheckpointProgress::default(), b"content")
             .unwrap();
         let path = store.layout.checkpoints_of(&key).join("state");
         let bytes = fs::read(&path).unwrap();
@@ -322,7 +328,7 @@ mod tests {
         let [sound, damaged] = [b"1", b"2"].map(|k| ActionKey::of(k));
         for key in [&sound, &damaged] {
             store
-                .put_checkpoint(key, "state", "b", &Reached::default(), b"content")
+                .put_checkpoint(key, "state", "b", &CheckpointProgress::default(), b"content")
                 .unwrap();
         }
         let file = |key| store.layout.checkpoints_of(key).join("state");
@@ -341,12 +347,12 @@ mod tests {
         );
         drop(store);
 
-        let store = Store::open_alone(folder.path()).unwrap();
+        let store = Store::open_exclusive(folder.path()).unwrap();
         let hour = Duration::from_secs(3600);
         let retention = Retention { runs: 1, grace: hour };
         let now = SystemTime::now();
-        assert!(store.judge(&retention, now).unwrap().checkpoints.is_empty());
-        let later = store.judge(&retention, now + 2 * hour).unwrap();
+        assert!(store.plan_gc(&retention, now).unwrap().checkpoints.is_empty());
+        let later = store.plan_gc(&retention, now + 2 * hour).unwrap();
         let going: Vec<ActionKey> = later.checkpoints.iter().map(|c| c.key).collect();
         assert!(going.contains(&sound));
         store.remove(&later, "", &|_, _| ()).unwrap();

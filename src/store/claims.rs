@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::delayed_names;
 use super::entries::names_in;
 use super::error::StoreError;
-use super::late;
 use super::owner::Owner;
-use super::presence::{Life, Presence};
+use super::presence::{Presence, ProcessState};
 use super::stamp::Stamp;
 use deaflow_base::read_own;
 
@@ -48,7 +48,7 @@ impl Claims {
     /// # Errors
     /// When the system refuses.
     pub fn new(folder: &Path, presence: Arc<Presence>) -> Result<Self, StoreError> {
-        late::make_folders(folder).map_err(StoreError::io("create", folder))?;
+        delayed_names::make_folders(folder).map_err(StoreError::io("create", folder))?;
         Ok(Self {
             folder: folder.to_owned(),
             presence,
@@ -68,7 +68,7 @@ impl Claims {
     /// Ends all claims of this process, and its sign of life. What cannot be removed is waited for.
     pub fn leave(&self) {
         let _ = self.clear(&[self.presence.name()]);
-        self.presence.bury(self.presence.name());
+        self.presence.remove_process(self.presence.name());
     }
 
     /// Who has a piece of work, where somebody has it and that is known.
@@ -77,9 +77,9 @@ impl Claims {
         match process.as_str() {
             "" => None,
             own if own == self.presence.name() => Some(self.presence.owner().clone()),
-            process => match self.presence.life(process) {
-                Life::Alive(owner) => owner,
-                Life::Dead(_) => None,
+            process => match self.presence.process_state(process) {
+                ProcessState::Alive(owner) => owner,
+                ProcessState::Dead(_) => None,
             },
         }
     }
@@ -101,7 +101,7 @@ impl Claims {
                     match fs::write(&owner, &claim.process) {
                         Ok(()) => return Ok(Some(claim)),
                         // Somebody has waited for the name for long, and has ended the claim.
-                        Err(error) if late::is_late(&error) => std::thread::sleep(PAUSE),
+                        Err(error) if delayed_names::is_late(&error) => std::thread::sleep(PAUSE),
                         Err(error) => {
                             // A full disk: without a name it would be waited for.
                             let _ = remove(&path);
@@ -116,17 +116,17 @@ impl Claims {
                     }
                     let life = match process.as_str() {
                         // Its process may be about to write its name; the next claim on the same is another.
-                        "" => self.presence.life_of(key, made(&path)),
-                        process => self.presence.life(process),
+                        "" => self.presence.state_of(key, made(&path)),
+                        process => self.presence.process_state(process),
                     };
                     match life {
-                        Life::Alive(_) => return Ok(None),
-                        Life::Dead(_) => self.evict(&path, &process)?,
+                        ProcessState::Alive(_) => return Ok(None),
+                        ProcessState::Dead(_) => self.evict(&path, &process)?,
                     }
                 }
                 // The folder is gone, or its name is stale.
-                Err(error) if late::is_late(&error) => {
-                    late::make_folders(&self.folder).map_err(StoreError::io("create", &self.folder))?;
+                Err(error) if delayed_names::is_late(&error) => {
+                    delayed_names::make_folders(&self.folder).map_err(StoreError::io("create", &self.folder))?;
                     std::thread::sleep(PAUSE);
                 }
                 Err(error) => return Err(StoreError::io("claim", &path)(error)),
@@ -165,7 +165,7 @@ impl Claims {
                 let _ = fs::rename(&aside, path);
                 Ok(())
             }
-            Err(error) if late::is_late(&error) => Ok(()),
+            Err(error) if delayed_names::is_late(&error) => Ok(()),
             Err(error) => Err(StoreError::io("remove", path)(error)),
         }
     }
@@ -194,7 +194,7 @@ fn process_of(claim: &Path) -> String {
 /// The name before the folder: a claim without a name is nobody's to others.
 fn remove(claim: &Path) -> Result<(), StoreError> {
     let gone = |result: std::io::Result<()>, path: &Path| match result {
-        Err(error) if !late::is_late(&error) => Err(StoreError::io("remove", path)(error)),
+        Err(error) if !delayed_names::is_late(&error) => Err(StoreError::io("remove", path)(error)),
         _ => Ok(()),
     };
     let owner = claim.join(OWNER);
@@ -207,10 +207,10 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use super::*;
-    use crate::presence::Times;
+    use crate::presence::HeartbeatTimes;
 
-    const QUICK: Times = Times {
-        beat: Duration::from_millis(20),
+    const QUICK: HeartbeatTimes = HeartbeatTimes {
+        interval: Duration::from_millis(20),
         expiry: Duration::from_millis(300),
     };
 

@@ -5,17 +5,17 @@
 
 use std::collections::BTreeSet;
 
+use super::dependencies::Records;
 use super::error::StoreError;
 use super::header::Header;
 use super::inspect::{Condition, Effort};
 use super::open::Store;
-use super::reach::Records;
 use super::record::Lookup;
 use deaflow_base::{ActionKey, ArtifactId};
 
 /// What a copy came to.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Copied {
+pub struct CopySummary {
     /// Artifacts that were copied.
     pub artifacts: u64,
     /// Bytes of their files.
@@ -42,14 +42,14 @@ impl Store {
         target: &Self,
         artifact: ArtifactId,
         progress: &dyn Fn(u64, u64),
-    ) -> Result<Copied, StoreError> {
+    ) -> Result<CopySummary, StoreError> {
         let known = self.known_records()?;
-        let (reached, missing) = self.reach(vec![artifact], &known)?;
+        let (reached, missing) = self.dependencies(vec![artifact], &known)?;
         if let Some(missing) = missing.first() {
             let path = self.layout.object(missing);
             return Err(StoreError::Missing { digest: *missing, path });
         }
-        let mut copied = Copied::default();
+        let mut copied = CopySummary::default();
         let total = reached.len() as u64;
         for (done, digest) in self.manifests_last(&reached)?.iter().enumerate() {
             progress(done as u64, total);
@@ -60,7 +60,7 @@ impl Store {
             self.copy_records(target, digest, &known, &mut copied)?;
         }
         target.settle_records()?;
-        target.keep_index();
+        target.save_index();
         Ok(copied)
     }
 
@@ -77,7 +77,7 @@ impl Store {
         Ok(plain)
     }
 
-    fn copy_artifact(&self, target: &Self, digest: &ArtifactId, copied: &mut Copied) -> Result<(), StoreError> {
+    fn copy_artifact(&self, target: &Self, digest: &ArtifactId, copied: &mut CopySummary) -> Result<(), StoreError> {
         if let Condition::Intact { .. } = target.inspect(digest, Effort::Quick)? {
             copied.artifacts_there += 1;
             return Ok(());
@@ -103,7 +103,7 @@ impl Store {
         target: &Self,
         digest: &ArtifactId,
         known: &Records,
-        copied: &mut Copied,
+        copied: &mut CopySummary,
     ) -> Result<(), StoreError> {
         let keys: Vec<ActionKey> = known
             .get(digest)

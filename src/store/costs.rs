@@ -60,7 +60,7 @@ impl Store {
     /// When the system refuses.
     pub fn put_cost(&self, cost: &Cost) -> Result<(), StoreError> {
         let path = self.layout.costs();
-        let mut line = serde_json::to_vec(cost).map_err(|error| StoreError::Json(error.to_string()))?;
+        let mut line = serde_json::to_vec(cost)?;
         line.push(b'\n');
         // One write at the end of the file: two processes that add at once do not mix their lines. A line that was cut off
         // by a full disk is ended first, so that it does not swallow this one.

@@ -29,11 +29,11 @@ pub struct Damage {
 
 /// An artifact that something names and that is not there.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Absence {
+pub struct MissingArtifact {
     /// The artifact.
     pub digest: ArtifactId,
     /// The manifest or record that names it.
-    pub wanted_by: String,
+    pub needed_by: String,
 }
 
 /// What was found.
@@ -52,7 +52,7 @@ pub struct Report {
     /// Files that the system does not let anybody read, and why: nothing is known of them, and they stay where they are.
     pub unreadable: Vec<Damage>,
     /// Artifacts that a manifest or a record names and that are not there (those quarantined just now among them).
-    pub missing: Vec<Absence>,
+    pub missing: Vec<MissingArtifact>,
     /// The manifests and records that name them.
     dangling: BTreeSet<PathBuf>,
     /// Artifacts whose file is not the one that a record saw, though the content is right: rebuilt since.
@@ -127,13 +127,13 @@ impl Store {
                 {
                     report.rewritten.push(record.artifact);
                 }
-                let wanted_by = format!("record {} ({})", record.key.short(), record.action.kind);
-                wanted.insert((record.artifact, wanted_by, path.clone()));
+                let needed_by = format!("record {} ({})", record.key.short(), record.action.kind);
+                wanted.insert((record.artifact, needed_by, path.clone()));
             }
         }
-        for (digest, wanted_by, by) in wanted {
+        for (digest, needed_by, by) in wanted {
             if !sound.contains_key(&digest) {
-                report.missing.push(Absence { digest, wanted_by });
+                report.missing.push(MissingArtifact { digest, needed_by });
                 report.dangling.insert(by);
             }
         }
@@ -146,7 +146,7 @@ impl Store {
 
     /// Checks the whole store and makes it sound: damaged files are quarantined as always, and so are strays, manifests that
     /// lack chunks, and records of what is missing. No sound chunk is touched; the next run builds what is gone, and no more.
-    /// The store must have been opened by [`Store::open_alone`].
+    /// The store must have been opened by [`Store::open_exclusive`].
     ///
     /// # Errors
     /// When the system refuses.
@@ -237,7 +237,9 @@ impl Store {
         let (unfinished, others): (Vec<PathBuf>, Vec<PathBuf>) = files_in(&self.layout.temporary())?
             .into_iter()
             .partition(|path| is_temporary(path));
-        let of_others = unfinished.iter().filter(|path| !self.hold.workbench.is_own(path));
+        let of_others = unfinished
+            .iter()
+            .filter(|path| !self.session.temporary_folder.is_own(path));
         report.unfinished = of_others.count() as u64;
         // What has gone meanwhile was being written.
         let is_stray = |path: &PathBuf| !is_hidden(path) && fs::symlink_metadata(path).is_ok();
@@ -282,7 +284,7 @@ impl Store {
 }
 
 fn sound(path: &Path, digest: &ArtifactId) -> Result<Sound, StoreError> {
-    let (artifact, object) = Artifact::read_anew(path, digest)?;
+    let (artifact, object) = Artifact::read_uncached(path, digest)?;
     Ok(Sound {
         file: Some(artifact.file_digest()?),
         kind: Some(object.kind),

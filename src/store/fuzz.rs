@@ -144,7 +144,7 @@ fn broken_files_of_runs_and_pins_are_passed_over() {
             kind: "sample".into(),
             key: ActionKey::of(b"key"),
             artifact: ArtifactId::of(b"artifact"),
-            outcome: Ended::Built,
+            outcome: StageOutcome::Built,
         }],
         ..Run::default()
     };

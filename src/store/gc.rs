@@ -1,4 +1,4 @@
-//! Collection: removes artifacts that nothing needs any more.
+//! GcPlan: removes artifacts that nothing needs any more.
 //!
 //! What a root reaches is kept: the artifact, its chunks, and everything that it was made from, back to the seeds. Roots are
 //! the last runs, the pins and the lock files of pipelines. What is younger than the grace age is kept too, whatever reaches
@@ -10,11 +10,11 @@ use std::path::Path;
 use std::time::{Duration, SystemTime};
 
 use super::checkpoint::{self, Checkpoints};
+use super::dependencies::Records;
 use super::entries::files;
 use super::error::StoreError;
 use super::history;
 use super::open::Store;
-use super::reach::Records;
 use deaflow_base::{ArtifactId, readable_time};
 
 /// What holds what is younger than the grace age.
@@ -37,7 +37,7 @@ pub struct Retention {
 
 /// One artifact, as a collection sees it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Judged {
+pub struct GcArtifact {
     /// The artifact.
     pub digest: ArtifactId,
     /// Length of its file in bytes.
@@ -63,30 +63,30 @@ pub struct StageName {
 
 /// The artifacts of one stage, or of one kind where it is not known which stage had them.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Group {
+pub struct GcGroup {
     /// The stage.
     pub stage: Option<StageName>,
     /// Its kind.
     pub kind: String,
     /// What of it goes.
-    pub removed: Tally,
+    pub removed: GcCount,
     /// What of it stays.
-    pub kept: Tally,
+    pub kept: GcCount,
     /// What holds that which stays.
     pub held_by: BTreeSet<String>,
 }
 
 /// So many artifacts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
+pub struct GcCount {
     /// How many.
     pub artifacts: u64,
     /// Their bytes.
     pub bytes: u64,
 }
 
-impl Tally {
-    fn add(&mut self, judged: &Judged) {
+impl GcCount {
+    fn add(&mut self, judged: &GcArtifact) {
         self.artifacts += 1;
         self.bytes += judged.size;
     }
@@ -94,18 +94,18 @@ impl Tally {
 
 /// What a collection found.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Collection {
+pub struct GcPlan {
     /// Artifacts that stay.
-    pub kept: Vec<Judged>,
+    pub kept: Vec<GcArtifact>,
     /// Artifacts that go.
-    pub removed: Vec<Judged>,
+    pub removed: Vec<GcArtifact>,
     /// How many records go with them.
     pub records: u64,
     /// What unfinished actions had come to, and nobody has gone on with for longer than the grace age: it goes.
     pub checkpoints: Vec<Checkpoints>,
 }
 
-impl Collection {
+impl GcPlan {
     /// Bytes of the artifacts that stay.
     #[must_use]
     pub fn bytes_kept(&self) -> u64 {
@@ -120,17 +120,17 @@ impl Collection {
 
     /// What stays and what goes by stages, in the order of pipelines and stages; what no run had comes last, by its kind.
     #[must_use]
-    pub fn by_stage(&self) -> Vec<Group> {
-        let mut groups: BTreeMap<(bool, Option<StageName>, String), Group> = BTreeMap::new();
+    pub fn by_stage(&self) -> Vec<GcGroup> {
+        let mut groups: BTreeMap<(bool, Option<StageName>, String), GcGroup> = BTreeMap::new();
         for judged in self.removed.iter().chain(&self.kept) {
             // A chunk belongs to its stage.
             let kind = judged.kind.strip_suffix(" chunk").unwrap_or(&judged.kind).to_owned();
             let key = (judged.stage.is_none(), judged.stage.clone(), kind.clone());
-            let group = groups.entry(key).or_insert_with(|| Group {
+            let group = groups.entry(key).or_insert_with(|| GcGroup {
                 stage: judged.stage.clone(),
                 kind,
-                removed: Tally::default(),
-                kept: Tally::default(),
+                removed: GcCount::default(),
+                kept: GcCount::default(),
                 held_by: BTreeSet::new(),
             });
             match judged.held_by.is_empty() {
@@ -153,12 +153,12 @@ impl Collection {
 struct Root {
     name: String,
     artifacts: Vec<ArtifactId>,
-    hold: Hold,
+    kind: RootKind,
 }
 
 /// How a root holds artifacts.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Hold {
+enum RootKind {
     /// As long as it is among the last: it may name what an earlier collection took.
     Run,
     /// For good: all that it needs must be known.
@@ -170,38 +170,38 @@ enum Hold {
 }
 
 impl Store {
-    /// Says what stays and what goes. The store must have been opened by [`Store::open_alone`] for the answer to hold.
+    /// Says what stays and what goes. The store must have been opened by [`Store::open_exclusive`] for the answer to hold.
     ///
     /// # Errors
     /// When the system refuses, or something that a root reaches is damaged: what it needs is then not known.
-    pub fn judge(&self, retention: &Retention, now: SystemTime) -> Result<Collection, StoreError> {
+    pub fn plan_gc(&self, retention: &Retention, now: SystemTime) -> Result<GcPlan, StoreError> {
         let records = self.known_records()?;
         let mut holders: BTreeMap<ArtifactId, BTreeSet<String>> = BTreeMap::new();
         let mut by_others: BTreeSet<ArtifactId> = BTreeSet::new();
         let stages = self.stages_of_artifacts()?;
         for mut root in self.roots(retention)? {
-            if root.hold == Hold::LockFile {
+            if root.kind == RootKind::LockFile {
                 let built = |digest: &ArtifactId| records.contains_key(digest) || self.layout.object(digest).exists();
                 root.artifacts.retain(built);
             }
-            let (reached, missing) = match root.hold {
-                Hold::Result => self.with_parts(root.artifacts)?,
-                _ => self.reach(root.artifacts, &records)?,
+            let (reached, missing) = match root.kind {
+                RootKind::Result => self.with_parts(root.artifacts)?,
+                _ => self.dependencies(root.artifacts, &records)?,
             };
-            if let Some(missing) = missing.first().filter(|_| root.hold != Hold::Run) {
+            if let Some(missing) = missing.first().filter(|_| root.kind != RootKind::Run) {
                 return Err(StoreError::Unreachable {
                     root: root.name,
                     missing: *missing,
                 });
             }
             for digest in reached {
-                if root.hold != Hold::Run {
+                if root.kind != RootKind::Run {
                     by_others.insert(digest);
                 }
                 holders.entry(digest).or_default().insert(root.name.clone());
             }
         }
-        let mut collection = Collection::default();
+        let mut collection = GcPlan::default();
         for path in files(&self.layout.objects())? {
             let Some(digest) = self.layout.artifact_at(&path) else {
                 continue;
@@ -213,7 +213,7 @@ impl Store {
                 held_by.push(AGE.to_owned());
             }
             let kind = records.get(&digest).and_then(|made| made.first());
-            let judged = Judged {
+            let judged = GcArtifact {
                 digest,
                 size: metadata.len(),
                 kind: kind.map_or_else(String::new, |record| record.kind.clone()),
@@ -288,7 +288,7 @@ impl Store {
     ///
     /// # Errors
     /// When the system refuses; what is gone by then stays gone, and a further collection goes on.
-    pub fn remove(&self, collection: &Collection, at: &str, progress: &dyn Fn(u64, u64)) -> Result<(), StoreError> {
+    pub fn remove(&self, collection: &GcPlan, at: &str, progress: &dyn Fn(u64, u64)) -> Result<(), StoreError> {
         self.remember_removed(collection, at)?;
         let gone: BTreeSet<ArtifactId> = collection.removed.iter().map(|judged| judged.digest).collect();
         let records = self.known_records()?;
@@ -310,7 +310,7 @@ impl Store {
         for checkpoints in &collection.checkpoints {
             checkpoint::remove(&checkpoints.path)?;
         }
-        self.keep_index();
+        self.save_index();
         progress(total, total);
         Ok(())
     }
@@ -340,7 +340,7 @@ impl Store {
             runs.push(Root {
                 name: format!("run of {} at {}", run.pipeline, readable_time(&run.created)),
                 artifacts,
-                hold: Hold::Run,
+                kind: RootKind::Run,
             });
         }
         let pins = self.pins()?;
@@ -353,7 +353,11 @@ impl Store {
             Root {
                 name: format!("pin{label}"),
                 artifacts: vec![pin.digest],
-                hold: if pin.result_only { Hold::Result } else { Hold::Pin },
+                kind: if pin.result_only {
+                    RootKind::Result
+                } else {
+                    RootKind::Pin
+                },
             }
         });
         let lock_files = self.lock_files()?.into_iter().map(|(path, lock)| {
@@ -361,16 +365,16 @@ impl Store {
             Root {
                 name: format!("lock file {}", path.display()),
                 artifacts,
-                hold: Hold::LockFile,
+                kind: RootKind::LockFile,
             }
         });
         Ok(runs.into_iter().chain(pins).chain(lock_files).collect())
     }
 
-    fn keep_reached_by_young(&self, collection: &mut Collection, records: &Records) -> Result<(), StoreError> {
+    fn keep_reached_by_young(&self, collection: &mut GcPlan, records: &Records) -> Result<(), StoreError> {
         let young = collection.kept.iter().filter(|judged| judged.held_by == [AGE]);
-        let (reached, _) = self.reach(young.map(|judged| judged.digest).collect(), records)?;
-        let (mut saved, gone): (Vec<Judged>, Vec<Judged>) = std::mem::take(&mut collection.removed)
+        let (reached, _) = self.dependencies(young.map(|judged| judged.digest).collect(), records)?;
+        let (mut saved, gone): (Vec<GcArtifact>, Vec<GcArtifact>) = std::mem::take(&mut collection.removed)
             .into_iter()
             .partition(|judged| reached.contains(&judged.digest));
         for judged in &mut saved {

@@ -100,7 +100,7 @@ impl Command {
 /// How a stage of a run ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Ended {
+pub enum StageOutcome {
     /// It was built.
     Built,
     /// It was there.
@@ -108,7 +108,7 @@ pub enum Ended {
     Reused,
 }
 
-impl Ended {
+impl StageOutcome {
     /// The word in files and documents.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -134,7 +134,7 @@ pub struct RunStage {
     pub artifact: ArtifactId,
     /// How it ended.
     #[serde(default)]
-    pub outcome: Ended,
+    pub outcome: StageOutcome,
 }
 
 impl Run {
@@ -145,7 +145,7 @@ impl Run {
     }
 
     /// Whether it is the same pipeline, with the same overrides and the same artifacts.
-    fn says_the_same(&self, other: &Self) -> bool {
+    fn is_equivalent(&self, other: &Self) -> bool {
         let made = |run: &Self| -> Vec<(String, ActionKey, ArtifactId)> {
             let stages = run.stages.iter();
             stages
@@ -256,7 +256,7 @@ impl Store {
     pub fn runs_of<I: Iterator<Item = Result<Run, StoreError>>>(&self, runs: I, file: &Path, name: &str) -> RunsOf<I> {
         RunsOf {
             runs,
-            place: self.as_seen_from_here(file),
+            place: self.relative_path_to(file),
             file: file.to_owned(),
             name: name.to_owned(),
             has_own: false,
@@ -268,7 +268,7 @@ impl Store {
 
     /// A file as seen from the store: `../pipelines/sweep.yaml`.
     #[must_use]
-    pub fn as_seen_from_here(&self, file: &Path) -> String {
+    pub fn relative_path_to(&self, file: &Path) -> String {
         let Ok(root) = fs::canonicalize(self.root()) else {
             return String::new();
         };
@@ -286,15 +286,15 @@ impl Store {
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn is_news(&self, run: &Run) -> Result<bool, StoreError> {
-        let built = |stage: &RunStage| stage.outcome == Ended::Built;
+    pub fn is_new_run(&self, run: &Run) -> Result<bool, StoreError> {
+        let built = |stage: &RunStage| stage.outcome == StageOutcome::Built;
         if run.stages.iter().any(built) || !run.failures.is_empty() || !run.stopped.is_empty() {
             return Ok(true);
         }
         let last = self
             .runs()?
             .find(|other| !other.as_ref().is_ok_and(|other| other.path != run.path));
-        Ok(!last.transpose()?.is_some_and(|last| last.says_the_same(run)))
+        Ok(!last.transpose()?.is_some_and(|last| last.is_equivalent(run)))
     }
 
     /// Remembers a run that is news, and forgets all but the last ten thousand.
@@ -302,11 +302,11 @@ impl Store {
     /// # Errors
     /// When the system refuses.
     pub fn put_run(&self, run: &Run) -> Result<(), StoreError> {
-        if !self.is_news(run)? {
+        if !self.is_new_run(run)? {
             return Ok(());
         }
         let files = self.run_files()?;
-        let text = serde_json::to_vec_pretty(run).map_err(|error| StoreError::Json(error.to_string()))?;
+        let text = serde_json::to_vec_pretty(run)?;
         let name = after_newest(run, &files);
         let target = self
             .layout

@@ -1,8 +1,8 @@
-//! Whether an artifact is there and whole, at a cost that suits the occasion.
+//! Checks whether an artifact exists and is intact, quickly or thoroughly.
 //!
-//! Planning must notice a missing or damaged artifact and yet take less than a second over a store of gigabytes. So it
-//! believes the index where a file's stamp is the one that the index knows, as git does, and digests what the index does not
-//! know. Whatever is read as an input is verified in full, and so is all by `fsck`.
+//! Planning must notice a missing or damaged artifact, but take less than a second on a store of gigabytes. So it trusts the
+//! index if the stamp of a file has not changed, as git does, and verifies the other files. Files that are read as inputs are
+//! always verified in full, and `fsck` verifies all.
 
 use super::error::StoreError;
 use super::index::Structure;
@@ -10,47 +10,47 @@ use super::open::Store;
 use super::record::Record;
 use deaflow_base::ArtifactId;
 
-/// State of an artifact.
+/// Condition of an artifact.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Condition {
-    /// As it was written, as far as was looked.
+    /// It is as it was written, as far as it was checked.
     Intact {
         /// Length of the file in bytes.
         size: u64,
     },
-    /// It is not here, and another store is known to have it.
+    /// It is not in this store, but the upstream store has it.
     Elsewhere {
-        /// Length of the file in bytes, as it is there.
+        /// Length of the file in bytes in that store.
         size: u64,
     },
-    /// There is no file.
+    /// The file does not exist.
     Missing,
-    /// The file is not what was written; why.
+    /// The file differs from what was written; with the reason.
     Damaged(String),
-    /// It is as it was written, and made by an action of another kind than the record that names it.
+    /// It is intact, but of another kind than the record that names it.
     OtherKind(String),
 }
 
-/// How much to look at.
+/// How thoroughly to check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// The stamps of files that the index knows, and every byte of the others.
+    /// Compares the stamps of files in the index, and verifies every byte of other files.
     Quick,
-    /// Every byte.
+    /// Verifies every byte.
     Thorough,
 }
 
 impl Store {
-    /// The condition of one artifact file (not of a manifest's chunks).
+    /// Returns the condition of the file of an artifact (without the chunks of a manifest).
     ///
     /// # Errors
-    /// When the system refuses, for instance for want of permission.
+    /// If the system reports an error, for instance a missing permission.
     pub fn inspect(&self, digest: &ArtifactId, effort: Effort) -> Result<Condition, StoreError> {
         let looked = condition(self.look(digest, effort).map(|(size, _)| Condition::Intact { size }))?;
         self.or_elsewhere(looked, digest, effort)
     }
 
-    /// What is missing or damaged here may be elsewhere.
+    /// Looks in the upstream store for what is missing or damaged here.
     fn or_elsewhere(&self, looked: Condition, digest: &ArtifactId, effort: Effort) -> Result<Condition, StoreError> {
         match looked {
             Condition::Missing | Condition::Damaged(_) => Ok(self.look_elsewhere(digest, effort)?.unwrap_or(looked)),
@@ -58,7 +58,7 @@ impl Store {
         }
     }
 
-    /// Length of an intact file, and what stands in it where that is known without opening it.
+    /// Returns the length of an intact file, and its structure if that is known without opening it.
     fn look(&self, digest: &ArtifactId, effort: Effort) -> Result<(u64, Option<Structure>), StoreError> {
         let path = self.layout.object(digest);
         let (header, structure) = match effort {
@@ -68,7 +68,7 @@ impl Store {
         Ok((header.size, structure))
     }
 
-    /// The condition of what a record says was made: as [`Store::inspect`], and it must be of the record's kind.
+    /// Returns the condition of the artifact of a record: as [`Store::inspect`], and it must be of the kind of the record.
     ///
     /// # Errors
     /// As [`Store::inspect`].
@@ -92,23 +92,23 @@ impl Store {
             return Ok(looked);
         }
         match self.or_elsewhere(looked, &record.artifact, effort)? {
-            // It has been brought: of which kind it is has yet to be seen.
+            // It was downloaded just now: its kind is not checked yet.
             Condition::Intact { .. } => condition(look()),
             looked => Ok(looked),
         }
     }
 
-    /// The chunks of a manifest that is known to be intact; none of another artifact.
+    /// Returns the chunks of an intact manifest; empty for any other artifact.
     ///
     /// # Errors
-    /// When it has become unreadable since.
+    /// If it cannot be read.
     pub fn parts(&self, digest: &ArtifactId) -> Result<Vec<ArtifactId>, StoreError> {
         let here = || {
             let structure = self.verified.structure(&self.layout.object(digest), digest)?;
             Ok::<_, StoreError>(structure.parts.to_vec())
         };
         match here() {
-            Err(error) if error.is_damage() && self.upward.is_some() => match self.parts_elsewhere(digest) {
+            Err(error) if error.is_damage() && self.upstream.is_some() => match self.parts_elsewhere(digest) {
                 Some(parts) => Ok(parts),
                 None => self.fetch(digest).and_then(|_| here()),
             },
@@ -116,17 +116,17 @@ impl Store {
         }
     }
 
-    /// Moves an artifact's file aside.
+    /// Moves the file of an artifact to quarantine.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn quarantine_artifact(&self, digest: &ArtifactId) -> Result<(), StoreError> {
         self.verified.forget(digest);
         self.quarantine(&self.layout.object(digest)).map(|_| ())
     }
 }
 
-/// What is missing or damaged is a condition and no error.
+/// Turns the errors for missing and damaged files into conditions.
 fn condition(looked: Result<Condition, StoreError>) -> Result<Condition, StoreError> {
     match looked {
         Err(StoreError::Missing { .. }) => Ok(Condition::Missing),

@@ -25,9 +25,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::atomic;
+use super::delayed_names;
 use super::entries::{files_in, names_in};
 use super::error::StoreError;
-use super::late;
 use super::locking;
 use super::marker;
 use deaflow_base::{ActionKey, ArtifactId, folder_of, kind_of};
@@ -86,7 +86,7 @@ impl Layout {
         }
         layout.expect_late_names();
         // A marker that another machine has just made may be listed and not be seen.
-        let looked = late::until_seen(|| match layout.look() {
+        let looked = delayed_names::until_seen(|| match layout.look() {
             Err(StoreError::NotAStore { .. }) if layout.lists_marker() => Err(std::io::ErrorKind::NotFound.into()),
             looked => Ok(looked),
         });
@@ -151,7 +151,7 @@ impl Layout {
         for folder in FOLDERS {
             let path = self.root.join(folder);
             if !path.is_dir() {
-                late::make_folders(&path).map_err(StoreError::io("create", &path))?;
+                delayed_names::make_folders(&path).map_err(StoreError::io("create", &path))?;
             }
         }
         Ok(())
@@ -180,7 +180,7 @@ impl Layout {
     }
 
     fn create(&self) -> Result<(), StoreError> {
-        late::make_folders(&self.root).map_err(StoreError::io("create", &self.root))?;
+        delayed_names::make_folders(&self.root).map_err(StoreError::io("create", &self.root))?;
         self.expect_late_names();
         // Its name must survive a crash of the machine as what is in it does.
         atomic::sync_folder(folder_of(&self.root))?;
@@ -211,7 +211,7 @@ impl Layout {
 
     fn expect_late_names(&self) {
         if !locking::file_system(&self.root).1 {
-            late::expect();
+            delayed_names::expect();
         }
     }
 

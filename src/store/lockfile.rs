@@ -45,7 +45,7 @@ impl LockFile {
     /// The lock file of a pipeline's file: `quickstart.yaml.lock` beside `quickstart.yaml`. The whole name is kept, so that
     /// `a.yaml` and `a.yml` have each their own, and no pipeline is its own lock file.
     #[must_use]
-    pub fn beside(pipeline: &Path) -> PathBuf {
+    pub fn path_for(pipeline: &Path) -> PathBuf {
         let mut name = pipeline.as_os_str().to_owned();
         name.push(".lock");
         PathBuf::from(name)
@@ -139,7 +139,7 @@ impl Store {
         let whole = fs::canonicalize(path).map_err(StoreError::io("find", path))?;
         let text = self.place_of(&whole).ok_or_else(|| StoreError::LockFile {
             path: whole.clone(),
-            reason: "its path is not UTF-8".into(),
+            source: InputError::new("its path is not UTF-8"),
         })?;
         let target = self.layout.lock_files().join(Digest::of(text.as_bytes()).to_string());
         if read_own(&target, MAX_PATH).is_ok_and(|known| known == text.as_bytes()) {
@@ -174,12 +174,7 @@ impl Store {
             };
             match LockFile::read(&path) {
                 Ok(lock) => found.push((path, lock)),
-                Err(error) => {
-                    return Err(StoreError::LockFile {
-                        path,
-                        reason: error.to_string(),
-                    });
-                }
+                Err(source) => return Err(StoreError::LockFile { path, source }),
             }
         }
         Ok(found)
@@ -249,7 +244,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(&folder.path().join("store")).unwrap();
         let path = folder.path().join("p.yaml.lock");
-        assert_eq!(LockFile::beside(&folder.path().join("p.yaml")), path);
+        assert_eq!(LockFile::path_for(&folder.path().join("p.yaml")), path);
         store.put_lock_file(&path, &lock()).unwrap();
         assert_eq!(LockFile::read(&path).unwrap(), lock());
         assert_eq!(

@@ -48,27 +48,27 @@ const SHARED: [(u64, &str); 11] = [
 
 /// What keeps processes apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Manner {
+pub enum LockingMethod {
     /// Locks of files, which vanish with their process.
     Locks,
     /// Claims with signs of life.
     Claims,
 }
 
-/// A manner, and why.
+/// A method, and reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Choice {
-    /// The manner.
-    pub manner: Manner,
+pub struct LockingChoice {
+    /// The method.
+    pub method: LockingMethod,
     /// Why, for people.
-    pub why: String,
+    pub reason: String,
 }
 
 /// How a store is opened.
-pub fn choose(layout: &Layout) -> Choice {
-    let claims = |why: String| Choice {
-        manner: Manner::Claims,
-        why,
+pub fn choose(layout: &Layout) -> LockingChoice {
+    let claims = |reason: String| LockingChoice {
+        method: LockingMethod::Claims,
+        reason,
     };
     let (kind, is_local) = file_system(layout.root());
     if !is_local {
@@ -79,9 +79,9 @@ pub fn choose(layout: &Layout) -> Choice {
             claims(format!("there are no locks here: {source}"))
         }
         _ if layout.processes().is_dir() => claims("others have opened the store by claims".to_owned()),
-        _ => Choice {
-            manner: Manner::Locks,
-            why: format!("locks on {kind} are seen by all"),
+        _ => LockingChoice {
+            method: LockingMethod::Locks,
+            reason: format!("locks on {kind} are seen by all"),
         },
     }
 }
@@ -129,8 +129,8 @@ mod tests {
         let layout = Layout::open(&folder.path().join("store")).unwrap();
         let (kind, is_local) = file_system(layout.root());
         let choice = choose(&layout);
-        assert_eq!(choice.manner == Manner::Locks, is_local, "{kind}: {choice:?}");
+        assert_eq!(choice.method == LockingMethod::Locks, is_local, "{kind}: {choice:?}");
         std::fs::create_dir_all(layout.processes()).unwrap();
-        assert_eq!(choose(&layout).manner, Manner::Claims);
+        assert_eq!(choose(&layout).method, LockingMethod::Claims);
     }
 }

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use super::error::StoreError;
 use super::fsck::Damage;
-use super::hold::Hold;
 use super::layout::Layout;
 use super::marker;
 use super::open::Store;
 use super::quarantine::quarantine;
+use super::session::StoreSession;
 
 impl Store {
     /// Writes the marker of a store anew where it is damaged or gone; what stood in its place is quarantined. Nothing happens
@@ -26,11 +26,11 @@ impl Store {
             looked => return looked.map(|()| None),
         };
         layout.make_folders()?;
-        let alone = Hold::alone(&layout)?;
+        let alone = StoreSession::alone(&layout)?;
         let quarantined = quarantine(&layout, &path)?;
         let temporary = layout.temporary();
         let refused = StoreError::io("write in", &temporary);
-        let folder = alone.workbench.folder().map_err(refused)?;
+        let folder = alone.temporary_folder.folder().map_err(refused)?;
         marker::write(&folder, &path)?;
         Ok(Some(Damage {
             path,

@@ -36,7 +36,7 @@ impl Store {
         let folder = self.root().join(MEMOS);
         self.clear_folder(&folder)?;
         fs::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
-        let text = serde_json::to_vec(lines).map_err(|error| StoreError::Json(error.to_string()))?;
+        let text = serde_json::to_vec(lines)?;
         let temporary = self.temporary()?;
         atomic::write(&temporary.path().join("memo"), &self.memo_path(of), &text)?;
         let mut memos: Vec<(SystemTime, PathBuf)> = files_in(&folder)?

@@ -1,4 +1,4 @@
-//! What an artifact says, apart from any file: named arrays with units and descriptions, attributes, and parts.
+//! The content of an artifact, independent of files: named arrays with units and descriptions, attributes, and parts.
 
 use std::collections::BTreeMap;
 
@@ -7,26 +7,26 @@ use deaflow_base::{ArtifactId, DigestWriter};
 pub use deaflow_hdf::Elements as Data;
 use deaflow_hdf::LONG;
 
-/// Bytes of one text element. Texts have a fixed width in files, so that virtual datasets can show chunks as one array.
+/// Width of a text element in bytes. It is fixed so that virtual datasets can show chunks as one array.
 pub const TEXT_WIDTH: usize = 64;
 
-/// Attributes that only tell people what the content means: to mend their English changes no digest.
+/// Attributes that are texts for people. They are not part of the digest, so their wording may change.
 pub const WORDING: [&str; 1] = ["warnings"];
 
-/// What the store itself keeps in files.
-const OWN: [&str; 3] = ["parts", "provenance", LONG];
+/// Names that the store itself uses in files.
+const RESERVED: [&str; 3] = ["parts", "provenance", LONG];
 
-/// The attribute of a file that holds the kind.
+/// The attribute with the kind of the action.
 pub const KIND: &str = "kind";
 
-/// A named array as it stands in an artifact.
+/// An array of an artifact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dataset {
-    /// Unit of the elements ("mm", "V", "1" for pure numbers, "" where a unit makes no sense).
+    /// Unit of the elements ("mm", "V", "1" for pure numbers, "" if a unit makes no sense).
     pub units: String,
-    /// One sentence for whoever opens the file.
+    /// One sentence that describes it.
     pub description: String,
-    /// Names of the axes, slowest first ("sample", "y", "x"); empty where they have none.
+    /// Names of the axes, slowest first ("sample", "y", "x"); may be empty.
     pub axes: Vec<String>,
     /// Extents, slowest first.
     pub shape: Vec<usize>,
@@ -34,35 +34,35 @@ pub struct Dataset {
     pub data: Data,
 }
 
-/// The logical content of an artifact. Either it has datasets, or it is a manifest of parts whose datasets, laid end to
-/// end along the first axis, are its own.
+/// The logical content of an artifact. It has either datasets or parts; the latter is a manifest, whose datasets are those
+/// of its parts, concatenated along the first axis.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Object {
-    /// Kind of the action that makes it; empty where none does.
+    /// Kind of the action that makes it; empty if it is not made by an action.
     pub kind: String,
-    /// Content attributes: texts that belong to the content (a scene, the names of columns), never times or hosts. Those that
-    /// `WORDING` names stand in the file and are no part of the identity.
+    /// Content attributes: texts that belong to the content (a scene, the names of columns), never times or hosts. Those
+    /// named in `WORDING` are written but are not part of the digest.
     pub attributes: BTreeMap<String, String>,
-    /// Arrays by path ("patterns", "unstable/patterns").
+    /// Datasets by path ("patterns", "unstable/patterns").
     pub datasets: BTreeMap<String, Dataset>,
     /// Digests of the chunks of a manifest, in order.
     pub parts: Vec<ArtifactId>,
 }
 
-/// Content that cannot be an artifact.
+/// Content that is not valid for an artifact.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ObjectError {
     /// The shape does not match the number of elements.
-    #[error("dataset `{path}`: shape {shape:?} does not hold {found} elements")]
+    #[error("dataset `{path}`: shape {shape:?} does not match {found} elements")]
     Shape {
         /// Path of the dataset.
         path: String,
         /// Its shape.
         shape: Vec<usize>,
-        /// How many elements there are.
+        /// The number of elements.
         found: usize,
     },
-    /// A text that does not fit.
+    /// A text is too long or contains NUL.
     #[error("dataset `{path}`: the text {text:?} is longer than {TEXT_WIDTH} bytes or contains NUL")]
     Text {
         /// Path of the dataset.
@@ -70,43 +70,43 @@ pub enum ObjectError {
         /// The text.
         text: String,
     },
-    /// Axes that cannot be named so.
+    /// The names of the axes are not valid.
     #[error(
-        "dataset `{path}` has {extents} axes, and the names {axes:?} do not fit: one for each, all different, none empty or the store's own"
+        "dataset `{path}` has {extents} axes, but the axis names are {axes:?}: give each axis a different name, not empty and not reserved"
     )]
     Axes {
         /// Path of the dataset.
         path: String,
         /// The names.
         axes: Vec<String>,
-        /// How many axes there are.
+        /// The number of axes.
         extents: usize,
     },
-    /// A NaN or infinity: artifacts hold numbers only.
+    /// An element is NaN or infinite.
     #[error("dataset `{path}`: element {at} is not a finite number")]
     NotFinite {
         /// Path of the dataset.
         path: String,
-        /// Position of the element.
+        /// Index of the element.
         at: usize,
     },
-    /// A name that cannot stand in a file.
-    #[error("{name:?} cannot name {what}: {reason}")]
+    /// A name is not valid.
+    #[error("{name:?} is not a valid name for {what}: {reason}")]
     Name {
         /// The name.
         name: String,
-        /// A dataset or an attribute.
+        /// What is named: a dataset or an attribute.
         what: &'static str,
-        /// Why not.
+        /// What is wrong with it.
         reason: &'static str,
     },
-    /// An object with both datasets and parts.
-    #[error("an object is either arrays or a manifest of parts, not both")]
+    /// The object has both datasets and parts.
+    #[error("an object has both datasets and parts; only one of them is allowed")]
     Mixed,
 }
 
 impl Dataset {
-    /// A dataset from its parts, its axes without names.
+    /// Creates a dataset whose axes have no names.
     #[must_use]
     pub fn new(units: &str, description: &str, shape: &[usize], data: Data) -> Self {
         Self {
@@ -118,7 +118,7 @@ impl Dataset {
         }
     }
 
-    /// The same with names for its axes, slowest first.
+    /// Sets the names of the axes, slowest first.
     #[must_use]
     pub fn with_axes(mut self, axes: &[&str]) -> Self {
         self.axes = axes.iter().map(|&axis| axis.to_owned()).collect();
@@ -127,7 +127,7 @@ impl Dataset {
 
     fn validate_axes(&self, path: &str) -> Result<(), ObjectError> {
         let wrong = |(at, axis): (usize, &String)| {
-            let reserved = axis.is_empty() || OWN.contains(&axis.as_str());
+            let reserved = axis.is_empty() || RESERVED.contains(&axis.as_str());
             reserved || axis.contains(['/', '\0']) || self.axes[..at].contains(axis)
         };
         let count = self.axes.len();
@@ -175,7 +175,7 @@ impl Dataset {
 }
 
 impl Object {
-    /// A manifest of parts.
+    /// Creates a manifest of parts.
     #[must_use]
     pub fn manifest(attributes: BTreeMap<String, String>, parts: Vec<ArtifactId>) -> Self {
         Self {
@@ -185,7 +185,7 @@ impl Object {
         }
     }
 
-    /// The same as what an action of this kind makes.
+    /// Sets the kind of the action that makes it.
     #[must_use]
     pub fn of_kind(self, kind: &str) -> Self {
         Self {
@@ -201,8 +201,7 @@ impl Object {
         self
     }
 
-    /// Adds texts of any length: their bytes one after another under `PATH/text`, and how many belong to each under
-    /// `PATH/length`.
+    /// Adds texts of any length: their concatenated bytes as `PATH/text`, and the length of each as `PATH/length`.
     #[must_use]
     pub fn with_long_texts<'a>(self, path: &str, description: &str, texts: impl IntoIterator<Item = &'a str>) -> Self {
         let (mut bytes, mut lengths) = (Vec::new(), Vec::new());
@@ -232,7 +231,7 @@ impl Object {
     /// Checks shapes, texts and numbers.
     ///
     /// # Errors
-    /// When the content cannot be an artifact.
+    /// If the content is not valid for an artifact.
     pub fn validate(&self) -> Result<(), ObjectError> {
         if !self.parts.is_empty() && !self.datasets.is_empty() {
             return Err(ObjectError::Mixed);
@@ -258,23 +257,23 @@ impl Object {
         };
         let mut steps = path.split('/');
         if steps.clone().any(|step| step.is_empty() || step == "." || step == "..") || path.contains('\0') {
-            return refuse("it is not a path of names joined by '/'");
+            return refuse("allowed are names joined by '/'");
         }
-        if steps.next().is_some_and(|step| OWN.contains(&step)) {
-            return refuse("the store itself uses it");
+        if steps.next().is_some_and(|step| RESERVED.contains(&step)) {
+            return refuse("the store reserves it");
         }
         let inside = format!("{path}/");
         if self.datasets.keys().any(|other| other.starts_with(&inside)) {
-            return refuse("other datasets lie inside it");
+            return refuse("it is also a group of other datasets");
         }
         Ok(())
     }
 
-    /// The identity: a digest of kind, attributes, paths, types, shapes, units and little-endian bytes. Descriptions, names of
-    /// axes and attributes of `WORDING` are no part of it.
+    /// Returns the identity: the digest of kind, attributes, paths, types, shapes, units and little-endian bytes.
+    /// Descriptions, names of axes and the attributes in `WORDING` are not part of it.
     ///
     /// # Errors
-    /// When the content cannot be an artifact.
+    /// If the content is not valid for an artifact.
     pub fn digest(&self) -> Result<ArtifactId, ObjectError> {
         self.validate()?;
         let mut writer = DigestWriter::new();
@@ -317,15 +316,15 @@ fn validate_attribute(name: &str, value: &str) -> Result<(), ObjectError> {
         })
     };
     if name == KIND {
-        return refuse("the store itself uses it");
+        return refuse("the store reserves it");
     }
     if name.is_empty() || name.contains('\0') || value.contains('\0') {
-        return refuse("it is empty, or it or its value contains NUL");
+        return refuse("the name is empty, or the name or the value contains NUL");
     }
     Ok(())
 }
 
-/// Bytes of elements that are in memory beside them at a time.
+/// Bytes of elements that are copied at a time.
 const PIECE: usize = 1 << 20;
 
 /// Adds the little-endian bytes of all elements to a digest.
@@ -336,7 +335,7 @@ fn add_elements(writer: &mut DigestWriter, data: &Data) {
         }
         Data::U32(v) => add(writer, v, |x| x.to_le_bytes()),
         Data::U64(v) => add(writer, v, |x| x.to_le_bytes()),
-        // Adding zero makes −0 into 0: they are equal, so they must not tell two artifacts apart.
+        // Adding zero turns −0 into 0: they are equal, so they must have the same digest.
         Data::F32(v) => add(writer, v, |x| (x + 0.0).to_le_bytes()),
         Data::F64(v) => add(writer, v, |x| (x + 0.0).to_le_bytes()),
         Data::Text(v) => add(writer, v, |t| {

@@ -1,4 +1,4 @@
-//! The store as its users hold it: opening, putting and finding artifacts.
+//! The public store: opens a store, and writes and finds artifacts.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -9,43 +9,43 @@ use tempfile::{TempDir, TempPath};
 
 use super::artifact::Artifact;
 use super::atomic;
+use super::delayed_names;
 use super::entries::{files, is_file, is_folder};
 use super::error::StoreError;
 use super::header::Header;
-use super::hold::Hold;
-use super::late;
 use super::layout::Layout;
 use super::listing::{self, Content};
-use super::locking::Choice;
+use super::locking::LockingChoice;
 use super::object::Object;
 use super::provenance::Provenance;
 use super::quarantine::quarantine;
 use super::read::Access;
+use super::session::StoreSession;
 use super::stamp::Time;
-use super::upstream::Upward;
+use super::upstream::UpstreamLink;
 use super::verified::Verified;
 use super::write::{self, Part};
 use deaflow_base::{ArtifactId, FileDigest, folder_of};
 
-/// An open store. Cheap to clone; while one is open, no collection runs.
+/// An open store. Cheap to clone; no garbage collection runs while it is open.
 #[derive(Clone)]
 pub struct Store {
     pub(super) layout: Layout,
     pub(super) verified: Arc<Verified>,
     pub(super) access: Access,
     pub(super) unsettled: Arc<Mutex<BTreeSet<PathBuf>>>,
-    pub(super) hold: Arc<Hold>,
-    pub(super) upward: Option<Upward>,
+    pub(super) session: Arc<StoreSession>,
+    pub(super) upstream: Option<UpstreamLink>,
 }
 
-/// What has been put.
+/// An artifact that has been written, or already existed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stored {
     /// The artifact.
     pub digest: ArtifactId,
-    /// BLAKE3 of its file as written (after the user block).
+    /// BLAKE3 digest of the file (after the user block).
     pub file_digest: FileDigest,
-    /// Length of its file in bytes.
+    /// Length of the file in bytes.
     pub size: u64,
 }
 
@@ -60,47 +60,47 @@ impl From<Header> for Stored {
 }
 
 impl Store {
-    /// Opens a folder as a store, creating it where there is none, and clears what dead processes left.
+    /// Opens a store, creates it if there is none, and removes what dead processes left.
     ///
     /// # Errors
-    /// When the folder is something else or of an unknown version, or the system refuses.
+    /// If the folder is not a store or has an unsupported version, or the system reports an error.
     pub fn open(root: &Path) -> Result<Self, StoreError> {
         let layout = Layout::open(root)?;
-        let hold = Hold::shared(&layout)?;
-        Ok(Self::held(layout, hold))
+        let session = StoreSession::shared(&layout)?;
+        Ok(Self::with_session(layout, session))
     }
 
-    fn held(layout: Layout, hold: Hold) -> Self {
-        let hold = Arc::new(hold);
+    fn with_session(layout: Layout, session: StoreSession) -> Self {
+        let session = Arc::new(session);
         Self {
-            verified: Arc::new(Verified::with_index(&layout, hold.clone())),
+            verified: Arc::new(Verified::with_index(&layout, session.clone())),
             access: Access::Here,
             unsettled: Arc::default(),
-            hold,
+            session,
             layout,
-            upward: None,
+            upstream: None,
         }
     }
 
-    /// The time by the clock of the store's file system, by which its files have their ages; that of this machine may be another.
+    /// Returns the time of the clock of the file system, which stamps its files; it may differ from that of this machine.
     #[must_use]
     pub fn now(&self) -> SystemTime {
         let since = |(seconds, nanoseconds): Time| {
             let seconds = u64::try_from(seconds).ok()?;
             SystemTime::UNIX_EPOCH.checked_add(Duration::new(seconds, u32::try_from(nanoseconds).ok()?))
         };
-        let time = self.hold.workbench.time();
+        let time = self.session.temporary_folder.time();
         time.and_then(since).unwrap_or_else(SystemTime::now)
     }
 
-    /// How processes keep out of each other's way here, and why so.
+    /// Returns the locking method of this store, with the reason.
     #[must_use]
-    pub fn locking(&self) -> &Choice {
-        &self.hold.choice
+    pub fn locking(&self) -> &LockingChoice {
+        &self.session.choice
     }
 
-    /// The same store, whose artifacts are all read in another process, whoever wrote them: slower where they are large, and
-    /// no file can bring this process down.
+    /// Returns the same store, reading every artifact in another process: slower for large ones, but no file can crash
+    /// this process.
     #[must_use]
     pub fn guarded(self) -> Self {
         Self {
@@ -109,38 +109,36 @@ impl Store {
         }
     }
 
-    /// The same store, taking nobody's word: whatever is looked at is verified in full, whatever its index says. The index
-    /// is made anew of what is found.
+    /// Returns the same store, ignoring its index: all files are verified in full, and the index is written anew.
     #[must_use]
-    pub fn without_trust(self) -> Self {
+    pub fn without_index(self) -> Self {
         Self {
-            verified: Arc::new(Verified::without_trust(&self.layout, self.hold.clone())),
+            verified: Arc::new(Verified::without_index(&self.layout, self.session.clone())),
             ..self
         }
     }
 
-    /// Writes down which files are known to be sound, so that the next process need not read them. A cache: where it cannot
-    /// be written, nothing is lost but time.
-    pub fn keep_index(&self) {
+    /// Writes the index of verified files, so that the next process need not read them. It is a cache: errors are ignored.
+    pub fn save_index(&self) {
         self.verified.keep();
     }
 
-    /// The folder of the store that a path lies in, if it lies in one: nobody else writes there.
+    /// Returns the folder of the store that contains a path, if any.
     #[must_use]
     pub fn around(path: &Path) -> Option<PathBuf> {
         Layout::around(path)
     }
 
-    /// Whether a folder is a store, be it a damaged one.
+    /// Whether a folder is a store, possibly a damaged one.
     #[must_use]
     pub fn is_at(root: &Path) -> bool {
         Layout::is_store(root)
     }
 
-    /// Opens a store that must be there already: to look into a mistyped folder must not make a store of it.
+    /// Opens a store that must exist, so that reading from a mistyped folder does not create one.
     ///
     /// # Errors
-    /// When there is none, or as [`Store::open`].
+    /// If there is none, or as [`Store::open`].
     pub fn open_existing(root: &Path) -> Result<Self, StoreError> {
         if Layout::is_store(root) {
             Self::open(root)
@@ -149,56 +147,57 @@ impl Store {
         }
     }
 
-    /// Opens a store that must be there already, to look into it for long without being in the way: a collection may run meanwhile, and
-    /// what it removes is then not found.
+    /// Opens a store that must exist, for reading over a long time: a garbage collection may run meanwhile and remove
+    /// artifacts.
     ///
     /// # Errors
-    /// When there is none, or as [`Store::open`].
-    pub fn open_aside(root: &Path) -> Result<Self, StoreError> {
+    /// If there is none, or as [`Store::open`].
+    pub fn open_unlocked(root: &Path) -> Result<Self, StoreError> {
         if !Layout::is_store(root) {
             return Err(StoreError::NoStore { path: root.to_owned() });
         }
         let layout = Layout::open(root)?;
-        let hold = Hold::aside(&layout);
-        Ok(Self::held(layout, hold))
+        let session = StoreSession::aside(&layout);
+        Ok(Self::with_session(layout, session))
     }
 
-    /// Opens a store that must be there already for one process alone, to collect in it.
+    /// Opens a store that must exist with exclusive access, for garbage collection and repair.
     ///
     /// # Errors
-    /// When there is none, another process has it open, or as [`Store::open`].
-    pub fn open_alone(root: &Path) -> Result<Self, StoreError> {
+    /// If there is none, another process has it open, or as [`Store::open`].
+    pub fn open_exclusive(root: &Path) -> Result<Self, StoreError> {
         if !Layout::is_store(root) {
             return Err(StoreError::NoStore { path: root.to_owned() });
         }
         let layout = Layout::open(root)?;
-        let hold = Hold::alone(&layout)?;
-        Ok(Self::held(layout, hold))
+        let session = StoreSession::alone(&layout)?;
+        Ok(Self::with_session(layout, session))
     }
 
-    /// Gives up what others would wait for: claims, and the sign that this process lives. For a process that is about to end without
-    /// letting go of what it has; it must not write any more.
+    /// Releases the claims and the heartbeat of this process. For a process that ends without dropping its stores; it must
+    /// not write any more.
     pub fn leave(&self) {
-        self.hold.leave();
+        self.session.leave();
     }
 
-    /// Has the index believe the file of an artifact as it is now, as if bytes had changed beneath the file system.
-    /// For tests, here and in other rooms.
+    /// Puts the present stamp of an artifact into the index, as if its bytes had changed without the file system noticing.
+    /// For tests, also in other crates.
     #[doc(hidden)]
-    pub fn believe(&self, digest: &ArtifactId) {
+    pub fn trust_current_file(&self, digest: &ArtifactId) {
         Verified::believe(&self.layout.index(None), &self.layout.object(digest), digest);
     }
 
-    /// Its folder.
+    /// Returns the folder of the store.
     #[must_use]
     pub fn root(&self) -> &Path {
         self.layout.root()
     }
 
-    /// Writes an object, or finds that it is there already. A damaged file in its place is quarantined.
+    /// Writes an object unless the store has it already. A damaged file in its place is moved to quarantine.
     ///
     /// # Errors
-    /// When the content cannot be an artifact, a chunk of a manifest is missing, or the system refuses (disk full).
+    /// If the content is not valid for an artifact, a chunk of a manifest is missing, or the system reports an error (disk
+    /// full).
     pub fn put(&self, object: &Object, provenance: &Provenance) -> Result<Stored, StoreError> {
         let digest = object.digest()?;
         if let Some(stored) = self.existing(&digest)? {
@@ -216,13 +215,13 @@ impl Store {
         Ok(stored)
     }
 
-    /// Opens an artifact, verifying every byte of its file. One that is not here is brought from the store behind this one.
+    /// Opens an artifact and verifies every byte of its file. If it is not here, it is downloaded from the upstream store.
     ///
     /// # Errors
-    /// When it is missing or damaged.
+    /// If it is missing or damaged.
     pub fn artifact(&self, digest: &ArtifactId) -> Result<Artifact, StoreError> {
         match self.artifact_here(digest) {
-            Err(error) if error.is_damage() && self.upward.is_some() && self.fetch(digest)? => {
+            Err(error) if error.is_damage() && self.upstream.is_some() && self.fetch(digest)? => {
                 self.artifact_here(digest)
             }
             found => found,
@@ -233,10 +232,10 @@ impl Store {
         Artifact::load(self.access, self.layout.object(digest), *digest, self.verified.clone())
     }
 
-    /// The artifacts whose digests begin with these hexadecimal digits, in order.
+    /// Returns the artifacts whose digests start with these hexadecimal digits, in order.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn find(&self, prefix: &str) -> Result<Vec<ArtifactId>, StoreError> {
         let mut found = Vec::new();
         for path in files(&self.layout.objects())? {
@@ -259,8 +258,8 @@ impl Store {
         }
     }
 
-    /// Its name is what makes the file visible, and it replaces nothing: of several who put the same content the first succeeds, and the
-    /// others find it. Files of one content differ in their provenance.
+    /// Gives a finished file its name, without replacing anything: if several processes write the same content, the first
+    /// succeeds and the others use its file. Such files differ only in their provenance.
     pub(super) fn publish(&self, temporary: &Path, header: Header) -> Result<Stored, StoreError> {
         let target = self.layout.object(&header.content);
         self.clear_folder(folder_of(&target))?;
@@ -272,8 +271,10 @@ impl Store {
                     self.verified.remember(&target, header);
                     return Ok(header.into());
                 }
-                // Something is there that cannot be seen yet.
-                Err(StoreError::Missing { .. }) if start.elapsed() < late::LATEST => std::thread::sleep(late::PAUSE),
+                // A file exists that is not visible yet.
+                Err(StoreError::Missing { .. }) if start.elapsed() < delayed_names::LATEST => {
+                    std::thread::sleep(delayed_names::PAUSE)
+                }
                 Err(error) if error.is_damage() => {
                     self.quarantine(&target)?;
                 }
@@ -282,13 +283,13 @@ impl Store {
         }
     }
 
-    /// Moves a file aside, keeping it for whoever wants to know what happened. Nothing happens where there is none.
+    /// Moves a file to quarantine. Does nothing if there is none.
     pub(super) fn quarantine(&self, path: &Path) -> Result<Option<PathBuf>, StoreError> {
         quarantine(&self.layout, path)
     }
 
-    /// Moves aside whatever stands in the place of a folder of ours and is none: through a link, what is written there would be
-    /// written elsewhere.
+    /// Moves whatever is at the path of a folder and is not a folder to quarantine: writing through a link would write
+    /// elsewhere.
     pub(super) fn clear_folder(&self, folder: &Path) -> Result<(), StoreError> {
         if !is_folder(folder) {
             self.quarantine(folder)?;
@@ -296,7 +297,7 @@ impl Store {
         Ok(())
     }
 
-    /// Moves aside whatever stands in the place of a file of ours and is none.
+    /// Moves whatever is at the path of a file and is not a regular file to quarantine.
     pub(super) fn clear_file(&self, path: &Path) -> Result<(), StoreError> {
         if !is_file(path) {
             self.quarantine(path)?;
@@ -304,8 +305,8 @@ impl Store {
         Ok(())
     }
 
-    /// The chunks of a manifest, which need not be opened where it is known what stands in them, and their datasets laid end to
-    /// end.
+    /// Returns the chunks of a manifest and their concatenated datasets. Chunks are opened only if their structure is not
+    /// known.
     fn chunks_of(&self, object: &Object) -> Result<(Vec<Part>, Vec<Content>), StoreError> {
         let mut parts = Vec::with_capacity(object.parts.len());
         for digest in &object.parts {
@@ -313,7 +314,7 @@ impl Store {
             if !structure.parts.is_empty() {
                 return Err(StoreError::Parts {
                     digest: *digest,
-                    reason: "it is a manifest itself".into(),
+                    reason: "it is a manifest".into(),
                 });
             }
             parts.push(Part {
@@ -325,29 +326,29 @@ impl Store {
         Ok((parts, shown))
     }
 
-    /// Folders of records whose names a crash of the machine may lose.
+    /// Returns the folders of records that are not synced yet: a crash of the machine may lose names in them.
     pub(super) fn unsettled(&self) -> MutexGuard<'_, BTreeSet<PathBuf>> {
-        // Folders are added one by one: a panic elsewhere leaves a set that is right.
+        // Folders are added one by one, so the set is valid even after a panic.
         self.unsettled.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A folder for a file being written, removed when dropped. Its name is random: processes in different containers
-    /// may have the same number.
+    /// Creates a folder for a file being written, removed on drop. Its name is random: processes in different containers may
+    /// have the same process ID.
     pub(super) fn temporary(&self) -> Result<TempDir, StoreError> {
         let folder = self.layout.temporary();
-        let refused = StoreError::io("write in", &folder);
-        self.hold
-            .workbench
+        let failed = StoreError::io("write in", &folder);
+        self.session
+            .temporary_folder
             .folder()
             .and_then(tempfile::tempdir_in)
-            .map_err(refused)
+            .map_err(failed)
     }
 
-    /// An empty file to be written and moved into place, removed when dropped before that.
+    /// Creates an empty file to be written and moved into place; removed on drop if it was not moved.
     pub(super) fn temporary_file(&self) -> Result<TempPath, StoreError> {
         let folder = self.layout.temporary();
-        let refused = StoreError::io("write in", &folder);
-        let file = self.hold.workbench.file().map_err(refused)?;
+        let failed = StoreError::io("write in", &folder);
+        let file = self.session.temporary_folder.file().map_err(failed)?;
         Ok(file.into_temp_path())
     }
 }

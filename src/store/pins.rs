@@ -45,9 +45,9 @@ impl Store {
         self.artifact(&pin.digest)?;
         if !pin.result_only {
             // A collection would refuse to go on, and say so only then.
-            let (_, missing) = self.reach(vec![pin.digest], &self.known_records()?)?;
+            let (_, missing) = self.dependencies(vec![pin.digest], &self.known_records()?)?;
             if let Some(missing) = missing.first() {
-                return Err(StoreError::NotWhole {
+                return Err(StoreError::IncompleteInputs {
                     digest: pin.digest,
                     missing: *missing,
                 });
@@ -58,7 +58,7 @@ impl Store {
             created: pin.created.clone(),
             result_only: pin.result_only,
         };
-        let text = serde_json::to_vec_pretty(&content).map_err(|error| StoreError::Json(error.to_string()))?;
+        let text = serde_json::to_vec_pretty(&content)?;
         let folder = self.temporary()?;
         let target = self.layout.pins().join(pin.digest.to_string());
         atomic::write(&folder.path().join("pin"), &target, &text)

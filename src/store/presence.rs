@@ -18,9 +18,9 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use super::delayed_names;
 use super::entries::{LETTERS, names_in};
 use super::error::StoreError;
-use super::late;
 use super::owner::Owner;
 use deaflow_base::{Background, Pauses, read_own};
 
@@ -28,31 +28,31 @@ use deaflow_base::{Background, Pauses, read_own};
 pub const ALONE: &str = "alone";
 
 /// Length of the file of a process, bytes: spaces follow what is said.
-const SIGN: usize = 1024;
+const HEARTBEAT_BYTES: usize = 1024;
 
 /// A file of a process is shorter, bytes.
 const LONGEST: u64 = 64 << 10;
 
 /// How often a process shows itself, and how long another waits for that.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Times {
+pub struct HeartbeatTimes {
     /// Between two signs of life.
-    pub beat: Duration,
-    /// Without a sign of life for so long, a process is dead.
+    pub interval: Duration,
+    /// Without a heartbeat of life for so long, a process is dead.
     pub expiry: Duration,
 }
 
-impl Times {
+impl HeartbeatTimes {
     /// Names may be cached for a minute at most with the usual settings of network file systems.
     pub const USUAL: Self = Self {
-        beat: Duration::from_secs(5),
+        interval: Duration::from_secs(5),
         expiry: Duration::from_secs(60),
     };
 }
 
 /// What stands in the file of a process.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Sign {
+pub struct Heartbeat {
     /// Who it is.
     pub owner: Owner,
     /// How often it has shown itself.
@@ -64,7 +64,7 @@ pub struct Presence {
     folder: PathBuf,
     owner: Owner,
     name: String,
-    times: Times,
+    times: HeartbeatTimes,
     beats: Option<Background>,
     /// What was seen of others, and since when it has not changed.
     seen: Mutex<BTreeMap<String, (Vec<u8>, Instant)>>,
@@ -72,10 +72,10 @@ pub struct Presence {
 
 /// What is known of a process.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Life {
+pub enum ProcessState {
     /// It may be at work.
     Alive(Option<Owner>),
-    /// It has ended, or has given no sign of life for long.
+    /// It has ended, or has given no heartbeat of life for long.
     Dead(Option<Owner>),
 }
 
@@ -84,10 +84,10 @@ impl Presence {
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn announce(folder: &Path, times: Times) -> Result<Self, StoreError> {
-        late::make_folders(folder).map_err(StoreError::io("create", folder))?;
+    pub fn announce(folder: &Path, times: HeartbeatTimes) -> Result<Self, StoreError> {
+        delayed_names::make_folders(folder).map_err(StoreError::io("create", folder))?;
         let owner = Owner::this();
-        let sign = Sign {
+        let heartbeat = Heartbeat {
             owner: owner.clone(),
             beats: 0,
         };
@@ -98,18 +98,18 @@ impl Presence {
                 .rand_bytes(LETTERS)
                 .tempfile_in(folder)
         };
-        let file = late::until_seen(named).map_err(StoreError::io("write in", folder))?;
+        let file = delayed_names::until_seen(named).map_err(StoreError::io("write in", folder))?;
         let (_, path) = file
             .keep()
             .map_err(|error| StoreError::io("write", folder)(error.error))?;
-        show(&path, &sign).map_err(StoreError::io("write", &path))?;
+        show(&path, &heartbeat).map_err(StoreError::io("write", &path))?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let beat = move |pauses: &Pauses| {
-            let mut sign = sign;
-            while pauses.wait(times.beat) {
-                sign.beats += 1;
-                // A sign that cannot be given is given next time; others wait for several.
-                let _ = show(&path, &sign);
+            let mut heartbeat = heartbeat;
+            while pauses.wait(times.interval) {
+                heartbeat.beats += 1;
+                // A heartbeat that cannot be given is given next time; others wait for several.
+                let _ = show(&path, &heartbeat);
             }
         };
         let beats = Background::start("presence", beat).map_err(StoreError::io("begin a thread for", folder))?;
@@ -143,16 +143,18 @@ impl Presence {
     }
 
     /// What is known of a process by now. One that shows nothing is watched from the first call on.
-    pub fn life(&self, name: &str) -> Life {
+    pub fn process_state(&self, name: &str) -> ProcessState {
         let content = read_own(&self.folder.join(name), LONGEST).unwrap_or_default();
-        self.life_of(name, content)
+        self.state_of(name, content)
     }
 
-    /// As [`Presence::life`] of something that shows itself by what is read of it.
-    pub fn life_of(&self, name: &str, content: Vec<u8>) -> Life {
-        let owner = serde_json::from_slice::<Sign>(&content).ok().map(|sign| sign.owner);
+    /// As [`Presence::process_state`] of something that shows itself by what is read of it.
+    pub fn state_of(&self, name: &str, content: Vec<u8>) -> ProcessState {
+        let owner = serde_json::from_slice::<Heartbeat>(&content)
+            .ok()
+            .map(|heartbeat| heartbeat.owner);
         if owner.as_ref().is_some_and(Owner::is_gone) {
-            return Life::Dead(owner);
+            return ProcessState::Dead(owner);
         }
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let now = Instant::now();
@@ -161,13 +163,13 @@ impl Presence {
             *entry = (content, now);
         }
         match entry.1.elapsed() >= self.times.expiry {
-            true => Life::Dead(owner),
-            false => Life::Alive(owner),
+            true => ProcessState::Dead(owner),
+            false => ProcessState::Alive(owner),
         }
     }
 
     /// Removes the file of a process that is dead.
-    pub fn bury(&self, name: &str) {
+    pub fn remove_process(&self, name: &str) {
         // Another may have done so; one that cannot be removed is in nobody's way.
         let _ = fs::remove_file(self.folder.join(name));
     }
@@ -185,17 +187,17 @@ pub fn is_name(name: &str) -> bool {
     name.len() == LETTERS && name.bytes().all(|byte| byte.is_ascii_alphanumeric())
 }
 
-/// Writes a sign over the one before, which is as long: nobody finds half of one.
-fn show(path: &Path, sign: &Sign) -> std::io::Result<()> {
-    let text = serde_json::to_string(sign)?;
+/// Writes a heartbeat over the one before, which is as long: nobody finds half of one.
+fn show(path: &Path, heartbeat: &Heartbeat) -> std::io::Result<()> {
+    let text = serde_json::to_string(heartbeat)?;
     let file = File::options().write(true).create(true).truncate(false).open(path)?;
-    file.write_all_at(format!("{text:<SIGN$}").as_bytes(), 0)
+    file.write_all_at(format!("{text:<HEARTBEAT_BYTES$}").as_bytes(), 0)
 }
 
 /// The file of whoever has the store alone; it is removed when this is dropped.
-pub struct Alone(PathBuf);
+pub struct ExclusiveMark(PathBuf);
 
-impl Alone {
+impl ExclusiveMark {
     /// Makes the file; none where another has made it.
     ///
     /// # Errors
@@ -215,7 +217,7 @@ impl Alone {
     }
 }
 
-impl Drop for Alone {
+impl Drop for ExclusiveMark {
     fn drop(&mut self) {
         let _ = fs::remove_file(&self.0);
     }
@@ -225,21 +227,21 @@ impl Drop for Alone {
 mod tests {
     use super::*;
 
-    const QUICK: Times = Times {
-        beat: Duration::from_millis(20),
+    const QUICK: HeartbeatTimes = HeartbeatTimes {
+        interval: Duration::from_millis(20),
         expiry: Duration::from_millis(400),
     };
 
     /// A process of another machine, which nobody can ask whether it lives.
     fn foreign(beats: u64) -> Vec<u8> {
-        let mut sign = serde_json::to_value(Sign {
+        let mut heartbeat = serde_json::to_value(Heartbeat {
             owner: Owner::this(),
             beats,
         })
         .unwrap();
-        sign["owner"]["machine"] = "another".into();
-        sign["owner"]["host"] = "elsewhere".into();
-        serde_json::to_vec(&sign).unwrap()
+        heartbeat["owner"]["machine"] = "another".into();
+        heartbeat["owner"]["host"] = "elsewhere".into();
+        serde_json::to_vec(&heartbeat).unwrap()
     }
 
     #[test]
@@ -252,8 +254,8 @@ mod tests {
         let before = fs::read(&path).unwrap();
         let until = Instant::now() + 2 * QUICK.expiry;
         while Instant::now() < until {
-            assert!(matches!(one.life(two.name()), Life::Alive(Some(_))));
-            std::thread::sleep(QUICK.beat);
+            assert!(matches!(one.process_state(two.name()), ProcessState::Alive(Some(_))));
+            std::thread::sleep(QUICK.interval);
         }
         assert_ne!(fs::read(&path).unwrap(), before);
         drop(two);
@@ -266,16 +268,16 @@ mod tests {
         let own = Presence::announce(folder.path(), QUICK).unwrap();
         fs::write(folder.path().join("abc123"), foreign(1)).unwrap();
         let start = Instant::now();
-        while let Life::Alive(owner) = own.life("abc123") {
+        while let ProcessState::Alive(owner) = own.process_state("abc123") {
             assert_eq!(owner.unwrap().host, "elsewhere");
-            std::thread::sleep(QUICK.beat);
+            std::thread::sleep(QUICK.interval);
         }
         assert!(start.elapsed() >= QUICK.expiry);
         // It was only slow.
         fs::write(folder.path().join("abc123"), foreign(2)).unwrap();
-        assert!(matches!(own.life("abc123"), Life::Alive(_)));
+        assert!(matches!(own.process_state("abc123"), ProcessState::Alive(_)));
         assert!(
-            matches!(own.life("nobody"), Life::Alive(None)),
+            matches!(own.process_state("nobody"), ProcessState::Alive(None)),
             "its name may not be seen yet"
         );
     }
@@ -283,9 +285,9 @@ mod tests {
     #[test]
     fn of_two_one_is_alone() {
         let folder = tempfile::tempdir().unwrap();
-        let first = Alone::try_make(folder.path(), "abc123").unwrap();
-        assert!(first.is_some() && Alone::try_make(folder.path(), "def456").unwrap().is_none());
+        let first = ExclusiveMark::try_make(folder.path(), "abc123").unwrap();
+        assert!(first.is_some() && ExclusiveMark::try_make(folder.path(), "def456").unwrap().is_none());
         drop(first);
-        assert!(Alone::try_make(folder.path(), "def456").unwrap().is_some());
+        assert!(ExclusiveMark::try_make(folder.path(), "def456").unwrap().is_some());
     }
 }

@@ -1,26 +1,26 @@
-//! Who made an artifact, when, how and from what: written beside the content, and no part of its identity.
+//! Provenance: who made an artifact, when, how and from what. It is stored with the content but not part of its digest.
 
 use std::collections::BTreeMap;
 
 use super::record::Record;
 use deaflow_base::{ActionKey, ArtifactId};
 
-/// The circumstances in which an artifact was made.
+/// How an artifact was made.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Provenance {
-    /// When, in UTC, RFC 3339.
+    /// Time in UTC, RFC 3339.
     pub created: String,
-    /// Name of the machine.
+    /// Host name of the machine.
     pub host: String,
-    /// Version of this crate.
+    /// Version of the program.
     pub version: String,
-    /// BLAKE3 of the sources, the lock file and the features of the program.
+    /// BLAKE3 digest of the sources, the Cargo lock file and the features of the program.
     pub build: String,
     /// Architecture, operating system and processor.
     pub target: String,
-    /// What the work took, s.
+    /// Duration of the work, s.
     pub seconds: f64,
-    /// The action, if one made it.
+    /// Key of the action that made it, if any.
     pub action: Option<ActionKey>,
     /// Kind of the stage.
     pub kind: String,
@@ -28,14 +28,14 @@ pub struct Provenance {
     pub recipe: u32,
     /// Canonical parameters as text.
     pub parameters: String,
-    /// Digests of the artifacts that were read.
+    /// Digests of the input artifacts.
     pub inputs: Vec<ArtifactId>,
-    /// What was measured on the way by name, s: no two runs measure the same, so it cannot be content.
+    /// Measured times by name, s. They differ between runs, so they cannot be content.
     pub measurements: Vec<(String, f64)>,
 }
 
 impl Provenance {
-    /// What a record says of the circumstances, and nothing else.
+    /// Returns the provenance as far as a record has it.
     #[must_use]
     pub fn of_record(record: &Record) -> Self {
         let action = &record.action;
@@ -53,7 +53,7 @@ impl Provenance {
         }
     }
 
-    /// What the attributes of `/provenance` say; what is not there or cannot be read is left empty.
+    /// Reads the attributes of `/provenance`; missing or invalid ones are left empty.
     #[must_use]
     pub fn of_entries(entries: &BTreeMap<String, String>) -> Self {
         let text = |name: &str| entries.get(name).cloned().unwrap_or_default();
@@ -73,7 +73,7 @@ impl Provenance {
         }
     }
 
-    /// The attributes of `/provenance`.
+    /// Returns the attributes of `/provenance`.
     #[must_use]
     pub fn entries(&self) -> Vec<(&'static str, String)> {
         let inputs: Vec<String> = self.inputs.iter().map(ArtifactId::to_string).collect();
@@ -101,10 +101,10 @@ impl Provenance {
     }
 }
 
-/// The attribute that holds the measurements, one `name: seconds` per line.
+/// The attribute with the measurements, one `name: seconds` per line.
 const MEASUREMENTS: &str = "measurements";
 
-/// The measurements among the attributes of `/provenance`; none where nothing was measured.
+/// Reads the measurements from the attributes of `/provenance`.
 pub(super) fn measurements(entries: &BTreeMap<String, String>) -> Vec<(String, f64)> {
     let lines = entries.get(MEASUREMENTS).map_or("", String::as_str).lines();
     let read = |line: &str| {

@@ -1,6 +1,6 @@
 //! Reads artifact files whose header has been verified.
 //!
-//! Virtual datasets are for others: a manifest is read by the digests of its chunks, each of them verified.
+//! This program does not read virtual datasets: it reads and verifies the chunks of a manifest by their digests.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,17 +12,17 @@ use super::object::{Data, Dataset, KIND, TEXT_WIDTH};
 use deaflow_base::ArtifactId;
 use deaflow_hdf::{Array, Element, HdfError, HdfFile, Tree};
 
-/// The dataset of a manifest.
+/// The dataset of a manifest with the digests of its chunks.
 const PARTS: &str = "parts";
 
-/// Where a file is read.
+/// In which process a file is read, and whether it is trusted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// In this process: it stands in a store, and it is known what stands in it.
+    /// In this process: the file is in a store and its structure is known.
     Here,
-    /// In another process: it stands in a store, and a checksum does not say who wrote it.
+    /// In another process: the file is in a store, but a checksum does not show who wrote it.
     Guarded,
-    /// In another process: somebody has named it, and anybody may have made it.
+    /// In another process: the user named the file, and it may come from anywhere.
     Apart,
 }
 
@@ -30,7 +30,7 @@ impl Access {
     /// Opens a file.
     ///
     /// # Errors
-    /// When it cannot be opened.
+    /// If it cannot be opened.
     pub fn open(self, path: &Path) -> Result<HdfFile, StoreError> {
         let opened = match self {
             Self::Here => HdfFile::here(path),
@@ -40,7 +40,7 @@ impl Access {
         opened.map_err(|error| self.error("open", path, error))
     }
 
-    /// What a file of a store is found to be when it is read is damage; a file that somebody has named is refused.
+    /// Returns the error for a failed read: damage for a file of a store, an invalid input for a file that the user named.
     pub(super) fn error(self, action: &'static str, path: &Path, error: HdfError) -> StoreError {
         match self {
             Self::Here | Self::Guarded => damage(action, path, error),
@@ -52,11 +52,11 @@ impl Access {
 fn damage(action: &'static str, path: &Path, error: HdfError) -> StoreError {
     use deaflow_hdf::Failure;
     match error {
-        // What the library says of the system is no damage.
+        // An error of the system is not damage.
         HdfError::Failed {
-            failure: Failure::Unopened(ref words) | Failure::Library(ref words),
+            failure: Failure::Unopened(ref message) | Failure::Library(ref message),
             ..
-        } if StoreError::is_of_the_system(words) => StoreError::of_library(action, path, words.clone()),
+        } if StoreError::is_system_error(message) => StoreError::from_hdf5_message(action, path, message.clone()),
         HdfError::Process { path, source } => StoreError::Io {
             action: "start the process that reads",
             path,
@@ -67,7 +67,7 @@ fn damage(action: &'static str, path: &Path, error: HdfError) -> StoreError {
     }
 }
 
-/// What a file says about itself, without the elements of its datasets.
+/// The content of a file without the elements of its datasets.
 pub struct Overview {
     /// Content attributes.
     pub attributes: BTreeMap<String, String>,
@@ -77,10 +77,10 @@ pub struct Overview {
     pub listing: Listing,
 }
 
-/// Reads all but the elements.
+/// Reads everything except the elements.
 ///
 /// # Errors
-/// When the file is not as this program writes it.
+/// If the file does not have the format that this program writes.
 pub fn overview(access: Access, path: &Path) -> Result<Overview, StoreError> {
     let file = access.open(path)?;
     let failed = |error| access.error("read", path, error);
@@ -106,17 +106,17 @@ pub fn overview(access: Access, path: &Path) -> Result<Overview, StoreError> {
 
 fn parts(path: &Path, elements: Data) -> Result<Vec<ArtifactId>, StoreError> {
     let Data::Text(texts) = elements else {
-        return Err(StoreError::damaged(path, "its parts are no texts"));
+        return Err(StoreError::damaged(path, "the dataset `parts` does not contain texts"));
     };
     let parts: Result<Vec<ArtifactId>, _> = texts.iter().map(|text| text.parse()).collect();
     parts.map_err(|error| StoreError::damaged(path, error.to_string()))
 }
 
 impl Content {
-    /// A dataset of a file that is no artifact.
+    /// Describes a dataset of a file that is not an artifact.
     ///
     /// # Errors
-    /// When its elements are of a type that this program does not write.
+    /// If its element type is not one of those of artifacts.
     pub fn of_file(path: &Path, array: Array) -> Result<Self, StoreError> {
         content(path, array)
     }
@@ -124,7 +124,7 @@ impl Content {
 
 fn content(path: &Path, array: Array) -> Result<Content, StoreError> {
     let kind = element_type(&array.element).ok_or_else(|| {
-        let reason = format!("dataset `{}` has a type that artifacts do not use", array.path);
+        let reason = format!("dataset `{}` has an element type that artifacts do not use", array.path);
         StoreError::damaged(path, reason)
     })?;
     Ok(Content {
@@ -152,7 +152,7 @@ fn element_type(element: &Element) -> Option<ElementType> {
 /// Reads one dataset.
 ///
 /// # Errors
-/// When the file is not as this program writes it.
+/// If the file does not have the format that this program writes.
 pub fn dataset(access: Access, path: &Path, content: &Content) -> Result<Dataset, StoreError> {
     let file = access.open(path)?;
     let data = file
@@ -160,7 +160,10 @@ pub fn dataset(access: Access, path: &Path, content: &Content) -> Result<Dataset
         .map_err(|error| access.error("read", path, error))?;
     let expected: usize = content.shape.iter().product();
     if ElementType::of(&data) != content.kind || data.len() != expected {
-        return Err(StoreError::damaged(path, format!("`{}` has changed", content.path)));
+        return Err(StoreError::damaged(
+            path,
+            format!("type or size of `{}` have changed", content.path),
+        ));
     }
     Ok(Dataset {
         units: content.units.clone(),
@@ -174,10 +177,10 @@ pub fn dataset(access: Access, path: &Path, content: &Content) -> Result<Dataset
 /// Reads the attributes of `/provenance`.
 ///
 /// # Errors
-/// When the file is not as this program writes it.
+/// If the file does not have the format that this program writes.
 pub fn provenance(access: Access, path: &Path) -> Result<BTreeMap<String, String>, StoreError> {
     let tree = access.open(path)?.tree();
     let tree = tree.map_err(|error| access.error("read", path, error))?;
     tree.provenance
-        .ok_or_else(|| StoreError::damaged(path, "it does not say how it was made"))
+        .ok_or_else(|| StoreError::damaged(path, "it has no provenance"))
 }

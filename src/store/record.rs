@@ -1,8 +1,8 @@
-//! Action records: what an action made, and at what cost.
+//! Action records: which artifact an action made, and how long it took.
 //!
-//! A record is written after its artifact, so that it never promises what is not there; it ends with a digest of itself,
-//! so that a damaged record is no record. It says its action in full: the next run explains itself by the parameters, and a
-//! record is believed only where its name is the key of that action.
+//! A record is written after its artifact, so that it never refers to a missing one. It ends with its own digest, which
+//! reveals damage. It contains the whole action: later runs compare the parameters, and a record is valid only if its file
+//! name is the key of that action.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -13,50 +13,50 @@ use serde::{Deserialize, Serialize};
 
 use super::action::Action;
 use super::atomic;
+use super::delayed_names;
 use super::error::StoreError;
-use super::late;
 use super::lock::{self, Guard};
 use super::open::Store;
 use deaflow_base::{ActionKey, ArtifactId, Digest, FileDigest, decode, encode, read_own};
 
-/// What an action made.
+/// The result of an action.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// The action key.
     pub key: ActionKey,
-    /// The action: what the key is made of.
+    /// The action, from which the key is computed.
     pub action: Action,
     /// The artifact that was made.
     pub artifact: ArtifactId,
-    /// BLAKE3 of the artifact's file as it was written.
+    /// BLAKE3 digest of the file of the artifact.
     pub file_digest: FileDigest,
     /// Length of that file in bytes.
     pub size: u64,
-    /// What the work took, s.
+    /// Duration of the work, s.
     pub seconds: f64,
-    /// How many samples have no stable solution.
+    /// Number of samples without a stable solution.
     pub unstable: u64,
-    /// When, in UTC, RFC 3339.
+    /// Time in UTC, RFC 3339.
     pub created: String,
-    /// Version of this crate.
+    /// Version of the program.
     pub version: String,
     /// Architecture, operating system and processor.
     pub target: String,
 }
 
-/// What stands under a key.
+/// The result of looking up a key.
 #[derive(Clone, Debug)]
 pub enum Lookup {
-    /// No record: the action has not been done here.
+    /// There is no record.
     Absent,
-    /// A file that is no record of this key, and counts as none; why.
+    /// The file is not a valid record of this key, and is ignored; with the reason.
     Damaged(&'static str),
-    /// The record, and when it was written.
+    /// The record, and when its file was written.
     Found(Box<Record>, SystemTime),
 }
 
 impl Lookup {
-    /// The record, if there is a sound one.
+    /// Returns the record if there is a valid one.
     #[must_use]
     pub fn record(self) -> Option<Record> {
         match self {
@@ -66,24 +66,23 @@ impl Lookup {
     }
 }
 
-/// Why a file is no record.
-const ALTERED: &str = "the record's bytes are not those that were written";
+const ALTERED: &str = "the bytes of the record have changed";
 
 const TRAILER: usize = 32;
 
-/// As much as can be encoded, and the trailer.
+/// The largest encoded record and the trailer.
 const MAX_BYTES: u64 = (16 << 20) + TRAILER as u64;
 
 impl Store {
-    /// Looks up what an action has made.
+    /// Looks up the record of an action.
     ///
     /// # Errors
-    /// When the system refuses; a damaged record is [`Lookup::Damaged`].
+    /// If the system reports an error; a damaged record is [`Lookup::Damaged`].
     pub fn record(&self, key: &ActionKey) -> Result<Lookup, StoreError> {
         Ok(self.or_record_elsewhere(read(&self.layout.record(key), key)?, key))
     }
 
-    /// As [`Store::record`], of an action that this process alone may do now: what another has just written is seen.
+    /// As [`Store::record`], for an action that this process has locked: also sees a record that another process has just written.
     ///
     /// # Errors
     /// As [`Store::record`].
@@ -92,17 +91,17 @@ impl Store {
         if let found @ (Lookup::Found(..) | Lookup::Damaged(_)) = read(&path, key)? {
             return Ok(found);
         }
-        late::refresh(path.parent().unwrap_or(self.root()));
-        // Whether it is there at all; where not, nothing is waited for.
-        let _ = late::if_listed(&path, || fs::symlink_metadata(&path));
+        delayed_names::refresh(path.parent().unwrap_or(self.root()));
+        // Waits only if the folder lists the record.
+        let _ = delayed_names::if_listed(&path, || fs::symlink_metadata(&path));
         Ok(self.or_record_elsewhere(read(&path, key)?, key))
     }
 
-    /// Writes a record. Its artifact must have been put, which makes it survive a crash of the machine; the record's own name
-    /// may be lost in one until [`Store::settle_records`].
+    /// Writes a record. Its artifact must have been written before. A crash of the machine may lose the record until
+    /// [`Store::settle_records`].
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn put_record(&self, record: &Record) -> Result<(), StoreError> {
         let mut bytes = encode(record)?;
         bytes.extend_from_slice(Digest::of(&bytes).as_bytes());
@@ -118,20 +117,19 @@ impl Store {
         Ok(())
     }
 
-    /// Makes all records that have been written survive a crash of the machine: once for many, since a record that is lost
-    /// costs its work again and nothing else.
+    /// Syncs the folders of all records that were written. Once for many is enough: a lost record only costs repeated work.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn settle_records(&self) -> Result<(), StoreError> {
         let folders = std::mem::take(&mut *self.unsettled());
         folders.iter().try_for_each(|folder| atomic::sync_folder(folder))
     }
 
-    /// Waits until nobody else does this action, or until it is to wait no longer; none then.
+    /// Waits for the lock of an action; returns `None` as soon as `stopped` returns true.
     ///
     /// # Errors
-    /// When the lock cannot be had.
+    /// If the lock file cannot be opened.
     pub fn lock_action(&self, key: &ActionKey, stopped: &dyn Fn() -> bool) -> Result<Option<Guard>, StoreError> {
         let mut pause = Duration::from_millis(5);
         loop {
@@ -146,47 +144,48 @@ impl Store {
         }
     }
 
-    /// Whether another process or thread seems to be at this action, or at one that shares its lock file. It may be over when this is told.
+    /// Whether another process or thread is running this action, or one that shares its lock file. That may have changed
+    /// when this returns.
     ///
     /// # Errors
-    /// When the lock file cannot be opened.
+    /// If the lock file cannot be opened.
     pub fn is_busy(&self, key: &ActionKey) -> Result<bool, StoreError> {
-        match &self.hold.claims {
+        match &self.session.claims {
             Some(claims) => Ok(claims.owner(&key.to_string()).is_some()),
             None => lock::is_held(&self.layout.action_lock(key)),
         }
     }
 
-    /// Who does this action, where another process does and that is known.
-    pub fn who_does(&self, key: &ActionKey) -> Option<String> {
-        self.hold.who_does(&self.layout, key)
+    /// Returns a description of the process that runs this action, if known.
+    pub fn action_owner(&self, key: &ActionKey) -> Option<String> {
+        self.session.action_owner(&self.layout, key)
     }
 
-    /// Claims a name that others look at, unless another has it. None where processes keep apart by locks.
+    /// Claims a name unless another process has it. Always `None` if the store uses file locks.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn try_reserve(&self, name: &str) -> Result<Option<Guard>, StoreError> {
-        match &self.hold.claims {
+        match &self.session.claims {
             Some(claims) => Ok(claims.try_take(name)?.map(Guard::from)),
             None => Ok(None),
         }
     }
 
-    /// The name of this process in the store, where processes show themselves there.
+    /// Returns the name of this process in the store, if the store uses claims.
     #[must_use]
     pub fn process_name(&self) -> Option<&str> {
-        self.hold.claims.as_ref().map(|claims| claims.process())
+        self.session.claims.as_ref().map(|claims| claims.process())
     }
 
-    /// Takes the lock of an action unless another process or thread is doing it, or one that shares its lock file.
+    /// Takes the lock of an action unless another process or thread has it, or that of one that shares its lock file.
     ///
     /// # Errors
-    /// When the lock file cannot be opened.
+    /// If the lock file cannot be opened.
     pub fn try_lock_action(&self, key: &ActionKey) -> Result<Option<Guard>, StoreError> {
         let path = self.layout.action_lock(key);
         self.clear_file(&path)?;
-        self.hold.try_action(&self.layout, key)
+        self.session.try_action(&self.layout, key)
     }
 }
 
@@ -207,7 +206,7 @@ pub(super) fn read(path: &Path, key: &ActionKey) -> Result<Lookup, StoreError> {
     Ok(match parse(&bytes) {
         None => Lookup::Damaged(ALTERED),
         Some(record) if is_of(&record, key) => Lookup::Found(Box::new(record), written),
-        Some(_) => Lookup::Damaged("its name is not the key of the action that it says"),
+        Some(_) => Lookup::Damaged("its file name is not the key of its action"),
     })
 }
 
@@ -217,13 +216,13 @@ fn parse(bytes: &[u8]) -> Option<Record> {
     decode(body).ok()
 }
 
-/// Whether a record is that of a key: whoever can write a file can write any key into it, but not an action that has it.
+/// Whether a record is that of a key. A forger can write any key into a file, but cannot find an action with that key.
 fn is_of(record: &Record, key: &ActionKey) -> bool {
     record.key == *key && record.is_of_its_action()
 }
 
 impl Record {
-    /// Whether its key is that of the action that it says.
+    /// Whether the key is that of the action.
     #[must_use]
     pub fn is_of_its_action(&self) -> bool {
         self.action.key().is_ok_and(|own| own == self.key)

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::atomic;
 use super::error::StoreError;
-use super::gc::Collection;
+use super::gc::GcPlan;
 use super::open::Store;
 use deaflow_base::{ArtifactId, read_own};
 
@@ -15,7 +15,7 @@ const LONG: usize = 16 << 20;
 
 /// An artifact that a collection has removed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Removed {
+pub struct RemovedArtifact {
     /// The artifact.
     pub digest: ArtifactId,
     /// Kind of the stage or chunk; empty where it was not known.
@@ -41,7 +41,7 @@ impl Store {
     ///
     /// # Errors
     /// When the system refuses.
-    pub(super) fn remember_removed(&self, collection: &Collection, at: &str) -> Result<(), StoreError> {
+    pub(super) fn remember_removed(&self, collection: &GcPlan, at: &str) -> Result<(), StoreError> {
         if collection.removed.is_empty() {
             return Ok(());
         }
@@ -53,7 +53,7 @@ impl Store {
                 size: judged.size,
                 at: at.to_owned(),
             };
-            serde_json::to_writer(&mut known, &line).map_err(|error| StoreError::Json(error.to_string()))?;
+            serde_json::to_writer(&mut known, &line)?;
             known.push(b'\n');
         }
         if known.len() > LONG {
@@ -67,13 +67,13 @@ impl Store {
 
     /// What collections have removed that is still remembered, oldest first. A line, or a file, that cannot be read is passed over.
     #[must_use]
-    pub fn removed(&self) -> Vec<Removed> {
+    pub fn removed(&self) -> Vec<RemovedArtifact> {
         let lines = self.removed_lines();
         let lines = lines.split(|byte| *byte == b'\n');
         let read = |line: &[u8]| {
             let Line { digest, kind, size, at } = serde_json::from_slice(line).ok()?;
             let digest = digest.parse().ok()?;
-            Some(Removed { digest, kind, size, at })
+            Some(RemovedArtifact { digest, kind, size, at })
         };
         lines.filter_map(read).collect()
     }
@@ -82,7 +82,7 @@ impl Store {
     ///
     /// # Errors
     /// When the records cannot be read.
-    pub fn removal_of(&self, digest: &ArtifactId) -> Result<Option<Removed>, StoreError> {
+    pub fn removal_of(&self, digest: &ArtifactId) -> Result<Option<RemovedArtifact>, StoreError> {
         let removed = self.removed().into_iter().rfind(|removed| removed.digest == *digest);
         let Some(removed) = removed.filter(|_| !self.has(digest)) else {
             return Ok(None);

@@ -91,7 +91,7 @@ fn what_is_only_looked_at_leaves_no_trace_where_the_disk_is_this_machines() {
         return;
     }
     let digest = put(&store, &chunk(0, 3));
-    store.keep_index();
+    store.save_index();
     drop(store);
     let root = folder.path().join("store");
     let changed = |name: &str| fs::metadata(root.join(name)).unwrap().modified().unwrap();
@@ -102,7 +102,7 @@ fn what_is_only_looked_at_leaves_no_trace_where_the_disk_is_this_machines() {
     let found = store.inspect(&digest, Effort::Quick).unwrap();
     assert!(matches!(found, Condition::Intact { .. }), "{found:?}");
     assert!(store.now() > std::time::UNIX_EPOCH);
-    store.keep_index();
+    store.save_index();
     drop(store);
     assert_eq!(names.map(changed), before);
 }
@@ -335,7 +335,7 @@ fn fsck_finds_every_fault_and_names_it() {
     let wanted: Vec<&str> = report
         .missing
         .iter()
-        .map(|absence| absence.wanted_by.as_str())
+        .map(|absence| absence.needed_by.as_str())
         .collect();
     assert_eq!(report.missing[0].digest, stored.digest);
     assert!(
@@ -412,7 +412,7 @@ fn run_at(second: u32, pipeline: &str, stage: &str, artifact: &str) -> Run {
             kind: "count".into(),
             key: ActionKey::of(b"key"),
             artifact: ArtifactId::of(artifact.as_bytes()),
-            outcome: Ended::Reused,
+            outcome: StageOutcome::Reused,
         }],
         ..Run::default()
     }
@@ -439,24 +439,24 @@ fn every_run_is_remembered_but_the_last_of_a_pipeline_said_again() {
     assert_eq!(created(), ["05", "04", "02", "01"]);
     // What was built again, or failed again, is news.
     let mut built = run_at(7, "p", "s", "a");
-    assert!(!store.is_news(&built).unwrap());
-    built.stages[0].outcome = Ended::Built;
-    assert!(store.is_news(&built).unwrap());
+    assert!(!store.is_new_run(&built).unwrap());
+    built.stages[0].outcome = StageOutcome::Built;
+    assert!(store.is_new_run(&built).unwrap());
     let failed = Run {
         failures: vec!["t".into()],
         ..run_at(8, "p", "s", "a")
     };
-    assert!(store.is_news(&failed).unwrap());
+    assert!(store.is_new_run(&failed).unwrap());
     let stopped = Run {
         stopped: vec!["t".into()],
         ..run_at(8, "p", "s", "a")
     };
-    assert!(store.is_news(&stopped).unwrap());
+    assert!(store.is_new_run(&stopped).unwrap());
     let overridden = Run {
         overrides: [("stages.s.count".to_owned(), "4".to_owned())].into(),
         ..run_at(6, "p", "s", "a")
     };
-    assert!(store.is_news(&overridden).unwrap());
+    assert!(store.is_new_run(&overridden).unwrap());
     store.put_run(&overridden).unwrap();
     let last = store.runs().unwrap().next().unwrap().unwrap();
     assert_eq!(last.id.len(), 12);
@@ -485,7 +485,7 @@ fn a_run_without_what_later_versions_say_can_be_read() {
     let run = store.runs().unwrap().next().unwrap().unwrap();
     assert_eq!(
         (run.id.as_str(), run.command, run.stages[0].outcome),
-        ("0123456789ab", Command::Run, Ended::Reused)
+        ("0123456789ab", Command::Run, StageOutcome::Reused)
     );
     assert!(run.results.is_empty() && run.overrides.is_empty());
 }
@@ -555,10 +555,10 @@ fn equal_content_put_at_once_is_one_file() {
 fn a_store_is_collected_alone() {
     let (_folder, store) = store();
     let root = store.root().to_owned();
-    assert!(matches!(Store::open_alone(&root), Err(StoreError::Busy { .. })));
-    let aside = Store::open_aside(&root).unwrap();
+    assert!(matches!(Store::open_exclusive(&root), Err(StoreError::Busy { .. })));
+    let aside = Store::open_unlocked(&root).unwrap();
     drop(store);
-    let alone = Store::open_alone(&root).unwrap();
+    let alone = Store::open_exclusive(&root).unwrap();
     assert!(aside.runs().is_ok(), "who looks on is in nobody's way");
     drop(alone);
     assert!(Store::open_existing(&root).is_ok());
@@ -595,7 +595,7 @@ fn a_copy_beside_an_artifact_does_not_take_its_place() {
         fs::copy(&path, copy).unwrap();
     }
     let later = std::time::SystemTime::now() + std::time::Duration::from_secs(60);
-    let collection = store.judge(&everything_old(), later).unwrap();
+    let collection = store.plan_gc(&everything_old(), later).unwrap();
     assert_eq!((collection.kept.len(), collection.removed.len()), (1, 0));
     let report = store.repair(&|_, _| ()).unwrap();
     assert_eq!(report.repaired.len(), 2);
@@ -609,18 +609,18 @@ fn a_collection_does_not_guess_what_a_pin_needs() {
     let manifest = put(&store, &Object::manifest(Default::default(), vec![one, two]));
     pinned(&store, manifest);
     let later = std::time::SystemTime::now() + std::time::Duration::from_secs(60);
-    assert_eq!(store.judge(&everything_old(), later).unwrap().kept.len(), 3);
+    assert_eq!(store.plan_gc(&everything_old(), later).unwrap().kept.len(), 3);
     for lost in [one, manifest] {
         let (path, aside) = (object_path(&store, &lost), store.root().join("aside"));
         fs::rename(&path, &aside).unwrap();
-        let error = store.judge(&everything_old(), later).unwrap_err();
+        let error = store.plan_gc(&everything_old(), later).unwrap_err();
         assert!(error.to_string().contains(&lost.short()), "{error}");
         fs::rename(&aside, &path).unwrap();
     }
     // A folder of pins that is something else may hide pins.
     fs::rename(store.root().join("pins"), store.root().join("elsewhere")).unwrap();
     fs::write(store.root().join("pins"), "").unwrap();
-    assert!(store.judge(&everything_old(), later).is_err());
+    assert!(store.plan_gc(&everything_old(), later).is_err());
 }
 
 #[test]
@@ -634,7 +634,7 @@ fn what_an_artifact_was_made_from_stays_although_its_record_is_lost() {
     let made = store.put(&chunk(2, 1), &provenance).unwrap().digest;
     pinned(&store, made);
     let later = std::time::SystemTime::now() + std::time::Duration::from_secs(60);
-    assert_eq!(store.judge(&everything_old(), later).unwrap().kept.len(), 2);
+    assert_eq!(store.plan_gc(&everything_old(), later).unwrap().kept.len(), 2);
 }
 
 #[test]

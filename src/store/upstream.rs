@@ -25,7 +25,7 @@ const MAX_ORIGIN: u64 = 1 << 12;
 
 /// What another store is known to have.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Promise {
+pub struct UpstreamArtifact {
     /// Length of its file, bytes; 0 where that is not known.
     pub size: u64,
     /// The chunks of a manifest, none of another artifact; or unknown.
@@ -37,24 +37,24 @@ pub trait Upstream: Send + Sync {
     /// What it says that an action made.
     fn record(&self, key: &ActionKey) -> Option<Record>;
 
-    /// The records that name an artifact, each with who says so, in the words by which [`Upstream::counts`] knows it.
+    /// The records that name an artifact, each with who says so, in the words by which [`Upstream::is_trusted`] knows it.
     fn records_of(&self, artifact: &ArtifactId) -> Vec<(Record, String)>;
 
     /// Whether a record that was brought counts yet, given who said so. What this store has done itself is not asked about.
-    fn counts(&self, record: &Record, origin: &str) -> bool;
+    fn is_trusted(&self, record: &Record, origin: &str) -> bool;
 
     /// Is told of a record of this store, so that it can say where it differs.
     fn compare(&self, record: &Record);
 
     /// What it is known to have.
-    fn promise(&self, artifact: &ArtifactId) -> Option<Promise>;
+    fn find_artifact(&self, artifact: &ArtifactId) -> Option<UpstreamArtifact>;
 
     /// Writes the file of an artifact to `target`; says whether there was one. Where it cannot be had, whoever asked goes on
     /// without.
     ///
     /// # Errors
     /// When `target` cannot be written.
-    fn bring(&self, artifact: &ArtifactId, target: &Path) -> Result<bool, StoreError>;
+    fn download(&self, artifact: &ArtifactId, target: &Path) -> Result<bool, StoreError>;
 
     /// Is told that what it gave was what was asked for: a file of so many bytes.
     fn accept(&self, artifact: &ArtifactId, size: u64);
@@ -65,15 +65,15 @@ pub trait Upstream: Send + Sync {
 
 /// Another store, and what is being brought from it.
 #[derive(Clone)]
-pub struct Upward {
+pub struct UpstreamLink {
     upstream: Arc<dyn Upstream>,
     under_way: Arc<(Mutex<HashSet<ArtifactId>>, Condvar)>,
 }
 
 /// Shows that an artifact is being brought by this thread.
-struct OnTheWay<'a>(&'a Upward, ArtifactId);
+struct OnTheWay<'a>(&'a UpstreamLink, ArtifactId);
 
-impl Upward {
+impl UpstreamLink {
     /// Waits until no other thread brings the artifact.
     fn begin(&self, digest: ArtifactId) -> OnTheWay<'_> {
         let (under_way, ended) = &*self.under_way;
@@ -98,7 +98,7 @@ impl Store {
     #[must_use]
     pub fn with_upstream(self, upstream: Arc<dyn Upstream>) -> Self {
         Self {
-            upward: Some(Upward {
+            upstream: Some(UpstreamLink {
                 upstream,
                 under_way: Arc::default(),
             }),
@@ -108,21 +108,21 @@ impl Store {
 
     /// The same store, without any other behind it.
     #[must_use]
-    pub fn alone(&self) -> Self {
+    pub fn without_upstream(&self) -> Self {
         Self {
-            upward: None,
+            upstream: None,
             ..self.clone()
         }
     }
 
     /// Whether there is another store behind it.
     #[must_use]
-    pub fn reads_through(&self) -> bool {
-        self.upward.is_some()
+    pub fn has_upstream(&self) -> bool {
+        self.upstream.is_some()
     }
 
     fn upstream(&self) -> Option<&dyn Upstream> {
-        self.upward.as_ref().map(|upward| &*upward.upstream)
+        self.upstream.as_ref().map(|upstream| &*upstream.upstream)
     }
 
     /// What counts of what was found here of an action, and of what the other store says.
@@ -132,7 +132,7 @@ impl Store {
         };
         if let Lookup::Found(record, _) = &found {
             match self.origin_of(record) {
-                Some(origin) if !upstream.counts(record, &origin) => {}
+                Some(origin) if !upstream.is_trusted(record, &origin) => {}
                 Some(_) => return found,
                 None => {
                     upstream.compare(record);
@@ -150,19 +150,19 @@ impl Store {
 
     /// The condition of what is not here: promised, or with [`Effort::Thorough`] brought.
     pub(super) fn look_elsewhere(&self, digest: &ArtifactId, effort: Effort) -> Result<Option<Condition>, StoreError> {
-        let Some(promise) = self.upstream().and_then(|upstream| upstream.promise(digest)) else {
+        let Some(promise) = self.upstream().and_then(|upstream| upstream.find_artifact(digest)) else {
             return Ok(None);
         };
         match effort {
             Effort::Quick => Ok(Some(Condition::Elsewhere { size: promise.size })),
-            Effort::Thorough if self.fetch(digest)? => Ok(Some(self.alone().inspect(digest, effort)?)),
+            Effort::Thorough if self.fetch(digest)? => Ok(Some(self.without_upstream().inspect(digest, effort)?)),
             Effort::Thorough => Ok(None),
         }
     }
 
     /// The chunks of a manifest that is not here, where the other store says them.
     pub(super) fn parts_elsewhere(&self, digest: &ArtifactId) -> Option<Vec<ArtifactId>> {
-        self.upstream()?.promise(digest)?.parts
+        self.upstream()?.find_artifact(digest)?.parts
     }
 
     /// Where what was read of a remote at this place is kept.
@@ -210,12 +210,12 @@ impl Store {
     /// # Errors
     /// When this store cannot be read or written.
     pub fn fetch(&self, digest: &ArtifactId) -> Result<bool, StoreError> {
-        let here = self.alone();
-        let Some(upward) = &self.upward else {
+        let here = self.without_upstream();
+        let Some(link) = &self.upstream else {
             return Ok(matches!(here.inspect(digest, Effort::Quick)?, Condition::Intact { .. }));
         };
-        let upstream = &*upward.upstream;
-        let _on_the_way = upward.begin(*digest);
+        let upstream = &*link.upstream;
+        let _on_the_way = link.begin(*digest);
         if let Condition::Intact { .. } = here.inspect(digest, Effort::Quick)? {
             let whole = self.fetch_all(&here.parts(digest)?, &|| ())?.is_empty();
             if whole {
@@ -223,12 +223,12 @@ impl Store {
             }
             return Ok(whole);
         }
-        if upstream.promise(digest).is_none() {
+        if upstream.find_artifact(digest).is_none() {
             return Ok(false);
         }
         self.quarantine_artifact(digest)?;
         let temporary = self.temporary_file()?;
-        if !upstream.bring(digest, &temporary)? {
+        if !upstream.download(digest, &temporary)? {
             return Ok(false);
         }
         let why = match self.take_in(&temporary, digest) {
@@ -252,7 +252,7 @@ impl Store {
         let Some(upstream) = self.upstream() else {
             return Ok(());
         };
-        let here = self.alone();
+        let here = self.without_upstream();
         for (record, origin) in upstream.records_of(digest) {
             if !matches!(here.record(&record.key)?, Lookup::Absent) {
                 continue;
@@ -287,12 +287,12 @@ impl Store {
 
     /// Writes anew what stands in a file of another store, if it is the artifact that it should be; says whether all its chunks are here.
     fn take_in(&self, path: &Path, digest: &ArtifactId) -> Result<bool, StoreError> {
-        let (artifact, object) = Artifact::read_anew(path, digest)?;
+        let (artifact, object) = Artifact::read_uncached(path, digest)?;
         if !self.fetch_all(&object.parts, &|| ())?.is_empty() {
             return Ok(false);
         }
         let provenance = self.provenance_of(&artifact)?;
-        self.alone().put(&object, &provenance)?;
+        self.without_upstream().put(&object, &provenance)?;
         Ok(true)
     }
 

@@ -10,15 +10,15 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use super::delayed_names;
 use super::entries::is_file;
 use super::error::StoreError;
 use super::header::Header;
-use super::hold::Hold;
 use super::index::{self, Entries, Entry, Structure};
-use super::late;
 use super::layout::Layout;
 use super::listing::Listing;
 use super::read::{self, Access};
+use super::session::StoreSession;
 use super::stamp::{Stamp, Time, machine_time};
 use deaflow_base::{ArtifactId, look_at_own};
 
@@ -31,7 +31,7 @@ enum Check {
     Read(Option<Time>),
 }
 
-struct Known {
+struct VerifiedFile {
     check: Check,
     stamp: Stamp,
     header: Header,
@@ -49,28 +49,28 @@ pub struct Verified {
 
 struct Folders {
     index: PathBuf,
-    hold: Arc<Hold>,
+    session: Arc<StoreSession>,
     quarantine: PathBuf,
 }
 
 impl Folders {
-    fn of(layout: &Layout, hold: Arc<Hold>) -> Self {
+    fn of(layout: &Layout, session: Arc<StoreSession>) -> Self {
         Self {
-            index: layout.index(hold.host()),
-            hold,
+            index: layout.index(session.host()),
+            session,
             quarantine: layout.quarantine(),
         }
     }
 
     /// The time by the clock that stamps files; by that of the machine where no file can be made.
     fn now(&self) -> Time {
-        self.hold.workbench.time().unwrap_or_else(machine_time)
+        self.session.temporary_folder.time().unwrap_or_else(machine_time)
     }
 }
 
 #[derive(Default)]
 struct Memory {
-    known: HashMap<ArtifactId, Known>,
+    known: HashMap<ArtifactId, VerifiedFile>,
     /// Each listing once, however many chunks have it.
     listings: HashSet<Arc<Listing>>,
     /// Artifacts whose files are gone or not sound.
@@ -82,8 +82,8 @@ struct Memory {
 
 impl Verified {
     /// The memory of a store with an index, which is read here, and written by [`Verified::keep`].
-    pub fn with_index(layout: &Layout, hold: Arc<Hold>) -> Self {
-        let mut known = Self::without_trust(layout, hold);
+    pub fn with_index(layout: &Layout, session: Arc<StoreSession>) -> Self {
+        let mut known = Self::without_index(layout, session);
         if let Some(folders) = known.folders.as_ref().filter(|folders| folders.index.exists()) {
             known.indexed = index::read(&folders.index, folders.now());
         }
@@ -91,9 +91,9 @@ impl Verified {
     }
 
     /// The memory of a store whose index is written but not believed.
-    pub fn without_trust(layout: &Layout, hold: Arc<Hold>) -> Self {
+    pub fn without_index(layout: &Layout, session: Arc<StoreSession>) -> Self {
         let mut known = Self::default();
-        known.folders = Some(Folders::of(layout, hold));
+        known.folders = Some(Folders::of(layout, session));
         known
     }
 
@@ -205,8 +205,8 @@ impl Verified {
 
     /// Stamps are young when the files have just been written: they are let settle first, which takes some milliseconds.
     fn write(&self, folders: &Folders) -> Option<()> {
-        let now = folders.hold.workbench.time()?;
-        let unsettled = |known: &&Known| known.check == Check::Written && !known.stamp.is_settled(now);
+        let now = folders.session.temporary_folder.time()?;
+        let unsettled = |known: &&VerifiedFile| known.check == Check::Written && !known.stamp.is_settled(now);
         let wait = self
             .lock()
             .known
@@ -218,13 +218,13 @@ impl Verified {
             // A coarse clock is not waited for: those files are verified by the next process.
             Some(wait) if wait.as_millis() < 100 => {
                 std::thread::sleep(wait);
-                folders.hold.workbench.time()?
+                folders.session.temporary_folder.time()?
             }
             _ => now,
         };
         let mut entries = index::read(&folders.index, now);
         self.add_to(&mut entries, now);
-        let mut file = folders.hold.workbench.file().ok()?;
+        let mut file = folders.session.temporary_folder.file().ok()?;
         file.write_all(&index::write(&entries)).ok()?;
         if !is_file(&folders.index) && fs::symlink_metadata(&folders.index).is_ok() {
             // Nobody knows whose it is: it is moved aside and not removed.
@@ -305,7 +305,10 @@ impl Verified {
     /// The file system's clock before the first file was digested: a file that has changed since is not settled.
     fn began(&self) -> Option<Time> {
         let folders = self.folders.as_ref()?;
-        *self.lock().began.get_or_insert_with(|| folders.hold.workbench.time())
+        *self
+            .lock()
+            .began
+            .get_or_insert_with(|| folders.session.temporary_folder.time())
     }
 
     fn lock(&self) -> MutexGuard<'_, Memory> {
@@ -334,7 +337,7 @@ impl Memory {
     ) {
         self.changed = true;
         self.forgotten.remove(digest);
-        let known = Known {
+        let known = VerifiedFile {
             check,
             stamp,
             header,
@@ -345,10 +348,10 @@ impl Memory {
 }
 
 fn stamp(path: &Path, digest: &ArtifactId) -> Result<Stamp, StoreError> {
-    match late::if_listed(path, || look_at_own(path)) {
+    match delayed_names::if_listed(path, || look_at_own(path)) {
         Ok(metadata) if metadata.is_symlink() => Err(StoreError::damaged(path, "it is a link")),
         Ok(metadata) => Ok(Stamp::of(&metadata)),
-        Err(error) if late::is_late(&error) => Err(StoreError::Missing {
+        Err(error) if delayed_names::is_late(&error) => Err(StoreError::Missing {
             digest: *digest,
             path: path.to_owned(),
         }),

@@ -1,10 +1,11 @@
 //! Writes an artifact as an HDF5 file that any HDF5 tool can read without this program.
 //!
-//! A manifest's file shows its chunks as whole arrays by virtual datasets (HDF5 ≥ 1.10), whose sources are named relative
-//! to the file's own folder, so that a store can be moved.
+//! The file of a manifest shows its chunks as whole arrays by virtual datasets (HDF5 ≥ 1.10). Their sources are relative to
+//! the folder of the file, so that a store can be moved.
 //!
-//! Nothing that this program reads stands in the global heap of a file, where libhdf5 is easily led astray: texts have fixed
-//! lengths, and names of axes are no references. Only the parts of virtual datasets stand there, which it never opens.
+//! This program reads nothing from the global heap of a file, where libhdf5 handles damaged data badly: texts have fixed
+//! lengths, and axes are named by texts, not by references. Only the parts of virtual datasets are in the heap, and it never
+//! opens those.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -28,7 +29,7 @@ pub type TextCell = FixedUnicode<TEXT_WIDTH>;
 /// Bytes of an array that are copied at a time.
 pub(super) const PIECE: usize = 8 << 20;
 
-/// A chunk as a manifest sees it: its digest and what it holds.
+/// A chunk of a manifest.
 pub struct Part {
     /// The chunk.
     pub digest: ArtifactId,
@@ -36,11 +37,11 @@ pub struct Part {
     pub listing: Arc<Listing>,
 }
 
-/// Writes an object with an empty user block. `parts` are the chunks of a manifest, and `contents` is what it shows: its own
-/// datasets, or those of its chunks laid end to end.
+/// Writes an object with an empty user block. `parts` are the chunks of a manifest; `contents` describes the datasets of the
+/// object, or the concatenated datasets of the chunks.
 ///
 /// # Errors
-/// When the library refuses, for instance because the disk is full.
+/// If the library reports an error, for instance a full disk.
 pub fn write(
     path: &Path,
     object: &Object,
@@ -57,8 +58,8 @@ pub fn write(
         .map(|(name, value)| (name.as_str(), value.as_str()));
     let kind = Some((KIND, object.kind.as_str())).filter(|(_, kind)| !kind.is_empty());
     texts::attributes(&file, attributes.chain(kind))?;
-    // Small arrays wait in a buffer of their dataset. Closing it writes them and keeps a failure to itself, so that on a
-    // full disk zeros would stand in their place: all stay open until the file has been flushed.
+    // Small arrays are buffered in their dataset. Closing it writes them but ignores errors, so a full disk would leave
+    // zeros. All datasets stay open until the file has been flushed.
     let mut open = Vec::with_capacity(object.datasets.len());
     for (name, dataset) in &object.datasets {
         open.push(write_dataset(&file, name, dataset)?);
@@ -74,7 +75,7 @@ pub fn write(
     let entries = provenance.entries();
     texts::attributes(&group, entries.iter().map(|(name, value)| (*name, value.as_str())))?;
     drop(group);
-    // Closing alone would hide a full disk: the library reports it on flushing.
+    // The library reports a full disk when flushing, but not when closing.
     file.flush()?;
     drop(open);
     file.close()
@@ -97,7 +98,7 @@ pub(super) fn write_dataset(group: &Group, name: &str, dataset: &Dataset) -> hdf
         Data::U8(v) => write_elements(group, name, dataset, v),
         Data::U32(v) => write_elements(group, name, dataset, v),
         Data::U64(v) => write_elements(group, name, dataset, v),
-        // The digest takes −0 for 0, so the file must hold one of them whichever was put first.
+        // −0 and 0 have the same digest, so the file must always have the same one.
         Data::F32(v) => write_floats(group, name, dataset, v, |x| x + 0.0),
         Data::F64(v) => write_floats(group, name, dataset, v, |x| x + 0.0),
         Data::Text(v) => {
@@ -122,27 +123,27 @@ fn write_elements<T: H5Type>(
     Ok(written)
 }
 
-/// Writes numbers as a function gives them, some rows at a time, so that there is no second copy of large arrays.
+/// Writes the numbers that a function returns, some rows at a time, to avoid a second copy of large arrays.
 fn write_floats<T: H5Type + Copy>(
     group: &Group,
     name: &str,
     dataset: &Dataset,
     elements: &[T],
-    given: impl Fn(T) -> T,
+    convert: impl Fn(T) -> T,
 ) -> hdf5::Result<hdf5::Dataset> {
     let shape = &dataset.shape;
     let written = group.new_dataset::<T>().shape(shape.clone()).create(name)?;
     let row: usize = shape.iter().skip(1).product();
     let rows = (PIECE / (row * size_of::<T>()).max(1)).max(1);
     for (piece, values) in elements.chunks((rows * row).max(1)).enumerate() {
-        let values: Vec<T> = values.iter().map(|value| given(*value)).collect();
+        let values: Vec<T> = values.iter().map(|value| convert(*value)).collect();
         put_elements(&written, shape, piece * rows, values.len() / row, &values)?;
     }
     describe(&written, &dataset.units, &dataset.description, &dataset.axes)?;
     Ok(written)
 }
 
-/// Writes `count` rows of a dataset of a shape, from row `start`.
+/// Writes `count` rows of a dataset of the given shape, starting at row `start`.
 pub(super) fn put_elements<T: H5Type>(
     dataset: &hdf5::Dataset,
     shape: &[usize],
@@ -163,8 +164,7 @@ pub(super) fn put_elements<T: H5Type>(
     dataset.write_slice(view, rows)
 }
 
-/// A manifest that was copied without its chunks must not read as zeros, which look like data: its arrays show what no array
-/// holds.
+/// Writes a virtual dataset. If its chunks are missing, it shows a fill value that no artifact contains, instead of zeros.
 fn write_virtual(group: &Group, content: &Content, parts: &[Part]) -> hdf5::Result<()> {
     match content.kind {
         ElementType::U8 => write_virtual_of(group, content, parts, u8::MAX),
@@ -191,7 +191,7 @@ fn write_virtual_of<T: H5Type>(group: &Group, whole: &Content, parts: &[Part], l
     let mut builder = group.new_dataset::<T>().shape(whole.shape.clone()).fill_value(lost);
     let mut start = 0;
     for (digest, shape) in slabs {
-        // An empty selection is refused by the library, and shows nothing anyway.
+        // The library does not accept empty selections.
         if shape.iter().product::<usize>() > 0 {
             builder = builder.virtual_map(
                 source(digest),
@@ -208,7 +208,7 @@ fn write_virtual_of<T: H5Type>(group: &Group, whole: &Content, parts: &[Part], l
     describe(&written, &whole.units, &whole.description, &whole.axes)
 }
 
-/// The chunk's file, seen from the folder of any other artifact.
+/// Returns the path of the file of a chunk, relative to the folder of any artifact.
 fn source(digest: &ArtifactId) -> String {
     let name = digest.to_string();
     format!("../{}/{name}.h5", &name[..2])

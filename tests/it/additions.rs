@@ -10,7 +10,7 @@ use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::{Mesh, Simulator};
 use deaflow::orchestrator::{
     Environment, Input, Job, Kind, Needs, Outcome, Pipeline, Plan, Registry, RunOptions, Stage, StageError,
-    of_pipeline, run,
+    pipeline_schema, run,
 };
 use deaflow::parameters;
 use deaflow::pattern::{Pattern, Raster};
@@ -222,5 +222,5 @@ fn a_kind_of_stage_is_read_run_kept_and_told_in_the_schema() {
     let refused = read(&kinds, "{ kind: count, too: 4 }").err().unwrap();
     assert!(refused.contains("too"), "{refused}");
     assert!(read(&registry(), "{ kind: count, to: 3 }").is_err());
-    assert!(of_pipeline(&kinds).to_string().contains("The last number."));
+    assert!(pipeline_schema(&kinds).to_string().contains("The last number."));
 }

@@ -10,7 +10,7 @@ use std::path::{Component, Path, PathBuf};
 
 use serde_json::Value;
 
-use deaflow::orchestrator::{of_pipeline, of_scene};
+use deaflow::orchestrator::{pipeline_schema, scene_schema};
 use deaflow::stage::registry;
 
 use super::common::{TINY, Workspace, files};
@@ -45,9 +45,9 @@ fn schema_prints_the_schema_of_pipelines_unless_asked_for_scenes() {
         serde_json::from_str::<Value>(&ended.stdout).unwrap()
     };
     let registry = registry();
-    assert_eq!(print(&["schema"]), of_pipeline(&registry));
-    assert_eq!(print(&["schema", "pipeline"]), of_pipeline(&registry));
-    assert_eq!(print(&["schema", "scene"]), of_scene(&registry));
+    assert_eq!(print(&["schema"]), pipeline_schema(&registry));
+    assert_eq!(print(&["schema", "pipeline"]), pipeline_schema(&registry));
+    assert_eq!(print(&["schema", "scene"]), scene_schema(&registry));
 }
 
 #[test]
@@ -95,11 +95,11 @@ fn shipped_files_are_valid() {
 
 #[test]
 fn a_pipeline_holds_the_schema_of_scenes() {
-    let mut scene = of_scene(&registry());
+    let mut scene = scene_schema(&registry());
     for key in ["$schema", "title", "$defs"] {
         assert!(scene.as_object_mut().unwrap().remove(key).is_some());
     }
-    assert_eq!(of_pipeline(&registry())["$defs"]["scene"], scene);
+    assert_eq!(pipeline_schema(&registry())["$defs"]["scene"], scene);
 }
 
 /// Every mapping and every key of the schemas is visited; there the reader is provoked to say which keys it allows.

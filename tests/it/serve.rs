@@ -895,7 +895,7 @@ fn a_planted_fault_is_found_drawn_and_marked() {
     tab.until(button);
     tab.value(&format!("{button}.click()"));
     tab.until("document.querySelectorAll('figcaption').length === 4");
-    tab.until("document.querySelectorAll('figcaption')[3].textContent.includes('Difference: largest')");
+    tab.until("document.querySelectorAll('figcaption')[3].textContent.includes('LockDifference: largest')");
     let caption = |k: usize, tab: &mut Tab| -> f64 {
         let text = tab.value(&format!("document.querySelectorAll('figcaption')[{k}].textContent"));
         let words: Vec<&str> = text.as_str().unwrap().split(' ').collect();

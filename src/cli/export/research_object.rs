@@ -14,7 +14,7 @@ use crate::output::{Exit, Output};
 use crate::progress::Bar;
 use crate::{locate, run, table, write};
 use deaflow_base::{ArtifactId, Document, NodeValue, folder_of, kind_of, leads_nowhere_at, read_bounded, software};
-use deaflow_orchestrator::{Built, BuiltStage, Pipeline, built};
+use deaflow_orchestrator::{BuiltStage, BuiltStages, Pipeline, built_stages};
 use deaflow_report::{CrateFile, CrateStage, METADATA, ResearchObject, figure_files, file_name};
 use deaflow_scene::scene_files;
 use deaflow_store::{LockFile, Store, write_standalone};
@@ -44,7 +44,7 @@ pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit
     write::outside(&arguments.output)?;
     let folder = empty_folder(&arguments.output)?;
     let store = locate::existing_store(&arguments.store.folder_of(&arguments.pipeline))?;
-    let built = built(&pipeline, &store)?;
+    let built = built_stages(&pipeline, &store)?;
     if !built.missing.is_empty() {
         let path = pipeline.path.display();
         let sets = pipeline
@@ -113,7 +113,7 @@ fn empty_folder(path: &Path) -> Result<PathBuf, CliError> {
 }
 
 /// Chunks of all artifacts, each counted once.
-fn chunks(built: &Built, store: &Store) -> Result<u64, CliError> {
+fn chunks(built: &BuiltStages, store: &Store) -> Result<u64, CliError> {
     let artifacts: BTreeSet<ArtifactId> = built.stages.iter().map(|stage| stage.record.artifact).collect();
     let of = |id: &ArtifactId| Ok(store.artifact(id)?.parts().len().max(1) as u64);
     artifacts.iter().map(of).sum()
@@ -172,7 +172,7 @@ impl Writing<'_> {
 fn write_all(
     arguments: &ExportCrateArguments,
     pipeline: &Pipeline,
-    built: &Built,
+    built: &BuiltStages,
     store: &Store,
     writing: &mut Writing<'_>,
 ) -> Result<ResearchObject, CliError> {
@@ -207,7 +207,7 @@ fn write_all(
 /// The pipeline, the scene that it names, and the lock file; gives the paths of the first and of the others that are read.
 fn write_sources(
     pipeline: &Pipeline,
-    built: &Built,
+    built: &BuiltStages,
     writing: &mut Writing<'_>,
 ) -> Result<(String, Vec<String>), CliError> {
     const YAML: &str = "application/yaml";
@@ -247,7 +247,7 @@ fn write_sources(
         sources.push(path);
     }
     let lock = built.lock_file(&pipeline.name).text();
-    let beside = LockFile::beside(Path::new(&workflow)).to_string_lossy().into_owned();
+    let beside = LockFile::path_for(Path::new(&workflow)).to_string_lossy().into_owned();
     writing.put(
         &beside,
         lock.as_bytes(),

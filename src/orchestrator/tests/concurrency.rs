@@ -102,7 +102,10 @@ fn run_abreast(lab: &Laboratory, options: &RunOptions<'_>, held: &str, awaited: 
         _ => {}
     };
     let pipeline = lab.pipeline(PIPELINE, &[]);
-    let options = RunOptions { abreast: 2, ..*options };
+    let options = RunOptions {
+        parallel_stages: 2,
+        ..*options
+    };
     let outcome = run(&pipeline, &lab.store(), &options, &environment(), &listener).unwrap();
     (outcome, met.into_inner())
 }
@@ -172,7 +175,7 @@ fn some_chunks_of_a_stage_are_built_and_the_stage_is_left_to_others() {
     let some = |chunks| RunOptions {
         until: Some("halved"),
         chunks: Some(chunks),
-        unremembered: true,
+        skip_history: true,
         ..RunOptions::default()
     };
     let (outcome, _) = lab.run_with(PIPELINE, &[], &some((1, 2)));
@@ -334,7 +337,7 @@ fn one_process_puts_a_stage_together_and_others_wait_for_it() {
         std::fs::remove_file(lab.record_file(last)).unwrap();
         let (outcome, _) = std::thread::scope(|scope| {
             let waiting = scope.spawn(|| lab.run_with(&text, &[], &options));
-            while !store.recorded().unwrap().contains(last) {
+            while !store.record_index().unwrap().contains(last) {
                 std::thread::sleep(Duration::from_millis(5));
             }
             give(&keys[1]);
@@ -382,7 +385,7 @@ fn who_was_chosen_and_is_gone_is_replaced() {
     let chosen = store.try_reserve(&format!("whole-{whole}")).unwrap().unwrap();
     let (outcome, log) = std::thread::scope(|scope| {
         let waiting = scope.spawn(|| lab.run_text(PIPELINE, &[]));
-        while !store.recorded().unwrap().contains(&keys[3]) {
+        while !store.record_index().unwrap().contains(&keys[3]) {
             std::thread::sleep(Duration::from_millis(5));
         }
         drop((chunk, chosen));

@@ -5,7 +5,7 @@ use std::fs;
 use std::sync::Arc;
 
 use super::*;
-use deaflow_store::{Promise, Record, StoreError, Upstream};
+use deaflow_store::{Record, StoreError, Upstream, UpstreamArtifact};
 
 /// The store of another laboratory, which no longer has all that it says.
 struct Other {
@@ -21,31 +21,31 @@ impl Upstream for Other {
     }
 
     fn records_of(&self, artifact: &ArtifactId) -> Vec<(Record, String)> {
-        let held = self.store.holdings(None).unwrap();
+        let held = self.store.stored_artifacts(None).unwrap();
         let of = held.into_iter().find(|held| held.artifact == *artifact);
         let records = of.map_or_else(Vec::new, |held| held.records);
         records.into_iter().map(|record| (record, "other".to_owned())).collect()
     }
 
-    fn counts(&self, _: &Record, origin: &str) -> bool {
+    fn is_trusted(&self, _: &Record, origin: &str) -> bool {
         assert_eq!(origin, "other");
         true
     }
 
     fn compare(&self, _: &Record) {}
 
-    fn promise(&self, artifact: &ArtifactId) -> Option<Promise> {
+    fn find_artifact(&self, artifact: &ArtifactId) -> Option<UpstreamArtifact> {
         if self.rejected.lock().unwrap().contains(artifact) {
             return None;
         }
         let parts = self.store.parts(artifact).ok()?;
-        Some(Promise {
+        Some(UpstreamArtifact {
             size: 1,
             parts: Some(parts),
         })
     }
 
-    fn bring(&self, artifact: &ArtifactId, target: &Path) -> Result<bool, StoreError> {
+    fn download(&self, artifact: &ArtifactId, target: &Path) -> Result<bool, StoreError> {
         if self.lost {
             self.rejected.lock().unwrap().insert(*artifact);
             return Ok(false);
@@ -65,7 +65,12 @@ impl Upstream for Other {
 }
 
 /// Runs in a new laboratory with the store of another behind its own; says what ran, and how many artifacts were brought.
-fn run_behind(other: &Laboratory, lost: bool, abreast: usize, sets: &[&str]) -> (RunOutcome, Vec<String>, usize) {
+fn run_behind(
+    other: &Laboratory,
+    lost: bool,
+    parallel_stages: usize,
+    sets: &[&str],
+) -> (RunOutcome, Vec<String>, usize) {
     let upstream = Arc::new(Other {
         store: other.store(),
         lost,
@@ -78,7 +83,7 @@ fn run_behind(other: &Laboratory, lost: bool, abreast: usize, sets: &[&str]) -> 
     let listener = |event: &Event| log.lock().unwrap().extend(line(event));
     let pipeline = lab.pipeline(PIPELINE, sets);
     let options = RunOptions {
-        abreast,
+        parallel_stages,
         ..RunOptions::default()
     };
     let outcome = run(&pipeline, &store, &options, &environment(), &listener).unwrap();
@@ -141,10 +146,14 @@ fn what_is_promised_and_cannot_be_had_is_built_with_all_that_it_needs() {
     let other = Laboratory::new();
     other.run(&[]);
     let sets = ["stages.total.power=2"];
-    for abreast in [1, 3] {
+    for parallel_stages in [1, 3] {
         let untroubled = Laboratory::new().run_text(PIPELINE, &sets).0;
-        let (outcome, log, brought) = run_behind(&other, true, abreast, &sets);
-        assert!(outcome.failures.is_empty(), "{abreast}: {:?} {log:?}", outcome.failures);
+        let (outcome, log, brought) = run_behind(&other, true, parallel_stages, &sets);
+        assert!(
+            outcome.failures.is_empty(),
+            "{parallel_stages}: {:?} {log:?}",
+            outcome.failures
+        );
         assert_eq!((digests(&outcome), brought), (digests(&untroubled), 0));
         assert_eq!(outcome.unstable, untroubled.unstable);
         let outcomes: Vec<Outcome> = outcome.stages.iter().map(|stage| stage.outcome).collect();

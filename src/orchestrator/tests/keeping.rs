@@ -142,7 +142,10 @@ fn stages_that_came_or_went_are_named() {
     };
     assert_eq!(
         differences,
-        [Difference::Dropped("tiny".into()), Difference::Added("small".into())]
+        [
+            LockDifference::Dropped("tiny".into()),
+            LockDifference::Added("small".into())
+        ]
     );
 }
 

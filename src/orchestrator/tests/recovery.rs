@@ -265,7 +265,7 @@ fn an_input_is_verified_before_it_is_read_whatever_the_index_says() {
     let path = lab.object(&big);
     // The disk has lost a bit, and no time tells.
     flip(&path);
-    lab.store().believe(&big);
+    lab.store().trust_current_file(&big);
     let (_, log) = lab.run_text(BIG, &[]);
     assert_eq!(
         log,
@@ -277,7 +277,7 @@ fn an_input_is_verified_before_it_is_read_whatever_the_index_says() {
     assert!(outcome.failures.is_empty());
 
     flip(&path);
-    lab.store().believe(&big);
+    lab.store().trust_current_file(&big);
     let closely = |store: Store| {
         plan(&lab.pipeline(BIG, &[]), &store, None, &environment())
             .unwrap()
@@ -285,7 +285,7 @@ fn an_input_is_verified_before_it_is_read_whatever_the_index_says() {
     };
     assert_eq!(summary(&closely(lab.store())), "big reused 0+1");
     assert_eq!(
-        summary(&closely(lab.store().without_trust())),
+        summary(&closely(lab.store().without_index())),
         "big stale 1+0: artifact damaged"
     );
 }

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use crate::http::{Answer, Refusal, Request};
 use crate::state::ServedState;
 use deaflow_base::{Document, InputError, Node, NodeValue, Override};
-use deaflow_orchestrator::{Environment, Pipeline, foreseen, plan as planned, plan_document, splice_scene};
+use deaflow_orchestrator::{Environment, Pipeline, plan as planned, plan_document, plan_warnings, splice_scene};
 use deaflow_report::{STAGE_HEIGHT, layout};
 use deaflow_stage as stage;
 use deaflow_store::Store;
@@ -218,7 +218,7 @@ fn load(path: &Path, overrides: &[Override]) -> Result<Pipeline, InputError> {
 fn plan_of(state: &ServedState, pipeline: &Pipeline, until: Option<&str>) -> Result<Value, Refusal> {
     let in_store = |store: &Store| -> Result<Value, Refusal> {
         let stages = planned(pipeline, store, until, &Environment::system())?;
-        let warnings = foreseen(pipeline, &stages, store)?;
+        let warnings = plan_warnings(pipeline, &stages, store)?;
         Ok(plan_document(pipeline, state.store_folder(), &stages, &warnings))
     };
     if let Some(store) = state.store()? {

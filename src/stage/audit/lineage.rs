@@ -19,7 +19,7 @@ pub fn inputs(artifact: &Artifact) -> Result<Vec<Result<Artifact, StoreError>>, 
     let names = provenance.get("inputs").map_or("", String::as_str).lines();
     // What is no digest names no artifact.
     let inputs = names.filter_map(|name| name.parse::<ArtifactId>().ok());
-    Ok(inputs.map(|digest| artifact.beside(&digest)).collect())
+    Ok(inputs.map(|digest| artifact.sibling(&digest)).collect())
 }
 
 /// Everything that an artifact was made from.

@@ -7,7 +7,7 @@ use deaflow_design::{Candidate, Cause, Evaluators, Goal, Moment};
 use deaflow_fem::screening::decided_states;
 use deaflow_fem::{Method, SetupError, SolverParameters, Swing, ThreeSolves, UnknownMethod, creep_settings};
 use deaflow_field::{Evaluator, Field, InStates, Mesh};
-use deaflow_orchestrator::{Expectation, Foreseeable, Whose};
+use deaflow_orchestrator::{Expectation, ResultSource, StageDeclaration};
 use deaflow_scene::Scene;
 use deaflow_surrogate::{NetworkKind, Surrogate};
 
@@ -69,11 +69,11 @@ impl fmt::Display for EvaluatorChoice {
 impl EvaluatorChoice {
     /// What earlier runs may have measured of its error, where it should err by no more than a length in mm: of a network on the samples that
     /// were held back, of a method in a stage of kind `accuracy`.
-    pub fn expectations(self, most_mm: f64, needs: &[Foreseeable<'_>]) -> Vec<Expectation> {
-        let expected = |of: Whose, result: String, measured: &str| Expectation {
-            of,
+    pub fn expectations(self, most_mm: f64, needs: &[StageDeclaration<'_>]) -> Vec<Expectation> {
+        let expected = |source: ResultSource, result: String, measured: &str| Expectation {
+            source,
             result,
-            most: most_mm,
+            limit: most_mm,
             warning: format!(
                 "`evaluator: {self}` cannot keep to the `evaluator_accuracy` of {most_mm} mm: {measured}, as stage `{{stage}}` found"
             ),
@@ -82,9 +82,13 @@ impl EvaluatorChoice {
             Self::Auto => Vec::new(),
             Self::Surrogate => {
                 let networks = needs.iter().filter(|need| need.kind == "train");
-                let of = |need: &Foreseeable<'_>| {
+                let of = |need: &StageDeclaration<'_>| {
                     let measured = "its root mean square error is {value} mm on samples that were held back";
-                    expected(Whose::Stage(need.name.to_owned()), "rmse.test".to_owned(), measured)
+                    expected(
+                        ResultSource::Stage(need.name.to_owned()),
+                        "rmse.test".to_owned(),
+                        measured,
+                    )
                 };
                 networks.map(of).collect()
             }
@@ -92,7 +96,7 @@ impl EvaluatorChoice {
                 let settings = SolverParameters::new(method, Mesh::bilinear(1));
                 let measured = "its largest error is {value} mm";
                 vec![expected(
-                    Whose::Kind("accuracy"),
+                    ResultSource::Kind("accuracy"),
                     format!("max_error.{settings}"),
                     measured,
                 )]

@@ -62,14 +62,14 @@ impl Monitor for Follow<'_, '_> {
     }
 
     fn kept(&self) -> Option<Vec<u8>> {
-        self.job.scratch.kept(STATE)
+        self.job.scratch.load(STATE)
     }
 
     fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
-        self.job.scratch.keep(STATE, state)
+        self.job.scratch.save(STATE, state)
     }
 
     fn unusable(&self) {
-        self.job.scratch.ignore("it is not a state of this training");
+        self.job.scratch.report_unused("it is not a state of this training");
     }
 }

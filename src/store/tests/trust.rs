@@ -37,14 +37,14 @@ fn is_intact(store: &Store, digest: &ArtifactId) -> bool {
 fn known() -> (TempDir, Store, ArtifactId) {
     let (folder, store) = store();
     let digest = put(&store, &chunk(1, 20));
-    store.keep_index();
+    store.save_index();
     (folder, store, digest)
 }
 
 /// Loses a bit without leaving a trace in any time.
 fn flip_beneath(store: &Store, digest: &ArtifactId) {
     flip(&object_path(store, digest), 700);
-    store.believe(digest);
+    store.trust_current_file(digest);
 }
 
 #[test]
@@ -54,7 +54,7 @@ fn the_index_knows_what_was_put() {
     assert_eq!(entry.stamp, stamp_of(&object_path(&store, &digest)));
     assert!(entry.stamp.is_settled(entry.noted), "noted once its tick was over");
     let manifest = put(&store, &Object::manifest(Default::default(), vec![digest]));
-    store.keep_index();
+    store.save_index();
     let structure = indexed(&store)[&manifest].structure.clone().unwrap();
     assert_eq!((*structure.parts).as_slice(), [digest]);
     assert_eq!(
@@ -78,7 +78,7 @@ fn a_glance_reads_no_file_that_the_index_knows_and_all_else_does() {
         matches!(after, Condition::Damaged(_)),
         "once read, it is believed no more"
     );
-    let distrustful = reopened().without_trust().inspect(&digest, Effort::Quick).unwrap();
+    let distrustful = reopened().without_index().inspect(&digest, Effort::Quick).unwrap();
     assert!(matches!(distrustful, Condition::Damaged(_)));
     assert_eq!(reopened().fsck(&|_, _| ()).unwrap().damaged.len(), 1);
 }
@@ -99,7 +99,7 @@ fn altered_bytes_are_found_whatever_their_times_say() {
 fn an_index_that_is_not_whole_is_quietly_made_anew() {
     let (_folder, store, sound) = known();
     let broken = put(&store, &chunk(2, 20));
-    store.keep_index();
+    store.save_index();
     flip_beneath(&store, &broken);
     let path = index_path(&store);
     let whole = fs::read(&path).unwrap();
@@ -131,7 +131,7 @@ fn an_index_that_is_not_whole_is_quietly_made_anew() {
             another.inspect(&sound, Effort::Quick).unwrap(),
             Condition::Intact { .. }
         ));
-        another.keep_index();
+        another.save_index();
         assert_eq!(indexed(&store).keys().collect::<Vec<_>>(), [&sound], "{i}");
     }
     let aside = fs::read_dir(store.root().join("quarantine")).unwrap().count();
@@ -174,7 +174,7 @@ fn entries_that_lie_about_a_stamp_are_not_believed() {
 fn a_copied_store_is_verified_anew_and_a_moved_one_is_known() {
     let (folder, store, digest) = known();
     let other = put(&store, &chunk(2, 20));
-    store.keep_index();
+    store.save_index();
     let (root, copy) = (store.root().to_owned(), folder.path().join("copy"));
     let copied = std::process::Command::new("cp").arg("-a").args([&root, &copy]).status();
     assert!(copied.unwrap().success());
@@ -199,8 +199,8 @@ fn processes_that_write_the_index_keep_what_the_others_know() {
     let (_folder, one) = store();
     let two = Store::open(one.root()).unwrap();
     let (a, b) = (put(&one, &chunk(1, 1)), put(&two, &chunk(2, 1)));
-    one.keep_index();
-    two.keep_index();
+    one.save_index();
+    two.save_index();
     let known = indexed(&one);
     assert!(known.contains_key(&a) && known.contains_key(&b) && known.len() == 2);
 }
@@ -215,9 +215,9 @@ fn what_changed_while_a_process_ran_is_not_vouched_for_by_it() {
     // Written after the other process began to look: within a tick its bytes might change again.
     let late = put(&one, &chunk(2, 1));
     two.artifact(&late).unwrap();
-    two.keep_index();
+    two.save_index();
     assert_eq!(indexed(&one).keys().collect::<Vec<_>>(), [&early]);
-    one.keep_index();
+    one.save_index();
     assert_eq!(indexed(&one).len(), 2);
 }
 
@@ -227,8 +227,8 @@ fn nothing_is_written_where_nothing_was_learnt() {
     let before = stamp_of(&index_path(&store));
     let another = Store::open(store.root()).unwrap();
     another.inspect(&digest, Effort::Quick).unwrap();
-    another.keep_index();
-    store.keep_index();
+    another.save_index();
+    store.save_index();
     assert_eq!(stamp_of(&index_path(&store)), before);
 }
 
@@ -237,13 +237,13 @@ fn what_is_gone_leaves_the_index() {
     let (_folder, store, digest) = known();
     let root = store.root().to_owned();
     drop(store);
-    let alone = Store::open_alone(&root).unwrap();
+    let alone = Store::open_exclusive(&root).unwrap();
     let all = Retention {
         runs: 0,
         grace: Duration::ZERO,
     };
     let collection = alone
-        .judge(&all, std::time::SystemTime::now() + Duration::from_secs(60))
+        .plan_gc(&all, std::time::SystemTime::now() + Duration::from_secs(60))
         .unwrap();
     assert_eq!(collection.removed.len(), 1);
     alone.remove(&collection, "", &|_, _| ()).unwrap();

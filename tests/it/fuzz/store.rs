@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use bolero::check;
 use deaflow::base::{ActionKey, ArtifactId, Canonical, FileDigest};
 use deaflow::store::{
-    Action, Cost, Data, Dataset, Ended, LockFile, LockedStage, Lookup, Object, Pin, Provenance, Reached, Record, Run,
-    RunStage, Store, StoreError,
+    Action, CheckpointProgress, Cost, Data, Dataset, LockFile, LockedStage, Lookup, Object, Pin, Provenance, Record,
+    Run, RunStage, StageOutcome, Store, StoreError,
 };
 
 use super::checked::{in_time, is_told};
@@ -53,7 +53,7 @@ fn fill(root: &Path) -> ActionKey {
         kind: "sample".into(),
         key: record.key,
         artifact,
-        outcome: Ended::Built,
+        outcome: StageOutcome::Built,
     };
     store
         .put_run(&Run {
@@ -77,7 +77,7 @@ fn fill(root: &Path) -> ActionKey {
         "input_bytes": 0, "seconds": 0.5, "bytes": 600, "created": record.created,
     });
     store.put_cost(&serde_json::from_value::<Cost>(cost).unwrap()).unwrap();
-    let reached = Reached::default();
+    let reached = CheckpointProgress::default();
     store
         .put_checkpoint(&record.key, "training", BUILD, &reached, &[7; 40])
         .unwrap();
@@ -91,7 +91,7 @@ fn fill(root: &Path) -> ActionKey {
         stages: [("s".to_owned(), locked)].into(),
     };
     store.put_lock_file(&root.join("p.yaml.lock"), &lock).unwrap();
-    store.keep_index();
+    store.save_index();
     record.key
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use deaflow::base::{Document, InputError, Node, NodeValue};
-use deaflow::orchestrator::{Pipeline, of_pipeline, of_scene};
+use deaflow::orchestrator::{Pipeline, pipeline_schema, scene_schema};
 use deaflow::scene::{Scene, Stiffening};
 use deaflow::stage::registry;
 use serde_json::{Map, Value};
@@ -25,8 +25,8 @@ impl Kind {
 
     pub fn schema(self) -> Value {
         match self {
-            Self::Pipeline => of_pipeline(&registry()),
-            Self::Scene => of_scene(&registry()),
+            Self::Pipeline => pipeline_schema(&registry()),
+            Self::Scene => scene_schema(&registry()),
         }
     }
 

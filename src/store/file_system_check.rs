@@ -5,7 +5,7 @@ use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
 use super::error::StoreError;
-use super::locking::{self, Choice};
+use super::locking::{self, LockingChoice};
 use super::open::Store;
 use super::stamp::{file_system_time, machine_time};
 
@@ -18,9 +18,9 @@ const LITTLE: (u64, u64) = (1 << 30, 10_000);
 /// Length of a file that is asked for, bytes.
 const ASKED: u64 = 64 << 20;
 
-/// How a trial ended.
+/// How a check ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum CheckResult {
     /// As a store needs it.
     Good,
     /// A store does without.
@@ -29,26 +29,26 @@ pub enum Verdict {
     Bad,
 }
 
-/// One trial.
+/// One check.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Trial {
+pub struct FileSystemCheck {
     /// What was tried.
     pub name: &'static str,
     /// How it ended.
-    pub verdict: Verdict,
+    pub result: CheckResult,
     /// What was found.
     pub found: String,
 }
 
 /// What was found of the file system of a store.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Examination {
+pub struct FileSystemReport {
     /// Its kind.
     pub file_system: String,
     /// How processes keep out of each other's way, and why.
-    pub choice: Choice,
-    /// The trials.
-    pub trials: Vec<Trial>,
+    pub choice: LockingChoice,
+    /// The checks.
+    pub checks: Vec<FileSystemCheck>,
 }
 
 impl Store {
@@ -56,91 +56,99 @@ impl Store {
     ///
     /// # Errors
     /// When nothing can be written.
-    pub fn examine(&self) -> Result<Examination, StoreError> {
+    pub fn check_file_system(&self) -> Result<FileSystemReport, StoreError> {
         let folder = self.temporary()?;
         let folder = folder.path();
-        let trial = |name, tried: io::Result<(Verdict, String)>| {
-            let (verdict, found) = tried.unwrap_or_else(|error| (Verdict::Bad, error.to_string()));
-            Trial { name, verdict, found }
+        let check = |name, tried: io::Result<(CheckResult, String)>| {
+            let (result, found) = tried.unwrap_or_else(|error| (CheckResult::Bad, error.to_string()));
+            FileSystemCheck { name, result, found }
         };
-        Ok(Examination {
+        Ok(FileSystemReport {
             file_system: locking::file_system(self.root()).0,
             choice: self.locking().clone(),
-            trials: vec![
-                trial("locks", locks(folder)),
-                trial("link", link(folder)),
-                trial("rename", rename(folder)),
-                trial("exclusive creation", exclusive(folder)),
-                trial("sync", sync(folder)),
-                trial("clock", clock(folder)),
-                trial("room", room(folder)),
+            checks: vec![
+                check("locks", locks(folder)),
+                check("link", link(folder)),
+                check("rename", rename(folder)),
+                check("exclusive creation", exclusive(folder)),
+                check("sync", sync(folder)),
+                check("clock", clock(folder)),
+                check("room", room(folder)),
             ],
         })
     }
 }
 
-fn locks(folder: &Path) -> io::Result<(Verdict, String)> {
+fn locks(folder: &Path) -> io::Result<(CheckResult, String)> {
     let path = folder.join("lock");
     let (one, other) = (File::create(&path)?, File::open(&path)?);
     if let Err(error) = one.try_lock() {
         let error = io::Error::from(error);
-        return Ok((Verdict::Noted, format!("none: {error}; claims do without")));
+        return Ok((CheckResult::Noted, format!("none: {error}; claims do without")));
     }
     Ok(match other.try_lock_shared() {
-        Err(fs::TryLockError::WouldBlock) => (Verdict::Good, "exclude others of this machine".to_owned()),
-        _ => (Verdict::Noted, "granted to everybody; claims do without".to_owned()),
+        Err(fs::TryLockError::WouldBlock) => (CheckResult::Good, "exclude others of this machine".to_owned()),
+        _ => (CheckResult::Noted, "granted to everybody; claims do without".to_owned()),
     })
 }
 
-fn link(folder: &Path) -> io::Result<(Verdict, String)> {
+fn link(folder: &Path) -> io::Result<(CheckResult, String)> {
     let (one, two) = (folder.join("one"), folder.join("two"));
     fs::write(&one, "1")?;
     match fs::hard_link(&one, &two) {
-        Err(error) => return Ok((Verdict::Noted, format!("none: {error}; files are renamed into place"))),
+        Err(error) => {
+            return Ok((
+                CheckResult::Noted,
+                format!("none: {error}; files are renamed into place"),
+            ));
+        }
         Ok(()) => fs::write(folder.join("three"), "3")?,
     }
     Ok(match fs::hard_link(folder.join("three"), &two) {
-        Err(error) if error.kind() == ErrorKind::AlreadyExists => (Verdict::Good, "replaces nothing".to_owned()),
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => (CheckResult::Good, "replaces nothing".to_owned()),
         Err(error) => return Err(error),
-        Ok(()) => (Verdict::Bad, "replaces what is there".to_owned()),
+        Ok(()) => (CheckResult::Bad, "replaces what is there".to_owned()),
     })
 }
 
-fn rename(folder: &Path) -> io::Result<(Verdict, String)> {
+fn rename(folder: &Path) -> io::Result<(CheckResult, String)> {
     let (one, two) = (folder.join("new"), folder.join("old"));
     fs::write(&one, "new")?;
     fs::write(&two, "old")?;
     fs::rename(&one, &two)?;
     Ok(match fs::read(&two)?.as_slice() {
-        b"new" => (Verdict::Good, "replaces in one step".to_owned()),
-        _ => (Verdict::Bad, "what was renamed is not there".to_owned()),
+        b"new" => (CheckResult::Good, "replaces in one step".to_owned()),
+        _ => (CheckResult::Bad, "what was renamed is not there".to_owned()),
     })
 }
 
-fn exclusive(folder: &Path) -> io::Result<(Verdict, String)> {
+fn exclusive(folder: &Path) -> io::Result<(CheckResult, String)> {
     let path = folder.join("claim");
     fs::create_dir(&path)?;
     Ok(match fs::create_dir(&path) {
-        Err(error) if error.kind() == ErrorKind::AlreadyExists => (Verdict::Good, "one of all succeeds".to_owned()),
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => (CheckResult::Good, "one of all succeeds".to_owned()),
         Err(error) => return Err(error),
-        Ok(()) => (Verdict::Bad, "a folder can be made twice".to_owned()),
+        Ok(()) => (CheckResult::Bad, "a folder can be made twice".to_owned()),
     })
 }
 
-fn sync(folder: &Path) -> io::Result<(Verdict, String)> {
+fn sync(folder: &Path) -> io::Result<(CheckResult, String)> {
     let mut file = File::create(folder.join("synced"))?;
     file.write_all(b"1")?;
     file.sync_all()?;
     Ok(match File::open(folder).and_then(|folder| folder.sync_all()) {
-        Ok(()) => (Verdict::Good, "files and folders".to_owned()),
-        Err(error) => (Verdict::Bad, format!("files, and no folders: {error}")),
+        Ok(()) => (CheckResult::Good, "files and folders".to_owned()),
+        Err(error) => (CheckResult::Bad, format!("files, and no folders: {error}")),
     })
 }
 
-fn clock(folder: &Path) -> io::Result<(Verdict, String)> {
+fn clock(folder: &Path) -> io::Result<(CheckResult, String)> {
     let (before, there, after) = (machine_time(), file_system_time(folder), machine_time());
     let Some(there) = there else {
-        return Ok((Verdict::Noted, "the clock of the file system cannot be read".to_owned()));
+        return Ok((
+            CheckResult::Noted,
+            "the clock of the file system cannot be read".to_owned(),
+        ));
     };
     let skew = match () {
         () if there.0 < before.0 - 1 => there.0 - before.0,
@@ -148,15 +156,15 @@ fn clock(folder: &Path) -> io::Result<(Verdict, String)> {
         () => 0,
     };
     Ok(match skew.abs() > SKEW {
-        false => (Verdict::Good, "that of this machine".to_owned()),
+        false => (CheckResult::Good, "that of this machine".to_owned()),
         true => (
-            Verdict::Noted,
+            CheckResult::Noted,
             format!("{skew:+} s to that of this machine; ages are judged by the file system's"),
         ),
     })
 }
 
-fn room(folder: &Path) -> io::Result<(Verdict, String)> {
+fn room(folder: &Path) -> io::Result<(CheckResult, String)> {
     let found = rustix::fs::statvfs(folder)?;
     let bytes = found.f_bavail.saturating_mul(found.f_frsize);
     // Some file systems make files as they are needed, and say 0.
@@ -166,15 +174,15 @@ fn room(folder: &Path) -> io::Result<(Verdict, String)> {
     let refused = rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, ASKED);
     if refused == Err(rustix::io::Errno::DQUOT) {
         return Ok((
-            Verdict::Noted,
+            CheckResult::Noted,
             format!("the quota leaves less than {} MiB", ASKED >> 20),
         ));
     }
     let little = bytes < LITTLE.0 || files.is_some_and(|files| files < LITTLE.1);
-    let verdict = if little { Verdict::Noted } else { Verdict::Good };
+    let result = if little { CheckResult::Noted } else { CheckResult::Good };
     let files = files.map_or_else(|| "files as needed".to_owned(), |files| format!("{files} files"));
     Ok((
-        verdict,
+        result,
         format!("{:.1} GiB and {files} free", bytes as f64 / f64::from(1 << 30)),
     ))
 }
@@ -187,12 +195,12 @@ mod tests {
     fn a_store_can_work_here() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
-        let found = store.examine().unwrap();
-        assert_eq!(found.trials.len(), 7);
+        let found = store.check_file_system().unwrap();
+        assert_eq!(found.checks.len(), 7);
         assert!(
-            found.trials.iter().all(|trial| trial.verdict != Verdict::Bad),
+            found.checks.iter().all(|check| check.result != CheckResult::Bad),
             "{found:?}"
         );
-        assert!(!found.file_system.is_empty() && !found.choice.why.is_empty());
+        assert!(!found.file_system.is_empty() && !found.choice.reason.is_empty());
     }
 }

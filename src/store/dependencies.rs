@@ -9,7 +9,7 @@ use super::record::{self, Lookup, Record};
 use deaflow_base::{ActionKey, ArtifactId};
 
 /// A record, as far as it matters here.
-pub struct Known {
+pub struct RecordSummary {
     /// Its key.
     pub key: ActionKey,
     /// Kind of its action.
@@ -18,7 +18,7 @@ pub struct Known {
     inputs: Vec<ArtifactId>,
 }
 
-impl Known {
+impl RecordSummary {
     /// What matters here of a record.
     pub fn of(record: Record) -> Self {
         Self {
@@ -30,11 +30,11 @@ impl Known {
 }
 
 /// Records by what they made.
-pub type Records = BTreeMap<ArtifactId, Vec<Known>>;
+pub type Records = BTreeMap<ArtifactId, Vec<RecordSummary>>;
 
 impl Store {
     /// Everything that some artifacts need, themselves included, and what of it is missing: what that would need is not known.
-    pub(super) fn reach(
+    pub(super) fn dependencies(
         &self,
         artifacts: Vec<ArtifactId>,
         records: &Records,
@@ -69,7 +69,12 @@ impl Store {
     /// The records that can be read; damaged ones hold nothing.
     pub(super) fn known_records(&self) -> Result<Records, StoreError> {
         let mut known = Records::new();
-        self.each_record(|record| known.entry(record.artifact).or_default().push(Known::of(record)))?;
+        self.each_record(|record| {
+            known
+                .entry(record.artifact)
+                .or_default()
+                .push(RecordSummary::of(record))
+        })?;
         Ok(known)
     }
 

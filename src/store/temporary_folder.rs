@@ -7,13 +7,13 @@ use std::sync::{Mutex, PoisonError};
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
+use super::delayed_names;
 use super::entries::TEMPORARY;
-use super::late;
 use super::stamp::{Time, file_system_time, machine_time};
 use deaflow_base::aside;
 
 /// The folder of a process, made when it is first needed and removed when this is dropped.
-pub struct Workbench {
+pub struct TemporaryFolder {
     folder: PathBuf,
     /// Six letters or digits that name the process, where it has a name.
     name: Option<String>,
@@ -22,7 +22,7 @@ pub struct Workbench {
     own: Mutex<Option<TempDir>>,
 }
 
-impl Workbench {
+impl TemporaryFolder {
     /// In the folder `tmp` of a store, which may be on a disk of this machine.
     pub fn new(folder: &Path, name: Option<&str>, is_local: bool) -> Self {
         Self {
@@ -50,7 +50,7 @@ impl Workbench {
                 .rand_bytes(0)
                 .tempdir_in(&self.folder),
         };
-        let made = late::until_seen(make)?;
+        let made = delayed_names::until_seen(make)?;
         Ok(own.insert(made).path().to_owned())
     }
 

@@ -17,7 +17,7 @@ pub struct BuiltStage {
 }
 
 /// The stages of a pipeline.
-pub struct Built {
+pub struct BuiltStages {
     /// Those that are built, in topological order.
     pub stages: Vec<BuiltStage>,
     /// Names of those that are not.
@@ -28,10 +28,10 @@ pub struct Built {
 ///
 /// # Errors
 /// When the store cannot be read.
-pub fn built(pipeline: &Pipeline, store: &Store) -> Result<Built, StoreError> {
+pub fn built_stages(pipeline: &Pipeline, store: &Store) -> Result<BuiltStages, StoreError> {
     let selection: Vec<usize> = (0..pipeline.stages.len()).collect();
     let statuses = Planner::new(pipeline, store).statuses(&selection)?;
-    let mut built = Built {
+    let mut built = BuiltStages {
         stages: Vec::new(),
         missing: Vec::new(),
     };
@@ -51,7 +51,7 @@ pub fn built(pipeline: &Pipeline, store: &Store) -> Result<Built, StoreError> {
     Ok(built)
 }
 
-impl Built {
+impl BuiltStages {
     /// The lock file of what is built, on the machine that made the last of it.
     #[must_use]
     pub fn lock_file(&self, pipeline: &str) -> LockFile {

@@ -13,9 +13,9 @@ use deaflow_base::ActionKey;
 
 /// The actions that had a record in a store when it was looked at.
 #[derive(Debug, Default)]
-pub struct Recorded(Vec<ActionKey>);
+pub struct RecordIndex(Vec<ActionKey>);
 
-impl Recorded {
+impl RecordIndex {
     /// Whether an action had a record. Whether that is sound, and what it names is there, has yet to be seen.
     #[must_use]
     pub fn contains(&self, key: &ActionKey) -> bool {
@@ -28,7 +28,7 @@ impl Store {
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn recorded(&self) -> Result<Recorded, StoreError> {
+    pub fn record_index(&self) -> Result<RecordIndex, StoreError> {
         let keys: Result<Vec<Vec<ActionKey>>, StoreError> = (0..=u8::MAX)
             .into_par_iter()
             .map(|first| {
@@ -42,12 +42,12 @@ impl Store {
             .collect();
         let mut keys = keys?.concat();
         keys.par_sort_unstable();
-        Ok(Recorded(keys))
+        Ok(RecordIndex(keys))
     }
 
     /// Whether the file of what a record says is here and as long as it was written: what stands in it is verified when it is read.
     #[must_use]
-    pub fn has_made(&self, record: &Record) -> bool {
+    pub fn has_artifact_of(&self, record: &Record) -> bool {
         let file = std::fs::symlink_metadata(self.layout.object(&record.artifact));
         file.is_ok_and(|file| file.is_file() && file.len() == record.size)
     }
@@ -64,7 +64,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
         let keys: Vec<ActionKey> = (0..1000_u32).map(|n| ActionKey::of(&n.to_le_bytes())).collect();
-        assert!(!keys.iter().any(|key| store.recorded().unwrap().contains(key)));
+        assert!(!keys.iter().any(|key| store.record_index().unwrap().contains(key)));
         for key in keys.iter().step_by(2) {
             let path = store.layout.record(key);
             fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -85,7 +85,7 @@ mod tests {
             fs::create_dir_all(&other).unwrap();
             fs::write(other.join(keys[1].to_string()), "").unwrap();
         }
-        let recorded = store.recorded().unwrap();
+        let recorded = store.record_index().unwrap();
         let found: Vec<bool> = keys.iter().map(|key| recorded.contains(key)).collect();
         let expected: Vec<bool> = (0..1000).map(|n| n % 2 == 0).collect();
         assert_eq!(found, expected);

@@ -8,15 +8,15 @@ use super::planner::{Planner, StageStatus, State};
 use super::spec::Pipeline;
 use deaflow_store::Store;
 
-/// How a stage stands.
+/// How a stage readiness.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Standing {
+pub struct StageProgress {
     /// Its name.
     pub name: String,
     /// Its kind.
     pub kind: &'static str,
     /// Whether it is there, or could be built.
-    pub stands: Stands,
+    pub readiness: Readiness,
     /// Pieces of work: its chunks, or 1.
     pub pieces: u64,
     /// How many of them are there.
@@ -25,32 +25,32 @@ pub struct Standing {
 
 /// Whether a stage is there, or could be built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stands {
+pub enum Readiness {
     /// It is there.
-    There,
+    Built,
     /// All that it needs is there.
     Ready,
     /// It needs what is not there.
-    Waits,
+    Waiting,
 }
 
-impl Standing {
+impl StageProgress {
     /// Pieces that could be built now.
     #[must_use]
     pub fn ready(&self) -> u64 {
-        match self.stands {
+        match self.readiness {
             // A stage whose chunks are all there has yet to be put together.
-            Stands::Ready => (self.pieces - self.done).max(1),
-            Stands::There | Stands::Waits => 0,
+            Readiness::Ready => (self.pieces - self.done).max(1),
+            Readiness::Built | Readiness::Waiting => 0,
         }
     }
 }
 
-/// How each stage stands, in topological order. `until` names the last stage.
+/// How each stage readiness, in topological order. `until` names the last stage.
 ///
 /// # Errors
 /// When there is no such stage, or the store cannot be read.
-pub fn standings(pipeline: &Pipeline, store: &Store, until: Option<&str>) -> Result<Vec<Standing>, RunError> {
+pub fn stage_progress(pipeline: &Pipeline, store: &Store, until: Option<&str>) -> Result<Vec<StageProgress>, RunError> {
     let selection = pipeline.selection(until)?;
     let statuses = Planner::beside_others(pipeline, store).statuses(&selection)?;
     let stale = selection.iter().zip(&statuses).filter(|(_, status)| status.is_stale());
@@ -61,18 +61,18 @@ pub fn standings(pipeline: &Pipeline, store: &Store, until: Option<&str>) -> Res
             Plan::Whole { .. } => 1,
             Plan::Chunks(chunks) => chunks.len() as u64,
         };
-        let (stands, done) = match &status.state {
-            State::Fresh { .. } => (Stands::There, pieces),
+        let (readiness, done) = match &status.state {
+            State::Fresh { .. } => (Readiness::Built, pieces),
             State::Stale { chunks, .. } => {
                 let waits = spec.waits_for().iter().any(|need| stale.contains(need));
                 let done = chunks.iter().filter(|chunk| chunk.intact).count() as u64;
-                (if waits { Stands::Waits } else { Stands::Ready }, done)
+                (if waits { Readiness::Waiting } else { Readiness::Ready }, done)
             }
         };
-        Standing {
+        StageProgress {
             name: spec.name.clone(),
             kind: spec.kind.name(),
-            stands,
+            readiness,
             pieces,
             done,
         }

@@ -2,7 +2,7 @@
 
 /// One way in which a pipeline, or what it made, is not what its lock file says.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Difference {
+pub enum LockDifference {
     /// The lock file does not have the stage.
     #[error("stage `{0}` is not in the lock file")]
     Added(String),

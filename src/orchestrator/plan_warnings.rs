@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::event::StageReport;
-use super::kind::{Expectation, Whose};
+use super::kind::{Expectation, ResultSource};
 use super::spec::Pipeline;
 use deaflow_base::ArtifactId;
 use deaflow_store::{Run, Store, StoreError};
@@ -18,15 +18,15 @@ const NAMED: usize = 4;
 ///
 /// # Errors
 /// When the store cannot be read.
-pub fn foreseen(pipeline: &Pipeline, stages: &[StageReport], store: &Store) -> Result<Vec<String>, StoreError> {
+pub fn plan_warnings(pipeline: &Pipeline, stages: &[StageReport], store: &Store) -> Result<Vec<String>, StoreError> {
     let mut warnings: Vec<(String, Vec<&str>)> = Vec::new();
     let mut results = Results::new(pipeline, stages, store);
     for report in stages {
         let Some(spec) = pipeline.stage(&report.name) else {
             continue;
         };
-        let mut own = spec.foreseen.warnings.clone();
-        for expectation in &spec.foreseen.expectations {
+        let mut own = spec.check.warnings.clone();
+        for expectation in &spec.check.expectations {
             own.extend(results.compare(expectation)?);
         }
         for text in own {
@@ -79,14 +79,14 @@ impl<'a> Results<'a> {
 
     /// A warning for each stage whose artifact, or the one that it will have again, is known to exceed what is expected.
     fn compare(&mut self, expectation: &Expectation) -> Result<Vec<String>, StoreError> {
-        let of = self.stages.iter().filter(|stage| match &expectation.of {
-            Whose::Stage(name) => stage.name == *name,
-            Whose::Kind(kind) => stage.kind == *kind,
+        let of = self.stages.iter().filter(|stage| match &expectation.source {
+            ResultSource::Stage(name) => stage.name == *name,
+            ResultSource::Kind(kind) => stage.kind == *kind,
         });
         let mut warnings = Vec::new();
         for (name, digest) in of.filter_map(|stage| Some((&stage.name, stage.digest?))) {
             let known = self.known()?.get(&digest).and_then(|of| of.get(&expectation.result));
-            if let Some(value) = known.filter(|value| **value > expectation.most) {
+            if let Some(value) = known.filter(|value| **value > expectation.limit) {
                 let text = expectation.warning.replace("{value}", &two_digits(*value));
                 warnings.push(text.replace("{stage}", name));
             }

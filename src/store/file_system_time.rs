@@ -20,7 +20,7 @@ const LENGTHS: (usize, usize) = (200_000, 2000);
 
 /// How long one piece of the work of a file system takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Service {
+pub struct OperationTime {
     /// What is done.
     pub name: &'static str,
     /// How many requests that alter or look at names it is made of.
@@ -34,14 +34,14 @@ impl Store {
     ///
     /// # Errors
     /// When nothing can be written.
-    pub fn measure(&self) -> Result<Vec<Service>, StoreError> {
+    pub fn measure_file_system(&self) -> Result<Vec<OperationTime>, StoreError> {
         let folder = self.temporary()?;
         let all = services(folder.path());
         all.map_err(StoreError::io("write in", folder.path()))
     }
 }
 
-fn services(folder: &Path) -> io::Result<Vec<Service>> {
+fn services(folder: &Path) -> io::Result<Vec<OperationTime>> {
     let (claim, taken) = (folder.join("claim"), folder.join("taken"));
     let (objects, records) = (folder.join("objects"), folder.join("records"));
     let many = folder.join("many");
@@ -66,7 +66,7 @@ fn services(folder: &Path) -> io::Result<Vec<Service>> {
             times.push(start.elapsed().as_secs_f64());
         }
         times.sort_by(f64::total_cmp);
-        Ok::<Service, io::Error>(Service {
+        Ok::<OperationTime, io::Error>(OperationTime {
             name,
             requests,
             seconds: times[TIMES / 2],
@@ -116,7 +116,7 @@ mod tests {
     fn every_service_takes_some_time_and_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
-        let found = store.measure().unwrap();
+        let found = store.measure_file_system().unwrap();
         assert_eq!(found.len(), 7);
         assert!(
             found

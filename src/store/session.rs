@@ -11,10 +11,10 @@ use super::entries::{files_in, is_folder, is_temporary, names_in};
 use super::error::StoreError;
 use super::layout::Layout;
 use super::lock::{self, Guard, is_read_only};
-use super::locking::{self, Choice, Manner};
-use super::presence::{ALONE, Alone, Life, Presence, Times};
+use super::locking::{self, LockingChoice, LockingMethod};
+use super::presence::{ALONE, ExclusiveMark, HeartbeatTimes, Presence, ProcessState};
 use super::stamp::Time;
-use super::workbench::{self, Workbench};
+use super::temporary_folder::{self, TemporaryFolder};
 use deaflow_base::{ActionKey, read_own};
 
 /// How long a process waits for another that has the store alone.
@@ -27,23 +27,23 @@ const PAUSE: Duration = Duration::from_millis(100);
 const ABANDONED: i64 = 900;
 
 /// What a process has of a store.
-pub struct Hold {
+pub struct StoreSession {
     // In this order they end: first what was written, then the right to write.
-    pub workbench: Workbench,
+    pub temporary_folder: TemporaryFolder,
     pub claims: Option<Claims>,
-    _alone: Option<Alone>,
+    _alone: Option<ExclusiveMark>,
     _run: Option<Guard>,
-    pub choice: Choice,
+    pub choice: LockingChoice,
 }
 
-impl Hold {
+impl StoreSession {
     /// The right to work beside others; what dead processes left is cleared.
     ///
     /// # Errors
     /// When another process has the store alone for long, or the system refuses.
     pub fn shared(layout: &Layout) -> Result<Self, StoreError> {
         let choice = locking::choose(layout);
-        if choice.manner == Manner::Claims {
+        if choice.method == LockingMethod::Claims {
             let Some(presence) = announce(layout)? else {
                 return Ok(Self::unseen(layout, choice));
             };
@@ -70,7 +70,7 @@ impl Hold {
     /// When another process has the store open, or the system refuses.
     pub fn alone(layout: &Layout) -> Result<Self, StoreError> {
         let choice = locking::choose(layout);
-        if choice.manner == Manner::Claims {
+        if choice.method == LockingMethod::Claims {
             let Some(presence) = announce(layout)? else {
                 return Ok(Self::unseen(layout, choice));
             };
@@ -91,17 +91,17 @@ impl Hold {
         Self::unseen(layout, locking::choose(layout))
     }
 
-    fn by_locks(layout: &Layout, choice: Choice, run: Guard) -> Self {
+    fn by_locks(layout: &Layout, choice: LockingChoice, run: Guard) -> Self {
         Self {
             _run: Some(run),
             ..Self::unseen(layout, choice)
         }
     }
 
-    fn unseen(layout: &Layout, choice: Choice) -> Self {
+    fn unseen(layout: &Layout, choice: LockingChoice) -> Self {
         Self {
             // Locks are trusted on disks of this machine alone.
-            workbench: Workbench::new(&layout.temporary(), None, choice.manner == Manner::Locks),
+            temporary_folder: TemporaryFolder::new(&layout.temporary(), None, choice.method == LockingMethod::Locks),
             claims: None,
             _alone: None,
             _run: None,
@@ -111,14 +111,14 @@ impl Hold {
 
     fn by_claims(
         layout: &Layout,
-        choice: Choice,
+        choice: LockingChoice,
         presence: Arc<Presence>,
-        alone: Option<Alone>,
+        alone: Option<ExclusiveMark>,
     ) -> Result<Self, StoreError> {
         let claims = Claims::new(&layout.claims(), presence.clone())?;
         clear_of_dead(layout, &presence, &claims)?;
         Ok(Self {
-            workbench: Workbench::new(&layout.temporary(), Some(presence.name()), false),
+            temporary_folder: TemporaryFolder::new(&layout.temporary(), Some(presence.name()), false),
             claims: Some(claims),
             _alone: alone,
             _run: None,
@@ -158,7 +158,7 @@ impl Hold {
     }
 
     /// Who is at an action, where somebody is and that is known, for people.
-    pub fn who_does(&self, layout: &Layout, key: &ActionKey) -> Option<String> {
+    pub fn action_owner(&self, layout: &Layout, key: &ActionKey) -> Option<String> {
         match &self.claims {
             None => lock::holder(&layout.action_lock(key)),
             Some(claims) => claims.owner(&key.to_string()).map(|owner| owner.text()),
@@ -171,13 +171,13 @@ fn holder(layout: &Layout) -> Option<String> {
 }
 
 /// How often processes show themselves. `DEAFLOW_CLAIM_SECONDS` is after how long a silent one counts as dead, for tests.
-fn times() -> Times {
+fn times() -> HeartbeatTimes {
     let seconds = std::env::var("DEAFLOW_CLAIM_SECONDS").ok();
     let seconds: Option<f64> = seconds.and_then(|seconds| seconds.parse().ok());
     match seconds.filter(|seconds| (0.1..=3600.0).contains(seconds)) {
-        None => Times::USUAL,
-        Some(seconds) => Times {
-            beat: Duration::from_secs_f64(seconds / 12.0),
+        None => HeartbeatTimes::USUAL,
+        Some(seconds) => HeartbeatTimes {
+            interval: Duration::from_secs_f64(seconds / 12.0),
             expiry: Duration::from_secs_f64(seconds),
         },
     }
@@ -196,25 +196,25 @@ fn wait_for_alone(layout: &Layout, presence: &Presence) -> Result<(), StoreError
     let start = Instant::now();
     while names_in(&layout.processes())?.iter().any(|name| name == ALONE) {
         let holder = process_alone(layout);
-        match presence.life(&holder) {
-            Life::Dead(_) => remove_alone(layout)?,
-            Life::Alive(owner) if start.elapsed() > PATIENCE => {
+        match presence.process_state(&holder) {
+            ProcessState::Dead(_) => remove_alone(layout)?,
+            ProcessState::Alive(owner) if start.elapsed() > PATIENCE => {
                 return Err(busy(layout, owner.map(|owner| owner.text())));
             }
-            Life::Alive(_) => std::thread::sleep(PAUSE),
+            ProcessState::Alive(_) => std::thread::sleep(PAUSE),
         }
     }
     Ok(())
 }
 
-fn make_alone(layout: &Layout, presence: &Presence) -> Result<Alone, StoreError> {
+fn make_alone(layout: &Layout, presence: &Presence) -> Result<ExclusiveMark, StoreError> {
     loop {
-        if let Some(alone) = Alone::try_make(&layout.processes(), presence.name())? {
+        if let Some(alone) = ExclusiveMark::try_make(&layout.processes(), presence.name())? {
             return Ok(alone);
         }
-        match presence.life(&process_alone(layout)) {
-            Life::Dead(_) => remove_alone(layout)?,
-            Life::Alive(owner) => return Err(busy(layout, owner.map(|owner| owner.text()))),
+        match presence.process_state(&process_alone(layout)) {
+            ProcessState::Dead(_) => remove_alone(layout)?,
+            ProcessState::Alive(owner) => return Err(busy(layout, owner.map(|owner| owner.text()))),
         }
     }
 }
@@ -239,8 +239,8 @@ fn living(layout: &Layout, presence: &Presence) -> Result<Vec<String>, StoreErro
     let mut found = Vec::new();
     for name in presence.others()? {
         let is_old = is_abandoned(&layout.processes().join(&name), now);
-        match presence.life(&name) {
-            Life::Alive(owner) if !is_old => found.push(owner.map_or(name, |owner| owner.text())),
+        match presence.process_state(&name) {
+            ProcessState::Alive(owner) if !is_old => found.push(owner.map_or(name, |owner| owner.text())),
             _ => {}
         }
     }
@@ -264,9 +264,9 @@ fn clear_of_dead(layout: &Layout, presence: &Presence, claims: &Claims) -> Resul
     let folders = files_in(&layout.temporary())?;
     let now = super::stamp::file_system_time(&layout.processes());
     let others = presence.others()?;
-    let is_dead = |name: &str| matches!(presence.life(name), Life::Dead(_));
+    let is_dead = |name: &str| matches!(presence.process_state(name), ProcessState::Dead(_));
     for folder in folders.iter().filter(|folder| is_temporary(folder)) {
-        let process = workbench::process_of(folder).unwrap_or_default();
+        let process = temporary_folder::process_of(folder).unwrap_or_default();
         let goes = match others.iter().any(|other| other == process) {
             true => is_dead(process),
             false => process != presence.name() && is_abandoned(folder, now),
@@ -277,7 +277,7 @@ fn clear_of_dead(layout: &Layout, presence: &Presence, claims: &Claims) -> Resul
     }
     let dead: Vec<&str> = others.iter().map(String::as_str).filter(|name| is_dead(name)).collect();
     claims.clear(&dead)?;
-    dead.iter().for_each(|name| presence.bury(name));
+    dead.iter().for_each(|name| presence.remove_process(name));
     Ok(())
 }
 
@@ -329,15 +329,15 @@ mod tests {
     fn nobody_is_alone_while_another_is_there_and_nobody_comes_meanwhile() {
         let folder = tempfile::tempdir().unwrap();
         let layout = claimed(folder.path());
-        let other = Hold::shared(&layout).unwrap();
-        let refused = Hold::alone(&layout).err().unwrap().to_string();
+        let other = StoreSession::shared(&layout).unwrap();
+        let refused = StoreSession::alone(&layout).err().unwrap().to_string();
         let own = format!("process {} on ", std::process::id());
         assert!(refused.contains(&own), "{refused}");
         drop(other);
-        let alone = Hold::alone(&layout).unwrap();
-        assert!(Hold::alone(&layout).is_err());
+        let alone = StoreSession::alone(&layout).unwrap();
+        assert!(StoreSession::alone(&layout).is_err());
         std::thread::scope(|scope| {
-            let waits = scope.spawn(|| Hold::shared(&layout).unwrap());
+            let waits = scope.spawn(|| StoreSession::shared(&layout).unwrap());
             std::thread::sleep(3 * PAUSE);
             assert!(!waits.is_finished());
             drop(alone);
@@ -356,15 +356,15 @@ mod tests {
             names.iter_mut().for_each(|names| names.sort_unstable());
             names
         };
-        let living = Hold::shared(&layout).unwrap();
-        living.workbench.file().unwrap();
+        let living = StoreSession::shared(&layout).unwrap();
+        living.temporary_folder.file().unwrap();
         let _claim = living.try_action(&layout, &key).unwrap().unwrap();
         let before = names();
         // A process that was killed: its number is that of nobody, or its file says nothing any more.
-        let gone = Hold::shared(&layout).unwrap();
-        let name = gone.workbench.folder().unwrap();
-        let name = workbench::process_of(&name).unwrap().to_owned();
-        let _left = std::mem::ManuallyDrop::new(gone.workbench.file().unwrap());
+        let gone = StoreSession::shared(&layout).unwrap();
+        let name = gone.temporary_folder.folder().unwrap();
+        let name = temporary_folder::process_of(&name).unwrap().to_owned();
+        let _left = std::mem::ManuallyDrop::new(gone.temporary_folder.file().unwrap());
         std::mem::forget(gone.try_action(&layout, &ActionKey::of(b"other")).unwrap().unwrap());
         let sign = fs::read_to_string(layout.processes().join(&name)).unwrap();
         std::mem::forget(gone);
@@ -373,7 +373,7 @@ mod tests {
         let dead = format!("{}\"began\":1}},\"beats\":0}}", &sign[..begun]);
         fs::write(layout.processes().join(&name), dead).unwrap();
         fs::write(layout.temporary().join("notes"), "").unwrap();
-        drop(Hold::shared(&layout).unwrap());
+        drop(StoreSession::shared(&layout).unwrap());
         fs::remove_file(layout.temporary().join("notes")).expect("only what is named as ours is removed");
         assert_eq!(names(), before);
     }

@@ -3,17 +3,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
+use super::dependencies::{RecordSummary, Records};
 use super::error::StoreError;
 use super::header::Header;
 use super::inspect::{Condition, Effort};
 use super::open::Store;
-use super::reach::{Known, Records};
 use super::record::Record;
 use deaflow_base::{ArtifactId, FileDigest};
 
 /// An artifact that is here.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Holding {
+pub struct StoredArtifact {
     /// Which.
     pub artifact: ArtifactId,
     /// Its chunks, if it is a manifest.
@@ -28,13 +28,13 @@ impl Store {
     ///
     /// # Errors
     /// When one of `roots` is missing, or the system refuses.
-    pub fn holdings(&self, roots: Option<&[ArtifactId]>) -> Result<Vec<Holding>, StoreError> {
+    pub fn stored_artifacts(&self, roots: Option<&[ArtifactId]>) -> Result<Vec<StoredArtifact>, StoreError> {
         let mut records: BTreeMap<ArtifactId, Vec<Record>> = BTreeMap::new();
         self.each_record(|record| records.entry(record.artifact).or_default().push(record))?;
         let wanted: BTreeSet<ArtifactId> = match roots {
             None => records.keys().copied().collect(),
             Some(roots) => {
-                let (reached, missing) = self.reach(roots.to_vec(), &known(&records))?;
+                let (reached, missing) = self.dependencies(roots.to_vec(), &known(&records))?;
                 // What something was made from may be elsewhere.
                 if let Some(missing) = missing.iter().find(|missing| roots.contains(missing)) {
                     let path = self.layout.object(missing);
@@ -61,9 +61,9 @@ impl Store {
         for chunk in chunks {
             held.entry(chunk).or_default();
         }
-        let mut held: Vec<Holding> = held
+        let mut held: Vec<StoredArtifact> = held
             .into_iter()
-            .map(|(artifact, parts)| Holding {
+            .map(|(artifact, parts)| StoredArtifact {
                 records: records.remove(&artifact).unwrap_or_default(),
                 artifact,
                 parts,
@@ -85,6 +85,6 @@ impl Store {
 }
 
 fn known(records: &BTreeMap<ArtifactId, Vec<Record>>) -> Records {
-    let known = |of: &Vec<Record>| of.iter().cloned().map(Known::of).collect();
+    let known = |of: &Vec<Record>| of.iter().cloned().map(RecordSummary::of).collect();
     records.iter().map(|(artifact, of)| (*artifact, known(of))).collect()
 }
