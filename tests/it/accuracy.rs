@@ -1,6 +1,6 @@
-//! What accuracy costs: by a stage, whose errors are content and whose times are not, and by the command.
+//! Accuracy and cost of methods: by a stage, which stores errors and measures times, and by the command.
 
-use super::common::Workspace;
+use super::common::{Transcript, Workspace, snapshot};
 
 const SCENE: &str = "geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
 material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
@@ -77,40 +77,29 @@ fn a_target_that_nothing_reaches_is_a_failure_that_names_the_best() {
     let reference = "{ elements_per_cell: 4 }";
     let ended = accuracy(&["--reference", reference, "--methods", "[linear]", "--target", "1e-6 mm"]);
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
-    assert!(
-        ended.stdout.contains(" on given; the best is { method: linear"),
-        "{}",
-        ended.stdout
-    );
-    for (reference, methods, code, said) in [
-        (reference, "[linear, linear]", 2, "twice"),
-        (reference, "[]", 2, "empty"),
-        (reference, "[chrod:1]", 2, "did you mean `chord:1`?"),
-        (
-            reference,
-            "[{ method: linear, accuracy: 1 mm }]",
-            2,
-            "cannot stand beside",
-        ),
-        ("{ method: linear }", "[linear]", 2, "Newton's method"),
-        (
-            reference,
-            "[{ elements_per_cell: 4 }]",
-            2,
-            "not coarser than the reference",
-        ),
+    assert!(ended.stdout.contains("{ method: linear"), "{ended}");
+    let mut printed = Transcript::default();
+    for (reference, methods, named) in [
+        (reference, "[linear, linear]", "linear"),
+        (reference, "[]", "[]"),
+        (reference, "[chrod:1]", "`chord:1`"),
+        (reference, "[{ method: linear, accuracy: 1 mm }]", "accuracy"),
+        ("{ method: linear }", "[linear]", "Newton"),
+        (reference, "[{ elements_per_cell: 4 }]", "reference"),
     ] {
         let ended = accuracy(&["--reference", reference, "--methods", methods]);
-        assert_eq!(ended.code, Some(code), "{methods}: {}", ended.stderr);
-        assert!(ended.stderr.contains(said), "{methods}: {}", ended.stderr);
-        // Two arguments that do not go together have no single place.
-        let one_place = !said.contains("coarser");
-        assert!(!one_place || ended.stderr.contains('^'), "{methods}: {}", ended.stderr);
+        assert_eq!(ended.code, Some(2), "{methods}: {}", ended.stderr);
+        assert!(ended.stderr.contains(named), "{methods}: {}", ended.stderr);
+        // Two arguments that exclude each other have no single place.
+        let has_place = named != "reference";
+        assert!(!has_place || ended.stderr.contains('^'), "{methods}: {}", ended.stderr);
+        printed.add(format!("{methods} against {reference}"), ended);
     }
+    snapshot!(printed);
 }
 
 #[test]
-fn times_are_measurements_and_no_content() {
+fn times_are_measurements_and_not_content() {
     let workspace = Workspace::tiny();
     let digests = ["one", "two"].map(|store| {
         let run = ["run", "tiny.yaml", "--until", "accuracy", "--store", store];
@@ -135,7 +124,7 @@ fn times_are_measurements_and_no_content() {
 }
 
 #[test]
-fn estimates_are_a_kind_of_solution_and_say_so() {
+fn estimates_are_marked_in_the_file() {
     let workspace = workspace();
     let solve =
         |more: &[&str]| workspace.run(&[&["solve", "scene.yaml", "blocks.csv", "-o", "out.h5"][..], more].concat());
@@ -166,11 +155,7 @@ fn estimates_are_a_kind_of_solution_and_say_so() {
     workspace.write("hot.yaml", &SCENE.replace("5.25 kV", "20 kV"));
     let ended = workspace.run(&["solve", "hot.yaml", "blocks.csv", "-o", "hot.h5", "--method", "linear"]);
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
-    assert!(
-        ended.stderr.contains("half-active membrane is not stable"),
-        "{}",
-        ended.stderr
-    );
+    snapshot!(ended);
 }
 
 #[test]
@@ -198,10 +183,7 @@ fn a_surrogate_learns_from_estimates_and_a_design_is_verified_by_one() {
     assert!(outcomes("solved").contains("estimated") && !outcomes("solved").contains("converged"));
     assert!(outcomes("verified").contains("estimated"));
     let text = workspace.run(&estimated[..]).stdout;
-    assert!(
-        text.contains("estimated") && text.contains("over the intuitive design"),
-        "{text}"
-    );
+    assert!(text.contains("estimated"), "{text}");
 }
 
 #[test]
@@ -269,7 +251,9 @@ fn a_model_is_measured_beside_the_methods_and_refused_in_another_scene() {
         let ended = accuracy("low.yaml", arguments);
         assert_eq!(ended.code, Some(2), "{}", ended.stderr);
         let why = ended.json()["error"]["message"].to_string();
-        assert!(why.contains("drive.voltage is 5250 V there and 5000 V here"), "{why}");
+        for part in ["drive.voltage", "5250 V", "5000 V"] {
+            assert!(why.contains(part), "{why}");
+        }
     }
     let ended = accuracy("tiny.yaml", &["--methods", "[{ model: absent.safetensors }]"]);
     assert_eq!(ended.code, Some(2));

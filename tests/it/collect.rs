@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::common::{Ended, SHORT, Workspace, files};
+use super::common::{Ended, SHORT, Transcript, Workspace, files, snapshot};
 
 fn workspace() -> Workspace {
     let workspace = Workspace::new();
@@ -25,19 +25,19 @@ fn what_the_last_runs_need_stays_and_the_rest_goes() {
     let both = objects(&store);
     assert!(both.is_superset(&first) && both.len() == 2 * first.len());
 
-    // What a pin holds too is not held by runs alone, whatever it is called.
+    // A line of advice begins with the number of artifacts that no pin keeps, whatever the label of the pin.
     let advice = || {
         let text = workspace.run(&["gc", "--grace", "0", "-n"]).stdout;
-        let line = text.lines().find(|line| line.contains("are held by runs alone"));
+        let line = text.lines().find(|line| line.contains("--keep-runs"));
         line.map(|line| line.split(' ').next().unwrap().parse::<usize>().unwrap())
     };
-    let before = advice().expect("all are held by runs");
+    let before = advice().expect("runs keep all");
     assert_eq!(before, both.len());
     assert_eq!(
         workspace.run(&["pin", "solved", "--label", "run of mine"]).code,
         Some(0)
     );
-    assert!(advice().expect("the others are") < before);
+    assert!(advice().expect("runs keep the others") < before);
     assert_eq!(workspace.run(&["unpin", "solved"]).code, Some(0));
     // Young as everything is, nothing goes.
     let young = workspace.run(&["gc", "--keep-runs", "1", "--json"]).json();
@@ -52,13 +52,13 @@ fn what_the_last_runs_need_stays_and_the_rest_goes() {
     assert_eq!(done.json()["removed"], rehearsal.json()["removed"]);
     assert_eq!(objects(&store), both.difference(&first).cloned().collect());
     let held = done.json()["kept"][0]["held_by"][0].clone();
-    assert!(held.as_str().unwrap().starts_with("run of short at "), "{held}");
+    assert!(held.as_str().unwrap().contains("short"), "{held}");
 
     // The last run had other parameters; that is not why what this one would make is gone.
     let plan = workspace.run(&["plan", "short.yaml", "--json"]).json();
     for stage in plan["stages"].as_array().unwrap() {
         let why = stage["why"].as_str().unwrap();
-        assert!(why.starts_with("removed by gc at 20"), "{stage}");
+        assert!(why.contains("gc"), "{stage}");
     }
     let again = workspace.stages(&["run", "short.yaml", "--set", "stages.small.seed=2"]);
     assert_eq!(again.with("reused"), ["small", "solved"]);
@@ -115,7 +115,8 @@ fn a_store_that_is_not_there_or_reaches_into_damage_is_not_collected() {
     std::fs::write(&manifest, bytes).unwrap();
     let ended = workspace.run(&["gc", "--grace", "0", "--keep-runs", "1"]);
     assert_eq!(ended.code, Some(4), "{}", ended.stderr);
-    assert!(ended.stderr.contains("damaged"), "{}", ended.stderr);
+    assert!(ended.stderr.contains(&digest[..12]), "{ended}");
+    snapshot!(ended);
     assert_eq!(objects(&workspace.path("store")), before);
 }
 
@@ -131,22 +132,26 @@ fn collected() -> (Workspace, String) {
 }
 
 #[test]
-fn what_leads_to_a_removed_artifact_says_so() {
+fn messages_about_a_removed_artifact_name_the_collection() {
     let (workspace, digest) = collected();
     let removed = |ended: &Ended| {
         assert_eq!(ended.code, Some(2), "{}", ended.stdout);
         assert!(
-            ended.stderr.contains(&digest[..12]) && ended.stderr.contains("was removed by gc at 20"),
+            ended.stderr.contains(&digest[..12]) && ended.stderr.contains("gc"),
             "{}",
             ended.stderr
         );
     };
-    removed(&workspace.run(&["show", &digest]));
+    let mut printed = Transcript::default();
+    let ended = workspace.run(&["show", &digest]);
+    removed(&ended);
+    printed.add("show a removed artifact", ended);
     removed(&workspace.run(&["show", &digest[..6]]));
     removed(&workspace.run(&["pin", &digest[..6]]));
     // What was never here is not said to have been removed.
     let unknown = workspace.run(&["show", "0123456789"]);
-    assert!(!unknown.stderr.contains("removed"), "{}", unknown.stderr);
+    assert!(!unknown.stderr.contains("gc"), "{unknown}");
+    printed.add("show an unknown artifact", unknown);
 
     let log = workspace.run(&["log", "--json"]).json();
     let stages = |run: usize| log["runs"][run]["stages"].as_array().unwrap().clone();
@@ -160,8 +165,7 @@ fn what_leads_to_a_removed_artifact_says_so() {
         ["small", "solved", "balanced"],
         "`large` is in both runs"
     );
-    let words = workspace.run(&["log"]).stdout;
-    assert!(words.contains("3 of 4 removed by gc at 20"), "{words}");
+    printed.add("log", workspace.run(&["log"]));
 
     // All of the only run is gone.
     let gc = workspace.run(&["gc", "--keep-runs", "0", "--grace", "0"]);
@@ -172,13 +176,16 @@ fn what_leads_to_a_removed_artifact_says_so() {
         .json();
     for stage in plan["stages"].as_array().unwrap() {
         let why = stage["why"].as_str().unwrap();
-        assert!(why.starts_with("removed by gc at 20"), "{stage}");
+        assert!(why.contains("gc"), "{stage}");
     }
     let report = workspace.run(&[&["report", "small.yaml", "-o", "out"][..], &set].concat());
     assert_eq!(report.code, Some(2));
-    assert!(report.stderr.contains("removed by gc at 20"), "{}", report.stderr);
+    assert!(report.stderr.contains("gc"), "{report}");
+    printed.add("report", report);
     let show = workspace.run(&["show", "balanced"]);
-    assert!(show.stderr.contains("was removed by gc at 20"), "{}", show.stderr);
+    assert!(show.stderr.contains("gc"), "{show}");
+    printed.add("show the last run", show);
+    snapshot!(printed);
 
     // Built again, and lost by no collection: that is damage.
     workspace.stages(&[&["run", "small.yaml"][..], &set].concat());
@@ -187,7 +194,7 @@ fn what_leads_to_a_removed_artifact_says_so() {
     let file = format!("store/objects/{}/{digest}.h5", &digest[..2]);
     std::fs::remove_file(workspace.path(&file)).unwrap();
     let lost = workspace.run(&["show", digest]);
-    assert!(!lost.stderr.contains("removed by gc"), "{}", lost.stderr);
+    assert!(!lost.stderr.contains(" gc "), "{lost}");
 }
 
 #[test]
@@ -250,8 +257,9 @@ fn a_dry_run_counts_by_stages() {
     );
     assert_eq!(sum("removed", "bytes"), document["bytes_removed"].as_u64().unwrap());
     assert_eq!(sum("kept", "bytes"), document["bytes_kept"].as_u64().unwrap());
-    let words = workspace.run(&gc).stdout;
-    assert!(words.contains("small:balanced") && words.contains("goes"), "{words}");
+    let listed = workspace.run(&gc);
+    assert!(listed.stdout.contains("small:balanced"), "{listed}");
+    snapshot!(listed);
 }
 
 #[test]
@@ -281,7 +289,7 @@ fn a_result_can_be_kept_without_what_it_was_made_from() {
     let whole = workspace.run(&["pin", &solved[..8]]);
     assert_eq!(whole.code, Some(2));
     assert!(whole.stderr.contains("--result-only"), "{}", whole.stderr);
-    assert!(workspace.run(&["pin"]).stdout.contains("it alone"));
+    snapshot!(workspace.run(&["pin"]));
     // Once its inputs are built again, it is reused.
     let again = workspace.stages(&["run", "small.yaml"]);
     assert_eq!(again.with("reused"), ["solved"]);

@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 
-use super::common::{TINY, Workspace, scene_file};
+use super::common::{TINY, Transcript, Workspace, scene_file, snapshot};
 
 /// A pipeline of one design and its verification, which needs no dataset and no network.
 fn alone() -> Workspace {
@@ -49,12 +49,9 @@ fn the_cheapest_evaluator_that_is_accurate_enough_judges() {
     assert!(candidates[0]["design_error"].as_f64().unwrap() > 0.005);
     assert!(candidates[0]["rmse_mm"].as_f64().unwrap() > candidates[1]["rmse_mm"].as_f64().unwrap());
 
-    let told = workspace.run(&["run", "alone.yaml", "-v"]).stdout;
-    let line = format!("design: patterns judged by {{ {cheapest} }}");
-    assert!(
-        told.contains(&line) && told.contains("gain over the intuitive design"),
-        "{told}"
-    );
+    let listed = workspace.run(&["run", "alone.yaml", "-v"]).stdout;
+    let is_evaluator = |line: &str| line.starts_with("design: ") && line.contains(&format!("{{ {cheapest} }}"));
+    assert!(listed.lines().any(is_evaluator), "{listed}");
 
     let loose = evaluators(
         &workspace,
@@ -93,7 +90,7 @@ fn a_network_that_is_not_accurate_enough_is_not_taken_unless_it_is_asked_for() {
     workspace.write("bare.yaml", &TINY.replace("needs: [surrogate], evaluator", "evaluator"));
     let ended = workspace.run(&["plan", "bare.yaml"]);
     assert_eq!(ended.code, Some(2));
-    assert!(ended.stderr.contains("judges by a network"), "{}", ended.stderr);
+    snapshot!(ended);
 }
 
 #[test]
@@ -109,7 +106,7 @@ fn an_evaluator_without_a_single_field_is_a_failure_that_says_so() {
     ];
     let ended = workspace.run(&hot);
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
-    assert!(ended.stderr.contains("not stable"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("`design`"), "{}", ended.stderr);
 }
 
 /// Two targets by the genetic algorithm, finished along the gradient, beside what gradients find alone.
@@ -207,8 +204,6 @@ fn several_designs_of_one_value_differ() {
         .unwrap();
     assert!(row[column("objective")].contains("value: 0.8 mm") && row[column("ratio_to_optimum")].is_empty());
     assert!(row[column("distance_mm")].parse::<f64>().unwrap() < 0.01);
-    let page = std::fs::read_to_string(workspace.path("report/index.html")).unwrap();
-    assert!(page.contains("from wanted, mm") && page.contains("from what is wanted"));
     let path = workspace.run(&["show", "verified", "--json"]).json()["path"]
         .as_str()
         .unwrap()
@@ -262,44 +257,44 @@ fn designs_keep_their_constraints() {
 fn what_cannot_be_designed_is_refused_with_its_reason() {
     let workspace = alone();
     let objective = "objective: { point: [25 mm, 25 mm], direction: 0 deg }";
-    for (stage, reasons) in [
+    let mut printed = Transcript::default();
+    for (stage, named) in [
         (
             "{ kind: design, seed: 1, objective: { point: [50 mm, 25 mm], direction: 0 deg } }".to_owned(),
-            ["on the frame nothing moves", "50 mm"],
+            &["50 mm"][..],
         ),
         (
             format!(
                 "{{ kind: design, seed: 1, area: 0.9, {objective}, constraints: {{ keep_out: [{{ rectangle: [[0 mm, 0 mm], [25 mm, 50 mm]] }}] }} }}"
             ),
-            ["0.9", "keep less out"],
+            &["0.9", "keep_out"],
         ),
         (
             format!("{{ kind: design, seed: 1, {objective}, constraints: {{ breakdown_margin: 1.5 }} }}"),
-            ["does not know at which field", "dielectric_breakdown"],
+            &["breakdown_margin", "dielectric_breakdown"],
         ),
         (
             format!("{{ kind: design, seed: 1, {objective}, method: adjoint, population: 10 }}"),
-            ["`population` means nothing", "leave it out"],
+            &["`population`"],
         ),
         (
             format!("{{ kind: design, seed: 1, {objective}, units: 30 }}"),
-            ["`units` is 30", "20 or 50"],
+            &["`units`", "30", "20", "50"],
         ),
-        (
-            "{ kind: design, seed: 1 }".to_owned(),
-            ["`objective` is missing", "a design stage"],
-        ),
+        ("{ kind: design, seed: 1 }".to_owned(), &["`objective`"]),
         (
             format!("{{ kind: design, seed: 1, targets: [{{ name: a, {objective} }}, {{ name: a, {objective} }}] }}"),
-            ["two targets are named `a`", "name: a"],
+            &["`a`", "name: a"],
         ),
     ] {
         let ended = workspace.run(&["plan", "alone.yaml", "--set", &format!("stages.design={stage}")]);
         assert_eq!(ended.code, Some(2), "{stage}: {}", ended.stderr);
-        for reason in reasons {
-            assert!(ended.stderr.contains(reason), "{reason}: {}", ended.stderr);
+        for part in named {
+            assert!(ended.stderr.contains(part), "{part}: {}", ended.stderr);
         }
+        printed.add(stage, ended);
     }
+    snapshot!(printed);
 }
 
 #[test]
@@ -311,11 +306,7 @@ fn designs_of_different_objectives_are_not_compared() {
     ];
     let ended = workspace.run(&["run", "alone.yaml", "--set", more[0], "--set", more[1]]);
     assert_eq!(ended.code, Some(2), "{}", ended.stderr);
-    assert!(
-        ended.stderr.contains("for different objectives or areas"),
-        "{}",
-        ended.stderr
-    );
+    snapshot!(ended);
 }
 
 #[test]
@@ -328,12 +319,7 @@ fn a_wrong_evaluator_is_exposed_by_verification() {
         "stages.design.evaluator=linear",
     ];
     let ended = workspace.run(&[&["run", "alone.yaml"], &near[..]].concat());
-    assert!(
-        ended.stdout.contains("the evaluator is not to be trusted here"),
-        "{} {}",
-        ended.stdout,
-        ended.stderr
-    );
+    snapshot!(ended.stdout);
 }
 
 #[test]

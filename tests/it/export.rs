@@ -1,10 +1,10 @@
-//! Designs taken away: masks and membranes are what other programs say they are.
+//! Exported designs, as other programs read them.
 
 use std::process::Command;
 
 use serde_json::Value;
 
-use super::common::{Workspace, csv, files, readers, scene_file};
+use super::common::{Transcript, Workspace, csv, files, readers, scene_file, snapshot};
 
 const READER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/export.py");
 const SIDE: f64 = 50.0;
@@ -107,7 +107,7 @@ fn masks_have_the_size_area_and_holes_that_they_state() {
                 assert_eq!(found["rule"], "evenodd");
                 let width = found["size"][0].as_str().unwrap().strip_suffix("mm").unwrap();
                 assert!((width.parse::<f64>().unwrap() - side).abs() < 1e-6, "{name}: {found}");
-                assert!(found["notes"].as_str().unwrap().contains("area of the electrode"));
+                assert!(found["notes"].as_str().unwrap().contains("area"));
             }
             "dxf" => {
                 assert_eq!(
@@ -123,10 +123,7 @@ fn masks_have_the_size_area_and_holes_that_they_state() {
             }
             _ => {
                 assert_eq!(found["attributes"][".FileFunction"][0], "Other", "{name}: {found}");
-                assert!(
-                    found["comments"].to_string().contains("area of the electrode"),
-                    "{name}: {found}"
-                );
+                assert!(found["comments"].to_string().contains("area"), "{name}: {found}");
             }
         }
         assert_eq!(
@@ -281,11 +278,9 @@ stages:
         let source = format!("p.yaml:{stage}");
         let ambiguous = workspace.run(&["export", "design", &source, "-o", "x.svg"]);
         assert_eq!(ambiguous.code, Some(2), "{}", ambiguous.stderr);
-        assert!(
-            ambiguous.stderr.contains("--design") && ambiguous.stderr.contains("case I & II, up-1"),
-            "{}",
-            ambiguous.stderr
-        );
+        for part in ["--design", "I & II", "up-1"] {
+            assert!(ambiguous.stderr.contains(part), "{ambiguous}");
+        }
         let said = export(&workspace, &[&source, "--design", "right", "-o", "right.svg"]);
         assert_eq!(
             (&said["design"]["role"], &said["design"]["member"]),
@@ -294,8 +289,13 @@ stages:
         assert_eq!(said["design"]["case"], "I & II");
         assert!((number(&said["area_mm2"]) - 1250.0).abs() < 100.0, "{said}");
         let found = read(&workspace, &["right.svg".to_owned()]).remove(0);
-        assert_eq!(found["title"], "electrode case I & II, right (ga, number 1, 20 units)");
-        assert!(found["notes"].as_str().unwrap().contains("from artifact "), "{found}");
+        for part in ["I & II", "right", "ga", "1", "20"] {
+            assert!(found["title"].as_str().unwrap().contains(part), "{found}");
+        }
+        snapshot!(
+            format!("{}\n{}\n{ambiguous}", found["title"], found["notes"].as_str().unwrap()),
+            stage
+        );
         // In a folder a file is called after the design.
         let said = export(
             &workspace,
@@ -303,19 +303,13 @@ stages:
         );
         assert_eq!(said["file"], "./up-1-ga-1.gbr");
         let none = workspace.run(&["export", "design", &source, "--role", "best", "-o", "x.svg"]);
-        assert!(
-            none.stderr
-                .contains("possible values: refined, ga, optimum, intuitive, intuitive-equal-area, own"),
-            "{}",
-            none.stderr
-        );
+        for role in ["refined", "ga", "optimum", "intuitive", "intuitive-equal-area", "own"] {
+            assert!(none.stderr.contains(role), "{role}: {none}");
+        }
         let none = workspace.run(&["export", "design", &source, "--role", "own", "-o", "x.svg"]);
-        assert!(
-            none.stderr
-                .contains("there are: case I & II, right (ga, number 1, 20 units); "),
-            "{}",
-            none.stderr
-        );
+        for part in ["I & II", "right", "ga", "20"] {
+            assert!(none.stderr.contains(part), "{none}");
+        }
         assert!(!workspace.path("x.svg").exists());
     }
     let intuitive = export(
@@ -343,41 +337,33 @@ fn what_cannot_be_exported_is_refused_and_nothing_is_written() {
     let cases: [(&[&str], Option<i32>, &str); 12] = [
         (&["hard.csv", "-o", "x.svg"], Some(2), "--scene"),
         (&["hard.csv", "-o", "x.txt"], Some(2), "--format svg"),
-        (
-            &["hard.csv", "-o", "x.svg", "--format", "dxf"],
-            Some(2),
-            "cannot stand beside",
-        ),
+        (&["hard.csv", "-o", "x.svg", "--format", "dxf"], Some(2), "--format dxf"),
         (
             &["hard.csv", "-o", "x.svg", "--pixels-per-mm", "9"],
             Some(2),
-            "cannot stand beside",
+            "--pixels-per-mm",
         ),
-        (&["hard.csv", "-o", "x.csv", "--smooth"], Some(2), "cannot stand beside"),
+        (&["hard.csv", "-o", "x.csv", "--smooth"], Some(2), "--smooth"),
         (
             &["hard.csv", "-o", "x.vtkhdf", "--size", "undeformed"],
             Some(2),
-            "cannot stand beside",
+            "--size",
         ),
-        (
-            &["hard.csv", "-o", "x.dxf", "--order", "2"],
-            Some(2),
-            "cannot stand beside",
-        ),
+        (&["hard.csv", "-o", "x.dxf", "--order", "2"], Some(2), "--order"),
         (
             &["hard.csv", "-o", "x.svg", "--role", "ga", "--scene", "scene.yaml"],
             Some(2),
-            "cannot be used with",
+            "--role",
         ),
         (
             &["hard.csv", "-o", "hard.csv", "--scene", "scene.yaml"],
             Some(2),
-            "is read here",
+            "hard.csv",
         ),
         (
             &["hard.csv", "-o", "none/x.svg", "--scene", "scene.yaml"],
             Some(2),
-            "cannot write",
+            "none/x.svg",
         ),
         (
             &[
@@ -390,7 +376,7 @@ fn what_cannot_be_exported_is_refused_and_nothing_is_written() {
                 "scene.yaml",
             ],
             Some(2),
-            "at most 400",
+            "400",
         ),
         (
             &[
@@ -405,14 +391,17 @@ fn what_cannot_be_exported_is_refused_and_nothing_is_written() {
                 "1",
             ],
             Some(1),
-            "no stable solution",
+            "",
         ),
     ];
-    for (arguments, code, said) in cases {
+    let mut printed = Transcript::default();
+    for (arguments, code, named) in cases {
         let ended = workspace.run(&[&["export", "design"], arguments].concat());
         assert_eq!(ended.code, code, "{arguments:?}: {}", ended.stderr);
-        assert!(ended.stderr.contains(said), "{arguments:?}: {}", ended.stderr);
+        assert!(ended.stderr.contains(named), "{arguments:?}: {}", ended.stderr);
+        printed.add(arguments.join(" "), ended);
     }
+    snapshot!(printed);
     // Files of no more than so many blocks of 512 bytes.
     for (name, blocks) in [("x.svg", "2"), ("x.vtkhdf", "200"), ("x.vtkhdf", "4")] {
         let mut command = workspace.command(&[]);

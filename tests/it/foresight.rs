@@ -1,10 +1,10 @@
-//! What is said before any work starts: what is bound to fail is refused, what is likely to disappoint is warned of.
+//! Checks before any work starts: errors for stages that must fail, warnings for stages that probably will.
 
 use std::path::Path;
 
 use serde_json::Value;
 
-use super::common::{Ended, SHORT, TINY, Workspace, scene_file};
+use super::common::{Ended, SHORT, TINY, Transcript, Workspace, scene_file, snapshot, snapshots::without_numbers};
 
 /// Designs of one target in two stages, and their verification.
 const TWO: &str = "version: 1
@@ -40,28 +40,24 @@ fn warnings(ended: &Ended) -> Vec<String> {
 fn designs_that_cannot_be_compared_are_refused_before_the_search() {
     let workspace = two();
     assert_eq!(warnings(&plan(&workspace, "two.yaml", &[])), Vec::<String>::new());
+    let mut printed = Transcript::default();
     for (set, parts) in [
-        (
-            "stages.best.objective.direction=90 deg",
-            ["for different objectives", "direction: 90"],
-        ),
-        (
-            "stages.best.area=0.4",
-            ["for different objectives or areas", "area 0.5 and 0.4"],
-        ),
+        ("stages.best.objective.direction=90 deg", &["direction: 90"][..]),
+        ("stages.best.area=0.4", &["area", "0.5", "0.4"]),
         (
             "stages.best={ kind: design, objective: { point: [25 mm, 25 mm], direction: 0 deg }, seed: 3 }",
-            ["searched in one way", "by `case`"],
+            &["`case`"],
         ),
     ] {
         let ended = workspace.run(&["run", "two.yaml", "--set", set]);
         assert_eq!(ended.code, Some(2), "{set}: {}", ended.stdout);
-        assert!(ended.stderr.contains("`design` and `best`"), "{}", ended.stderr);
-        parts
-            .iter()
-            .for_each(|part| assert!(ended.stderr.contains(part), "{part}: {}", ended.stderr));
-        assert!(!workspace.path("store").exists(), "{set}: nothing was begun");
+        for part in [&["`design`", "`best`"][..], parts].concat() {
+            assert!(ended.stderr.contains(part), "{part}: {}", ended.stderr);
+        }
+        assert!(!workspace.path("store").exists(), "{set}: nothing is built");
+        printed.add(set, ended);
     }
+    snapshot!(printed);
     // Under a name of their own they are not compared.
     let apart = plan(
         &workspace,
@@ -80,10 +76,10 @@ fn other_constraints_of_what_is_compared_are_warned_of() {
         &["stages.design.constraints={ min_feature: 3 mm }"],
     ));
     assert_eq!(found.len(), 1, "{found:?}");
-    assert!(
-        found[0].starts_with("verified: the designs `design`") && found[0].contains("min_feature"),
-        "{found:?}"
-    );
+    for part in ["verified: ", "`design`", "min_feature"] {
+        assert!(found[0].contains(part), "{found:?}");
+    }
+    snapshot!(found[0]);
 }
 
 #[test]
@@ -98,15 +94,10 @@ fn a_verification_without_the_time_of_a_design_is_refused_when_it_is_read() {
     let error = &lacking.json()["error"];
     let message = error["message"].as_str().unwrap();
     assert!(
-        message.contains("`late`") && message.contains("`searched`") && message.contains("is meant after"),
+        message.contains("`late`") && message.contains("`searched`"),
         "{message}"
     );
-    assert!(
-        error["help"]
-            .as_str()
-            .unwrap()
-            .contains("`history` in the verify stage must have it")
-    );
+    assert!(error["help"].as_str().unwrap().contains("`history`"));
     // Without any history it is the stage that is named, with its line.
     let none = with("stages.verified={ kind: verify, needs: [searched], elements_per_cell: 1 }");
     assert_eq!(none.code, Some(2));
@@ -120,15 +111,11 @@ fn a_voltage_beyond_what_membranes_bear_is_warned_of() {
     // By the closed form a covered membrane is lost at 10.98 kV, and docs/accuracy.md tells of patterns that are lost at 6.8 kV.
     let some = warnings(&plan(&workspace, "tiny.yaml", &["scene.drive.voltage=6.8 kV"]));
     assert_eq!(some.len(), 1, "{some:?}");
-    assert!(
-        some[0].starts_with("solved, reference, design, verified: at 6.80 kV some patterns may be unstable")
-            || some[0].contains("at 6.80 kV some patterns may be unstable"),
-        "{some:?}"
-    );
-    assert!(some[0].contains("everywhere above 10.98 kV"), "{some:?}");
+    assert!(some[0].contains("6.80 kV") && some[0].contains("10.98 kV"), "{some:?}");
     let all = warnings(&plan(&workspace, "tiny.yaml", &["scene.drive.voltage=12 kV"]));
-    assert!(all[0].contains("unstable above 10.98 kV"), "{all:?}");
-    // In words it is said on stderr, and at the start of a run, too.
+    assert!(all[0].contains("10.98 kV"), "{all:?}");
+    snapshot!([some, all].concat().join("\n"));
+    // The text on stderr has the warning, also at the start of a run.
     let set = ["--set", "scene.drive.voltage=6.8 kV", "--until", "small"];
     let words = workspace.run(&[&["plan", "tiny.yaml"][..], &set[..2]].concat());
     assert!(
@@ -151,11 +138,12 @@ fn a_run_says_before_the_work_what_a_plan_says() {
     let set = ["--set", "scene.drive.voltage=6.8 kV", "--json", "--progress", "plain"];
     let run = workspace.run(&[&["run", "short.yaml"][..], &set].concat());
     let first = run.json()["warnings"][0].as_str().unwrap().to_owned();
-    assert!(
-        first.starts_with("solved: at 6.80 kV some patterns may be unstable"),
-        "{first}"
-    );
-    let [warned, begun] = ["warning: solved", "patterns to do"].map(|text| run.stderr.find(text));
+    assert!(first.starts_with("solved: ") && first.contains("6.80 kV"), "{first}");
+    let lines: Vec<&str> = run.stderr.lines().collect();
+    let warned = lines.iter().position(|line| line.starts_with("warning: solved"));
+    let begun = lines
+        .iter()
+        .position(|line| line.contains("patterns") && !line.starts_with("warning: "));
     assert!(warned.unwrap() < begun.unwrap(), "{}", run.stderr);
     let quiet = workspace.run(&["run", "short.yaml", "--set", set[1], "--quiet"]);
     assert!(quiet.stderr.contains(&format!("warning: {first}")), "{}", quiet.stderr);
@@ -168,26 +156,22 @@ fn an_evaluator_that_is_known_to_err_by_more_is_warned_of() {
     let asked = "stages.design.evaluator_accuracy=0.000001 mm";
     let before = warnings(&plan(&workspace, "tiny.yaml", &[asked]));
     assert_eq!(before.len(), 1, "{before:?}");
-    assert!(
-        before[0].contains("is not looked at, since `evaluator: surrogate` is named"),
-        "{before:?}"
-    );
+    assert!(before[0].contains("`evaluator: surrogate`"), "{before:?}");
+    snapshot!(before[0]);
     workspace.stages(&["run", "tiny.yaml", "--until", "surrogate"]);
     let after = warnings(&plan(&workspace, "tiny.yaml", &[asked]));
-    let measured = after.iter().find(|text| text.contains("cannot keep to"));
+    let measured = after.iter().find(|text| text.contains("`surrogate`"));
     let measured = measured.unwrap_or_else(|| panic!("{after:?}"));
-    assert!(
-        measured.contains("root mean square error is 0.") && measured.contains("as stage `surrogate` found"),
-        "{measured}"
-    );
-    // What keeps to it is not warned of.
+    assert!(measured.contains(" 0."), "{measured}");
+    snapshot!(without_numbers(measured), "measured");
+    // There is no warning if the error is below the requested accuracy.
     let wide = warnings(&plan(
         &workspace,
         "tiny.yaml",
         &["stages.design.evaluator_accuracy=100 mm"],
     ));
-    assert!(!wide.iter().any(|text| text.contains("cannot keep to")), "{wide:?}");
-    // A method is held to what a stage of kind accuracy measured, on the mesh that designs are judged on.
+    assert!(!wide.iter().any(|text| text.contains("`surrogate`")), "{wide:?}");
+    // A method is compared with the errors that a stage of kind accuracy measured on the mesh of the designs.
     workspace.stages(&["run", "tiny.yaml", "--until", "accuracy"]);
     let linear = [
         asked,
@@ -197,7 +181,7 @@ fn an_evaluator_that_is_known_to_err_by_more_is_warned_of() {
     assert!(
         linear
             .iter()
-            .any(|text| text.contains("`evaluator: linear`") && text.contains("its largest error is")),
+            .any(|text| text.contains("`evaluator: linear`") && text.contains(" mm")),
         "{linear:?}"
     );
 }
@@ -227,7 +211,7 @@ fn modes_of_a_mesh_of_which_nothing_moves_are_refused() {
     let none = modes("1");
     assert_eq!(none.code, Some(2), "{}", none.stdout);
     let message = none.json()["error"]["message"].as_str().unwrap().to_owned();
-    assert!(message.contains("no node of this mesh is free to move"), "{message}");
+    snapshot!(message);
     assert!(!workspace.path("m.h5").exists());
     let one = modes("2");
     assert_eq!(one.code, Some(0), "{}", one.stderr);
@@ -254,14 +238,11 @@ fn a_network_that_was_never_trained_here_has_no_price() {
     let other = plan(&workspace, "tiny.yaml", &["stages.surrogate.network=physics"]).json();
     let other = stage(&other, "surrogate");
     assert!(other["price"].is_null(), "{other}");
-    assert_eq!(other["unmeasured"], "never measured for network physics");
+    let unmeasured = other["unmeasured"].as_str().unwrap();
+    assert!(unmeasured.contains("physics"), "{unmeasured}");
     let words = workspace.run(&["plan", "tiny.yaml", "--set", "stages.surrogate.network=physics"]);
-    assert!(
-        words.stdout.contains("never measured for network physics"),
-        "{}",
-        words.stdout
-    );
-    assert_eq!(stage(&known, "design")["unmeasured"], "never measured");
+    assert!(words.stdout.contains(unmeasured), "{}", words.stdout);
+    assert!(stage(&known, "design")["unmeasured"].is_string());
 }
 
 #[test]
@@ -276,5 +257,5 @@ fn what_is_likely_to_be_lost_has_no_price_of_what_was_stable() {
     assert!(planned("5 kV")["price"].is_object());
     let lost = planned("12 kV");
     assert!(lost["price"].is_null(), "{lost}");
-    assert_eq!(lost["unmeasured"], "not known: unstable ones take many times as long");
+    snapshot!(lost["unmeasured"]);
 }

@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::os::unix::fs::symlink;
 
 use super::common::bounded::pipe;
-use super::common::{SMALL, TINY, Workspace, scene_file};
+use super::common::{SMALL, TINY, Transcript, Workspace, scene_file, snapshot};
 
 fn many(n: usize, line: impl Fn(usize) -> String) -> String {
     (0..n).map(line).collect()
@@ -131,7 +131,7 @@ fn a_line_that_is_too_long_to_be_quoted_still_has_its_place() {
     let workspace = Workspace::new();
     workspace.write("bad.yaml", &format!("version: 1\n{}: 3\n", "k".repeat(1 << 17)));
     let said = workspace.refused(&["plan", "bad.yaml"]);
-    assert!(said.contains("at bad.yaml:2:"), "{said}");
+    assert!(said.contains("bad.yaml:2:"), "{said}");
 }
 
 #[test]
@@ -150,13 +150,16 @@ fn huge_counts_are_planned_in_bounded_memory_or_refused() {
     let units = format!("units: [{}], count_per_units: 10000000", every.join(", "));
     workspace.write("vast.yaml", &SMALL.replace("units: [2], count_per_units: 2", &units));
     let said = workspace.refused(&["plan", "vast.yaml"]);
-    assert!(said.contains("chunks of work") && said.contains("`large`"), "{said}");
+    assert!(said.contains("`large`"), "{said}");
+    let mut printed = Transcript::default();
+    printed.add("one large stage", said);
 
     // Each stage is allowed, all together are not.
     let solve = |k| format!("  again{k}: {{ kind: solve, needs: [small] }}\n");
     let text = SMALL.replace("count: 4", "count: 1000000") + &many(50, solve);
     workspace.write("many.yaml", &text);
-    assert!(workspace.refused(&["plan", "many.yaml"]).contains("chunks of work"));
+    printed.add("many stages", workspace.refused(&["plan", "many.yaml"]));
+    snapshot!(printed);
 }
 
 #[test]
@@ -204,6 +207,7 @@ fn a_scene_lies_in_the_folder_of_its_pipeline() {
     symlink("../../outside/scene.yaml", workspace.path("inside/scenes/linked.yaml")).unwrap();
     symlink("own.yaml", workspace.path("inside/scenes/near.yaml")).unwrap();
     let outside = workspace.path("outside/scene.yaml");
+    let mut printed = Transcript::default();
     let plan = |scene: &str| {
         let text = format!(
             "version: 1\nname: x\nscene: {scene}\nstages:\n  s: {{ kind: sample, family: bezier, count: 1, seed: 1 }}\n"
@@ -219,15 +223,14 @@ fn a_scene_lies_in_the_folder_of_its_pipeline() {
         "/etc/passwd",
     ] {
         let said = workspace.refused(&plan(scene));
-        assert!(
-            said.contains("outside the folder") && said.contains("help:"),
-            "{scene}: {said}"
-        );
+        assert!(said.contains("help:"), "{scene}: {said}");
         assert!(!said.contains("root:"), "nothing of the file is shown: {said}");
+        printed.add(scene, said);
     }
     for scene in ["scenes/own.yaml", "scenes/near.yaml", "./scenes/../scenes/own.yaml"] {
         let ended = workspace.bounded(&plan(scene));
         assert_eq!(ended.code, Some(0), "{scene}: {}", ended.stderr);
     }
-    assert!(workspace.refused(&plan("scenes/none.yaml")).contains("does not exist"));
+    printed.add("scenes/none.yaml", workspace.refused(&plan("scenes/none.yaml")));
+    snapshot!(printed);
 }

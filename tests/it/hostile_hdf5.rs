@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use super::common::{SMALL, Workspace, files, scene_file};
+use super::common::{SMALL, Workspace, files, scene_file, snapshot};
 use super::h5py::python;
 use super::hostile_files::seal;
 
@@ -149,10 +149,7 @@ fn no_file_makes_the_program_load_a_library() {
         let output = dressed(workspace.command(arguments)).output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(!workspace.path("mark").exists(), "{arguments:?}: {said}");
-        assert!(
-            arguments[0] == "audit" || said.contains("packed by filter 305"),
-            "{said}"
-        );
+        assert!(arguments[0] == "audit" || said.contains("305"), "{said}");
     }
     // Other readers do.
     script("import h5py; h5py.File('packed.h5')['patterns'][()]");
@@ -212,7 +209,7 @@ fn the_process_that_reads_is_no_command_for_people() {
     let workspace = Workspace::new();
     let ended = workspace.bounded(&["read-hdf5"]);
     assert_eq!(ended.code, Some(2), "{}", ended.stderr);
-    assert!(ended.stderr.contains("only for deaflow itself"), "{}", ended.stderr);
+    snapshot!(ended);
 }
 
 /// A few of the files that `mutate_hdf5.py` makes by the thousand.

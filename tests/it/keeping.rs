@@ -1,8 +1,8 @@
-//! What people need every day around a run: a lock file, going on after a failure, silence, a price, a look at the store.
+//! Everyday work around a run: lock files, cost estimates, quiet runs, pins, status and repair of the store.
 
 use serde_json::Value;
 
-use super::common::{SHORT, Workspace};
+use super::common::{SHORT, Transcript, Workspace, snapshot};
 
 /// With a third stage that needs nothing.
 fn forked() -> String {
@@ -33,13 +33,11 @@ fn a_lock_file_holds_a_pipeline_wherever_it_is_run() {
     // A tweak is told before anything is built.
     let tweaked = workspace.run(&["run", "short.yaml", "--locked", "--set", "stages.small.seed=9"]);
     assert_eq!(tweaked.code, Some(6));
-    assert!(
-        tweaked.stderr.contains("stage `small`") && tweaked.stderr.contains("seed from 1 to 9"),
-        "{}",
-        tweaked.stderr
-    );
-    assert!(!tweaked.stderr.contains("to do"), "{}", tweaked.stderr);
-    // An artifact that is another is told by its name.
+    for part in ["`small`", "seed", "1", "9"] {
+        assert!(tweaked.stderr.contains(part), "{}", tweaked.stderr);
+    }
+    snapshot!(tweaked.stderr);
+    // A different artifact is named.
     let small = workspace.run(&["plan", "short.yaml", "--json"]).json()["stages"][0]["digest"].clone();
     let digest = small.as_str().unwrap();
     let other = digest.chars().rev().collect::<String>();
@@ -48,7 +46,7 @@ fn a_lock_file_holds_a_pipeline_wherever_it_is_run() {
     assert_eq!(differs.code, Some(6), "{}", differs.stderr);
     let message = differs.json()["error"]["message"].as_str().unwrap().to_owned();
     assert!(
-        message.contains(&digest[..12]) || message.contains("another action"),
+        message.contains("`small`") || message.contains(&digest[..12]),
         "{message}"
     );
     // One that cannot be read is refused with its line.
@@ -71,7 +69,8 @@ fn gc_keeps_what_a_lock_file_names_for_as_long_as_it_is_there() {
     assert!(!holders.is_empty());
     let lock = std::fs::canonicalize(workspace.path("short.yaml.lock")).unwrap();
     for artifact in holders {
-        assert_eq!(artifact["held_by"][0], format!("lock file {}", lock.display()));
+        let holder = artifact["held_by"][0].as_str().unwrap();
+        assert!(holder.ends_with(&lock.display().to_string()), "{holder}");
     }
     let plan = workspace.run(&["plan", "short.yaml", "--json"]).json();
     assert!(
@@ -113,14 +112,10 @@ fn a_lock_file_may_name_what_was_never_built_here() {
 }
 
 #[test]
-fn a_plan_has_a_price_and_a_run_says_how_it_came_out() {
+fn a_plan_has_a_cost_estimate_and_a_run_the_actual_cost() {
     let workspace = workspace();
     let first = workspace.run(&["plan", "short.yaml"]);
-    assert!(
-        first.stdout.contains("no costs of such stages are recorded"),
-        "{}",
-        first.stdout
-    );
+    snapshot!(first);
     workspace.stages(&["run", "short.yaml"]);
     let more = ["--set", "stages.small.count=160"];
     let plan = workspace
@@ -145,11 +140,11 @@ fn a_plan_has_a_price_and_a_run_says_how_it_came_out() {
         seconds("likely")
     );
     let built = solved["size_built"].as_f64().unwrap();
-    assert!((built / bytes - 1.0).abs() < 0.1, "foretold {bytes}, wrote {built}");
+    assert!((built / bytes - 1.0).abs() < 0.1, "estimated {bytes}, wrote {built}");
 }
 
 #[test]
-fn unpinning_says_what_was_unpinned_and_a_collection_what_would_free_something() {
+fn unpin_names_what_was_unpinned_and_gc_what_would_free_space() {
     let workspace = workspace();
     workspace.stages(&["run", "short.yaml"]);
     let first = workspace
@@ -160,24 +155,27 @@ fn unpinning_says_what_was_unpinned_and_a_collection_what_would_free_something()
     // The pinned artifact is meant, not that of the last run.
     let unpinned = workspace.run(&["unpin", "solved"]);
     assert_eq!(unpinned.code, Some(0), "{}", unpinned.stderr);
-    let line = format!("unpinned {} (figure 3)\n", &first.as_str().unwrap()[..12]);
-    assert_eq!(unpinned.stdout, format!("{line}no pins in store\n"));
+    let line = unpinned.stdout.lines().next().unwrap();
+    assert!(
+        line.contains(&first.as_str().unwrap()[..12]) && line.contains("figure 3"),
+        "{line}"
+    );
+    let mut printed = Transcript::default();
+    printed.add("unpin solved", unpinned);
     assert_eq!(workspace.run(&["unpin", "solved"]).code, Some(2));
     // By its label, too.
     assert_eq!(workspace.run(&["pin", "small", "--label", "figure 4"]).code, Some(0));
     assert_eq!(workspace.run(&["unpin", "figure 5"]).code, Some(2));
-    let by_label = workspace.run(&["unpin", "figure 4"]).stdout;
-    assert!(by_label.contains("(figure 4)\nno pins in store"), "{by_label}");
+    let by_label = workspace.run(&["unpin", "figure 4"]);
+    assert!(by_label.stdout.contains("figure 4"), "{by_label}");
+    printed.add("unpin figure 4", by_label);
     let nothing = workspace.run(&["gc", "-n", "--keep-runs", "0"]).stdout;
-    assert!(
-        nothing.contains("are held by their age alone: --grace 0 would remove them"),
-        "{nothing}"
-    );
+    assert!(nothing.contains("--grace 0"), "{nothing}");
+    printed.add("gc -n --keep-runs 0", nothing);
     let of_runs = workspace.run(&["gc", "-n", "--grace", "0"]).stdout;
-    assert!(
-        of_runs.contains("are held by runs alone: a smaller --keep-runs"),
-        "{of_runs}"
-    );
+    assert!(of_runs.contains("--keep-runs"), "{of_runs}");
+    printed.add("gc -n --grace 0", &of_runs);
+    snapshot!(printed);
     assert!(of_runs.contains(" UTC") && !of_runs.contains("Z,"), "{of_runs}");
 }
 
@@ -228,7 +226,7 @@ fn quiet_is_quiet_and_json_progress_is_one_event_a_line() {
 }
 
 #[test]
-fn status_says_what_is_there_and_what_is_stale() {
+fn status_lists_the_contents_of_the_store_and_stale_stages() {
     let workspace = workspace();
     assert_eq!(workspace.run(&["status"]).code, Some(2), "there is no store");
     workspace.stages(&["run", "short.yaml"]);
@@ -239,15 +237,15 @@ fn status_says_what_is_there_and_what_is_stale() {
     assert_eq!(status["pipelines"][0]["path"], "short.yaml");
     workspace.write("short.yaml", &forked().replace("seed: 2", "seed: 3"));
     let text = workspace.run(&["status"]).stdout;
-    assert!(text.contains("1 of 3 stages to build (other)"), "{text}");
+    assert!(text.contains("1 of 3") && text.contains("other"), "{text}");
     // A pipeline that is gone is no failure, unless it is asked for.
     std::fs::remove_file(workspace.path("short.yaml")).unwrap();
     let gone = workspace.run(&["status"]);
-    assert!(
-        gone.code == Some(0) && gone.stdout.contains("cannot be read"),
-        "{}",
-        gone.stdout
-    );
+    assert_eq!(gone.code, Some(0), "{gone}");
+    let mut printed = Transcript::default();
+    printed.add("a stale stage", text);
+    printed.add("a removed pipeline", gone);
+    snapshot!(printed);
     assert_eq!(workspace.run(&["status", "short.yaml"]).code, Some(2));
 }
 
@@ -269,7 +267,7 @@ fn a_repaired_store_is_sound_and_is_built_to_the_same_digests() {
     assert_eq!(workspace.run(&["fsck"]).code, Some(4));
     let repaired = workspace.run(&["fsck", "--repair"]);
     assert_eq!(repaired.code, Some(0), "{}", repaired.stdout);
-    assert!(repaired.stdout.contains("sound again"), "{}", repaired.stdout);
+    snapshot!(repaired);
     assert_eq!(workspace.run(&["fsck"]).code, Some(0));
     let again = workspace.stages(&["run", "short.yaml"]);
     assert_eq!(again.digests(), before);
@@ -292,7 +290,7 @@ fn colours_are_for_terminals_that_want_them() {
         let output = command.output().unwrap();
         assert_eq!(output.status.code(), Some(2));
         let text = String::from_utf8(output.stdout).unwrap();
-        assert!(text.contains("this deaflow reads version 1"), "{text}");
+        assert!(text.contains("bad.yaml"), "{text}");
         text.contains('\u{1b}')
     };
     assert!(coloured(None));

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::common::{SHORT, Workspace};
+use super::common::{SHORT, Transcript, Workspace, snapshot};
 
 /// Two runs of one pipeline, the second with other values.
 fn two_runs() -> Workspace {
@@ -64,9 +64,9 @@ fn runs_are_listed_with_what_was_changed_built_and_found() {
         assert!(!last[key].as_str().unwrap().is_empty(), "{key}");
     }
     assert!(last["created"].as_str() > first["created"].as_str());
-    // What `--set` changed is said as such; what was written into a file is told.
-    let told = workspace.run(&["log"]).stdout;
-    assert!(!told.contains("changed in the files"), "{told}");
+    // A change in a file is listed with both values, a change by `--set` is not.
+    let listed = workspace.run(&["log"]).stdout;
+    assert!(!listed.contains("5250 V"), "{listed}");
     let edited = Workspace::new();
     edited.write("short.yaml", SHORT);
     edited.stages(&["run", "short.yaml"]);
@@ -74,12 +74,12 @@ fn runs_are_listed_with_what_was_changed_built_and_found() {
     assert_ne!(text, SHORT);
     edited.write("short.yaml", &text);
     edited.stages(&["run", "short.yaml"]);
-    let told = edited.run(&["log"]).stdout;
-    assert!(
-        told.contains("changed in the files: scene.drive.voltage from 5250 V to 4000 V"),
-        "{told}"
-    );
-    // Said again it is no news; said as before it is.
+    let listed = edited.run(&["log"]).stdout;
+    for part in ["scene.drive.voltage", "5250 V", "4000 V"] {
+        assert!(listed.contains(part), "{listed}");
+    }
+    snapshot!(listed);
+    // The same run twice is listed once; an earlier one that runs again is listed again.
     workspace.stages(&SECOND);
     assert_eq!(log(&workspace, &[]), runs);
     workspace.stages(&["run", "short.yaml"]);
@@ -115,8 +115,10 @@ fn a_failed_stage_stands_in_the_list() {
         json!({ "name": "none", "outcome": "failed", "digest": null, "removed": null })
     );
     assert_eq!(stages[1]["outcome"], "built");
-    let status = workspace.run(&["status", "short.yaml"]).stdout;
-    assert!(status.contains("the last run failed: none"), "{status}");
+    let status = workspace.run(&["status", "short.yaml", "--json"]).json();
+    assert_eq!(status["pipelines"][0]["last_failed"], json!(["none"]));
+    let mut printed = Transcript::default();
+    printed.add("status", workspace.run(&["status", "short.yaml"]));
 
     // What was not begun counts among the stages, as the run counts them.
     let more = "  model: { kind: train, needs: [none], network: physics, epochs: 1, seed: 1 }\n";
@@ -131,11 +133,11 @@ fn a_failed_stage_stands_in_the_list() {
         stages[3],
         json!({ "name": "model", "outcome": "skipped", "digest": null, "removed": null })
     );
-    let text = workspace.run(&["log", "-n", "1"]).stdout;
-    assert!(text.contains("none of 4") && text.contains("1 not begun"), "{text}");
+    printed.add("log", workspace.run(&["log", "-n", "1"]));
     let status = workspace.run(&["status", "short.yaml"]);
-    let words = status.stdout.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(words.contains("the last run, with --set"), "{words}");
+    assert!(status.stdout.contains("--set"), "{status}");
+    printed.add("status after a run with --set", status);
+    snapshot!(printed);
     let status = workspace.run(&["status", "short.yaml", "--json"]).json();
     assert_eq!(status["pipelines"][0]["last_failed"], json!(["none"]));
 }
@@ -147,24 +149,16 @@ fn what_a_collection_has_made_unknown_is_no_sameness() {
     workspace.stages(&["run", "short.yaml"]);
     workspace.write("short.yaml", &SHORT.replace("seed: 1", "seed: 2"));
     workspace.stages(&["run", "short.yaml"]);
-    let told = workspace.run(&["log", "short.yaml"]).stdout;
-    let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(words(&told).contains("seed from 1 to 2"), "{told}");
+    let mut printed = Transcript::default();
+    printed.add("log", workspace.run(&["log", "short.yaml"]));
     let gc = workspace.run(&["gc", "--keep-runs", "1", "--grace", "0"]);
     assert_eq!(gc.code, Some(0), "{}", gc.stderr);
-    let told = workspace.run(&["diff", "@2", "@1"]).stdout;
-    assert!(
-        told.contains("no parameter that is known of both differs")
-            && told.contains("not compared: parameters of `small`"),
-        "{told}"
-    );
-    let told = workspace.run(&["log", "short.yaml", "--json"]);
-    assert_eq!(told.code, Some(0));
-    let told = workspace.run(&["log", "short.yaml"]).stdout;
-    assert!(
-        told.contains("not known any more") || words(&told).contains("is not known any more"),
-        "{told}"
-    );
+    let compared = workspace.run(&["diff", "@2", "@1"]);
+    assert!(compared.stdout.contains("`small`"), "{compared}");
+    printed.add("diff after gc", compared);
+    assert_eq!(workspace.run(&["log", "short.yaml", "--json"]).code, Some(0));
+    printed.add("log after gc", workspace.run(&["log", "short.yaml"]));
+    snapshot!(printed);
 }
 
 #[test]
@@ -226,29 +220,26 @@ fn two_runs_are_compared_by_parameters_and_results() {
 #[test]
 fn what_cannot_be_compared_is_refused() {
     let workspace = two_runs();
-    for (arguments, words) in [
-        (vec!["@1"], "nothing to compare it with"),
-        (vec!["@1", "@9"], "there is no run @9: 2 are remembered"),
-        (vec!["@1", "@x"], "is no number from 1"),
-        (vec!["@1", "@0"], "is no number from 1"),
+    let mut printed = Transcript::default();
+    for (arguments, named) in [
+        (vec!["@1"], "@1"),
+        (vec!["@1", "@9"], "@9"),
+        (vec!["@1", "@x"], "@x"),
+        (vec!["@1", "@0"], "@0"),
         (vec!["@1", "nowhere"], "nowhere"),
         (vec!["@1", "nowhere.yaml"], "nowhere.yaml"),
-        (
-            vec!["@2", "@1", "--set", "stages.small.count=5"],
-            "--set changes a pipeline",
-        ),
+        (vec!["@2", "@1", "--set", "stages.small.count=5"], "--set"),
     ] {
         let ended = workspace.run(&[&["diff"], &arguments[..]].concat());
         assert_eq!(ended.code, Some(2), "{arguments:?}: {}", ended.stderr);
-        assert!(ended.stderr.contains(words), "{arguments:?}: {}", ended.stderr);
+        assert!(ended.stderr.contains(named), "{arguments:?}: {}", ended.stderr);
+        printed.add(arguments.join(" "), ended);
     }
     let ended = workspace.run(&["log", "other.yaml"]);
     assert_eq!(ended.code, Some(2));
-    assert!(
-        ended.stderr.contains("no run of other.yaml is remembered"),
-        "{}",
-        ended.stderr
-    );
+    assert!(ended.stderr.contains("other.yaml"), "{ended}");
+    printed.add("log other.yaml", ended);
+    snapshot!(printed);
 }
 
 #[test]
@@ -264,7 +255,8 @@ fn history_belongs_to_the_file_and_not_to_its_name() {
         .run(&["plan", "short.yaml", "--set", "stages.small.seed=9", "--json"])
         .json();
     let reasons = plan["stages"][0]["reasons"].to_string();
-    assert!(reasons.contains("seed from 1 to 9"), "{reasons}");
+    let is_named = ["seed", "1", "9"].iter().all(|part| reasons.contains(part));
+    assert!(is_named && !reasons.contains('7'), "{reasons}");
     // A file that was moved takes its history along.
     std::fs::rename(workspace.path("short.yaml"), workspace.path("moved.yaml")).unwrap();
     assert_eq!(log(&workspace, &["moved.yaml"]).len(), 2);
@@ -342,8 +334,7 @@ fn a_stage_is_compared_with_the_nearest_of_past_runs() {
     // The last run had other samples; that of the file's own parameters differs in the mesh alone.
     let found = reasons(&["--set", "stages.solved.elements_per_cell=2"]);
     assert_eq!(found.len(), 1, "{found:?}");
-    assert!(
-        found[0].as_str().unwrap().contains("elements_per_cell from 1 to 2"),
-        "{found:?}"
-    );
+    let reason = found[0].as_str().unwrap();
+    let is_named = ["elements_per_cell", "1", "2"].iter().all(|part| reason.contains(part));
+    assert!(is_named, "{reason}");
 }

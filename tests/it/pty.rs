@@ -1,4 +1,4 @@
-//! What is shown on a terminal: it fits, it has colours where they are asked for, work has a pace, and Ctrl-C is answered.
+//! Output on a terminal: width, colours, progress bars and Ctrl-C.
 //!
 //! `script` (bsdutils, which every Debian has) gives a command a terminal, and `stty` gives that its width.
 
@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
-use super::common::{Ended, SMALL, TINY, Workspace, csv, scene_file};
+use super::common::{Ended, SMALL, TINY, Workspace, csv, scene_file, snapshot, snapshots::without_numbers};
 
 /// A command on a terminal of so many columns.
 fn on_terminal(workspace: &Workspace, columns: usize, arguments: &[&str]) -> Command {
@@ -147,18 +147,12 @@ fn a_stage_stands_on_one_line_and_its_reasons_below() {
         "{}",
         lines[at]
     );
-    assert_eq!(
-        lines[at + 1].trim(),
-        "why: parameter changed: elements_per_cell from 1 to 2",
-        "{text}"
-    );
+    let is_reason = |line: &str| ["elements_per_cell", "1", "2"].iter().all(|part| line.contains(part));
+    assert!(is_reason(&lines[at + 1]), "{text}");
     // Other programs read as long lines as there are.
     let plain = workspace.run(&arguments).stdout;
     let line = plain.lines().find(|line| line.starts_with(" solved ")).unwrap();
-    assert!(
-        line.ends_with("elements_per_cell from 1 to 2") && !is_coloured(&plain),
-        "{plain}"
-    );
+    assert!(is_reason(line) && !is_coloured(&plain), "{plain}");
 }
 
 #[test]
@@ -193,30 +187,22 @@ fn a_run_ends_with_the_lines_that_matter() {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let (warned, lines): (Vec<&str>, Vec<&str>) = ended.stdout.lines().partition(|line| line.starts_with("warning: "));
     assert_eq!(lines.len(), 5, "{}", ended.stdout);
-    for (line, words) in lines.iter().zip([
-        &["tiny: 8 stages built in "][..],
-        &[
-            "verified: best design (genetic algorithm), predicted ",
-            " mm, simulated ",
-            "over the intuitive design",
-        ],
-        &[
-            "verified: predicted and simulated differ by up to ",
-            ": the evaluator is not to be trusted here",
-        ],
-        &["figures in store/figures/tiny, artifacts in store"],
-        &["next: deaflow report tiny.yaml --until verified -o report"],
+    for (line, parts) in lines.iter().zip([
+        &["tiny", "8"][..],
+        &["verified: ", " mm"],
+        &["verified: "],
+        &["store/figures/tiny"],
+        &["deaflow report tiny.yaml --until verified -o report"],
     ]) {
-        assert!(words.iter().all(|word| line.contains(word)), "{words:?}: {line}");
+        assert!(parts.iter().all(|part| line.contains(part)), "{parts:?}: {line}");
     }
-    assert!(
-        warned.iter().any(|line| line.contains("is neglected; it ")),
-        "{}",
-        ended.stdout
-    );
-    // The next command is one.
+    assert!(!warned.is_empty(), "{}", ended.stdout);
+    snapshot!(without_numbers(&ended.stdout), "built");
+    // The last line names a command that works.
     let words: Vec<&str> = lines[4]
-        .trim_start_matches("next: deaflow ")
+        .split_once("deaflow ")
+        .unwrap()
+        .1
         .split(';')
         .next()
         .unwrap()
@@ -225,28 +211,23 @@ fn a_run_ends_with_the_lines_that_matter() {
     assert_eq!(workspace.run(&words).code, Some(0), "{words:?}");
 
     let again = workspace.run(&run).stdout;
-    assert!(
-        again.contains("tiny: all 8 stages are reused, nothing to build\n"),
-        "{again}"
-    );
+    let is_summary = |line: &str| line.starts_with("tiny") && line.contains('8');
+    assert!(again.lines().any(is_summary), "{again}");
+    snapshot!(without_numbers(&again), "reused");
     let verbose = workspace.run(&[&run[..], &["-v"]].concat()).stdout;
-    for words in [
-        " verified    verify    reused",
-        "design: intuitive",
-        "RMSE of a component",
-        "model warnings:",
-        "-evolution.png",
-    ] {
-        assert!(verbose.contains(words), "{words}: {verbose}");
-    }
+    let is_row = |line: &str| line.starts_with(" verified ") && line.contains("reused");
+    assert!(
+        verbose.lines().any(is_row) && verbose.contains("-evolution.png"),
+        "{verbose}"
+    );
+    snapshot!(without_numbers(&verbose), "verbose");
     let both = workspace.run(&[&run[..], &["-v", "-q"]].concat());
     assert_eq!(both.code, Some(2), "{}", both.stdout);
-    // Without designs what was solved is what was found.
+    // Without designs the result is the number of samples and their largest displacement.
     let solved = workspace.run(&["run", "tiny.yaml", "--until", "solved"]).stdout;
-    assert!(
-        solved.contains("solved: 82 samples with a field, largest displacement "),
-        "{solved}"
-    );
+    let is_result = |line: &str| line.starts_with("solved: ") && line.contains(" 82 ") && line.contains(" mm");
+    assert!(solved.lines().any(is_result), "{solved}");
+    snapshot!(solved, "solved");
 }
 
 /// The states of the bar of a stage.
@@ -278,7 +259,7 @@ fn a_bar_has_a_pace_within_its_first_step_and_fits() {
             assert!(line.chars().count() <= columns, "{columns}: {line}");
         }
         let bars = bars(&lines, "surrogate ");
-        let paced = |line: &&&String| line.contains("0/1 epochs") && line.contains("/min, ") && line.contains(" left");
+        let paced = |line: &&&String| line.contains("0/1 epochs") && line.contains("/min");
         assert!(bars.iter().any(|line| paced(&line)), "{columns}: {bars:?}");
     }
 }
@@ -389,8 +370,6 @@ impl Watched {
     }
 }
 
-const GOES_ON: &str = "stopped: what was built is kept, and the same command goes on from there";
-
 #[test]
 fn ctrl_c_keeps_what_there_is_and_the_same_command_goes_on() {
     let workspace = Workspace::tiny();
@@ -415,14 +394,9 @@ fn ctrl_c_keeps_what_there_is_and_the_same_command_goes_on() {
     let stages = logged["runs"][0]["stages"].as_array().unwrap().clone();
     let outcome = stages.iter().find(|stage| stage["name"] == "surrogate").unwrap();
     assert_eq!(outcome["outcome"], "stopped");
-    let text = lines(&text).join(" ");
-    assert!(!text.contains("error:") && !text.contains("did not end"), "{text}");
-    for words in ["stopping: chunks that are done,", "surrogate: stopped after", GOES_ON] {
-        assert!(
-            text.split_whitespace().collect::<Vec<_>>().join(" ").contains(words),
-            "{words}: {text}"
-        );
-    }
+    let joined = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let text = joined(&lines(&text).join(" "));
+    assert!(!text.contains("error:"), "{text}");
     // The same command goes on from there; without a terminal the signal is the same.
     let mut second = workspace.command(&[&run[..], &["--progress", "json"]].concat());
     let mut second = second.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
@@ -433,7 +407,9 @@ fn ctrl_c_keeps_what_there_is_and_the_same_command_goes_on() {
     assert!(resumed.contains("\"name\":\"surrogate\""), "{resumed}");
     let process = rustix::process::Pid::from_child(&second);
     rustix::process::kill_process(process, rustix::process::Signal::INT).unwrap();
-    assert!(events.any(|line| line == GOES_ON));
+    let message = events.find(|line| !line.starts_with('{')).unwrap();
+    assert!(text.contains(&joined(&message)), "{message}: {text}");
+    snapshot!(message);
     assert_eq!(second.wait().unwrap().code(), Some(75));
     assert_eq!(workspace.run(&["fsck"]).code, Some(0));
 }
@@ -449,7 +425,7 @@ fn a_second_ctrl_c_ends_at_once() {
     let mut run = Watched::begin(&workspace, &["run", "slow.yaml", "--until", "solved", "--jobs", "1"]);
     run.wait_for("/62 patterns");
     run.interrupt();
-    run.wait_for("Ctrl-C again");
+    run.wait_for("Ctrl-C");
     run.interrupt();
     let (code, took, text) = run.end();
     assert_eq!(code, Some(75), "{text}");
@@ -516,21 +492,13 @@ fn how_far_patterns_move_is_a_table_of_few_and_numbers_of_many() {
     };
     let (sound, lost) = (many("scene.yaml", "dot.csv"), many("hot.yaml", "half.csv"));
     assert_eq!((sound.code, lost.code), (Some(0), Some(3)), "{}", sound.stderr);
-    for words in [
-        "outcomes: converged 22\n",
-        "smallest ",
-        "median ",
-        " at 3",
-        "each pattern: deaflow show o.h5 --csv",
-    ] {
-        assert!(sound.stdout.contains(words), "{words}: {}", sound.stdout);
+    for part in ["converged 22\n", " at 3", "deaflow show o.h5 --csv"] {
+        assert!(sound.stdout.contains(part), "{part}: {}", sound.stdout);
     }
-    for words in [
-        " 22\n",
-        "pattern 19: no stable solution was found",
-        "and 2 more such patterns: --json lists all",
-    ] {
-        assert!(lost.stdout.contains(words), "{words}: {}", lost.stdout);
+    for part in [" 22\n", "pattern 19:", "--json"] {
+        assert!(lost.stdout.contains(part), "{part}: {}", lost.stdout);
     }
     assert!(!lost.stdout.contains("pattern 20:"), "{}", lost.stdout);
+    snapshot!(sound.stdout, "sound");
+    snapshot!(lost.stdout, "lost");
 }

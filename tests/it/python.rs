@@ -4,7 +4,7 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 
-use super::common::{Workspace, files};
+use super::common::{Transcript, Workspace, files, snapshot};
 
 fn python(workspace: &Workspace, script: &str) -> Output {
     let module = concat!(env!("CARGO_MANIFEST_DIR"), "/docs");
@@ -39,7 +39,7 @@ for name in ("tiny:solved", "verified", "tiny.yaml:surrogate"):
 "#;
 
 #[test]
-fn the_module_says_what_the_program_says() {
+fn the_module_reads_what_the_program_shows() {
     let workspace = Workspace::tiny();
     workspace.stages(&["run", "tiny.yaml"]);
     let lines = printed(&workspace, SHOW);
@@ -108,7 +108,7 @@ print(last.id)
 }
 
 #[test]
-fn wrong_names_and_damage_are_told() {
+fn wrong_names_and_damage_raise_errors() {
     let workspace = Workspace::small();
     workspace.stages(&["run", "small.yaml"]);
     let error = |script: &str| {
@@ -117,40 +117,33 @@ fn wrong_names_and_damage_are_told() {
         let text = String::from_utf8(output.stderr).unwrap();
         text.lines().last().unwrap_or_default().to_owned()
     };
-    for (script, said) in [
-        (
-            "deaflow.open('store', 'solvd')",
-            "NotFound: no run in store has a stage 'solvd', and no digest begins so: did you mean 'solved'?",
-        ),
-        (
-            "deaflow.open('store', 'smal:solved')",
-            "NotFound: no pipeline 'smal' has been run in store: did you mean 'small'?",
-        ),
+    let mut printed = Transcript::default();
+    for (script, parts) in [
+        ("deaflow.open('store', 'solvd')", ["NotFound: ", "'solved'"]),
+        ("deaflow.open('store', 'smal:solved')", ["NotFound: ", "'small'"]),
         (
             "deaflow.open('store', 'other.yaml:solved')",
-            "NotFound: no pipeline 'other.yaml' has been run in store",
+            ["NotFound: ", "'other.yaml'"],
         ),
-        (
-            "deaflow.open('store', 'solved')['displacemen']",
-            "did you mean 'displacement'?",
-        ),
-        (
-            "deaflow.open('nowhere', 'solved')",
-            "StoreError: there is no artifact store at nowhere",
-        ),
-        (
-            "deaflow.load('small.yaml')",
-            "StoreError: small.yaml cannot be read as HDF5",
-        ),
+        ("deaflow.open('store', 'solved')['displacemen']", ["", "'displacement'"]),
+        ("deaflow.open('nowhere', 'solved')", ["StoreError: ", "nowhere"]),
+        ("deaflow.load('small.yaml')", ["StoreError: ", "small.yaml"]),
     ] {
-        let told = error(script);
-        assert!(told.contains(said), "{script}: {told}");
+        let message = error(script);
+        for part in parts {
+            assert!(message.contains(part), "{script}: {message}");
+        }
+        printed.add(script, message);
     }
     for package in ["xarray", "pandas"] {
         let script =
             format!("import sys; sys.modules['{package}'] = None; deaflow.open('store', 'solved').to_{package}()");
-        let told = error(&script);
-        assert!(told.contains(&format!("ImportError: this needs {package}")), "{told}");
+        let message = error(&script);
+        assert!(
+            message.contains("ImportError: ") && message.contains(package),
+            "{message}"
+        );
+        printed.add(format!("without {package}"), message);
     }
     // A chunk that is gone shows no numbers that look like data.
     let shown = workspace.run(&["show", "solved", "--json"]).json();
@@ -159,11 +152,13 @@ fn wrong_names_and_damage_are_told() {
         .into_iter()
         .find(|path| path.to_string_lossy().contains(chunk));
     std::fs::remove_file(path.unwrap()).unwrap();
-    let told = error("deaflow.open('store', 'solved')");
+    let message = error("deaflow.open('store', 'solved')");
     assert!(
-        told.contains(&format!("StoreError: artifact {} is missing", &chunk[..12])),
-        "{told}"
+        message.contains("StoreError: ") && message.contains(&chunk[..12]),
+        "{message}"
     );
+    printed.add("a missing chunk", message);
+    snapshot!(printed);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::fs;
 
 use serde_json::Value;
 
-use super::common::{SHORT, SMALL, Workspace, csv, files, with_scene_in_a_file};
+use super::common::{SHORT, SMALL, Transcript, Workspace, csv, files, snapshot, with_scene_in_a_file};
 
 fn export(workspace: &Workspace, arguments: &[&str]) -> Value {
     let ended = workspace.run(&[&["export", "crate"], arguments, &["--json"]].concat());
@@ -167,7 +167,7 @@ fn a_crate_holds_what_it_says() {
 }
 
 #[test]
-fn overrides_are_told() {
+fn overrides_are_recorded() {
     let workspace = Workspace::small();
     let set = ["--set", "scene.drive.voltage=5 kV"];
     workspace.run(&[&["run", "small.yaml", "--quiet"][..], &set].concat());
@@ -190,19 +190,22 @@ fn overrides_are_told() {
 fn what_is_not_built_and_folders_in_use_are_refused() {
     let workspace = Workspace::small();
     workspace.stages(&["run", "small.yaml", "--until", "solved"]);
-    let refused = |output: &str, said: &[&str]| {
+    let mut printed = Transcript::default();
+    let mut refused = |output: &str, named: &[&str]| {
         let ended = workspace.run(&["export", "crate", "small.yaml", "-o", output]);
         assert_eq!(ended.code, Some(2), "{output}: {}", ended.stderr);
-        for said in said {
-            assert!(ended.stderr.contains(said), "{output}: {}", ended.stderr);
+        for part in named {
+            assert!(ended.stderr.contains(part), "{output}: {}", ended.stderr);
         }
+        printed.add(output, ended);
     };
-    refused("crate", &["not built: balanced", "deaflow run small.yaml"]);
+    refused("crate", &["balanced", "deaflow run small.yaml"]);
     assert!(!workspace.path("crate").exists());
     workspace.stages(&["run", "small.yaml"]);
-    refused("store", &["not empty"]);
-    refused("small.yaml", &["a regular file"]);
-    refused("none/crate", &["there is no folder none"]);
+    refused("store", &["store"]);
+    refused("small.yaml", &["small.yaml"]);
+    refused("none/crate", &["none"]);
+    snapshot!(printed);
     // A damaged artifact leaves nothing half-written.
     let shown = workspace.run(&["show", "solved", "--json"]).json();
     let chunk = shown["parts"][0].as_str().unwrap();

@@ -6,7 +6,7 @@ use std::path::Path;
 use hdf5::types::FixedUnicode;
 use serde_json::Value;
 
-use super::common::{Stages, Workspace, files, scene_file};
+use super::common::{Stages, Workspace, files, scene_file, snapshot, snapshots::without_numbers};
 
 /// The surrogate has seen fine grids only, for one epoch that changes nothing: it knows nothing of designs.
 const WRONG: &str = "version: 1
@@ -92,15 +92,8 @@ fn a_wrong_surrogate_is_exposed_and_learns_from_what_was_verified() {
     let found = |stage: usize| document["results"][stage]["largest_difference"].as_f64().unwrap();
     assert_eq!([found(0), found(1)], relative[..]);
     let told = workspace.run(&[&RUN[..], &["-v"]].concat()).stdout;
-    for part in [
-        "the evaluator is not to be trusted here",
-        "verified, round by round: |predicted − simulated| of the designs",
-        "\n  round  2 ",
-        "best of design",
-        "-rounds.png",
-    ] {
-        assert!(told.contains(part), "{part}: {told}");
-    }
+    assert!(told.contains("-rounds.png"), "{told}");
+    snapshot!(without_numbers(&told));
     let figures = document["figures"].as_array().unwrap();
     let drawn = figures
         .iter()
@@ -149,7 +142,10 @@ fn rounds_are_planned_locked_and_added_to_like_other_stages() {
     let explained = workspace
         .run(&[&["explain", "wrong.yaml", "surrogate-2"][..], &[][..]].concat())
         .stdout;
-    assert!(explained.contains("surrogate-2 (train) would be reused"), "{explained}");
+    let first = explained.lines().next().unwrap();
+    for part in ["surrogate-2", "train", "reused"] {
+        assert!(first.contains(part), "{explained}");
+    }
     assert!(
         explained.contains("verified: ") && explained.contains("solved: "),
         "{explained}"

@@ -1,8 +1,8 @@
-//! `solve` simulates patterns drawn by anybody, and says so when there is no answer.
+//! `solve` simulates patterns of the user and reports patterns without a solution.
 
 use std::process::Command;
 
-use super::common::{Workspace, csv};
+use super::common::{Transcript, Workspace, csv, snapshot};
 
 const SCENE: &str = "geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
 material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
@@ -182,7 +182,11 @@ fn an_output_never_replaces_what_is_read() {
     for output in ["half.csv", "./half.csv", "scene.yaml"] {
         let ended = workspace.run(&["solve", "scene.yaml", "half.csv", "-o", output]);
         assert_eq!(ended.code, Some(2), "{}", ended.stderr);
-        assert!(ended.stderr.contains("is read here"), "{}", ended.stderr);
+        assert!(
+            ended.stderr.contains(output.trim_start_matches("./")),
+            "{}",
+            ended.stderr
+        );
     }
     assert_eq!(std::fs::read(workspace.path("half.csv")).unwrap(), before);
     assert_eq!(
@@ -204,7 +208,7 @@ fn an_output_never_replaces_what_is_read() {
 }
 
 #[test]
-fn an_accuracy_that_no_mesh_reaches_is_said_to_be_missed() {
+fn an_accuracy_that_no_mesh_reaches_is_reported_as_missed() {
     let workspace = workspace("5.25 kV");
     workspace.write("dot.csv", &csv(|x, y| (x, y) == (20, 30)));
     let ended = workspace.run(&[
@@ -294,10 +298,11 @@ fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
         if near {
             let [found, error] = ["critical_voltage", "error"].map(|key| named[0][key].as_f64().unwrap());
             assert!((found - 6023.0).abs() < error, "{found} {error}");
-            let said = workspace
+            let text = workspace
                 .run(&["solve", "scene.yaml", "cell.csv", "-o", "out.h5"])
                 .stdout;
-            assert!(said.contains("pattern 0: a finer mesh could refuse it"), "{said}");
+            assert!(text.contains("pattern 0: "), "{text}");
+            snapshot!(text);
         }
     }
     // An accuracy asks meshes up to four biquadratic elements along a cell, and yet finer ones could refuse what these bear.
@@ -342,7 +347,7 @@ fn the_displacement_of_a_point_stands_in_the_file_too() {
 }
 
 #[test]
-fn cells_tell_stresses_and_where_the_membrane_would_wrinkle() {
+fn cells_have_stresses_and_wrinkled_states() {
     let workspace = Workspace::new();
     workspace.write(
         "scene.yaml",
@@ -400,7 +405,7 @@ fn cells_tell_stresses_and_where_the_membrane_would_wrinkle() {
 }
 
 #[test]
-fn patterns_beyond_their_limit_are_told_where_it_is_and_by_which_elements() {
+fn the_critical_voltage_is_reported_with_the_elements() {
     let workspace = workspace("5.25 kV");
     workspace.write("half.csv", &csv(|x, _| x < 25));
     let solve = |more: &[&str]| workspace.run(&[&["solve", "scene.yaml", "half.csv"], more].concat());
@@ -409,23 +414,21 @@ fn patterns_beyond_their_limit_are_told_where_it_is_and_by_which_elements() {
     let ended = solve(&on);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert!(
-        ended.stdout.contains("pattern 0: stability is lost between"),
+        ended.stdout.contains("pattern 0: ") && ended.stdout.contains("--order 2"),
         "{}",
         ended.stdout
     );
-    assert!(
-        ended.stdout.contains("lose stability too late: --order 2"),
-        "{}",
-        ended.stdout
-    );
-    // Each mesh loses it at a voltage of its own, so one that was picked is named.
-    assert!(!ended.stdout.contains("on elements_per_cell"), "{}", ended.stdout);
+    // The critical voltage depends on the mesh, so the output names a mesh that was picked.
+    assert!(!ended.stdout.contains("elements_per_cell"), "{}", ended.stdout);
     let picked = solve(&[&on[..], &["--accuracy", "0.1 mm"]].concat());
     assert!(
-        picked.stdout.contains(" V, on elements_per_cell: 1, order: "),
+        picked.stdout.contains("elements_per_cell: 1, order: "),
         "{}",
         picked.stdout
     );
+    let mut printed = Transcript::default();
+    printed.add("bilinear elements", ended.stdout);
+    printed.add("a mesh that was picked", picked.stdout);
     let ended = solve(&[&on[..], &["--order", "2", "--json"]].concat());
     let critical = ended.json()["critical_voltages"][0].clone();
     assert_eq!(
@@ -439,30 +442,20 @@ fn patterns_beyond_their_limit_are_told_where_it_is_and_by_which_elements() {
         "{bracket:?}"
     );
     let ended = solve(&["--order", "2"]);
-    assert!(
-        !ended.stdout.contains("too late") && !ended.stdout.contains("is lost between"),
-        "{}",
-        ended.stdout
-    );
+    assert!(!ended.stdout.contains(" V"), "{}", ended.stdout);
     // A voltage without its unit.
     let ended = solve(&["--voltage", "5.25"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    assert!(
-        ended.stderr.contains("5.25 V moves next to nothing")
-            && ended.stderr.contains("a number without a unit is in V"),
-        "{}",
-        ended.stderr
-    );
-    assert!(!solve(&["--voltage", "5.25 kV"]).stderr.contains("next to nothing"));
+    assert!(ended.stderr.contains("5.25 V"), "{}", ended.stderr);
+    assert!(!solve(&["--voltage", "5.25 kV"]).stderr.contains("5.25 V"));
+    printed.add("a voltage without a unit", ended.stderr);
     // A path of one step names a part of the scene.
     assert_eq!(solve(&["--set", "effects={ fringe_field: true }"]).code, Some(0));
     let ended = solve(&["--set", "effects.strain_stiffening=auto"]);
     assert_eq!(ended.code, Some(2), "{}", ended.stdout);
-    assert!(
-        ended.stderr.contains("`effects: auto` leaves all of them"),
-        "{}",
-        ended.stderr
-    );
+    assert!(ended.stderr.contains("`effects: auto`"), "{}", ended.stderr);
+    printed.add("an effect set to auto", ended);
+    snapshot!(printed);
     let screened = workspace.run(&["screen", "scene.yaml", "half.csv", "--voltage", "1 kV", "--json"]);
     assert_eq!(screened.code, Some(0), "{}", screened.stderr);
     assert_eq!(

@@ -1,4 +1,4 @@
-//! A training that is killed is gone on with to the same bits; one that diverges says so; what it left out it names.
+//! A training that was killed resumes to the same bits; a training that diverges fails or keeps its best epoch with a warning.
 
 use std::fs;
 use std::path::PathBuf;
@@ -6,7 +6,7 @@ use std::process::Stdio;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use super::common::{SMALL, Stages, Workspace, files};
+use super::common::{SMALL, Stages, Workspace, files, snapshot, snapshots::without_numbers};
 use super::damage::copy;
 
 const RUN: [&str; 2] = ["run", "train.yaml"];
@@ -39,7 +39,7 @@ fn kill_in_the_training(workspace: &Workspace) {
 }
 
 #[test]
-fn a_killed_training_is_gone_on_with_to_the_same_bits() {
+fn a_killed_training_resumes_to_the_same_bits() {
     let killed = workspace();
     kill_in_the_training(&killed);
     let status = killed.run(&["status", "--json"]).json();
@@ -53,18 +53,16 @@ fn a_killed_training_is_gone_on_with_to_the_same_bits() {
     assert!((1..120).contains(&steps), "{unfinished}");
     let planned = killed.run(&["plan", "train.yaml"]).stdout;
     let words = planned.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(
-        words.contains(&format!("goes on after {steps} of 120 epochs")),
-        "{planned}"
-    );
-    let told = killed.run(&["status"]).stdout;
-    assert!(told.contains(": surrogate after "), "{told}");
+    assert!(words.contains(&format!("{steps} of 120 epochs")), "{planned}");
+    let listed = killed.run(&["status"]).stdout;
+    assert!(listed.contains(": surrogate "), "{listed}");
     // A run that did not end stands in the log, and no more once it has been run to its end.
     let log = killed.run(&["log", "train.yaml", "--json"]).json();
     let path = log["unfinished"][0]["path"].as_str().unwrap();
     assert!(path.ends_with("train.yaml"), "{log}");
-    let told = killed.run(&["log", "train.yaml"]).stdout;
-    assert!(told.contains("killed, or still at work"), "{told}");
+    let listed = killed.run(&["log", "train.yaml"]);
+    assert_eq!(listed.code, Some(0), "{listed}");
+    snapshot!(listed.stdout);
     let fsck = killed.run(&["fsck", "--json"]).json();
     assert_eq!((&fsck["sound"], &fsck["checkpoints"]), (&true.into(), &1.into()));
 
@@ -95,7 +93,7 @@ fn a_killed_training_is_gone_on_with_to_the_same_bits() {
     let did = cost["steps"].as_u64().unwrap();
     assert!(did < 120 && did + steps >= 120, "{did} after {steps}");
     let (begun_again, told) = run(&damaged, &[]);
-    assert!(told.contains("is not used") && !told.contains("resumed"), "{told}");
+    assert!(!told.contains("resumed"), "{told}");
     // Of one thread too.
     let undisturbed = workspace();
     copy(&killed.path("store"), &undisturbed.path("store"));
@@ -108,14 +106,14 @@ fn a_killed_training_is_gone_on_with_to_the_same_bits() {
 }
 
 #[test]
-fn a_training_that_diverges_says_so() {
+fn a_training_that_diverges_is_reported() {
     let workspace = workspace();
     let rate = ["--set", "stages.surrogate.learning_rate=10"];
     let run = |more: &[&str]| workspace.run(&[&RUN[..], &rate, more].concat());
     let ended = run(&["--set", "stages.surrogate.epochs=4"]);
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
     assert!(
-        ended.stderr.contains("diverged in epoch") && ended.stderr.contains("smaller"),
+        ended.stderr.contains("`surrogate`") && ended.stderr.contains("epoch"),
         "{}",
         ended.stderr
     );
@@ -130,13 +128,11 @@ fn a_training_that_diverges_says_so() {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let document = ended.json();
     let warnings = document["warnings"].as_array().unwrap();
-    let told = |warning: &serde_json::Value| {
-        warning
-            .as_str()
-            .unwrap()
-            .starts_with("surrogate: the training diverged in epoch")
-    };
-    assert!(warnings.iter().any(told), "{document}");
+    let warned = warnings
+        .iter()
+        .filter_map(|warning| warning.as_str())
+        .find(|warning| warning.starts_with("surrogate: ") && warning.contains("epoch"));
+    snapshot!(without_numbers(warned.unwrap_or_else(|| panic!("{document}"))));
     let line = document["trainings"][0].as_str().unwrap();
-    assert!(line.starts_with("surrogate: qin2024, epoch "), "{line}");
+    assert!(line.starts_with("surrogate: qin2024"), "{line}");
 }

@@ -1,4 +1,4 @@
-//! Faulty documents, made from good ones, and what the reader says of them.
+//! Faulty documents, made from good ones, and the messages of the reader.
 
 use std::collections::BTreeSet;
 
@@ -15,78 +15,20 @@ pub struct Fault {
     /// The document, in a pipeline with the changed stage alone: what the schema says of a stage does not depend on others.
     pub local: Value,
     pub what: String,
-    /// What the reader says, unless it accepts.
+    /// The message of the reader, unless it accepts.
     pub refusal: Option<String>,
-    /// Whether the value is one that the schema cannot compare with bounds: text with a unit.
-    is_text: bool,
-    /// Whether the values of an axis are meant: what they may be, the places say where they are taken.
-    is_axis: bool,
-}
-
-/// What a reader refuses for its meaning and no schema can: what was said, in part.
-pub const BEYOND: [&str; 36] = [
-    // Names of other stages, and what those are.
-    "no stage is named",
-    "stage needs",
-    "needs a scene",
-    // Names of axes and of columns.
-    "has an axis",
-    "is used nowhere",
-    "is neither an axis nor a result",
-    "`plot.",
-    // Numbers that contradict each other.
-    "does not lie inside the membrane",
-    "small-strain shear modulus",
-    "the term would be singular",
-    "has no parameters",
-    "has no `density`",
-    "has no `sheet_resistance`",
-    "an area fraction lies above 0",
-    "the range",
-    "units across the membrane",
-    // What is no device.
-    "covers no cell",
-    "touches the frame",
-    "the mask",
-    "runs of the mask",
-    // Electrodes that are not wired.
-    "there is no cell",
-    // What is no drive.
-    "has voltages of",
-    "is a voltage of",
-    "times must not go back",
-    // What is wanted of a design, and what it must keep to.
-    "does not know at which field",
-    "does not say in which `state`",
-    "is meant after",
-    "is meant at",
-    "there is no state",
-    "there is no body",
-    "it does not exist",
-    "holds no cell",
-    "leave no room",
-    "more than the membrane",
-    "cannot be had",
-    "two targets are named",
-];
-
-impl Fault {
-    pub fn is_beyond_structure(&self, why: &str) -> bool {
-        self.is_axis || (self.is_text && why.contains("out of range")) || BEYOND.iter().any(|known| why.contains(known))
-    }
+    /// Whether it is in the values of an axis, which the schema cannot check: the fields that use the axis can.
+    pub is_axis: bool,
 }
 
 fn help(error: &InputError) -> String {
     error.help().map(|help| help.to_string()).unwrap_or_default()
 }
 
-/// The keys that a refusal says are allowed.
+/// The allowed keys, which are listed at the end of the help.
 fn allowed(error: &InputError) -> BTreeSet<String> {
     let help = help(error);
-    let list = help
-        .split("allowed: ")
-        .nth(1)
-        .unwrap_or_else(|| panic!("{error}: {help}"));
+    let (_, list) = help.rsplit_once(": ").unwrap_or_else(|| panic!("{error}: {help}"));
     list.split(", ")
         .filter(|key| *key != "nothing")
         .map(str::to_owned)
@@ -109,10 +51,7 @@ pub fn keys_agree(kind: Kind, schema: &Value, document: &Value, place: &Place) {
             .read(&changed)
             .expect_err(&format!("{}/{key} was accepted", place.document));
         let said = error.to_string();
-        (
-            said.contains(&format!("unknown key `{key}`")).then(|| allowed(&error)),
-            said,
-        )
+        (said.contains(&format!("`{key}`")).then(|| allowed(&error)), said)
     };
     let (found, said) = refusal("zzz");
     let found = found.unwrap_or_else(|| panic!("{}: {said}", place.document));
@@ -138,7 +77,7 @@ fn keys(schema: &Value, at: &str) -> BTreeSet<String> {
 /// Adds all faults of a document at places of the schema that were not seen before.
 pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults: &mut Vec<Fault>) {
     let schema = kind.schema();
-    let mut add = |changed: Value, place: &str, is_text: bool| {
+    let mut add = |changed: Value, place: &str| {
         faults.push(Fault {
             kind,
             local: local(&changed, place),
@@ -147,7 +86,6 @@ pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults
                 .read(&needed(&changed, place))
                 .err()
                 .map(|e| format!("{e} {}", help(&e))),
-            is_text,
             is_axis: place.contains("/foreach/"),
         });
     };
@@ -157,7 +95,7 @@ pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults
                 let mut changed = document.clone();
                 let map = changed.pointer_mut(&place.document).unwrap().as_object_mut().unwrap();
                 if map.remove(&key).is_some() {
-                    add(changed, &format!("{}/{key}", place.document), false);
+                    add(changed, &format!("{}/{key}", place.document));
                 }
             }
         }
@@ -165,7 +103,6 @@ pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults
             add(
                 with_key(document, &place.document, "zzz", Value::Null),
                 &format!("{}/zzz", place.document),
-                false,
             );
         }
     }
@@ -175,10 +112,9 @@ pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults
         }
         let was = document.pointer(&leaf.document).unwrap();
         for value in replacements(schema.pointer(&leaf.schema).unwrap(), was) {
-            let is_text = value.is_string();
             let mut changed = document.clone();
             *changed.pointer_mut(&leaf.document).unwrap() = value;
-            add(changed, &leaf.document, is_text);
+            add(changed, &leaf.document);
         }
     }
 }
