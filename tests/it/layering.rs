@@ -129,6 +129,6 @@ fn bincode_and_hdf5_stay_where_they_belong() {
         .collect();
     assert!(
         outside.is_empty(),
-        "hdf5 is used outside its room, the store and tests of the formats of patterns and imported data: {outside:?}"
+        "hdf5 is used outside of hdf, store and the tests of pattern and dataset formats: {outside:?}"
     );
 }
