@@ -105,7 +105,7 @@ impl AccurateSolver {
     /// # Errors
     /// When the preconditioner of a finer mesh cannot be set up.
     pub fn simulate(&self, patterns: &[Pattern]) -> Result<Vec<AccurateSimulation>, SetupError> {
-        patterns.par_iter().map(|pattern| self.climb(pattern)).collect()
+        patterns.par_iter().map(|pattern| self.raise_load(pattern)).collect()
     }
 
     /// The accuracy that was asked for, in mm.
@@ -113,7 +113,7 @@ impl AccurateSolver {
         self.accuracy_mm
     }
 
-    fn climb(&self, pattern: &Pattern) -> Result<AccurateSimulation, SetupError> {
+    fn raise_load(&self, pattern: &Pattern) -> Result<AccurateSimulation, SetupError> {
         let mut rung = 0;
         let (mut coarse, _) = self.solve(rung, pattern)?;
         loop {

@@ -8,8 +8,8 @@ use deaflow_field::{Field, Order};
 
 use super::effects::WithMaterial;
 use super::element::{Bilinear, Biquadratic, Element};
-use super::law::Law;
-use super::newton::{self, Trouble, Workspace};
+use super::material::Material;
+use super::newton::{self, NewtonFailure, Workspace};
 use super::operator::{Activity, Operator, from_rest, on_sides, per_side};
 use super::precondition::Laplacian;
 
@@ -17,14 +17,14 @@ use super::precondition::Laplacian;
 ///
 /// # Errors
 /// When the tangent at `u` is not positive definite.
-pub fn gradient<L: Law>(
+pub fn gradient<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     tolerance: f64,
     u: &[f64],
     weights: &Field,
     workspace: &mut Workspace,
-) -> Result<Vec<f64>, Trouble> {
+) -> Result<Vec<f64>, NewtonFailure> {
     let load = operator.activity.grid().spread(weights, u);
     let adjoint = newton::solve_tangent(operator, laplacian, tolerance, u, &load, workspace)?;
     Ok(of_cells(operator, u, &adjoint))
@@ -42,7 +42,7 @@ pub struct InMm<'a> {
 impl WithMaterial for InMm<'_> {
     type Output = Option<Vec<f64>>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Vec<f64>> {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Vec<f64>> {
         let operator = Operator {
             material: &material(1.0),
             activity: self.activity,
@@ -59,14 +59,18 @@ const EXACT: f64 = 1e-9;
 
 /// −ψ · ∂R/∂S, added up over the elements of each cell.
 #[must_use]
-pub fn of_cells<L: Law>(operator: &Operator<'_, L>, u: &[f64], adjoint: &[f64]) -> Vec<f64> {
+pub fn of_cells<L: Material>(operator: &Operator<'_, L>, u: &[f64], adjoint: &[f64]) -> Vec<f64> {
     match operator.activity.grid().order() {
         Order::Bilinear => cells::<Bilinear, L, 4>(operator, u, adjoint),
         Order::Biquadratic => cells::<Biquadratic, L, 9>(operator, u, adjoint),
     }
 }
 
-fn cells<E: Element<N>, L: Law, const N: usize>(operator: &Operator<'_, L>, u: &[f64], adjoint: &[f64]) -> Vec<f64> {
+fn cells<E: Element<N>, L: Material, const N: usize>(
+    operator: &Operator<'_, L>,
+    u: &[f64],
+    adjoint: &[f64],
+) -> Vec<f64> {
     let (layout, grid, side) = (operator.layout(), operator.activity.grid(), E::DEGREE + 1);
     let (raster, [along, across]) = (grid.raster(), grid.per_cell());
     let mut gradient = vec![0.0; raster.cells()];
@@ -100,7 +104,7 @@ fn cells<E: Element<N>, L: Law, const N: usize>(operator: &Operator<'_, L>, u: &
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::continuation::{Ending, Problem};
+    use crate::continuation::{LoadingEnd, Problem};
     use crate::energy::NeoHookean;
     use crate::grid::Grid;
     use deaflow_base::Stream;
@@ -130,7 +134,7 @@ mod tests {
                     material: |_| material,
                     tolerance: 1e-12,
                 };
-                assert_eq!(problem.load(&mut u, &mut workspace).ending, Ending::Stable);
+                assert_eq!(problem.load(&mut u, &mut workspace).ending, LoadingEnd::Stable);
                 let value: f64 = u.iter().zip(&load).map(|(u, w)| u * w).sum();
                 (u, value)
             };

@@ -8,9 +8,9 @@
 use deaflow_field::Charged;
 use deaflow_scene::Scene;
 
-use super::continuation::{Ending, Loading, Loss, Problem};
+use super::continuation::{Loading, LoadingEnd, Loss, Problem};
 use super::eigenvalue::dot;
-use super::law::Law;
+use super::material::Material;
 use super::memory::{self, Memory, NUMBERS, line};
 use super::newton::{self, Workspace, norm};
 use super::operator::{Activity, Operator, metrics};
@@ -34,7 +34,7 @@ pub struct ChargedLoading {
 }
 
 /// A state at a charge.
-pub struct Reached {
+pub struct ChargedState {
     /// The displacement.
     pub u: Vec<f64>,
     /// Share of the load.
@@ -44,7 +44,7 @@ pub struct Reached {
 }
 
 /// Moves `u` from rest to the equilibrium at the charge of a scene whose electrodes conduct.
-pub fn conducting<L: Law, F: Fn(f64) -> L>(
+pub fn conducting<L: Material, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
     scene: &Scene,
     charge: f64,
@@ -52,7 +52,7 @@ pub fn conducting<L: Law, F: Fn(f64) -> L>(
     workspace: &mut Workspace,
 ) -> ChargedLoading {
     let mut total = Loading {
-        ending: Ending::Unknown { stable: 0.0 },
+        ending: LoadingEnd::Unknown { stable: 0.0 },
         steps: 0,
         residual: 0.0,
         pointwise: false,
@@ -61,7 +61,7 @@ pub fn conducting<L: Law, F: Fn(f64) -> L>(
     let system = System { problem, scene };
     if system.at_full_load(u).0 <= 0.0 {
         // Without an electrode there is nothing that a charge could be put on.
-        total.ending = Ending::Stable;
+        total.ending = LoadingEnd::Stable;
         return ChargedLoading {
             loading: total,
             charged: Some(Charged {
@@ -72,7 +72,7 @@ pub fn conducting<L: Law, F: Fn(f64) -> L>(
             }),
         };
     }
-    let mut reached: Option<Reached> = None;
+    let mut reached: Option<ChargedState> = None;
     let (mut at, mut step) = (0.0, 1.0_f64);
     // How the last step moved the membrane, for all of the charge.
     let mut slope: Option<Vec<f64>> = None;
@@ -99,12 +99,12 @@ pub fn conducting<L: Law, F: Fn(f64) -> L>(
                     Some(state) => u.copy_from_slice(&state.u),
                     None => u.fill(0.0),
                 }
-                if step <= SMALLEST || matches!(refusal, Refusal::Work) {
+                if step <= SMALLEST || matches!(refusal, ChargeFailure::Work) {
                     let stable = reached.as_ref().map_or(0.0, |state| state.share);
                     total.ending = match refusal {
-                        Refusal::Lost(loss, unstable) => Ending::Lost { stable, unstable, loss },
-                        Refusal::Unknown => Ending::Unknown { stable },
-                        Refusal::Work => Ending::WorkLimit { stable },
+                        ChargeFailure::Lost(loss, unstable) => LoadingEnd::Lost { stable, unstable, loss },
+                        ChargeFailure::Unknown => LoadingEnd::Unknown { stable },
+                        ChargeFailure::Work => LoadingEnd::WorkLimit { stable },
                     };
                     let charged = reached.map(|state| state.charged);
                     return ChargedLoading {
@@ -116,7 +116,7 @@ pub fn conducting<L: Law, F: Fn(f64) -> L>(
             }
         }
     }
-    total.ending = Ending::Stable;
+    total.ending = LoadingEnd::Stable;
     ChargedLoading {
         loading: total,
         charged: reached.map(|state| state.charged),
@@ -124,7 +124,7 @@ pub fn conducting<L: Law, F: Fn(f64) -> L>(
 }
 
 /// Why a state is not accepted.
-pub enum Refusal {
+pub enum ChargeFailure {
     /// What is lost, and the share of the load there.
     Lost(Loss, f64),
     /// The iteration did not end.
@@ -137,13 +137,13 @@ pub enum Refusal {
 ///
 /// # Errors
 /// When there is no stable one that the iteration finds.
-pub fn near<L: Law, F: Fn(f64) -> L>(
+pub fn near<L: Material, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
     scene: &Scene,
     charge: f64,
     start: &[f64],
     (workspace, total): (&mut Workspace, &mut Loading),
-) -> Result<Reached, Refusal> {
+) -> Result<ChargedState, ChargeFailure> {
     System { problem, scene }.solve(charge, start, workspace, total)
 }
 
@@ -152,7 +152,7 @@ struct System<'a, 'b, F> {
     scene: &'a Scene,
 }
 
-impl<L: Law, F: Fn(f64) -> L> System<'_, '_, F> {
+impl<L: Material, F: Fn(f64) -> L> System<'_, '_, F> {
     /// The charge at the full load, and its electric energy in units of the membrane.
     fn at_full_load(&self, u: &[f64]) -> (f64, f64) {
         let activity = self.problem.activity;
@@ -170,7 +170,7 @@ impl<L: Law, F: Fn(f64) -> L> System<'_, '_, F> {
         start: &[f64],
         workspace: &mut Workspace,
         total: &mut Loading,
-    ) -> Result<Reached, Refusal> {
+    ) -> Result<ChargedState, ChargeFailure> {
         let activity = self.problem.activity;
         let mut u = start.to_vec();
         let [mut residual, mut forces, mut trial] = [0; 3].map(|_| vec![0.0; u.len()]);
@@ -178,7 +178,7 @@ impl<L: Law, F: Fn(f64) -> L> System<'_, '_, F> {
         for step in 0..=MOST_STEPS {
             let (full, energy) = self.at_full_load(&u);
             let share = (charge / full).powi(2);
-            let size = self.residual(&u, share, &mut residual).ok_or(Refusal::Unknown)?;
+            let size = self.residual(&u, share, &mut residual).ok_or(ChargeFailure::Unknown)?;
             let law = (self.problem.material)(share);
             let operator = Operator {
                 material: &law,
@@ -188,11 +188,11 @@ impl<L: Law, F: Fn(f64) -> L> System<'_, '_, F> {
             if step == 0 {
                 let mut rest = vec![0.0; u.len()];
                 self.residual(&vec![0.0; u.len()], share, &mut rest)
-                    .ok_or(Refusal::Unknown)?;
+                    .ok_or(ChargeFailure::Unknown)?;
                 goal = (self.problem.tolerance * norm(&rest)).max(operator.rounding() * (u.len() as f64).sqrt());
             }
             total.residual = size;
-            let lost = |loss| Refusal::Lost(loss, share);
+            let lost = |loss| ChargeFailure::Lost(loss, share);
             if size <= goal {
                 let margins = operator.margins(&u);
                 if margins.ellipticity <= 0.0 {
@@ -203,7 +203,7 @@ impl<L: Law, F: Fn(f64) -> L> System<'_, '_, F> {
                 }
                 let (at_voltage, at_charge) = self
                     .inertia(&operator, &u, (share, energy), workspace)
-                    .ok_or(Refusal::Unknown)?;
+                    .ok_or(ChargeFailure::Unknown)?;
                 if at_charge > 0 {
                     return Err(lost(Loss::Stability));
                 }
@@ -213,13 +213,13 @@ impl<L: Law, F: Fn(f64) -> L> System<'_, '_, F> {
                     negative_at_voltage: at_voltage,
                     negative_at_charge: at_charge,
                 };
-                return Ok(Reached { u, share, charged });
+                return Ok(ChargedState { u, share, charged });
             }
             if workspace.is_spent() {
-                return Err(Refusal::Work);
+                return Err(ChargeFailure::Work);
             }
             total.steps += 1;
-            let factors = workspace.factorise(&operator, &u).ok_or(Refusal::Unknown)?;
+            let factors = workspace.factorise(&operator, &u).ok_or(ChargeFailure::Unknown)?;
             self.forces(&u, &mut forces);
             let (direct, along) = (factors.solve(&residual), factors.solve(&forces));
             let weight = 2.0 * share / energy;
@@ -247,7 +247,7 @@ impl<L: Law, F: Fn(f64) -> L> System<'_, '_, F> {
                 length *= 0.5;
             }
         }
-        Err(Refusal::Unknown)
+        Err(ChargeFailure::Unknown)
     }
 
     /// The residual at a share of the load, and its norm; `None` where the state is none that a membrane can have.
@@ -345,7 +345,7 @@ pub fn energy_of_sprayed(activity: &Activity, u: &[f64]) -> f64 {
 }
 
 /// Moves `u` from rest to the equilibrium with charge that was sprayed evenly over the electrodes.
-pub fn immobile<L: Law, F: Fn(f64) -> L>(
+pub fn immobile<L: Material, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
     scene: &Scene,
     charge: f64,
@@ -356,7 +356,7 @@ pub fn immobile<L: Law, F: Fn(f64) -> L>(
     let law = (problem.material)(0.0);
     let with = |share: f64| sprayed(problem.activity, scene, share.sqrt() * charge);
     let mut total = Loading {
-        ending: Ending::Unknown { stable: 0.0 },
+        ending: LoadingEnd::Unknown { stable: 0.0 },
         steps: 0,
         residual: 0.0,
         pointwise: false,
@@ -389,13 +389,13 @@ pub fn immobile<L: Law, F: Fn(f64) -> L>(
         u.copy_from_slice(&reached);
         if workspace.is_spent() || step <= SMALLEST {
             total.ending = match (workspace.is_spent(), stability) {
-                (true, _) => Ending::WorkLimit { stable: at },
-                (_, Some(Stability::Slack)) => Ending::Lost {
+                (true, _) => LoadingEnd::WorkLimit { stable: at },
+                (_, Some(Stability::Slack)) => LoadingEnd::Lost {
                     stable: at,
                     unstable: target,
                     loss: Loss::Tension,
                 },
-                (_, Some(other)) => Ending::Lost {
+                (_, Some(other)) => LoadingEnd::Lost {
                     stable: at,
                     unstable: target,
                     loss: match other {
@@ -403,7 +403,7 @@ pub fn immobile<L: Law, F: Fn(f64) -> L>(
                         _ => Loss::Stability,
                     },
                 },
-                (_, None) => Ending::Unknown { stable: at },
+                (_, None) => LoadingEnd::Unknown { stable: at },
             };
             return ChargedLoading {
                 loading: total,
@@ -412,7 +412,7 @@ pub fn immobile<L: Law, F: Fn(f64) -> L>(
         }
         step *= 0.5;
     }
-    total.ending = Ending::Stable;
+    total.ending = LoadingEnd::Stable;
     let charged = Charged {
         charge: if area > 0.0 { charge } else { 0.0 },
         voltage: None,

@@ -4,8 +4,8 @@
 //! to V², is raised in steps from the last stable state; steps that fail are halved until the loss of stability lies
 //! between two voltages one part in a thousand apart.
 
-use super::law::Law;
-use super::newton::{self, Trouble, Workspace};
+use super::material::Material;
+use super::newton::{self, NewtonFailure, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 use super::stability::{Stability, judge, same_basin};
@@ -13,7 +13,7 @@ use super::supports::Supports;
 
 /// How the loading ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Ending {
+pub enum LoadingEnd {
     /// A stable equilibrium at the full load.
     Stable,
     /// Stability is lost between two shares of the full load.
@@ -37,7 +37,7 @@ pub enum Ending {
     },
 }
 
-impl Ending {
+impl LoadingEnd {
     /// The highest share of the full load at which a stable equilibrium was found; 0 is rest.
     pub fn stable(self) -> f64 {
         match self {
@@ -62,7 +62,7 @@ pub enum Loss {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loading {
     /// How it ended.
-    pub ending: Ending,
+    pub ending: LoadingEnd,
     /// Newton steps over all load steps, failed ones included.
     pub steps: u32,
     /// Relative residual of the last attempt.
@@ -75,7 +75,7 @@ impl Loading {
     /// Nothing done yet, from a share.
     fn from(stable: f64) -> Self {
         Self {
-            ending: Ending::Unknown { stable },
+            ending: LoadingEnd::Unknown { stable },
             steps: 0,
             residual: 0.0,
             pointwise: false,
@@ -85,7 +85,7 @@ impl Loading {
 
 /// Why a load step is not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Refusal {
+enum StepFailure {
     Lost(Loss),
     Limit,
     Work,
@@ -103,7 +103,7 @@ const FIRST: f64 = 0.5;
 
 /// Where loading begins and ends, as shares of the full load.
 #[derive(Clone, Copy, Debug)]
-pub struct Climb {
+pub struct LoadRange {
     /// The share of the state that it begins with.
     pub from: f64,
     /// The share that is wanted.
@@ -112,7 +112,7 @@ pub struct Climb {
     pub step: f64,
 }
 
-impl Climb {
+impl LoadRange {
     const FROM_REST: Self = Self {
         from: 0.0,
         to: 1.0,
@@ -132,11 +132,11 @@ pub struct Problem<'a, F> {
     pub tolerance: f64,
 }
 
-impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
+impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
     /// Moves `u`, whatever it was, from rest to the full load, or to the last stable state on the way there.
     pub fn load(&self, u: &mut [f64], workspace: &mut Workspace) -> Loading {
         match self.rest(u, workspace) {
-            Ok(()) => self.climb(Climb::FROM_REST, u, workspace),
+            Ok(()) => self.raise_load(LoadRange::FROM_REST, u, workspace),
             Err(loading) => loading,
         }
     }
@@ -164,7 +164,7 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
                 }
                 Err(refusal) => {
                     u.copy_from_slice(&reached);
-                    if refusal == Refusal::Work || step <= BRACKET {
+                    if refusal == StepFailure::Work || step <= BRACKET {
                         total.ending = ending(refusal, 0.0, 0.0);
                         return Err(total);
                     }
@@ -182,46 +182,46 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
 
     /// How loading to a share ends, from rest, where stability is expected to be lost between a lower share and that one. `u` is
     /// then the last stable state.
-    pub fn load_through(&self, [low, high]: [f64; 2], u: &mut [f64], workspace: &mut Workspace) -> Ending {
+    pub fn load_through(&self, [low, high]: [f64; 2], u: &mut [f64], workspace: &mut Workspace) -> LoadingEnd {
         if let Err(loading) = self.rest(u, workspace) {
             return loading.ending;
         }
-        let approach = Climb {
+        let approach = LoadRange {
             from: 0.0,
             to: low,
             step: low,
         };
-        let ending = self.climb(approach, u, workspace).ending;
-        if ending != Ending::Stable {
+        let ending = self.raise_load(approach, u, workspace).ending;
+        if ending != LoadingEnd::Stable {
             return ending;
         }
-        let search = Climb {
+        let search = LoadRange {
             from: low,
             to: high,
             step: FIRST * (high - low),
         };
-        self.climb(search, u, workspace).ending
+        self.raise_load(search, u, workspace).ending
     }
 
     /// Moves `u` on from a stable state, to a higher load or to the last stable state on the way there.
-    pub fn climb(&self, climb: Climb, u: &mut [f64], workspace: &mut Workspace) -> Loading {
-        let mut total = Loading::from(climb.from);
-        let (mut stable, mut step) = (climb.from, climb.step.min(climb.to - climb.from));
+    pub fn raise_load(&self, range: LoadRange, u: &mut [f64], workspace: &mut Workspace) -> Loading {
+        let mut total = Loading::from(range.from);
+        let (mut stable, mut step) = (range.from, range.step.min(range.to - range.from));
         let mut failed = false;
-        let mut reached: Option<Vec<f64>> = (climb.from > 0.0 || self.is_loaded()).then(|| u.to_vec());
+        let mut reached: Option<Vec<f64>> = (range.from > 0.0 || self.is_loaded()).then(|| u.to_vec());
         workspace.begin_again();
         for _ in 0..MAX_LOAD_STEPS {
             let share: f64 = stable + step;
             match self.attempt([share, 1.0], reached.as_deref(), u, workspace, &mut total) {
-                Ok(()) if share >= climb.to => {
-                    total.ending = Ending::Stable;
+                Ok(()) if share >= range.to => {
+                    total.ending = LoadingEnd::Stable;
                     return total;
                 }
                 Ok(()) => {
                     reached.get_or_insert_with(|| vec![0.0; u.len()]).copy_from_slice(u);
                     stable = share;
                     // Right after a failure a longer step would fail again: the search would shrink by a quarter, not by half.
-                    step = if failed { step } else { 1.5 * step }.min(climb.to - stable);
+                    step = if failed { step } else { 1.5 * step }.min(range.to - stable);
                     failed = false;
                 }
                 Err(refusal) => {
@@ -230,13 +230,13 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
                         Some(reached) => u.copy_from_slice(reached),
                         None => u.fill(0.0),
                     }
-                    if refusal == Refusal::Work {
+                    if refusal == StepFailure::Work {
                         total.ending = ending(refusal, stable, share);
                         return total;
                     }
-                    if stable == 0.0 && refusal != Refusal::Limit && self.is_loose_at_rest() {
+                    if stable == 0.0 && refusal != StepFailure::Limit && self.is_loose_at_rest() {
                         let loss = Loss::Tension;
-                        total.ending = ending(Refusal::Lost(loss), stable, share);
+                        total.ending = ending(StepFailure::Lost(loss), stable, share);
                         return total;
                     }
                     if step <= BRACKET * share {
@@ -248,11 +248,11 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
             }
             // A membrane that does not move takes no Newton step that would notice.
             if workspace.is_spent() {
-                total.ending = Ending::WorkLimit { stable };
+                total.ending = LoadingEnd::WorkLimit { stable };
                 return total;
             }
         }
-        total.ending = Ending::Unknown { stable };
+        total.ending = LoadingEnd::Unknown { stable };
         total
     }
 
@@ -282,7 +282,7 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
         u: &mut [f64],
         workspace: &mut Workspace,
         total: &mut Loading,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), StepFailure> {
         let material = (self.material)(share);
         let operator = Operator {
             material: &material,
@@ -299,26 +299,28 @@ impl<L: Law, F: Fn(f64) -> L> Problem<'_, F> {
                     if operator.material.has_several_branches()
                         && !same_basin(&operator, self.laplacian, before, u, workspace)
                     {
-                        return Err(Refusal::Lost(Loss::Stability));
+                        return Err(StepFailure::Lost(Loss::Stability));
                     }
                     total.pointwise = pointwise;
                     Ok(())
                 }
-                Stability::Unstable => Err(Refusal::Lost(Loss::Stability)),
-                Stability::NotElliptic => Err(Refusal::Lost(Loss::Ellipticity)),
-                Stability::Slack => Err(Refusal::Lost(Loss::Tension)),
+                Stability::Unstable => Err(StepFailure::Lost(Loss::Stability)),
+                Stability::NotElliptic => Err(StepFailure::Lost(Loss::Ellipticity)),
+                Stability::Slack => Err(StepFailure::Lost(Loss::Tension)),
             },
-            Err((Trouble::NegativeCurvature | Trouble::LineSearch, _)) => Err(Refusal::Lost(Loss::Stability)),
-            Err((Trouble::Limit, _)) => Err(Refusal::Limit),
-            Err((Trouble::Work, _)) => Err(Refusal::Work),
+            Err((NewtonFailure::NegativeCurvature | NewtonFailure::LineSearch, _)) => {
+                Err(StepFailure::Lost(Loss::Stability))
+            }
+            Err((NewtonFailure::Limit, _)) => Err(StepFailure::Limit),
+            Err((NewtonFailure::Work, _)) => Err(StepFailure::Work),
         }
     }
 }
 
-fn ending(refusal: Refusal, stable: f64, unstable: f64) -> Ending {
+fn ending(refusal: StepFailure, stable: f64, unstable: f64) -> LoadingEnd {
     match refusal {
-        Refusal::Limit => Ending::Unknown { stable },
-        Refusal::Work => Ending::WorkLimit { stable },
-        Refusal::Lost(loss) => Ending::Lost { stable, unstable, loss },
+        StepFailure::Limit => LoadingEnd::Unknown { stable },
+        StepFailure::Work => LoadingEnd::WorkLimit { stable },
+        StepFailure::Lost(loss) => LoadingEnd::Lost { stable, unstable, loss },
     }
 }

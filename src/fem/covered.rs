@@ -6,7 +6,7 @@
 
 use super::effects::{Model, WithMaterial};
 use super::error::SetupError;
-use super::law::Law;
+use super::material::Material;
 use super::sheet::Sheet;
 use deaflow_scene::Scene;
 
@@ -30,7 +30,7 @@ struct Lost {
 impl WithMaterial for Lost {
     type Output = Option<f64>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<f64> {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<f64> {
         let [along, across] = self.distortion;
         let is_lost = |share: f64| material(share).ellipticity([[along, 0.0], [0.0, across]], 1.0) <= 0.0;
         if material(0.0).wrinkles() || !is_lost(self.most) {

@@ -15,8 +15,8 @@ use faer::{Conj, MatMut, Par, Side};
 use super::element::{Bilinear, Biquadratic, Element, Line};
 use super::grid::Grid;
 use super::kinematics::{Tensor, add_scaled};
-use super::law::Law;
 use super::layout::NodeLayout;
+use super::material::Material;
 use super::memory;
 use super::operator::{Operator, from_rest, on_sides, per_side};
 use super::supports::{Pose, Supports};
@@ -116,7 +116,7 @@ impl Structure {
     }
 
     /// The entries of the tangent at `u`; those of bodies stand last.
-    fn entries<L: Law>(&self, operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
+    fn entries<L: Material>(&self, operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
         let poses = operator.activity.grid().poses(u);
         let mut entries = match operator.activity.grid().order() {
             Order::Bilinear => assemble::<Bilinear, L, 4>(&self.unknowns, operator, u, &poses),
@@ -131,7 +131,11 @@ impl Structure {
     }
 
     /// The tangent at `u` on and below the diagonal; `None` when memory is short.
-    pub(super) fn tangent<L: Law>(&self, operator: &Operator<'_, L>, u: &[f64]) -> Option<SparseColMat<usize, f64>> {
+    pub(super) fn tangent<L: Material>(
+        &self,
+        operator: &Operator<'_, L>,
+        u: &[f64],
+    ) -> Option<SparseColMat<usize, f64>> {
         self.sparsity.matrix(&self.entries(operator, u))
     }
 
@@ -157,7 +161,7 @@ impl Structure {
     }
 
     /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
-    pub fn factorise<L: Law>(self: &Arc<Self>, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
+    pub fn factorise<L: Material>(self: &Arc<Self>, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
         let entries = self.entries(operator, u);
         Some(Factorisation {
             values: self.sparsity.factors(&entries)?,
@@ -178,7 +182,7 @@ pub struct Factorisation {
 impl Factorisation {
     /// The tangent at `u`; `None` when a pivot is exactly zero or memory is short.
     #[cfg(test)]
-    pub fn new<L: Law>(operator: &Operator<'_, L>, u: &[f64]) -> Option<Self> {
+    pub fn new<L: Material>(operator: &Operator<'_, L>, u: &[f64]) -> Option<Self> {
         Structure::new(operator.activity.grid())?.factorise(operator, u)
     }
 
@@ -371,7 +375,7 @@ impl Unknowns {
 }
 
 /// The entries of the tangent in the order of [`Unknowns::for_each_entry`].
-fn assemble<E: Element<N>, L: Law, const N: usize>(
+fn assemble<E: Element<N>, L: Material, const N: usize>(
     unknowns: &Unknowns,
     operator: &Operator<'_, L>,
     u: &[f64],

@@ -9,7 +9,7 @@ use faer::{Mat, Side};
 use deaflow_base::Stream;
 
 use super::energy::NeoHookean;
-use super::law::Law;
+use super::material::Material;
 use super::operator::Operator;
 use super::precondition::{Laplacian, LaplacianScratch};
 use super::supports::Pose;
@@ -44,7 +44,7 @@ struct Direction {
 }
 
 impl Direction {
-    fn new<L: Law>(operator: &Operator<'_, L>, u: &[f64], vector: Vec<f64>) -> Self {
+    fn new<L: Material>(operator: &Operator<'_, L>, u: &[f64], vector: Vec<f64>) -> Self {
         let mut stiff = vec![0.0; vector.len()];
         operator.tangent(u, &vector, &mut stiff);
         let mut harmonic = vec![0.0; vector.len()];
@@ -96,7 +96,7 @@ impl Direction {
 ///
 /// Its relative error is about 1e-5, absolutely 1e-8 where it is near zero.
 #[must_use]
-pub fn smallest<L: Law>(
+pub fn smallest<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     u: &[f64],
@@ -167,7 +167,7 @@ fn ritz(x: &Direction, w: Direction, p: Option<Direction>) -> Option<(Direction,
 }
 
 /// A smooth vector that has a part along every mode.
-fn start<L: Law>(
+fn start<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     u: &[f64],

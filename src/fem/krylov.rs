@@ -6,7 +6,7 @@ use crate::registers::dispatch_widest;
 
 /// How the iteration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ending {
+pub enum KrylovEnd {
     /// The residual is small enough.
     Converged,
     /// A direction along which the operator is not positive: it is not positive definite.
@@ -54,7 +54,7 @@ pub fn conjugate_gradients(
     scratch: &mut Scratch,
     mut operator: impl FnMut(&[f32], &mut [f32]),
     mut precondition: impl FnMut(&[f32], &mut [f32]),
-) -> Ending {
+) -> KrylovEnd {
     let Scratch {
         residual: r,
         solution: x,
@@ -76,7 +76,7 @@ pub fn conjugate_gradients(
         operator(p, image);
         let curvature = dot(p, image);
         if curvature <= 0.0 || !curvature.is_finite() {
-            return Ending::NegativeCurvature;
+            return KrylovEnd::NegativeCurvature;
         }
         let alpha = (rho / curvature) as f32;
         if iteration == 0 {
@@ -85,10 +85,10 @@ pub fn conjugate_gradients(
             add_scaled(x, alpha, p);
         }
         if retreat(r, alpha, image).sqrt() <= goal {
-            return Ending::Converged;
+            return KrylovEnd::Converged;
         }
     }
-    Ending::Limit
+    KrylovEnd::Limit
 }
 
 /// Numbers whose products are summed in single precision before the sum goes on in double precision.
@@ -173,7 +173,7 @@ mod tests {
             },
             |r, z| z.copy_from_slice(r),
         );
-        assert_eq!((ending, applications), (Ending::Converged, 3));
+        assert_eq!((ending, applications), (KrylovEnd::Converged, 3));
         assert!(
             scratch
                 .solution
@@ -191,7 +191,7 @@ mod tests {
             |p, out| out.copy_from_slice(&[p[0], -2.0 * p[1]]),
             |r, z| z.copy_from_slice(r),
         );
-        assert_eq!(ending, Ending::NegativeCurvature);
+        assert_eq!(ending, KrylovEnd::NegativeCurvature);
     }
 
     #[test]

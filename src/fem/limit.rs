@@ -6,12 +6,12 @@ use deaflow_field::{Mesh, Order};
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Effects, Scene};
 
-use super::continuation::Ending;
+use super::continuation::LoadingEnd;
 use super::critical::{CriticalVoltage, MeshLimit};
 use super::effects::{Model, Stability, WithMaterial};
 use super::error::SetupError;
 use super::krylov;
-use super::law::Law;
+use super::material::Material;
 use super::newton::{Workspace, probe};
 use super::operator::{Activity, Operator};
 use super::solver::{MembraneSolver, MeshSolution, SolveOptions};
@@ -183,9 +183,9 @@ impl CriticalSearch {
         }
         let voltage = self.coarse.scene.voltage_v();
         match self.fine().map(|fine| fine.search(pattern, [voltage, ROOM * voltage])) {
-            Some(Found::NoLoss) => Watched::Kept,
-            Some(Found::Nothing) | None => Watched::Nothing,
-            Some(Found::Limit(fine)) => {
+            Some(LimitSearch::NoLoss) => Watched::Kept,
+            Some(LimitSearch::Nothing) | None => Watched::Nothing,
+            Some(LimitSearch::Limit(fine)) => {
                 let Some(coarse) = self.coarse.limit_between(pattern, around(fine.voltage)) else {
                     return Watched::OnFine(fine);
                 };
@@ -238,14 +238,14 @@ impl MembraneSolver {
     #[must_use]
     pub fn limit_between(&self, pattern: &Pattern, expected: [f64; 2]) -> Option<MeshLimit> {
         match self.search(pattern, expected) {
-            Found::Limit(limit) => Some(limit),
-            Found::NoLoss | Found::Nothing => None,
+            LimitSearch::Limit(limit) => Some(limit),
+            LimitSearch::NoLoss | LimitSearch::Nothing => None,
         }
     }
 
-    fn search(&self, pattern: &Pattern, expected: [f64; 2]) -> Found {
+    fn search(&self, pattern: &Pattern, expected: [f64; 2]) -> LimitSearch {
         let Ok((model, voltage)) = self.driven() else {
-            return Found::Nothing;
+            return LimitSearch::Nothing;
         };
         let ending = model.with(Between {
             solver: self,
@@ -253,9 +253,9 @@ impl MembraneSolver {
             expected: expected.map(|expected| (expected / voltage).powi(2)),
         });
         match ending {
-            Ending::Stable => Found::NoLoss,
-            Ending::Unknown { .. } | Ending::WorkLimit { .. } => Found::Nothing,
-            Ending::Lost { stable, unstable, .. } => Found::Limit(MeshLimit {
+            LoadingEnd::Stable => LimitSearch::NoLoss,
+            LoadingEnd::Unknown { .. } | LoadingEnd::WorkLimit { .. } => LimitSearch::Nothing,
+            LoadingEnd::Lost { stable, unstable, .. } => LimitSearch::Limit(MeshLimit {
                 mesh: self.mesh(),
                 voltage: 0.5 * voltage * (stable.sqrt() + unstable.sqrt()),
             }),
@@ -278,7 +278,7 @@ struct Load;
 impl WithMaterial for Load {
     type Output = bool;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
         let full = material(1.0);
         !full.wrinkles() && full.load() < FAR * 0.5 * full.largest_load()
     }
@@ -299,7 +299,7 @@ enum Watched {
 }
 
 /// What a search for a loss of stability ends with.
-enum Found {
+enum LimitSearch {
     Limit(MeshLimit),
     /// Stable up to the end.
     NoLoss,
@@ -316,7 +316,7 @@ struct Clear<'a> {
 impl WithMaterial for Clear<'_> {
     type Output = bool;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
         let operator = Operator {
             material: &material(1.0),
             activity: self.activity,
@@ -324,7 +324,7 @@ impl WithMaterial for Clear<'_> {
         };
         let laplacian = &self.solver.laplacian;
         let mut workspace = Workspace::new(self.u.len(), laplacian);
-        probe(&operator, laplacian, CLEAR, self.u, &mut workspace) == krylov::Ending::Converged
+        probe(&operator, laplacian, CLEAR, self.u, &mut workspace) == krylov::KrylovEnd::Converged
     }
 }
 
@@ -336,9 +336,9 @@ struct Between<'a> {
 }
 
 impl WithMaterial for Between<'_> {
-    type Output = Ending;
+    type Output = LoadingEnd;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Ending {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> LoadingEnd {
         let mut u = vec![0.0; self.solver.grid.layout().vector_len()];
         let mut workspace = Workspace::new(u.len(), &self.solver.laplacian);
         workspace.begin(self.solver.limit);

@@ -2,11 +2,11 @@
 
 use deaflow_pattern::Pattern;
 
-use super::continuation::{Climb, Ending};
+use super::continuation::{LoadRange, LoadingEnd};
 use super::effects::{Model, WithMaterial};
 use super::eigenvalue::smallest;
 use super::error::SetupError;
-use super::law::Law;
+use super::material::Material;
 use super::newton::Workspace;
 use super::operator::{Activity, Operator};
 use super::solver::{MembraneSolver, MeshSolution};
@@ -93,7 +93,7 @@ struct Smallest<'a> {
 impl WithMaterial for Smallest<'_> {
     type Output = Option<f64>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<f64> {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<f64> {
         let operator = Operator {
             material: &material(1.0),
             activity: self.activity,
@@ -115,21 +115,21 @@ struct Onward<'a> {
 struct FromRest<'a>(Onward<'a>);
 
 impl Onward<'_> {
-    fn climb<L: Law, F: Fn(f64) -> L>(self, material: F, from: f64) -> Option<[f64; 2]> {
+    fn raise_load<L: Material, F: Fn(f64) -> L>(self, material: F, from: f64) -> Option<[f64; 2]> {
         let full = material(1.0);
         let unit = 0.5 * full.largest_load() / full.load();
         let problem = self.solver.problem(self.activity, material);
         // Towards a fold the eigenvalue falls like the root of the distance to it.
         let guess = self.eigenvalue.clamp(1e-2, 1.0).powi(2);
-        let climb = Climb {
+        let climb = LoadRange {
             from,
             to: (REACH * unit).max(from),
             step: guess * from.max(0.25 * unit),
         };
         let mut workspace = Workspace::new(self.u.len(), &self.solver.laplacian);
-        match problem.climb(climb, self.u, &mut workspace).ending {
-            Ending::Lost { stable, unstable, .. } => Some([stable, unstable]),
-            Ending::Stable | Ending::Unknown { .. } | Ending::WorkLimit { .. } => None,
+        match problem.raise_load(climb, self.u, &mut workspace).ending {
+            LoadingEnd::Lost { stable, unstable, .. } => Some([stable, unstable]),
+            LoadingEnd::Stable | LoadingEnd::Unknown { .. } | LoadingEnd::WorkLimit { .. } => None,
         }
     }
 }
@@ -137,15 +137,15 @@ impl Onward<'_> {
 impl WithMaterial for Onward<'_> {
     type Output = Option<[f64; 2]>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
-        self.climb(material, 1.0)
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
+        self.raise_load(material, 1.0)
     }
 }
 
 impl WithMaterial for FromRest<'_> {
     type Output = Option<[f64; 2]>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
-        self.0.climb(material, 0.0)
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
+        self.0.raise_load(material, 0.0)
     }
 }

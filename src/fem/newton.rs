@@ -11,15 +11,15 @@ use crate::registers::dispatch_widest;
 use deaflow_base::Stream;
 
 use super::direct::{Factorisation, Structure};
-use super::krylov::{self, Ending, conjugate_gradients};
-use super::law::Law;
+use super::krylov::{self, KrylovEnd, conjugate_gradients};
+use super::material::Material;
 use super::operator::Operator;
 use super::precondition::{Laplacian, LaplacianScratch};
 use super::work::{SWEEP, WorkLimit, factors};
 
 /// What stopped the iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Trouble {
+pub enum NewtonFailure {
     /// The tangent is not positive definite.
     NegativeCurvature,
     /// No step along the Newton direction reduces the residual.
@@ -137,7 +137,7 @@ impl Workspace {
     }
 
     /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
-    pub fn factorise<L: Law>(&mut self, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
+    pub fn factorise<L: Material>(&mut self, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
         self.other_work += factors(u.len());
         if self.structure.is_none() {
             self.structure = Structure::new(operator.activity.grid());
@@ -175,13 +175,13 @@ const ROUNDING: f64 = 1e-14;
 ///
 /// # Errors
 /// With the progress made until then, when it does not get there; `u` is then where it got to.
-pub fn solve<L: Law>(
+pub fn solve<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     tolerance: f64,
     u: &mut [f64],
     workspace: &mut Workspace,
-) -> Result<Progress, (Trouble, Progress)> {
+) -> Result<Progress, (NewtonFailure, Progress)> {
     let load = operator.material.load();
     // The load of elements is rounded too, though its forces may cancel.
     let rounding = (ROUNDING * load).max(operator.rounding());
@@ -228,13 +228,13 @@ pub fn solve<L: Law>(
             return Ok(progress);
         }
         if workspace.is_spent() {
-            return Err((Trouble::Work, progress));
+            return Err((NewtonFailure::Work, progress));
         }
         // A last step need not do better than the goal.
         let inner = forcing.max(0.5 * goal / size).clamp(TIGHTEST, LOOSEST);
         find_step(operator, laplacian, inner, size, u, workspace).map_err(|trouble| (trouble, progress))?;
         let Some(new_size) = line_search(operator, size, u, workspace) else {
-            return Err((Trouble::LineSearch, progress));
+            return Err((NewtonFailure::LineSearch, progress));
         };
         forcing = 0.9 * (new_size / size).powf(1.3);
         size = new_size;
@@ -246,7 +246,7 @@ pub fn solve<L: Law>(
     if size <= goal {
         Ok(progress)
     } else {
-        Err((Trouble::Limit, progress))
+        Err((NewtonFailure::Limit, progress))
     }
 }
 
@@ -265,14 +265,14 @@ pub struct ChordSteps {
 ///
 /// # Errors
 /// With the progress made until then, when A is not positive definite, or a step turns an element over.
-pub fn chord<L: Law>(
+pub fn chord<L: Material>(
     [actual, linear]: [&Operator<'_, L>; 2],
     laplacian: &Laplacian,
     ChordSteps { count, inner, unit }: ChordSteps,
     rest: &[f64],
     u: &mut [f64],
     workspace: &mut Workspace,
-) -> Result<Progress, (Trouble, Progress)> {
+) -> Result<Progress, (NewtonFailure, Progress)> {
     actual.residual(u, &mut workspace.residual);
     let mut progress = Progress {
         steps: 0,
@@ -290,7 +290,7 @@ pub fn chord<L: Law>(
         actual.activity.grid().settle(&mut workspace.trial);
         u.copy_from_slice(&workspace.trial);
         if actual.residual(u, &mut workspace.residual) <= 0.0 {
-            return Err((Trouble::LineSearch, progress));
+            return Err((NewtonFailure::LineSearch, progress));
         }
         progress.steps += 1;
         size = norm(&workspace.residual);
@@ -304,14 +304,14 @@ pub fn chord<L: Law>(
 ///
 /// # Errors
 /// When the tangent is not positive definite, or single precision makes no headway on it.
-pub fn solve_tangent<L: Law>(
+pub fn solve_tangent<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     tolerance: f64,
     u: &[f64],
     load: &[f64],
     workspace: &mut Workspace,
-) -> Result<Vec<f64>, Trouble> {
+) -> Result<Vec<f64>, NewtonFailure> {
     let mut solution = vec![0.0; load.len()];
     let reference = norm(load);
     workspace.residual.copy_from_slice(load);
@@ -331,19 +331,19 @@ pub fn solve_tangent<L: Law>(
             .zip(pairs)
             .for_each(|(r, (load, image))| *r = load - image);
     }
-    Err(Trouble::Limit)
+    Err(NewtonFailure::Limit)
 }
 
 /// The Newton step −A⁻¹R, divided by −‖R‖, into the solution of the Krylov workspace: by conjugate gradients, and by factors of the
 /// matrix where those take too long, which they do next to a loss of stability.
-fn find_step<L: Law>(
+fn find_step<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     goal: f64,
     size: f64,
     u: &[f64],
     workspace: &mut Workspace,
-) -> Result<(), Trouble> {
+) -> Result<(), NewtonFailure> {
     let Workspace {
         residual,
         single,
@@ -365,12 +365,14 @@ fn find_step<L: Law>(
         |r, z| laplacian.solve(r, &poses, z, scratch),
     );
     match ending {
-        Ending::Converged => Ok(()),
-        Ending::NegativeCurvature => Err(Trouble::NegativeCurvature),
-        Ending::Limit => {
-            let factors = workspace.factorise(operator, u).ok_or(Trouble::NegativeCurvature)?;
+        KrylovEnd::Converged => Ok(()),
+        KrylovEnd::NegativeCurvature => Err(NewtonFailure::NegativeCurvature),
+        KrylovEnd::Limit => {
+            let factors = workspace
+                .factorise(operator, u)
+                .ok_or(NewtonFailure::NegativeCurvature)?;
             if factors.negative_pivots() > 0 {
-                return Err(Trouble::NegativeCurvature);
+                return Err(NewtonFailure::NegativeCurvature);
             }
             let step = factors.solve(&workspace.residual);
             narrow(&step, 1.0 / size, &mut workspace.krylov.solution);
@@ -381,18 +383,18 @@ fn find_step<L: Law>(
 
 /// How conjugate gradients end with the tangent at `u`, less `shift` times the Laplacian, on a random load, which has a part
 /// along every mode: a negative eigenvalue cannot hide from them, and they end well only where there is none.
-pub fn probe<L: Law>(
+pub fn probe<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     shift: f32,
     u: &[f64],
     workspace: &mut Workspace,
-) -> Ending {
+) -> KrylovEnd {
     let mut stream = Stream::new(0, "stability probe", 0);
     let load = operator.activity.grid().random_load(&mut stream, u);
     if load.iter().all(|force| *force == 0.0) {
         // There are no nodes but those of the frame.
-        return Ending::Converged;
+        return KrylovEnd::Converged;
     }
     let Workspace {
         single,
@@ -421,7 +423,12 @@ pub fn probe<L: Law>(
 }
 
 /// Moves `u` along the step as far as the residual falls; returns its new norm.
-fn line_search<L: Law>(operator: &Operator<'_, L>, size: f64, u: &mut [f64], workspace: &mut Workspace) -> Option<f64> {
+fn line_search<L: Material>(
+    operator: &Operator<'_, L>,
+    size: f64,
+    u: &mut [f64],
+    workspace: &mut Workspace,
+) -> Option<f64> {
     let Workspace {
         residual,
         trial,

@@ -11,7 +11,7 @@ use super::effects::{Model, WithMaterial};
 use super::error::SetupError;
 use super::grid::Grid;
 use super::kinematics::{Tensor, determinant, squared_stretches};
-use super::law::Law;
+use super::material::Material;
 use super::operator::{Activity, load_of};
 
 /// How a cell bears its load.
@@ -128,7 +128,7 @@ struct States<'a> {
 impl WithMaterial for States<'_> {
     type Output = Vec<CellState>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Vec<CellState> {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Vec<CellState> {
         let (material, grid) = (material(1.0), self.activity.grid());
         let (raster, integrals) = (grid.raster(), [0, 1].map(|axis| along_side(grid, axis)));
         // Values of a scene are texts, which are not read again for each cell.
@@ -162,7 +162,7 @@ struct Scale {
 }
 
 impl States<'_> {
-    fn state<L: Law>(&self, material: &L, scale: &Scale, f: Tensor<f64>, [x, y]: [usize; 2]) -> CellState {
+    fn state<L: Material>(&self, material: &L, scale: &Scale, f: Tensor<f64>, [x, y]: [usize; 2]) -> CellState {
         let &Scale {
             prestretch,
             modulus,

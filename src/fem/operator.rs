@@ -6,8 +6,8 @@ mod survey;
 
 pub use super::activity::{Activity, Within, load_of};
 use super::energy::Margins;
-use super::law::{Law, Passes};
 use super::layout::NodeLayout;
+use super::material::{Material, Passes};
 use super::memory;
 pub use super::precision::Precision;
 use super::registers::dispatch;
@@ -15,7 +15,7 @@ use super::sheet::Mount;
 use super::supports::{Pose, Supports};
 pub(crate) use kernels::{Kernels, from_rest, on_sides, per_side};
 use kernels::{stress_at_rest, without_law};
-pub use survey::LawAtRest;
+pub use survey::MaterialAtRest;
 
 /// The discrete equilibrium of one pattern under one law.
 #[derive(Clone, Copy)]
@@ -28,7 +28,7 @@ pub struct Operator<'a, L> {
     pub pulled: f64,
 }
 
-impl<L: Law> Operator<'_, L> {
+impl<L: Material> Operator<'_, L> {
     /// How vectors lie in memory.
     #[must_use]
     pub fn layout(&self) -> NodeLayout {
@@ -46,7 +46,7 @@ impl<L: Law> Operator<'_, L> {
         2.0 * f64::EPSILON * (along.abs() + across.abs() + remembered)
     }
 
-    /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest [`Law::admissible`]; the
+    /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest [`Material::admissible`]; the
     /// residual means something only where that is positive.
     pub fn residual(&self, u: &[f64], out: &mut [f64]) -> f64 {
         let smallest = self.forces(u, out);
@@ -86,7 +86,7 @@ impl<L: Law> Operator<'_, L> {
         self.material.stores() && grid.is_plain() && is_alone && self.activity.is_binary()
     }
 
-    /// The forces of all elements on the nodes that are not on the edge; returns the smallest [`Law::admissible`].
+    /// The forces of all elements on the nodes that are not on the edge; returns the smallest [`Material::admissible`].
     fn forces(&self, u: &[f64], out: &mut [f64]) -> f64 {
         let smallest = self.material.forces(self.activity, u, out);
         self.remember(out, |of_memory| {

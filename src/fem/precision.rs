@@ -1,7 +1,7 @@
 //! Numbers that are kept in both precisions: residuals are taken in double, steps in single.
 
 use super::lanes::Real;
-use super::law::{Law, Passes};
+use super::material::{Material, Passes};
 
 /// Numbers in both precisions.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,7 +44,7 @@ pub trait Precision: Real {
     /// The numbers in this precision.
     fn of(both: &Both) -> &[Self];
     /// The passes of a law in this precision.
-    fn passes<L: Law + ?Sized>(law: &L) -> &(impl Passes<Self> + ?Sized);
+    fn passes<L: Material + ?Sized>(law: &L) -> &(impl Passes<Self> + ?Sized);
 }
 
 impl Precision for f64 {
@@ -52,7 +52,7 @@ impl Precision for f64 {
         &both.double
     }
 
-    fn passes<L: Law + ?Sized>(law: &L) -> &(impl Passes<Self> + ?Sized) {
+    fn passes<L: Material + ?Sized>(law: &L) -> &(impl Passes<Self> + ?Sized) {
         law
     }
 }
@@ -62,7 +62,7 @@ impl Precision for f32 {
         &both.single
     }
 
-    fn passes<L: Law + ?Sized>(law: &L) -> &(impl Passes<Self> + ?Sized) {
+    fn passes<L: Material + ?Sized>(law: &L) -> &(impl Passes<Self> + ?Sized) {
         law
     }
 }

@@ -13,7 +13,7 @@ use deaflow_scene::Scene;
 use super::adjoint;
 use super::effects::{Model, WithMaterial};
 use super::error::SetupError;
-use super::law::Law;
+use super::material::Material;
 use super::newton::{self, ChordSteps, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
@@ -196,7 +196,7 @@ struct Ellipticity<'a>(&'a LinearResponse);
 impl WithMaterial for Ellipticity<'_> {
     type Output = f64;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> f64 {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> f64 {
         let response = self.0;
         let margins = response
             .operator(&material(1.0), &response.half_active)
@@ -224,7 +224,7 @@ struct Estimate {
 impl WithMaterial for Steps<'_> {
     type Output = Estimate;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Estimate {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Estimate {
         let Self {
             response, u, workspace, ..
         } = self;
@@ -268,7 +268,7 @@ struct ToActivity<'a> {
 impl WithMaterial for ToActivity<'_> {
     type Output = Option<Field>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Field> {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Field> {
         let Self { response, .. } = self;
         let material = material(1.0);
         let mut load = vec![0.0; response.rest.len()];

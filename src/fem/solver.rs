@@ -9,11 +9,11 @@ use deaflow_scene::laws::StiffeningLaw;
 
 use super::adjoint;
 use super::charge::{self, ChargedLoading};
-use super::continuation::{Ending, Loss, Problem};
+use super::continuation::{LoadingEnd, Loss, Problem};
 use super::effects::{Model, WithMaterial, breakdown_ratio};
 use super::error::SetupError;
 use super::grid::Grid;
-use super::law::Law;
+use super::material::Material;
 use super::newton::{self, Workspace};
 use super::observable::{CellState, Survey, states};
 use super::operator::{Activity, Operator};
@@ -350,10 +350,10 @@ impl MembraneSolver {
     }
 
     /// How a loading ended, in volts.
-    pub(super) fn outcome(&self, ending: Ending) -> Outcome {
+    pub(super) fn outcome(&self, ending: LoadingEnd) -> Outcome {
         match ending {
-            Ending::Stable => Outcome::Converged,
-            Ending::Lost { stable, unstable, loss } => {
+            LoadingEnd::Stable => Outcome::Converged,
+            LoadingEnd::Lost { stable, unstable, loss } => {
                 let volts = [stable, unstable].map(|s| s.sqrt() * self.scene.voltage_v());
                 let [last_stable, first_unstable] = match self.scene.drive.charge {
                     // Beyond the fold the voltage falls while the charge rises.
@@ -375,8 +375,8 @@ impl MembraneSolver {
                     },
                 }
             }
-            Ending::Unknown { .. } => Outcome::IterationLimit,
-            Ending::WorkLimit { .. } => Outcome::WorkLimit,
+            LoadingEnd::Unknown { .. } => Outcome::IterationLimit,
+            LoadingEnd::WorkLimit { .. } => Outcome::WorkLimit,
         }
     }
 
@@ -417,7 +417,7 @@ struct Load<'a> {
 impl WithMaterial for Load<'_> {
     type Output = ChargedLoading;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> ChargedLoading {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> ChargedLoading {
         let problem = Problem {
             tolerance: self.tolerance,
             ..self.solver.problem(self.activity, material)
@@ -454,7 +454,7 @@ struct Near<'a> {
 impl WithMaterial for Near<'_> {
     type Output = bool;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
         let operator = Operator {
             material: &material(1.0),
             activity: self.activity,

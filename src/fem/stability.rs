@@ -6,8 +6,8 @@
 //! tangent; and where these take too long, the matrix is factorised and its negative pivots are counted (Sylvester's law
 //! of inertia).
 
-use super::krylov::Ending;
-use super::law::Law;
+use super::krylov::KrylovEnd;
+use super::material::Material;
 use super::newton::{Workspace, probe};
 use super::operator::Operator;
 use super::precondition::Laplacian;
@@ -34,7 +34,7 @@ const CLEAR: f64 = 1e-3;
 pub(super) const LOOSE: f64 = 1e-9;
 
 /// Judges the equilibrium `u`.
-pub fn judge<L: Law>(
+pub fn judge<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     u: &[f64],
@@ -56,9 +56,9 @@ pub fn judge<L: Law>(
         return Stability::Stable { pointwise: true };
     }
     match probe(operator, laplacian, 0.0, u, workspace) {
-        Ending::Converged => Stability::Stable { pointwise: false },
-        Ending::NegativeCurvature => Stability::Unstable,
-        Ending::Limit => match workspace.factorise(operator, u) {
+        KrylovEnd::Converged => Stability::Stable { pointwise: false },
+        KrylovEnd::NegativeCurvature => Stability::Unstable,
+        KrylovEnd::Limit => match workspace.factorise(operator, u) {
             Some(factors) if factors.negative_pivots() == 0 => Stability::Stable { pointwise: false },
             _ => Stability::Unstable,
         },
@@ -68,7 +68,7 @@ pub fn judge<L: Law>(
 /// Whether the energy is convex along the segment from the last stable state, the one at rest where there is none, to an
 /// equilibrium: then both lie in one basin, and the membrane goes from one to the other without a snap. It is looked at
 /// in three places between them.
-pub fn same_basin<L: Law>(
+pub fn same_basin<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     before: Option<&[f64]>,
@@ -116,9 +116,9 @@ mod tests {
             };
             let positive = Factorisation::new(&operator, &u).unwrap().negative_pivots() == 0;
             let expected = if positive {
-                Ending::Converged
+                KrylovEnd::Converged
             } else {
-                Ending::NegativeCurvature
+                KrylovEnd::NegativeCurvature
             };
             assert_eq!(
                 probe(&operator, &laplacian, 0.0, &u, &mut workspace),

@@ -4,7 +4,7 @@ use crate::registers::dispatch;
 
 use crate::element::Line;
 use crate::kinematics::Tensor;
-use crate::law::Law;
+use crate::material::Material;
 use crate::memory::{NUMBERS, lines};
 use crate::operator::Activity;
 use deaflow_field::Order;
@@ -90,7 +90,7 @@ fn weights(order: Order) -> Vec<f64> {
 
 /// What is stored at a metric, under laws without voltage and with it, which is so many V.
 #[must_use]
-pub fn content<L: Law>(
+pub fn content<L: Material>(
     [unloaded, loaded]: [&L; 2],
     activity: &Activity,
     metric: &[f64],

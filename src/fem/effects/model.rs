@@ -4,7 +4,7 @@ use super::{Decaying, Fringe, Stiff, TensionField};
 use crate::energy::{Compound, Elasticity, Isotropic, Neo, NeoHookean, Stiffened};
 use crate::error::SetupError;
 use crate::grid::Grid;
-use crate::law::{AnyLaw, Law};
+use crate::material::{AnyMaterial, Material};
 use crate::memory::Memory;
 use crate::operator::{Activity, metrics};
 use crate::sheet::Sheet;
@@ -38,11 +38,11 @@ pub trait WithMaterial {
     /// What comes of it.
     type Output;
     /// Does it. `law` is the law at a share of the full load, which is proportional to V².
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output;
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output;
 }
 
 /// Does work under a law whose type it does not know, so that it is compiled once.
-fn run<W: WithMaterial>(work: W, material: &(dyn Fn(f64) -> AnyLaw + Sync)) -> W::Output {
+fn run<W: WithMaterial>(work: W, material: &(dyn Fn(f64) -> AnyMaterial + Sync)) -> W::Output {
     work.run(material)
 }
 
@@ -52,7 +52,7 @@ struct AtRest([f64; 2]);
 impl WithMaterial for AtRest {
     type Output = [f64; 2];
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> [f64; 2] {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> [f64; 2] {
         let ([along, across], material) = (self.0, material(0.0));
         [
             material.admissible([[along - 1.0, 0.0], [0.0, across - 1.0]]),
@@ -126,7 +126,7 @@ impl Model {
             None if self.is_base_law() => {
                 let slowness = if self.law_takes_slowness() { self.slowness } else { 0.0 };
                 run(work, &|share| {
-                    AnyLaw::new(NeoHookean::new(prestretch, share * kappa).slowed(slowness))
+                    AnyMaterial::new(NeoHookean::new(prestretch, share * kappa).slowed(slowness))
                 })
             }
             None => self.with_elasticity(Neo::new(prestretch), work),
@@ -161,10 +161,10 @@ impl Model {
         };
         if self.wrinkles {
             run(work, &|share| {
-                AnyLaw::new(Isotropic::new(TensionField::new(potential(share))))
+                AnyMaterial::new(Isotropic::new(TensionField::new(potential(share))))
             })
         } else {
-            run(work, &|share| AnyLaw::new(Isotropic::new(potential(share))))
+            run(work, &|share| AnyMaterial::new(Isotropic::new(potential(share))))
         }
     }
 

@@ -3,7 +3,7 @@
 use super::potential::{
     Invariants, Potential, Slopes, Watched, energy_apart, first_slopes_apart, slopes_apart, watched_apart,
 };
-use super::{MODULI, Margins, Material, Rest};
+use super::{MODULI, Margins, MaterialPoint, Rest};
 use crate::kinematics::{Tensor, add_scaled, cofactor, conformal_split, contract, deformation};
 use crate::lanes::Value;
 
@@ -91,7 +91,7 @@ fn smallest_on_edge<V: Value>(a: V, b: V, c: V) -> V {
     inside.min(a - (size + size) + c)
 }
 
-impl<P: Potential> Material for Isotropic<P> {
+impl<P: Potential> MaterialPoint for Isotropic<P> {
     const SEVERAL_BRANCHES: bool = P::SEVERAL_BRANCHES;
     const WRINKLES: bool = P::WRINKLES;
     const STORES: bool = true;

@@ -51,13 +51,13 @@ pub struct Margins<V> {
 /// An energy density per area of the prestretched membrane, in units of μH, as a function of f = I + ∇u.
 ///
 /// `active` is 1 where the membrane carries an electrode and 0 where it is bare.
-pub trait Material: Sync + 'static {
+pub trait MaterialPoint: Sync + 'static {
     /// Whether a pattern can have several stable equilibria at one load, as where the elastomer stiffens after a snap. The
     /// loading then takes care to stay on the branch that begins at rest.
     const SEVERAL_BRANCHES: bool = false;
     /// Whether the membrane bears no compression, so that it can lose its tension.
     const WRINKLES: bool = false;
-    /// Whether it is worth while to keep [`Material::moduli`] at all points.
+    /// Whether it is worth while to keep [`MaterialPoint::moduli`] at all points.
     const STORES: bool = false;
 
     /// w(f).
@@ -100,7 +100,7 @@ pub trait Material: Sync + 'static {
         let share = long.choose(wanting * square.max(number(LONG)).recip(), number(0.0));
         add_scaled(stress, share, df)
     }
-    /// The numbers that [`Material::tangent`] takes more time to find than to read again, for conjugate gradients that ask for it
+    /// The numbers that [`MaterialPoint::tangent`] takes more time to find than to read again, for conjugate gradients that ask for it
     /// in many directions at one place.
     fn moduli<V: Value>(&self, gradient: Tensor<V>, active: V) -> [V; MODULI];
     /// Positive where the energy is finite: an equilibrium is sought only there.
@@ -111,7 +111,7 @@ pub trait Material: Sync + 'static {
     /// A stress of the form αI + β cof f with uniform α and β: free of divergence whatever f, because the cofactor of a
     /// gradient is.
     fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64>;
-    /// A load, in the unit of [`Material::load`], beyond which it is not worth looking for an equilibrium from rest: twice that
+    /// A load, in the unit of [`MaterialPoint::load`], beyond which it is not worth looking for an equilibrium from rest: twice that
     /// at which a membrane that is active everywhere loses stability.
     fn largest_load(&self) -> f64;
     /// The size of the load, the stress that the voltage causes in an undisplaced active cell.

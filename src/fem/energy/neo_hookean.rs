@@ -11,7 +11,7 @@
 //!
 //! Taking I − a cof f out of p leaves ∇u + (g′ + a) cof f, which is zero at rest and without voltage.
 
-use super::{MODULI, Margins, Material};
+use super::{MODULI, Margins, MaterialPoint};
 use crate::kinematics::{
     Tensor, add_scaled, cofactor, conformal_split, contract, deformation, determinant, squared_stretches,
 };
@@ -87,7 +87,7 @@ impl NeoHookean {
     }
 }
 
-impl Material for NeoHookean {
+impl MaterialPoint for NeoHookean {
     fn slowed(&self, slowness: f64) -> Option<Self> {
         Some(Self::slowed(*self, slowness))
     }
@@ -227,7 +227,7 @@ mod tests {
             assert!((own - change).abs() < 4e-16, "{own} {change}");
             // The way of other laws.
             struct Other(NeoHookean);
-            impl Material for Other {
+            impl MaterialPoint for Other {
                 fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
                     self.0.energy(f, active)
                 }

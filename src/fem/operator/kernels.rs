@@ -14,11 +14,11 @@ use super::point::{
     FollowingTangent, MemoryBetween, MemoryStress, Point, StressAt, StressAtRest, StressBetween, TangentAt,
     TangentAtRest, TangentFrom, TangentOfBoth,
 };
-use super::survey::{AskAtRest, LawAtRest, Metrics, Store, Survey, place};
+use super::survey::{AskAtRest, MaterialAtRest, Metrics, Store, Survey, place};
 use crate::activity::{Activity, View};
 use crate::eigenvalue::WITHOUT_THICKNESS;
 use crate::element::{Bilinear, Biquadratic, Element};
-use crate::energy::{MODULI, Margins, Material, NeoHookean};
+use crate::energy::{MODULI, Margins, MaterialPoint, NeoHookean};
 use crate::kinematics::Tensor;
 use crate::lanes::{Real, Value, WIDEST, Wide};
 use crate::layout::NodeLayout;
@@ -40,12 +40,12 @@ pub(super) fn without_law(activity: &Activity) -> Kernels<'_, NeoHookean> {
 
 impl Kernels<'_, NeoHookean> {
     /// The stresses at rest of what is bare and of what is active as forces.
-    pub(super) fn forces_at_rest(&self, rest: &[f64], law: &LawAtRest, out: &mut [f64]) {
+    pub(super) fn forces_at_rest(&self, rest: &[f64], law: &MaterialAtRest, out: &mut [f64]) {
         self.sweep_plain([rest], &[], out, StressAtRest(law.stresses));
     }
 
     /// The tangent at rest, of elements that are squares there.
-    pub(super) fn tangent_at_rest<T: Precision>(&self, step: [&[T]; 2], law: &LawAtRest, out: &mut [T]) {
+    pub(super) fn tangent_at_rest<T: Precision>(&self, step: [&[T]; 2], law: &MaterialAtRest, out: &mut [T]) {
         self.sweep_plain(step, &[], out, TangentAtRest(law.moduli));
     }
 
@@ -84,7 +84,7 @@ impl Kernels<'_, NeoHookean> {
     }
 }
 
-impl<'a, L: Material> Kernels<'a, L> {
+impl<'a, L: MaterialPoint> Kernels<'a, L> {
     /// Those of a law for some elements.
     pub(crate) fn new(material: &'a L, activity: &'a Activity) -> Self {
         Self { material, activity }
@@ -95,14 +95,14 @@ impl<'a, L: Material> Kernels<'a, L> {
     }
 
     /// The law at rest in numbers of a kind.
-    pub(crate) fn at_rest<T: Precision>(material: &L) -> LawAtRest {
+    pub(crate) fn at_rest<T: Precision>(material: &L) -> MaterialAtRest {
         dispatch(AskAtRest::<L, T> {
             material,
             number: PhantomData,
         })
     }
 
-    /// The forces at one field; returns the smallest [`Material::admissible`].
+    /// The forces at one field; returns the smallest [`MaterialPoint::admissible`].
     pub(crate) fn forces(&self, u: &[f64], out: &mut [f64]) -> f64 {
         self.sweep([u], &[], out, StressAt(self.material))
     }

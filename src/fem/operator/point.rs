@@ -1,6 +1,6 @@
 //! What an operator does at a quadrature point.
 
-use crate::energy::{MODULI, Material, tangent_from};
+use crate::energy::{MODULI, MaterialPoint, tangent_from};
 use crate::kinematics::Tensor;
 use crate::lanes::Value;
 #[cfg(doc)]
@@ -98,7 +98,7 @@ impl<L> Clone for TangentAt<'_, L> {
 
 impl<L> Copy for TangentAt<'_, L> {}
 
-impl<L: Material> Point<1> for StressAt<'_, L> {
+impl<L: MaterialPoint> Point<1> for StressAt<'_, L> {
     const WIDEST: bool = true;
     const WATCHED: bool = true;
     #[inline(always)]
@@ -111,7 +111,7 @@ impl<L: Material> Point<1> for StressAt<'_, L> {
     }
 }
 
-impl<L: Material> Point<2> for TangentAt<'_, L> {
+impl<L: MaterialPoint> Point<2> for TangentAt<'_, L> {
     const WIDEST: bool = true;
     #[inline(always)]
     fn stress<V: Value>(
@@ -199,7 +199,7 @@ impl Point<1> for MemoryStress {
     }
 }
 
-impl<L: Material> Point<2> for StressBetween<'_, L> {
+impl<L: MaterialPoint> Point<2> for StressBetween<'_, L> {
     #[inline(always)]
     fn stress<V: Value>(
         self,

@@ -7,7 +7,7 @@ use pulp::{Simd, WithSimd};
 use super::kernels::{from_rest, gather, per_side, sides};
 use crate::activity::View;
 use crate::element::Element;
-use crate::energy::{MODULI, Margins, Material};
+use crate::energy::{MODULI, Margins, MaterialPoint};
 use crate::kinematics::{Tensor, deformation, determinant};
 use crate::lanes::{Real, Value, Wide};
 use crate::layout::NodeLayout;
@@ -25,7 +25,7 @@ pub(super) struct Survey<'a, E, L, T, const N: usize> {
     pub element: PhantomData<E>,
 }
 
-impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Survey<'_, E, L, T, N> {
+impl<E: Element<N>, L: MaterialPoint, T: Precision, const N: usize> WithSimd for Survey<'_, E, L, T, N> {
     type Output = Margins<f64>;
 
     #[inline(always)]
@@ -104,7 +104,7 @@ pub(super) struct Store<'a, E, L, T, const N: usize> {
     pub moduli: &'a mut [T],
 }
 
-impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Store<'_, E, L, T, N> {
+impl<E: Element<N>, L: MaterialPoint, T: Precision, const N: usize> WithSimd for Store<'_, E, L, T, N> {
     type Output = ();
 
     #[inline(always)]
@@ -142,10 +142,10 @@ impl<E: Element<N>, L: Material, T: Precision, const N: usize> WithSimd for Stor
 }
 
 /// What a law says of an undisplaced point that is bare, and of one that is active.
-pub struct LawAtRest {
+pub struct MaterialAtRest {
     /// Without the self-stress.
     pub stresses: [Tensor<f64>; 2],
-    /// As [`Material::moduli`].
+    /// As [`MaterialPoint::moduli`].
     pub moduli: [[f64; MODULI]; 2],
 }
 
@@ -155,13 +155,13 @@ pub(super) struct AskAtRest<'a, L, T> {
     pub number: PhantomData<T>,
 }
 
-impl<L: Material, T: Precision> WithSimd for AskAtRest<'_, L, T> {
-    type Output = LawAtRest;
+impl<L: MaterialPoint, T: Precision> WithSimd for AskAtRest<'_, L, T> {
+    type Output = MaterialAtRest;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> LawAtRest {
+    fn with_simd<S: Simd>(self, simd: S) -> MaterialAtRest {
         let rest = [[Wide::<S, T>::splat(simd, 0.0); 2]; 2];
-        let mut law = LawAtRest {
+        let mut law = MaterialAtRest {
             stresses: [[[0.0; 2]; 2]; 2],
             moduli: [[0.0; MODULI]; 2],
         };
@@ -185,7 +185,7 @@ pub(super) struct Metrics<'a, E, L, const N: usize> {
     pub values: &'a mut [f64],
 }
 
-impl<E: Element<N>, L: Material, const N: usize> WithSimd for Metrics<'_, E, L, N> {
+impl<E: Element<N>, L: MaterialPoint, const N: usize> WithSimd for Metrics<'_, E, L, N> {
     type Output = ();
 
     #[inline(always)]

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use crate::continuation::Problem;
 use crate::direct::{Factorisation, Structure};
 use crate::eigenvalue::{Eigenpair, dot, smallest};
-use crate::law::Law;
+use crate::material::Material;
 use crate::newton::{Workspace, norm};
 use crate::operator::Operator;
 use crate::stability::LOOSE;
@@ -95,7 +95,7 @@ pub struct Curve<'a, F> {
     reference: f64,
 }
 
-impl<'a, L: Law, F: Fn(f64) -> L> Curve<'a, F> {
+impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
     /// The curve through the state at rest; `None` when memory is short.
     pub fn new(problem: &'a Problem<'a, F>) -> Option<Self> {
         let material = (problem.material)(1.0);

@@ -11,7 +11,7 @@ use deaflow_field::Field;
 use deaflow_pattern::Pattern;
 
 use super::effects::WithMaterial;
-use super::law::Law;
+use super::material::Material;
 use super::operator::Activity;
 use super::solver::MembraneSolver;
 
@@ -200,7 +200,7 @@ impl Follow<'_> {
 impl WithMaterial for Follow<'_> {
     type Output = Option<LoadPath>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<LoadPath> {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<LoadPath> {
         let problem = self.solver.problem(self.activity, material);
         let curve = Curve::new(&problem)?;
         let trace = follow(&curve, |mark| self.keep(mark));

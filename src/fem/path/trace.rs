@@ -1,8 +1,8 @@
 //! Following the curve of equilibria from rest: how long the steps are, what happens on the way, and where to stop.
 
 use crate::eigenvalue::Eigenpair;
-use crate::law::Law;
 use crate::margin::HIGHEST;
+use crate::material::Material;
 
 use super::curve::{Curve, Station};
 use super::{EventKind, PathEnd};
@@ -61,7 +61,7 @@ pub struct Trace<M> {
 }
 
 /// Follows a curve. `keep` says what is kept of each mark.
-pub fn follow<L: Law, F: Fn(f64) -> L, M>(curve: &Curve<'_, F>, keep: impl Fn(Mark) -> M) -> Trace<M> {
+pub fn follow<L: Material, F: Fn(f64) -> L, M>(curve: &Curve<'_, F>, keep: impl Fn(Mark) -> M) -> Trace<M> {
     let mut follower = Follower {
         curve,
         keep,
@@ -85,7 +85,7 @@ struct Follower<'a, F, K, M> {
     trace: Trace<M>,
 }
 
-impl<L: Law, F: Fn(f64) -> L, K: Fn(Mark) -> M, M> Follower<'_, F, K, M> {
+impl<L: Material, F: Fn(f64) -> L, K: Fn(Mark) -> M, M> Follower<'_, F, K, M> {
     fn follow(&mut self, rest: Station) -> PathEnd {
         let mut here = rest;
         let mut arc = FIRST;

@@ -142,7 +142,7 @@ struct StripResidual(f64);
 
 impl PointWork for StripResidual {
     type Output = f64;
-    fn run<L: Law>(self, material: &L) -> f64 {
+    fn run<L: Material>(self, material: &L) -> f64 {
         let grid = Grid::paper(Mesh::new(1, Order::Biquadratic));
         let activity = Activity::new(&grid, &half());
         let operator = Operator {
@@ -330,7 +330,7 @@ fn gradients_are_given_where_the_energy_is_linear_in_the_activity() {
     struct Linear;
     impl PointWork for Linear {
         type Output = bool;
-        fn run<L: Law>(self, material: &L) -> bool {
+        fn run<L: Material>(self, material: &L) -> bool {
             let gradient = [[0.12, 0.07], [-0.11, -0.17]];
             let [bare, half, full] = [0.0, 0.5, 1.0].map(|active| material.stress(gradient, active));
             let gap = |i: usize, k: usize| (0.5 * (bare[i][k] + full[i][k]) - half[i][k]).abs();
@@ -358,7 +358,7 @@ struct AtRest<'a>(&'a Activity);
 impl PointWork for AtRest<'_> {
     type Output = ();
 
-    fn run<L: Law>(self, material: &L) {
+    fn run<L: Material>(self, material: &L) {
         let operator = Operator {
             material,
             activity: self.0,

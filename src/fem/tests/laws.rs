@@ -22,7 +22,7 @@ struct Derivatives {
 
 impl PointWork for Derivatives {
     type Output = usize;
-    fn run<L: Law>(self, material: &L) -> usize {
+    fn run<L: Material>(self, material: &L) -> usize {
         let mut stream = Stream::new(11, "material test", 0);
         let mut wrinkled = 0;
         for _ in 0..40 {
@@ -44,7 +44,7 @@ impl PointWork for Derivatives {
     }
 }
 
-fn check_derivatives<L: Law>(material: &L, gradient: Tensor<f64>, active: f64) {
+fn check_derivatives<L: Material>(material: &L, gradient: Tensor<f64>, active: f64) {
     let step = 1e-5;
     let nudged = |i: usize, k: usize, by: f64| {
         let mut moved = gradient;
@@ -117,7 +117,7 @@ struct EnergyAt(Tensor<f64>, f64);
 
 impl PointWork for EnergyAt {
     type Output = f64;
-    fn run<L: Law>(self, material: &L) -> f64 {
+    fn run<L: Material>(self, material: &L) -> f64 {
         material.energy(self.0, self.1)
     }
 }
@@ -204,7 +204,7 @@ fn ellipticity_and_tension_are_lost_at_unequal_stretches_where_the_closed_forms_
     struct Margins(Tensor<f64>);
     impl PointWork for Margins {
         type Output = [f64; 2];
-        fn run<L: Law>(self, material: &L) -> [f64; 2] {
+        fn run<L: Material>(self, material: &L) -> [f64; 2] {
             let [[_, _], [_, across]] = Piola(self.0, 1.0).run(material);
             [material.ellipticity(deformation(self.0), 1.0), across]
         }
@@ -233,7 +233,7 @@ fn only_the_voltage_stresses_an_undisplaced_membrane() {
         struct AtRest;
         impl PointWork for AtRest {
             type Output = ();
-            fn run<L: Law>(self, material: &L) {
+            fn run<L: Material>(self, material: &L) {
                 let (bare, active) = (material.stress([[0.0; 2]; 2], 0.0), material.stress([[0.0; 2]; 2], 1.0));
                 assert!(contract(bare, bare) < 1e-30);
                 for (i, k) in ENTRIES {
@@ -251,7 +251,7 @@ fn law_gap(one: &Scene, other: &Scene) -> f64 {
     struct Samples;
     impl PointWork for Samples {
         type Output = Vec<f64>;
-        fn run<L: Law>(self, material: &L) -> Vec<f64> {
+        fn run<L: Material>(self, material: &L) -> Vec<f64> {
             let mut values = Vec::new();
             for (gradient, active) in [[[0.12, 0.07], [-0.11, -0.07]], [[0.0; 2]; 2], [[0.2, 0.0], [0.1, 0.2]]]
                 .into_iter()
@@ -379,7 +379,7 @@ fn a_state_beyond_the_limiting_stretch_is_not_admissible() {
     struct Admissible(Tensor<f64>);
     impl PointWork for Admissible {
         type Output = bool;
-        fn run<L: Law>(self, material: &L) -> bool {
+        fn run<L: Material>(self, material: &L) -> bool {
             material.admissible(self.0) > 0.0
         }
     }

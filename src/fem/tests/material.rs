@@ -1,6 +1,6 @@
 //! Homogeneous states of a free membrane: what the law says without any mesh.
 
-use crate::energy::{Material, NeoHookean};
+use crate::energy::{MaterialPoint, NeoHookean};
 use crate::kinematics::Tensor;
 
 /// P₁₁/μ of the active membrane at F = diag(a, b).

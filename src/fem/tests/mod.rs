@@ -22,7 +22,7 @@ mod scenes;
 use super::direct::Factorisation;
 use super::energy::NeoHookean;
 use super::grid::Grid;
-use super::law::Law;
+use super::material::Material;
 use super::newton::norm;
 use super::operator::{Activity, Operator};
 use super::sheet::Sheet;
@@ -96,7 +96,7 @@ fn places(grid: &Grid) -> impl Iterator<Item = (usize, usize)> {
 }
 
 /// Full Newton steps with the factorised tangent, whatever its inertia, until the residual is the given load.
-fn newton_by_factors<L: Law>(operator: &Operator<'_, L>, load: &[f64], u: &mut [f64]) {
+fn newton_by_factors<L: Material>(operator: &Operator<'_, L>, load: &[f64], u: &mut [f64]) {
     let mut r = vec![0.0; u.len()];
     for _ in 0..12 {
         operator.residual(u, &mut r);

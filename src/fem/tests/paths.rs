@@ -1,8 +1,8 @@
 //! Load paths: where they end, what lies on them, and what lies beyond a fold.
 
 use super::*;
-use crate::continuation::{Ending, Problem};
-use crate::energy::{MODULI, Margins, Material};
+use crate::continuation::{LoadingEnd, Problem};
+use crate::energy::{MODULI, Margins, MaterialPoint};
 use crate::kinematics::{Tensor, add_scaled, cofactor, contract, deformation, determinant, squared_stretches};
 use crate::lanes::Value;
 use crate::newton::Workspace;
@@ -164,7 +164,7 @@ impl Stiffening {
     }
 }
 
-impl Material for Stiffening {
+impl MaterialPoint for Stiffening {
     const SEVERAL_BRANCHES: bool = true;
 
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
@@ -198,7 +198,7 @@ impl Material for Stiffening {
     }
 
     fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64> {
-        Law::self_stress(&NeoHookean::of(self.thickness, self.pull), f)
+        Material::self_stress(&NeoHookean::of(self.thickness, self.pull), f)
     }
 
     fn largest_load(&self) -> f64 {
@@ -271,14 +271,14 @@ fn loading_does_not_jump_to_the_branch_beyond_a_snap() {
             let mut u = vec![0.0; problem.activity.grid().layout().vector_len()];
             let mut workspace = Workspace::new(u.len(), problem.laplacian);
             match problem.load(&mut u, &mut workspace).ending {
-                Ending::Stable => assert!(share < 1.0, "{share}"),
-                Ending::Lost { stable, unstable, .. } => {
+                LoadingEnd::Stable => assert!(share < 1.0, "{share}"),
+                LoadingEnd::Lost { stable, unstable, .. } => {
                     assert!(
                         stable * share < 1.0001 && unstable * share > 0.9999,
                         "{share}: {stable} {unstable}"
                     );
                 }
-                Ending::Unknown { .. } | Ending::WorkLimit { .. } => panic!("{share}"),
+                LoadingEnd::Unknown { .. } | LoadingEnd::WorkLimit { .. } => panic!("{share}"),
             }
         }
     });

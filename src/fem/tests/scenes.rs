@@ -95,7 +95,7 @@ pub fn with_law<T>(scene: &Scene, work: impl PointWork<Output = T>) -> T {
     struct AtFullLoad<W>(W);
     impl<W: PointWork> WithMaterial for AtFullLoad<W> {
         type Output = W::Output;
-        fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> W::Output {
+        fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> W::Output {
             self.0.run(&material(1.0))
         }
     }
@@ -104,7 +104,7 @@ pub fn with_law<T>(scene: &Scene, work: impl PointWork<Output = T>) -> T {
 
 pub trait PointWork {
     type Output;
-    fn run<L: Law>(self, material: &L) -> Self::Output;
+    fn run<L: Material>(self, material: &L) -> Self::Output;
 }
 
 /// p at a gradient.
@@ -112,7 +112,7 @@ pub struct Piola(pub Tensor<f64>, pub f64);
 
 impl PointWork for Piola {
     type Output = Tensor<f64>;
-    fn run<L: Law>(self, material: &L) -> Tensor<f64> {
+    fn run<L: Material>(self, material: &L) -> Tensor<f64> {
         let (stress, rest) = (
             material.stress(self.0, self.1),
             material.self_stress(deformation(self.0)),

@@ -15,7 +15,7 @@ use crate::adjoint::of_cells;
 use crate::dynamic_stiffness::Solved;
 use crate::effects::WithMaterial;
 use crate::eigenvalue::dot;
-use crate::law::Law;
+use crate::material::Material;
 use crate::newton::largest;
 use crate::operator::Operator;
 use deaflow_field::Field;
@@ -63,7 +63,7 @@ struct Differentiate<'a> {
 impl WithMaterial for Differentiate<'_> {
     type Output = Option<Differentiated>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Differentiated> {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Differentiated> {
         let About { solver, activity, u } = self.about;
         let equations = self.about.equations(&material)?;
         let (matrices, probe) = (&equations.matrices, &equations.probe);
@@ -151,7 +151,7 @@ struct Forced<'a, L> {
     sum: Vec<f64>,
 }
 
-impl<L: Law> Forced<'_, L> {
+impl<L: Material> Forced<'_, L> {
     /// Adds a share of the derivative of v · K w.
     fn elastic(&mut self, share: f64, v: &[f64], w: &[f64]) {
         let (operator, u, at_rest) = (self.operator, self.u, &self.at_rest);
@@ -191,7 +191,7 @@ fn of_two(sum: &mut [f64], share: f64, (v, w): (&[f64], &[f64]), of: impl Fn(&[f
     }
 }
 
-fn residual<L: Law>(operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
+fn residual<L: Material>(operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
     let mut residual = vec![0.0; u.len()];
     operator.residual(u, &mut residual);
     residual
@@ -210,7 +210,7 @@ fn add(sum: &mut [f64], factor: f64, vector: &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::continuation::Ending;
+    use crate::continuation::LoadingEnd;
     use crate::operator::Activity;
     use crate::solver::SolveOptions;
     use crate::work::WorkLimit;
@@ -245,12 +245,12 @@ mod tests {
     impl WithMaterial for Amplitude<'_> {
         type Output = (f64, Vec<f64>);
 
-        fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> (f64, Vec<f64>) {
+        fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> (f64, Vec<f64>) {
             let solver = &self.solver.solver;
             let activity = Activity::from_shares(&solver.grid, |x, y| self.shares[10 * y + x]);
             let mut u = vec![0.0; solver.grid.layout().vector_len()];
             let problem = solver.problem(&activity, &material);
-            assert_eq!(problem.load(&mut u, &mut solver.workspace()).ending, Ending::Stable);
+            assert_eq!(problem.load(&mut u, &mut solver.workspace()).ending, LoadingEnd::Stable);
             let weights = weights();
             let found = Differentiate {
                 about: About {

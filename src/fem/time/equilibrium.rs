@@ -1,10 +1,10 @@
 //! The equilibrium at the end of a step, with branches whose stress there may depend on it in any way.
 
 use super::viscous::Viscous;
-use crate::charge::{self, Reached};
+use crate::charge::{self, ChargedState};
 use crate::continuation::{Loading, Problem};
-use crate::law::Law;
-use crate::newton::{self, Progress, Trouble, Workspace};
+use crate::material::Material;
+use crate::newton::{self, NewtonFailure, Progress, Workspace};
 use crate::operator::{Activity, Operator};
 use deaflow_scene::Scene;
 
@@ -20,14 +20,14 @@ const STILL: f64 = 1e-12;
 ///
 /// # Errors
 /// As [`newton::solve`].
-pub fn equilibrium<L: Law, F>(
+pub fn equilibrium<L: Material, F>(
     problem: &Problem<'_, F>,
     material: &L,
     viscous: &mut Viscous,
     step: f64,
     u: &mut [f64],
     workspace: &mut Workspace,
-) -> Result<(Activity, Progress), (Trouble, Progress)> {
+) -> Result<(Activity, Progress), (NewtonFailure, Progress)> {
     let depends = viscous.depends_on_end(step);
     // The residual at the guess says how far there is to go.
     let mut tolerance = if depends { 1.0 } else { problem.tolerance };
@@ -62,20 +62,20 @@ pub fn equilibrium<L: Law, F>(
         }
         tolerance = (FALL * progress.residual).max(problem.tolerance);
     }
-    Err((Trouble::Limit, all))
+    Err((NewtonFailure::Limit, all))
 }
 
 /// The equilibrium with a charge on electrodes that conduct at the end of a step of so many seconds, from a state nearby.
 ///
 /// # Errors
 /// As [`charge::near`], and when what branches add does not settle.
-pub fn at_charge<L: Law, F: Fn(f64) -> L>(
+pub fn at_charge<L: Material, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
     (scene, charge): (&Scene, f64),
     (viscous, step): (&mut Viscous, f64),
     start: &[f64],
     (workspace, total): (&mut Workspace, &mut Loading),
-) -> Result<Reached, charge::Refusal> {
+) -> Result<ChargedState, charge::ChargeFailure> {
     let mut start = start.to_vec();
     for _ in 0..CORRECTIONS {
         let activity = viscous.remembered_at(problem.activity, step, &start);
@@ -93,5 +93,5 @@ pub fn at_charge<L: Law, F: Fn(f64) -> L>(
         }
         start = reached.u;
     }
-    Err(charge::Refusal::Unknown)
+    Err(charge::ChargeFailure::Unknown)
 }

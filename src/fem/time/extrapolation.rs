@@ -3,11 +3,11 @@
 //! What a pass leaves is C Δt² and little else where the solution is smooth within its steps: a pass with steps twice as long tells C. Two
 //! such extrapolations, from three passes, tell what they leave themselves.
 
-use super::march::{Instant, Pass, PassEnd, magnitude_at};
+use super::pass::{Instant, Pass, PassEnd, magnitude_at};
 use deaflow_field::{Field, Motion};
 
 /// What a pass is moved by, over its difference from that with steps twice as long.
-const SHARE: f64 = 1.0 / 3.0;
+const FRACTION: f64 = 1.0 / 3.0;
 /// What is left of the difference of two extrapolations in the later one: an eighth of what the earlier one has, where errors are of third
 /// order, and less where they are of fourth.
 const LEFT: f64 = 1.0 / 7.0;
@@ -35,7 +35,7 @@ impl Extrapolation {
         }
         let [first, fields] = [[before, coarse], [coarse, fine]].map(|[coarse, fine]| {
             let pairs = fine.fields.iter().zip(&coarse.fields);
-            let each = pairs.map(|(fine, coarse)| fine.extrapolated(coarse, SHARE));
+            let each = pairs.map(|(fine, coarse)| fine.extrapolated(coarse, FRACTION));
             each.collect::<Vec<Field>>()
         });
         let changes = first.iter().zip(&fields).map(|(a, b)| LEFT * a.max_difference(b));
@@ -51,11 +51,11 @@ impl Extrapolation {
         self.changes.iter().copied().fold(0.0, f64::max)
     }
 
-    /// The same in units of the largest displacement at each time, but for times at which there is hardly any.
+    /// The same in units of the largest displacement at each time, but for times with negligible displacement.
     #[must_use]
-    pub fn relative_error(&self, hardly: f64) -> f64 {
+    pub fn relative_error(&self, negligible: f64) -> f64 {
         let sizes: Vec<f64> = self.fields.iter().map(Field::max_magnitude).collect();
-        let least = hardly * sizes.iter().copied().fold(0.0, f64::max);
+        let least = negligible * sizes.iter().copied().fold(0.0, f64::max);
         let ratios = self
             .changes
             .iter()
@@ -164,7 +164,7 @@ impl Numbers {
         for ([.., own], [.., other]) in own.of_bodies.iter().zip(&mut other.of_bodies) {
             *other = own - the_shorter_way(own - *other);
         }
-        own.with(&other, |fine, coarse| SHARE * (fine - coarse))
+        own.with(&other, |fine, coarse| FRACTION * (fine - coarse))
     }
 
     /// A part of the way to another one.

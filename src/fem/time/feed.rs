@@ -9,8 +9,8 @@
 //! and the second is the work of the mean force of a step at the voltage whose square is ½(Q₀² + Q₁²)/(C₀C₁). So the energies of a step balance to rounding whichever
 //! rule the charge follows.
 
-use super::march::{Course, Held};
 use super::supply::Supply;
+use super::transient::{FixedCharge, TransientProblem};
 use crate::operator::Activity;
 
 /// What feeds electrodes.
@@ -35,18 +35,18 @@ pub enum Feed<'a> {
 }
 
 impl<'a> Feed<'a> {
-    /// That of a course, as its drive begins.
+    /// That of a transient, as its drive begins.
     #[must_use]
-    pub fn of<F>(course: &Course<'a, F>) -> Self {
-        match (course.held, course.supply) {
+    pub fn of<F>(transient: &TransientProblem<'a, F>) -> Self {
+        match (transient.held, transient.supply) {
             (
-                Some(Held {
+                Some(FixedCharge {
                     charge,
                     uncharged: Some(uncharged),
                 }),
                 _,
             ) => Self::Sprayed { charge, uncharged },
-            (Some(Held { charge, .. }), _) => Self::Conducting { supply: None, charge },
+            (Some(FixedCharge { charge, .. }), _) => Self::Conducting { supply: None, charge },
             (None, Some(supply)) => Self::Conducting {
                 supply: Some(supply),
                 charge: 0.0,

@@ -18,7 +18,7 @@ use crate::direct::Structure;
 use crate::dynamic_stiffness::{At, DynamicStiffness, Orders, Solved};
 use crate::effects::WithMaterial;
 use crate::error::SetupError;
-use crate::law::Law;
+use crate::material::Material;
 use crate::memory::Memory;
 use crate::operator::{Activity, Operator, metrics};
 use crate::solver::{MembraneSolver, MeshSolution, SolveOptions};
@@ -278,7 +278,7 @@ impl WithMaterial for Respond<'_> {
     /// The response at each frequency.
     type Output = Vec<AtFrequency>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
         let About { solver, .. } = self.about;
         let Some(equations) = self.about.equations(&material) else {
             return vec![AtFrequency::NotSolved; self.frequencies.len()];
@@ -318,7 +318,7 @@ impl Equations<'_> {
 
 impl<'a> About<'a> {
     /// Its equations; `None` when memory is short.
-    pub fn equations<L: Law>(self, material: &impl Fn(f64) -> L) -> Option<Equations<'a>> {
+    pub fn equations<L: Material>(self, material: &impl Fn(f64) -> L) -> Option<Equations<'a>> {
         let (matrices, structure) = self.matrices(material)?;
         let grid = &self.solver.solver.grid;
         let probe = grid.random_load(&mut Stream::new(0, "frequency response", 0), self.u);
@@ -333,7 +333,7 @@ impl<'a> About<'a> {
         })
     }
 
-    fn matrices<L: Law>(&self, material: &impl Fn(f64) -> L) -> Option<(DynamicStiffness, &'a Structure)> {
+    fn matrices<L: Material>(&self, material: &impl Fn(f64) -> L) -> Option<(DynamicStiffness, &'a Structure)> {
         let structure = self.solver.structure.as_deref()?;
         let grid = &self.solver.solver.grid;
         let law = material(1.0);
@@ -366,7 +366,7 @@ impl<'a> About<'a> {
     }
 
     /// The forces of the load, by which the residual falls as it grows.
-    fn forces<L: Law>(&self, material: &impl Fn(f64) -> L) -> Vec<f64> {
+    fn forces<L: Material>(&self, material: &impl Fn(f64) -> L) -> Vec<f64> {
         let residual = |share: f64| {
             let mut residual = vec![0.0; self.u.len()];
             let operator = Operator {

@@ -5,18 +5,18 @@ use std::cell::Cell;
 use super::bodies;
 use super::extrapolation::Extrapolation;
 use super::leads::Conductor;
-use super::march::{
-    Course, Estimate, HARDLY, Held, IN_PERIOD, Instant, MOST_STEPS, Pass, PassEnd, StepEstimate, Steps,
-};
+use super::march::IN_PERIOD;
 use super::modes::wave_speed;
 use super::motion::Motion;
+use super::pass::{Instant, MOST_STEPS, NEGLIGIBLE, Pass, PassEnd, Steps};
 use super::supply::Supply;
+use super::transient::{Estimate, FixedCharge, StepEstimate, TransientProblem};
 use crate::charge;
 use crate::continuation::Loss;
 use crate::effects::WithMaterial;
 use crate::error::SetupError;
-use crate::law::Law;
 use crate::mass::Mass;
+use crate::material::Material;
 use crate::operator::Activity;
 use crate::precondition::Laplacian;
 use crate::solver::MembraneSolver;
@@ -219,7 +219,7 @@ impl MembraneSolver {
         let (first, finer) = self.model.with(Follow {
             solver: self,
             activity,
-            held: charge.map(|charge| Held {
+            held: charge.map(|charge| FixedCharge {
                 charge: if has_electrode { charge.in_coulombs() } else { 0.0 },
                 uncharged: is_sprayed.then_some(&plain),
             }),
@@ -317,7 +317,7 @@ struct Refined {
 struct Follow<'a> {
     solver: &'a MembraneSolver,
     activity: &'a Activity,
-    held: Option<Held<'a>>,
+    held: Option<FixedCharge<'a>>,
     estimate: Option<Estimate<'a>>,
     request: &'a HistoryRequest,
     /// Where the membrane has a mass.
@@ -373,7 +373,7 @@ impl Moving {
 impl WithMaterial for Follow<'_> {
     type Output = (Pass, Refined);
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> (Pass, Refined) {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> (Pass, Refined) {
         let Self {
             solver,
             activity,
@@ -382,7 +382,7 @@ impl WithMaterial for Follow<'_> {
             request,
             moving,
         } = self;
-        let course = Course {
+        let transient = TransientProblem {
             problem: solver.problem(activity, material),
             scene: &solver.scene,
             waveform: solver.scene.waveform(),
@@ -401,7 +401,7 @@ impl WithMaterial for Follow<'_> {
         // The corner that moves most is known from the pass before.
         let watch = |pass: &Pass| {
             if !pass.fields.is_empty() {
-                course.watched.set(most_moved(pass));
+                transient.watched.set(most_moved(pass));
             }
         };
         if let Some(Moving {
@@ -412,14 +412,14 @@ impl WithMaterial for Follow<'_> {
         }) = moving
         {
             let mut motion = Motion {
-                course: &course,
+                transient: &transient,
                 mass: &mass,
                 per_second,
                 laplacian: &laplacian,
                 step,
                 parts: 1,
             };
-            return refine_motion(request, &course.limit, |halvings, last| {
+            return refine_motion(request, &transient.limit, |halvings, last| {
                 last.into_iter().for_each(watch);
                 motion.parts = 1 << halvings;
                 motion.pass()
@@ -431,7 +431,7 @@ impl WithMaterial for Follow<'_> {
         let wanted = request.accuracy_mm.unwrap_or(USUAL_ERROR * guess);
         let loose = if estimate.is_some() { LOOSE } else { LOOSER };
         let steps = Steps::Within(loose * wanted / solver.grid.unit_mm());
-        let mut coarse = course.pass(steps, &mut workspace);
+        let mut coarse = transient.pass(steps, &mut workspace);
         if estimate.is_some() {
             coarse.watched = most_moved(&coarse);
             let refined = Refined {
@@ -443,12 +443,12 @@ impl WithMaterial for Follow<'_> {
             };
             return (coarse, refined);
         }
-        refine(coarse, request, (&course.limit, solver.tolerance), |coarse| {
+        refine(coarse, request, (&transient.limit, solver.tolerance), |coarse| {
             // One corner in all passes, which are extrapolated from each other.
-            if course.watched.get() == [0; 2] {
+            if transient.watched.get() == [0; 2] {
                 watch(coarse);
             }
-            course.pass(Steps::At(&halved(&coarse.steps)), &mut workspace)
+            transient.pass(Steps::At(&halved(&coarse.steps)), &mut workspace)
         })
     }
 }
@@ -544,7 +544,7 @@ fn refine(
         let error = rounded + extrapolated.as_ref().map_or(share * difference, Extrapolation::error);
         let is_small = match (request.accuracy_mm, &extrapolated) {
             (Some(accuracy), _) => error <= accuracy,
-            (None, Some(found)) => found.relative_error(HARDLY) <= USUAL_ERROR,
+            (None, Some(found)) => found.relative_error(NEGLIGIBLE) <= USUAL_ERROR,
             (None, None) => has_all(&fine, &coarse) && share * fine.relative_difference(&coarse) <= USUAL_ERROR,
         };
         let is_enough = is_small && end_together(&fine, &coarse);

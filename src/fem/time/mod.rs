@@ -15,18 +15,21 @@ mod leads;
 mod march;
 mod modes;
 mod motion;
+mod pass;
 mod solver;
 mod supply;
 mod swing;
 #[cfg(test)]
 mod tests;
+mod transient;
 mod viscous;
 
 pub use accurate::AccurateHistory;
 pub use creep::{ThreeSolves, settings as creep_settings};
 pub use frequency::{AtFrequency, FrequencyResponse, FrequencySolver, at_bias, at_peak};
 pub use history::{History, HistoryRequest, USUAL_ERROR as USUAL_TIME_ERROR, check as history_check, refusal};
-pub use march::{Instant, StepEstimate};
 pub use modes::{MOST_MODES, Vibration};
+pub use pass::Instant;
 pub use solver::{HistoryOptions, HistorySolver, StepEstimates};
 pub use swing::Swing;
+pub use transient::StepEstimate;

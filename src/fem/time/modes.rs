@@ -8,8 +8,8 @@ use faer::{Mat, Side};
 use crate::effects::WithMaterial;
 use crate::eigenvalue::{dot, precondition};
 use crate::error::SetupError;
-use crate::law::Law;
 use crate::mass::Mass;
+use crate::material::Material;
 use crate::operator::{Activity, Operator};
 use crate::precondition::Laplacian;
 use crate::solver::MembraneSolver;
@@ -112,7 +112,7 @@ struct Lowest<'a> {
 impl WithMaterial for Lowest<'_> {
     type Output = Vec<(f64, Vec<f64>)>;
 
-    fn run<L: Law, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
         let operator = Operator {
             material: &material(1.0),
             activity: self.activity,
@@ -133,7 +133,7 @@ struct Direction {
 }
 
 impl Direction {
-    fn new<L: Law>(operator: &Operator<'_, L>, mass: &Mass, u: &[f64], mut vector: Vec<f64>) -> Self {
+    fn new<L: Material>(operator: &Operator<'_, L>, mass: &Mass, u: &[f64], mut vector: Vec<f64>) -> Self {
         // What single precision leaves of the motion of a body is not quite rigid, and grows where most of a direction is taken away.
         operator.activity.grid().restrict(u, &mut vector);
         let mut stiff = vec![0.0; vector.len()];
@@ -194,7 +194,7 @@ impl Direction {
 }
 
 /// The lowest eigenvalues of K v = ω² M v at `u` with their vectors; fewer where there are not so many.
-pub(super) fn lowest<L: Law>(
+pub(super) fn lowest<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     mass: &Mass,

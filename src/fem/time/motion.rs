@@ -16,14 +16,15 @@
 
 use super::bodies;
 use super::feed::{self, Feed, Passage};
-use super::march::{Course, Instant, MOST_STEPS, Pass, PassEnd, magnitude_at};
+use super::pass::{Instant, MOST_STEPS, Pass, PassEnd, magnitude_at};
 use super::supply::Electrodes;
+use super::transient::TransientProblem;
 use super::viscous::Viscous;
 use crate::charge;
 use crate::continuation::Loss;
-use crate::krylov::{Ending, Scratch, conjugate_gradients};
-use crate::law::Law;
+use crate::krylov::{KrylovEnd, Scratch, conjugate_gradients};
 use crate::mass::Mass;
+use crate::material::Material;
 use crate::newton::norm;
 use crate::operator::{Activity, Operator, metrics};
 use crate::precondition::Laplacian;
@@ -46,7 +47,7 @@ const SWEEPS: u64 = 6;
 /// What moves.
 pub struct Motion<'a, 'b, F> {
     /// What is followed.
-    pub course: &'a Course<'b, F>,
+    pub transient: &'a TransientProblem<'b, F>,
     /// Its mass.
     pub mass: &'a Mass,
     /// Units of time, in which the mass of an area is 1, in a second.
@@ -60,7 +61,7 @@ pub struct Motion<'a, 'b, F> {
 }
 
 /// A pass on its way.
-struct Run<'a, 'b, 'c, F> {
+struct MotionPass<'a, 'b, 'c, F> {
     motion: &'a Motion<'b, 'c, F>,
     viscous: Viscous,
     units: Units,
@@ -86,22 +87,22 @@ struct Run<'a, 'b, 'c, F> {
     pass: Pass,
 }
 
-impl<L: Law, F: Fn(f64) -> L> Motion<'_, '_, F> {
+impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
     /// Goes through the time.
     pub fn pass(&self) -> Pass {
-        let activity = self.course.problem.activity;
+        let activity = self.transient.problem.activity;
         let len = activity.grid().layout().vector_len();
-        let viscous = Viscous::new(self.course.scene, activity);
-        let units = Units::new(self.course.scene, activity.grid().unit_mm());
+        let viscous = Viscous::new(self.transient.scene, activity);
+        let units = Units::new(self.transient.scene, activity.grid().unit_mm());
         let branches = units.energy * viscous.stored(&viscous.loaded(), activity);
-        let mut run = Run {
+        let mut run = MotionPass {
             motion: self,
             viscous,
             units,
             u: vec![0.0; len],
             v: vec![0.0; len],
             changes: Vec::new(),
-            feed: Feed::of(self.course),
+            feed: Feed::of(self.transient),
             sprayed: 0.0,
             content: Content::default(),
             elastic_at_rest: 0.0,
@@ -118,7 +119,7 @@ impl<L: Law, F: Fn(f64) -> L> Motion<'_, '_, F> {
                 instants: Vec::new(),
                 kept: Vec::new(),
                 fields: Vec::new(),
-                watched: self.course.watched.get(),
+                watched: self.transient.watched.get(),
                 newton_steps: 0,
                 work: 0,
                 residual: 0.0,
@@ -136,20 +137,20 @@ impl<L: Law, F: Fn(f64) -> L> Motion<'_, '_, F> {
     }
 }
 
-impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
+impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
     fn go(&mut self) -> Result<(), PassEnd> {
-        let course = self.motion.course;
-        let end = course.times.last().copied().unwrap_or(0.0);
+        let transient = self.motion.transient;
+        let end = transient.times.last().copied().unwrap_or(0.0);
         self.measure();
         self.elastic_at_rest = self.content.elastic;
         let charged = self.electric(0.0, Side::After);
         self.supplied += charged;
         self.record(0.0, Side::After);
-        let mut asked = course.times.iter().copied().peekable();
+        let mut asked = transient.times.iter().copied().peekable();
         while asked.next_if(|time| *time <= 0.0).is_some() {
             self.keep();
         }
-        let mut knots = course.waveform.knots(end);
+        let mut knots = transient.waveform.knots(end);
         knots.push(Knot {
             time: end,
             jumps: false,
@@ -168,7 +169,7 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
                     };
                     self.advance(now, to, 0)?;
                     now = to;
-                    if self.pass.steps.len() >= MOST_STEPS || course.limit.get().is_spent(self.work()) {
+                    if self.pass.steps.len() >= MOST_STEPS || transient.limit.get().is_spent(self.work()) {
                         return Err(PassEnd::WorkLimit);
                     }
                 }
@@ -196,7 +197,7 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
     fn electric(&self, time: f64, side: Side) -> f64 {
         let capacitance = self.content.driven * self.scale();
         match self.feed {
-            Feed::Voltage => capacitance * 0.5 * self.motion.course.voltage(time, side).powi(2),
+            Feed::Voltage => capacitance * 0.5 * self.motion.transient.voltage(time, side).powi(2),
             Feed::Conducting { charge, .. } => feed::energy(charge, capacitance),
             Feed::Sprayed { .. } => self.sprayed,
         }
@@ -204,24 +205,24 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
 
     /// One over the voltage at which the content is measured.
     fn scale(&self) -> f64 {
-        let full = self.motion.course.scene.voltage_v();
+        let full = self.motion.transient.scene.voltage_v();
         if full > 0.0 { 1.0 / full } else { 0.0 }
     }
 
     /// Measures the membrane as it is.
     fn measure(&mut self) {
-        let activity = self.motion.course.problem.activity;
+        let activity = self.motion.transient.problem.activity;
         if let Feed::Sprayed { uncharged, .. } = self.feed {
             self.content = self.content_at(uncharged, &self.u, 0.0);
             self.sprayed = self.units.energy * charge::energy_of_sprayed(activity, &self.u);
         } else {
-            self.content = self.content_at(activity, &self.u, self.motion.course.scene.voltage_v());
+            self.content = self.content_at(activity, &self.u, self.motion.transient.scene.voltage_v());
         }
     }
 
     /// The content of a membrane with an activity at so many V.
     fn content_at(&self, activity: &Activity, u: &[f64], volts: f64) -> Content {
-        let laws = [0.0, 1.0].map(|share| (self.motion.course.problem.material)(share));
+        let laws = [0.0, 1.0].map(|share| (self.motion.transient.problem.material)(share));
         content([&laws[0], &laws[1]], activity, &metrics(activity, u), volts, self.units)
     }
 
@@ -230,14 +231,14 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
         let Feed::Conducting { supply, charge } = self.feed else {
             return None;
         };
-        let course = self.motion.course;
+        let transient = self.motion.transient;
         let end: Vec<f64> = self.u.iter().zip(change).map(|(u, change)| u + change).collect();
-        let after = self.content_at(course.problem.activity, &end, course.scene.voltage_v());
+        let after = self.content_at(transient.problem.activity, &end, transient.scene.voltage_v());
         let capacitances = [self.content.driven, after.driven].map(|driven| driven * self.scale());
         let last = supply.map_or(charge, |supply| {
             let [before, after] = [
-                (capacitances[0], course.voltage(from, Side::After)),
-                (capacitances[1], course.voltage(to, Side::Before)),
+                (capacitances[0], transient.voltage(from, Side::After)),
+                (capacitances[1], transient.voltage(to, Side::Before)),
             ]
             .map(|(capacitance, source)| Electrodes { capacitance, source });
             supply.charge_after(to - from, charge, before, after)
@@ -250,12 +251,12 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
         match (self.feed, passage) {
             (_, Some(passage)) => passage.square * self.scale().powi(2),
             (Feed::Sprayed { .. }, None) => 0.0,
-            (_, None) => self.motion.course.share(middle, Side::After),
+            (_, None) => self.motion.transient.share(middle, Side::After),
         }
     }
 
     fn stored_in_branches(&self) -> f64 {
-        let activity = self.motion.course.problem.activity;
+        let activity = self.motion.transient.problem.activity;
         self.units.energy * self.viscous.stored(&self.viscous.loaded(), activity)
     }
 
@@ -275,8 +276,8 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
 
     /// A step, or nothing where it leads nowhere.
     fn step(&mut self, from: f64, to: f64) -> Result<(), PassEnd> {
-        let course = self.motion.course;
-        let activity = course.problem.activity;
+        let transient = self.motion.transient;
+        let activity = transient.problem.activity;
         let seconds = to - from;
         let lost = |loss| PassEnd::Lost {
             before: from,
@@ -291,7 +292,7 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
             return Err(lost(Loss::Stability));
         };
         let passage = self.passage(&change, [from, to]);
-        let material = (course.problem.material)(self.share(passage, 0.5 * (from + to)));
+        let material = (transient.problem.material)(self.share(passage, 0.5 * (from + to)));
         let operator = Operator {
             material: &material,
             activity: &remembered,
@@ -315,7 +316,7 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
         self.viscous.relax(0.5 * seconds);
         self.branches = self.stored_in_branches();
         self.dissipated += strained - self.branches;
-        let [springs, loads] = bodies::energies(course.scene, activity.grid(), &self.u);
+        let [springs, loads] = bodies::energies(transient.scene, activity.grid(), &self.u);
         self.springs = springs;
         self.supplied += loads - std::mem::replace(&mut self.work, loads);
         self.pass.steps.push(to);
@@ -325,12 +326,12 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
 
     /// Measures the membrane after a step, with what the source has supplied and its resistance has dissipated.
     fn move_charge(&mut self, passage: Option<Passage>, [from, to]: [f64; 2]) {
-        let course = self.motion.course;
+        let transient = self.motion.transient;
         let electric_before = self.electric(from, Side::After);
         let before = self.content;
         self.measure();
         if let (Feed::Conducting { charge, .. }, Some(passage)) = (&mut self.feed, passage) {
-            let volts = 0.5 * (course.voltage(from, Side::After) + course.voltage(to, Side::Before));
+            let volts = 0.5 * (transient.voltage(from, Side::After) + transient.voltage(to, Side::Before));
             let moved = passage.charge - *charge;
             // What was cut off is supplied with nothing.
             let supplied = if moved == 0.0 { 0.0 } else { volts * moved };
@@ -338,7 +339,7 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
             self.supplied += supplied;
             self.dissipated += supplied - passage.work;
         } else if let Feed::Voltage = self.feed {
-            let work = 0.5 * course.voltage(0.5 * (from + to), Side::After).powi(2) * self.scale();
+            let work = 0.5 * transient.voltage(0.5 * (from + to), Side::After).powi(2) * self.scale();
             self.supplied +=
                 work * (self.content.driven - before.driven) + self.electric(to, Side::Before) - electric_before;
         }
@@ -371,7 +372,7 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
             guess.iter_mut().zip(&self.v).for_each(|(sum, v)| *sum = length * v);
         }
         self.motion
-            .course
+            .transient
             .problem
             .activity
             .grid()
@@ -397,7 +398,7 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
         let mut size = f64::INFINITY;
         for iteration in 0..LIMIT {
             let passage = self.passage(&change, [from, to]);
-            let material = (motion.course.problem.material)(self.share(passage, 0.5 * (from + to)));
+            let material = (motion.transient.problem.material)(self.share(passage, 0.5 * (from + to)));
             let operator = Operator {
                 material: &material,
                 activity,
@@ -454,7 +455,7 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
                 },
                 |r, z| motion.laplacian.solve(r, &poses, z, &mut scratch),
             );
-            if ending == Ending::NegativeCurvature {
+            if ending == KrylovEnd::NegativeCurvature {
                 return None;
             }
             let steps = change.iter_mut().zip(&self.krylov.solution);
@@ -472,8 +473,8 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
     }
 
     fn record(&mut self, now: f64, side: Side) {
-        let course = self.motion.course;
-        let voltage = course.voltage(now, side);
+        let transient = self.motion.transient;
+        let voltage = transient.voltage(now, side);
         let mut heavy = vec![0.0; self.v.len()];
         self.motion.mass.apply(&self.v, &mut heavy);
         let twice: f64 = self.v.iter().zip(&heavy).map(|(a, b)| a * b).sum();
@@ -486,7 +487,7 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
             }
             Feed::Conducting { .. } | Feed::Sprayed { .. } => (0.0, 0.0),
         };
-        let field = course.problem.activity.grid().sample(&self.u);
+        let field = transient.problem.activity.grid().sample(&self.u);
         self.pass.instants.push(Instant {
             time: now,
             voltage,
@@ -497,14 +498,14 @@ impl<L: Law, F: Fn(f64) -> L> Run<'_, '_, '_, F> {
             dissipated: self.dissipated,
             supplied: self.supplied,
             largest: field.max_magnitude(),
-            watched: magnitude_at(&field, course.watched.get()),
-            bodies: course.problem.activity.grid().motions(&self.u),
+            watched: magnitude_at(&field, transient.watched.get()),
+            bodies: transient.problem.activity.grid().motions(&self.u),
         });
     }
 
     fn keep(&mut self) {
         self.pass.kept.push(self.pass.instants.len() - 1);
-        let field = self.motion.course.problem.activity.grid().sample(&self.u);
+        let field = self.motion.transient.problem.activity.grid().sample(&self.u);
         self.pass.fields.push(field);
     }
 }

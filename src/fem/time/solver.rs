@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::accurate::AccurateHistory;
 use super::history::{HistoryRequest, check_estimates};
-use super::march::StepEstimate;
+use super::transient::StepEstimate;
 use crate::accurate::AccurateSolver;
 use crate::error::SetupError;
 use crate::solver::{MembraneSolver, SolveOptions};

@@ -1,6 +1,6 @@
 use super::*;
 use crate::effects::{Decaying, Stiff};
-use crate::energy::{Compound, Elasticity, Isotropic, Material, Neo, Stiffened};
+use crate::energy::{Compound, Elasticity, Isotropic, MaterialPoint, Neo, Stiffened};
 use deaflow_base::Decimal;
 use deaflow_scene::laws::{Gent, StiffeningLaw};
 

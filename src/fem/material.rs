@@ -1,55 +1,55 @@
 //! Laws as the solver asks for them.
 //!
-//! A [`Material`] is written once for numbers and registers, and compiled into kernels of its own. All that solves, follows and judges is the
-//! same under every law: it asks a [`Law`], and what a scene calls for is [`AnyLaw`], of which the type says nothing. So the solver is compiled
+//! A [`MaterialPoint`] is written once for numbers and registers, and compiled into kernels of its own. All that solves, follows and judges is the
+//! same under every law: it asks a [`Material`], and what a scene calls for is [`AnyMaterial`], of which the type says nothing. So the solver is compiled
 //! once and not for each law; it is asked for whole passes over the elements, or for single points where these are few.
 
 use crate::activity::Activity;
-use crate::energy::{Margins, Material};
+use crate::energy::{Margins, MaterialPoint};
 use crate::kinematics::Tensor;
-use crate::operator::{Kernels, LawAtRest};
+use crate::operator::{Kernels, MaterialAtRest};
 use crate::precision::Precision;
 use crate::registers::dispatch;
 use crate::stored;
 
-/// A [`Material`], of which a program can hold one without knowing its type.
-pub trait Law: Passes<f64> + Passes<f32> + Sync {
-    /// [`Material::WRINKLES`].
+/// A [`MaterialPoint`], of which a program can hold one without knowing its type.
+pub trait Material: Passes<f64> + Passes<f32> + Sync {
+    /// [`MaterialPoint::WRINKLES`].
     fn wrinkles(&self) -> bool;
-    /// [`Material::SEVERAL_BRANCHES`].
+    /// [`MaterialPoint::SEVERAL_BRANCHES`].
     fn has_several_branches(&self) -> bool;
-    /// [`Material::STORES`].
+    /// [`MaterialPoint::STORES`].
     fn stores(&self) -> bool;
-    /// [`Material::load`].
+    /// [`MaterialPoint::load`].
     fn load(&self) -> f64;
-    /// [`Material::largest_load`].
+    /// [`MaterialPoint::largest_load`].
     fn largest_load(&self) -> f64;
-    /// [`Material::self_stress`].
+    /// [`MaterialPoint::self_stress`].
     fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64>;
-    /// [`Material::energy`].
+    /// [`MaterialPoint::energy`].
     fn energy(&self, f: Tensor<f64>, active: f64) -> f64;
-    /// [`Material::stress`].
+    /// [`MaterialPoint::stress`].
     fn stress(&self, gradient: Tensor<f64>, active: f64) -> Tensor<f64>;
-    /// [`Material::tangent`].
+    /// [`MaterialPoint::tangent`].
     fn tangent(&self, gradient: Tensor<f64>, active: f64, df: Tensor<f64>) -> Tensor<f64>;
-    /// [`Material::admissible`].
+    /// [`MaterialPoint::admissible`].
     fn admissible(&self, gradient: Tensor<f64>) -> f64;
-    /// [`Material::margins`].
+    /// [`MaterialPoint::margins`].
     fn margins(&self, f: Tensor<f64>, active: f64) -> Margins<f64>;
-    /// [`Material::ellipticity`].
+    /// [`MaterialPoint::ellipticity`].
     fn ellipticity(&self, f: Tensor<f64>, active: f64) -> f64 {
         self.margins(f, active).ellipticity
     }
-    /// [`Material::slowed`].
+    /// [`MaterialPoint::slowed`].
     fn slowed(&self, slowness: f64) -> Option<Self>
     where
         Self: Sized;
     /// The same of a law whose type is not known.
-    fn slowed_any(&self, slowness: f64) -> Option<AnyLaw>;
+    fn slowed_any(&self, slowness: f64) -> Option<AnyMaterial>;
     /// The energies of points side by side, from the lines of their metrics, into `out`; of a law that takes much time at active ones alone,
     /// where these are what is asked for.
     fn energies(&self, metric: [&[f64]; 4], active: &[f64], of_active_alone: bool, out: &mut [f64]);
-    /// The forces of all elements at `u` on the nodes that are not on the edge, into `out`; returns the smallest [`Material::admissible`].
+    /// The forces of all elements at `u` on the nodes that are not on the edge, into `out`; returns the smallest [`MaterialPoint::admissible`].
     fn forces(&self, activity: &Activity, u: &[f64], out: &mut [f64]) -> f64;
     /// Their mean over a step from `u` by `du`.
     fn forces_between(&self, activity: &Activity, step: [&[f64]; 2], out: &mut [f64]);
@@ -64,10 +64,10 @@ pub trait Passes<T> {
     /// The smallest margins over the quadrature points.
     fn least(&self, activity: &Activity, u: &[T]) -> Margins<f64>;
     /// What the law says of undisplaced points.
-    fn at_rest(&self) -> LawAtRest;
+    fn at_rest(&self) -> MaterialAtRest;
 }
 
-impl<L: Material> Law for L {
+impl<L: MaterialPoint> Material for L {
     fn wrinkles(&self) -> bool {
         L::WRINKLES
     }
@@ -81,43 +81,43 @@ impl<L: Material> Law for L {
     }
 
     fn load(&self) -> f64 {
-        Material::load(self)
+        MaterialPoint::load(self)
     }
 
     fn largest_load(&self) -> f64 {
-        Material::largest_load(self)
+        MaterialPoint::largest_load(self)
     }
 
     fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64> {
-        Material::self_stress(self, f)
+        MaterialPoint::self_stress(self, f)
     }
 
     fn energy(&self, f: Tensor<f64>, active: f64) -> f64 {
-        Material::energy(self, f, active)
+        MaterialPoint::energy(self, f, active)
     }
 
     fn stress(&self, gradient: Tensor<f64>, active: f64) -> Tensor<f64> {
-        Material::stress(self, gradient, active)
+        MaterialPoint::stress(self, gradient, active)
     }
 
     fn tangent(&self, gradient: Tensor<f64>, active: f64, df: Tensor<f64>) -> Tensor<f64> {
-        Material::tangent(self, gradient, active, df)
+        MaterialPoint::tangent(self, gradient, active, df)
     }
 
     fn admissible(&self, gradient: Tensor<f64>) -> f64 {
-        Material::admissible(self, gradient)
+        MaterialPoint::admissible(self, gradient)
     }
 
     fn margins(&self, f: Tensor<f64>, active: f64) -> Margins<f64> {
-        Material::margins(self, f, active)
+        MaterialPoint::margins(self, f, active)
     }
 
     fn slowed(&self, slowness: f64) -> Option<Self> {
-        Material::slowed(self, slowness)
+        MaterialPoint::slowed(self, slowness)
     }
 
-    fn slowed_any(&self, slowness: f64) -> Option<AnyLaw> {
-        Material::slowed(self, slowness).map(AnyLaw::new)
+    fn slowed_any(&self, slowness: f64) -> Option<AnyMaterial> {
+        MaterialPoint::slowed(self, slowness).map(AnyMaterial::new)
     }
 
     fn energies(&self, metric: [&[f64]; 4], active: &[f64], of_active_alone: bool, out: &mut [f64]) {
@@ -127,7 +127,7 @@ impl<L: Material> Law for L {
             #[inline(always)]
             || {
                 let one = |at: usize| {
-                    Material::energy(
+                    MaterialPoint::energy(
                         self,
                         stored::deformation([xx[at], xy[at], yy[at], square[at]]),
                         active[at],
@@ -155,7 +155,7 @@ impl<L: Material> Law for L {
     }
 }
 
-impl<L: Material, T: Precision> Passes<T> for L {
+impl<L: MaterialPoint, T: Precision> Passes<T> for L {
     fn store(&self, activity: &Activity, u: &[T], moduli: &mut Vec<T>) {
         Kernels::new(self, activity).store(u, moduli);
     }
@@ -168,23 +168,23 @@ impl<L: Material, T: Precision> Passes<T> for L {
         Kernels::new(self, activity).least(u)
     }
 
-    fn at_rest(&self) -> LawAtRest {
+    fn at_rest(&self) -> MaterialAtRest {
         Kernels::<L>::at_rest::<T>(self)
     }
 }
 
 /// Any law.
-pub struct AnyLaw(Box<dyn Law>);
+pub struct AnyMaterial(Box<dyn Material>);
 
-impl AnyLaw {
+impl AnyMaterial {
     /// One of them.
     #[must_use]
-    pub fn new(material: impl Material) -> Self {
+    pub fn new(material: impl MaterialPoint) -> Self {
         Self(Box::new(material))
     }
 }
 
-impl Law for AnyLaw {
+impl Material for AnyMaterial {
     fn wrinkles(&self) -> bool {
         self.0.wrinkles()
     }
@@ -233,7 +233,7 @@ impl Law for AnyLaw {
         self.slowed_any(slowness)
     }
 
-    fn slowed_any(&self, slowness: f64) -> Option<AnyLaw> {
+    fn slowed_any(&self, slowness: f64) -> Option<AnyMaterial> {
         self.0.slowed_any(slowness)
     }
 
@@ -250,7 +250,7 @@ impl Law for AnyLaw {
     }
 }
 
-impl<T: Precision> Passes<T> for AnyLaw {
+impl<T: Precision> Passes<T> for AnyMaterial {
     fn store(&self, activity: &Activity, u: &[T], moduli: &mut Vec<T>) {
         T::passes(&*self.0).store(activity, u, moduli);
     }
@@ -263,7 +263,7 @@ impl<T: Precision> Passes<T> for AnyLaw {
         T::passes(&*self.0).least(activity, u)
     }
 
-    fn at_rest(&self) -> LawAtRest {
+    fn at_rest(&self) -> MaterialAtRest {
         T::passes(&*self.0).at_rest()
     }
 }
