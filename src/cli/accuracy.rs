@@ -1,4 +1,4 @@
-//! `deaflow accuracy`: what accuracy costs in a scene, without a store.
+//! `deaflow accuracy`: measures error and time of methods and meshes in a scene.
 
 mod findings;
 mod networks;
@@ -10,11 +10,8 @@ use clap::Args;
 use findings::Findings;
 
 use super::arguments::{StateArguments, StoreArguments, accuracy};
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
 use super::progress::Bar;
-use super::{model, solve, write};
+use super::{CliError, Exit, Output, csv, job, model, write};
 use deaflow_accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
 use deaflow_base::{Document, Quantity};
 use deaflow_report::figures::{Cost, FamilyCosts, draw_accuracy};
@@ -27,23 +24,23 @@ use deaflow_store::{Provenance, write_file};
 /// The heading of options about the patterns to measure on.
 const PATTERNS: &str = "Patterns";
 
-/// Measure what accuracy costs in a scene: error and time of methods and meshes
+/// Measure error and time of methods and meshes in a scene
 #[derive(Debug, Args)]
-#[command(after_help = concat!(examples!("deaflow accuracy scene.yaml -o accuracy --target \"0.01 mm\""), "\n\n--jobs is for the reference; methods are measured on one thread."))]
+#[command(after_help = concat!(examples!("deaflow accuracy scene.yaml -o accuracy --target \"0.01 mm\""), "\n\n--jobs applies to the reference; methods are measured on one thread."))]
 pub struct AccuracyArguments {
-    /// A scene, or a pipeline whose scene is meant; a YAML file
+    /// The scene: a YAML file of a scene, or of a pipeline that has one
     pub scene: PathBuf,
-    /// Measure on these patterns: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
+    /// Patterns to measure on: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
     #[arg(long, value_name = "PATTERN", num_args = 1.., conflicts_with_all = ["families", "count", "seed"], help_heading = PATTERNS)]
     pub patterns: Vec<String>,
-    /// The same, as `solve` and `screen` take them
+    /// The same, as for `solve` and `screen`
     #[arg(value_name = "PATTERN", conflicts_with_all = ["patterns", "families", "count", "seed"], help_heading = PATTERNS)]
     pub own: Vec<String>,
-    /// Measure on patterns drawn from small and large grids, Bézier curves, stripes, blobs, checkers, dithers, mazes, diagonals,
-    /// spirals, glyphs and single cells; the default
+    /// Measure on patterns of the families small and large grids, Bézier curves, stripes, blobs, checkers, dithers, mazes,
+    /// diagonals, spirals, glyphs and single cells; the default
     #[arg(long, help_heading = PATTERNS)]
     pub families: bool,
-    /// Patterns of each family
+    /// Number of patterns per family
     #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u64).range(1..=10_000), help_heading = PATTERNS)]
     pub count: u64,
     /// Seed of the families
@@ -52,26 +49,27 @@ pub struct AccuracyArguments {
     /// Folder for accuracy.h5, accuracy.csv and accuracy.png
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// Name the cheapest setting that is bound to err by no more than this, as in "0.01 mm"
+    /// Find the fastest setting with an error of at most this, as in "0.01 mm"
     #[arg(long, value_name = "LENGTH", value_parser = accuracy)]
     pub target: Option<Quantity>,
-    /// What to measure, as in "[linear, chord:1, { elements_per_cell: 4, order: 2 }, { accuracy: 0.01 mm },
+    /// Methods to measure, as in "[linear, chord:1, { elements_per_cell: 4, order: 2 }, { accuracy: 0.01 mm },
     /// { model: FILE.safetensors }]"
     #[arg(long, value_name = "YAML")]
     pub methods: Option<String>,
-    /// A trained model to measure too, named as for `predict`; may be given again
+    /// Also measure this trained model, named as for `predict`; can be repeated
     #[arg(long, value_name = "MODEL")]
     pub model: Vec<String>,
     #[command(flatten)]
     pub store: StoreArguments,
-    /// What to compare with; with `history: { at: [10 s] }` in it, the state at that time, and the methods `history` and `creep:3` find it too
+    /// The reference; with `history: { at: [10 s] }` in it, the state at that time is compared, which the methods `history`
+    /// and `creep:3` find too
     #[arg(long, value_name = "YAML", default_value = "{ elements_per_cell: 8, order: 2 }")]
     pub reference: String,
     #[command(flatten)]
     pub state: StateArguments,
 }
 
-/// What is written: arrays, a table and a figure.
+/// The written files: arrays, a table and a figure.
 const FILES: [&str; 3] = ["accuracy.h5", "accuracy.csv", "accuracy.png"];
 
 pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, CliError> {
@@ -80,7 +78,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     let reference = Document::from_text(Path::new("--reference"), &arguments.reference)?;
     let reference = Reference::read(&reference.root)?;
     let scene = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
-    // Before the reference is solved, which may take long.
+    // Checked before the reference is solved, which may take long.
     reference.check_scene(&scene).map_err(bad_input)?;
     let methods = methods(arguments, &scene, &reference)?;
     let methods: Vec<&Candidate> = methods.iter().collect();
@@ -91,7 +89,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
             .map_err(bad_input)?;
     }
     let families = families(arguments, &scene)?;
-    // What cannot be written has to be known before minutes of work, not after.
+    // Checked before minutes of work.
     write::folder(&arguments.output)?;
     let [file, rows, figure] = FILES.map(|name| arguments.output.join(name));
     write::check_file(&file)?;
@@ -107,11 +105,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     bar.clear();
     let files = write_files(arguments, &benchmark, &measured, start)?;
     let findings = Findings::new(arguments, &benchmark, &measured);
-    if output.is_json() {
-        output.document(&findings.document(&files))?;
-    } else {
-        output.text(findings.text(&files))?;
-    }
+    output.result(|| findings.document(&files), || findings.text(&files))?;
     Ok(if findings.is_missed() {
         Exit::Failure
     } else {
@@ -129,7 +123,7 @@ fn methods(arguments: &AccuracyArguments, scene: &Scene, reference: &Reference) 
     let Some(text) = &arguments.methods else {
         let time = reference.settings().time();
         let usual: Vec<Candidate> = match time {
-            // What this scene has no place for was not asked for.
+            // Methods that this scene does not allow are left out.
             Some(_) => {
                 let usual = Candidate::usual_in_time().into_iter();
                 usual.filter(|method| method.check_scene(scene, time).is_ok()).collect()
@@ -142,7 +136,7 @@ fn methods(arguments: &AccuracyArguments, scene: &Scene, reference: &Reference) 
     Ok(Candidate::read_with_models(&document.root, networks)?)
 }
 
-/// The patterns by family; those that were given are one of their own.
+/// Returns the patterns by family; given patterns are a family of their own.
 fn families(arguments: &AccuracyArguments, scene: &Scene) -> Result<Families, CliError> {
     let own = [arguments.patterns.as_slice(), &arguments.own].concat();
     if own.is_empty() {
@@ -151,7 +145,7 @@ fn families(arguments: &AccuracyArguments, scene: &Scene) -> Result<Families, Cl
     }
     let patterns = direct::patterns(&own, scene.form())?;
     if patterns.is_empty() {
-        return Err(CliError::bad_input("the files hold no patterns"));
+        return Err(CliError::bad_input("the files contain no patterns"));
     }
     Ok(given(patterns))
 }
@@ -167,15 +161,14 @@ fn write_files(
     let parameters = format!("{scene}, reference {}", arguments.reference);
     let provenance = Provenance {
         measurements: benchmark.measurements(measured),
-        ..solve::provenance("accuracy", parameters.clone(), start.elapsed().as_secs_f64())
+        ..job::provenance("accuracy", parameters.clone(), start.elapsed().as_secs_f64())
     };
     write_file(&file, &content(benchmark, measured).object(), &provenance)?;
-    let failed = |e: csv::Error| CliError::failure(format!("cannot write {}: {e}", rows.display()));
-    let text = table_text(benchmark, measured).map_err(failed)?;
-    write::csv(&rows, &text, "deaflow accuracy", &parameters)?;
+    let table = table(benchmark, measured)?;
+    write::csv(&rows, table.as_bytes(), "deaflow accuracy", &parameters)?;
     let mut files = vec![file, rows];
     let moved = measured.iter().any(|method| method.rms() > 0.0);
-    // Patterns that do not move have no error to draw.
+    // Without displacement there are no errors to draw.
     if moved {
         draw_accuracy(&figure, &costs(benchmark, measured))?;
         files.push(figure);
@@ -199,20 +192,41 @@ fn costs(benchmark: &Benchmark, measured: &[Measured]) -> Vec<FamilyCosts> {
     families.map(panel).collect()
 }
 
-/// One row for each method and family.
-fn table_text(benchmark: &Benchmark, measured: &[Measured]) -> Result<Vec<u8>, csv::Error> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    let header = "settings,family,patterns,rms_mm,max_mm,bound_mm,seconds_per_pattern,missed,false_alarms";
-    writer.write_record(header.split(','))?;
-    for method in measured {
-        for (k, family) in benchmark.families.iter().enumerate() {
+/// Returns one row per method and family as comma-separated values with a header.
+fn table(benchmark: &Benchmark, measured: &[Measured]) -> Result<String, CliError> {
+    let header = [
+        "settings",
+        "family",
+        "patterns",
+        "rms_mm",
+        "max_mm",
+        "bound_mm",
+        "seconds_per_pattern",
+        "missed",
+        "false_alarms",
+    ];
+    let rows = measured.iter().flat_map(|method| {
+        benchmark.families.iter().enumerate().map(move |(k, family)| {
             let (error, [patterns, _]) = (&method.families[k], benchmark.counts(k));
             let numbers = [error.rms, error.max, error.bound, method.seconds[k]].map(|x| format!("{x:e}"));
             let counts = [error.missed, error.false_alarms].map(|n| n.to_string());
             let row = [method.settings.clone(), family.clone(), patterns.to_string()];
-            let row = row.into_iter().chain(numbers).chain(counts);
-            writer.write_record(row)?;
-        }
+            row.into_iter().chain(numbers).chain(counts).collect()
+        })
+    });
+    csv::text(&header.map(str::to_owned), rows)
+}
+
+/// Formats an error with two digits.
+fn millimetres(mm: f64) -> String {
+    if mm >= 1e-3 || mm == 0.0 {
+        let decimals = if mm == 0.0 {
+            0
+        } else {
+            (1 - mm.log10().floor() as i32).max(0) as usize
+        };
+        format!("{mm:.decimals$}")
+    } else {
+        format!("{mm:.1e}")
     }
-    Ok(writer.into_inner().map_err(|e| e.into_error())?)
 }

@@ -3,13 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::{Args, ValueEnum};
 
-use super::error::CliError;
-use super::output::Output;
-use super::project;
-use super::upstream::{Reading, RemoteArguments};
+use super::progress::ProgressMode;
+use super::{CliError, project};
 use deaflow_base::{Dimension, NodeValue, Override, Quantity, Time, read_bounded};
 use deaflow_fem::WorkLimit;
 use deaflow_scene::Scene;
@@ -21,37 +19,38 @@ pub const PIPELINE: &str = "Pipeline";
 /// The heading of options about the store.
 pub const STORE: &str = "Store";
 
-/// The heading of options about what is shown meanwhile.
+/// The heading of options about progress.
 pub const PROGRESS: &str = "Progress";
 
-/// No job takes longer.
-const LONGEST: Duration = Duration::from_secs(366 * 24 * 3600);
+/// The longest duration.
+const MAX_DURATION: Duration = Duration::from_secs(366 * 24 * 3600);
 
 #[derive(Clone, Debug, Args)]
 pub struct StoreArguments {
-    /// The artifact store [default: $DEAFLOW_STORE, or else `store` in the nearest folder at or above the pipeline (without one, this
-    /// folder) that has a store or is a Git repository]
+    /// The artifact store [default: $DEAFLOW_STORE, or `store` in the nearest folder at or above the pipeline (or else
+    /// the current folder) that has a store or is a Git repository]
     #[arg(long, value_name = "DIR", help_heading = STORE)]
     store: Option<PathBuf>,
 }
 
 impl StoreArguments {
-    /// The folder that the command line names.
+    /// Returns the folder given on the command line.
     pub fn given(&self) -> Option<&Path> {
         self.store.as_deref()
     }
 
-    /// The folder of the store, for a command that is about no pipeline.
+    /// Returns the folder of the store for a command without a pipeline.
     pub fn folder(&self) -> PathBuf {
         self.folder_for(None)
     }
 
-    /// The folder of the store for a pipeline.
+    /// Returns the folder of the store for a pipeline.
     pub fn folder_of(&self, pipeline: &Path) -> PathBuf {
         self.folder_for(Some(pipeline))
     }
 
-    /// The folder of the store for the first of these that names a pipeline, be it as `PIPELINE.yaml:STAGE` or `PIPELINE.yaml@RUN`.
+    /// Returns the folder of the store for the first reference that names a pipeline, as in `PIPELINE.yaml:STAGE` or
+    /// `PIPELINE.yaml@RUN`.
     pub fn folder_of_any<'a>(&self, references: impl IntoIterator<Item = &'a String>) -> PathBuf {
         let file = |reference: &'a String| {
             reference
@@ -62,7 +61,7 @@ impl StoreArguments {
         self.folder_for(files.find(|file| file.extension().is_some_and(|end| end == "yaml" || end == "yml")))
     }
 
-    /// The folder of the store for a pipeline, if there is one.
+    /// Returns the folder of the store for an optional pipeline.
     pub fn folder_for(&self, pipeline: Option<&Path>) -> PathBuf {
         let set = || std::env::var_os("DEAFLOW_STORE").filter(|value| !value.is_empty());
         self.store
@@ -74,13 +73,13 @@ impl StoreArguments {
 
 #[derive(Clone, Debug, Args)]
 pub struct StateArguments {
-    /// Look at this state of the device alone
+    /// Use only this state of the device
     #[arg(long, value_name = "NAME")]
     pub state: Option<String>,
 }
 
 impl StateArguments {
-    /// What is looked at, in words: a scene of a file, and its state.
+    /// Describes a scene by its file and state.
     #[must_use]
     pub fn described(&self, scene: &Path) -> String {
         let state = self
@@ -90,15 +89,15 @@ impl StateArguments {
         format!("scene {}{state}", scene.display())
     }
 
-    /// A scene in the state that is asked for; as it is where none is.
+    /// Returns a scene in the requested state, or unchanged without one.
     ///
     /// # Errors
     /// When it has no such state.
     pub fn of(&self, scene: Scene) -> Result<Scene, CliError> {
         match &self.state {
             None => Ok(scene),
-            Some(wanted) => scene
-                .in_state(wanted)
+            Some(state) => scene
+                .in_state(state)
                 .map_err(|unknown| CliError::bad_input(unknown.to_string()).help(unknown.help())),
         }
     }
@@ -106,7 +105,7 @@ impl StateArguments {
 
 #[derive(Clone, Debug, Args)]
 pub struct SetArguments {
-    /// Change a value for this call, such as stages.small.count=400 or scene.drive.voltage="5 kV"; scene=FILE takes another scene
+    /// Override a value, such as stages.small.count=400 or scene.drive.voltage="5 kV"; scene=FILE replaces the scene
     #[arg(long = "set", value_name = "PATH=VALUE", help_heading = PIPELINE)]
     pub sets: Vec<String>,
     /// Allow a sweep of more than 1000 stages
@@ -115,16 +114,16 @@ pub struct SetArguments {
 }
 
 impl SetArguments {
-    /// The changes, in order.
+    /// Parses the overrides.
     ///
     /// # Errors
-    /// When one cannot be read.
+    /// When one is invalid.
     pub fn overrides(&self) -> Result<Vec<Override>, CliError> {
         self.sets.iter().map(|set| Ok(Override::parse(set)?)).collect()
     }
 
-    /// The changes as another process takes them, whatever its folder: the file of a scene is named from the root.
-    pub fn named_from_root(&self) -> Vec<String> {
+    /// Returns the overrides for a process in any folder: the path of a scene is made absolute.
+    pub fn with_absolute_paths(&self) -> Vec<String> {
         let full = |set: &String| {
             let set = Override::parse(set).ok()?;
             let NodeValue::Text(file) = set.value() else {
@@ -144,7 +143,7 @@ impl SetArguments {
 
 #[derive(Clone, Debug, Args)]
 pub struct PipelineArguments {
-    /// The pipeline, a YAML file, or a folder with one alone [default: that of this folder]
+    /// The pipeline: a YAML file, or a folder with exactly one [default: the current folder]
     #[arg(default_value = ".", hide_default_value = true, value_parser = pipeline_parser())]
     pub pipeline: PathBuf,
     #[command(flatten)]
@@ -161,12 +160,12 @@ pub struct PipelineArguments {
     pub remote: RemoteArguments,
 }
 
-/// What an argument that names a pipeline is read by.
+/// Returns the parser of an argument that names a pipeline.
 pub fn pipeline_parser() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(pipeline_in)
 }
 
-/// The only pipeline of a folder; a file as it is.
+/// Returns the only pipeline of a folder; a path to a file unchanged.
 pub fn pipeline_in(path: PathBuf) -> Result<PathBuf, String> {
     if !path.is_dir() {
         return Ok(path);
@@ -183,74 +182,137 @@ pub fn pipeline_in(path: PathBuf) -> Result<PathBuf, String> {
     match found.as_slice() {
         [one] => Ok(one.clone()),
         [] if Store::is_at(&path) => Err(format!(
-            "{shown} is a store, and a pipeline is meant: `--store {shown}` names a store"
+            "{shown} is a store, not a pipeline; use `--store {shown}` for a store"
         )),
-        [] => Err(format!(
-            "there is no pipeline in {shown}, which is a YAML file with `stages:`"
-        )),
+        [] => Err(format!("no pipeline (a YAML file with `stages:`) in {shown}")),
         several => {
             let names: Vec<String> = several.iter().map(|file| file.display().to_string()).collect();
-            Err(format!("there are several pipelines in {shown}: {}", names.join(", ")))
+            Err(format!("several pipelines in {shown}: {}", names.join(", ")))
         }
     }
 }
 
-/// A pipeline is longer than this only where somebody has written it out for tens of thousands of stages.
-const LONGEST_PIPELINE: u64 = 16 << 20;
+/// The largest file that is searched for `stages:`, in bytes.
+const MAX_PIPELINE: u64 = 16 << 20;
 
-/// Whether a file is a pipeline, or would be but for a mistake in it.
+/// Whether a file is a pipeline, valid or not.
 fn has_stages(file: &Path) -> bool {
-    let text = read_bounded(file, LONGEST_PIPELINE).unwrap_or_default();
+    let text = read_bounded(file, MAX_PIPELINE).unwrap_or_default();
     text.split(|byte| *byte == b'\n')
         .any(|line| line.starts_with(b"stages:"))
 }
 
 impl PipelineArguments {
-    /// The folder of the store.
+    /// Returns the folder of the store.
     pub fn store_folder(&self) -> PathBuf {
         self.store.folder_of(&self.pipeline)
     }
 
-    /// The store as it is to be looked at.
-    ///
-    /// # Errors
-    /// When the remote that is to be read through cannot be.
-    pub fn read(&self, store: Store, output: &Output) -> Result<Reading, CliError> {
-        let store = if self.verify { store.without_index() } else { store };
-        Reading::of(store, &self.remote, output)
+    /// The pipeline, its overrides and its store, quoted for a shell.
+    pub fn shell_words(&self) -> String {
+        let pair = |name: &str, value: &str| [name.to_owned(), value.to_owned()];
+        let mut words = vec![self.pipeline.display().to_string()];
+        words.extend(self.set.sets.iter().flat_map(|set| pair("--set", set)));
+        words.extend(self.until.iter().flat_map(|until| pair("--until", until)));
+        let store = self.store.given().map(|store| store.display().to_string());
+        words.extend(store.iter().flat_map(|store| pair("--store", store)));
+        let quoted = words.iter().map(|word| shlex::try_quote(word).unwrap_or_default());
+        quoted.collect::<Vec<_>>().join(" ")
     }
+}
+
+#[derive(Clone, Debug, Default, Args)]
+pub struct RemoteArguments {
+    /// Use artifacts of this remote instead of building them; fetch them as needed [default: $DEAFLOW_REMOTE, or none]
+    #[arg(long, value_name = "NAME", help_heading = STORE)]
+    pub remote: Option<String>,
+}
+
+impl RemoteArguments {
+    /// Returns the name of the remote: the argument, or that of the environment.
+    pub fn name(&self) -> Option<String> {
+        remote_name(self.remote.as_deref())
+    }
+}
+
+/// Returns the name of a remote: the argument, or that of the environment.
+pub fn remote_name(name: Option<&str>) -> Option<String> {
+    let set = || std::env::var("DEAFLOW_REMOTE").ok().filter(|value| !value.is_empty());
+    name.map(str::to_owned).or_else(set)
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ProgressForm {
+    /// Plain lines
+    Plain,
+    /// One JSON document per line for each event
+    Json,
+    /// Warnings only
+    None,
+}
+
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct ProgressArguments {
+    /// Print only warnings and errors
+    #[arg(short, long, help_heading = PROGRESS)]
+    pub quiet: bool,
+    /// How to show progress on stderr [default: bars on a terminal, plain lines elsewhere]
+    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet", help_heading = PROGRESS)]
+    progress: Option<ProgressForm>,
+}
+
+impl ProgressArguments {
+    /// Returns how to show progress.
+    pub fn mode(self) -> ProgressMode {
+        match self.progress {
+            _ if self.quiet => ProgressMode::Warnings,
+            Some(ProgressForm::None) => ProgressMode::Warnings,
+            Some(ProgressForm::Plain) => ProgressMode::Lines,
+            Some(ProgressForm::Json) => ProgressMode::Json,
+            None => ProgressMode::Bars,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct VerbosityArguments {
+    /// Print all results and a table of the stages
+    #[arg(short, long, conflicts_with = "quiet", help_heading = PROGRESS)]
+    pub verbose: bool,
+    #[command(flatten)]
+    pub progress: ProgressArguments,
 }
 
 #[derive(Debug, Args)]
 pub struct PatternArguments {
-    /// FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
+    /// Patterns: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
     #[arg(value_name = "PATTERN", required = true)]
     pub patterns: Vec<String>,
-    /// Where the result goes; an existing file is replaced [default: nowhere, what was found is printed]
+    /// The file for the results; an existing file is replaced [default: none, results are only printed]
     #[arg(short, long, value_name = "OUT.h5")]
     pub output: Option<PathBuf>,
 }
 
-/// How HDF5 files end, the usual way first.
+/// The extensions of HDF5 files.
 pub const HDF5: [&str; 2] = ["h5", "hdf5"];
 
-/// Whether a path ends as HDF5 files do.
-pub fn ends_as_hdf5(path: &Path) -> bool {
+/// Whether a path has the extension of an HDF5 file.
+pub fn has_hdf5_extension(path: &Path) -> bool {
     path.extension()
         .is_some_and(|end| HDF5.iter().any(|known| end == *known))
 }
 
 impl PatternArguments {
-    /// The file of what is written in any case.
+    /// Returns the output file, for a command that needs one.
     ///
     /// # Errors
-    /// When none is named.
+    /// When none is given.
     pub fn file(&self) -> Result<&Path, CliError> {
-        let none = || CliError::bad_input("no file is named for the result").help("name it with -o, as in -o out.h5");
+        let none = || CliError::bad_input("no output file given").help("add one, as in -o out.h5");
         self.output.as_deref().ok_or_else(none)
     }
 
-    /// Refuses a name that promises another format than HDF5. One without an ending promises none.
+    /// Refuses an output file with the extension of another format than HDF5.
     ///
     /// # Errors
     /// When it does.
@@ -258,23 +320,25 @@ impl PatternArguments {
         let Some((file, end)) = self.output.as_deref().and_then(|file| Some((file, file.extension()?))) else {
             return Ok(());
         };
-        if ends_as_hdf5(file) {
+        if has_hdf5_extension(file) {
             return Ok(());
         }
         let message = format!(
-            "{} cannot be written: the result is an HDF5 file, and not .{}",
+            "cannot write {}: the output is an HDF5 file, not .{}",
             file.display(),
             end.display()
         );
-        Err(CliError::bad_input(message)
-            .help("allowed: .h5 and .hdf5, as in -o out.h5; `deaflow show out.h5 --csv` prints its rows as CSV, `--corners` the displacement of each corner"))
+        Err(CliError::bad_input(message).help(
+            "allowed: .h5 and .hdf5, as in -o out.h5; `deaflow show out.h5 --csv` prints its rows as CSV, `--corners` \
+                 the displacement of each corner",
+        ))
     }
 }
 
-/// Relative residual at which an equilibrium is accepted unless said otherwise.
+/// The default relative residual at which an equilibrium is accepted.
 pub const TOLERANCE: f64 = 1e-8;
 
-/// Reads an accuracy of the displacement, a length.
+/// Parses an accuracy of the displacement, a length.
 pub fn accuracy(text: &str) -> Result<Quantity, String> {
     let length = Quantity::parse(text, Dimension::Length).map_err(|e| e.to_string())?;
     if (1e-9..=1e3).contains(&length.value()) {
@@ -286,30 +350,30 @@ pub fn accuracy(text: &str) -> Result<Quantity, String> {
 
 #[derive(Debug, Args)]
 pub struct TimeArguments {
-    /// About how long a pattern may take before it ends as work-limit, as in "60 s" [default: 5 s, and 500 s for a history]; work is counted, not
-    /// time, so that results do not depend on the machine
+    /// Approximate time limit per pattern, after which it ends as work-limit, as in "60 s" [default: 5 s, 500 s for a
+    /// history]; work is counted instead of time, so that results do not depend on the machine
     #[arg(long, value_name = "TIME", value_parser = time_limit, allow_hyphen_values = true)]
     pub time_limit: Option<Time>,
 }
 
 impl TimeArguments {
-    /// How much work a pattern may take.
+    /// Returns the limit of work per pattern.
     pub fn work_limit(&self) -> WorkLimit {
         WorkLimit::of_time(self.time_limit.as_ref())
     }
 }
 
-/// Reads a time that goes by, as in "5min" or "2 h".
+/// Parses a duration, as in "5min" or "2 h".
 pub fn duration(text: &str) -> Result<Duration, String> {
     let duration = humantime::parse_duration(text).map_err(|error| error.to_string())?;
-    if duration <= LONGEST {
+    if duration <= MAX_DURATION {
         Ok(duration)
     } else {
         Err("allowed: 0s to 366days".to_owned())
     }
 }
 
-/// Reads a time for which patterns may be worked on.
+/// Parses a time limit per pattern.
 fn time_limit(text: &str) -> Result<Time, String> {
     let time = Quantity::parse(text, Dimension::Time).map_err(|e| e.to_string())?;
     match Time::from_f64(time.value()) {
@@ -318,7 +382,7 @@ fn time_limit(text: &str) -> Result<Time, String> {
     }
 }
 
-/// A reader of numbers between two bounds, in the words of `allowed`.
+/// Returns a parser of numbers in a range; `words` describes the range.
 pub fn number(
     allowed: std::ops::RangeInclusive<f64>,
     words: &'static str,

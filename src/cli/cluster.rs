@@ -1,4 +1,4 @@
-//! `deaflow run --executor`: has workers on other machines build, shows how far they are, and then tells what was found as any run does.
+//! `deaflow run --executor`: lets workers on other machines build, and shows their progress.
 
 use std::fs;
 use std::io;
@@ -13,11 +13,12 @@ use serde_json::json;
 use signal_hook::consts::{SIGHUP, SIGINT};
 
 use super::arguments::PipelineArguments;
-use super::error::CliError;
-use super::output::{Exit, Output, tell};
-use super::progress::{Bar, Shown};
-use super::run::{ProgressForm, RunArguments, read_lock};
-use super::signals;
+use super::local_build::{Build, LockMode};
+use super::output::print_plain;
+use super::pipeline::read_lock;
+use super::progress::{Bar, ProgressMode};
+use super::upstream::StoreAccess;
+use super::{CliError, Exit, Output, signals, table};
 use deaflow_base::{Document, Progress, printable_json};
 use deaflow_executor::{
     CommandEngine, Ending, Engine, EngineKind, Failed, LEDGER, Ledger, Profile, Recipe, SlurmEngine, Standings,
@@ -27,21 +28,21 @@ use deaflow_orchestrator::{Pipeline, Readiness, check_locked, stage_progress};
 use deaflow_stage as stage;
 use deaflow_store::{Board, LockFile, Store};
 
-/// Where a detached submitter writes, among the logs of its workers.
+/// The log of a detached submitter, in the folder of the logs of its workers.
 const LOG: &str = "submitter.log";
 
 #[derive(Debug, Default, Args)]
 pub struct ClusterArguments {
-    /// Have workers on other machines build [default: as the profile says]
+    /// Build by workers on other machines [default: the executor of the profile]
     #[arg(long, value_enum, value_name = "ENGINE", help_heading = "Clusters")]
     pub executor: Option<Executor>,
-    /// What workers get and where: a YAML file
+    /// Resources of workers: a YAML file
     #[arg(long, value_name = "FILE", help_heading = "Clusters")]
     pub profile: Option<PathBuf>,
-    /// The command that starts workers of `--executor command`, with fields in braces for their number and command line
+    /// The command that starts workers of `--executor command`, with {n} and {worker} for their number and command line
     #[arg(long, value_name = "COMMAND", help_heading = "Clusters")]
     pub submit: Option<String>,
-    /// Submit and come back: `deaflow attach` shows how far they are
+    /// Submit and return; `deaflow attach` shows the progress
     #[arg(long, help_heading = "Clusters", conflicts_with_all = ["lock", "locked", "verify"])]
     pub detach: bool,
 }
@@ -50,31 +51,32 @@ pub struct ClusterArguments {
 pub enum Executor {
     /// sbatch, squeue, scancel
     Slurm,
-    /// Any engine, by the command of --submit or of the profile
+    /// Any engine, started by the command of --submit or of the profile
     Command,
 }
 
 impl ClusterArguments {
-    fn is_asked_for(&self) -> bool {
+    fn is_given(&self) -> bool {
         self.executor.is_some() || self.profile.is_some() || self.submit.is_some()
     }
 }
 
-/// What is to be built by others, and for whom that is shown.
-pub struct Work<'a> {
+/// A pipeline that workers build.
+pub struct ClusterBuild<'a> {
     pub pipeline: &'a Pipeline,
     pub of: &'a PipelineArguments,
     pub store: &'a Store,
-    pub shown: Shown,
+    pub mode: ProgressMode,
 }
 
-/// Has others build where that is asked for. None where it is not, or all is there then: the rest is that of any run.
-pub fn build(pipeline: &Pipeline, arguments: &RunArguments, output: &Output) -> Result<Option<Exit>, CliError> {
-    let cluster = &arguments.cluster;
-    if !cluster.is_asked_for() {
+/// Lets workers build, if requested. Returns none if not, or when everything is built: this process then reports as any run.
+///
+/// # Errors
+/// When the workers cannot be submitted, or fail.
+pub fn build(build: &Build<'_>, cluster: &ClusterArguments, output: &Output) -> Result<Option<Exit>, CliError> {
+    if !cluster.is_given() {
         return match cluster.detach {
-            true => Err(CliError::bad_input("--detach: there are no workers to come back from")
-                .help("--executor, --profile or --submit says who builds")),
+            true => Err(CliError::bad_input("--detach needs workers").help("add --executor, --profile or --submit")),
             false => Ok(None),
         };
     }
@@ -90,39 +92,45 @@ pub fn build(pipeline: &Pipeline, arguments: &RunArguments, output: &Output) -> 
         },
         profile,
         submit: cluster.submit.clone(),
-        until: arguments.of.until.clone(),
-        keep_going: arguments.keep_going,
+        until: build.of.until.clone(),
+        keep_going: build.keep_going,
     };
-    let reading = arguments.of.read(Store::open(&arguments.of.store_folder())?, output)?;
-    let store = reading.store();
-    if arguments.locked {
-        let lock = read_lock(&LockFile::path_for(&pipeline.path))?;
-        check_locked(pipeline, arguments.of.until.as_deref(), store, &lock)?;
+    let access = StoreAccess::open(Store::open(&build.of.store_folder())?, build.of, output)?;
+    if build.lock == LockMode::Check {
+        let lock = read_lock(&LockFile::path_for(&build.pipeline.path))?;
+        check_locked(build.pipeline, build.of.until.as_deref(), access.store(), &lock)?;
     }
-    let work = Work {
-        pipeline,
-        of: &arguments.of,
-        store,
-        shown: ProgressForm::shown(arguments.progress, arguments.quiet),
+    let workers = ClusterBuild {
+        pipeline: build.pipeline,
+        of: build.of,
+        store: access.store(),
+        mode: build.verbosity.progress.mode(),
     };
-    let how = if cluster.detach { How::Detach } else { How::Stay };
-    work.submit(recipe, how, output)
+    let stay = if cluster.detach {
+        Stay::UntilSubmitted
+    } else {
+        Stay::UntilBuilt
+    };
+    workers.submit(recipe, stay, output)
 }
 
 /// How long a submitter stays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum How {
-    /// Until all is there.
-    Stay,
+pub enum Stay {
+    /// Until everything is built.
+    UntilBuilt,
     /// Until workers have been submitted.
-    Detach,
-    /// Until all is there, for another that has submitted them.
-    GoOn,
+    UntilSubmitted,
+    /// Until everything is built, for a process that has submitted the workers.
+    ForOther,
 }
 
-impl Work<'_> {
-    /// Goes on with what a recipe says until all is there, which gives none.
-    pub fn submit(&self, recipe: Recipe, how: How, output: &Output) -> Result<Option<Exit>, CliError> {
+impl ClusterBuild<'_> {
+    /// Submits the workers of a recipe and follows them. Returns none when everything is built.
+    ///
+    /// # Errors
+    /// When the workers cannot be submitted, or fail.
+    pub fn submit(&self, recipe: Recipe, stay: Stay, output: &Output) -> Result<Option<Exit>, CliError> {
         let (profile, kind) = self.profile(&recipe)?;
         let stages = stage_progress(self.pipeline, self.store, recipe.until.as_deref())?;
         if stages.iter().all(|stage| stage.readiness == Readiness::Built) {
@@ -130,10 +138,10 @@ impl Work<'_> {
         }
         let engine = engine(&profile, kind, recipe.submit.clone())?;
         let cancel = Arc::new(AtomicBool::new(false));
-        signals::heed(SIGINT, &cancel)?;
-        // A terminal that is closed is no wish to cancel.
+        signals::set_on(SIGINT, &cancel)?;
+        // Closing the terminal does not cancel.
         signals::ignore(SIGHUP)?;
-        let display = Display::new(self.shown, &self.pipeline.name);
+        let display = ClusterDisplay::new(self.mode, &self.pipeline.name);
         let submission = Submission {
             pipeline: self.pipeline,
             store: self.store,
@@ -142,45 +150,47 @@ impl Work<'_> {
             worker: &self.worker(&profile)?,
             recipe,
             cancel: &cancel,
-            once: how == How::Detach,
-            goes_on: how == How::GoOn,
+            once: stay == Stay::UntilSubmitted,
+            goes_on: stay == Stay::ForOther,
         };
         let ending = supervise(&submission, &|standings| display.show(standings))?;
         display.end();
         match ending {
             Ending::Done => {
-                // What is left is done here: the first Ctrl-C ends it.
+                // The report remains; the first Ctrl-C ends it.
                 cancel.store(true, Ordering::Relaxed);
                 Ok(None)
             }
-            Ending::Refused(why) => Err(CliError::failure(format!("the workers were not taken: {why}"))),
+            Ending::Refused(why) => Err(CliError::failure(format!("the engine refused the workers: {why}"))),
             Ending::Submitted(arrays) => self.detach(&arrays, output).map(Some),
             Ending::Left(arrays) => {
-                let arrays = if arrays.is_empty() {
-                    "nothing yet".to_owned()
-                } else {
-                    arrays.join(", ")
+                let arrays = match arrays.is_empty() {
+                    true => "no workers yet".to_owned(),
+                    false => arrays.join(", "),
                 };
-                output.complain(&format!(
-                    "another process has submitted {arrays} and goes on; `deaflow attach {} --cancel` ends it",
+                output.note(&format!(
+                    "another process is building this pipeline (submitted: {arrays}); cancel it with `deaflow attach {} \
+                     --cancel`",
                     self.of.pipeline.display()
                 ));
-                Ok(Some(if how == How::Detach { Exit::Done } else { Exit::TryAgain }))
+                Ok(Some(if stay == Stay::UntilSubmitted {
+                    Exit::Done
+                } else {
+                    Exit::TryAgain
+                }))
             }
             Ending::Failed(failures) => Ok(Some(failed(&failures, output)?)),
-            Ending::Cancelled(None) => Err(CliError::failure("cancelled; what has been built is kept").elsewhere()),
-            Ending::Cancelled(Some(error)) => {
-                Err(CliError::failure(format!("not everything could be cancelled: {error}"))
-                    .help("`deaflow attach PIPELINE --cancel` tries again"))
-            }
-            Ending::GivenUp(stages, trouble) => {
-                let why = trouble.map_or(String::new(), |trouble| format!("; the last said: {trouble}"));
+            Ending::Cancelled(None) => Err(CliError::failure("cancelled; finished work is kept").elsewhere()),
+            Ending::Cancelled(Some(error)) => Err(CliError::failure(format!("cannot cancel all workers: {error}"))
+                .help("try again: deaflow attach PIPELINE --cancel")),
+            Ending::GivenUp(stages, problem) => {
+                let why = problem.map_or(String::new(), |problem| format!("; last message: {problem}"));
                 let logs = self.board(submission.recipe.until.as_deref()).logs()?;
                 Err(CliError::failure(format!(
-                    "workers on {} end again and again without bringing anything about{why}",
+                    "workers on {} repeatedly end without progress{why}",
                     stages.join(", ")
                 ))
-                .help(format!("what they said stands in {}", logs.display()))
+                .help(format!("see their logs in {}", logs.display()))
                 .elsewhere())
             }
         }
@@ -190,28 +200,38 @@ impl Work<'_> {
         self.store.board(&topic(self.pipeline, until))
     }
 
-    /// What was last submitted for the pipeline.
+    /// Reads what was last submitted for the pipeline.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
     pub fn ledger(&self) -> Result<Option<Ledger>, CliError> {
         Ok(self.board(self.of.until.as_deref()).read(LEDGER)?)
     }
 
-    /// Ends all workers that were submitted.
+    /// Cancels all submitted workers.
+    ///
+    /// # Errors
+    /// When they are those of another user, or some could not be cancelled.
     pub fn cancel(&self, recipe: &Recipe, output: &Output) -> Result<Exit, CliError> {
         if !self.board(recipe.until.as_deref()).is_own(LEDGER) {
             return Err(CliError::failure(
-                "another user has submitted this: only that one can cancel it",
+                "cannot cancel: the workers were submitted by another user",
             ));
         }
         let (profile, kind) = self.profile(recipe)?;
         let engine = engine(&profile, kind, recipe.submit.clone())?;
         let arrays = deaflow_executor::cancel(&self.board(recipe.until.as_deref()), engine.as_ref())?;
-        let arrays =
-            arrays.map_err(|error| CliError::failure(format!("not everything could be cancelled: {error}")))?;
-        match output.is_json() {
-            true => output.document(&json!({ "pipeline": self.pipeline.name, "cancelled": arrays }))?,
-            false => output.text(format!("{}: {arrays} arrays of workers cancelled", self.pipeline.name))?,
-        }
-        Ok(Exit::Done)
+        let arrays = arrays.map_err(|error| CliError::failure(format!("cannot cancel all workers: {error}")))?;
+        let name = &self.pipeline.name;
+        output.result(
+            || json!({ "pipeline": name, "cancelled": arrays }),
+            || {
+                format!(
+                    "{name}: {} of workers cancelled",
+                    table::counted(arrays as u64, "arrays")
+                )
+            },
+        )
     }
 
     fn profile(&self, recipe: &Recipe) -> Result<(Profile, EngineKind), CliError> {
@@ -230,30 +250,30 @@ impl Work<'_> {
                 (Some(kind), _) => kind,
                 (None, Some(_)) => EngineKind::Command,
                 (None, None) => {
-                    return Err(CliError::bad_input("nothing says which engine starts workers")
-                        .help("--executor slurm, or `executor: slurm` in the profile"));
+                    return Err(CliError::bad_input("no engine to start workers with")
+                        .help("add --executor slurm, or `executor: slurm` to the profile"));
                 }
             },
         };
         if kind == EngineKind::Slurm && recipe.submit.is_some() {
             return Err(CliError::bad_input(
-                "--submit is of --executor command, and the executor is slurm",
+                "--submit needs --executor command; the executor is slurm",
             ));
         }
         Ok((profile, kind))
     }
 
-    /// The command line of a worker, but for its stages and its array. Workers start in folders of their own.
+    /// The command line of a worker, without its stages and its array. Paths are absolute: workers start in other folders.
     fn worker(&self, profile: &Profile) -> Result<Vec<String>, CliError> {
         let own =
-            std::env::current_exe().map_err(|error| CliError::failure(format!("where this program is: {error}")))?;
+            std::env::current_exe().map_err(|error| CliError::failure(format!("cannot find this program: {error}")))?;
         let mut words = vec![text(&own)?, "worker".to_owned()];
         words.extend(self.arguments()?);
         words.extend(["--cpu".to_owned(), profile.cpu.word().to_owned()]);
         Ok(words)
     }
 
-    /// The pipeline as it was given, as arguments of another command wherever that is started.
+    /// The pipeline and its options as arguments of a command in any folder.
     fn arguments(&self) -> Result<Vec<String>, CliError> {
         let PipelineArguments {
             pipeline,
@@ -269,16 +289,16 @@ impl Work<'_> {
         ];
         let pair = |name: &str, value: &String| [name.to_owned(), value.clone()];
         words.extend(until.iter().flat_map(|until| pair("--until", until)));
-        words.extend(set.named_from_root().iter().flat_map(|set| pair("--set", set)));
+        words.extend(set.with_absolute_paths().iter().flat_map(|set| pair("--set", set)));
         words.extend(set.many.then(|| "--many".to_owned()));
         words.extend(remote.name().iter().flat_map(|name| pair("--remote", name)));
         Ok(words)
     }
 
-    /// Leaves the rest to a process that no terminal ends.
+    /// Continues in a background process.
     fn detach(&self, arrays: &[String], output: &Output) -> Result<Exit, CliError> {
         let log = self.board(self.of.until.as_deref()).logs()?.join(LOG);
-        let refused = |error: io::Error| CliError::failure(format!("cannot go on in the background: {error}"));
+        let refused = |error: io::Error| CliError::failure(format!("cannot continue in the background: {error}"));
         let file = fs::File::options()
             .create(true)
             .append(true)
@@ -295,23 +315,24 @@ impl Work<'_> {
             .stderr(file)
             .process_group(0);
         let child = command.spawn().map_err(refused)?;
-        match output.is_json() {
-            true => output.document(&json!({
+        let document = || {
+            json!({
                 "pipeline": self.pipeline.name,
                 "store": self.store.root(),
                 "arrays": arrays,
                 "submitter": child.id(),
                 "log": log,
-            }))?,
-            false => output.text(format!(
-                "submitted {}; process {} goes on and writes {}\n`deaflow attach {}` shows how far they are",
+            })
+        };
+        output.result(document, || {
+            format!(
+                "submitted {}; process {} continues and writes {}\nshow the progress: deaflow attach {}",
                 arrays.join(", "),
                 child.id(),
                 log.display(),
                 self.of.pipeline.display()
-            ))?,
-        }
-        Ok(Exit::Done)
+            )
+        })
     }
 }
 
@@ -331,13 +352,13 @@ fn engine(profile: &Profile, kind: EngineKind, submit: Option<String>) -> Result
         EngineKind::Slurm => match SlurmEngine::find(profile.slurm.clone(), environment) {
             Ok(engine) => Ok(Box::new(engine)),
             Err(error) => Err(CliError::failure(format!("there is no Slurm here: {error}"))
-                .help("a node from which sbatch and squeue work submits")),
+                .help("submit from a node with sbatch and squeue")),
         },
         EngineKind::Command => {
             let submit = submit.or_else(|| profile.submit.clone());
             let submit = submit.ok_or_else(|| {
-                CliError::bad_input("nothing says how workers are started")
-                    .help("--submit './submit.sh {n} {worker}', or `command: { submit: … }` in the profile")
+                CliError::bad_input("no command to start workers with")
+                    .help("add --submit './submit.sh {n} {worker}', or `command: { submit: … }` to the profile")
             })?;
             match CommandEngine::new(submit, profile.cancel.clone(), environment) {
                 Ok(engine) => Ok(Box::new(engine)),
@@ -347,7 +368,7 @@ fn engine(profile: &Profile, kind: EngineKind, submit: Option<String>) -> Result
     }
 }
 
-/// What workers said of stages that cannot be built. The first of them decides how the run ends.
+/// Reports the failures of workers. The first one decides how the run ends.
 fn failed(failures: &[Failed], output: &Output) -> Result<Exit, CliError> {
     let exits = [
         Exit::BadInput,
@@ -369,89 +390,89 @@ fn failed(failures: &[Failed], output: &Output) -> Result<Exit, CliError> {
         output.document(&json!({ "errors": errors.collect::<Vec<_>>() }))?;
     }
     for failed in failures {
-        output.complain(&format!("error: {}", failed.message));
+        output.note(&format!("error: {}", failed.message));
     }
     Ok(failures.first().map_or(Exit::Failure, |failed| exit(failed.exit)))
 }
 
-/// One bar for the work of all.
-struct Display {
-    shown: Shown,
+/// The progress of all workers, in one bar.
+struct ClusterDisplay {
+    mode: ProgressMode,
     bar: Option<Bar>,
-    said: Mutex<Said>,
+    last: Mutex<LastReport>,
 }
 
-/// What has been told already.
+/// What has been reported already.
 #[derive(Default)]
-struct Said {
-    there: Option<Vec<String>>,
-    trouble: Option<String>,
+struct LastReport {
+    built: Option<Vec<String>>,
+    problem: Option<String>,
     counts: (u64, u64, u32),
     follows: bool,
 }
 
-impl Display {
-    fn new(shown: Shown, pipeline: &str) -> Self {
+impl ClusterDisplay {
+    fn new(mode: ProgressMode, pipeline: &str) -> Self {
         Self {
-            shown,
-            bar: Bar::of(shown, pipeline, "pieces"),
-            said: Mutex::default(),
+            mode,
+            bar: Bar::with_mode(mode, pipeline, "pieces"),
+            last: Mutex::default(),
         }
     }
 
     fn show(&self, standings: &Standings<'_>) {
-        let mut said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let stages = standings.stages;
         let done: u64 = stages.iter().map(|stage| stage.done).sum();
         let pieces: u64 = stages.iter().map(|stage| stage.pieces).sum();
-        let there = stages.iter().filter(|stage| stage.readiness == Readiness::Built);
-        let there: Vec<String> = there.map(|stage| stage.name.clone()).collect();
+        let built = stages.iter().filter(|stage| stage.readiness == Readiness::Built);
+        let built: Vec<String> = built.map(|stage| stage.name.clone()).collect();
         let counts = (done, pieces, standings.workers);
-        let trouble = standings
+        let problem = standings
             .trouble
-            .filter(|trouble| said.trouble.as_deref() != Some(*trouble));
-        if self.shown == Shown::Json && said.counts != counts {
+            .filter(|problem| last.problem.as_deref() != Some(*problem));
+        if self.mode == ProgressMode::Json && last.counts != counts {
             let document = json!({
                 "event": "cluster",
                 "done": done,
                 "pieces": pieces,
                 "workers": standings.workers,
-                "there": there,
+                "there": built,
             });
-            tell(&printable_json(&document.to_string()));
+            print_plain(&printable_json(&document.to_string()));
         }
-        match (trouble, self.shown) {
-            (Some(trouble), Shown::Json) => {
-                let warning = json!({ "event": "warning", "text": trouble });
-                tell(&printable_json(&warning.to_string()));
+        match (problem, self.mode) {
+            (Some(problem), ProgressMode::Json) => {
+                let warning = json!({ "event": "warning", "text": problem });
+                print_plain(&printable_json(&warning.to_string()));
             }
-            (Some(trouble), _) => self.say(&format!("warning: {trouble}")),
+            (Some(problem), _) => self.print(&format!("warning: {problem}")),
             (None, _) => {}
         }
         if let Some(bar) = &self.bar {
-            if standings.follows && !said.follows {
-                self.say("another process has submitted this; following it");
+            if standings.follows && !last.follows {
+                self.print("another process has submitted this pipeline; following it");
             }
-            let new = there
+            let new = built
                 .iter()
-                .filter(|name| said.there.as_ref().is_some_and(|said| !said.contains(name)));
-            new.for_each(|name| self.say(&format!("{name}: there")));
+                .filter(|name| last.built.as_ref().is_some_and(|known| !known.contains(name)));
+            new.for_each(|name| self.print(&format!("{name}: built")));
             bar.set(done, pieces);
-            let at_work = stages.iter().filter(|stage| stage.readiness == Readiness::Ready);
-            let at_work = at_work.map(|stage| format!("{} {}/{}", stage.name, stage.done, stage.pieces));
-            let at_work: Vec<String> = at_work.take(3).collect();
-            bar.note(&format!("{} workers; {}", standings.workers, at_work.join(", ")));
+            let running = stages.iter().filter(|stage| stage.readiness == Readiness::Ready);
+            let running = running.map(|stage| format!("{} {}/{}", stage.name, stage.done, stage.pieces));
+            let running: Vec<String> = running.take(3).collect();
+            bar.note(&format!("{} workers; {}", standings.workers, running.join(", ")));
         }
-        said.trouble = standings.trouble.map(str::to_owned);
-        said.follows = standings.follows;
-        said.counts = counts;
-        said.there = Some(there);
+        last.problem = standings.trouble.map(str::to_owned);
+        last.follows = standings.follows;
+        last.counts = counts;
+        last.built = Some(built);
     }
 
-    fn say(&self, text: &str) {
+    fn print(&self, text: &str) {
         match &self.bar {
-            Some(bar) => bar.say(text),
-            None => tell(text),
+            Some(bar) => bar.print(text),
+            None => print_plain(text),
         }
     }
 

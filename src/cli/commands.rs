@@ -1,5 +1,8 @@
 //! The table of commands. A new command is a file with its arguments and `execute`, and one line here.
 
+mod completions;
+mod man;
+
 use std::ffi::OsString;
 use std::fmt::Write;
 use std::ops::RangeInclusive;
@@ -8,36 +11,33 @@ use std::sync::LazyLock;
 use clap::builder::StyledStr;
 use clap::{Args, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
-use super::columns;
-use super::error::CliError;
-use super::examples::{HEADING, examples};
-use super::output::{Exit, Output};
+use super::examples::HEADING;
 use super::tone::width_of_stdout;
 use super::{
-    accuracy, attach, audit, completions, copy, dag, diff, doctor, explain, export, fsck, gc, init, log, man, pin,
-    plan, predict, pull, push, remote, report, run, schema, screen, serve, show, sketch, solve, status, sweep, unpin,
-    worker,
+    CliError, Exit, Output, accuracy, attach, audit, columns, copy, dag, diff, doctor, explain, export, fsck, gc, init,
+    log, pin, plan, predict, pull, push, remote, report, run, schema, screen, serve, show, sketch, solve, status,
+    sweep, unpin, worker,
 };
 
 /// The name of the program.
-pub const PROGRAM: &str = "deaflow";
+const PROGRAM: &str = "deaflow";
 
-/// The environment variable that says how many threads to use.
+/// The environment variable for the number of threads.
 pub const JOBS: &str = "DEAFLOW_JOBS";
 
-/// How many threads may be asked for.
-pub const MOST_JOBS: RangeInclusive<u16> = 1..=1024;
+/// The allowed numbers of threads.
+pub const ALLOWED_JOBS: RangeInclusive<u16> = 1..=1024;
 
-/// The widest line of help.
-const WIDTH: usize = 100;
+/// The largest width of the help.
+const MAX_WIDTH: usize = 100;
 
-/// The fewest columns in which the list of commands says what each does.
-const LEAST: usize = 20;
+/// The smallest width of the descriptions in the list of commands.
+const MIN_WIDTH: usize = 20;
 
-/// What `--version` says.
+/// The text of `--version`.
 static VERSION: LazyLock<String> = LazyLock::new(deaflow_base::version);
 
-/// Designs dielectric-elastomer actuators, reproducibly: sample, solve, balance, train, design, verify.
+/// Design dielectric elastomer actuators reproducibly: sample, solve, balance, train, design, verify
 #[derive(Debug, Parser)]
 #[command(
     name = PROGRAM,
@@ -56,13 +56,13 @@ pub struct Cli {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Global options")]
 pub struct GlobalArguments {
-    /// Print one JSON document on stdout; progress goes to stderr either way
+    /// Print one JSON document on stdout; progress goes to stderr in any case
     #[arg(long, global = true)]
     pub json: bool,
-    /// Threads to use [default: $DEAFLOW_JOBS, or else one per core]; results do not depend on it
+    /// Number of threads [default: $DEAFLOW_JOBS, or one per core]; results do not depend on it
     #[arg(short, long, global = true, value_name = "N", value_parser = jobs)]
     pub jobs: Option<u16>,
-    /// Whether to use colours: auto, always or never; auto heeds NO_COLOR and CLICOLOR_FORCE
+    /// Use colours: auto, always or never; auto respects NO_COLOR and CLICOLOR_FORCE
     #[arg(
         long,
         global = true,
@@ -74,13 +74,13 @@ pub struct GlobalArguments {
     pub color: ColorChoice,
 }
 
-/// Reads a number of threads.
+/// Parses a number of threads.
 pub fn jobs(text: &str) -> Result<u16, String> {
-    let number = text.trim().parse().ok().filter(|number| MOST_JOBS.contains(number));
-    number.ok_or_else(|| format!("allowed: {} to {}", MOST_JOBS.start(), MOST_JOBS.end()))
+    let number = text.trim().parse().ok().filter(|number| ALLOWED_JOBS.contains(number));
+    number.ok_or_else(|| format!("allowed: {} to {}", ALLOWED_JOBS.start(), ALLOWED_JOBS.end()))
 }
 
-/// Declares the commands in the order of `deaflow --help`, under headings; the first sentence of each is the comment on its arguments.
+/// Declares the commands in the order of `deaflow --help`, under headings. The comment on its arguments describes a command.
 macro_rules! commands {
     ($($heading:literal: $($command:ident => $file:ident::$arguments:ident,)*)*) => {
         #[derive(Debug, Subcommand)]
@@ -88,11 +88,11 @@ macro_rules! commands {
             $($($command($file::$arguments),)*)*
         }
 
-        /// Names of commands by their headings.
+        /// Names of commands by heading.
         const GROUPS: &[(&str, &[&str])] = &[$(($heading, &[$(stringify!($command)),*])),*];
 
         impl Cli {
-            /// Runs the command that is named.
+            /// Runs the command.
             pub fn execute(&self, output: &Output) -> Result<Exit, CliError> {
                 match &self.command {
                     $($(Command::$command(arguments) => $file::execute(arguments, output),)*)*
@@ -143,14 +143,14 @@ commands! {
     Man => man::ManArguments,
 }
 
-/// What clap adds to the last group.
+/// The command that clap adds to the last group.
 const HELP: (&str, &str) = ("help", "Print the help of a command");
 
 impl Cli {
-    /// Reads a command line.
+    /// Parses a command line.
     ///
     /// # Errors
-    /// When it is none, or help was asked for.
+    /// When it is invalid, or help was requested.
     pub fn read(arguments: &[OsString], colour: ColorChoice) -> Result<Self, clap::Error> {
         let mut command = command_line().color(colour);
         let matches = command.try_get_matches_from_mut(arguments)?;
@@ -158,7 +158,7 @@ impl Cli {
     }
 }
 
-/// Whether colours are asked for, found without clap: what cannot be read is refused later.
+/// Finds `--color` without clap; an invalid value is refused later.
 pub fn colour_in(arguments: &[OsString]) -> ColorChoice {
     let words = arguments.iter().filter_map(|word| word.to_str());
     let next = words.clone().skip(1).map(Some).chain([None]);
@@ -170,27 +170,28 @@ pub fn colour_in(arguments: &[OsString]) -> ColorChoice {
     read.last().unwrap_or(ColorChoice::Auto)
 }
 
-/// The command line as it is declared, with the commands under their headings.
+/// Returns the declared command line, with the commands under their headings.
 pub fn command_line() -> clap::Command {
-    let command = Cli::command().max_term_width(WIDTH);
-    let overview = overview(&command, width_of_stdout().unwrap_or(WIDTH).min(WIDTH));
+    let command = Cli::command().max_term_width(MAX_WIDTH);
+    let overview = overview(&command, width_of_stdout().unwrap_or(MAX_WIDTH).min(MAX_WIDTH));
     with_styled_examples(command).help_template(overview)
 }
 
-/// The help of the program itself, in lines of no more than so many columns. Clap knows no headings among commands.
-fn overview(command: &clap::Command, most: usize) -> StyledStr {
+/// Formats the help of the program in lines of at most `width` columns. Clap has no headings for commands.
+fn overview(command: &clap::Command, width: usize) -> StyledStr {
     let header = command.get_styles().get_header();
     let literal = command.get_styles().get_literal();
     let names = || command.get_subcommands().map(|command| command.get_name().len());
-    let width = names().max().unwrap_or(0);
+    let name_width = names().max().unwrap_or(0);
     let mut text = "{about-with-newline}\n{usage-heading} {usage}\n".to_owned();
     let line = |text: &mut String, name: &str, about: &str| {
-        let mut lines = textwrap::wrap(about, columns::words(most.saturating_sub(width + 4).max(LEAST))).into_iter();
-        // Writing to a text cannot fail.
+        let wrapping = columns::words(width.saturating_sub(name_width + 4).max(MIN_WIDTH));
+        let mut lines = textwrap::wrap(about, wrapping).into_iter();
+        // Writing to a string cannot fail.
         let first = lines.next().unwrap_or_default();
-        let _ = writeln!(text, "  {literal}{name:width$}{literal:#}  {first}");
+        let _ = writeln!(text, "  {literal}{name:name_width$}{literal:#}  {first}");
         for rest in lines {
-            let _ = writeln!(text, "{:1$}{rest}", "", width + 4);
+            let _ = writeln!(text, "{:1$}{rest}", "", name_width + 4);
         }
     };
     for (at, (heading, commands)) in GROUPS.iter().enumerate() {
@@ -208,7 +209,7 @@ fn overview(command: &clap::Command, most: usize) -> StyledStr {
     text.into()
 }
 
-/// The headings of examples look like those that clap writes.
+/// Styles the headings of examples as clap styles its own.
 fn with_styled_examples(command: clap::Command) -> clap::Command {
     let header = *command.get_styles().get_header();
     let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
@@ -284,7 +285,7 @@ mod tests {
                 let read = Cli::read(&words, ColorChoice::Never);
                 let is_help = words.get(1).is_some_and(|word| word == "help");
                 assert!(read.is_ok() || is_help, "{line}: {}", read.unwrap_err());
-                assert!(line.starts_with("  deaflow ") && line.len() <= WIDTH, "{line}");
+                assert!(line.starts_with("  deaflow ") && line.len() <= MAX_WIDTH, "{line}");
             }
         }
     }
@@ -294,7 +295,7 @@ mod tests {
         for mut command in commands() {
             let help = command.render_help().to_string();
             for line in help.lines() {
-                assert!(line.chars().count() <= WIDTH, "{}: {line}", command.get_name());
+                assert!(line.chars().count() <= MAX_WIDTH, "{}: {line}", command.get_name());
             }
         }
     }

@@ -6,11 +6,8 @@ use clap::Args;
 use serde_json::json;
 
 use super::arguments::StoreArguments;
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::progress::Lazy;
-use super::{locate, table};
+use super::progress::DelayedBar;
+use super::{CliError, Exit, Output, locate, table};
 use deaflow_store::{Artifact, CopySummary, Store};
 
 /// Copy an artifact and what it was made from into another store
@@ -45,8 +42,8 @@ pub fn execute(arguments: &CopyArguments, output: &Output) -> Result<Exit, CliEr
         output.text(text(arguments, &artifact, &copied))?;
     }
     for digest in &copied.without_record {
-        output.complain(&format!(
-            "warning: no record speaks of artifact {}: a run there cannot reuse it",
+        output.warn(format_args!(
+            "no record speaks of artifact {}: a run there cannot reuse it",
             digest.short()
         ));
     }
@@ -54,7 +51,7 @@ pub fn execute(arguments: &CopyArguments, output: &Output) -> Result<Exit, CliEr
 }
 
 fn copy(store: &Store, target: &Store, artifact: &Artifact) -> Result<CopySummary, CliError> {
-    let bar = Lazy::new("copy", "artifacts");
+    let bar = DelayedBar::new("copy", "artifacts");
     let copied = store.copy_to(target, artifact.digest(), &|done, total| bar.set(done, total));
     bar.clear();
     Ok(copied?)

@@ -1,6 +1,6 @@
 //! Tables in CSV.
 
-use super::error::CliError;
+use super::CliError;
 use deaflow_report::Collected;
 
 /// The table of a table stage.

@@ -6,10 +6,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::run;
+use super::{CliError, Exit, Output, pipeline};
 use deaflow_orchestrator::StageSpec;
 
 /// Draw the stages of a pipeline and what they need
@@ -34,7 +31,7 @@ pub enum DagFormat {
 }
 
 pub fn execute(arguments: &DagArguments, output: &Output) -> Result<Exit, CliError> {
-    let pipeline = run::load_plain(&arguments.pipeline)?;
+    let pipeline = pipeline::load_plain(&arguments.pipeline)?;
     let waits: Vec<Vec<usize>> = pipeline.stages.iter().map(StageSpec::waits_for).collect();
     let stages: Vec<Node<'_>> = pipeline
         .stages

@@ -1,4 +1,4 @@
-//! `deaflow diff`: what two runs did differently, and what came of it.
+//! `deaflow diff`: compares the parameters and results of two runs.
 
 use std::collections::BTreeMap;
 
@@ -6,36 +6,37 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::{SetArguments, StoreArguments};
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::side::{Places, Side};
+use super::snapshot::{Snapshot, SnapshotReader};
 use super::text::Text;
-use super::{csv, locate, table};
+use super::{CliError, Exit, Output, csv, locate, table};
 use deaflow_base::Canonical;
 use deaflow_orchestrator::is_filled;
 
-/// Compare two runs: parameters that differ, and results that differ with them
+/// Compare the parameters and results of two runs
 #[derive(Debug, Args)]
-#[command(after_help = examples!("deaflow diff", "deaflow diff @2 @1", "deaflow diff pipeline.yaml --set stages.design.generations=60"))]
+#[command(after_help = examples!(
+    "deaflow diff",
+    "deaflow diff @2 @1",
+    "deaflow diff pipeline.yaml --set stages.design.generations=60",
+))]
 pub struct DiffArguments {
-    /// A run (@1 is the last one in `deaflow log`, @2 the one before, PIPELINE.yaml@1 the last of a pipeline, or its digits), a pipeline as
-    /// it stands, a lock file, or an artifact by its digits [default: the last two runs are compared]
+    /// A run (@1 is the last in `deaflow log`, @2 the one before it, PIPELINE.yaml@1 the last of a pipeline, or its digits),
+    /// a pipeline, a lock file, or an artifact by its digits [default: compare the last two runs]
     #[arg(value_name = "A")]
     pub from: Option<String>,
-    /// The same; a pipeline alone is compared with itself as --set changes it
+    /// The other side; without it, a pipeline is compared with itself with the overrides of --set
     #[arg(value_name = "B")]
     pub to: Option<String>,
     #[command(flatten)]
     pub set: SetArguments,
-    /// Print CSV: what it is, its name, and both values
+    /// Print CSV: what, name, and both values
     #[arg(long, conflicts_with = "json")]
     pub csv: bool,
     #[command(flatten)]
     pub store: StoreArguments,
 }
 
-/// A value that differs.
+/// A value that differs between two snapshots.
 pub struct Change<T> {
     pub name: String,
     pub from: Option<T>,
@@ -48,7 +49,7 @@ pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliEr
             .store
             .folder_of_any(arguments.from.iter().chain(&arguments.to)),
     )?;
-    let places = Places::new(&store);
+    let reader = SnapshotReader::new(&store);
     let sets = arguments.set.overrides()?;
     let from = arguments.from.as_deref().unwrap_or("@2");
     let to = match arguments.from {
@@ -56,44 +57,44 @@ pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliEr
         None => Some("@1"),
     };
     let (from, to) = match to {
-        Some(to) => (places.side(from, &[])?, places.side(to, &sets)?),
+        Some(to) => (reader.read(from, &[])?, reader.read(to, &sets)?),
         None if sets.is_empty() => {
-            return Err(CliError::bad_input("there is nothing to compare it with")
-                .help("give two runs, as in `deaflow diff @2 @1`, or a pipeline and --set"));
+            return Err(CliError::bad_input("nothing to compare it with")
+                .help("name two runs, as in `deaflow diff @2 @1`, or a pipeline and --set"));
         }
-        None => (places.side(from, &[])?, places.side(from, &sets)?),
+        None => (reader.read(from, &[])?, reader.read(from, &sets)?),
     };
     if !sets.is_empty() && !to.can_be_set {
         return Err(
-            CliError::bad_input(format!("--set changes a pipeline, and {} is none", to.title))
-                .help("as in `deaflow diff @1 PIPELINE.yaml --set PATH=VALUE`"),
+            CliError::bad_input(format!("--set needs a pipeline; {} is not a pipeline", to.title))
+                .help("as in: deaflow diff @1 PIPELINE.yaml --set PATH=VALUE"),
         );
     }
     let parameters = parameters(&from, &to);
     let results = results(&from, &to);
-    if output.is_json() {
-        output.document(&document(&from, &to, &parameters, &results))?;
-    } else if arguments.csv {
+    if arguments.csv {
         output.plain(&rows(&parameters, &results)?)?;
-    } else {
-        output.text(text(&from, &to, &parameters, &results))?;
+        return Ok(Exit::Done);
     }
-    Ok(Exit::Done)
+    output.result(
+        || document(&from, &to, &parameters, &results),
+        || text(&from, &to, &parameters, &results),
+    )
 }
 
-/// All parameters that differ, by the paths that `--set` takes. What all stages have from the scene alike is told once.
-pub fn parameters(from: &Side, to: &Side) -> Vec<Change<Canonical>> {
+/// Returns the parameters that differ, by the paths of `--set`. Parameters of the scene that are the same for all stages appear once.
+pub fn parameters(from: &Snapshot, to: &Snapshot) -> Vec<Change<Canonical>> {
     let (before, after) = (from.parameters(), to.parameters());
     let names = before
         .keys()
         .chain(after.keys().filter(|name| !before.contains_key(*name)));
     let mut changes: Vec<Change<Canonical>> = names
         .filter(|name| before.get(*name) != after.get(*name))
-        // What one side does not know is no difference: which stages these are is said below.
+        // Unknown parameters are not differences; they are reported separately.
         .filter(|name| !from.is_unknown(name) && !to.is_unknown(name))
-        // What stages have of the scene is told of all together: the one that has it may be among those that are not known.
+        // A parameter of the scene that is missing may belong to a stage with unknown parameters.
         .filter(|name| {
-            let is_lacking = |side: &Side, known: &BTreeMap<String, Canonical>| {
+            let is_lacking = |side: &Snapshot, known: &BTreeMap<String, Canonical>| {
                 !known.contains_key(*name) && side.without_parameters().next().is_some()
             };
             !(is_lacking(from, &before) || is_lacking(to, &after))
@@ -116,13 +117,13 @@ pub fn parameters(from: &Side, to: &Side) -> Vec<Change<Canonical>> {
     changes
 }
 
-fn results(from: &Side, to: &Side) -> Vec<Change<f64>> {
+fn results(from: &Snapshot, to: &Snapshot) -> Vec<Change<f64>> {
     let names = from
         .results
         .keys()
         .chain(to.results.keys().filter(|name| !from.results.contains_key(*name)));
-    // What is no number is not known.
-    let known = |side: &Side, name: &String| side.results.get(name).copied().filter(|value| value.is_finite());
+    // NaN means unknown.
+    let known = |side: &Snapshot, name: &String| side.results.get(name).copied().filter(|value| value.is_finite());
     let mut changes: Vec<Change<f64>> = names
         .map(|name| Change {
             name: name.clone(),
@@ -135,7 +136,7 @@ fn results(from: &Side, to: &Side) -> Vec<Change<f64>> {
     changes
 }
 
-fn document(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Value {
+fn document(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Value {
     let value = |value: &Option<Canonical>| value.as_ref().map(Canonical::to_json);
     let parameters = parameters
         .iter()
@@ -154,14 +155,14 @@ fn document(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &
 
 fn rows(parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Result<String, CliError> {
     let header = ["what", "name", "from", "to"].map(str::to_owned);
-    let said = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
+    let shown = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
     let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
     let parameters = parameters.iter().map(|change| {
         vec![
             "parameter".to_owned(),
             change.name.clone(),
-            said(&change.from),
-            said(&change.to),
+            shown(&change.from),
+            shown(&change.to),
         ]
     });
     let results = results.iter().map(|change| {
@@ -175,19 +176,19 @@ fn rows(parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Result<Str
     csv::text(&header, parameters.chain(results))
 }
 
-fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Text {
+fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Text {
     let mut text = Text::from(format!("from {}\nto   {}\n", from.title, to.title));
     if parameters.is_empty() {
         let mut unknown = from.without_parameters().chain(to.without_parameters());
         text.line(match unknown.next() {
-            None => "no parameter differs",
-            Some(_) => "no parameter that is known of both differs; what is not known of them stands below",
+            None => "parameters are identical",
+            Some(_) => "shared parameters are identical; unknown ones are listed below",
         });
     } else {
         let mut table = table::table(&["parameter", "from", "to"], &[]).flowing(&["parameter", "from", "to"]);
-        let said = |value: &Option<Canonical>| value.as_ref().map_or_else(|| "–".to_owned(), Canonical::to_string);
+        let shown = |value: &Option<Canonical>| value.as_ref().map_or_else(|| "–".to_owned(), Canonical::to_string);
         for (name, change) in together(parameters) {
-            table.add_row([name, said(&change.from), said(&change.to)]);
+            table.add_row([name, shown(&change.from), shown(&change.to)]);
         }
         text.table(table);
     }
@@ -200,7 +201,7 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
         .into_iter()
         .partition(|change| number(change.from) != number(change.to));
     if both.is_empty() && alike.is_empty() {
-        text.line("no result that both have differs");
+        text.line("shared results are identical");
     } else if !both.is_empty() {
         let mut table =
             table::table(&["result", "from", "to", "change"], &["from", "to", "change"]).flowing(&["result"]);
@@ -216,7 +217,7 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
     }
     if !alike.is_empty() {
         text.line(format!(
-            "{} by less than is shown here: --json and --csv tell all",
+            "{} by less than the displayed digits: --json and --csv list them",
             match alike.len() {
                 1 => "1 result differs".to_owned(),
                 n => format!("{n} results differ"),
@@ -224,11 +225,11 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
         ));
     }
     for (side, of) in [
-        ("from", one_sided(&one, |change| change.from)),
-        ("to", one_sided(&one, |change| change.to)),
+        ("the first", one_sided(&one, |change| change.from)),
+        ("the second", one_sided(&one, |change| change.to)),
     ] {
         if !of.is_empty() {
-            text.line(format!("\nknown of `{side}` alone: {of}"));
+            text.line(format!("\nonly in {side}: {of}"));
         }
     }
     let of_to = to.unknown.iter().filter(|why| !from.unknown.contains(why));
@@ -239,24 +240,23 @@ fn text(from: &Side, to: &Side, parameters: &[Change<Canonical>], results: &[Cha
     text
 }
 
-/// Changes under the names that people know. A number within a path is one value of a list, such as one of several `units`: what changes for
-/// several of these alike is told once, of all of them by the field that a pipeline has for it.
+/// Combines equal changes of several entries of a list, such as several `units`, into one, named after the field of the pipeline.
 pub fn together(changes: &[Change<Canonical>]) -> Vec<(String, &Change<Canonical>)> {
-    /// What stands before and after the number, the numbers, and the first change.
-    type Told<'a> = (Option<[&'a str; 2]>, Vec<&'a str>, &'a Change<Canonical>);
-    let mut told: Vec<Told<'_>> = Vec::new();
+    /// The path before and after the number, the numbers, and the first change.
+    type Combined<'a> = (Option<[&'a str; 2]>, Vec<&'a str>, &'a Change<Canonical>);
+    let mut combined: Vec<Combined<'_>> = Vec::new();
     for change in changes {
         let parts = of_list(&change.name);
         let ends = parts.map(|[before, _, after]| [before, after]);
-        let same = told.iter_mut().find(|(known, _, first)| {
+        let same = combined.iter_mut().find(|(known, _, first)| {
             ends.is_some() && *known == ends && (&first.from, &first.to) == (&change.from, &change.to)
         });
         match (same, parts) {
             (Some((_, numbers, _)), Some([_, number, _])) => numbers.push(number),
-            (_, parts) => told.push((ends, parts.iter().map(|[_, number, _]| *number).collect(), change)),
+            (_, parts) => combined.push((ends, parts.iter().map(|[_, number, _]| *number).collect(), change)),
         }
     }
-    let named = told.into_iter().map(|(ends, numbers, change)| {
+    let named = combined.into_iter().map(|(ends, numbers, change)| {
         let name = match (ends, numbers.as_slice()) {
             (Some([before, "count"]), [_, _, ..]) if before.ends_with(".units") => {
                 format!("{}.count_per_units", before.trim_end_matches(".units"))
@@ -269,7 +269,7 @@ pub fn together(changes: &[Change<Canonical>]) -> Vec<(String, &Change<Canonical
     named.collect()
 }
 
-/// What stands before a number in a path, the number, and what stands after it.
+/// Splits a path at a number: the part before it, the number, and the part after it.
 fn of_list(path: &str) -> Option<[&str; 3]> {
     let mut from = 0;
     for step in path.split('.') {
@@ -283,7 +283,7 @@ fn of_list(path: &str) -> Option<[&str; 3]> {
     None
 }
 
-/// The results that one side alone has, counted by their stages: `21 results of verified`.
+/// Counts the results of only one side, by stage: `21 results of verified`.
 fn one_sided(changes: &[&Change<f64>], side: impl Fn(&Change<f64>) -> Option<f64>) -> String {
     let mut counts: BTreeMap<&str, u64> = BTreeMap::new();
     for change in changes.iter().filter(|change| side(change).is_some()) {
@@ -296,7 +296,7 @@ fn one_sided(changes: &[&Change<f64>], side: impl Fn(&Change<f64>) -> Option<f64
     each.collect::<Vec<_>>().join(", ")
 }
 
-/// A change in per cent of what was; nothing where there was none.
+/// Formats a relative change in percent; empty without a first value.
 fn relative(from: Option<f64>, to: Option<f64>) -> String {
     match from.zip(to) {
         Some((from, to)) if from != 0.0 => format!("{:+.1} %", 100.0 * (to - from) / from.abs()).replace('-', "−"),
@@ -309,8 +309,8 @@ mod tests {
     use super::*;
     use crate::tone::Screen;
 
-    fn side(results: &[(&str, f64)]) -> Side {
-        let mut side = Side::new("side".to_owned());
+    fn side(results: &[(&str, f64)]) -> Snapshot {
+        let mut side = Snapshot::new("side".to_owned());
         side.results = results
             .iter()
             .map(|(name, value)| ((*name).to_owned(), *value))

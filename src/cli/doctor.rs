@@ -1,24 +1,22 @@
-//! `deaflow doctor`: whether a store can work where it is, and how its processes keep out of each other's way.
+//! `deaflow doctor`: checks whether a store works on its file system.
 
 use clap::Args;
 use serde_json::json;
 
 use super::arguments::StoreArguments;
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
+use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
-use super::{locate, table};
+use super::{CliError, Exit, Output, locate, table};
 use deaflow_store::{CheckResult, LockingMethod, OperationTime, Store};
 
-/// Try what a store needs of its file system: locks, links, clocks, room
+/// Check the file system of a store: locks, links, clocks, space
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow doctor --store /shared/store"))]
 pub struct DoctorArguments {
     #[command(flatten)]
     pub store: StoreArguments,
-    /// Measure how long what workers ask of the file system takes
+    /// Measure the time of the file operations that workers use
     #[arg(long)]
     pub measure: bool,
 }
@@ -30,64 +28,60 @@ pub fn execute(arguments: &DoctorArguments, output: &Output) -> Result<Exit, Cli
         true => store.measure_file_system()?,
         false => Vec::new(),
     };
-    let word = |result: CheckResult| match result {
-        CheckResult::Good => "good",
-        CheckResult::Noted => "noted",
-        CheckResult::Bad => "bad",
+    let describe = |result: CheckResult| match result {
+        CheckResult::Good => ("good", Tone::Good),
+        CheckResult::Noted => ("noted", Tone::Caution),
+        CheckResult::Bad => ("bad", Tone::Bad),
     };
-    let manner = match found.choice.method {
+    let method = match found.choice.method {
         LockingMethod::Locks => "locks",
         LockingMethod::Claims => "claims",
     };
-    if output.is_json() {
+    let document = || {
         let checks = found.checks.iter();
-        let checks =
-            checks.map(|check| json!({ "name": check.name, "result": word(check.result), "found": check.found }));
+        let checks = checks
+            .map(|check| json!({ "name": check.name, "verdict": describe(check.result).0, "found": check.found }));
         let mut document = json!({
             "store": store.root(),
             "file_system": found.file_system,
-            "locking": manner,
+            "locking": method,
             "why": found.choice.reason,
-            "checks": checks.collect::<Vec<_>>(),
+            "trials": checks.collect::<Vec<_>>(),
         });
         if arguments.measure {
             let service = |service: &OperationTime| json!({ "name": service.name, "requests": service.requests, "seconds": service.seconds });
             document["services"] = services.iter().map(service).collect();
         }
-        output.document(&document)?;
-    } else {
-        let mut checks = table::table(&["tried", "", "found"], &[]).flowing(&["found"]);
-        for check in &found.checks {
-            let tone = match check.result {
-                CheckResult::Good => Tone::Good,
-                CheckResult::Noted => Tone::Caution,
-                CheckResult::Bad => Tone::Bad,
-            };
-            checks.add_row([
-                table::Cell::from(check.name),
-                table::Cell::toned(word(check.result), tone),
-                table::Cell::from(&check.found),
-            ]);
-        }
+        document
+    };
+    let text = || {
         let mut text = Text::from(format!(
-            "{} on {}: processes keep apart by {manner}, since {}",
+            "{} on {}: processes exclude each other by {method}: {}",
             store.root().display(),
             found.file_system,
             found.choice.reason
         ));
+        let mut checks = table::table(&["check", "", "found"], &[]).flowing(&["found"]);
+        for check in &found.checks {
+            let (word, tone) = describe(check.result);
+            checks.add_row([
+                Cell::from(check.name),
+                Cell::toned(word, tone),
+                Cell::from(&check.found),
+            ]);
+        }
         text.table(checks);
-        output.text(text)?;
         if arguments.measure {
-            let mut rows = table::table(&["service", "requests", "median"], &["requests", "median"]);
+            let mut times = table::table(&["operation", "requests", "median"], &["requests", "median"]);
             for service in &services {
                 let seconds = format!("{:.0} µs", 1e6 * service.seconds);
-                rows.add_row([service.name, &service.requests.to_string(), &seconds]);
+                times.add_row([service.name, &service.requests.to_string(), &seconds]);
             }
-            let mut text = Text::from("");
-            text.table(rows);
-            output.text(text)?;
+            text.line("").table(times);
         }
-    }
+        text
+    };
+    output.result(document, text)?;
     let is_bad = found.checks.iter().any(|check| check.result == CheckResult::Bad);
     Ok(if is_bad { Exit::Failure } else { Exit::Done })
 }

@@ -7,7 +7,7 @@ use std::io::{self, ErrorKind};
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, ThemeCharacters, ThemeStyles};
 use serde_json::{Value, json};
 
-use super::output::Exit;
+use super::Exit;
 use super::text::lines;
 use super::tone::{Screen, Tone};
 use deaflow_base::{InputError, OutputError, is_unprintable, printable};

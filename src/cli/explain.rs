@@ -6,10 +6,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::arguments::{SetArguments, StoreArguments, pipeline_in, pipeline_parser};
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::{locate, run};
+use super::{CliError, Exit, Output, locate, pipeline};
 use deaflow_base::{ArtifactId, Digest, readable_time};
 use deaflow_orchestrator::{Explanation, explain};
 
@@ -35,8 +32,8 @@ pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, Cl
         (None, Some(path)) => (path.clone(), arguments.stage.as_str()),
         (None, None) => (alone(&arguments.stage)?, arguments.stage.as_str()),
     };
-    let pipeline = run::load_with(&path, &arguments.set)?;
-    let (_scratch, store) = run::store_to_look_into(&arguments.store.folder_of(&path))?;
+    let pipeline = pipeline::load_with(&path, &arguments.set)?;
+    let (_scratch, store) = pipeline::store_to_read(&arguments.store.folder_of(&path))?;
     let found = explain(&pipeline, &store, stage)?;
     if output.is_json() {
         output.document(&document(&found))?;

@@ -1,17 +1,17 @@
-//! `deaflow export`: writes what was made in the formats of other programs; one file for each thing that can be exported.
+//! `deaflow export`: writes results in the formats of other programs; one file per kind of result.
 
+use super::{CliError, Exit, Output};
 mod artifact;
 mod design;
 mod membrane;
 mod model;
 mod research_object;
 
-use clap::{Args, Subcommand};
+use std::path::Path;
 
-use super::error::CliError;
-use super::output::{Exit, Output};
+use clap::{Args, Subcommand, ValueEnum};
 
-/// Write what was made in the formats of other programs
+/// Export results in the formats of other programs
 #[derive(Debug, Args)]
 pub struct ExportArguments {
     #[command(subcommand)]
@@ -20,13 +20,13 @@ pub struct ExportArguments {
 
 #[derive(Debug, Subcommand)]
 pub enum Exported {
-    /// An artifact as one HDF5 file that needs no store
+    /// Export an artifact as a standalone HDF5 file
     Artifact(artifact::ExportArtifactArguments),
-    /// A pipeline with all that it made as a research object (Workflow Run RO-Crate)
+    /// Export a pipeline with all its results as a research object (Workflow Run RO-Crate)
     Crate(research_object::ExportCrateArguments),
-    /// A design as a mask (svg, dxf, gerber, png, csv) or a deformed membrane (vtkhdf)
+    /// Export a design as a mask (svg, dxf, gerber, png, csv) or as a deformed membrane (vtkhdf)
     Design(design::ExportDesignArguments),
-    /// A trained model as a safetensors or an ONNX file
+    /// Export a trained model as a safetensors or ONNX file
     Model(model::ExportModelArguments),
 }
 
@@ -36,5 +36,42 @@ pub fn execute(arguments: &ExportArguments, output: &Output) -> Result<Exit, Cli
         Exported::Crate(arguments) => research_object::execute(arguments, output),
         Exported::Design(arguments) => design::execute(arguments, output),
         Exported::Model(arguments) => model::execute(arguments, output),
+    }
+}
+
+/// Returns the requested format, or that of the extension of the output; `formats` lists their extensions.
+///
+/// # Errors
+/// When the two contradict each other, or there is neither.
+fn format_of<F: Copy + PartialEq + ValueEnum>(
+    requested: Option<F>,
+    output: &Path,
+    formats: &[(F, &[&str])],
+) -> Result<F, CliError> {
+    let name = |format: F| {
+        format
+            .to_possible_value()
+            .map_or_else(String::new, |value| value.get_name().to_owned())
+    };
+    let extension = output.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    let known = formats.iter().find(|(_, extensions)| extensions.contains(&extension));
+    match (requested, known) {
+        (Some(format), Some((other, _))) if format != *other => Err(CliError::bad_input(format!(
+            "--format {} contradicts the extension .{extension}",
+            name(format)
+        ))),
+        (Some(format), _) => Ok(format),
+        (None, Some((format, _))) => Ok(*format),
+        (None, None) => {
+            let names: Vec<String> = formats.iter().map(|(format, _)| name(*format)).collect();
+            Err(CliError::bad_input(match extension {
+                "" => "no format given".to_owned(),
+                other => format!("unknown format .{other}"),
+            })
+            .help(format!(
+                "use --format, or a file with the extension of one of: {}",
+                names.join(", ")
+            )))
+        }
     }
 }

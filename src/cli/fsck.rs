@@ -6,11 +6,8 @@ use clap::Args;
 use serde_json::json;
 
 use super::arguments::StoreArguments;
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::progress::Lazy;
-use super::{locate, table};
+use super::progress::DelayedBar;
+use super::{CliError, Exit, Output, locate, table};
 use deaflow_store::{Report, Store};
 
 /// Check every byte of a store
@@ -33,7 +30,7 @@ pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliEr
         ),
         false => (None, locate::existing_store(&folder)?),
     };
-    let bar = Lazy::new("fsck", "files");
+    let bar = DelayedBar::new("fsck", "files");
     let progress = |done, total| bar.set(done, total);
     let mut report = match arguments.repair {
         true => store.repair(&progress)?,

@@ -6,14 +6,11 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::{StoreArguments, number};
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::progress::Lazy;
+use super::progress::DelayedBar;
 use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
-use super::{locate, table};
+use super::{CliError, Exit, Output, locate, table};
 use deaflow_orchestrator::Environment;
 use deaflow_report::{FigureFile, figures_of, remove_figures};
 use deaflow_store::{AGE, AGE_OF_NEED, GcArtifact, GcCount, GcGroup, GcPlan, Retention, Store};
@@ -49,7 +46,7 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
     let collection = store.plan_gc(&retention, store.now())?;
     let figures = figures_of(&store, &collection.removed.iter().map(|judged| judged.digest).collect());
     if !arguments.dry_run {
-        let bar = Lazy::new("gc", "artifacts");
+        let bar = DelayedBar::new("gc", "artifacts");
         let at = Environment::system().now();
         store.remove(&collection, &at, &|done, total| bar.set(done, total))?;
         remove_figures(&figures)?;

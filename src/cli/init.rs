@@ -7,10 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::write;
+use super::{CliError, Exit, Output, write};
 use deaflow_base::is_plain_name;
 use deaflow_orchestrator::{pipeline_schema, scene_schema};
 use deaflow_stage as stage;

@@ -1,40 +1,38 @@
-//! The command line: one file per command. Commands speak through one `Output` and fail with one error type, so
+//! The command line: one file per command. All commands print through one [`Output`] and fail with one error type, so
 //! that exit codes and `--json` are the same everywhere.
+
+#[macro_use]
+mod examples;
 
 mod accuracy;
 mod arguments;
 mod attach;
 mod audit;
-mod cells;
+
 mod cluster;
 mod columns;
 mod commands;
-mod completions;
 mod copy;
 mod csv;
 mod dag;
 mod diff;
 mod doctor;
-mod ending;
 mod error;
-mod examples;
 mod explain;
 mod export;
 mod fsck;
 mod gc;
-mod history;
 mod init;
+mod job;
+mod local_build;
 mod locate;
 mod log;
-mod man;
 mod model;
-mod modes;
 mod neglected;
-mod outcomes;
 mod output;
 mod pace;
-mod path;
 mod pin;
+mod pipeline;
 mod plan;
 mod point;
 mod predict;
@@ -45,20 +43,20 @@ mod push;
 mod reader;
 mod remote;
 mod report;
-mod response;
+mod results;
 mod run;
 mod run_log;
 mod schema;
 mod screen;
 mod serve;
 mod show;
-mod side;
 mod signals;
-mod simulate;
 mod sketch;
+mod snapshot;
 mod solve;
 mod statistics;
 mod status;
+mod summary;
 mod sweep;
 mod table;
 mod text;
@@ -79,8 +77,7 @@ use deaflow_hdf as hdf;
 
 pub use output::Exit;
 
-/// Runs a command line and says how it ended.
-/// The digest of the sources names this build.
+/// Runs a command line and returns how it ended. `sources` is the digest of the sources of this build.
 pub fn main(arguments: impl IntoIterator<Item = OsString>, sources: &str) -> Exit {
     base::set_build(sources);
     signals::prepare();
@@ -89,19 +86,19 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>, sources: &str) -> Exi
         return reader::execute();
     }
     hdf::set_reader(reader::command);
-    // Before clap has read anything: what it has to say is said in the form that is asked for, too.
+    // Found before clap reads the arguments, for its own errors.
     let colour = commands::colour_in(&arguments);
     match Cli::read(&arguments, colour) {
         Ok(cli) => {
             let output = Output::new(cli.global.json, cli.global.color);
-            let done = jobs(cli.global.jobs).and_then(start_threads);
-            output.end(done.and_then(|()| cli.execute(&output)))
+            let started = jobs(cli.global.jobs).and_then(start_threads);
+            output.end(started.and_then(|()| cli.execute(&output)))
         }
         Err(error) => Output::new(arguments.iter().any(|a| a == "--json"), colour).usage(&error),
     }
 }
 
-/// The threads that are asked for, here or in the environment.
+/// Returns the requested number of threads: the argument, or that of the environment.
 fn jobs(given: Option<u16>) -> Result<Option<u16>, CliError> {
     let set = std::env::var_os(JOBS).filter(|value| given.is_none() && !value.is_empty());
     let Some(value) = set else { return Ok(given) };
@@ -109,21 +106,21 @@ fn jobs(given: Option<u16>) -> Result<Option<u16>, CliError> {
     commands::jobs(&value.to_string_lossy()).map(Some).map_err(refused)
 }
 
-/// Bytes of the stack of a thread, as many as the standard library gives.
+/// The size of the stack of a thread in bytes: the default of the standard library.
 const STACK: usize = 2 << 20;
 
-/// Started here, since a pool that starts by itself panics where the system has no more threads to give.
+/// Starts the thread pool. A pool that starts lazily panics if the system refuses more threads.
 fn start_threads(jobs: Option<u16>) -> Result<(), CliError> {
     let refused = |why: String| {
         let threads = jobs.map_or("one thread per core".to_owned(), |jobs| format!("{jobs} threads"));
-        CliError::failure(format!("cannot start {threads}: {why}")).help("--jobs N asks for fewer")
+        CliError::failure(format!("cannot start {threads}: {why}")).help("use fewer threads: --jobs N")
     };
-    // Where threads use up all memory while they start, the C library ends the process before anything is said.
+    // If starting threads used up all memory, the C library would end the process without a message.
     let mut stacks: Vec<u8> = Vec::new();
     let all = usize::from(jobs.unwrap_or(0)) * STACK;
     stacks.try_reserve_exact(all).map_err(|e| refused(e.to_string()))?;
     drop(std::hint::black_box(stacks));
-    // Zero stands for one per core.
+    // Zero means one per core.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(jobs.unwrap_or(0)));
     pool.stack_size(STACK)
         .build_global()

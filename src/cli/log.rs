@@ -1,4 +1,4 @@
-//! `deaflow log`: past runs.
+//! `deaflow log`: lists past runs.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -7,43 +7,40 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::{StoreArguments, pipeline_parser};
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::run_log::{Unfinished, unfinished};
-use super::side::{Places, Side};
+use super::run_log::{UnfinishedRun, unfinished};
+use super::snapshot::{Snapshot, SnapshotReader};
 use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
-use super::{csv, diff, locate, run, table};
+use super::{CliError, Exit, Output, csv, diff, locate, pipeline, table};
 use deaflow_base::{Canonical, readable_time};
 use deaflow_orchestrator::file_of;
 use deaflow_report::{Gone, run_document};
 use deaflow_store::{Command, Run, StageOutcome, Store, StoreError};
 
-/// Runs that people are shown unless they ask for others.
-const SHOWN: usize = 20;
+/// The default number of runs in the report for people.
+const DEFAULT_RUNS: usize = 20;
 
-/// Changes of the files that are told of a run.
-const CHANGES: usize = 3;
+/// The most changes of files that are listed for a run.
+const MAX_CHANGES: usize = 3;
 
-/// Runs of more stages, as those of large sweeps, are not compared: each stage is a file to be read.
-const MOST_COMPARED: usize = 200;
+/// Runs with more stages are not compared: each stage is a file to read.
+const MAX_COMPARED: usize = 200;
 
-/// Results of a run that people are shown.
-const RESULTS: usize = 4;
+/// The most results that are listed for a run.
+const MAX_RESULTS: usize = 4;
 
-/// List past runs: when, where, with which overrides, what was built, results
+/// List past runs: time, host, overrides, built stages, results
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow log", "deaflow log pipeline.yaml -n 3"))]
 pub struct LogArguments {
-    /// The runs of this pipeline alone; a YAML file
+    /// Only the runs of this pipeline, a YAML file
     #[arg(value_parser = pipeline_parser())]
     pub pipeline: Option<PathBuf>,
-    /// The last N runs alone [default: 20 in words, all in JSON and CSV]
+    /// Only the last N runs [default: 20, but all with --json and --csv]
     #[arg(short = 'n', long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub last: Option<u64>,
-    /// Print a table in CSV: a row for each run, a column for each result
+    /// Print a table as CSV: one row per run, one column per result
     #[arg(long, conflicts_with = "json")]
     pub csv: bool,
     #[command(flatten)]
@@ -52,12 +49,14 @@ pub struct LogArguments {
 
 pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliError> {
     let store = locate::existing_store(&arguments.store.folder_for(arguments.pipeline.as_deref()))?;
-    let in_words = !output.is_json() && !arguments.csv;
-    let most = arguments.last.map(|last| last as usize).or(in_words.then_some(SHOWN));
+    let is_text = !output.is_json() && !arguments.csv;
+    let most = arguments
+        .last
+        .map(|last| last as usize)
+        .or(is_text.then_some(DEFAULT_RUNS));
     let unfinished = unfinished_of(&store, arguments.pipeline.as_deref())?;
     let (runs, more) = past(&store, arguments.pipeline.as_deref(), most)?;
     match &arguments.pipeline {
-        // One that was killed is told of.
         Some(path) if runs.is_empty() && unfinished.is_empty() => return Err(none_of(path, &store)),
         _ => {}
     }
@@ -77,16 +76,16 @@ pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliErr
         if !unfinished.is_empty() {
             text.line("");
         }
-        for run in unfinished.iter().take(RESULTS) {
-            text.toned(Tone::Caution, not_ended(run, &store));
+        for run in unfinished.iter().take(MAX_RESULTS) {
+            text.toned(Tone::Caution, describe_unfinished(run, &store));
         }
         output.text(text)?;
     }
     Ok(Exit::Done)
 }
 
-/// Runs that were killed or go on, of one pipeline or of all.
-fn unfinished_of(store: &Store, pipeline: Option<&Path>) -> Result<Vec<Unfinished>, CliError> {
+/// Returns the runs that were killed or are running, of one pipeline or of all.
+fn unfinished_of(store: &Store, pipeline: Option<&Path>) -> Result<Vec<UnfinishedRun>, CliError> {
     let mut found = unfinished(store)?;
     if let Some(path) = pipeline {
         let file = file_of(path);
@@ -95,9 +94,9 @@ fn unfinished_of(store: &Store, pipeline: Option<&Path>) -> Result<Vec<Unfinishe
     Ok(found)
 }
 
-fn not_ended(run: &Unfinished, store: &Store) -> String {
+fn describe_unfinished(run: &UnfinishedRun, store: &Store) -> String {
     format!(
-        "killed, or still at work: the run of {} begun at {}; its last words: {} ({})",
+        "killed or still running: {}, started at {}; last event: {} (log: {})",
         run.path.display(),
         readable_time(&run.begun),
         run.last,
@@ -105,18 +104,18 @@ fn not_ended(run: &Unfinished, store: &Store) -> String {
     )
 }
 
-/// The last runs, of one pipeline or of all, newest first; and whether there are more.
+/// Returns the last runs, of one pipeline or of all, newest first; and whether there are more.
 fn past(store: &Store, pipeline: Option<&Path>, most: Option<usize>) -> Result<(Vec<Run>, bool), CliError> {
     let all: Box<dyn Iterator<Item = Result<Run, StoreError>>> = match most {
         None => Box::new(store.runs()?.all()?.into_iter().map(Ok)),
         Some(_) => Box::new(store.runs()?),
     };
-    let mut wanted: Box<dyn Iterator<Item = Result<Run, StoreError>>> = match pipeline {
+    let mut selected: Box<dyn Iterator<Item = Result<Run, StoreError>>> = match pipeline {
         None => all,
         Some(path) => Box::new(store.runs_of(all, &file_of(path), &name_in(path))),
     };
     let mut runs = Vec::new();
-    while let Some(run) = wanted.next().transpose()? {
+    while let Some(run) = selected.next().transpose()? {
         if most.is_some_and(|most| runs.len() == most) {
             return Ok((runs, true));
         }
@@ -127,16 +126,16 @@ fn past(store: &Store, pipeline: Option<&Path>, most: Option<usize>) -> Result<(
 
 fn none_of(pipeline: &Path, store: &Store) -> CliError {
     CliError::bad_input(format!(
-        "no run of {} is remembered in {}",
+        "no run of {} is recorded in {}",
         pipeline.display(),
         store.root().display()
     ))
-    .help("`deaflow log` lists the runs of all pipelines")
+    .help("list the runs of all pipelines with `deaflow log`")
 }
 
-/// The name in a pipeline's file, where that can be read: its runs are then found although it was moved.
+/// Returns the name of a pipeline, by which its runs are found after its file was moved; empty if it cannot be read.
 pub fn name_in(path: &Path) -> String {
-    run::load_plain(path).map_or_else(|_| String::new(), |pipeline| pipeline.name)
+    pipeline::load_plain(path).map_or_else(|_| String::new(), |pipeline| pipeline.name)
 }
 
 fn names(runs: &[Run]) -> BTreeSet<&str> {
@@ -182,8 +181,8 @@ fn row(run: &Run, results: &BTreeSet<&str>) -> Vec<String> {
 }
 
 fn overrides(run: &Run, between: &str) -> String {
-    let said = run.overrides.iter().map(|(path, value)| format!("{path}={value}"));
-    said.collect::<Vec<_>>().join(between)
+    let sets = run.overrides.iter().map(|(path, value)| format!("{path}={value}"));
+    sets.collect::<Vec<_>>().join(between)
 }
 
 fn built(run: &Run) -> Vec<&str> {
@@ -193,7 +192,7 @@ fn built(run: &Run) -> Vec<&str> {
 
 fn text(runs: &[Run], changed: &[Vec<String>], more: bool, of_all: bool, removed: &Gone<'_>) -> Text {
     if runs.is_empty() {
-        return Text::from("no run is remembered");
+        return Text::from("no runs");
     }
     let mut header = vec![
         "run",
@@ -225,7 +224,7 @@ fn text(runs: &[Run], changed: &[Vec<String>], more: bool, of_all: bool, removed
                 Command::Sweep => format!("{}\n(sweep)", run.pipeline).into(),
             },
             table::seconds(run.seconds).into(),
-            Cell::toned(&what(run, &changed[at], removed), tone),
+            Cell::toned(&describe(run, &changed[at], removed), tone),
             results(run).into(),
             Cell::from(&run.host),
         ];
@@ -236,20 +235,20 @@ fn text(runs: &[Run], changed: &[Vec<String>], more: bool, of_all: bool, removed
     }
     let mut text = Text::of(table);
     if more {
-        text.line("\nthere are older ones: -n N shows the last N, --json and --csv all");
+        text.line("\nolder runs: -n N lists the last N, --json and --csv list all");
     }
     text
 }
 
-/// What each run had otherwise than the one before it of the same pipeline, without what `--set` changed in one of them: what was written
-/// into its files. Of the last run that is listed nothing is said.
+/// Describes how the files of each run differ from those of the run before it, of the same pipeline. Overrides are left out, and
+/// so is the last listed run.
 fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
-    let places = Places::new(store);
-    let sides: Vec<Side> = runs
+    let reader = SnapshotReader::new(store);
+    let snapshots: Vec<Snapshot> = runs
         .iter()
         .map(|run| match run.stages.len() {
-            0..=MOST_COMPARED => places.parameters_of_run(run),
-            _ => Ok(Side::new(run.id.clone())),
+            0..=MAX_COMPARED => reader.parameters_of_run(run),
+            _ => Ok(Snapshot::new(run.id.clone())),
         })
         .collect::<Result<_, _>>()?;
     let of = |at: usize| {
@@ -264,50 +263,54 @@ fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
                 rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
             })
         };
-        let mut changes = diff::parameters(&sides[before], &sides[at]);
-        // A stage that one of them did not reach says nothing.
+        let mut changes = diff::parameters(&snapshots[before], &snapshots[at]);
+        // A stage that one of them did not reach does not count.
         changes.retain(|change| change.from.is_some() && change.to.is_some() && !is_set(change));
-        let told = diff::together(&changes).into_iter();
-        let said = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
-        told.map(|(name, change)| format!("{name} from {} to {}", said(&change.from), said(&change.to)))
-            .chain(forgotten([&runs[before], &runs[at]], [&sides[before], &sides[at]]))
+        let text = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
+        diff::together(&changes)
+            .into_iter()
+            .map(|(name, change)| format!("{name} from {} to {}", text(&change.from), text(&change.to)))
+            .chain(unknown_changes(
+                [&runs[before], &runs[at]],
+                [&snapshots[before], &snapshots[at]],
+            ))
             .collect()
     };
     Ok((0..runs.len()).map(of).collect())
 }
 
-/// The stages of two runs that differ although nobody knows any more by what, as a change; none where there is no such stage, or `--set` changed it.
-fn forgotten(runs: [&Run; 2], sides: [&Side; 2]) -> Option<String> {
+/// Names the stages of two runs that differ in parameters which are not recorded any more; none if overrides explain it.
+fn unknown_changes(runs: [&Run; 2], snapshots: [&Snapshot; 2]) -> Option<String> {
     let differs = |name: &&str| {
         let keys = runs.map(|run| run.stage(name).map(|stage| stage.key));
         let sets = runs.into_iter().flat_map(|run| run.overrides.keys());
         let is_set = |path: &String| path.starts_with("scene") || path.starts_with(&format!("stages.{name}."));
         keys.iter().all(Option::is_some) && keys[0] != keys[1] && !sets.into_iter().any(is_set)
     };
-    let mut names: Vec<&str> = sides.into_iter().flat_map(Side::without_parameters).collect();
+    let mut names: Vec<&str> = snapshots.into_iter().flat_map(Snapshot::without_parameters).collect();
     names.sort_unstable();
     names.dedup();
     names.retain(differs);
-    (!names.is_empty()).then(|| format!("what of {} is not known any more", names.join(", ")))
+    (!names.is_empty()).then(|| format!("unknown changes of {}", names.join(", ")))
 }
 
-/// What was built, what failed, what was overridden, and what of it is gone.
-fn what(run: &Run, changed: &[String], removed: &Gone<'_>) -> String {
+/// Describes what was built, what failed, what was overridden, and what has been removed since.
+fn describe(run: &Run, changed: &[String], removed: &Gone<'_>) -> String {
     let built = built(run);
     let all = run.stages.len() + run.failures.len() + run.stopped.len() + run.not_begun.len();
     let mut lines = vec![match built.len() {
         0 => format!("none of {all}"),
-        n if n > RESULTS => format!("{n} of {all}"),
+        n if n > MAX_RESULTS => format!("{n} of {all}"),
         n => format!("{n} of {all}: {}", built.join(", ")),
     }];
     lines.extend(run.failures.iter().map(|name| format!("failed: {name}")));
     lines.extend(run.stopped.iter().map(|name| format!("stopped: {name}")));
-    lines.extend((!run.not_begun.is_empty()).then(|| format!("{} not begun", run.not_begun.len())));
+    lines.extend((!run.not_begun.is_empty()).then(|| format!("{} not started", run.not_begun.len())));
     if !run.overrides.is_empty() {
         lines.push(overrides(run, "\n"));
     }
     if !changed.is_empty() {
-        let more = changed.len().saturating_sub(CHANGES);
+        let more = changed.len().saturating_sub(MAX_CHANGES);
         lines.push(format!(
             "changed in the files: {}",
             changed[..changed.len() - more].join(", ")
@@ -329,7 +332,7 @@ fn what(run: &Run, changed: &[String], removed: &Gone<'_>) -> String {
     lines.join("\n")
 }
 
-/// Results of the last stages of a run: what it was made for.
+/// Lists the results of the last stages of a run.
 fn results(run: &Run) -> String {
     let of = |name: &str| {
         let prefix = format!("{name}.");
@@ -339,9 +342,9 @@ fn results(run: &Run) -> String {
             .collect::<Vec<_>>()
     };
     let mut lines: Vec<String> = run.stages.iter().rev().flat_map(|stage| of(&stage.name)).collect();
-    if lines.len() > RESULTS {
-        let more = lines.len() - RESULTS;
-        lines.truncate(RESULTS);
+    if lines.len() > MAX_RESULTS {
+        let more = lines.len() - MAX_RESULTS;
+        lines.truncate(MAX_RESULTS);
         lines.push(format!("and {more} more"));
     }
     lines.join("\n")

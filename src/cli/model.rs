@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use super::error::CliError;
-use super::locate;
+use super::{CliError, locate};
 use deaflow_base::read_bounded;
 use deaflow_content::Training;
 use deaflow_store::Artifact;

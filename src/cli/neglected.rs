@@ -1,9 +1,9 @@
-//! What a pipeline leaves out of its simulations.
+//! The effects that the simulations of a pipeline neglect.
 
 use std::io;
 use std::thread::{Builder, JoinHandle};
 
-use super::error::CliError;
+use super::CliError;
 use deaflow_base::{Digest, build};
 use deaflow_content::SOLVED;
 use deaflow_fem::screening::Screened;
@@ -11,32 +11,35 @@ use deaflow_orchestrator::{Pipeline, StageSpec};
 use deaflow_scene::Scene;
 use deaflow_store::Store;
 
-/// What stages of a pipeline neglect although it matters, after the names of those among `stages` that simulate. It depends on parts of the
-/// scene that decide about no result (how the drive goes on in time, what is known of the material), so it stands in no artifact.
+/// Returns a warning for each significant effect that simulating stages neglect, after the names of those stages. It depends on
+/// parts of the scene that affect no result (the drive in time, known material data), so artifacts do not contain it.
 ///
 /// # Errors
 /// When the effects of the scene cannot be simulated.
-pub fn neglected(pipeline: &Pipeline, stages: &[&str], store: &Store) -> Result<Vec<String>, CliError> {
+pub fn neglected_effects(pipeline: &Pipeline, stages: &[&str], store: &Store) -> Result<Vec<String>, CliError> {
     let scenes = scenes(pipeline, stages);
     let mut warnings = Vec::new();
-    let looked_at = scenes.len().min(MOST_SCENES);
-    for (simulated, names) in &scenes[..looked_at] {
+    let screened_scenes = scenes.len().min(MAX_SCENES);
+    for (simulated, names) in &scenes[..screened_scenes] {
         let found = screened(simulated, store)?;
         warnings.extend(found.iter().map(|warning| format!("{}: {warning}", list(names))));
     }
-    if looked_at < scenes.len() {
+    if screened_scenes < scenes.len() {
         warnings.push(format!(
-            "only the first {looked_at} of {} scenes were screened for effects that are left out; `deaflow screen` does any",
+            "only the first {screened_scenes} of {} scenes were screened for neglected effects; use `deaflow screen` for others",
             scenes.len()
         ));
     }
     Ok(warnings)
 }
 
-/// Finds out in a thread of its own what [`neglected`] will ask for, which the store then knows. What fails is told there.
-pub fn ahead(pipeline: &Pipeline, stages: &[&str], store: Store) -> io::Result<JoinHandle<()>> {
-    let scenes = scenes(pipeline, stages).into_iter().take(MOST_SCENES);
-    let scenes: Vec<Simulated> = scenes.map(|(simulated, _)| simulated).collect();
+/// Computes in a thread what [`neglected_effects`] will need; the store caches it. Errors are reported there.
+///
+/// # Errors
+/// When the thread cannot be started.
+pub fn screen_in_background(pipeline: &Pipeline, stages: &[&str], store: Store) -> io::Result<JoinHandle<()>> {
+    let scenes = scenes(pipeline, stages).into_iter().take(MAX_SCENES);
+    let scenes: Vec<SimulatedScene> = scenes.map(|(simulated, _)| simulated).collect();
     let screen = move || {
         for simulated in &scenes {
             let _ = screened(simulated, &store);
@@ -46,29 +49,29 @@ pub fn ahead(pipeline: &Pipeline, stages: &[&str], store: Store) -> io::Result<J
 }
 
 /// A scene, and whether it is simulated in time.
-type Simulated = (Scene, bool);
+type SimulatedScene = (Scene, bool);
 
-/// The scenes that stages simulate, with the names of these.
-fn scenes<'a>(pipeline: &'a Pipeline, stages: &[&str]) -> Vec<(Simulated, Vec<&'a str>)> {
-    let mut scenes: Vec<(Simulated, Vec<&str>)> = Vec::new();
+/// Returns the scenes that stages simulate, with the names of the stages.
+fn scenes<'a>(pipeline: &'a Pipeline, stages: &[&str]) -> Vec<(SimulatedScene, Vec<&'a str>)> {
+    let mut scenes: Vec<(SimulatedScene, Vec<&str>)> = Vec::new();
     for stage in &pipeline.stages {
         if !SIMULATING.contains(&stage.kind.name()) || !stages.contains(&stage.name.as_str()) {
             continue;
         }
-        // A pipeline is read with its scenes, so these can be read too.
+        // The pipeline has been read with its scenes, so they are valid.
         let Some(Ok(scene)) = pipeline.scene_of(stage).map(Scene::read) else {
             continue;
         };
-        let says = |stage: &StageSpec, is: &dyn Fn(&str) -> bool| {
+        let has = |stage: &StageSpec, is: &dyn Fn(&str) -> bool| {
             let parameters = stage.stage.parameters();
             parameters.leaves().iter().any(|(key, _)| is(key))
         };
-        // Designs for an amplitude are verified by the response, in which all effects in time are.
+        // Designs for an amplitude are verified by the frequency response, which includes all effects in time.
         let needed = stage.needs.iter().filter_map(|at| pipeline.stages.get(*at));
-        let in_time = says(stage, &|key| key.starts_with("history"))
+        let in_time = has(stage, &|key| key.starts_with("history"))
             || needed
                 .into_iter()
-                .any(|stage| says(stage, &|key| key.ends_with("objective.frequency")));
+                .any(|stage| has(stage, &|key| key.ends_with("objective.frequency")));
         match scenes.iter_mut().find(|(known, _)| *known == (scene.clone(), in_time)) {
             Some((_, names)) => names.push(&stage.name),
             None => scenes.push(((scene, in_time), vec![&stage.name])),
@@ -77,8 +80,9 @@ fn scenes<'a>(pipeline: &'a Pipeline, stages: &[&str]) -> Vec<(Simulated, Vec<&'
     scenes
 }
 
-/// The warnings of a scene. They follow from it and from this program alone, and take the time of some solutions, so a store keeps them.
-fn screened((scene, in_time): &Simulated, store: &Store) -> Result<Vec<String>, CliError> {
+/// Returns the warnings of a scene. They depend only on the scene and this program and take the time of some solutions, so the
+/// store caches them.
+fn screened((scene, in_time): &SimulatedScene, store: &Store) -> Result<Vec<String>, CliError> {
     let sort = if *in_time { "warnings in time" } else { "warnings" };
     let of = Digest::of(format!("{sort} of {}\n{}", build(), scene.to_text()).as_bytes());
     if let Some(known) = store.memo(&of) {
@@ -90,12 +94,12 @@ fn screened((scene, in_time): &Simulated, store: &Store) -> Result<Vec<String>, 
     } else {
         screened.warnings
     };
-    // In a store that cannot be written they are found again the next time.
+    // A read-only store does not cache them.
     store.put_memo(&of, &found).ok();
     Ok(found)
 }
 
-/// The stages that solve with an effect that tells of breakdown, or may: others need not be looked into for it.
+/// Returns the solving stages whose scene has, or with `auto` may have, the effect of dielectric breakdown.
 pub fn may_break_down(pipeline: &Pipeline) -> Vec<String> {
     let may = |stage: &&StageSpec| {
         let scene = pipeline.scene_of(stage).map(Scene::read);
@@ -110,19 +114,19 @@ pub fn may_break_down(pipeline: &Pipeline) -> Vec<String> {
         .collect()
 }
 
-/// Scenes of a sweep that are screened: each takes about as long as solving a few patterns.
-const MOST_SCENES: usize = 8;
+/// The most scenes of a sweep that are screened; each takes as long as solving a few patterns.
+const MAX_SCENES: usize = 8;
 
-/// Names in a warning.
-const NAMED: usize = 4;
+/// The most stages that a warning names.
+const MAX_NAMED: usize = 4;
 
 fn list(names: &[&str]) -> String {
-    let some = names.iter().take(NAMED).copied().collect::<Vec<_>>().join(", ");
+    let some = names.iter().take(MAX_NAMED).copied().collect::<Vec<_>>().join(", ");
     match names.len() {
-        n if n > NAMED => format!("{some} and {} more", n - NAMED),
+        n if n > MAX_NAMED => format!("{some} and {} more", n - MAX_NAMED),
         _ => some,
     }
 }
 
-/// The kinds whose stages simulate the scene and nothing else.
+/// The kinds of stages that only simulate the scene.
 const SIMULATING: [&str; 2] = ["solve", "verify"];

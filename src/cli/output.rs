@@ -1,7 +1,7 @@
-//! Where results and errors go: results on stdout, errors and progress on stderr, and with `--json` exactly one document
-//! on stdout whatever happens.
+//! Prints results to stdout, errors and progress to stderr; with `--json`, stdout gets exactly one JSON document.
 
 use std::error::Error as _;
+use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
 
@@ -10,34 +10,34 @@ use clap::error::{ContextKind, ContextValue};
 use serde::Serialize;
 use serde_json::json;
 
-use super::error::CliError;
+use super::CliError;
 use super::text::{Text, lines};
 use super::tone::{Screen, Tone};
 use deaflow_base::{is_unprintable, printable, printable_json};
 
-/// How a command ended.
+/// How a command ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
-    /// Done.
+    /// Success.
     Done,
-    /// It failed.
+    /// Failure.
     Failure,
-    /// The input cannot be used.
+    /// The input is invalid.
     BadInput,
-    /// Done, but for some samples no stable solution was found.
+    /// Success, but some samples have no stable solution.
     Unstable,
     /// The store is damaged.
     Damaged,
     /// An audit found errors.
     Findings,
-    /// The pipeline, or what it made, is not what its lock file says.
+    /// The pipeline or its results differ from the lock file.
     Locked,
-    /// It was stopped, or the machine or the disk refused: to try again may help (`EX_TEMPFAIL` of `sysexits.h`).
+    /// Stopped, or refused by the machine or the disk: trying again may help (`EX_TEMPFAIL` of `sysexits.h`).
     TryAgain,
 }
 
 impl Exit {
-    /// The number that the shell sees.
+    /// Returns the exit code.
     pub fn code(self) -> u8 {
         match self {
             Self::Done => 0,
@@ -58,36 +58,52 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// The way out of a command.
+/// Prints what a command has to report.
 pub struct Output {
     json: bool,
-    /// Where results go.
+    /// The terminal of stdout.
     screen: Screen,
-    /// Where errors and progress go.
-    beside: Screen,
+    /// The terminal of stderr.
+    errors: Screen,
 }
 
 impl Output {
-    /// For people, or with one JSON document; with colours or without.
+    /// Prints text for people, or one JSON document, with or without colours.
     pub fn new(json: bool, colour: ColorChoice) -> Self {
         Self {
             json,
             screen: Screen::of(&io::stdout(), colour),
-            beside: Screen::of(&io::stderr(), colour),
+            errors: Screen::of(&io::stderr(), colour),
         }
     }
 
-    /// Where errors and progress go.
-    pub fn beside(&self) -> Screen {
-        self.beside
+    /// The terminal of errors and progress.
+    pub fn errors(&self) -> Screen {
+        self.errors
     }
 
-    /// Whether one JSON document is wanted.
+    /// Whether to print one JSON document.
     pub fn is_json(&self) -> bool {
         self.json
     }
 
-    /// Prints a text, ended by a line break, for people, as it fits the terminal; nothing where there is none.
+    /// Prints the result of a command: a document for programs or a text for people. Returns [`Exit::Done`].
+    ///
+    /// # Errors
+    /// When stdout refuses.
+    pub fn result<D: Serialize, T: Into<Text>>(
+        &self,
+        document: impl FnOnce() -> D,
+        text: impl FnOnce() -> T,
+    ) -> Result<Exit, CliError> {
+        match self.json {
+            true => self.document(&document())?,
+            false => self.text(text())?,
+        }
+        Ok(Exit::Done)
+    }
+
+    /// Prints a text for people, as it fits the terminal; nothing if it is empty.
     ///
     /// # Errors
     /// When stdout refuses.
@@ -99,7 +115,7 @@ impl Output {
         Self::print(&text.show(self.screen))
     }
 
-    /// Prints what other programs read (a table in CSV, a script, a drawing) as it is, ended by a line break.
+    /// Prints text for other programs (a table in CSV, a script, a drawing) unchanged.
     ///
     /// # Errors
     /// When stdout refuses.
@@ -110,7 +126,7 @@ impl Output {
         Self::print(&printable(text))
     }
 
-    /// Prints the document.
+    /// Prints a JSON document.
     ///
     /// # Errors
     /// When stdout refuses.
@@ -119,17 +135,17 @@ impl Output {
         Self::print(&printable_json(&text))
     }
 
-    /// The only way to stdout.
+    /// Writes to stdout; nothing else does.
     fn print(text: &str) -> Result<(), CliError> {
         let mut out = io::stdout().lock();
         Ok(writeln!(out, "{}", text.trim_end_matches('\n')).and_then(|()| out.flush())?)
     }
 
-    /// Reports how a command ended.
+    /// Reports the error of a command, if any, and returns how it ends.
     pub fn end(&self, done: Result<Exit, CliError>) -> Exit {
         let error = match done {
             Ok(exit) => return exit,
-            // Whoever reads us has had enough (`deaflow show … | head`).
+            // The reader has stopped (`deaflow show … | head`).
             Err(error) if error.is_closed_pipe() => return Exit::Done,
             Err(error) => error,
         };
@@ -137,61 +153,64 @@ impl Output {
             self.report(&error);
             return Exit::Failure;
         }
-        // Its colours are for the terminal; that nothing else in it is, `render` sees to.
         self.report(&error);
         error.exit()
     }
 
-    /// Reports what went wrong beside what is printed. Its colours are for the terminal; that nothing else in it is, `render` sees to.
+    /// Prints an error to stderr. `render` has removed control characters other than colours.
     pub fn report(&self, error: &CliError) {
-        write_line(&error.render(self.beside));
+        write_line(&error.render(self.errors));
     }
 
-    /// Reports an error or a warning beside what is printed.
-    pub fn complain(&self, text: &str) {
-        tell_on(self.beside, text);
+    /// Prints a remark to stderr.
+    pub fn note(&self, text: &str) {
+        print_lines(self.errors, text);
     }
 
-    /// Reports what clap has to say: an error of usage, or the help that was asked for.
+    /// Prints a warning to stderr.
+    pub fn warn(&self, text: impl Display) {
+        self.note(&format!("warning: {text}"));
+    }
+
+    /// Prints an error of usage, or the requested help, from clap.
     pub fn usage(&self, error: &clap::Error) -> Exit {
-        let asked_for = !error.use_stderr();
-        if let Some(why) = unnamed(error) {
-            return self.end(Err(CliError::bad_input(format!("no pipeline is named: {why}"))));
+        let is_help = !error.use_stderr();
+        if let Some(why) = missing_pipeline(error) {
+            return self.end(Err(CliError::bad_input(format!("no pipeline given: {why}"))));
         }
         let text = error.render().to_string();
-        // What is quoted may be the name of a file that somebody else gave it.
-        if !asked_for && (self.json || text.contains(is_unprintable)) {
-            // Where people find more is no part of what is wrong.
+        // A quoted file name may contain control characters.
+        if !is_help && (self.json || text.contains(is_unprintable)) {
             let text = text.split("\n\nFor more information").next().unwrap_or_default();
             return self.end(Err(CliError::bad_input(text.trim().trim_start_matches("error: "))));
         }
         match error.print() {
             Err(e) if e.kind() != ErrorKind::BrokenPipe => Exit::Failure,
-            _ if asked_for => Exit::Done,
+            _ if is_help => Exit::Done,
             _ => Exit::BadInput,
         }
     }
 }
 
-/// Why the folder in which a command is given does not stand for a pipeline, where that is what is wrong: nobody has named it.
-fn unnamed(error: &clap::Error) -> Option<String> {
+/// The reason why the current folder cannot be used as the pipeline that was not given, if that is the error.
+fn missing_pipeline(error: &clap::Error) -> Option<String> {
     let is = |kind, text: &str| matches!(error.get(kind), Some(ContextValue::String(found)) if found == text);
-    let is_unnamed = is(ContextKind::InvalidArg, "[PIPELINE]") && is(ContextKind::InvalidValue, ".");
-    is_unnamed.then(|| error.source().map(ToString::to_string)).flatten()
+    let is_missing = is(ContextKind::InvalidArg, "[PIPELINE]") && is(ContextKind::InvalidValue, ".");
+    is_missing.then(|| error.source().map(ToString::to_string)).flatten()
 }
 
 /// Writes lines to stderr for programs.
-pub fn tell(text: &str) {
+pub fn print_plain(text: &str) {
     write_line(&printable(text));
 }
 
-/// Writes lines to stderr for whoever watches, as they fit there.
-pub fn tell_on(screen: Screen, text: &str) {
+/// Writes lines to stderr for people, as they fit the terminal.
+pub fn print_lines(screen: Screen, text: &str) {
     write_line(&lines(printable(text).trim_end_matches('\n'), Tone::Plain, screen));
 }
 
-/// Writes what became of something to stderr: its name, the word for it in its colour, and the rest.
-pub fn tell_of(screen: Screen, name: &str, (word, tone): (&'static str, Tone), rest: &str) {
+/// Writes the outcome of something to stderr: its name, the outcome in its colour, and details.
+pub fn print_outcome(screen: Screen, name: &str, (word, tone): (&'static str, Tone), rest: &str) {
     let (name, rest) = (printable(name), printable(rest));
     let plain = Screen {
         is_coloured: false,
@@ -205,8 +224,8 @@ pub fn tell_of(screen: Screen, name: &str, (word, tone): (&'static str, Tone), r
     }
 }
 
-/// The only way to stderr, but for a bar of progress.
+/// Writes to stderr; only progress bars do so too.
 fn write_line(text: &str) {
-    // There is nowhere left to say that stderr is closed.
+    // If stderr is closed, there is nowhere to report it.
     let _ = writeln!(io::stderr().lock(), "{}", text.trim_end_matches('\n'));
 }

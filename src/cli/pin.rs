@@ -4,11 +4,8 @@ use clap::Args;
 use serde_json::json;
 
 use super::arguments::StoreArguments;
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
 use super::text::Text;
-use super::{locate, table};
+use super::{CliError, Exit, Output, locate, table};
 use deaflow_base::readable_time;
 use deaflow_orchestrator::Environment;
 use deaflow_store::{Pin, Store};

@@ -1,48 +1,53 @@
-//! `deaflow plan`: what `run` would build, why, and what that would take.
+//! `deaflow plan`: the stages that `run` would build, why, and at what cost.
 
 use clap::Args;
 
 use super::arguments::PipelineArguments;
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
+use super::pipeline::{load, store_to_read};
 use super::text::Text;
 use super::tone::Tone;
-use super::{run, table};
+use super::upstream::StoreAccess;
+use super::{CliError, Exit, Output, table};
 use deaflow_orchestrator::{Environment, Pipeline, plan, plan_document, plan_warnings, price_total};
 
-/// Say what `run` would build, why, and what it would take; build nothing
+/// Show what `run` would build, why, and the estimated cost; build nothing
 #[derive(Debug, Args)]
-#[command(after_help = examples!("deaflow plan pipeline.yaml", "deaflow plan pipeline.yaml --set scene.drive.voltage=\"5 kV\""))]
+#[command(after_help = examples!(
+    "deaflow plan pipeline.yaml",
+    "deaflow plan pipeline.yaml --set scene.drive.voltage=\"5 kV\"",
+))]
 pub struct PlanArguments {
     #[command(flatten)]
     of: PipelineArguments,
 }
 
 pub fn execute(arguments: &PlanArguments, output: &Output) -> Result<Exit, CliError> {
-    of_pipeline(&run::load(&arguments.of)?, &arguments.of, output)
+    print(&load(&arguments.of)?, &arguments.of, output)
 }
 
-/// Says what a run of a pipeline would build.
-pub fn of_pipeline(pipeline: &Pipeline, arguments: &PipelineArguments, output: &Output) -> Result<Exit, CliError> {
+/// Prints what a run of a pipeline would build.
+///
+/// # Errors
+/// When the store cannot be read.
+pub fn print(pipeline: &Pipeline, arguments: &PipelineArguments, output: &Output) -> Result<Exit, CliError> {
     let folder = arguments.store_folder();
-    let (_scratch, store) = run::store_to_look_into(&folder)?;
-    let reading = arguments.read(store, output)?;
+    let (_scratch, store) = store_to_read(&folder)?;
+    let access = StoreAccess::open(store, arguments, output)?;
     let stages = plan(
         pipeline,
-        reading.store(),
+        access.store(),
         arguments.until.as_deref(),
         &Environment::system(),
     )?;
-    let warnings = plan_warnings(pipeline, &stages, reading.store())?;
-    reading.end(output, true);
+    let warnings = plan_warnings(pipeline, &stages, access.store())?;
+    access.end(output, true);
     if output.is_json() {
         output.document(&plan_document(pipeline, &folder, &stages, &warnings))?;
         return Ok(Exit::Done);
     }
     let total = price_total(&stages);
     let summary = match total.stale {
-        0 => "nothing to build".to_owned(),
+        0 => "up to date: nothing to build".to_owned(),
         n => format!(
             "{n} of {} stages to build: {}",
             stages.len(),
@@ -54,12 +59,10 @@ pub fn of_pipeline(pipeline: &Pipeline, arguments: &PipelineArguments, output: &
     if total.price.is_some() && total.stale > 1 && rayon::current_num_threads() > 1 {
         text.toned(
             Tone::Dim,
-            "time: a stage's part of the time of the run; of stages that are built at once each is at work for longer",
+            "time: share of the time of the run; stages that are built in parallel each take longer",
         );
     }
     output.text(text)?;
-    for warning in warnings {
-        output.complain(&format!("warning: {warning}"));
-    }
+    warnings.iter().for_each(|warning| output.warn(warning));
     Ok(Exit::Done)
 }

@@ -3,7 +3,7 @@
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::error::CliError;
+use super::CliError;
 use deaflow_base::{Dimension, Quantity};
 use deaflow_field::Field;
 use deaflow_scene::Scene;
@@ -37,7 +37,7 @@ fn direction(text: &str) -> Result<Quantity, String> {
 
 /// A point and a direction on a membrane.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Watched {
+pub struct Probe {
     /// In mm from the lower left corner.
     point_mm: [f64; 2],
     /// In degrees from the x axis; none where the size of the displacement is asked for.
@@ -55,7 +55,7 @@ impl PointArguments {
     ///
     /// # Errors
     /// When the point is outside.
-    pub fn on(&self, scene: &Scene) -> Result<Option<Watched>, CliError> {
+    pub fn on(&self, scene: &Scene) -> Result<Option<Probe>, CliError> {
         let Some(Coordinates(point)) = self.point else {
             return Ok(None);
         };
@@ -70,7 +70,7 @@ impl PointArguments {
                     .help(format!("allowed: 0 to {} mm and 0 to {} mm", sides[0], sides[1])),
             );
         }
-        Ok(Some(Watched {
+        Ok(Some(Probe {
             point_mm,
             degrees: self.direction.map(|direction| direction.value()),
             cell_mm,
@@ -78,7 +78,7 @@ impl PointArguments {
     }
 }
 
-impl Watched {
+impl Probe {
     /// The displacement there along the direction, or its size without one, mm.
     pub fn of(&self, field: &Field) -> f64 {
         let [x, y] = field.at(std::array::from_fn(|k| self.point_mm[k] / self.cell_mm[k]));

@@ -1,23 +1,20 @@
-//! `deaflow predict`: predicts the fields of patterns with a trained model, and says how far they may be off.
+//! `deaflow predict`: predicts the displacement of patterns with a trained model, with intervals of the error.
 
 mod calibration;
 mod intervals;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
+use serde_json::json;
 
 use super::arguments::{PatternArguments, StateArguments, StoreArguments};
-use super::error::CliError;
-use super::examples::examples;
-use super::outcomes::{Ending, Peak};
-use super::output::{Exit, Output};
-use super::point::PointArguments;
-use super::progress::Bar;
-use super::simulate::{Answer, Place, Statement, seconds_each};
+use super::job::{Job, JobResult, attached_files, extend, seconds_each};
+use super::point::{PointArguments, Probe};
+use super::results::{self, FEW, Peak, SampleId, SampleResult};
 use super::text::Text;
-use super::{model, solve, write};
+use super::{CliError, Exit, Output, model, write};
 use deaflow_base::{Digest, Progress};
 use deaflow_content::{Packed, SolveFile};
 use deaflow_field::{Field, Predictor};
@@ -28,26 +25,26 @@ use deaflow_surrogate::{COVERAGE, Surrogate};
 
 use intervals::Intervals;
 
-/// Predict patterns with a trained model, with intervals where it has a calibration
+/// Predict displacements with a trained model, with intervals if it is calibrated
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow predict pipeline.yaml:surrogate mine.csv -o predicted.h5"))]
 pub struct PredictArguments {
-    /// A digest or its beginning, a stage of the last run, PIPELINE.yaml:STAGE, or a file
+    /// The model: a stage of the last run, PIPELINE.yaml:STAGE, a digest or its first digits, or a file
     pub model: String,
     #[command(flatten)]
     pub patterns: PatternArguments,
-    /// Refuse a model for another scene than this one, or than that of a pipeline; a YAML file
+    /// Refuse a model that was trained for another scene than that of this YAML file: a scene, or a pipeline that has one
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
     #[command(flatten)]
     pub point: PointArguments,
     #[command(flatten)]
     pub state: StateArguments,
-    /// What a stage of kind `calibrate` made for the model, named like a model [default: of a model in the store what the last
-    /// run that calibrated it made from the most patterns]; beside OUT.h5 they go into OUT.csv
+    /// The result of a stage of kind `calibrate`, named like a model [default: for a model in the store, the calibration
+    /// of the last run, from the most patterns]; intervals are also written to OUT.csv next to OUT.h5
     #[arg(long, value_name = "CALIBRATION")]
     pub calibration: Option<String>,
-    /// State the interval of a displacement too, as in "{ point: [25 mm, 25 mm], direction: 0 deg }"; may be given again
+    /// Also report the interval of a displacement, as in "{ point: [25 mm, 25 mm], direction: 0 deg }"; can be repeated
     #[arg(long, value_name = "YAML")]
     pub objective: Vec<String>,
     #[command(flatten)]
@@ -55,21 +52,27 @@ pub struct PredictArguments {
 }
 
 impl PredictArguments {
-    /// The folder of the store in which model and calibration are looked for.
+    /// The folder of the store of the model and the calibration.
     fn store_folder(&self) -> PathBuf {
         self.store
             .folder_of_any([&self.model].into_iter().chain(&self.calibration))
+    }
+
+    /// The files that are read: patterns, model and calibration.
+    fn inputs(&self) -> Vec<String> {
+        let others = [&self.model].into_iter().chain(&self.calibration);
+        self.patterns.patterns.iter().chain(others).cloned().collect()
     }
 }
 
 pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, CliError> {
     let file = arguments.patterns.output.as_deref();
     if let Some(file) = file {
-        solve::check_file(file, &arguments.patterns, &[&arguments.model])?;
+        write::check_output(file, &arguments.inputs())?;
     }
     arguments.patterns.check_ending()?;
     if arguments.state.state.is_some() && arguments.scene.is_none() {
-        return Err(CliError::bad_input("--state is one of a scene, and none is given").help("give it with --scene"));
+        return Err(CliError::bad_input("--state needs a scene").help("add --scene SCENE.yaml"));
     }
     let scene = arguments.scene.as_deref().map(direct::read_scene).transpose()?;
     let scene = scene.map(|scene| arguments.state.of(scene)).transpose()?;
@@ -77,83 +80,76 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     let surrogate = surrogate(&weights, scene.as_ref())?;
     let (patterns, names) = direct::patterns_with_names(&arguments.patterns.patterns, surrogate.form())?;
     let calibration = calibration::find(arguments, &weights)?;
-    if calibration.is_some() {
-        check_table(arguments)?;
-    } else if !arguments.objective.is_empty() {
-        return Err(
-            CliError::bad_input("--objective states an interval, and this model has no calibration")
-                .help("name one with --calibration: what a stage of kind `calibrate` made for the model"),
-        );
-    }
-    let (bar, start) = (Bar::new("predict", "patterns", patterns.len() as u64), Instant::now());
-    let (fields, seconds) = predict(&surrogate, &patterns, &bar)?;
-    let of = |calibration| Intervals::of(calibration, &arguments.objective, &patterns, &fields);
-    let intervals = calibration.map(of).transpose()?;
-    bar.clear();
-    let parameters = format!("model {}", arguments.model);
-    let rows_file = file.map(table);
-    if let (Some(intervals), Some(file)) = (&intervals, &rows_file) {
-        let rows = intervals.csv().map_err(|e| CliError::failure(e.to_string()))?;
-        let source = format!("{parameters}, {}", Digest::of(&weights));
-        write::csv(file, &rows, "deaflow predict", &source)?;
+    let table = file.map(|file| attached_files(file)[0].clone());
+    match (&calibration, &table) {
+        (Some(_), Some(table)) => {
+            write::check_csv(table)?;
+            write::check_not_read(table, &arguments.inputs())?;
+        }
+        (None, _) if !arguments.objective.is_empty() => {
+            return Err(
+                CliError::bad_input("--objective needs a calibration, and this model has none")
+                    .help("name the result of a stage of kind `calibrate` with --calibration"),
+            );
+        }
+        _ => {}
     }
     let scene = surrogate.scene().and_then(|text| Scene::from_text(text).ok());
-    let watched = match &scene {
+    let probe = match &scene {
         Some(scene) => arguments.point.on(scene)?,
         None if arguments.point.is_given() => {
             return Err(CliError::bad_input(
-                "the model does not say how large its membrane is: --point is nowhere on it",
+                "--point cannot be used: the model does not contain the size of its membrane",
             ));
         }
         None => None,
     };
+    let job = Job::start("predict", file, "predict", patterns.len());
+    let (fields, seconds) = predict(&surrogate, &patterns, &job.bar)?;
+    let of = |calibration| Intervals::of(calibration, &arguments.objective, &patterns, &fields);
+    let intervals = calibration.map(of).transpose()?;
+    let parameters = format!("model {}", arguments.model);
+    if let (Some(intervals), Some(table)) = (&intervals, &table) {
+        let source = format!("{parameters}, {}", Digest::of(&weights));
+        write::csv(table, intervals.csv()?.as_bytes(), "deaflow predict", &source)?;
+    }
     let cell_mm = scene.map(|scene| scene.membrane().cell_mm());
-    let ending = |(index, field)| Ending {
-        place: Place { index, state: None },
+    let result = |(index, field): (usize, &Field)| SampleResult {
+        id: SampleId { index, state: None },
+        file: names[index].clone(),
         outcome: PREDICTED.to_owned(),
         peak: Some(Peak::of(field, cell_mm)),
-        name: names[index].clone(),
-        along_mm: watched.map(|watched| watched.of(field)),
-        reached: None,
+        along_mm: probe.map(|probe| probe.of(field)),
+        ..SampleResult::default()
     };
-    let (at_point, point) = watched
-        .map(|watched| watched.of_all(fields.iter().map(|field| Some(watched.of(field)))))
-        .unzip();
-    let content = SolveFile {
-        at_point,
-        point,
-        ..content(&surrogate, &patterns, &fields, seconds, intervals.as_ref())
-    };
-    let answer = Answer {
-        endings: fields.iter().enumerate().map(ending).collect(),
-        content: content.object(),
-        samples: patterns.len(),
-        watched,
-        statement: statement(intervals.as_ref(), rows_file.as_deref()),
-        ..Answer::default()
-    };
-    solve::conclude(&arguments.patterns, answer, ("predict", parameters), start, output)
-}
-
-/// Where intervals go as comma-separated values.
-fn table(file: &Path) -> PathBuf {
-    file.with_extension("csv")
-}
-
-fn check_table(arguments: &PredictArguments) -> Result<(), CliError> {
-    let Some(file) = arguments.patterns.output.as_deref() else {
-        return Ok(());
-    };
-    let table = table(file);
-    write::check_csv(&table)?;
-    for read in std::iter::once(&arguments.model).chain(&arguments.calibration) {
-        solve::check_file(&table, &arguments.patterns, &[read])?;
-        solve::check_file(file, &arguments.patterns, &[read])?;
+    let results: Vec<SampleResult> = fields.iter().enumerate().map(result).collect();
+    let mut document = results::document(&results, patterns.len(), probe.as_ref());
+    let intervals_document = intervals.as_ref().map(|intervals| intervals.document(table.as_deref()));
+    extend(&mut document, json!({ "intervals": intervals_document }));
+    let mut text = Text::new();
+    // The table of intervals lists the patterns too, without the point.
+    if intervals.is_none() || results.len() > FEW || probe.is_some() {
+        text.append(results::text(&results, file, probe.as_ref()));
     }
-    Ok(())
+    match &intervals {
+        Some(intervals) => text.append(intervals.text(table.as_deref())),
+        None => text.line("the errors are not known: the model has no calibration; name one with --calibration"),
+    };
+    let content = content(&surrogate, &patterns, &fields, seconds, intervals.as_ref(), probe);
+    let result = JobResult {
+        patterns: patterns.len(),
+        arrays: content.object(),
+        parameters,
+        attachments: None,
+        warnings: Vec::new(),
+        document,
+        text,
+        exit: Exit::Done,
+    };
+    job.finish(result, output)
 }
 
-/// The network in the bytes of a safetensors file, which must be one for the scene if that is given.
+/// Reads the network of a safetensors file, which must have been trained for the scene, if one is given.
 fn surrogate(weights: &[u8], scene: Option<&Scene>) -> Result<Surrogate, CliError> {
     let refused = |e: &dyn std::fmt::Display| CliError::bad_input(format!("cannot use the model: {e}"));
     let surrogate = Surrogate::load(weights).map_err(|e| refused(&e))?;
@@ -163,24 +159,23 @@ fn surrogate(weights: &[u8], scene: Option<&Scene>) -> Result<Surrogate, CliErro
     Ok(surrogate)
 }
 
-/// The fields of patterns with the seconds that each took.
+/// Predicts the fields of patterns; returns them with the computing time of each, s.
 fn predict(
     surrogate: &Surrogate,
     patterns: &[Pattern],
     progress: &dyn Progress,
 ) -> Result<(Vec<Field>, Vec<f64>), CliError> {
-    let threads = rayon::current_num_threads();
     let (mut fields, mut seconds) = (Vec::with_capacity(patterns.len()), Vec::with_capacity(patterns.len()));
     for batch in patterns.chunks(256) {
         let start = Instant::now();
         fields.extend(surrogate.predict(batch)?);
-        seconds.extend(seconds_each(start, batch.len(), threads));
+        seconds.extend(seconds_each(start, batch.len()));
         progress.advance(batch.len() as u64);
     }
     Ok((fields, seconds))
 }
 
-/// The outcome of what was not simulated.
+/// The outcome of a prediction.
 const PREDICTED: &str = "predicted";
 
 fn content(
@@ -189,12 +184,18 @@ fn content(
     fields: &[Field],
     seconds: Vec<f64>,
     intervals: Option<&Intervals>,
+    probe: Option<Probe>,
 ) -> SolveFile {
+    let (at_point, point) = probe
+        .map(|probe| probe.of_all(fields.iter().map(|field| Some(probe.of(field)))))
+        .unzip();
     SolveFile {
         patterns: patterns.to_vec(),
         outcome: vec![PREDICTED.to_owned(); patterns.len()],
         max_displacement: fields.iter().map(Field::max_magnitude).collect(),
         displacement: Packed(fields.iter().flat_map(Field::values).copied().collect()),
+        at_point,
+        point,
         solve_seconds: seconds,
         scene: surrogate.scene().unwrap_or_default().to_owned(),
         network: Some(surrogate.kind().name().to_owned()),
@@ -203,22 +204,5 @@ fn content(
         calibration: intervals.map(Intervals::digest),
         basis: intervals.map(Intervals::basis),
         ..SolveFile::default()
-    }
-}
-
-/// What is said of the errors of the predictions.
-fn statement(intervals: Option<&Intervals>, table: Option<&Path>) -> Statement {
-    Statement {
-        key: "intervals",
-        document: intervals.map(|intervals| intervals.document(table)),
-        text: intervals.map_or_else(
-            || {
-                Text::from(
-                    "nothing is said of the errors: the model has no calibration here; name one with --calibration",
-                )
-            },
-            |intervals| intervals.text(table),
-        ),
-        tells_each: intervals.is_some(),
     }
 }

@@ -1,5 +1,5 @@
-//! Progress on stderr: on a terminal one line per stage at work with rate and time left; elsewhere a plain line when a stage begins,
-//! every ten seconds, and when it ends; for programs every event as a line of JSON.
+//! Progress on stderr: on a terminal one line per running stage with rate and remaining time; elsewhere a plain line when a
+//! stage begins, every ten seconds, and when it ends; for programs one line of JSON per event.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -11,45 +11,45 @@ use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 use textwrap::core::display_width;
 
 use super::columns::cut;
-use super::output::{tell, tell_of, tell_on};
+use super::output::{print_lines, print_outcome, print_plain};
 use super::pace::Pace;
 use super::table;
 use super::tone::{Screen, Tone, width_of_stderr};
 use deaflow_base::{Progress, printable, printable_json};
 use deaflow_orchestrator::{Event, Outcome, StageReport};
 
-/// A part of the time of a stage, and of a second, by which its two clocks must differ to be told apart.
-const TELLING: f64 = 0.05;
+/// The smallest difference between the time of a stage and its share of the run that is shown: this fraction, and s.
+const MIN_DIFFERENCE: f64 = 0.05;
 
-/// Reasons for which a stage is built that are told as it begins.
-const REASONS: usize = 3;
+/// The most reasons that are listed when a stage begins.
+const MAX_REASONS: usize = 3;
 
-/// Time between two plain lines.
+/// The time between two plain lines.
 const INTERVAL: Duration = Duration::from_secs(10);
 
-/// How the progress of a run is shown.
+/// How to show progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shown {
-    /// Bars on a terminal, or else lines.
+pub enum ProgressMode {
+    /// Bars on a terminal, lines elsewhere.
     Bars,
     /// Lines.
     Lines,
-    /// A JSON document per line.
+    /// One JSON document per line.
     Json,
     /// Warnings only.
     Warnings,
 }
 
-/// A bar that is shown once the work has taken longer than people wait without a word.
-pub struct Lazy {
+/// A progress bar that appears only if the work takes long.
+pub struct DelayedBar {
     name: &'static str,
     unit: &'static str,
     begun: Instant,
     bar: OnceLock<Bar>,
 }
 
-impl Lazy {
-    /// Work that begins now.
+impl DelayedBar {
+    /// Starts the clock.
     pub fn new(name: &'static str, unit: &'static str) -> Self {
         Self {
             name,
@@ -59,15 +59,15 @@ impl Lazy {
         }
     }
 
-    /// Sets how much of how much is done.
+    /// Sets the number of finished steps, and of all.
     pub fn set(&self, done: u64, length: u64) {
-        if self.begun.elapsed() > PATIENCE {
+        if self.begun.elapsed() > DELAY {
             let bar = self.bar.get_or_init(|| Bar::new(self.name, self.unit, length));
             bar.set(done, length);
         }
     }
 
-    /// Is shown no more.
+    /// Removes the bar.
     pub fn clear(&self) {
         if let Some(bar) = self.bar.get() {
             bar.clear();
@@ -75,94 +75,94 @@ impl Lazy {
     }
 }
 
-/// Work that takes longer shows its progress.
-const PATIENCE: Duration = Duration::from_secs(2);
+/// The time after which the bar appears.
+const DELAY: Duration = Duration::from_secs(2);
 
-/// One piece of work under way.
+/// A progress bar, or lines of progress without a terminal.
 pub struct Bar {
     begun: Instant,
-    state: Arc<Mutex<State>>,
-    form: Form,
+    state: Arc<Mutex<BarState>>,
+    form: BarForm,
 }
 
-/// What is shown of it.
-struct State {
+/// What a bar shows.
+struct BarState {
     name: String,
     unit: &'static str,
     pace: Pace,
     note: String,
 }
 
-enum Form {
+enum BarForm {
     Terminal(ProgressBar),
-    /// By lines, the last of them then.
+    /// Lines, with the time of the last one.
     Plain(Mutex<Instant>),
 }
 
 impl Bar {
-    /// Begins to show `length` steps of work.
+    /// Shows `length` steps of work.
     pub fn new(name: &str, unit: &'static str, length: u64) -> Self {
         let bars = io::stderr().is_terminal().then(MultiProgress::new);
         Self::among(bars.as_ref(), name, unit, length, None)
     }
 
-    /// As progress is shown; none where no steps are.
-    pub fn of(shown: Shown, name: &str, unit: &'static str) -> Option<Self> {
-        match shown {
-            Shown::Bars => Some(Self::new(name, unit, 0)),
-            Shown::Lines => Some(Self::among(None, name, unit, 0, None)),
-            Shown::Json | Shown::Warnings => None,
+    /// Shows work in a mode; none if the mode does not show steps.
+    pub fn with_mode(mode: ProgressMode, name: &str, unit: &'static str) -> Option<Self> {
+        match mode {
+            ProgressMode::Bars => Some(Self::new(name, unit, 0)),
+            ProgressMode::Lines => Some(Self::among(None, name, unit, 0, None)),
+            ProgressMode::Json | ProgressMode::Warnings => None,
         }
     }
 
-    /// Says a line beside it.
-    pub fn say(&self, text: &str) {
+    /// Prints a line above the bar.
+    pub fn print(&self, text: &str) {
         match &self.form {
-            Form::Terminal(bar) => bar.suspend(|| tell(text)),
-            Form::Plain(_) => tell(text),
+            BarForm::Terminal(bar) => bar.suspend(|| print_plain(text)),
+            BarForm::Plain(_) => print_plain(text),
         }
     }
 
-    /// As [`Bar::new`], below other bars of a terminal; without a terminal by lines. `foretold` is what all of it is to take, s.
-    fn among(bars: Option<&MultiProgress>, name: &str, unit: &'static str, length: u64, foretold: Option<f64>) -> Self {
+    /// Shows work below other bars of a terminal, or as lines without a terminal; `estimate` is its estimated time, s.
+    fn among(bars: Option<&MultiProgress>, name: &str, unit: &'static str, length: u64, estimate: Option<f64>) -> Self {
         let begun = Instant::now();
-        let state = Arc::new(Mutex::new(State {
+        let state = Arc::new(Mutex::new(BarState {
             name: printable(name).into_owned(),
             unit,
-            pace: Pace::new(length, foretold),
+            pace: Pace::new(length, estimate),
             note: String::new(),
         }));
         let form = match bars {
             Some(bars) => {
                 let bar = bars.add(ProgressBar::new_spinner().with_style(style(begun, state.clone())));
                 bar.enable_steady_tick(Duration::from_millis(200));
-                Form::Terminal(bar)
+                BarForm::Terminal(bar)
             }
-            None => Form::Plain(Mutex::new(begun)),
+            None => BarForm::Plain(Mutex::new(begun)),
         };
         Self { begun, state, form }
     }
 
-    /// Sets how much of how much is done.
+    /// Sets the number of finished steps, and of all.
     pub fn set(&self, done: u64, length: u64) {
-        self.moved(|pace, at| pace.set(at, done, length));
+        self.update(|pace, at| pace.set(at, done, length));
     }
 
-    fn moved(&self, how: impl FnOnce(&mut Pace, f64)) {
+    fn update(&self, change: impl FnOnce(&mut Pace, f64)) {
         let mut state = locked(&self.state);
-        how(&mut state.pace, self.begun.elapsed().as_secs_f64());
-        if let Form::Plain(said) = &self.form {
-            let mut said = locked(said);
-            if said.elapsed() >= INTERVAL {
-                *said = Instant::now();
-                tell(&state.plain(self.begun.elapsed().as_secs_f64()));
+        change(&mut state.pace, self.begun.elapsed().as_secs_f64());
+        if let BarForm::Plain(last) = &self.form {
+            let mut last = locked(last);
+            if last.elapsed() >= INTERVAL {
+                *last = Instant::now();
+                print_plain(&state.plain(self.begun.elapsed().as_secs_f64()));
             }
         }
     }
 
-    /// Is shown no more. How the work ended is said on stdout, or by an error.
+    /// Removes the bar.
     pub fn clear(&self) {
-        if let Form::Terminal(bar) = &self.form {
+        if let BarForm::Terminal(bar) = &self.form {
             bar.finish_and_clear();
         }
     }
@@ -170,15 +170,15 @@ impl Bar {
 
 impl Progress for Bar {
     fn advance(&self, steps: u64) {
-        self.moved(|pace, at| pace.advance(at, steps));
+        self.update(|pace, at| pace.advance(at, steps));
     }
 
     fn part(&self, done: f64) {
-        self.moved(|pace, at| pace.set_part(at, done));
+        self.update(|pace, at| pace.set_part(at, done));
     }
 
     fn resume(&self, steps: u64) {
-        self.moved(|pace, at| pace.resume(at, steps));
+        self.update(|pace, at| pace.resume(at, steps));
     }
 
     fn note(&self, text: &str) {
@@ -186,12 +186,12 @@ impl Progress for Bar {
     }
 }
 
-impl State {
+impl BarState {
     fn steps(&self) -> String {
         format!("{}/{} {}", self.pace.done, self.pace.length, self.unit)
     }
 
-    /// In a line that says all.
+    /// Formats all of it in a line.
     fn plain(&self, at: f64) -> String {
         let mut text = format!("{}: {}", self.name, self.steps());
         let pace = self.pace.words(at);
@@ -204,23 +204,23 @@ impl State {
         text
     }
 
-    /// In a line of a terminal. What there is no room for is left out whole: a number that is cut says another one.
+    /// Formats a line of a terminal. Parts without space are omitted as a whole: a truncated number would be wrong.
     fn on_terminal(&self, at: f64, width: usize) -> String {
-        let (room, bar) = if width < WIDE { (12, 8) } else { (30, 20) };
-        let name = cut(&self.name, room);
+        let (name_width, bar) = if width < WIDE { (12, 8) } else { (30, 20) };
+        let name = cut(&self.name, name_width);
         let name = name.clone() + &" ".repeat(12_usize.saturating_sub(display_width(&name)));
         let pace = self.pace.words(at);
         let pace = match pace.is_empty() {
             true => format!("{} so far", table::seconds(at)),
             false => pace,
         };
-        let mut line = format!("{name} {} {}", drawn(&self.pace, bar), self.steps());
+        let mut line = format!("{name} {} {}", draw_bar(&self.pace, bar), self.steps());
         if display_width(&line) > width {
             line = format!("{} {}", name.trim_end(), self.steps());
         }
         let parts = std::iter::once(pace.as_str()).chain(self.note.split(", ").filter(|part| !part.is_empty()));
-        for (place, part) in parts.enumerate() {
-            let between = if place < 2 { "  " } else { ", " };
+        for (index, part) in parts.enumerate() {
+            let between = if index < 2 { "  " } else { ", " };
             if display_width(&line) + display_width(between) + display_width(part) > width {
                 break;
             }
@@ -231,17 +231,17 @@ impl State {
     }
 }
 
-/// A bar of so many columns between brackets.
-fn drawn(pace: &Pace, columns: usize) -> String {
-    let share = (pace.position() / pace.length.max(1) as f64).clamp(0.0, 1.0);
-    let full = (share * columns as f64) as usize;
-    let head = if full < columns && share > 0.0 { ">" } else { "" };
+/// Draws a bar of `columns` columns between brackets.
+fn draw_bar(pace: &Pace, columns: usize) -> String {
+    let fraction = (pace.position() / pace.length.max(1) as f64).clamp(0.0, 1.0);
+    let full = (fraction * columns as f64) as usize;
+    let head = if full < columns && fraction > 0.0 { ">" } else { "" };
     format!("[{:<columns$}]", "=".repeat(full) + head)
 }
 
-/// The progress of a run: a bar for every stage at work.
+/// The progress of a run: a bar for each running stage.
 pub struct RunProgress {
-    shown: Shown,
+    mode: ProgressMode,
     screen: Screen,
     /// None without a terminal.
     bars: Option<MultiProgress>,
@@ -249,52 +249,55 @@ pub struct RunProgress {
 }
 
 impl RunProgress {
-    /// Nothing under way yet.
-    pub fn new(shown: Shown, screen: Screen) -> Self {
-        let terminal = shown == Shown::Bars && io::stderr().is_terminal();
+    /// Shows progress in a mode.
+    pub fn new(mode: ProgressMode, screen: Screen) -> Self {
+        let terminal = mode == ProgressMode::Bars && io::stderr().is_terminal();
         Self {
-            shown,
+            mode,
             screen,
             bars: terminal.then(MultiProgress::new),
             current: Mutex::default(),
         }
     }
 
-    /// A line for people, where they are told more than warnings.
+    /// Prints a line for people, unless only warnings are shown.
     pub fn note(&self, text: &str) {
-        if matches!(self.shown, Shown::Bars | Shown::Lines) {
-            self.say(text);
+        if matches!(self.mode, ProgressMode::Bars | ProgressMode::Lines) {
+            self.print(text);
         }
     }
 
-    /// A line above the bars.
-    fn say(&self, text: &str) {
-        let say = || match self.shown {
-            Shown::Json => tell(text),
-            _ => tell_on(self.screen, text),
-        };
+    /// Prints a line above the bars.
+    fn print(&self, text: &str) {
+        self.above_bars(|| match self.mode {
+            ProgressMode::Json => print_plain(text),
+            _ => print_lines(self.screen, text),
+        });
+    }
+
+    fn above_bars(&self, print: impl FnOnce()) {
         match &self.bars {
-            Some(bars) => bars.suspend(say),
-            None => say(),
+            Some(bars) => bars.suspend(print),
+            None => print(),
         }
     }
 
     /// Shows an event.
-    pub fn tell(&self, event: &Event) {
-        match (self.shown, event) {
-            (Shown::Json, _) => tell(&printable_json(
+    pub fn show(&self, event: &Event) {
+        match (self.mode, event) {
+            (ProgressMode::Json, _) => print_plain(&printable_json(
                 &serde_json::to_string(event).unwrap_or_else(|error| error.to_string()),
             )),
-            (_, Event::Warning { text }) => self.say(&format!("warning: {text}")),
-            (Shown::Warnings, _) => {}
-            (Shown::Bars | Shown::Lines, _) => self.show(event),
+            (_, Event::Warning { text }) => self.print(&format!("warning: {text}")),
+            (ProgressMode::Warnings, _) => {}
+            (ProgressMode::Bars | ProgressMode::Lines, _) => self.show_to_people(event),
         }
     }
 
-    fn show(&self, event: &Event) {
+    fn show_to_people(&self, event: &Event) {
         let mut current = locked(&self.current);
         match event {
-            Event::RunStarted { .. } => line(event).iter().for_each(|text| self.say(text)),
+            Event::RunStarted { .. } => line(event).iter().for_each(|text| self.print(text)),
             Event::StageStarted {
                 name,
                 steps,
@@ -303,17 +306,17 @@ impl RunProgress {
                 ..
             } => {
                 if self.bars.is_none() {
-                    line(event).iter().for_each(|text| tell(text));
+                    line(event).iter().for_each(|text| print_plain(text));
                 }
-                let foretold = price.map(|price| price.seconds.likely);
-                let bar = Bar::among(self.bars.as_ref(), name, unit, *steps, foretold);
+                let estimate = price.map(|price| price.seconds.likely);
+                let bar = Bar::among(self.bars.as_ref(), name, unit, *steps, estimate);
                 current.insert(name.clone(), bar);
             }
             Event::Progress { name, steps } => current.get(name).iter().for_each(|bar| bar.advance(*steps)),
             Event::Part { name, done } => current.get(name).iter().for_each(|bar| bar.part(*done)),
             Event::Resumed { name, steps, .. } => {
                 current.get(name).iter().for_each(|bar| bar.resume(*steps));
-                line(event).iter().for_each(|text| self.say(text));
+                line(event).iter().for_each(|text| self.print(text));
             }
             Event::Note { name, text } => current.get(name).iter().for_each(|bar| bar.note(text)),
             Event::ChunkBuilt { .. } | Event::Warning { .. } => {}
@@ -325,19 +328,16 @@ impl RunProgress {
                     bar.clear();
                 }
                 let word = table::outcome(report.outcome);
-                let how = ended(report);
-                let rest = how.strip_prefix(word).unwrap_or_default();
-                let say = || tell_of(self.screen, &report.name, (word, Tone::of(report.outcome)), rest);
-                match &self.bars {
-                    Some(bars) => bars.suspend(say),
-                    None => say(),
-                }
+                let ending = ending(report);
+                let rest = ending.strip_prefix(word).unwrap_or_default();
+                let tone = Tone::of(report.outcome);
+                self.above_bars(|| print_outcome(self.screen, &report.name, (word, tone), rest));
             }
         }
     }
 }
 
-/// An event in one line; none for those that only move a bar.
+/// Describes an event in a line; none for an event that only moves a bar.
 pub fn line(event: &Event) -> Option<String> {
     Some(match event {
         Event::RunStarted {
@@ -365,28 +365,29 @@ pub fn line(event: &Event) -> Option<String> {
             ..
         } => {
             let price = price.map_or_else(String::new, |price| {
-                format!(", about {} of the run's time", table::time(&price.seconds))
+                format!(", estimated time {}", table::time(&price.seconds))
             });
             let why = match reasons.len() {
-                0..=REASONS => reasons.join("; "),
-                n => format!("{}; and {} more", reasons[..REASONS].join("; "), n - REASONS),
+                0..=MAX_REASONS => reasons.join("; "),
+                n => format!("{}; and {} more", reasons[..MAX_REASONS].join("; "), n - MAX_REASONS),
             };
             format!("{name}: {} to do ({why}){price}", table::counted(*steps, unit))
         }
         Event::StageReused(report)
         | Event::StageFinished(report)
         | Event::StageFailed(report)
-        | Event::StageSkipped(report) => format!("{}: {}", report.name, ended(report)),
+        | Event::StageSkipped(report) => format!("{}: {}", report.name, ending(report)),
         Event::Warning { text } => format!("warning: {text}"),
         Event::Resumed { name, steps, unit } => {
             let done = table::counted(*steps, unit);
-            format!("{name}: goes on after {done} that an earlier run has done")
+            format!("{name}: continues after {done} of an earlier run")
         }
         Event::Progress { .. } | Event::Part { .. } | Event::Note { .. } | Event::ChunkBuilt { .. } => return None,
     })
 }
 
-fn ended(report: &StageReport) -> String {
+/// Describes how a stage ended.
+fn ending(report: &StageReport) -> String {
     let word = table::outcome(report.outcome);
     let digest = report
         .digest
@@ -394,9 +395,9 @@ fn ended(report: &StageReport) -> String {
     match report.outcome {
         Outcome::Built => {
             let took = table::seconds(report.seconds);
-            let is_less = |part: &f64| report.seconds - part > TELLING.max(TELLING * report.seconds);
+            let is_less = |part: &f64| report.seconds - part > MIN_DIFFERENCE.max(MIN_DIFFERENCE * report.seconds);
             match report.part.filter(is_less).map(table::seconds) {
-                Some(part) => format!("{word}{digest} in {took} ({part} of the run's time)"),
+                Some(part) => format!("{word}{digest} in {took} ({part} of the time of the run)"),
                 None => format!("{word}{digest} in {took}"),
             }
         }
@@ -406,22 +407,22 @@ fn ended(report: &StageReport) -> String {
     }
 }
 
-/// Columns from which on a terminal has room for long names and bars.
+/// The width of a terminal from which names and bars are long.
 const WIDE: usize = 100;
 
-fn style(begun: Instant, of: Arc<Mutex<State>>) -> ProgressStyle {
+fn style(begun: Instant, state: Arc<Mutex<BarState>>) -> ProgressStyle {
     let line = move |_: &ProgressState, out: &mut dyn fmt::Write| {
         let at = begun.elapsed().as_secs_f64();
-        // The last column stays free: some terminals break a line that fills it.
+        // The last column stays free: some terminals wrap a line that fills it.
         let width = width_of_stderr().unwrap_or(WIDE).saturating_sub(1);
-        // A bar has nowhere to report that it cannot be written.
-        let _ = out.write_str(&locked(&of).on_terminal(at, width));
+        // There is nowhere to report an error of the bar.
+        let _ = out.write_str(&locked(&state).on_terminal(at, width));
     };
     let style = ProgressStyle::with_template("{line}").unwrap_or_else(|_| ProgressStyle::default_spinner());
     style.with_key("line", line)
 }
 
-/// A panic in another thread must not silence the rest of the run.
+/// Locks a mutex, even after a panic in another thread.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -430,11 +431,11 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 mod tests {
     use super::*;
 
-    fn state(name: &str, note: &str) -> State {
+    fn state(name: &str, note: &str) -> BarState {
         let mut pace = Pace::new(40, None);
         pace.set_part(0.0, 0.0);
         pace.advance(100.0, 20);
-        State {
+        BarState {
             name: name.to_owned(),
             unit: "generations",
             pace,
@@ -473,16 +474,16 @@ mod tests {
             seconds: 61.2,
             ..StageReport::new("solved", "solve", outcome)
         };
-        assert_eq!(ended(&report(Outcome::Built)), "built af1349b9f5f9 in 1 min 01 s");
+        assert_eq!(ending(&report(Outcome::Built)), "built af1349b9f5f9 in 1 min 01 s");
         let shared = StageReport {
             part: Some(30.6),
             ..report(Outcome::Built)
         };
         assert_eq!(
-            ended(&shared),
+            ending(&shared),
             "built af1349b9f5f9 in 1 min 01 s (30.6 s of the run's time)"
         );
-        assert_eq!(ended(&report(Outcome::Reused)), "reused af1349b9f5f9");
-        assert_eq!(ended(&report(Outcome::Failed)), "failed after 1 min 01 s");
+        assert_eq!(ending(&report(Outcome::Reused)), "reused af1349b9f5f9");
+        assert_eq!(ending(&report(Outcome::Failed)), "failed after 1 min 01 s");
     }
 }

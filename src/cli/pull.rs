@@ -6,12 +6,9 @@ use clap::Args;
 use serde_json::json;
 
 use super::arguments::{SetArguments, StoreArguments};
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::progress::Lazy;
+use super::progress::DelayedBar;
 use super::upstream;
-use super::{run, table};
+use super::{CliError, Exit, Output, pipeline, table};
 use deaflow_base::ArtifactId;
 use deaflow_orchestrator::built_stages;
 use deaflow_remote::{Foreign, Pulled, Remote, pull_all, pull_some};
@@ -44,7 +41,7 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
         .pipeline
         .as_ref()
         .map(|path| {
-            let pipeline = run::load_with(path, &arguments.set)?;
+            let pipeline = pipeline::load_with(path, &arguments.set)?;
             let selection = pipeline.selection(arguments.until.as_deref())?;
             Ok::<_, CliError>((pipeline, selection))
         })
@@ -54,7 +51,7 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
     let remote = std::sync::Arc::new(remote);
     let store = store.with_upstream(remote.clone());
     let mut missing = Vec::new();
-    let bar = Lazy::new("pull", "artifacts");
+    let bar = DelayedBar::new("pull", "artifacts");
     let progress = |done, total| bar.set(done, total);
     let done = match &pipeline {
         _ if arguments.records_only => Ok(Pulled {
@@ -83,7 +80,7 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
     };
     bar.clear();
     let pulled = done?;
-    upstream::tell(&remote, output);
+    upstream::report_problems(&remote, output);
     if output.is_json() {
         output.document(&document(&remote, &pulled, &missing, &foreign))?;
     } else {
@@ -106,7 +103,7 @@ fn document(remote: &Remote, pulled: &Pulled, missing: &[String], foreign: &Fore
         "records": pulled.records,
         "left": pulled.left.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "not_built": missing,
-        "passed_over": upstream::foreign_document(remote, foreign),
+        "passed_over": upstream::ignored_document(remote, foreign),
     })
 }
 

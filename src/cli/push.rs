@@ -7,11 +7,8 @@ use clap::Args;
 use serde_json::json;
 
 use super::arguments::{SetArguments, StoreArguments};
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::progress::Lazy;
-use super::{locate, run, table, upstream};
+use super::progress::DelayedBar;
+use super::{CliError, Exit, Output, locate, pipeline, table, upstream};
 use deaflow_base::ArtifactId;
 use deaflow_orchestrator::{Pipeline, built_stages};
 use deaflow_remote::{Configuration, Push, Pushed, Remote, SigningKey, push};
@@ -40,7 +37,7 @@ pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliEr
     let pipeline = arguments
         .pipeline
         .as_ref()
-        .map(|path| run::load_with(path, &arguments.set))
+        .map(|path| pipeline::load_with(path, &arguments.set))
         .transpose()?;
     let configuration = Configuration::of_user()?;
     let key = SigningKey::read(&configuration.signing_key())?.ok_or_else(|| {
@@ -53,7 +50,7 @@ pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliEr
         .as_ref()
         .map(|pipeline| roots(pipeline, &store, &remote))
         .transpose()?;
-    let bar = Lazy::new("push", "artifacts");
+    let bar = DelayedBar::new("push", "artifacts");
     let all = Push {
         store: &store,
         remote: &remote,
@@ -65,7 +62,7 @@ pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliEr
     bar.clear();
     let pushed = done?;
     store.save_index();
-    upstream::tell(&remote, output);
+    upstream::report_problems(&remote, output);
     if output.is_json() {
         output.document(&json!({
             "remote": remote.name(),
@@ -78,13 +75,13 @@ pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliEr
             "records_there": pushed.records_there,
             "records_of_others": pushed.records_of_others,
             "left": left(&pushed.left),
-            "passed_over": upstream::foreign_document(&remote, &foreign),
+            "passed_over": upstream::ignored_document(&remote, &foreign),
         }))?;
     } else {
         output.text(text(remote.name(), &pushed))?;
     }
     for (artifact, why) in &pushed.left {
-        output.complain(&format!("warning: artifact {} was not sent: {why}", artifact.short()));
+        output.warn(format_args!("artifact {} was not sent: {why}", artifact.short()));
     }
     Ok(match pushed.left.is_empty() {
         true => Exit::Done,

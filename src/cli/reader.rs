@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use super::output::Exit;
+use super::Exit;
 use deaflow_hdf as hdf;
 
 /// Where the system shows the running program, even when its file has been replaced by another build.

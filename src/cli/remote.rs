@@ -7,12 +7,9 @@ use clap::{Args, Subcommand};
 use serde_json::{Value, json};
 
 use super::arguments::{StoreArguments, duration};
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::progress::Lazy;
+use super::progress::DelayedBar;
 use super::text::Text;
-use super::{locate, table, upstream};
+use super::{CliError, Exit, Output, locate, table, upstream};
 use deaflow_base::host_name;
 use deaflow_remote::{Address, Configuration, Retention, SigningKey, Swept, read_public, sweep};
 
@@ -208,7 +205,7 @@ fn key(configuration: &Configuration, output: &Output) -> Result<Exit, CliError>
         None => {
             configuration.make()?;
             let key = SigningKey::create(&path)?;
-            output.complain(&format!("made {}: keep it to yourself", path.display()));
+            output.note(&format!("made {}: keep it to yourself", path.display()));
             key
         }
     };
@@ -240,7 +237,7 @@ fn gc(configuration: &Configuration, arguments: &GcArguments, output: &Output) -
         grace: arguments.grace,
         age: arguments.older,
     };
-    let bar = Lazy::new("gc", "objects");
+    let bar = DelayedBar::new("gc", "objects");
     let done = sweep(&remote, retention, key.as_ref(), arguments.dry_run, &|done, total| {
         bar.set(done, total);
     });

@@ -6,12 +6,9 @@ use clap::Args;
 use serde_json::json;
 
 use super::arguments::{SetArguments, StoreArguments, pipeline_parser};
-use super::error::CliError;
-use super::examples::examples;
 use super::locate;
-use super::neglected::neglected;
-use super::output::{Exit, Output};
-use super::{run, write};
+use super::neglected::neglected_effects;
+use super::{CliError, Exit, Output, pipeline, write};
 use deaflow_orchestrator::{Environment, plan, plan_warnings};
 use deaflow_report::{History, StageFacts, write_report};
 
@@ -38,14 +35,14 @@ pub struct ReportArguments {
 }
 
 pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, CliError> {
-    let pipeline = run::load_with(&arguments.pipeline, &arguments.set)?;
+    let pipeline = pipeline::load_with(&arguments.pipeline, &arguments.set)?;
     pipeline.selection(arguments.until.as_deref())?;
     let store = locate::existing_store(&arguments.store.folder_of(&arguments.pipeline))?;
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
     let mut history = History::of(&pipeline, &stages, &store)?;
     let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();
     history.neglected = plan_warnings(&pipeline, &stages, &store)?;
-    history.neglected.extend(neglected(&pipeline, &names, &store)?);
+    history.neglected.extend(neglected_effects(&pipeline, &names, &store)?);
     check(&history, arguments)?;
     // What cannot be written is found before the report is made.
     write::folder(&arguments.output)?;
@@ -65,8 +62,8 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
         return Ok(Exit::Done);
     }
     if !missing.is_empty() {
-        output.complain(&format!(
-            "warning: not built, and so not in the report: {}",
+        output.warn(format_args!(
+            "not built, and so not in the report: {}",
             missing.join(", ")
         ));
     }

@@ -4,9 +4,7 @@
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
+use super::{CliError, Exit, Output};
 use deaflow_content::{ContentOfKind, Declared, catalogue};
 use deaflow_orchestrator::{pipeline_schema, scene_schema};
 use deaflow_stage as stage;

@@ -5,11 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::arguments::{StateArguments, TimeArguments};
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::table;
 use super::text::Text;
+use super::{CliError, Exit, Output, table};
 use deaflow_base::InputError;
 use deaflow_content::named_patterns;
 use deaflow_fem::WorkLimit;
@@ -49,7 +46,7 @@ pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, Cli
         .state
         .of(direct::read_scene_with(&arguments.scene, changes)?)?;
     if let Some(faint) = stage::of_faint_drive(&scene.at_largest_voltages()) {
-        output.complain(&format!("warning: {faint}"));
+        output.warn(format_args!("{faint}"));
     }
     let screening = screen(scene, &arguments.patterns, arguments.time.work_limit())?;
     if output.is_json() {

@@ -9,10 +9,7 @@ use serde_json::json;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::arguments::StoreArguments;
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::signals;
+use super::{CliError, Exit, Output, signals};
 use deaflow_serve::{Options, Routes, Served, ServedState, Start};
 
 /// Look at pipelines, runs and artifacts in a browser, and draw patterns
@@ -48,7 +45,7 @@ pub fn execute(arguments: &ServeArguments, output: &Output) -> Result<Exit, CliE
 pub fn serve(options: Options, start: Start, port: u16, output: &Output) -> Result<Exit, CliError> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
-        signals::heed(signal, &stop)?;
+        signals::set_on(signal, &stop)?;
     }
     let (store, allow_run) = (options.store.clone(), options.allow_run);
     let state = Arc::new(ServedState::new(options)?);

@@ -9,13 +9,10 @@ use std::path::Path;
 use clap::Args;
 use serde::Serialize;
 
-use super::arguments::{StoreArguments, ends_as_hdf5};
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
+use super::arguments::{StoreArguments, has_hdf5_extension};
 use super::statistics::{self, Statistics};
 use super::text::Text;
-use super::{csv, locate, table};
+use super::{CliError, Exit, Output, csv, locate, table};
 use deaflow_content::Table;
 use deaflow_report::{Collected, Rows};
 use deaflow_store::{Artifact, Content, Lookup, Store, StoreError};
@@ -46,7 +43,7 @@ const SHOWN_TEXTS: usize = 6;
 
 pub fn execute(arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
     let file = Path::new(&arguments.artifact);
-    let (artifact, record) = if ends_as_hdf5(file) {
+    let (artifact, record) = if has_hdf5_extension(file) {
         check_is_there(file)?;
         if !Artifact::is_at(file) {
             return file::execute(file, arguments, output);
@@ -129,7 +126,7 @@ fn print_rows(rows: &Rows, output: &Output) -> Result<Exit, CliError> {
     output.plain(&csv::text(&rows.header(), rows.texts())?)?;
     if !rows.left_out.is_empty() {
         let list = rows.left_out.join(", ");
-        output.complain(&format!("no columns of `{}`, left out: {list}", rows.axis));
+        output.note(&format!("no columns of `{}`, left out: {list}", rows.axis));
     }
     Ok(Exit::Done)
 }

@@ -1,4 +1,4 @@
-//! What the system does to a process that asks for too much, turned into errors and exit codes.
+//! Signals of the system, turned into errors, exit codes and requests to stop.
 
 use std::io;
 use std::sync::Arc;
@@ -8,85 +8,84 @@ use std::time::Duration;
 use signal_hook::consts::{SIGABRT, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::flag;
 
-use super::error::CliError;
-use super::output::Exit;
+use super::{CliError, Exit};
 use deaflow_base::{Background, Pauses};
 
-/// A file that grows past a limit is an error of its write, as on a full disk, and where memory is short the process ends with the
-/// exit code of a failure after the standard library has said so. Where the system refuses, its own way stays.
+/// Makes a file that exceeds a size limit an error of its write, as on a full disk, and ends the process with the exit code
+/// of a failure when memory is exhausted. If the system refuses, the defaults remain.
 pub fn prepare() {
-    // Only that the signal has a handler matters: the write that raised it then fails.
+    // With any handler, the write that raised the signal fails instead of ending the process.
     let _ = flag::register(SIGXFSZ, Arc::default());
-    // An allocation that fails aborts: nothing can be undone, and nothing that is visible is half-done.
+    // A failed allocation aborts; visible files are complete at any time.
     let code = i32::from(Exit::Failure.code());
     let _ = flag::register_conditional_shutdown(SIGABRT, code, Arc::new(AtomicBool::new(true)));
 }
 
-/// Has a signal set a flag. Who sends it again does not want to wait: the process ends then, to be tried again.
+/// Makes a signal set a flag. The second signal ends the process, with the exit code for trying again.
 ///
 /// # Errors
 /// When the system refuses.
-pub fn heed(signal: i32, flag: &Arc<AtomicBool>) -> Result<(), CliError> {
+pub fn set_on(signal: i32, flag: &Arc<AtomicBool>) -> Result<(), CliError> {
     let code = i32::from(Exit::TryAgain.code());
-    flag::register_conditional_shutdown(signal, code, flag.clone()).map_err(unheard)?;
-    flag::register(signal, flag.clone()).map_err(unheard)?;
+    flag::register_conditional_shutdown(signal, code, flag.clone()).map_err(not_handled)?;
+    flag::register(signal, flag.clone()).map_err(not_handled)?;
     Ok(())
 }
 
-/// A wish to stop, by the signals that ask for it.
+/// A request to stop by SIGINT or SIGTERM.
 pub struct Stop {
     flag: Arc<AtomicBool>,
     _watch: Option<Background>,
 }
 
 impl Stop {
-    /// Heeds Ctrl-C and what batch systems send, and has them answered once, soon after they have come.
+    /// Handles Ctrl-C and the signal of batch systems; calls `answer` once, soon after the first signal.
     ///
     /// # Errors
     /// When the system refuses.
-    pub fn heed(answer: impl FnOnce() + Send + 'static) -> Result<Self, CliError> {
+    pub fn on_signals(answer: impl FnOnce() + Send + 'static) -> Result<Self, CliError> {
         let flag = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {
-            heed(signal, &flag)?;
+            set_on(signal, &flag)?;
         }
-        let asked = flag.clone();
+        let requested = flag.clone();
         let watch = move |pauses: &Pauses| {
             while pauses.wait(PAUSE) {
-                if asked.load(Ordering::Relaxed) {
+                if requested.load(Ordering::Relaxed) {
                     return answer();
                 }
             }
         };
         Ok(Self {
             flag,
-            // Without the thread it stops all the same, and says nothing before that.
+            // Without the thread there is no answer, but the flag is set.
             _watch: Background::start("signals", watch).ok(),
         })
     }
 
-    /// Set once it is wished.
+    /// Returns the flag, which is set by the first signal.
     pub fn flag(&self) -> &AtomicBool {
         &self.flag
     }
 
-    /// The work is over: whether it was to stop. From now on such a signal ends the process.
+    /// Ends the handling: returns whether a stop was requested. From now on the first signal ends the process.
     pub fn end(self) -> bool {
         self.flag.swap(true, Ordering::Relaxed)
     }
 }
 
-/// Between two looks at whether it is wished to stop.
+/// The time between two checks of the flag.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// Has a signal end nothing.
+/// Ignores a signal.
 ///
 /// # Errors
 /// When the system refuses.
 pub fn ignore(signal: i32) -> Result<(), CliError> {
-    flag::register(signal, Arc::default()).map_err(unheard)?;
+    flag::register(signal, Arc::default()).map_err(not_handled)?;
     Ok(())
 }
 
-fn unheard(error: io::Error) -> CliError {
-    CliError::failure(format!("signals cannot be heeded: {error}"))
+fn not_handled(error: io::Error) -> CliError {
+    CliError::failure(format!("cannot handle signals: {error}"))
 }

@@ -5,10 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::arguments::StoreArguments;
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
 use super::serve::serve;
+use super::{CliError, Exit, Output};
 use deaflow_serve::{Options, Start};
 
 /// Draw a pattern in a browser on this machine, and see the membrane move meanwhile

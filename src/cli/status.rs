@@ -6,14 +6,11 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::{StoreArguments, pipeline_parser};
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::side::sets_of;
+use super::snapshot::sets_of;
 use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
-use super::{locate, run, table};
+use super::{CliError, Exit, Output, locate, pipeline, table};
 use deaflow_base::readable_time;
 use deaflow_executor::{SILENT, Seen, workers};
 use deaflow_orchestrator::{Environment, Outcome, PriceTotal, StageReport, Staleness, file_of, plan};
@@ -78,7 +75,7 @@ fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<S
         let mut own = store.runs_of(all, &path, name.unwrap_or_default());
         own.next().and_then(Result::ok)
     };
-    let (stages, last) = match run::load_plain(&path) {
+    let (stages, last) = match pipeline::load_plain(&path) {
         Ok(pipeline) => {
             let stages = plan(&pipeline, store, None, &Environment::system())?;
             (Ok(stages), last(Some(&pipeline.name)))

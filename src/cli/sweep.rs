@@ -1,18 +1,16 @@
-//! `deaflow sweep`: a pipeline for each combination of some values, without editing its file.
+//! `deaflow sweep`: runs a pipeline for each combination of values, without editing its file.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
-use super::arguments::{PIPELINE, PROGRESS, PipelineArguments, SetArguments, StoreArguments};
-use super::cluster::ClusterArguments;
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::run::{self, ProgressForm, RunArguments};
-use super::upstream::RemoteArguments;
-use super::{csv, plan, solve, write};
+use super::arguments::{
+    PIPELINE, PipelineArguments, RemoteArguments, SetArguments, StoreArguments, VerbosityArguments,
+};
+use super::local_build::{Build, BuildResult, LockMode};
+use super::pipeline::load_file;
+use super::{CliError, Exit, Output, csv, plan, write};
 use deaflow_base::{ArtifactId, Document, Node, NodeValue, Override};
 use deaflow_content::Table;
 use deaflow_orchestrator::StageReport;
@@ -23,24 +21,23 @@ use deaflow_store::{Command, Store};
 /// The heading of options about the table.
 const TABLES: &str = "Table";
 
-/// Name of the stage that collects.
+/// The name of the stage that collects the results.
 const TABLE: &str = "sweep";
 
-/// Run a pipeline for each combination of some values, and collect results in a table
+/// Run a pipeline for each combination of values and collect results in a table
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow sweep pipeline.yaml --set scene.drive.voltage=\"4 kV, 5 kV\" --table max_displacement"))]
 pub struct SweepArguments {
     /// The pipeline, a YAML file
     pub pipeline: PathBuf,
-    /// Values of a field, with commas between them, such as scene.drive.voltage="3 kV, 4 kV"; several fields multiply. One
-    /// value alone is a change as in `run`
+    /// Comma-separated values of a field, such as scene.drive.voltage="3 kV, 4 kV"; values of several fields are combined.
+    /// A single value overrides as in `run`
     #[arg(long = "set", value_name = "PATH=VALUES", required = true, help_heading = PIPELINE)]
     pub sets: Vec<String>,
-    /// Results to collect beside the values, with commas between them: STAGE.RESULT, or RESULT of the last stage; the names
-    /// are those of `deaflow log`
+    /// Comma-separated results to collect: STAGE.RESULT, or RESULT of the last stage, named as in `deaflow log`
     #[arg(long, value_name = "RESULTS", value_delimiter = ',', help_heading = TABLES)]
     pub table: Vec<String>,
-    /// What a figure shows: the columns of x and y and, for a curve for each of its values, a third
+    /// Columns of a figure: x, y and, for one curve per value, a third
     #[arg(
         long,
         value_name = "X,Y[,SERIES]",
@@ -50,10 +47,10 @@ pub struct SweepArguments {
         help_heading = TABLES
     )]
     pub plot: Vec<String>,
-    /// Print the table in CSV and nothing else
+    /// Print only the table, as CSV
     #[arg(long, requires = "table", conflicts_with = "json", help_heading = TABLES)]
     pub csv: bool,
-    /// Write the table as a CSV file; an existing file is replaced
+    /// Write the table to a CSV file; an existing file is replaced
     #[arg(short, long, value_name = "FILE.csv", requires = "table", help_heading = TABLES)]
     pub output: Option<PathBuf>,
     /// Allow more than 1000 stages
@@ -63,89 +60,76 @@ pub struct SweepArguments {
     pub store: StoreArguments,
     #[command(flatten)]
     pub remote: RemoteArguments,
-    /// Say what would be built, as `plan` does; build nothing
+    /// Print what would be built, as `plan` does; build nothing
     #[arg(short = 'n', long, conflicts_with_all = ["csv", "output"])]
     pub dry_run: bool,
-    /// When a stage fails, go on with all that does not need it
+    /// After a failure, build all stages that do not need the failed one
     #[arg(short, long)]
     pub keep_going: bool,
-    /// Print all that was found, and a table of the stages
-    #[arg(short, long, help_heading = PROGRESS)]
-    pub verbose: bool,
-    /// Say nothing but warnings and errors
-    #[arg(short, long, conflicts_with = "verbose", help_heading = PROGRESS)]
-    pub quiet: bool,
-    /// How progress is shown on stderr [default: bars on a terminal, or else plain lines]
-    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet", help_heading = PROGRESS)]
-    pub progress: Option<ProgressForm>,
+    #[command(flatten)]
+    pub verbosity: VerbosityArguments,
 }
 
 pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliError> {
     let file = Document::load(&arguments.pipeline)?;
-    let swept = Swept::read(arguments, &file.root)?;
+    let sweep = SweepPlan::read(arguments, &file.root)?;
     if let Some(file) = &arguments.output {
-        solve::check_not_read(file, &[arguments.pipeline.to_string_lossy().as_ref()])?;
+        write::check_not_read(file, &[arguments.pipeline.to_string_lossy()])?;
         write::check_csv(file)?;
     }
-    let mut pipeline = run::load_file(&arguments.pipeline, &swept.overrides()?, arguments.many)?;
-    // The history tells what was asked for, not how it was put into the tree.
-    pipeline.overrides = arguments.sets.iter().filter_map(|set| said(set)).collect();
-    let keep = |store: &Store, stages: &[StageReport]| match &arguments.output {
-        // Before anything is printed: whoever reads that may have read enough.
-        Some(file) => keep(
-            file,
-            &pipeline.name,
-            collected(&store.clone().guarded(), stages, &swept.table)?,
-        ),
-        None => Ok(()),
-    };
-    let run = RunArguments {
-        of: PipelineArguments {
-            pipeline: arguments.pipeline.clone(),
-            store: arguments.store.clone(),
-            until: (!arguments.table.is_empty()).then(|| swept.table.clone()),
-            set: SetArguments {
-                sets: Vec::new(),
-                many: arguments.many,
-            },
-            verify: false,
-            remote: arguments.remote.clone(),
+    let mut pipeline = load_file(&arguments.pipeline, &sweep.overrides()?, arguments.many)?;
+    // The history records the command line instead of the overrides that it was turned into.
+    pipeline.overrides = arguments.sets.iter().filter_map(|set| split_set(set)).collect();
+    let of = PipelineArguments {
+        pipeline: arguments.pipeline.clone(),
+        store: arguments.store.clone(),
+        until: (!arguments.table.is_empty()).then(|| sweep.table.clone()),
+        set: SetArguments {
+            sets: Vec::new(),
+            many: arguments.many,
         },
-        dry_run: arguments.dry_run,
-        keep_going: arguments.keep_going,
-        lock: false,
-        locked: false,
-        verbose: arguments.verbose && !arguments.csv,
-        quiet: arguments.quiet || arguments.csv,
-        progress: arguments.progress,
-        cluster: ClusterArguments::default(),
+        verify: false,
+        remote: arguments.remote.clone(),
     };
-    if run.dry_run {
-        return plan::of_pipeline(&pipeline, &run.of, output);
+    if arguments.dry_run {
+        return plan::print(&pipeline, &of, output);
     }
-    let (exit, stages) = run::of_pipeline(&pipeline, &run, Command::Sweep, output, &keep)?;
+    let mut verbosity = arguments.verbosity;
     if arguments.csv {
-        let store = Store::open_existing(&arguments.store.folder_of(&arguments.pipeline))?.guarded();
-        if let Some((_, text)) = collected(&store, &stages, &swept.table)? {
-            output.plain(&text)?;
-        }
+        (verbosity.verbose, verbosity.progress.quiet) = (false, true);
+    }
+    let build = Build {
+        pipeline: &pipeline,
+        of: &of,
+        command: Command::Sweep,
+        keep_going: arguments.keep_going,
+        lock: LockMode::Ignore,
+        verbosity,
+    };
+    let complete = match build.run(output)? {
+        BuildResult::Incomplete(exit) => return Ok(exit),
+        BuildResult::Complete(complete) => complete,
+    };
+    let table = collected(&complete.store().clone().guarded(), complete.stages(), &sweep.table)?;
+    // Before anything is printed: a reader may close stdout.
+    if let (Some(file), Some((digest, text))) = (&arguments.output, &table) {
+        let title = format!("{}: table of a sweep", pipeline.name);
+        write::csv(file, text.as_bytes(), &title, &digest.to_string())?;
+    }
+    let exit = complete.report(output)?;
+    if let Some((_, text)) = table.filter(|_| arguments.csv) {
+        output.plain(&text)?;
     }
     Ok(exit)
 }
 
-fn keep(file: &Path, pipeline: &str, table: Option<(ArtifactId, String)>) -> Result<(), CliError> {
-    let Some((digest, text)) = table else { return Ok(()) };
-    let title = format!("{pipeline}: table of a sweep");
-    write::csv(file, text.as_bytes(), &title, &digest.to_string())
-}
-
-/// Path and values of a `--set` as they were given.
-fn said(set: &str) -> Option<(String, String)> {
+/// Splits an argument of `--set` into path and values.
+fn split_set(set: &str) -> Option<(String, String)> {
     let (path, values) = set.split_once('=')?;
     Some((path.trim().to_owned(), values.trim().to_owned()))
 }
 
-/// The table in CSV, with its digest; none where a failure kept it from being made.
+/// The table as CSV, with its digest; none if no table was requested.
 fn collected(store: &Store, stages: &[StageReport], name: &str) -> Result<Option<(ArtifactId, String)>, CliError> {
     let digest = stages
         .iter()
@@ -157,30 +141,30 @@ fn collected(store: &Store, stages: &[StageReport], name: &str) -> Result<Option
     Ok(Some((digest, csv::of_table(&Collected::new(table))?)))
 }
 
-/// What is to be changed in the tree of the pipeline.
-struct Swept<'a> {
+/// The overrides that turn a pipeline into a sweep.
+struct SweepPlan<'a> {
     arguments: &'a SweepArguments,
     root: &'a Node,
-    /// Axes with their values in YAML, by the stages that have them.
+    /// Axes with their values in YAML, by stage.
     axes: BTreeMap<String, Vec<(String, String)>>,
-    /// Names of the axes in the order of the command line.
+    /// Names of the axes, in the order of the command line.
     names: Vec<String>,
-    /// Changes of single values, and of values to axes.
+    /// Overrides of single values, and of values by axes.
     changes: Vec<String>,
-    /// Name of the stage that collects.
+    /// The name of the stage that collects the results.
     table: String,
-    /// The fields that have been given.
+    /// The fields that have been set.
     paths: BTreeSet<Vec<String>>,
 }
 
-impl<'a> Swept<'a> {
+impl<'a> SweepPlan<'a> {
     fn read(arguments: &'a SweepArguments, root: &'a Node) -> Result<Self, CliError> {
         let has = |name: &str| root.peek("stages").is_some_and(|stages| stages.peek(name).is_some());
         let mut table = TABLE.to_owned();
         while has(&table) {
             table += "-table";
         }
-        let mut swept = Self {
+        let mut plan = Self {
             arguments,
             root,
             axes: BTreeMap::new(),
@@ -190,18 +174,18 @@ impl<'a> Swept<'a> {
             paths: BTreeSet::new(),
         };
         for set in &arguments.sets {
-            swept.add(set)?;
+            plan.add(set)?;
         }
-        if swept.names.is_empty() {
+        if plan.names.is_empty() {
             return Err(CliError::bad_input("no field has more than one value")
-                .help("write them with commas: --set scene.drive.voltage=\"3 kV, 4 kV\""));
+                .help("separate values by commas: --set scene.drive.voltage=\"3 kV, 4 kV\""));
         }
-        Ok(swept)
+        Ok(plan)
     }
 
     fn add(&mut self, set: &str) -> Result<(), CliError> {
-        // A list says what a set cannot: whether there is one value or several.
-        let (path, values) = said(set).unwrap_or((set.to_owned(), String::new()));
+        // Parsed as a list, to tell one value from several.
+        let (path, values) = split_set(set).unwrap_or((set.to_owned(), String::new()));
         let parsed = Override::parse(&format!("{path}=[{values}]"))?;
         let one = match parsed.value() {
             NodeValue::List(items) => items.len() < 2,
@@ -210,7 +194,7 @@ impl<'a> Swept<'a> {
         let steps = parsed.path();
         if !self.paths.insert(steps.to_vec()) {
             return Err(CliError::bad_input(format!("--set {path} is given twice"))
-                .help("give all values in one: --set PATH=VALUE,VALUE"));
+                .help("combine the values: --set PATH=VALUE,VALUE"));
         }
         if one {
             self.changes.push(set.to_owned());
@@ -229,7 +213,7 @@ impl<'a> Swept<'a> {
         Ok(())
     }
 
-    /// The stages that get an axis: that of the field, or all that depend on the scene.
+    /// Returns the stages that get an axis: that of the field, or all that depend on the scene.
     fn stages_of(&self, path: &[String], set: &str) -> Result<Vec<String>, CliError> {
         match path {
             [scene, _, ..] if scene == "scene" => {
@@ -244,7 +228,7 @@ impl<'a> Swept<'a> {
             [stages, name, _, ..] if stages == "stages" => Ok(vec![name.clone()]),
             _ => Err(
                 CliError::bad_input(format!("--set {set}: only the scene and values of stages can be swept"))
-                    .help("write it as scene.SECTION.FIELD=… or stages.NAME.FIELD=…"),
+                    .help("expected scene.SECTION.FIELD=… or stages.NAME.FIELD=…"),
             ),
         }
     }
@@ -261,7 +245,7 @@ impl<'a> Swept<'a> {
         readers.map(|(name, _)| name.to_owned()).collect()
     }
 
-    /// The last step of a path names its axis; where that is taken, as many steps as are needed.
+    /// Names an axis after the last step of a path, or as many steps as are needed for a free name.
     fn axis(&self, path: &[String]) -> String {
         let names = (1..=path.len()).map(|n| path[path.len() - n..].join("_"));
         let mut free = names.filter(|name| !self.names.contains(name));
@@ -269,7 +253,7 @@ impl<'a> Swept<'a> {
             .unwrap_or_else(|| format!("{}_{}", path.join("_"), self.names.len()))
     }
 
-    /// The overrides that make the sweep.
+    /// Returns the overrides.
     fn overrides(&self) -> Result<Vec<Override>, CliError> {
         let mut sets = self.changes.clone();
         for (stage, axes) in &self.axes {
@@ -290,7 +274,7 @@ impl<'a> Swept<'a> {
         sets.iter().map(|set| Ok(Override::parse(set)?)).collect()
     }
 
-    /// The stage that collects, as an override.
+    /// Returns the override that adds the stage that collects the results.
     fn table_stage(&self) -> Result<String, CliError> {
         let results: Vec<&str> = self.arguments.table.iter().map(|name| name.trim()).collect();
         let names: BTreeSet<&str> = self.stages().into_iter().map(|(name, _)| name).collect();
@@ -326,7 +310,7 @@ impl<'a> Swept<'a> {
             [x, y, series] => format!(", plot: {{ x: {x:?}, y: {y:?}, series: {series:?} }}"),
             other => {
                 let message = format!("--plot has {} columns", other.len());
-                return Err(CliError::bad_input(message).help("write it as X,Y or X,Y,SERIES"));
+                return Err(CliError::bad_input(message).help("expected X,Y or X,Y,SERIES"));
             }
         };
         Ok(format!(
@@ -337,7 +321,7 @@ impl<'a> Swept<'a> {
         ))
     }
 
-    /// The stages of the file by their names.
+    /// Returns the stages of the file, by name.
     fn stages(&self) -> Vec<(&'a str, &'a Node)> {
         let stages = self.root.peek("stages");
         let entries = stages.and_then(|stages| stages.entries("stages").ok());
@@ -347,7 +331,7 @@ impl<'a> Swept<'a> {
             .collect()
     }
 
-    /// The stages that no other needs. What a table collects is a result; the table itself has none.
+    /// Returns the stages that no other stage needs. Tables do not count: they have no results.
     fn last_stages(&self) -> Vec<&'a str> {
         let is_table = |node: &Node| node.peek("kind").is_some_and(|kind| kind.is_text("table"));
         let mut stages = self.stages();

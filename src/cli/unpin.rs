@@ -3,10 +3,7 @@
 use clap::Args;
 
 use super::arguments::StoreArguments;
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
-use super::{locate, pin};
+use super::{CliError, Exit, Output, locate, pin};
 use deaflow_base::ArtifactId;
 use deaflow_store::{Pin, Store};
 

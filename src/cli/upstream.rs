@@ -1,47 +1,24 @@
-//! A remote behind a store, for commands that read through it, and how they tell of it.
+//! A remote that is read through a store, and the reports about it.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use clap::Args;
 use serde_json::{Value, json};
 
-use super::arguments::STORE;
-use super::error::CliError;
-use super::output::Output;
-use super::table;
+use super::arguments::{PipelineArguments, remote_name};
+use super::{CliError, Output, table};
 use deaflow_base::Background;
 use deaflow_remote::{Brought, Configuration, Foreign, Remote, RemoteError, SigningKey};
 use deaflow_store::Store;
 
-/// What is brought is told of no more often than so.
+/// The time between two reports of fetched artifacts.
 const INTERVAL: Duration = Duration::from_secs(5);
 
-/// How often it is looked at.
+/// The time between two checks for them.
 const TICK: Duration = Duration::from_millis(500);
 
-/// What is passed over, or disagreed on, that is told one by one.
-const MOST_TOLD: usize = 5;
-
-#[derive(Clone, Debug, Default, Args)]
-pub struct RemoteArguments {
-    /// Take what this remote has instead of building it, and bring it when it is needed [default: $DEAFLOW_REMOTE, or none]
-    #[arg(long, value_name = "NAME", help_heading = STORE)]
-    pub remote: Option<String>,
-}
-
-impl RemoteArguments {
-    /// The remote that is asked for.
-    pub fn name(&self) -> Option<String> {
-        named(self.remote.as_deref())
-    }
-}
-
-/// A remote that is named here or in the environment.
-pub fn named(name: Option<&str>) -> Option<String> {
-    let set = || std::env::var("DEAFLOW_REMOTE").ok().filter(|value| !value.is_empty());
-    name.map(str::to_owned).or_else(set)
-}
+/// The most problems that are listed.
+const MAX_LISTED: usize = 5;
 
 /// Opens a remote by its name, or the only one there is.
 fn open(name: Option<&str>, store: &Store) -> Result<Remote, CliError> {
@@ -50,15 +27,16 @@ fn open(name: Option<&str>, store: &Store) -> Result<Remote, CliError> {
     let name = match (name, names.as_slice()) {
         (Some(name), _) => name,
         (None, [only]) => only,
-        (None, []) => return Err(CliError::bad_input("there is no remote").help(HOW_TO_ADD)),
+        (None, []) => return Err(CliError::bad_input("no remote is configured").help(HOW_TO_ADD)),
         (None, names) => {
-            return Err(CliError::bad_input("which remote is not said").help(format!("--remote: {}", names.join(", "))));
+            return Err(CliError::bad_input("several remotes are configured")
+                .help(format!("choose one with --remote: {}", names.join(", "))));
         }
     };
     let configured = configuration.find(name)?.ok_or_else(|| {
         let help = match names.as_slice() {
             [] => HOW_TO_ADD.to_owned(),
-            names => format!("there are: {}", names.join(", ")),
+            names => format!("configured: {}", names.join(", ")),
         };
         CliError::bad_input(format!("there is no remote `{name}`")).help(help)
     })?;
@@ -66,86 +44,87 @@ fn open(name: Option<&str>, store: &Store) -> Result<Remote, CliError> {
     Ok(Remote::open(&configured, own.as_ref(), store)?)
 }
 
-/// How a remote is made known.
+/// The command that adds a remote.
 pub const HOW_TO_ADD: &str = "deaflow remote add NAME s3://BUCKET/PREFIX --key FILE.pub";
 
-/// Opens a remote that is named here or in the environment, or the only one there is; asks it what there is, and says what does not count.
+/// Opens a remote (the named one, that of the environment, or the only one), reads its index and reports what is ignored.
 pub fn open_fresh(name: Option<&str>, store: &Store, output: &Output) -> Result<(Remote, Foreign), CliError> {
-    let remote = open(named(name).as_deref(), store)?;
+    let remote = open(remote_name(name).as_deref(), store)?;
     let foreign = remote.refresh()?;
-    complain(&remote, &foreign, output);
+    report_ignored(&remote, &foreign, output);
     Ok((remote, foreign))
 }
 
-/// A store, and the remote that is read through it.
-pub struct Reading {
+/// A store, and the remote that is read through it, if any.
+pub struct StoreAccess {
     store: Store,
     remote: Option<Arc<Remote>>,
 }
 
-impl Reading {
-    /// A store as it is to be read. Where the remote cannot be reached, what was read of it before has to do.
+impl StoreAccess {
+    /// Connects a store with the remote that the arguments name. If it cannot be reached, its last known index is used.
     ///
     /// # Errors
     /// When there is no such remote, or it refuses.
-    pub fn of(store: Store, arguments: &RemoteArguments, output: &Output) -> Result<Self, CliError> {
-        let Some(name) = arguments.name() else {
+    pub fn open(store: Store, arguments: &PipelineArguments, output: &Output) -> Result<Self, CliError> {
+        let store = if arguments.verify { store.without_index() } else { store };
+        let Some(name) = arguments.remote.name() else {
             return Ok(Self { store, remote: None });
         };
         let remote = Arc::new(open(Some(&name), &store)?);
         match remote.refresh() {
-            Ok(foreign) => complain(&remote, &foreign, output),
+            Ok(foreign) => report_ignored(&remote, &foreign, output),
             Err(error) if error.is_transient() && !matches!(error, RemoteError::Store(_)) => {
                 remote.learn();
                 remote.turn_off(&error);
             }
             Err(error) => return Err(error.into()),
         }
-        tell(&remote, output);
+        report_problems(&remote, output);
         Ok(Self {
             store: store.with_upstream(remote.clone()),
             remote: Some(remote),
         })
     }
 
-    /// The store, with the remote behind it.
+    /// Returns the store.
     pub fn store(&self) -> &Store {
         &self.store
     }
 
-    /// The remote.
+    /// Returns the remote.
     pub fn remote(&self) -> Option<&Remote> {
         self.remote.as_deref()
     }
 
-    /// Tells of what is brought, as long as what this gives is held; nothing where nothing is read through.
-    pub fn watch(&self, say: impl Fn(&str) + Send + 'static) -> Option<Background> {
+    /// Reports fetched artifacts from a thread, until the returned guard is dropped; none without a remote.
+    pub fn watch(&self, report: impl Fn(&str) + Send + 'static) -> Option<Background> {
         let remote = self.remote.clone()?;
         let watch = move |pauses: &deaflow_base::Pauses| {
-            let (mut told, mut at) = (remote.brought(), Instant::now());
+            let (mut reported, mut at) = (remote.brought(), Instant::now());
             while pauses.wait(TICK) {
                 let brought = remote.brought();
-                if brought != told && at.elapsed() >= INTERVAL {
-                    say(&format!("{}: {}", remote.name(), words(&brought)));
-                    (told, at) = (brought, Instant::now());
+                if brought != reported && at.elapsed() >= INTERVAL {
+                    report(&format!("{}: {}", remote.name(), describe(&brought)));
+                    (reported, at) = (brought, Instant::now());
                 }
             }
         };
-        // Without the thread nothing is told on the way.
+        // Without the thread there are no reports before the end.
         Background::start("remote", watch).ok()
     }
 
-    /// Says what went wrong, and what has been brought.
+    /// Reports problems, and what has been fetched.
     pub fn end(&self, output: &Output, is_quiet: bool) {
         let Some(remote) = &self.remote else { return };
-        tell(remote, output);
+        report_problems(remote, output);
         let brought = remote.brought();
         if brought.artifacts > 0 && !is_quiet {
-            output.complain(&format!("{}: {}", remote.name(), words(&brought)));
+            output.note(&format!("{}: {}", remote.name(), describe(&brought)));
         }
     }
 
-    /// What has been brought, for programs.
+    /// Describes what has been fetched, for programs.
     pub fn document(&self) -> Value {
         self.remote.as_ref().map_or(Value::Null, |remote| {
             let brought = remote.brought();
@@ -154,65 +133,57 @@ impl Reading {
     }
 }
 
-fn words(brought: &Brought) -> String {
-    let plural = if brought.artifacts == 1 { "" } else { "s" };
-    format!(
-        "{} artifact{plural} ({}) brought",
-        brought.artifacts,
-        table::bytes(brought.bytes)
-    )
+fn describe(brought: &Brought) -> String {
+    let artifacts = table::counted(brought.artifacts, "artifacts");
+    format!("fetched {artifacts} ({})", table::bytes(brought.bytes))
 }
 
-/// Says what of a remote does not count.
-pub fn complain(remote: &Remote, foreign: &Foreign, output: &Output) {
+/// Warns of what is ignored of a remote: untrusted, rejected and contradictory records.
+pub fn report_ignored(remote: &Remote, foreign: &Foreign, output: &Output) {
+    let name = remote.name();
     for (key, count) in &foreign.untrusted {
-        let plural = if *count == 1 { "" } else { "s" };
-        output.complain(&format!(
-            "warning: {}: {count} file{plural} of records passed over: key {} is not trusted",
-            remote.name(),
+        let files = table::counted(*count, "files");
+        output.warn(format_args!(
+            "{name}: {files} of records ignored: key {} is not trusted",
             key.short()
         ));
     }
-    for (name, why) in foreign.rejected.iter().take(MOST_TOLD) {
-        output.complain(&format!("warning: {}: {name} passed over: {why}", remote.name()));
-    }
-    if foreign.rejected.len() > MOST_TOLD {
-        output.complain(&format!(
-            "warning: {}: {} names more passed over; `deaflow pull --records-only --json` lists them",
-            remote.name(),
-            foreign.rejected.len() - MOST_TOLD
-        ));
+    for (file, why) in foreign.rejected.iter().take(MAX_LISTED) {
+        output.warn(format_args!("{name}: {file} ignored: {why}"));
     }
     let disagreements = remote.disagreements();
-    for disagreement in disagreements.iter().take(MOST_TOLD) {
-        output.complain(&format!("warning: {}", remote.words_of(disagreement)));
+    for disagreement in disagreements.iter().take(MAX_LISTED) {
+        output.warn(remote.words_of(disagreement));
     }
-    if disagreements.len() > MOST_TOLD {
-        output.complain(&format!(
-            "warning: {}: signers disagree on {} actions more; `deaflow pull --records-only --json` lists them",
-            remote.name(),
-            disagreements.len() - MOST_TOLD
+    let counts = [
+        (foreign.rejected.len(), "more files ignored"),
+        (disagreements.len(), "more actions on which signers disagree"),
+    ];
+    for (count, what) in counts.into_iter().filter(|(count, _)| *count > MAX_LISTED) {
+        let more = count - MAX_LISTED;
+        output.warn(format_args!(
+            "{name}: {more} {what}; list them with `deaflow pull --records-only --json`"
         ));
     }
 }
 
-/// Says what went wrong since.
-pub fn tell(remote: &Remote, output: &Output) {
-    let told = remote.told();
-    for text in told.iter().take(2 * MOST_TOLD) {
-        output.complain(&format!("warning: {text}"));
+/// Warns of problems with a remote since the last call.
+pub fn report_problems(remote: &Remote, output: &Output) {
+    let problems = remote.told();
+    for text in problems.iter().take(2 * MAX_LISTED) {
+        output.warn(text);
     }
-    if told.len() > 2 * MOST_TOLD {
-        output.complain(&format!(
-            "warning: {}: {} such more",
+    if problems.len() > 2 * MAX_LISTED {
+        output.warn(format_args!(
+            "{}: {} more problems",
             remote.name(),
-            told.len() - 2 * MOST_TOLD
+            problems.len() - 2 * MAX_LISTED
         ));
     }
 }
 
-/// What of a remote does not count, for programs.
-pub fn foreign_document(remote: &Remote, foreign: &Foreign) -> Value {
+/// Describes what is ignored of a remote, for programs.
+pub fn ignored_document(remote: &Remote, foreign: &Foreign) -> Value {
     let untrusted = foreign.untrusted.iter();
     let rejected = foreign.rejected.iter();
     let disagreements = remote.disagreements();

@@ -1,5 +1,5 @@
-//! `deaflow worker`: builds what is ready in a pipeline beside other workers, until everything is there or it is told to stop. It is
-//! what a batch system starts, as often as it likes.
+//! `deaflow worker`: builds the ready stages of a pipeline next to other workers, until everything is built or it is stopped.
+//! Batch systems start any number of them.
 
 use std::collections::BTreeSet;
 use std::process;
@@ -11,101 +11,98 @@ use clap::Args;
 use serde_json::json;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use super::arguments::{PROGRESS, PipelineArguments, duration};
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
+use super::arguments::{PipelineArguments, ProgressArguments, duration};
+use super::pipeline::load;
 use super::progress::RunProgress;
-use super::run::{ProgressForm, load};
-use super::upstream::Reading;
-use super::{signals, table};
+use super::upstream::StoreAccess;
+use super::{CliError, Exit, Output, signals, table};
 use deaflow_base::{Background, CpuLevel, Pauses, host_name};
 use deaflow_executor::{Failed, Sign, is_cancelled, report_begun, report_failures, report_left, report_trouble, topic};
 use deaflow_orchestrator::{Environment, Outcome, Pipeline, RunOptions, run};
 use deaflow_store::{Board, Store, StoreError};
 
-/// Batch systems kill what has not ended some 30 s after they have asked it to.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// The time to stop after a request: batch systems kill a process after some 30 s.
+const STOP_TIME: Duration = Duration::from_secs(20);
 
-/// A worker of an array waits so long for what others build: longer than a dead one keeps what it has claimed.
+/// How long a worker of an array waits for work of others: longer than the claims of a dead worker last.
 const LINGER: Duration = Duration::from_secs(90);
 
-/// Between two looks at whether its submission was cancelled.
-const LOOK: Duration = Duration::from_secs(5);
+/// The time between two checks whether the submission was cancelled.
+const CANCEL_CHECK: Duration = Duration::from_secs(5);
 
-/// Between two looks at whether it was asked to stop.
+/// The time between two checks whether to stop.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// When a job has to end, s since 1970, as Slurm says it.
+/// The variable of Slurm for the end of a job, s since 1970.
 const SLURM_END: &str = "SLURM_JOB_END_TIME";
 
-/// How long a job may take, s, as PBS says it.
+/// The variable of PBS for the time limit of a job, s.
 const PBS_TIME: &str = "PBS_WALLTIME";
 
-/// Build what is ready in a pipeline, beside other workers in the same store
+/// Build ready stages of a pipeline next to other workers in the same store
 #[derive(Debug, Args)]
-#[command(
-    after_help = concat!(examples!("deaflow worker pipeline.yaml --store /shared/store", "deaflow worker pipeline.yaml --stop-before 5min"), "\n\nExit codes: 0 everything is there; 75 stopped, or the machine or the disk refused: start it again; others as \
-                        everywhere: to start it again does not help.")
-)]
+#[command(after_help = concat!(
+    examples!(
+        "deaflow worker pipeline.yaml --store /shared/store",
+        "deaflow worker pipeline.yaml --stop-before 5min"
+    ),
+    "\n\nExit codes: 0 everything is built; 75 stopped, or refused by the machine or the disk: start it again; others as for \
+     all commands: starting it again does not help."
+))]
 pub struct WorkerArguments {
     #[command(flatten)]
     of: PipelineArguments,
-    /// Of the stage of --until build these chunks alone, from the first to the last, counted from 0
+    /// Build only these chunks of the stage of --until, counted from 0
     #[arg(long, value_name = "FIRST-LAST", requires = "until", value_parser = range)]
     chunks: Option<(usize, usize)>,
-    /// Build these stages, or those of a sweep, and leave all others to other workers
+    /// Build only this stage, or the stages of this sweep; can be repeated
     #[arg(long = "stage", value_name = "STAGE", conflicts_with = "chunks")]
     stages: Vec<String>,
-    /// Refuse a processor that can do less, so that all workers agree to the last bit: any, or x86-64-v3
+    /// Refuse processors below this level, so that all workers produce identical bits: any, or x86-64-v3
     #[arg(long, value_name = "LEVEL", value_parser = level)]
     cpu: Option<CpuLevel>,
-    /// The array that it was started in by `deaflow run --executor`, which is told what becomes of it
+    /// The array in which `deaflow run --executor` has started this worker
     #[arg(long, value_name = "NAME", requires = "topic")]
     array: Option<String>,
-    /// Where `deaflow run --executor` is told
+    /// The board on which this worker reports to `deaflow run --executor`
     #[arg(long, value_name = "NAME", requires = "array")]
     topic: Option<String>,
-    /// Stop so long before the job has to end
+    /// Stop this long before the end of the job
     #[arg(long, value_name = "TIME", value_parser = duration)]
     stop_before: Option<Duration>,
-    /// How long this job may take from now on [default: as SLURM_JOB_END_TIME or PBS_WALLTIME says]
+    /// Remaining time of this job [default: from SLURM_JOB_END_TIME or PBS_WALLTIME]
     #[arg(long, value_name = "TIME", value_parser = duration, requires = "stop_before")]
     time: Option<Duration>,
-    /// Say nothing but warnings and errors
-    #[arg(short, long, help_heading = PROGRESS)]
-    quiet: bool,
-    /// How progress is shown on stderr [default: bars on a terminal, or else plain lines]
-    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "quiet", help_heading = PROGRESS)]
-    progress: Option<ProgressForm>,
+    #[command(flatten)]
+    progress: ProgressArguments,
 }
 
 pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, CliError> {
     let (Some(array), Some(topic)) = (&arguments.array, &arguments.topic) else {
         return build(arguments, None, output);
     };
-    // Who waits for it is told of whatever it finds, be it that the pipeline cannot be read here.
-    let reading = open(arguments, output)?;
+    // The submitter is told of any error, even if the pipeline cannot be read here.
+    let access = open(arguments, output)?;
     let submitter = Submitter {
         array,
-        board: reading.store().board(topic),
+        board: access.store().board(topic),
     };
     report_begun(&submitter.board, array).map_err(again)?;
-    let done = build(arguments, Some((&submitter, &reading)), output);
+    let done = build(arguments, Some((&submitter, &access)), output);
     if let Err(error) = &done {
-        submitter.tell(&[(None, error)])?;
+        submitter.report(&[(None, error)])?;
     }
     done
 }
 
-fn open(arguments: &WorkerArguments, output: &Output) -> Result<Reading, CliError> {
+fn open(arguments: &WorkerArguments, output: &Output) -> Result<StoreAccess, CliError> {
     let store = Store::open(&arguments.of.store_folder()).map_err(again)?;
-    arguments.of.read(store, output)
+    StoreAccess::open(store, &arguments.of, output)
 }
 
 fn build(
     arguments: &WorkerArguments,
-    submitted: Option<(&Submitter<'_>, &Reading)>,
+    submitted: Option<(&Submitter<'_>, &StoreAccess)>,
     output: &Output,
 ) -> Result<Exit, CliError> {
     let pipeline = load(&arguments.of)?;
@@ -117,38 +114,33 @@ fn build(
         .transpose()?;
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGTERM, SIGINT] {
-        signals::heed(signal, &stop)?;
+        signals::set_on(signal, &stop)?;
     }
     check_processor(arguments.cpu)?;
     if submitted.is_some() && arguments.topic != Some(topic(&pipeline, arguments.of.until.as_deref())) {
-        return Err(
-            CliError::failure("the pipeline has been changed since it was submitted")
-                .help("cancel what was submitted, and run it anew"),
-        );
+        return Err(CliError::failure("the pipeline has changed since it was submitted")
+            .help("cancel the workers and submit again"));
     }
     let own;
-    let reading = match submitted {
-        Some((_, reading)) => reading,
+    let access = match submitted {
+        Some((_, access)) => access,
         None => {
             own = open(arguments, output)?;
             &own
         }
     };
-    let store = reading.store();
+    let store = access.store();
     let submitter = submitted.map(|(submitter, _)| submitter);
     let array = submitter.map(|submitter| submitter.array);
     let sign = Arc::new(Sign::show(store, &pipeline.name, array).map_err(again)?);
     let board = submitter.map(|submitter| submitter.board.clone());
     let _watch = watch(&stop, left, store, &sign, board)?;
-    let progress = RunProgress::new(
-        ProgressForm::shown(arguments.progress, arguments.quiet),
-        output.beside(),
-    );
+    let progress = RunProgress::new(arguments.progress.mode(), output.errors());
     let options = RunOptions {
         until: arguments.of.until.as_deref(),
         chunks: arguments.chunks,
         stages: stages.as_ref(),
-        // Who was started for work that is not there any more gives its place back.
+        // A worker without work frees its place in the queue.
         patience: array.map(|_| LINGER),
         parallel_stages: rayon::current_num_threads(),
         keep_going: true,
@@ -157,9 +149,9 @@ fn build(
         ..RunOptions::default()
     };
     let outcome = run(&pipeline, store, &options, &Environment::system(), &|event| {
-        progress.tell(event);
+        progress.show(event);
     });
-    reading.end(output, arguments.quiet);
+    access.end(output, arguments.progress.quiet);
     let outcome = outcome.map_err(|error| CliError::from(error).tried_again())?;
     let errors: Vec<(String, CliError)> = outcome
         .failures
@@ -169,12 +161,9 @@ fn build(
             (failure.stage, error)
         })
         .collect();
-    let told: Vec<(Option<&str>, &CliError)> = errors
-        .iter()
-        .map(|(stage, error)| (Some(stage.as_str()), error))
-        .collect();
     if let Some(submitter) = submitter {
-        submitter.tell(&told)?;
+        let named = errors.iter().map(|(stage, error)| (Some(stage.as_str()), error));
+        submitter.report(&named.collect::<Vec<_>>())?;
         if outcome.stages.iter().any(|stage| stage.outcome == Outcome::Left) {
             report_left(&submitter.board, submitter.array).map_err(again)?;
         }
@@ -188,31 +177,31 @@ fn build(
             "unstable": outcome.unstable,
             "errors": errors.iter().map(CliError::to_json).collect::<Vec<_>>(),
         }))?;
-    } else if !arguments.quiet {
+    } else if !arguments.progress.quiet {
         output.text(table::of_run(&outcome.stages))?;
     }
     errors.iter().for_each(|error| output.report(error));
-    let hopeless = errors.iter().map(CliError::exit).find(|exit| *exit != Exit::TryAgain);
-    Ok(match hopeless {
+    let permanent = errors.iter().map(CliError::exit).find(|exit| *exit != Exit::TryAgain);
+    Ok(match permanent {
         Some(exit) => exit,
         None if errors.is_empty() && !stop.load(Ordering::Relaxed) => Exit::Done,
         None => Exit::TryAgain,
     })
 }
 
-/// Who started this worker.
+/// The process that has started this worker.
 struct Submitter<'a> {
-    /// In which array.
+    /// The array of the worker.
     array: &'a str,
-    /// Where it looks.
+    /// The board that it reads.
     board: Board,
 }
 
 impl Submitter<'_> {
-    /// Lets it know of what could not be done. That a worker was stopped it knows.
-    fn tell(&self, errors: &[(Option<&str>, &CliError)]) -> Result<(), CliError> {
-        let is_hopeless = |error: &CliError| error.exit() != Exit::TryAgain;
-        let failed = errors.iter().filter(|(_, error)| is_hopeless(error));
+    /// Reports errors; a stop is not reported.
+    fn report(&self, errors: &[(Option<&str>, &CliError)]) -> Result<(), CliError> {
+        let is_permanent = |error: &CliError| error.exit() != Exit::TryAgain;
+        let failed = errors.iter().filter(|(_, error)| is_permanent(error));
         let failed: Vec<Failed> = failed
             .map(|(stage, error)| Failed {
                 stage: stage.map(str::to_owned),
@@ -221,43 +210,43 @@ impl Submitter<'_> {
             })
             .collect();
         report_failures(&self.board, &failed).map_err(again)?;
-        let trouble = errors
+        let temporary = errors
             .iter()
-            .find(|(_, error)| !is_hopeless(error) && error.is_transient());
-        if let Some((_, error)) = trouble {
+            .find(|(_, error)| !is_permanent(error) && error.is_transient());
+        if let Some((_, error)) = temporary {
             report_trouble(&self.board, error.message()).map_err(again)?;
         }
         Ok(())
     }
 }
 
-/// What the store refuses a worker another may be granted.
+/// An error of the store after which another worker may succeed.
 fn again(error: StoreError) -> CliError {
     CliError::from(error).tried_again()
 }
 
-fn check_processor(wanted: Option<CpuLevel>) -> Result<(), CliError> {
+fn check_processor(required: Option<CpuLevel>) -> Result<(), CliError> {
     let found = CpuLevel::of_this_machine();
-    match wanted {
-        Some(wanted) if found < wanted => Err(CliError::failure(format!(
-            "the processor of {} is below {}: its results would differ in the last bits",
+    match required {
+        Some(required) if found < required => Err(CliError::failure(format!(
+            "the processor of {} is below level {}: results would differ in the last bits",
             host_name(),
-            wanted.word()
+            required.word()
         ))
-        .help("`cpu` of the profile says what all workers must have")
+        .help("`cpu` of the profile sets the level that all workers need")
         .elsewhere()),
         _ => Ok(()),
     }
 }
 
-/// Places of the stages that are to be built here; all of them without.
+/// Returns the positions of the stages to build; none for all.
 fn stages(arguments: &WorkerArguments, pipeline: &Pipeline) -> Result<Option<BTreeSet<usize>>, CliError> {
     if arguments.stages.is_empty() {
         return Ok(None);
     }
-    let mut places = BTreeSet::new();
+    let mut positions = BTreeSet::new();
     for name in &arguments.stages {
-        // A name that is none is refused there.
+        // This refuses an unknown name.
         pipeline.selection(Some(name))?;
         let sweep = pipeline.sweep(name);
         let is_meant = |stage: &String| stage == name || sweep.is_some_and(|sweep| sweep.stages.contains(stage));
@@ -266,27 +255,27 @@ fn stages(arguments: &WorkerArguments, pipeline: &Pipeline) -> Result<Option<BTr
             .iter()
             .enumerate()
             .filter(|(_, stage)| is_meant(&stage.name));
-        places.extend(named.map(|(place, _)| place));
+        positions.extend(named.map(|(position, _)| position));
     }
-    Ok(Some(places))
+    Ok(Some(positions))
 }
 
 fn level(word: &str) -> Result<CpuLevel, String> {
     CpuLevel::of_word(word).ok_or_else(|| format!("allowed: {}", CpuLevel::WORDS.join(", ")))
 }
 
-/// One stage has chunks to choose from.
+/// Refuses chunks of several stages.
 fn check_chunks(arguments: &WorkerArguments, pipeline: &Pipeline) -> Result<(), CliError> {
     match (arguments.chunks, arguments.of.until.as_deref()) {
         (Some(_), Some(until)) if pipeline.stage(until).is_none() => Err(CliError::bad_input(format!(
-            "--chunks are those of one stage, and `{until}` names a sweep"
+            "--chunks needs a single stage; `{until}` is a sweep"
         ))
-        .help("--until 'STAGE[axis=value]' names one of its stages")),
+        .help("name one of its stages: --until 'STAGE[axis=value]'")),
         _ => Ok(()),
     }
 }
 
-/// How long the job may go on.
+/// Returns the time until this worker has to stop.
 fn left(time: Option<Duration>, before: Duration) -> Result<Duration, CliError> {
     let seconds = |name: &str| {
         let value = std::env::var(name).ok()?;
@@ -296,14 +285,13 @@ fn left(time: Option<Duration>, before: Duration) -> Result<Duration, CliError> 
     let from_slurm = || Some(seconds(SLURM_END)?.saturating_sub(since));
     let left = time.or_else(from_slurm).or_else(|| seconds(PBS_TIME));
     let left = left.ok_or_else(|| {
-        CliError::bad_input("--stop-before: it is not known when this job has to end")
-            .help(format!("{SLURM_END} or {PBS_TIME} says so in a job; or give --time"))
+        CliError::bad_input("--stop-before needs the end of this job")
+            .help(format!("set --time, or run in a job with {SLURM_END} or {PBS_TIME}"))
     })?;
     Ok(left.saturating_sub(before))
 }
 
-/// Has the worker stop when its time is over, and the process end where what is under way does not stop: nothing of it is lost but its
-/// last piece, and others need not wait for that.
+/// Stops the worker when its time is over, and ends the process if the running work does not stop: only its last piece is lost.
 fn watch(
     stop: &Arc<AtomicBool>,
     left: Option<Duration>,
@@ -317,13 +305,13 @@ fn watch(
     }
     let end = left.and_then(|left| Instant::now().checked_add(left));
     let watch = move |pauses: &Pauses| {
-        let mut looked: Option<Instant> = None;
+        let mut checked: Option<Instant> = None;
         while !stop.load(Ordering::Relaxed) {
             if !pauses.wait(PAUSE) {
                 return;
             }
-            if looked.is_none_or(|looked| looked.elapsed() >= LOOK) {
-                looked = Some(Instant::now());
+            if checked.is_none_or(|checked| checked.elapsed() >= CANCEL_CHECK) {
+                checked = Some(Instant::now());
                 if board.as_ref().is_some_and(is_cancelled) {
                     stop.store(true, Ordering::Relaxed);
                 }
@@ -332,7 +320,7 @@ fn watch(
                 stop.store(true, Ordering::Relaxed);
             }
         }
-        if pauses.wait(PATIENCE) {
+        if pauses.wait(STOP_TIME) {
             sign.remove();
             store.leave();
             process::exit(i32::from(Exit::TryAgain.code()));
@@ -341,12 +329,12 @@ fn watch(
     Background::start("watch", watch).map_err(|error| CliError::failure(format!("cannot start a thread: {error}")))
 }
 
-/// Reads `17-48`.
+/// Parses `17-48`.
 fn range(text: &str) -> Result<(usize, usize), String> {
     let parts = text.split_once('-').unwrap_or((text, text));
     match (parts.0.trim().parse(), parts.1.trim().parse()) {
         (Ok(first), Ok(last)) if first <= last => Ok((first, last)),
-        _ => Err("allowed: numbers FIRST-LAST such as 17-48, or one number".to_owned()),
+        _ => Err("expected FIRST-LAST, such as 17-48, or one number".to_owned()),
     }
 }
 

@@ -1,34 +1,34 @@
-//! Writes a file that is no HDF5 file, and looks beforehand whether one can be written.
+//! Writes files that are not HDF5, and checks in advance that a file can be written.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::error::CliError;
+use super::CliError;
 use deaflow_base::{CsvTable, OutputFile, csv_metadata, csv_metadata_file, output_folder, write_output};
+use deaflow_store::Store;
 
-/// Refuses a path within a store, where files that are not its own would be damage.
+/// Refuses a path inside a store: a foreign file there counts as damage.
 ///
 /// # Errors
-/// When it lies in one.
+/// When it is inside one.
 pub fn outside(path: &Path) -> Result<(), CliError> {
     match Store::around(path) {
         None => Ok(()),
         Some(store) => Err(
-            CliError::bad_input(format!("{} lies in the store {}", path.display(), store.display()))
-                .help("-o names a place outside: in a store are its own files alone"),
+            CliError::bad_input(format!("{} is inside the store {}", path.display(), store.display()))
+                .help("choose a path outside the store with -o"),
         ),
     }
 }
-use deaflow_store::Store;
 
-/// Writes bytes as a file that appears complete or not at all.
+/// Writes a file atomically.
 ///
 /// # Errors
-/// When something is there that is not to be replaced, the folder does not exist, or the system refuses.
+/// When something is there that must not be replaced, the folder does not exist, or the system refuses.
 pub fn file(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     Ok(write_output(path, bytes)?)
 }
 
-/// Writes comma-separated values with a header, and beside them what they are of and made from.
+/// Writes comma-separated values with a header, and a metadata file with their title and source.
 ///
 /// # Errors
 /// As [`file()`].
@@ -44,14 +44,14 @@ pub fn csv(path: &Path, rows: &[u8], title: &str, source: &str) -> Result<(), Cl
     file(&csv_metadata_file(path), &csv_metadata(&[table]))
 }
 
-/// Comma-separated values and what is said of them, as they are told of: both files.
+/// Names a CSV file and its metadata file.
 pub fn with_metadata(path: &Path) -> String {
     let metadata = csv_metadata_file(path);
     let name = metadata.file_name().unwrap_or_default().to_string_lossy();
     format!("{} (described by {name})", path.display())
 }
 
-/// As [`check_file`], of comma-separated values and what is said of them.
+/// Checks that comma-separated values and their metadata can be written, before the work starts.
 ///
 /// # Errors
 /// As [`file()`].
@@ -60,17 +60,52 @@ pub fn check_csv(path: &Path) -> Result<(), CliError> {
     check_file(&csv_metadata_file(path))
 }
 
-/// What cannot be written has to be known before hours of work, not after.
+/// Checks that a file can be written, before the work starts.
 ///
 /// # Errors
 /// As [`file()`].
 pub fn check_file(path: &Path) -> Result<(), CliError> {
     outside(path)?;
-    // Created and removed again: permissions alone do not tell whether a folder can be written in.
+    // This creates and removes a file there: permissions do not tell whether a folder is writable.
     Ok(output_folder(OutputFile::at(path)?.folder())?)
 }
 
-/// Makes a folder for several files, or sees that they can be written there.
+/// Checks that a file can be written and is not one of the inputs.
+///
+/// # Errors
+/// As [`check_not_read`] and [`file()`].
+pub fn check_output(path: &Path, inputs: &[String]) -> Result<(), CliError> {
+    check_not_read(path, inputs)?;
+    check_file(path)
+}
+
+/// Refuses to overwrite a file that one of these arguments names.
+///
+/// # Errors
+/// When one does.
+pub fn check_not_read(path: &Path, inputs: &[impl AsRef<str>]) -> Result<(), CliError> {
+    let mut files = inputs.iter().flat_map(|input| files_named(input.as_ref()));
+    match files.any(|file| is_same_file(&file, path)) {
+        true => Err(
+            CliError::bad_input(format!("{} is an input: it would be overwritten", path.display()))
+                .help("name another file with -o"),
+        ),
+        false => Ok(()),
+    }
+}
+
+/// The files that an argument may name: itself, and the part before each colon (`FILE.h5:/dataset`, `PIPELINE:STAGE`).
+fn files_named(argument: &str) -> impl Iterator<Item = PathBuf> {
+    let ends = argument.match_indices(':').map(|(at, _)| at).chain([argument.len()]);
+    ends.map(|end| PathBuf::from(&argument[..end]))
+}
+
+/// Whether two paths lead to the same file or folder.
+pub fn is_same_file(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+/// Makes a folder for several files, or checks that it is writable.
 ///
 /// # Errors
 /// When something else is there, or the system refuses.

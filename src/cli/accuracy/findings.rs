@@ -1,32 +1,31 @@
-//! What the measurements say, for people and for programs.
+//! The report of the measurements, for people and for programs.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use super::networks;
-use crate::accuracy::AccuracyArguments;
+use super::{AccuracyArguments, millimetres, networks};
 use crate::table;
 use crate::text::Text;
 use crate::write;
 use deaflow_accuracy::{Benchmark, FamilyError, Measured};
 use deaflow_report::figures::pareto_front;
 
-/// Methods that no other beats in both time and root mean square error, over all families.
+/// Returns the methods that no other beats in both time and root mean square error, over all families.
 fn front(measured: &[Measured]) -> Vec<usize> {
     let points: Vec<(f64, f64)> = measured.iter().map(|m| (m.seconds_per_pattern(), m.rms())).collect();
     pareto_front(&points)
 }
 
-/// Patterns of a family below which errors bound nothing but themselves.
-const FEW: usize = 5;
+/// The number of patterns of a family from which the bound holds for other patterns.
+const MIN_PATTERNS: usize = 5;
 
-/// An equilibrium may take this much longer than an estimate, of whose stability nothing is known.
-const WORTH_IT: f64 = 1.1;
+/// An equilibrium is preferred to an estimate if it takes at most this times as long: its stability is known.
+const EQUILIBRIUM_FACTOR: f64 = 1.1;
 
-/// The fastest setting of `solve` whose bound is at most the target, and that agrees with the reference on what is stable.
-/// Where an estimate is the fastest, an equilibrium that takes hardly longer is preferred.
+/// Returns the fastest setting of `solve` whose bound is at most the target, and that agrees with the reference on stability.
+/// An equilibrium that takes a little longer is preferred to an estimate.
 fn cheapest(measured: &[Measured], target_mm: f64) -> Option<&Measured> {
     let fit = || {
         let solved = measured.iter().filter(|m| m.network().is_none());
@@ -34,12 +33,12 @@ fn cheapest(measured: &[Measured], target_mm: f64) -> Option<&Measured> {
     };
     let faster = |a: &&Measured, b: &&Measured| a.seconds_per_pattern().total_cmp(&b.seconds_per_pattern());
     let fastest = fit().min_by(faster)?;
-    let limit = WORTH_IT * fastest.seconds_per_pattern();
+    let limit = EQUILIBRIUM_FACTOR * fastest.seconds_per_pattern();
     let equilibria = fit().filter(|m| m.equilibria && m.seconds_per_pattern() <= limit);
     Some(equilibria.min_by(faster).unwrap_or(fastest))
 }
 
-/// Whether anything is known of its errors, and it agrees with the reference on what is stable.
+/// Whether the errors of a method are known, and it agrees with the reference on stability.
 fn is_sound(method: &Measured) -> bool {
     method.known() > 0 && method.mismatches() == 0
 }
@@ -48,22 +47,22 @@ fn bound(method: &Measured) -> f64 {
     method.largest(|family| family.bound)
 }
 
-/// Why a faster setting whose bound is at most the target is not the one: none where there is no such.
-fn passed_over(measured: &[Measured], target_mm: f64, chosen: &Measured) -> Option<String> {
+/// Describes the fastest setting within the target that was not chosen because it disagrees on stability, if any.
+fn rejected(measured: &[Measured], target_mm: f64, chosen: &Measured) -> Option<String> {
     let faster = measured.iter().filter(|m| {
         let is_within = m.network().is_none() && m.known() > 0 && bound(m) <= target_mm;
         is_within && m.mismatches() > 0 && m.seconds_per_pattern() < chosen.seconds_per_pattern()
     });
     let fastest = faster.min_by(|a, b| a.seconds_per_pattern().total_cmp(&b.seconds_per_pattern()))?;
     Some(format!(
-        "{{ {} }} is faster, with a bound of {} mm, but disagrees with the reference on what is stable for {}",
+        "{{ {} }} is faster, with a bound of {} mm, but disagrees with the reference on the stability of {}",
         fastest.settings,
         millimetres(bound(fastest)),
         table::counted(fastest.mismatches(), "patterns"),
     ))
 }
 
-/// The flags of `deaflow solve` for some settings.
+/// Returns the flags of `deaflow solve` for settings.
 fn flags(settings: &str) -> String {
     let pairs = settings.split(", ").filter_map(|pair| pair.split_once(": "));
     let flag = |(key, value): (&str, &str)| {
@@ -73,18 +72,18 @@ fn flags(settings: &str) -> String {
     pairs.map(flag).collect::<Vec<_>>().join(" ")
 }
 
-/// What is told.
+/// The measurements and their evaluation.
 pub struct Findings<'a> {
     arguments: &'a AccuracyArguments,
     benchmark: &'a Benchmark,
     measured: &'a [Measured],
     front: Vec<usize>,
-    /// For a target that was given, the method that reaches it, if one does.
+    /// With a target, the method that reaches it, if any.
     chosen: Option<Option<&'a Measured>>,
 }
 
 impl<'a> Findings<'a> {
-    /// What the methods measured mean for the target that was given, if one was.
+    /// Evaluates the measurements for the target of the command line, if any.
     pub fn new(arguments: &'a AccuracyArguments, benchmark: &'a Benchmark, measured: &'a [Measured]) -> Self {
         Self {
             arguments,
@@ -95,16 +94,16 @@ impl<'a> Findings<'a> {
         }
     }
 
-    /// Whether a target was given and nothing reaches it.
+    /// Whether a target was given that no method reaches.
     pub fn is_missed(&self) -> bool {
         matches!(self.chosen, Some(None))
     }
 
-    /// For people.
+    /// Formats the report for people.
     pub fn text(&self, files: &[PathBuf]) -> Text {
         let mut text = Text::of(self.table());
         let mut parts = vec![self.notes()];
-        parts.extend(networks::worth(self.measured));
+        parts.extend(networks::describe(self.measured));
         parts.extend(self.verdict());
         text.line(parts.join("\n"));
         if let Some(Some(method)) = self.chosen {
@@ -162,17 +161,17 @@ impl<'a> Findings<'a> {
             .collect();
         let few = (0..self.benchmark.families.len()).any(|k| {
             let [members, unstable] = self.benchmark.counts(k);
-            members - unstable < FEW
+            members - unstable < MIN_PATTERNS
         });
         let meaning = if few {
-            "with fewer than five stable patterns in a family the bound speaks of these patterns alone"
+            "the bound holds for these patterns only: a family has fewer than five stable patterns"
         } else {
-            "99 % of patterns of these families stay below the bound (95 % confidence); it says nothing of others"
+            "99 % of the patterns of these families are below the bound (95 % confidence)"
         };
         format!(
-            "patterns: {}\nreference: {}, itself within {} mm\nmax and bound: displacement errors at the corners, the worst \
-             family; {meaning}\ndisagree: patterns of which it says otherwise than the reference whether they are stable; such a method is \
-             recommended for no target\nfront: * where no other is both faster and more exact (RMS)\n",
+            "patterns: {}\nreference: {}, error at most {} mm\nmax and bound: displacement errors at the corners, in the \
+             worst family; {meaning}\ndisagree: number of patterns on whose stability method and reference disagree; such \
+             a method is not recommended\nfront: * if no other method is both faster and more accurate (RMS)\n",
             families.join(", "),
             self.benchmark.reference.settings(),
             millimetres(self.reference_error()),
@@ -188,34 +187,34 @@ impl<'a> Findings<'a> {
         let target = self.arguments.target?;
         Some(match self.chosen? {
             Some(method) => format!(
-                "{target} is reached by {{ {} }}: bound {} mm, {:.2} ms per pattern, as measured on {}{}",
+                "fastest within {target}: {{ {} }}, bound {} mm, {:.2} ms per pattern, measured on {}{}",
                 method.settings,
                 millimetres(bound(method)),
                 1e3 * method.seconds_per_pattern(),
                 self.benchmark.families.join(", "),
-                passed_over(self.measured, target.value(), method).map_or_else(String::new, |why| format!("\n{why}")),
+                rejected(self.measured, target.value(), method).map_or_else(String::new, |why| format!("\n{why}")),
             ),
             None => match self.best() {
                 Some(best) => format!(
-                    "nothing that was measured reaches {target} on {}; the best is {{ {} }} with a bound of {} mm\n",
+                    "no measured method reaches {target} on {}; the best is {{ {} }} with a bound of {} mm\n",
                     self.benchmark.families.join(", "),
                     best.settings,
                     millimetres(bound(best))
                 ),
-                None => format!(
-                    "nothing that was measured reaches {target}: each disagrees with the reference on what is stable\n"
-                ),
+                None => {
+                    format!("no measured method reaches {target}: each disagrees with the reference on stability\n")
+                }
             },
         })
     }
 
-    /// The smallest bound among methods that agree with the reference on what is stable.
+    /// Returns the method with the smallest bound among those that agree with the reference on stability.
     fn best(&self) -> Option<&Measured> {
         let sound = self.measured.iter().filter(|m| m.network().is_none() && is_sound(m));
         sound.min_by(|a, b| bound(a).total_cmp(&bound(b)))
     }
 
-    /// For programs.
+    /// Formats the report for programs.
     pub fn document(&self, files: &[PathBuf]) -> Value {
         let method = |(i, method): (usize, &Measured)| {
             let families: BTreeMap<&str, Value> = self
@@ -274,20 +273,6 @@ fn of_family(error: &FamilyError, seconds: f64) -> Value {
     })
 }
 
-/// Two digits are enough of an error.
-pub fn millimetres(mm: f64) -> String {
-    if mm >= 1e-3 || mm == 0.0 {
-        let decimals = if mm == 0.0 {
-            0
-        } else {
-            (1 - mm.log10().floor() as i32).max(0) as usize
-        };
-        format!("{mm:.decimals$}")
-    } else {
-        format!("{mm:.1e}")
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -333,16 +318,15 @@ mod tests {
     #[test]
     fn a_faster_setting_that_is_blind_to_instability_is_named_with_the_reason() {
         let all = [measured("slow", 3.0, 0.001, 0), measured("blind", 0.5, 0.001, 1)];
-        let why = passed_over(&all, 0.01, &all[0]).unwrap();
-        assert_eq!(
-            why,
-            "{ blind } is faster, with a bound of 0.0010 mm, but disagrees with the reference on what is stable for 1 pattern"
-        );
+        let why = rejected(&all, 0.01, &all[0]).unwrap();
+        for part in ["{ blind }", "0.0010 mm", "1 pattern"] {
+            assert!(why.contains(part), "{why}");
+        }
         assert!(
-            passed_over(&all, 0.0001, &all[0]).is_none(),
+            rejected(&all, 0.0001, &all[0]).is_none(),
             "its bound is beyond the target"
         );
-        assert!(passed_over(&all[..1], 0.01, &all[0]).is_none());
+        assert!(rejected(&all[..1], 0.01, &all[0]).is_none());
     }
 
     #[test]

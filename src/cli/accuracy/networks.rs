@@ -1,9 +1,9 @@
-//! What networks are worth beside estimates.
+//! Compares networks with estimates.
 
-use super::findings::millimetres;
+use super::millimetres;
 use deaflow_accuracy::Measured;
 
-/// For each network the estimate that is both faster and more accurate, if there is one: the most accurate of them.
+/// Returns for each network the most accurate of the estimates that are both faster and more accurate, if any.
 pub fn beaten(measured: &[Measured]) -> Vec<(&Measured, Option<&Measured>)> {
     let networks = measured.iter().filter(|m| m.network().is_some());
     let estimates = || measured.iter().filter(|m| m.network().is_none() && !m.equilibria);
@@ -15,8 +15,8 @@ pub fn beaten(measured: &[Measured]) -> Vec<(&Measured, Option<&Measured>)> {
     networks.map(|network| (network, better(network))).collect()
 }
 
-/// That in words, with the time of a large batch; nothing where no network was measured.
-pub fn worth(measured: &[Measured]) -> Option<String> {
+/// Describes these comparisons and the times of large batches; none without a network.
+pub fn describe(measured: &[Measured]) -> Option<String> {
     let numbers = |m: &Measured| {
         let (time, error) = (1e3 * m.seconds_per_pattern(), millimetres(m.rms()));
         format!("{time:.2} ms per pattern and {error} mm RMS")
@@ -25,13 +25,13 @@ pub fn worth(measured: &[Measured]) -> Option<String> {
         let name = network.network().unwrap_or_default();
         let verdict = match better {
             Some(better) => format!(
-                "{name} is beaten in both time and error by {{ {} }}: {} instead of {}\n",
+                "{name}: the estimate {{ {} }} is both faster and more accurate: {} instead of {}\n",
                 better.settings,
                 numbers(better),
                 numbers(network)
             ),
             None => format!(
-                "{name}, {}, is not beaten in both time and error by any estimate that was measured\n",
+                "{name}: {}; no measured estimate is both faster and more accurate\n",
                 numbers(network)
             ),
         };
@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn a_network_that_an_estimate_beats_in_both_is_told() {
+    fn estimates_that_beat_a_network_are_reported() {
         let all = [
             measured("estimate", 1.0, 0.01, false),
             measured("equilibria are no estimates", 0.1, 0.001, true),
@@ -73,19 +73,17 @@ mod tests {
             measured("network: fine", 2.0, 0.005, false),
             measured("network: fast", 0.5, 0.02, false),
         ];
-        let told: Vec<_> = beaten(&all)
+        let pairs: Vec<_> = beaten(&all)
             .into_iter()
             .map(|(network, better)| (network.network().unwrap(), better.map(|m| m.settings.as_str())))
             .collect();
-        assert_eq!(told, [("slow", Some("estimate")), ("fine", None), ("fast", None)]);
-        let words = worth(&all).unwrap();
-        assert!(
-            words.starts_with(
-                "slow is beaten in both time and error by { estimate }: 1000.00 ms per pattern and 0.010 mm"
-            ),
-            "{words}"
-        );
-        assert!(words.contains("fast, 500.00 ms per pattern") && words.contains("take 500.00 s of one core"));
-        assert_eq!(worth(&all[..2]), None);
+        assert_eq!(pairs, [("slow", Some("estimate")), ("fine", None), ("fast", None)]);
+        let text = describe(&all).unwrap();
+        let slow = text.lines().next().unwrap();
+        for part in ["slow", "{ estimate }", "1000.00 ms per pattern and 0.010 mm"] {
+            assert!(slow.contains(part), "{text}");
+        }
+        assert!(text.contains("fast: 500.00 ms per pattern") && text.contains("take 500.00 s of one core"));
+        assert_eq!(describe(&all[..2]), None);
     }
 }

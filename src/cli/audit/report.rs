@@ -1,50 +1,52 @@
-//! What an audit says, as a table, as JSON and as a page.
+//! The report of an audit: a table, JSON, and a page.
 
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::error::CliError;
 use crate::text::Text;
-use crate::{table, write};
+use crate::{CliError, table, write};
 use deaflow_base::ArtifactId;
 use deaflow_content::{AttributeError, Audit};
 use deaflow_report::figures::{Ground, Membrane, draw_audit, membrane_drawing};
 use deaflow_report::{Page, audited};
 use deaflow_stage::audit::{Audited, Finding, Lineage, Severity, SourceRows, Summary, rows, sort};
 
-/// What a dataset goes back to.
+/// The origins of a dataset.
 #[derive(Debug, Serialize)]
 struct Origins {
-    /// Artifacts that it was made from, chunks included.
+    /// Number of artifacts that it was made from, including chunks.
     artifacts: usize,
-    /// The seeds of its samples, each once.
+    /// The different seeds of its samples.
     seeds: Vec<String>,
-    /// Whether any of it was read from files of a person.
+    /// Whether any of it was imported from files.
     from_files: bool,
 }
 
-/// An audit that has been carried out.
-pub struct Answer {
+/// A finished audit.
+pub struct AuditReport {
     dataset: String,
-    /// What the artifact says; none where nothing was looked at.
+    /// The content of the artifact; none if nothing was checked.
     audit: Option<Audit>,
-    /// What is wrong.
+    /// The findings.
     pub findings: Vec<Finding>,
     summary: Summary,
     lineage: Option<Origins>,
-    /// The audit's artifact.
+    /// The artifact of the audit.
     pub digest: Option<ArtifactId>,
-    /// What it took, s.
+    /// Computing time, s.
     pub seconds: Option<f64>,
     /// The rows of the dataset, for figures.
     rows: Option<SourceRows>,
 }
 
-impl Answer {
-    /// From what the artifact of an audit says.
-    pub fn of(dataset: &str, audit: Audit) -> Result<Self, AttributeError> {
+impl AuditReport {
+    /// Reads the artifact of an audit.
+    ///
+    /// # Errors
+    /// When an attribute is invalid.
+    pub fn new(dataset: &str, audit: Audit) -> Result<Self, AttributeError> {
         Ok(Self {
             dataset: dataset.to_owned(),
             findings: audit.findings.value()?,
@@ -57,7 +59,7 @@ impl Answer {
         })
     }
 
-    /// A finding because of which nothing else was looked at.
+    /// The report of a finding that prevented all checks.
     pub fn only(dataset: &str, finding: Finding) -> Self {
         Self {
             dataset: dataset.to_owned(),
@@ -71,13 +73,13 @@ impl Answer {
         }
     }
 
-    /// Adds the rows, from which figures are drawn. Where they cannot be read, a finding says so and there is none.
+    /// Adds the rows for figures; unreadable rows are a finding already.
     pub fn with_rows_of(mut self, dataset: Audited<'_>) -> Self {
         self.rows = self.audit.as_ref().and_then(|audit| rows(dataset, audit).ok());
         self
     }
 
-    /// Adds where the dataset comes from.
+    /// Adds the origins of the dataset.
     pub fn add(&mut self, lineage: &Lineage) {
         let mut seeds: Vec<String> = lineage.seeds.values().cloned().collect();
         seeds.sort_unstable();
@@ -91,7 +93,7 @@ impl Answer {
         sort(&mut self.findings);
     }
 
-    /// For programs.
+    /// Describes the audit for programs.
     pub fn document(&self, files: &[PathBuf]) -> Value {
         json!({
             "dataset": self.dataset,
@@ -104,7 +106,7 @@ impl Answer {
         })
     }
 
-    /// For people.
+    /// Describes the audit for people.
     pub fn text(&self, files: &[PathBuf]) -> Text {
         let mut text = Text::new();
         if self.findings.is_empty() {
@@ -127,13 +129,13 @@ impl Answer {
     fn lines(&self) -> Vec<String> {
         let summary = &self.summary;
         if summary.samples == 0 {
-            return vec!["nothing else was looked at".to_owned()];
+            return vec!["nothing else was checked".to_owned()];
         }
         let mut lines = vec![self.labels_line(), self.resimulated_line()];
         let spread = &summary.displacement;
         lines.push(format!(
-            "{} patterns different under the symmetries, {} repeats; largest displacement up to {:.3} mm; {} of {} bins are \
-             empty although fuller ones lie on both sides",
+            "{} patterns that differ under the symmetries, {} repeats; largest displacement up to {:.3} mm; {} gaps in \
+             the {} bins of the histogram",
             summary.orbits,
             summary.repeats,
             spread.edges.last().copied().unwrap_or(0.0),
@@ -145,13 +147,13 @@ impl Answer {
             lines.push(format!("parts: {}", parts.join(", ")));
         }
         if let Some(origins) = &self.lineage {
-            let seeds = counted(origins.seeds.len(), "seed");
-            let back_to = match (origins.seeds.is_empty(), origins.from_files) {
+            let seeds = counted(origins.seeds.len(), "seeds");
+            let source = match (origins.seeds.is_empty(), origins.from_files) {
                 (true, true) => "files".to_owned(),
-                (false, true) => format!("{seeds} of samples and to files"),
+                (false, true) => format!("{seeds} of samples and files"),
                 (_, false) => format!("{seeds} of samples"),
             };
-            lines.push(format!("made from {} artifacts, back to {back_to}", origins.artifacts));
+            lines.push(format!("made from {} artifacts; sources: {source}", origins.artifacts));
         }
         lines
     }
@@ -162,20 +164,20 @@ impl Answer {
             .seconds
             .map_or(String::new(), |s| format!(" in {}", table::seconds(s)));
         let mut line = format!(
-            "{} audited{took}; mesh: {}; {} solved again on it",
-            counted(summary.samples, "sample"),
+            "{} checked{took}; mesh: {}; {} solved again on it",
+            counted(summary.samples, "samples"),
             summary.made_by,
             summary.solved_again
         );
         if summary.compared > 0 {
             line += &format!(
-                "; {} compared with one biquadratic element per cell, of which {} stood out and were solved again",
+                "; {} compared with one biquadratic element per cell, {} suspicious ones solved again",
                 summary.compared,
                 summary.suspects - summary.unsolved
             );
             if summary.unsolved > 0 {
                 line += &format!(
-                    "; {} more that stood out were not, since few of the others were wrong",
+                    "; {} more suspicious ones not, since few of the others were wrong",
                     summary.unsolved
                 );
             }
@@ -186,17 +188,17 @@ impl Answer {
     fn resimulated_line(&self) -> String {
         let found = &self.summary.resimulated;
         if found.samples == 0 {
-            return "no random sample on a finer mesh: the error of the mesh is not looked at".to_owned();
+            return "no samples on a finer mesh: the error of the mesh was not checked".to_owned();
         }
         let mm = |value: Option<f64>| value.map_or("-".to_owned(), |mm| format!("{mm:.2e} mm"));
         let allowed = match found.allowed {
             Some(_) => format!("; allowed up to {}", mm(found.allowed)),
-            None => "; nothing is declared".to_owned(),
+            None => "; no accuracy is declared".to_owned(),
         };
         format!(
-            "{} on a finer mesh: error {} at the most, {} in the mean{allowed}; {} at fault: with 95 % confidence at most {:.2} % of \
-             all labels are",
-            counted(found.samples, "random sample"),
+            "{} on a finer mesh: largest error {}, mean error {}{allowed}; {} wrong: with 95 % confidence, at most \
+             {:.2} % of all labels are wrong",
+            counted(found.samples, "random samples"),
             mm(found.largest_error),
             mm(found.mean_error),
             found.faults,
@@ -204,7 +206,10 @@ impl Answer {
         )
     }
 
-    /// Writes the page and its figures; gives their paths.
+    /// Writes the page and its figures; returns their paths.
+    ///
+    /// # Errors
+    /// When one cannot be written.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, CliError> {
         let mut page = Page::new(&format!("Audit of {}", self.dataset));
         let rows: Vec<Vec<String>> = self.findings.iter().map(|finding| cells(finding).to_vec()).collect();
@@ -219,7 +224,7 @@ impl Answer {
             let path = folder.join("audit.png");
             draw_audit(&path, &figure)?;
             page.charts(&figure.charts()?);
-            page.note("What the dataset covers, and its errors against a finer mesh");
+            page.note("Coverage of the dataset, and its errors compared with a finer mesh");
             files.push(path);
         }
         for finding in &self.findings {
@@ -239,10 +244,10 @@ impl Answer {
         Ok(files)
     }
 
-    /// The first example that can be drawn.
+    /// Finds the first example that can be drawn.
     fn example(&self, finding: &Finding) -> Option<(u64, Membrane)> {
         let rows = self.rows.as_ref()?;
-        // Rows without a field have none to draw.
+        // Rows that did not converge have no field.
         let examples = finding.examples.iter().filter(|_| finding.check != "not-converged");
         examples.copied().find_map(|row| {
             let (cells, displacement) = rows.row(usize::try_from(row).ok()?)?;
@@ -270,5 +275,5 @@ fn cells(finding: &Finding) -> [String; 5] {
 }
 
 fn counted(n: usize, unit: &str) -> String {
-    format!("{n} {unit}{}", if n == 1 { "" } else { "s" })
+    table::counted(n as u64, unit)
 }

@@ -6,14 +6,13 @@ use std::path::{Path, PathBuf};
 use clap::builder::PossibleValuesParser;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
+use super::format_of;
 use super::membrane;
 use crate::arguments::{StateArguments, StoreArguments, TOLERANCE, number};
-use crate::error::CliError;
-use crate::examples::examples;
-use crate::output::{Exit, Output};
-use crate::{locate, solve, write};
+use crate::job::extend;
+use crate::{CliError, Exit, Output, locate, write};
 use deaflow_design::DesignFilter;
 use deaflow_fem::SolveOptions;
 use deaflow_field::Mesh;
@@ -23,7 +22,7 @@ use deaflow_scene::{Mask, Size, Voltages};
 use deaflow_stage::designs::{self, Design, Designs};
 use deaflow_store::Artifact;
 
-/// The heading of options that say which of several designs is meant.
+/// The heading of options that select one of several designs.
 const WHICH: &str = "Which design";
 
 /// The heading of options about masks.
@@ -33,48 +32,68 @@ const MASK: &str = "Masks";
 const MEMBRANE: &str = "Deformed membranes";
 
 #[derive(Debug, Args)]
-#[command(after_help = examples!("deaflow export design pipeline.yaml:verified --role refined -o mask.dxf", "deaflow export design mine.csv --scene scene.yaml -o membrane.vtkhdf"))]
+#[command(after_help = examples!(
+    "deaflow export design pipeline.yaml:verified --role refined -o mask.dxf",
+    "deaflow export design mine.csv --scene scene.yaml -o membrane.vtkhdf",
+))]
 pub struct ExportDesignArguments {
-    /// A stage of kind design or verify: PIPELINE.yaml:STAGE, a stage of the last run, a digest or its beginning, or a file;
-    /// or with --scene a pattern: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
+    /// A stage of kind design or verify: PIPELINE.yaml:STAGE, a stage of the last run, a digest or its first digits, or a
+    /// file; with --scene a pattern: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
     pub source: String,
-    /// Where it goes: a file, which is replaced, or a folder
+    /// The output: a file, which is replaced, or a folder
     #[arg(short, long, value_name = "FILE|DIR")]
     pub output: PathBuf,
-    /// The format [default: by the end of the file's name]
+    /// The format [default: from the file extension]
     #[arg(long, value_enum)]
     pub format: Option<DesignFormat>,
-    /// The target whose design it is [default: the only one]
+    /// The target of the design [default: the only one]
     #[arg(long, value_name = "NAME", conflicts_with = "scene", help_heading = WHICH)]
     pub design: Option<String>,
-    /// The case of that target
+    /// The case of the target
     #[arg(long, value_name = "TEXT", conflicts_with = "scene", help_heading = WHICH)]
     pub case: Option<String>,
-    /// How it came about [default: the first of these that there is]
-    #[arg(long, value_parser = PossibleValuesParser::new(Role::ALL.map(Role::name)), conflicts_with = "scene", help_heading = WHICH)]
+    /// The role of the design [default: the first of these that exists]
+    #[arg(
+        long,
+        value_parser = PossibleValuesParser::new(Role::ALL.map(Role::name)),
+        conflicts_with = "scene",
+        help_heading = WHICH
+    )]
     pub role: Option<String>,
-    /// Which of the different designs of the target, counted from 1 as in runs and reports [default: the best by simulation, or the first]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), conflicts_with = "scene", help_heading = WHICH)]
+    /// The number of the design among those of the target, from 1 as in runs and reports [default: the best by simulation,
+    /// or the first]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = clap::value_parser!(u64).range(1..),
+        conflicts_with = "scene",
+        help_heading = WHICH
+    )]
     pub member: Option<u64>,
-    /// The design with so many units along a side
+    /// The number of units along a side of the design
     #[arg(long, value_name = "N", conflicts_with = "scene", help_heading = WHICH)]
     pub units: Option<u64>,
-    /// The scene of a pattern, or a pipeline whose scene is meant; a YAML file
+    /// The scene of a pattern: a YAML file of a scene, or of a pipeline that has one
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
     /// The size of a mask: on the frame, or before the membrane is stretched [default: prestretched]
     #[arg(long, value_enum, help_heading = MASK)]
     pub size: Option<DesignSize>,
-    /// One group of electrodes alone; Gerber files need it where there are several
+    /// Export only this group of electrodes; Gerber files need it if there are several
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16), help_heading = MASK)]
     pub group: Option<u8>,
     #[command(flatten)]
     pub state: StateArguments,
-    /// Round the outline; the area that it holds is stated beside that of the cells
+    /// Round the outline; its area is reported next to that of the cells
     #[arg(long, help_heading = MASK)]
     pub smooth: bool,
-    /// Resolution of an image; the nearest with a whole number of pixels for each cell is taken [default: 20]
-    #[arg(long, value_name = "N", value_parser = number(1e-3..=1e6, "0.001 to 1e6 pixels per mm"), help_heading = MASK)]
+    /// Resolution of an image, rounded to whole pixels per cell [default: 20]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = number(1e-3..=1e6, "0.001 to 1e6 pixels per mm"),
+        help_heading = MASK
+    )]
     pub pixels_per_mm: Option<f64>,
     /// Elements along one side of a cell of a deformed membrane [default: 2]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=8), help_heading = MEMBRANE)]
@@ -90,7 +109,7 @@ pub struct ExportDesignArguments {
 pub enum DesignSize {
     /// Before the membrane is stretched
     Undeformed,
-    /// As it lies on the frame, without voltage
+    /// On the frame, without voltage
     Prestretched,
 }
 
@@ -100,80 +119,78 @@ pub enum DesignFormat {
     Svg,
     /// Polygons for CAD
     Dxf,
-    /// Regions for makers of circuit boards and photomasks
+    /// Regions for manufacturers of circuit boards and photomasks
     Gerber,
-    /// An image, black where the electrode is
+    /// An image with black electrodes
     Png,
-    /// Cells as numbers
+    /// The cells as numbers
     Csv,
     /// The deformed membrane with stress and field, for ParaView
     Vtkhdf,
 }
 
 impl DesignFormat {
-    /// All of them.
-    pub const ALL: [Self; 6] = [Self::Svg, Self::Dxf, Self::Gerber, Self::Png, Self::Csv, Self::Vtkhdf];
+    /// The formats with the extensions of their files, the default first.
+    const ALL: [(Self, &[&str]); 6] = [
+        (Self::Svg, &["svg"]),
+        (Self::Dxf, &["dxf"]),
+        (Self::Gerber, &["gbr", "ger", "gerber"]),
+        (Self::Png, &["png"]),
+        (Self::Csv, &["csv"]),
+        (Self::Vtkhdf, &["vtkhdf"]),
+    ];
 
-    /// The word for it.
-    pub fn name(self) -> &'static str {
+    fn name(self) -> &'static str {
         match self {
-            Self::Svg => "svg",
-            Self::Dxf => "dxf",
             Self::Gerber => "gerber",
-            Self::Png => "png",
-            Self::Csv => "csv",
-            Self::Vtkhdf => "vtkhdf",
+            other => other.extension(),
         }
     }
 
-    /// How files of the format end, the usual way first.
-    pub fn extensions(self) -> &'static [&'static str] {
-        match self {
-            Self::Gerber => &["gbr", "ger", "gerber"],
-            Self::Svg => &["svg"],
-            Self::Dxf => &["dxf"],
-            Self::Png => &["png"],
-            Self::Csv => &["csv"],
-            Self::Vtkhdf => &["vtkhdf"],
-        }
+    /// The default extension of files of the format.
+    fn extension(self) -> &'static str {
+        let known = Self::ALL.into_iter().find(|(format, _)| *format == self);
+        known.map_or("", |(_, extensions)| extensions[0])
     }
 }
 
-/// Pixels per mm of an image unless said otherwise: one of 50 mm then has 20 for each of its cells.
+/// The default resolution of an image, pixels per mm.
 const PIXELS_PER_MM: f64 = 20.0;
 
 pub fn execute(arguments: &ExportDesignArguments, output: &Output) -> Result<Exit, CliError> {
-    let format = format(arguments)?;
+    let format = format_of(arguments.format, &arguments.output, &DesignFormat::ALL)?;
     check_options(arguments, format)?;
     let design = in_state(of_group(design(arguments)?, arguments, format)?, arguments, format)?;
     let path = path(arguments, &design, format);
-    check_inputs(arguments, &path)?;
-    write::check_file(&path)?;
-    let written = if format == DesignFormat::Vtkhdf {
+    let scene = arguments.scene.iter().map(|scene| scene.display().to_string());
+    let inputs: Vec<String> = scene.chain([arguments.source.clone()]).collect();
+    write::check_output(&path, &inputs)?;
+    let report = if format == DesignFormat::Vtkhdf {
         write_membrane(arguments, &design, &path)?
     } else {
         write_mask(arguments, &design, format, &path)?
     };
-    if output.is_json() {
-        let mut document = Map::new();
-        document.insert("file".to_owned(), json!(path));
-        document.insert("format".to_owned(), json!(format.name()));
-        document.insert("title".to_owned(), json!(design.title));
-        document.insert("design".to_owned(), labelled(&design));
-        document.insert("state".to_owned(), json!(design.state));
-        document.extend(written.facts);
-        output.document(&document)?;
-    } else {
-        let lines: Vec<String> = written.lines.iter().map(|line| format!("\n{line}")).collect();
-        output.text(format!("{}: {}{}", path.display(), design.title, lines.concat()))?;
-    }
-    Ok(Exit::Done)
+    let document = || {
+        let mut document = json!({
+            "file": path,
+            "format": format.name(),
+            "title": design.title,
+            "design": labelled(&design),
+            "state": design.state,
+        });
+        extend(&mut document, report.document);
+        document
+    };
+    output.result(document, || {
+        let lines: Vec<String> = report.lines.iter().map(|line| format!("\n{line}")).collect();
+        format!("{}: {}{}", path.display(), design.title, lines.concat())
+    })
 }
 
-/// What is said of a file that has been written.
-struct Written {
+/// The report of a written file, for people and for programs.
+struct ExportReport {
     lines: Vec<String>,
-    facts: Map<String, Value>,
+    document: Value,
 }
 
 fn labelled(design: &Design) -> Value {
@@ -188,31 +205,7 @@ fn labelled(design: &Design) -> Value {
     })
 }
 
-/// The format that is asked for: by name, or by the end of the file's name.
-fn format(arguments: &ExportDesignArguments) -> Result<DesignFormat, CliError> {
-    let extension = arguments
-        .output
-        .extension()
-        .and_then(|e| e.to_str())
-        .unwrap_or_default();
-    let named = DesignFormat::ALL
-        .into_iter()
-        .find(|f| f.extensions().contains(&extension));
-    match (arguments.format, named) {
-        (Some(format), Some(other)) if format != other => Err(CliError::bad_input(format!(
-            "--format {} cannot stand beside a file called .{extension}",
-            format.name()
-        ))),
-        (Some(format), _) | (None, Some(format)) => Ok(format),
-        (None, None) => Err(CliError::bad_input(match extension {
-            "" => "the format of the design is not said".to_owned(),
-            other => format!("no format of a design ends in .{other}"),
-        })
-        .help("give --format svg, dxf, gerber, png, csv or vtkhdf, or a file that ends so")),
-    }
-}
-
-/// An option that a format has no use for is a misunderstanding.
+/// Refuses options that a format does not use.
 fn check_options(arguments: &ExportDesignArguments, format: DesignFormat) -> Result<(), CliError> {
     use DesignFormat::{Csv, Png, Vtkhdf};
     let mesh = arguments.elements_per_cell.is_some() || arguments.order.is_some();
@@ -221,16 +214,16 @@ fn check_options(arguments: &ExportDesignArguments, format: DesignFormat) -> Res
         Vtkhdf if arguments.group.is_some() => "--group",
         Vtkhdf | Csv if arguments.smooth => "--smooth",
         other if other != Png && arguments.pixels_per_mm.is_some() => "--pixels-per-mm",
-        other if other != Vtkhdf && mesh => "a mesh",
+        other if other != Vtkhdf && mesh => "--elements-per-cell or --order",
         other if other != Vtkhdf && arguments.state.state.is_some() => "--state",
         _ => return Ok(()),
     };
     let why = match format {
-        Csv => "a file of cells has no outline and no pixels",
-        Vtkhdf => "the deformed membrane is simulated at the size of the scene",
-        _ => "pixels are for png, a mesh and a state for vtkhdf",
+        Csv => "a CSV file has no outline and no pixels",
+        Vtkhdf => "a deformed membrane has the size of the scene, and all groups",
+        _ => "pixels are for png; mesh and state are for vtkhdf",
     };
-    Err(CliError::bad_input(format!("{unused} cannot stand beside --format {}", format.name())).help(why))
+    Err(CliError::bad_input(format!("{unused} cannot be used with --format {}", format.name())).help(why))
 }
 
 fn design(arguments: &ExportDesignArguments) -> Result<Design, CliError> {
@@ -247,8 +240,7 @@ fn design(arguments: &ExportDesignArguments) -> Result<Design, CliError> {
         "h5" if Path::new(source).is_file() => Artifact::open(Path::new(source))?,
         extension if dataset || ["npy", "csv", "png"].contains(&extension) => {
             return Err(
-                CliError::bad_input(format!("{source} does not say how large the membrane is"))
-                    .help("give the scene: --scene SCENE.yaml"),
+                CliError::bad_input(format!("{source} is a pattern and needs a scene")).help("add --scene SCENE.yaml")
             );
         }
         _ => locate::artifact(
@@ -256,7 +248,7 @@ fn design(arguments: &ExportDesignArguments) -> Result<Design, CliError> {
             source,
         )?,
     };
-    let wanted = DesignFilter {
+    let filter = DesignFilter {
         name: arguments.design.as_deref(),
         case: arguments.case.as_deref(),
         role: arguments.role.as_deref(),
@@ -264,24 +256,24 @@ fn design(arguments: &ExportDesignArguments) -> Result<Design, CliError> {
         units: arguments.units,
     };
     let designs = Designs::read(&artifact)?.ok_or_else(|| {
-        CliError::bad_input(format!("artifact {} holds no designs", artifact.digest().short()))
-            .help("name a stage of kind design or verify; a pattern takes --scene")
+        CliError::bad_input(format!("artifact {} contains no designs", artifact.digest().short()))
+            .help("name a stage of kind design or verify; a pattern needs --scene")
     })?;
-    Ok(designs.choose(&wanted)?)
+    Ok(designs.choose(&filter)?)
 }
 
-/// A design, or one group of its electrodes.
+/// Returns the design, or one group of its electrodes.
 fn of_group(design: Design, arguments: &ExportDesignArguments, format: DesignFormat) -> Result<Design, CliError> {
     let groups = design.scene.groups();
     match arguments.group {
         _ if format == DesignFormat::Vtkhdf => Ok(design),
         None if format == DesignFormat::Gerber && groups > 1 => Err(CliError::bad_input(format!(
-            "a Gerber file is one layer, and there are {groups} groups of electrodes"
+            "a Gerber file has one layer, but there are {groups} groups of electrodes"
         ))
-        .help(format!("write one at a time: --group 1 to --group {groups}"))),
+        .help(format!("export them one by one: --group 1 to --group {groups}"))),
         None => Ok(design),
         Some(group) if usize::from(group) > groups => Err(CliError::bad_input(format!(
-            "there is no group {group} of electrodes: the scene has voltages of {groups}"
+            "there is no group {group} of electrodes: the scene has {groups}"
         ))),
         Some(group) => {
             let voltage = Voltages::one(design.scene.voltage());
@@ -299,7 +291,7 @@ fn of_group(design: Design, arguments: &ExportDesignArguments, format: DesignFor
     }
 }
 
-/// A design in one state of its device, as a membrane is drawn.
+/// Returns the design in one state of its device, for a deformed membrane.
 fn in_state(design: Design, arguments: &ExportDesignArguments, format: DesignFormat) -> Result<Design, CliError> {
     let first = design.scene.states.iter().next().map(|(name, _)| name.to_owned());
     let Some(state) = arguments
@@ -311,18 +303,18 @@ fn in_state(design: Design, arguments: &ExportDesignArguments, format: DesignFor
     else {
         return Ok(design);
     };
-    let wanted = StateArguments {
+    let arguments = StateArguments {
         state: Some(state.clone()),
     };
     Ok(Design {
         title: format!("{} in state {state}", design.title),
-        scene: wanted.of(design.scene)?,
+        scene: arguments.of(design.scene)?,
         state: Some(state),
         ..design
     })
 }
 
-/// The file to write: in a folder, one called after the design.
+/// Returns the file to write: in a folder, it is named after the design.
 fn path(arguments: &ExportDesignArguments, design: &Design, format: DesignFormat) -> PathBuf {
     if !arguments.output.is_dir() {
         return arguments.output.clone();
@@ -345,27 +337,9 @@ fn path(arguments: &ExportDesignArguments, design: &Design, format: DesignFormat
         }
         None => design.title.clone(),
     };
-    let fit = |c: char| {
-        if c.is_alphanumeric() || matches!(c, '-' | '_') {
-            c
-        } else {
-            '_'
-        }
-    };
-    let name: String = name.chars().map(fit).collect();
-    arguments.output.join(format!("{name}.{}", format.extensions()[0]))
-}
-
-fn check_inputs(arguments: &ExportDesignArguments, path: &Path) -> Result<(), CliError> {
-    let scene = arguments.scene.iter().map(|scene| scene.display().to_string());
-    let mut inputs = std::iter::once(arguments.source.clone()).chain(scene);
-    if inputs.any(|input| solve::files_named(&input).any(|file| solve::is_same_file(&file, path))) {
-        return Err(
-            CliError::bad_input(format!("{} is read here: writing it would lose it", path.display()))
-                .help("-o must name another file"),
-        );
-    }
-    Ok(())
+    let is_plain = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_');
+    let name = name.replace(|c| !is_plain(c), "_");
+    arguments.output.join(format!("{name}.{}", format.extension()))
 }
 
 fn write_mask(
@@ -373,13 +347,13 @@ fn write_mask(
     design: &Design,
     format: DesignFormat,
     path: &Path,
-) -> Result<Written, CliError> {
+) -> Result<ExportReport, CliError> {
     let size = match arguments.size {
         Some(DesignSize::Undeformed) => Size::Undeformed,
         Some(DesignSize::Prestretched) | None => Size::Prestretched,
     };
     let mask = Mask::new(&design.pattern, &design.scene, size, arguments.smooth);
-    let mut facts = facts(&mask);
+    let mut document = mask_document(&mask);
     let mut more = Vec::new();
     if format == DesignFormat::Png {
         let pixels = pixels(arguments, &mask)?;
@@ -389,8 +363,10 @@ fn write_mask(
             groups => format!("white = bare, group g of electrodes = (g - 1)/{groups} of white"),
         };
         more.push(format!("{colours}; {} pixels per mm", export::one_or_both(per_mm)));
-        facts.insert("pixels".to_owned(), one_or_both(pixels));
-        facts.insert("pixels_per_mm".to_owned(), one_or_both(per_mm));
+        extend(
+            &mut document,
+            json!({ "pixels": one_or_both(pixels), "pixels_per_mm": one_or_both(per_mm) }),
+        );
     }
     let drawing = mask_drawing(&mask, &design.title, source(arguments, design), more);
     let bytes = match format {
@@ -405,14 +381,14 @@ fn write_mask(
         }
     };
     write::file(path, &bytes)?;
-    facts.insert("bytes".to_owned(), json!(bytes.len()));
-    Ok(Written {
+    extend(&mut document, json!({ "bytes": bytes.len() }));
+    Ok(ExportReport {
         lines: drawing.notes[..drawing.notes.len() - 1].to_vec(),
-        facts,
+        document,
     })
 }
 
-/// The artifact, with the stage by which it was asked for; or the file.
+/// Describes the source: the artifact with the stage of the command line, or the file.
 fn source(arguments: &ExportDesignArguments, design: &Design) -> String {
     let asked = arguments.source.as_str();
     let name = |path: &str| {
@@ -428,7 +404,7 @@ fn source(arguments: &ExportDesignArguments, design: &Design) -> String {
     stage.map_or_else(|| design.source.clone(), |stage| format!("{}, {stage}", design.source))
 }
 
-/// Pixels along the sides: a whole number for each cell, so that the edges of cells are the edges of pixels.
+/// Returns the pixels along the sides: a whole number per cell, so that edges of cells are edges of pixels.
 fn pixels(arguments: &ExportDesignArguments, mask: &Mask) -> Result<[usize; 2], CliError> {
     let (cells, sides) = (mask.membrane.raster.sides(), mask.membrane.cell_mm());
     let per_mm = arguments.pixels_per_mm.unwrap_or(PIXELS_PER_MM);
@@ -437,15 +413,15 @@ fn pixels(arguments: &ExportDesignArguments, mask: &Mask) -> Result<[usize; 2], 
         let [width, height] = mask.membrane.size_mm;
         let most = MOST_PIXELS as f64 / width.max(height);
         return Err(CliError::bad_input(format!(
-            "an image of {} at {per_mm} pixels per mm has more than {MOST_PIXELS} pixels along a side",
+            "an image of {} at {per_mm} pixels per mm exceeds {MOST_PIXELS} pixels along a side",
             mask.membrane.size_text()
         ))
-        .help(format!("at most {most:.0} pixels per mm")));
+        .help(format!("use at most --pixels-per-mm {most:.0}")));
     }
     Ok([0, 1].map(|axis| per_cell[axis] as usize * cells[axis]))
 }
 
-/// A pair for programs: one where both are equal.
+/// A pair for programs: one number if both are equal.
 fn one_or_both<T: Serialize + PartialEq>([x, y]: [T; 2]) -> Value {
     match x == y {
         true => json!(x),
@@ -453,26 +429,22 @@ fn one_or_both<T: Serialize + PartialEq>([x, y]: [T; 2]) -> Value {
     }
 }
 
-fn facts(mask: &Mask) -> Map<String, Value> {
-    let facts = [
-        ("size", json!(mask.size.name())),
-        ("side_mm", one_or_both(mask.membrane.size_mm)),
-        ("scale", one_or_both(mask.scale)),
-        ("prestretch", one_or_both(mask.prestretch)),
-        ("area_mm2", json!(mask.electrode_area)),
-        ("area_fraction", json!(mask.area_fraction)),
-        ("outline", json!(if mask.rounded { "rounded" } else { "square" })),
-        ("outline_area_mm2", json!(mask.outline_area)),
-        ("islands", json!(mask.islands())),
-        ("holes", json!(mask.holes())),
-    ];
-    facts
-        .map(|(name, value)| (name.to_owned(), value))
-        .into_iter()
-        .collect()
+fn mask_document(mask: &Mask) -> Value {
+    json!({
+        "size": mask.size.name(),
+        "side_mm": one_or_both(mask.membrane.size_mm),
+        "scale": one_or_both(mask.scale),
+        "prestretch": one_or_both(mask.prestretch),
+        "area_mm2": mask.electrode_area,
+        "area_fraction": mask.area_fraction,
+        "outline": if mask.rounded { "rounded" } else { "square" },
+        "outline_area_mm2": mask.outline_area,
+        "islands": mask.islands(),
+        "holes": mask.holes(),
+    })
 }
 
-fn write_membrane(arguments: &ExportDesignArguments, design: &Design, path: &Path) -> Result<Written, CliError> {
+fn write_membrane(arguments: &ExportDesignArguments, design: &Design, path: &Path) -> Result<ExportReport, CliError> {
     let elements = arguments.elements_per_cell.unwrap_or(2) as usize;
     let mesh = match arguments.order {
         Some(1) => Mesh::bilinear(elements),
@@ -484,7 +456,7 @@ fn write_membrane(arguments: &ExportDesignArguments, design: &Design, path: &Pat
     };
     let membrane = membrane::simulate(design, options)?;
     let surface = Surface {
-        places: membrane.places.each_ref().map(Vec::as_slice),
+        places: membrane.coordinates.each_ref().map(Vec::as_slice),
         displacement: &membrane.displacement,
         cells: &membrane.cells,
         sides: membrane.plane.raster.sides(),
@@ -509,17 +481,11 @@ fn write_membrane(arguments: &ExportDesignArguments, design: &Design, path: &Pat
         membrane.largest
     )];
     lines.extend(membrane.warnings.iter().map(|warning| format!("warning: {warning}")));
-    let facts = [
-        ("side_mm", one_or_both(membrane.plane.size_mm)),
-        ("elements", json!(membrane.elements)),
-        ("max_displacement_mm", json!(membrane.largest)),
-        ("warnings", json!(membrane.warnings)),
-    ];
-    Ok(Written {
-        lines,
-        facts: facts
-            .map(|(name, value)| (name.to_owned(), value))
-            .into_iter()
-            .collect(),
-    })
+    let document = json!({
+        "side_mm": one_or_both(membrane.plane.size_mm),
+        "elements": membrane.elements,
+        "max_displacement_mm": membrane.largest,
+        "warnings": membrane.warnings,
+    });
+    Ok(ExportReport { lines, document })
 }

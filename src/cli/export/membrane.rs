@@ -1,6 +1,6 @@
-//! The deformed membrane of a design, with what an engineer asks of it, for programs that draw in three dimensions.
+//! The deformed membrane of a design with stresses and electric field, for three-dimensional viewers.
 
-use crate::error::CliError;
+use crate::CliError;
 use deaflow_fem::screening::Screened;
 use deaflow_fem::{CellState, MembraneSolver, SolveOptions, WorkLimit};
 use deaflow_pattern as pattern;
@@ -9,21 +9,21 @@ use deaflow_store::{Data, Dataset};
 
 /// A membrane in equilibrium at the voltage of its scene.
 pub struct Membrane {
-    /// Elements.
+    /// Number of elements.
     pub elements: usize,
-    /// Where their corners lie along x and y, in mm.
-    pub places: [Vec<f64>; 2],
-    /// What it is drawn on.
+    /// Coordinates of their corners along x and y, mm.
+    pub coordinates: [Vec<f64>; 2],
+    /// The raster.
     pub plane: pattern::Membrane,
-    /// Displacement in mm of the corners of elements, `[y][x]`.
+    /// Displacement of the corners of the elements, mm, `[y][x]`.
     pub displacement: Vec<[f64; 2]>,
-    /// The largest of them in mm.
+    /// The largest displacement, mm.
     pub largest: f64,
     /// Means over each cell, `[y][x]`, by name.
     pub cells: Vec<(&'static str, Dataset)>,
     /// The scene as it was simulated.
     pub scene: String,
-    /// Effects that are called for and were not simulated, a line for each.
+    /// Warnings about significant effects that were not simulated.
     pub warnings: Vec<String>,
 }
 
@@ -41,16 +41,14 @@ pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliE
     let solution = solver.solve(&design.pattern);
     if !solution.outcome.is_converged() {
         let outcome = &solution.outcome;
-        return Err(CliError::failure(format!(
-            "there is no stable solution to draw: {outcome}"
-        )));
+        return Err(CliError::failure(format!("no stable solution: {outcome}")));
     }
     let displacement = solver.corner_displacements(&solution);
     let largest = displacement.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
     let states = solver.cell_states(&design.pattern, &solution);
     Ok(Membrane {
         elements: solver.grid().elements().iter().product(),
-        places: solver.corner_places(),
+        coordinates: solver.corner_places(),
         plane: screened.scene.membrane(),
         displacement,
         largest,

@@ -1,4 +1,4 @@
-//! `deaflow export crate`: a pipeline with all that it made, as a research object that others can check and run again.
+//! `deaflow export crate`: a pipeline with all its results, as a research object that others can check and run again.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -8,29 +8,26 @@ use clap::Args;
 use serde_json::json;
 
 use crate::arguments::{SetArguments, StoreArguments};
-use crate::error::CliError;
-use crate::examples::examples;
-use crate::output::{Exit, Output};
 use crate::progress::Bar;
-use crate::{locate, run, table, write};
+use crate::{CliError, Exit, Output, locate, pipeline, table, write};
 use deaflow_base::{ArtifactId, Document, NodeValue, folder_of, kind_of, leads_nowhere_at, read_bounded, software};
 use deaflow_orchestrator::{BuiltStage, BuiltStages, Pipeline, built_stages};
 use deaflow_report::{CrateFile, CrateStage, METADATA, ResearchObject, figure_files, file_name};
 use deaflow_scene::scene_files;
 use deaflow_store::{LockFile, Store, write_standalone};
 
-/// The longest file of a pipeline or a scene, bytes, as they are read.
-const LONGEST: u64 = 4 << 20;
+/// The largest file of a pipeline or a scene, bytes.
+const MAX_BYTES: u64 = 4 << 20;
 
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow export crate pipeline.yaml -o published --license CC-BY-4.0"))]
 pub struct ExportCrateArguments {
-    /// The pipeline, a YAML file; all of its stages must be built
+    /// The pipeline, a YAML file; all its stages must be built
     pub pipeline: PathBuf,
-    /// The folder to make; an empty one may be there
+    /// The folder to create; an existing one must be empty
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
-    /// The licence of the data: an address, such as spdx.org/licenses/CC-BY-4.0, or words
+    /// The licence of the data: a URL, such as spdx.org/licenses/CC-BY-4.0, or text
     #[arg(long, value_name = "TEXT", default_value = "not stated")]
     pub license: String,
     #[command(flatten)]
@@ -40,7 +37,7 @@ pub struct ExportCrateArguments {
 }
 
 pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit, CliError> {
-    let pipeline = run::load_with(&arguments.pipeline, &arguments.set)?;
+    let pipeline = pipeline::load_with(&arguments.pipeline, &arguments.set)?;
     write::outside(&arguments.output)?;
     let folder = empty_folder(&arguments.output)?;
     let store = locate::existing_store(&arguments.store.folder_of(&arguments.pipeline))?;
@@ -53,46 +50,47 @@ pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit
             .map(|(path, value)| format!(" --set {path}={value:?}"));
         let sets: String = sets.collect();
         return Err(CliError::bad_input(format!("not built: {}", built.missing.join(", ")))
-            .help(format!("build the rest first: deaflow run {path}{sets}")));
+            .help(format!("build them first: deaflow run {path}{sets}")));
     }
-    // All of it appears at once: what is made aside goes where anything fails.
-    let aside = aside_of(&folder)?;
-    let mut writing = Writing {
-        root: aside.path(),
+    // Written to a temporary folder first: the crate appears complete or not at all.
+    let temporary = temporary_folder(&folder)?;
+    let mut writer = CrateWriter {
+        root: temporary.path(),
         bar: Bar::new("export", "chunks", chunks(&built, &store)?),
         files: Vec::new(),
     };
-    let object = write_all(arguments, &pipeline, &built, &store, &mut writing)?;
-    writing.bar.clear();
-    let bytes = writing.files.iter().map(|file| file.size).sum();
-    fs::rename(aside.path(), &folder).map_err(failed(&folder))?;
-    if output.is_json() {
-        output.document(&json!({
+    let object = write_all(arguments, &pipeline, &built, &store, &mut writer)?;
+    writer.bar.clear();
+    let bytes = writer.files.iter().map(|file| file.size).sum();
+    fs::rename(temporary.path(), &folder).map_err(failed(&folder))?;
+    let stage = |stage: &CrateStage| json!({ "name": stage.name, "digest": stage.digest, "file": stage.file });
+    let document = || {
+        json!({
             "folder": arguments.output,
             "pipeline": object.name,
             "files": object.files.iter().map(|file| &file.path).collect::<Vec<_>>(),
             "bytes": bytes,
-            "stages": object.stages.iter().map(|stage| json!({ "name": stage.name, "digest": stage.digest, "file": stage.file }))
-                .collect::<Vec<_>>(),
-        }))?;
-    } else {
-        let (files, stages) = (object.files.len() + 1, object.stages.len());
-        output.text(format!(
-            "{}: a research object of {stages} stages, {files} files ({})",
+            "stages": object.stages.iter().map(stage).collect::<Vec<_>>(),
+        })
+    };
+    output.result(document, || {
+        format!(
+            "{}: a research object of {}, {} ({})",
             arguments.output.display(),
+            table::counted(object.stages.len() as u64, "stages"),
+            table::counted(object.files.len() as u64 + 1, "files"),
             table::bytes(bytes)
-        ))?;
-    }
-    Ok(Exit::Done)
+        )
+    })
 }
 
-/// Where the crate will be, links followed.
+/// Returns the folder of the crate, with links resolved.
 fn empty_folder(path: &Path) -> Result<PathBuf, CliError> {
     let refuse = |found: &str| {
-        CliError::bad_input(format!("{} is {found}", path.display())).help("-o names a new or an empty folder")
+        CliError::bad_input(format!("{} is {found}", path.display())).help("name a new or an empty folder with -o")
     };
     if leads_nowhere_at(path) {
-        return Err(refuse("a link that leads nowhere"));
+        return Err(refuse("a broken link"));
     }
     let Ok(metadata) = fs::metadata(path) else {
         return match folder_of(path).is_dir() {
@@ -112,15 +110,15 @@ fn empty_folder(path: &Path) -> Result<PathBuf, CliError> {
     fs::canonicalize(path).map_err(failed(path))
 }
 
-/// Chunks of all artifacts, each counted once.
+/// Counts the chunks of all artifacts, each once.
 fn chunks(built: &BuiltStages, store: &Store) -> Result<u64, CliError> {
     let artifacts: BTreeSet<ArtifactId> = built.stages.iter().map(|stage| stage.record.artifact).collect();
     let of = |id: &ArtifactId| Ok(store.artifact(id)?.parts().len().max(1) as u64);
     artifacts.iter().map(of).sum()
 }
 
-/// A folder in the same file system. Who may read it is for the user's mask to say.
-fn aside_of(folder: &Path) -> Result<tempfile::TempDir, CliError> {
+/// Makes a temporary folder in the same file system, with the permissions of the umask.
+fn temporary_folder(folder: &Path) -> Result<tempfile::TempDir, CliError> {
     use std::os::unix::fs::PermissionsExt;
     let mut builder = tempfile::Builder::new();
     let builder = builder.permissions(fs::Permissions::from_mode(0o777));
@@ -131,24 +129,24 @@ fn failed(path: &Path) -> impl Fn(std::io::Error) -> CliError + '_ {
     |error| CliError::failure(format!("cannot write {}: {error}", path.display()))
 }
 
-/// The files of a crate, as they are written.
-struct Writing<'a> {
+/// Writes the files of a crate.
+struct CrateWriter<'a> {
     root: &'a Path,
-    /// Chunks of artifacts.
+    /// The progress in chunks of artifacts.
     bar: Bar,
     files: Vec<CrateFile>,
 }
 
-impl Writing<'_> {
-    /// Where a file goes, in a folder that is made; `path` has names only.
-    fn place(&self, path: &str) -> Result<PathBuf, CliError> {
+impl CrateWriter<'_> {
+    /// Returns the path of a file in the crate, whose folder is created.
+    fn target(&self, path: &str) -> Result<PathBuf, CliError> {
         let target = self.root.join(path);
         fs::create_dir_all(folder_of(&target)).map_err(failed(&target))?;
         Ok(target)
     }
 
-    /// Takes note of a file that stands there.
-    fn note(&mut self, path: &str, description: String, format: &'static str) -> Result<(), CliError> {
+    /// Adds a written file to the list.
+    fn add(&mut self, path: &str, description: String, format: &'static str) -> Result<(), CliError> {
         let target = self.root.join(path);
         let size = fs::metadata(&target).map_err(failed(&target))?.len();
         self.files.push(CrateFile {
@@ -161,11 +159,11 @@ impl Writing<'_> {
     }
 
     fn put(&mut self, path: &str, bytes: &[u8], description: &str, format: &'static str) -> Result<(), CliError> {
-        let target = self.place(path)?;
+        let target = self.target(path)?;
         let mut file = fs::File::create_new(&target).map_err(failed(&target))?;
         std::io::Write::write_all(&mut file, bytes).map_err(failed(&target))?;
         file.sync_data().map_err(failed(&target))?;
-        self.note(path, description.to_owned(), format)
+        self.add(path, description.to_owned(), format)
     }
 }
 
@@ -174,13 +172,13 @@ fn write_all(
     pipeline: &Pipeline,
     built: &BuiltStages,
     store: &Store,
-    writing: &mut Writing<'_>,
+    writer: &mut CrateWriter<'_>,
 ) -> Result<ResearchObject, CliError> {
-    let (workflow, sources) = write_sources(pipeline, built, writing)?;
+    let (workflow, sources) = write_sources(pipeline, built, writer)?;
     let stages: Result<Vec<CrateStage>, CliError> = built
         .stages
         .iter()
-        .map(|stage| write_stage(stage, pipeline, store, writing))
+        .map(|stage| write_stage(stage, pipeline, store, writer))
         .collect();
     let mut object = ResearchObject {
         name: pipeline.name.clone(),
@@ -191,28 +189,28 @@ fn write_all(
         stages: stages?,
         files: Vec::new(),
     };
-    writing.put(
+    writer.put(
         "README.md",
         object.readme().as_bytes(),
         "What is in this folder",
         "text/markdown",
     )?;
-    object.files = writing.files.clone();
+    object.files = writer.files.clone();
     let metadata = serde_json::to_string_pretty(&object.metadata()).map_err(|e| CliError::failure(e.to_string()))?;
-    let target = writing.place(METADATA)?;
+    let target = writer.target(METADATA)?;
     fs::write(&target, metadata + "\n").map_err(failed(&target))?;
     Ok(object)
 }
 
-/// The pipeline, the scene that it names, and the lock file; gives the paths of the first and of the others that are read.
+/// Writes the pipeline, the files that it reads, and the lock file; returns the path of the pipeline and of the files.
 fn write_sources(
     pipeline: &Pipeline,
     built: &BuiltStages,
-    writing: &mut Writing<'_>,
+    writer: &mut CrateWriter<'_>,
 ) -> Result<(String, Vec<String>), CliError> {
     const YAML: &str = "application/yaml";
     let read = |path: &Path| {
-        let bytes = read_bounded(path, LONGEST);
+        let bytes = read_bounded(path, MAX_BYTES);
         bytes.map_err(|error| CliError::failure(format!("cannot read {}: {error}", path.display())))
     };
     let name = pipeline
@@ -222,11 +220,11 @@ fn write_sources(
         .to_string_lossy()
         .into_owned();
     let workflow = format!("workflow/{name}");
-    writing.put(&workflow, &read(&pipeline.path)?, "The pipeline", YAML)?;
+    writer.put(&workflow, &read(&pipeline.path)?, "The pipeline", YAML)?;
     let mut sources = Vec::new();
     if let Some(scene) = scene_file(pipeline)? {
         let path = format!("workflow/{scene}");
-        writing.put(
+        writer.put(
             &path,
             &read(&folder_of(&pipeline.path).join(&scene))?,
             "The scene of the pipeline",
@@ -237,9 +235,9 @@ fn write_sources(
     for (number, file) in named_files(pipeline)?.into_iter().enumerate() {
         let path = format!("workflow/{file}");
         let source = folder_of(&pipeline.path).join(&file);
-        let target = writing.place(&path)?;
+        let target = writer.target(&path)?;
         fs::copy(&source, &target).map_err(failed(&source))?;
-        writing.note(
+        writer.add(
             &path,
             format!("File {} that stages read", number + 1),
             media_type(&file),
@@ -248,16 +246,16 @@ fn write_sources(
     }
     let lock = built.lock_file(&pipeline.name).text();
     let beside = LockFile::path_for(Path::new(&workflow)).to_string_lossy().into_owned();
-    writing.put(
+    writer.put(
         &beside,
         lock.as_bytes(),
-        "Keys and digests of all stages, to which `deaflow run --locked` holds a rerun",
+        "Keys and digests of all stages; `deaflow run --locked` compares a rerun with them",
         YAML,
     )?;
     Ok((workflow, sources))
 }
 
-/// The files that stages and the scene read, each once: paths below the folder of the pipeline.
+/// Returns the files that stages and the scene read: paths below the folder of the pipeline.
 fn named_files(pipeline: &Pipeline) -> Result<BTreeSet<String>, CliError> {
     let mut files: Vec<String> = pipeline.stages.iter().flat_map(|stage| stage.files.clone()).collect();
     files.extend(scene_files(&Document::load(&pipeline.path)?.root));
@@ -279,7 +277,7 @@ fn media_type(file: &str) -> &'static str {
     }
 }
 
-/// The file of the scene, where the pipeline names one: a path below its own folder.
+/// Returns the file of the scene, if the pipeline names one: a path below its own folder.
 fn scene_file(pipeline: &Pipeline) -> Result<Option<String>, CliError> {
     let document = Document::load(&pipeline.path)?;
     let Some(node) = document
@@ -292,7 +290,7 @@ fn scene_file(pipeline: &Pipeline) -> Result<Option<String>, CliError> {
     below("the scene's file", node.text("scene")?).map(Some)
 }
 
-/// A path by folders and a name alone.
+/// Normalizes a path, which must be below the folder of the pipeline.
 fn below(what: &str, named: &str) -> Result<String, CliError> {
     let steps: Vec<Component<'_>> = Path::new(named)
         .components()
@@ -300,8 +298,8 @@ fn below(what: &str, named: &str) -> Result<String, CliError> {
         .collect();
     if steps.iter().any(|step| !matches!(step, Component::Normal(_))) {
         return Err(
-            CliError::bad_input(format!("{what} {named} is not named by folders and a name alone"))
-                .help("name it without `..`: a crate holds it in the same place"),
+            CliError::bad_input(format!("{what} {named} is not below the folder of the pipeline"))
+                .help("use a relative path without `..`: the crate has the same folders"),
         );
     }
     let steps: Vec<_> = steps.iter().map(|step| step.as_os_str().to_string_lossy()).collect();
@@ -312,17 +310,17 @@ fn write_stage(
     stage: &BuiltStage,
     pipeline: &Pipeline,
     store: &Store,
-    writing: &mut Writing<'_>,
+    writer: &mut CrateWriter<'_>,
 ) -> Result<CrateStage, CliError> {
     let artifact = store.artifact(&stage.record.artifact)?;
     let ancestry = store.ancestry(&artifact)?;
     let digest = stage.record.artifact.to_string();
     let path = format!("artifacts/{}-{digest:.12}.h5", file_name(&stage.name));
-    if !writing.files.iter().any(|file| file.path == path) {
-        write_standalone(&writing.place(&path)?, &artifact, &ancestry, &software(), &writing.bar)?;
-        writing.note(
+    if !writer.files.iter().any(|file| file.path == path) {
+        write_standalone(&writer.target(&path)?, &artifact, &ancestry, &software(), &writer.bar)?;
+        writer.add(
             &path,
-            format!("What the stage {} of kind {} made", stage.name, stage.kind),
+            format!("Result of the stage {} of kind {}", stage.name, stage.kind),
             "application/x-hdf5",
         )?;
     }
@@ -330,12 +328,12 @@ fn write_stage(
     for figure in figure_files(store, &pipeline.file(), &pipeline.name, &stage.name, &digest) {
         let name = figure.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let path = format!("figures/{name}");
-        fs::copy(&figure, writing.place(&path)?).map_err(failed(&figure))?;
-        writing.note(&path, format!("Figure of the stage {}", stage.name), "image/png")?;
+        fs::copy(&figure, writer.target(&path)?).map_err(failed(&figure))?;
+        writer.add(&path, format!("Figure of the stage {}", stage.name), "image/png")?;
         figures.push(path);
     }
     let own = artifact.provenance()?;
-    let told = |name: &str| own.get(name).cloned().unwrap_or_default();
+    let provenance = |name: &str| own.get(name).cloned().unwrap_or_default();
     Ok(CrateStage {
         name: stage.name.clone(),
         kind: stage.kind.to_owned(),
@@ -348,13 +346,13 @@ fn write_stage(
             began(&stage.record.created, stage.record.seconds),
             stage.record.created.clone(),
         ],
-        host: told("host"),
-        program: [stage.record.version.clone(), told("build")],
+        host: provenance("host"),
+        program: [stage.record.version.clone(), provenance("build")],
         figures,
     })
 }
 
-/// When work began that ended at a time and took so many seconds; the end where that cannot be said.
+/// Returns when work began that ended at a time and took this long; the end if that is not known.
 fn began(ended: &str, seconds: f64) -> String {
     let begin = || {
         let ended = humantime::parse_rfc3339(ended).ok()?;

@@ -1,29 +1,28 @@
-//! Finds the calibration of a model: the one that is named, or the one that the last run which has one made.
+//! Finds the calibration of a model: the one that is named, or that of the last run which calibrated the model.
 
 use std::path::Path;
 
 use super::PredictArguments;
-use crate::error::CliError;
-use crate::{locate, model};
+use crate::{CliError, locate, model};
 use deaflow_base::Digest;
 use deaflow_content::Calibration;
 use deaflow_stage::calibrate::{self, CalibratedModel};
 use deaflow_store::Artifact;
 
-/// A calibration with where it comes from.
+/// A calibration and its source.
 pub struct NamedCalibration {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// The digest of its artifact.
     pub digest: String,
-    /// Itself.
-    pub of: CalibratedModel,
+    /// The calibration.
+    pub calibrated: CalibratedModel,
 }
 
-/// The calibration of a model given as the bytes of its file; none where none is named and no run in the store has one.
+/// Finds the calibration of the model in a file with these bytes; none if none is named and no run has made one.
 ///
 /// # Errors
-/// When the one that is named is none, is of another model, or is damaged.
+/// When the named artifact is not a calibration of this model, or is damaged.
 pub fn find(arguments: &PredictArguments, weights: &[u8]) -> Result<Option<NamedCalibration>, CliError> {
     let (store, weights) = (arguments.store_folder(), Digest::of(weights).to_string());
     let found = match &arguments.calibration {
@@ -31,7 +30,7 @@ pub fn find(arguments: &PredictArguments, weights: &[u8]) -> Result<Option<Named
             let artifact = model::of_kind(name, &store, "calibrate", "calibration")?;
             Some((name.clone(), artifact))
         }
-        // A file stands for itself: what the store of this folder has may be of another project.
+        // The store of this folder may belong to another project than the file.
         None if model::is_file(&arguments.model) => None,
         None => of_runs(&store, &weights)?,
     };
@@ -39,34 +38,36 @@ pub fn find(arguments: &PredictArguments, weights: &[u8]) -> Result<Option<Named
         return Ok(None);
     };
     let digest = artifact.digest();
-    let read = calibrate::read(&artifact).map_err(|e| CliError::failure(e.to_string()));
-    match read? {
-        Some(of) if of.weights == weights => Ok(Some(NamedCalibration {
+    let read = calibrate::read(&artifact).map_err(|e| CliError::failure(e.to_string()))?;
+    match read {
+        Some(calibrated) if calibrated.weights == weights => Ok(Some(NamedCalibration {
             name,
             digest: digest.to_string(),
-            of,
+            calibrated,
         })),
-        Some(of) => Err(CliError::bad_input(format!(
-            "the calibration {} is of the model {:.12}, and not of {}",
+        Some(other) => Err(CliError::bad_input(format!(
+            "calibration {} belongs to the model {:.12}, not to {}",
             digest.short(),
-            of.model,
+            other.model,
             arguments.model
         ))
-        .help("make one of this model: a stage of kind `calibrate` that needs it and patterns it never saw")),
+        .help(
+            "calibrate this model: add a stage of kind `calibrate` that needs it and patterns it was not trained on",
+        )),
         None => Err(CliError::bad_input(format!(
-            "artifact {} is no calibration",
+            "artifact {} is not a calibration",
             digest.short()
         ))),
     }
 }
 
-/// What the newest run that calibrated the model made; of several calibrations the one of the most patterns.
+/// The calibration of the newest run that calibrated the model; of several, the one from the most patterns.
 fn of_runs(store: &Path, weights: &str) -> Result<Option<(String, Artifact)>, CliError> {
     let store = locate::existing_store(store)?;
     for run in store.runs()? {
         let mut found: Vec<(u64, String, Artifact)> = Vec::new();
         for stage in run?.stages.iter().filter(|stage| stage.kind == "calibrate") {
-            // What old runs made may have been removed since.
+            // Artifacts of old runs may have been removed since.
             if store.find(&stage.artifact.to_string())?.is_empty() {
                 continue;
             }

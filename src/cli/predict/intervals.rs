@@ -1,4 +1,4 @@
-//! What a calibration says of predictions: in the file, as rows of a table, for programs and for people.
+//! Intervals of predictions: as arrays, as rows of a table, for programs and for people.
 
 use std::path::Path;
 
@@ -6,12 +6,11 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::calibration::NamedCalibration;
-use crate::error::CliError;
-use crate::outcomes::FEW as SHOWN;
+use crate::results::FEW;
 use crate::table::{Cell, Table, table};
 use crate::text::Text;
 use crate::tone::Tone;
-use crate::write;
+use crate::{CliError, csv, write};
 use deaflow_base::Document;
 use deaflow_content::{LongTexts, ObjectiveIntervals, PredictionIntervals};
 use deaflow_design::{Goal, Objective};
@@ -20,21 +19,21 @@ use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 use deaflow_surrogate::{COVERAGE, Interval};
 
-/// A number that is asked for beside the field.
-struct Wanted {
+/// A displacement whose interval is requested.
+struct RequestedObjective {
     text: String,
     goal: Goal,
 }
 
-/// Intervals of some predictions.
+/// The intervals of predictions.
 pub struct Intervals {
     calibration: NamedCalibration,
     objectives: Vec<String>,
-    rows: Vec<Row>,
+    rows: Vec<PredictionRow>,
 }
 
-/// What is said of one prediction; numbers with the lower and the upper end of their interval.
-struct Row {
+/// The intervals of one prediction; numbers with the lower and the upper end of their interval.
+struct PredictionRow {
     interval: Interval,
     /// The largest displacement magnitude, mm.
     largest: [f64; 3],
@@ -43,39 +42,39 @@ struct Row {
 }
 
 impl Intervals {
-    /// Of predictions of the calibrated model, with objectives in YAML.
+    /// Computes the intervals of predictions of the calibrated model, with objectives in YAML.
     ///
     /// # Errors
-    /// When an objective cannot be read, or lies outside the membrane.
+    /// When an objective cannot be read, or is outside the membrane.
     pub fn of(
         calibration: NamedCalibration,
         objectives: &[String],
         patterns: &[Pattern],
         fields: &[Field],
     ) -> Result<Self, CliError> {
-        let scene = &calibration.of.scene;
-        let wanted = objectives
+        let scene = &calibration.calibrated.scene;
+        let requested = objectives
             .iter()
-            .map(|text| wanted(text, scene))
+            .map(|text| requested_objective(text, scene))
             .collect::<Result<Vec<_>, _>>()?;
-        let own = &calibration.of.calibration;
-        let half_widths: Vec<_> = wanted
+        let model = &calibration.calibrated.calibration;
+        let half_widths: Vec<_> = requested
             .iter()
-            .map(|wanted| own.objective(&|field| wanted.goal.value_mm(std::slice::from_ref(field))))
+            .map(|objective| model.objective(&|field| objective.goal.value_mm(std::slice::from_ref(field))))
             .collect();
         let row = |(pattern, field): (&Pattern, &Field)| {
-            let interval = own.interval(pattern, field);
-            // A vector whose components are off by at most r is off by at most √2 r.
+            let interval = model.interval(pattern, field);
+            // An error of at most r in each component is an error of at most √2 r of the vector.
             let off = std::f64::consts::SQRT_2 * interval.radius_mm;
             let largest = field.max_magnitude();
-            let objectives = wanted.iter().zip(&half_widths).map(|(wanted, intervals)| {
+            let objectives = requested.iter().zip(&half_widths).map(|(objective, intervals)| {
                 let (value, off) = (
-                    wanted.goal.value_mm(std::slice::from_ref(field)),
+                    objective.goal.value_mm(std::slice::from_ref(field)),
                     intervals.half_width(pattern, field),
                 );
                 [value, value - off, value + off]
             });
-            Row {
+            PredictionRow {
                 interval,
                 largest: [largest, (largest - off).max(0.0), largest + off],
                 objectives: objectives.collect(),
@@ -85,22 +84,22 @@ impl Intervals {
         drop(half_widths);
         Ok(Self {
             calibration,
-            objectives: wanted.into_iter().map(|wanted| wanted.text).collect(),
+            objectives: requested.into_iter().map(|objective| objective.text).collect(),
             rows,
         })
     }
 
-    /// Digest of the calibration.
+    /// Returns the digest of the calibration.
     pub fn digest(&self) -> String {
         self.calibration.digest.clone()
     }
 
-    /// The families that it was made from.
+    /// Returns the families of patterns that it was made from.
     pub fn basis(&self) -> String {
-        self.calibration.of.basis()
+        self.calibration.calibrated.basis()
     }
 
-    /// As arrays.
+    /// Returns the arrays for the file.
     pub fn content(&self) -> PredictionIntervals {
         let rows = || self.rows.iter();
         let of_objectives = |end: usize| {
@@ -122,13 +121,12 @@ impl Intervals {
         }
     }
 
-    /// As comma-separated values with a header, one row for each prediction.
+    /// Returns comma-separated values with a header, one row per prediction.
     ///
     /// # Errors
-    /// When a row cannot be written.
-    pub fn csv(&self) -> Result<Vec<u8>, csv::Error> {
-        let mut writer = csv::Writer::from_writer(Vec::new());
-        let mut header: Vec<String> = [
+    /// When memory is short.
+    pub fn csv(&self) -> Result<String, CliError> {
+        let fixed = [
             "pattern",
             "max_displacement_mm",
             "max_displacement_lower_mm",
@@ -137,32 +135,34 @@ impl Intervals {
             "coverage",
             "novelty",
             "out_of_distribution",
-        ]
-        .map(str::to_owned)
-        .into();
+        ];
+        let mut header: Vec<String> = fixed.map(str::to_owned).into();
         for k in 1..=self.objectives.len() {
-            let names = ["", "_lower", "_upper"].map(|end| format!("objective_{k}{end}_mm"));
-            header.extend(names);
+            header.extend(["", "_lower", "_upper"].map(|end| format!("objective_{k}{end}_mm")));
         }
-        writer.write_record(&header)?;
-        for (index, row) in self.rows.iter().enumerate() {
-            let numbers = row.largest.into_iter().chain([row.interval.radius_mm]);
+        let row = |(index, row): (usize, &PredictionRow)| {
+            let PredictionRow {
+                interval,
+                largest,
+                objectives,
+            } = row;
             let mut cells = vec![index.to_string()];
-            cells.extend(numbers.map(|mm| mm.to_string()));
+            cells.extend(largest.map(|mm| mm.to_string()));
+            cells.push(interval.radius_mm.to_string());
             cells.push(COVERAGE.to_string());
-            cells.push(row.interval.novelty.to_string());
-            cells.push(u8::from(row.interval.out_of_distribution).to_string());
-            cells.extend(row.objectives.iter().flatten().map(|mm| mm.to_string()));
-            writer.write_record(&cells)?;
-        }
-        Ok(writer.into_inner().map_err(|e| e.into_error())?)
+            cells.push(interval.novelty.to_string());
+            cells.push(u8::from(interval.out_of_distribution).to_string());
+            cells.extend(objectives.iter().flatten().map(|mm| mm.to_string()));
+            cells
+        };
+        csv::text(&header, self.rows.iter().enumerate().map(row))
     }
 
-    /// For programs.
+    /// Describes the intervals for programs.
     pub fn document(&self, table: Option<&Path>) -> Value {
         let ends =
             |[value, lower, upper]: [f64; 3]| json!({ "predicted_mm": value, "lower_mm": lower, "upper_mm": upper });
-        let row = |(index, row): (usize, &Row)| {
+        let row = |(index, row): (usize, &PredictionRow)| {
             json!({
                 "index": index,
                 "max_displacement": ends(row.largest),
@@ -183,14 +183,14 @@ impl Intervals {
         })
     }
 
-    /// For people.
+    /// Describes the intervals for people.
     pub fn text(&self, table: Option<&Path>) -> Text {
         let mut text = Text::of(self.overview());
-        let more = self.rows.len().saturating_sub(SHOWN);
+        let more = self.rows.len().saturating_sub(FEW);
         if more > 0 {
             text.line(match table {
                 Some(table) => format!("and {more} more in {}", table.display()),
-                None => format!("and {more} more: --json has all, and -o OUT.h5 writes them"),
+                None => format!("and {more} more: use --json, or write all with -o OUT.h5"),
             });
         }
         for (k, objective) in self.objectives.iter().enumerate() {
@@ -198,20 +198,20 @@ impl Intervals {
         }
         let (name, digest) = (&self.calibration.name, &self.calibration.digest);
         text.line(format!(
-            "{:.0} % of patterns like those of the calibration lie wholly within the radius, each component at each corner; the \
-             interval of an objective covers as often",
+            "for {:.0} % of patterns like those of the calibration, each component of the displacement at each corner is \
+             within the radius; intervals of objectives have the same coverage",
             100.0 * COVERAGE
         ));
-        text.line(format!("calibration {name} ({digest:.12}), on {}", self.basis()));
+        text.line(format!("calibration {name} ({digest:.12}), made from {}", self.basis()));
         let tone = match self.flagged() {
             0 => Tone::Plain,
             _ => Tone::Caution,
         };
         let verdict = match self.flagged() {
-            0 => "no pattern is out of distribution".to_owned(),
+            0 => "all patterns are like those of the calibration".to_owned(),
             n => format!(
-                "{n} of {} patterns are out of distribution (novelty above 1): of these nothing is promised; simulate them with \
-                 `deaflow solve`",
+                "{n} of {} patterns are out of distribution (novelty above 1): their intervals are not reliable; simulate \
+                 them with `deaflow solve`",
                 self.rows.len()
             ),
         };
@@ -233,12 +233,12 @@ impl Intervals {
         let mut header = vec!["pattern", "largest mm", "radius mm"];
         header.extend(objectives.iter().map(String::as_str));
         header.extend(["novelty", ""]);
-        // What was asked for stands below a line before it leaves.
-        let asked_for = header[3..header.len() - 2].to_vec();
+        // Objectives are placed below a row before columns are dropped.
+        let objectives = header[3..header.len() - 2].to_vec();
         let mut table = table(&header, &header[..header.len() - 1])
-            .flowing(&asked_for)
+            .flowing(&objectives)
             .dispensable(&["radius mm"]);
-        for (index, row) in self.rows.iter().enumerate().take(SHOWN) {
+        for (index, row) in self.rows.iter().enumerate().take(FEW) {
             let ends = |[value, lower, upper]: [f64; 3]| format!("{value:.4} [{lower:.4}, {upper:.4}]");
             let mut cells: Vec<Cell> = vec![index.into(), ends(row.largest).into()];
             cells.push(format!("{:.4}", row.interval.radius_mm).into());
@@ -255,12 +255,12 @@ impl Intervals {
     }
 }
 
-/// An objective in the syntax of a design stage, in a scene.
-fn wanted(text: &str, scene: &Scene) -> Result<Wanted, CliError> {
+/// Reads an objective in the syntax of a design stage.
+fn requested_objective(text: &str, scene: &Scene) -> Result<RequestedObjective, CliError> {
     let document = Document::from_text(Path::new("--objective"), text)?;
     let objective = Objective::read(&document.root)?;
     let goal = objective.goal(scene, None, 0.0);
-    Ok(Wanted {
+    Ok(RequestedObjective {
         text: objective.to_text(),
         goal: goal.map_err(|e| document.root.error(e.to_string()))?,
     })

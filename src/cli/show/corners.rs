@@ -2,8 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::error::CliError;
-use crate::output::{Exit, Output};
+use crate::{CliError, Exit, Output};
 use deaflow_report::RowSource;
 use deaflow_scene::Scene;
 use deaflow_store::Data;
@@ -65,7 +64,7 @@ pub fn print(source: &dyn RowSource, scene: Option<&str>, output: &Output) -> Re
         output.plain(&lines)?;
     }
     if without > 0 {
-        output.complain(&format!(
+        output.note(&format!(
             "no lines of {without} of {samples} samples, which have no field"
         ));
     }

@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use super::{ShowArguments, Shown, ShownDataset, corners, print, print_rows, statistics};
-use crate::error::CliError;
-use crate::output::{Exit, Output};
+use crate::{CliError, Exit, Output};
 use deaflow_hdf::{Array, HdfFile, Tree};
 use deaflow_report::{RowSource, Rows, RowsError};
 use deaflow_store::{Content, Data, ElementType, StoreError, long_texts};

@@ -6,34 +6,30 @@ use clap::{Args, Command};
 use clap_mangen::Man;
 use serde_json::json;
 
-use super::commands::command_line;
-use super::error::CliError;
-use super::examples::{HEADING, examples};
-use super::output::{Exit, Output};
-use super::write;
+use super::command_line;
+use crate::examples::HEADING;
+use crate::{CliError, Exit, Output, write};
 
-/// Write manual pages, one for each command
+/// Write a manual page for each command
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow man ~/.local/share/man/man1"))]
 pub struct ManArguments {
-    /// The folder for deaflow.1, deaflow-run.1 and the others; it is made where there is none
+    /// The folder for deaflow.1, deaflow-run.1 and the others; it is created if missing
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
 }
 
 pub fn execute(arguments: &ManArguments, output: &Output) -> Result<Exit, CliError> {
     write::folder(&arguments.folder)?;
-    // `deaflow help COMMAND` prints what the pages say.
+    // The pages replace `deaflow help COMMAND`.
     let mut command = command_line().disable_help_subcommand(true);
     command.build();
     let mut files = Vec::new();
     write_pages(&command, &arguments.folder, &mut files)?;
-    if output.is_json() {
-        output.document(&json!({ "files": files }))?;
-    } else {
-        output.text(format!("{}: {} manual pages", arguments.folder.display(), files.len()))?;
-    }
-    Ok(Exit::Done)
+    output.result(
+        || json!({ "files": files }),
+        || format!("{}: {} manual pages", arguments.folder.display(), files.len()),
+    )
 }
 
 fn write_pages(command: &Command, folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), CliError> {
@@ -41,7 +37,7 @@ fn write_pages(command: &Command, folder: &Path, files: &mut Vec<PathBuf>) -> Re
     let file = folder.join(page.get_filename());
     let mut text = Vec::new();
     page.render(&mut text)
-        .map_err(|error| CliError::failure(format!("cannot make {}: {error}", file.display())))?;
+        .map_err(|error| CliError::failure(format!("cannot format {}: {error}", file.display())))?;
     let text = String::from_utf8_lossy(&text).replace("\n.SH EXTRA\n", "\n.SH EXAMPLES\n");
     write::file(&file, text.as_bytes())?;
     files.push(file);
@@ -51,7 +47,7 @@ fn write_pages(command: &Command, folder: &Path, files: &mut Vec<PathBuf>) -> Re
     Ok(())
 }
 
-/// On a page a section says what they are.
+/// Removes the heading of the examples: on a page they are a section.
 fn with_examples_alone(command: Command) -> Command {
     let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
     match text.strip_prefix(HEADING) {

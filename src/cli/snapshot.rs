@@ -1,40 +1,39 @@
-//! What is compared: a past run, a pipeline as it stands, a lock file, or an artifact; its parameters and its results.
+//! Parameters and results of a past run, a pipeline, a lock file or an artifact, for comparisons.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::error::CliError;
-use super::{locate, log, run};
+use super::{CliError, locate, log, pipeline};
 use deaflow_base::{ArtifactId, Canonical, Override, readable_time};
 use deaflow_orchestrator::{Environment, Kind, Registry, StageError, as_set, file_of, plan};
 use deaflow_stage as stage;
 use deaflow_store::{Artifact, LockFile, Record, Run, Store, StoreError};
 
-/// The prefix of what a stage has from the scene.
+/// The prefix of parameters that come from the scene.
 const SCENE: &str = "scene.";
 
 /// One side of a comparison.
-pub struct Side {
-    /// What it is, for people.
+pub struct Snapshot {
+    /// Its description.
     pub title: String,
-    /// Whether it is a pipeline, whose values `--set` can change.
+    /// Whether it is a pipeline, whose values can be overridden.
     pub can_be_set: bool,
-    /// Kind and parameters of each stage; none where they are not known any more.
+    /// Name, kind and parameters of each stage; the parameters are missing if their record is gone.
     stages: Vec<(String, String, Option<Canonical>)>,
-    /// What is known in numbers.
+    /// The results, by name.
     pub results: BTreeMap<String, f64>,
-    /// What is not known, and why.
+    /// What is unknown, and why.
     pub unknown: Vec<String>,
 }
 
-/// What was changed by `--set`, as words that follow a command or a file: a blank before each.
+/// Formats overrides as arguments, each after a space.
 pub fn sets_of(overrides: &BTreeMap<String, String>) -> String {
     let sets = overrides.iter().map(|(path, value)| format!(" --set {path}={value}"));
     sets.collect()
 }
 
-impl Side {
-    /// Nothing known yet.
+impl Snapshot {
+    /// Returns an empty snapshot.
     pub fn new(title: String) -> Self {
         Self {
             title,
@@ -45,13 +44,13 @@ impl Side {
         }
     }
 
-    /// Names of the stages whose parameters are not known any more.
+    /// Returns the names of the stages whose parameters are unknown.
     pub fn without_parameters(&self) -> impl Iterator<Item = &str> {
         let unknown = self.stages.iter().filter(|(.., parameters)| parameters.is_none());
         unknown.map(|(name, ..)| name.as_str())
     }
 
-    /// Whether what a path names is of a stage whose parameters are not known here.
+    /// Whether a path belongs to a stage whose parameters are unknown.
     pub fn is_unknown(&self, path: &str) -> bool {
         let of_stage = |name: &str| {
             let rest = path.strip_prefix("stages.").and_then(|rest| rest.strip_prefix(name));
@@ -60,8 +59,8 @@ impl Side {
         self.without_parameters().any(of_stage)
     }
 
-    /// All parameters by the paths that `--set` takes: `scene.drive.voltage`, where all stages that have it have it alike, or else
-    /// `stages.NAME.scene.drive.voltage`.
+    /// Returns all parameters by the paths of `--set`: `scene.drive.voltage` if it is the same for all stages that have it,
+    /// otherwise `stages.NAME.scene.drive.voltage`.
     pub fn parameters(&self) -> BTreeMap<String, Canonical> {
         let mut all = BTreeMap::new();
         let mut of_scene: BTreeMap<String, Vec<(&str, &Canonical)>> = BTreeMap::new();
@@ -88,13 +87,13 @@ impl Side {
     }
 }
 
-/// Where sides are looked for.
-pub struct Places<'a> {
+/// Reads snapshots of what arguments name.
+pub struct SnapshotReader<'a> {
     store: &'a Store,
     registry: Registry,
 }
 
-impl<'a> Places<'a> {
+impl<'a> SnapshotReader<'a> {
     pub fn new(store: &'a Store) -> Self {
         Self {
             store,
@@ -102,11 +101,11 @@ impl<'a> Places<'a> {
         }
     }
 
-    /// The side that an argument names. `sets` change it where it is a pipeline.
+    /// Reads what an argument names; `sets` override values of a pipeline.
     ///
     /// # Errors
-    /// When there is none, or what it names cannot be read.
-    pub fn side(&self, argument: &str, sets: &[Override]) -> Result<Side, CliError> {
+    /// When it does not exist or cannot be read.
+    pub fn read(&self, argument: &str, sets: &[Override]) -> Result<Snapshot, CliError> {
         let path = Path::new(argument);
         let extension = path.extension().and_then(|extension| extension.to_str());
         if let Some((pipeline, number)) = argument.rsplit_once('@') {
@@ -119,11 +118,13 @@ impl<'a> Places<'a> {
         }
     }
 
-    /// A run by its place in the list of all, or of those of a pipeline; 1 is the last.
-    fn of_number(&self, pipeline: &str, number: &str) -> Result<Side, CliError> {
-        let Some(place) = number.parse::<usize>().ok().filter(|place| *place > 0) else {
-            return Err(CliError::bad_input(format!("{number:?} after `@` is no number from 1"))
-                .help("@1 is the last run, @2 the one before, PIPELINE.yaml@1 the last of a pipeline"));
+    /// Reads a run by its position in the list of all runs, or of those of a pipeline; 1 is the last.
+    fn of_number(&self, pipeline: &str, number: &str) -> Result<Snapshot, CliError> {
+        let Some(position) = number.parse::<usize>().ok().filter(|position| *position > 0) else {
+            return Err(
+                CliError::bad_input(format!("{number:?} after `@` is not a positive number"))
+                    .help("@1 is the last run, @2 the one before it, PIPELINE.yaml@1 the last run of a pipeline"),
+            );
         };
         let path = Path::new(pipeline);
         let all = self.store.runs()?;
@@ -135,7 +136,7 @@ impl<'a> Places<'a> {
         for run in runs {
             let run = run?;
             seen += 1;
-            if seen == place {
+            if seen == position {
                 return self.of_run(&run);
             }
         }
@@ -145,83 +146,74 @@ impl<'a> Places<'a> {
             format!(" of {pipeline}")
         };
         Err(CliError::bad_input(format!(
-            "there is no run @{place}{of}: {seen} are remembered in {}",
+            "there is no run @{position}{of}: {seen} runs are recorded in {}",
             self.store.root().display()
         ))
-        .help("`deaflow log` lists them"))
+        .help("list them with `deaflow log`"))
     }
 
-    /// What a run did, without what came of it.
+    /// Reads the parameters of a run, without its results.
     ///
     /// # Errors
     /// When the store cannot be read.
-    pub fn parameters_of_run(&self, run: &Run) -> Result<Side, CliError> {
-        let mut side = Side::new(run.id.clone());
+    pub fn parameters_of_run(&self, run: &Run) -> Result<Snapshot, CliError> {
+        let (id, created) = (&run.id, readable_time(&run.created));
+        let mut snapshot = Snapshot::new(format!("run {id} of {} at {created}", run.pipeline));
         for stage in &run.stages {
             let record = self.store.record(&stage.key)?.record();
-            self.stage(&mut side, &stage.name, &stage.kind, record.as_ref());
+            self.stage(&mut snapshot, &stage.name, &stage.kind, record.as_ref());
         }
-        Ok(side)
+        Ok(snapshot)
     }
 
-    fn of_run(&self, run: &Run) -> Result<Side, CliError> {
-        let mut side = Side::new(format!(
-            "run {} of {} at {}",
-            run.id,
-            run.pipeline,
-            readable_time(&run.created)
-        ));
-        for stage in &run.stages {
-            let record = self.store.record(&stage.key)?.record();
-            self.stage(&mut side, &stage.name, &stage.kind, record.as_ref());
-        }
-        side.results.clone_from(&run.results);
+    fn of_run(&self, run: &Run) -> Result<Snapshot, CliError> {
+        let mut snapshot = self.parameters_of_run(run)?;
+        snapshot.results.clone_from(&run.results);
         if run.results.is_empty() {
             for stage in &run.stages {
-                self.results(&mut side, &stage.name, &stage.artifact);
+                self.results(&mut snapshot, &stage.name, &stage.artifact);
             }
         }
-        Ok(side)
+        Ok(snapshot)
     }
 
-    fn of_pipeline(&self, path: &Path, sets: &[Override]) -> Result<Side, CliError> {
-        let pipeline = run::load_file(path, sets, true)?;
+    fn of_pipeline(&self, path: &Path, sets: &[Override]) -> Result<Snapshot, CliError> {
+        let pipeline = pipeline::load_file(path, sets, true)?;
         let reports = plan(&pipeline, self.store, None, &Environment::system())?;
         let sets = sets_of(&pipeline.overrides);
-        let mut side = Side::new(format!("{}{sets} as it stands", path.display()));
-        side.can_be_set = true;
+        let mut snapshot = Snapshot::new(format!("{}{sets}, current", path.display()));
+        snapshot.can_be_set = true;
         for (spec, report) in pipeline.stages.iter().zip(&reports) {
             let parameters = Some(spec.stage.parameters());
-            side.stages
+            snapshot
+                .stages
                 .push((spec.name.clone(), spec.kind.name().to_owned(), parameters));
             match report.digest.filter(|_| report.why.is_none()) {
-                Some(digest) => self.results(&mut side, &spec.name, &digest),
-                None => side
-                    .unknown
-                    .push(format!("results of `{}`, which is not built", spec.name)),
+                Some(digest) => self.results(&mut snapshot, &spec.name, &digest),
+                None => snapshot.unknown.push(format!("results of `{}`: not built", spec.name)),
             }
         }
-        Ok(side)
+        Ok(snapshot)
     }
 
-    fn of_lock_file(&self, path: &Path) -> Result<Side, CliError> {
+    fn of_lock_file(&self, path: &Path) -> Result<Snapshot, CliError> {
         let lock = LockFile::read(path)?;
-        let mut side = Side::new(format!("lock file {}", path.display()));
+        let mut snapshot = Snapshot::new(format!("lock file {}", path.display()));
         for (name, stage) in &lock.stages {
             let record = self.store.record(&stage.key)?.record();
             let kind = record
                 .as_ref()
                 .map_or("", |record| record.action.kind.as_str())
                 .to_owned();
-            self.stage(&mut side, name, &kind, record.as_ref());
-            self.results(&mut side, name, &stage.artifact);
+            self.stage(&mut snapshot, name, &kind, record.as_ref());
+            self.results(&mut snapshot, name, &stage.artifact);
         }
-        Ok(side)
+        Ok(snapshot)
     }
 
-    /// A run, or else an artifact, whose name or digest begins so.
-    fn of_digits(&self, digits: &str) -> Result<Side, CliError> {
-        if digits.len() >= locate::LEAST {
+    /// Reads the run, or else the artifact, whose name or digest begins with these digits.
+    fn of_digits(&self, digits: &str) -> Result<Snapshot, CliError> {
+        if digits.len() >= locate::MIN_DIGITS {
             for run in self.store.runs()? {
                 let run = run?;
                 if run.id.starts_with(&digits.to_ascii_lowercase()) {
@@ -235,49 +227,49 @@ impl<'a> Places<'a> {
         let record = key.map(|key| self.store.record(&key)).transpose()?;
         let record = record.and_then(deaflow_store::Lookup::record);
         let kind = artifact.kind().to_owned();
-        let mut side = Side::new(format!("artifact {} ({kind})", artifact.digest().short()));
-        // Two artifacts of a kind are compared whatever their stages are called.
-        self.stage(&mut side, &kind, &kind, record.as_ref());
-        self.results_of(&mut side, &kind, &artifact);
-        Ok(side)
+        let mut snapshot = Snapshot::new(format!("artifact {} ({kind})", artifact.digest().short()));
+        // Stages are named by kind, so that artifacts of stages with different names can be compared.
+        self.stage(&mut snapshot, &kind, &kind, record.as_ref());
+        self.results_of(&mut snapshot, &kind, &artifact);
+        Ok(snapshot)
     }
 
-    fn stage(&self, side: &mut Side, name: &str, kind: &str, record: Option<&Record>) {
+    fn stage(&self, snapshot: &mut Snapshot, name: &str, kind: &str, record: Option<&Record>) {
         let parameters = record.map(|record| record.action.parameters.clone());
         if parameters.is_none() {
-            side.unknown.push(format!(
-                "parameters of `{name}` in {}: there is no record of them",
-                side.title
-            ));
-        }
-        side.stages.push((name.to_owned(), kind.to_owned(), parameters));
-    }
-
-    /// Reads the results of a stage from its artifact, where that is there.
-    fn results(&self, side: &mut Side, name: &str, digest: &ArtifactId) {
-        match self.store.artifact(digest) {
-            Ok(artifact) => self.results_of(side, name, &artifact),
-            Err(error) => side
+            snapshot
                 .unknown
-                .push(format!("results of `{name}` in {}: {error}", side.title)),
+                .push(format!("parameters of `{name}` in {}: no record", snapshot.title));
+        }
+        snapshot.stages.push((name.to_owned(), kind.to_owned(), parameters));
+    }
+
+    /// Reads the results of a stage from its artifact, if it exists.
+    fn results(&self, snapshot: &mut Snapshot, name: &str, digest: &ArtifactId) {
+        match self.store.artifact(digest) {
+            Ok(artifact) => self.results_of(snapshot, name, &artifact),
+            Err(error) => snapshot
+                .unknown
+                .push(format!("results of `{name}` in {}: {error}", snapshot.title)),
         }
     }
 
-    fn results_of(&self, side: &mut Side, name: &str, artifact: &Artifact) {
+    fn results_of(&self, snapshot: &mut Snapshot, name: &str, artifact: &Artifact) {
         let kind = self.registry.kinds.iter().find(|kind| kind.name() == artifact.kind());
         let found: Option<Result<_, StageError>> = kind.map(|kind: &&dyn Kind| kind.results(artifact));
         match found {
             Some(Ok(results)) => {
                 let finite = results.into_iter().filter(|(_, value)| value.is_finite());
-                side.results
+                snapshot
+                    .results
                     .extend(finite.map(|(result, value)| (format!("{name}.{result}"), value)));
             }
-            Some(Err(error)) => side
+            Some(Err(error)) => snapshot
                 .unknown
-                .push(format!("results of `{name}` in {}: {error}", side.title)),
-            None => side.unknown.push(format!(
-                "results of `{name}` in {}: no kind {:?}",
-                side.title,
+                .push(format!("results of `{name}` in {}: {error}", snapshot.title)),
+            None => snapshot.unknown.push(format!(
+                "results of `{name}` in {}: unknown kind {:?}",
+                snapshot.title,
                 artifact.kind()
             )),
         }

@@ -1,14 +1,12 @@
-//! `deaflow completions`: what a shell needs to complete commands and options.
+//! `deaflow completions`: completion scripts for shells.
 
 use clap::Args;
 use clap_complete::{Shell, generate};
 
-use super::commands::{PROGRAM, command_line};
-use super::error::CliError;
-use super::examples::examples;
-use super::output::{Exit, Output};
+use super::{PROGRAM, command_line};
+use crate::{CliError, Exit, Output};
 
-/// Print what a shell needs to complete commands and options
+/// Generate shell completions
 #[derive(Debug, Args)]
 #[command(after_help = examples!(
     "deaflow completions bash > ~/.local/share/bash-completion/completions/deaflow",

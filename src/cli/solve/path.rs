@@ -1,107 +1,82 @@
-//! `deaflow solve --path`: how patterns get from rest to the loss of stability, and what lies beyond.
-
-use std::time::Instant;
+//! `deaflow solve --path`: load paths from rest past the critical voltage.
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::error::CliError;
-use super::output::{Exit, Output};
-use super::progress::Bar;
-use super::solve::{SolveArguments, check_file, provenance};
-use super::text::Text;
-use super::{table, write};
+use super::SolveArguments;
+use super::simulation::{Form, Simulation};
+use crate::job::{Attachments, JobResult};
+use crate::results::with_error;
+use crate::text::Text;
+use crate::{CliError, Exit, Output, csv, table};
 use deaflow_base::Progress;
 use deaflow_content::LoadPaths;
 use deaflow_fem::screening::resolve;
-use deaflow_fem::{
-    CriticalSearch, CriticalVoltage, LoadPath, MembraneSolver, MeshLimit, PathEvent, SolveOptions, check_leads,
-};
+use deaflow_fem::{CriticalSearch, CriticalVoltage, LoadPath, MembraneSolver, MeshLimit, PathEvent};
 use deaflow_pattern::Pattern;
 use deaflow_report::figures::{Branch, Limit, draw_paths};
 use deaflow_scene::Scene;
-use deaflow_stage::direct;
-use deaflow_store::write_file;
 
-/// A path, and where stability is lost once the error of its mesh is reckoned with.
-struct Followed {
+/// A load path, with the critical voltage and its error.
+struct PatternPath {
     path: LoadPath,
     critical: Option<CriticalVoltage>,
 }
 
-/// Follows the paths of patterns and writes them as arrays, as a table and as a figure.
+const FORM: Form = Form {
+    name: "path",
+    has_attachments: true,
+    of_one_state: None,
+};
+
+/// Follows the load paths of patterns; the voltage of the scene is ignored.
 ///
 /// # Errors
 /// When a file would be lost, the scene or a pattern cannot be used, memory is short, or a file cannot be written.
-pub fn execute(arguments: &SolveArguments, scene: &[&str], output: &Output) -> Result<Exit, CliError> {
-    let file = &arguments.patterns.file()?.to_owned();
-    let (values, figure) = (file.with_extension("csv"), file.with_extension("png"));
-    if [&values, &figure].contains(&file) {
-        return Err(
-            CliError::bad_input(format!("{} would be written twice", file.display()))
-                .help("-o names the HDF5 file, as in OUT.h5; OUT.csv and OUT.png are written beside it"),
-        );
-    }
-    for beside in [&values, &figure] {
-        check_file(beside, &arguments.patterns, scene)?;
-    }
-    let read = arguments.read_scene()?;
-    let patterns = direct::patterns(&arguments.patterns.patterns, read.form())?;
-    check_leads(read.leads.as_ref(), &patterns)?;
-    let options = arguments.options();
-    let (bar, start) = (Bar::new("path", "patterns", patterns.len() as u64), Instant::now());
-    let (content, paths) = paths(&read, &patterns, options, &bar)?;
-    bar.clear();
-    let seconds = start.elapsed().as_secs_f64();
-    let parameters = format!(
-        "{}, {}, tolerance: {:e}, path",
-        arguments.described(),
-        options.mesh,
-        options.tolerance
-    );
-    write_file(
-        file,
-        &content.object(),
-        &provenance("solve", parameters.clone(), seconds),
-    )?;
-    let source = format!("{}; {parameters}", file.display());
-    write::csv(
-        &values,
-        points_table(&paths).as_bytes(),
-        "deaflow solve --path",
-        &source,
-    )?;
+pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
+    let simulation = Simulation::read(arguments, &FORM)?;
+    let scene = resolve(&simulation.scene)?;
+    let solver = MembraneSolver::new(&scene, arguments.options())?;
+    let search = CriticalSearch::new(&scene, arguments.options())?;
+    let follow = |pattern: &Pattern| -> Result<PatternPath, CliError> {
+        let path = solver.path(pattern);
+        let limit = path.as_ref().and_then(LoadPath::limit);
+        let critical = limit.map(|limit| search.from(pattern, solver.mesh(), limit.voltage));
+        simulation.job.bar.advance(1);
+        let path = path.ok_or_else(|| CliError::failure("not enough memory for the factors of the tangent"))?;
+        Ok(PatternPath { path, critical })
+    };
+    // All at once: some paths take much longer than others.
+    let paths = simulation
+        .patterns
+        .par_iter()
+        .map(follow)
+        .collect::<Result<Vec<_>, _>>()?;
     let branches: Vec<Branch> = paths.iter().enumerate().map(branch).collect();
-    draw_paths(&figure, &branches)?;
-    if output.is_json() {
-        output.document(&json!({
-            "file": file,
-            "table": values,
-            "figure": figure,
-            "paths": paths.iter().map(document).collect::<Vec<_>>(),
-            "seconds": seconds,
-        }))?;
-    } else {
-        let files = [
-            file.display().to_string(),
-            write::with_metadata(&values),
-            figure.display().to_string(),
-        ];
-        let time = table::seconds(seconds);
-        let mut text = Text::of(overview(&paths));
-        text.line(format!("{} in {time}", files.join(", ")));
-        output.text(text)?;
-    }
-    Ok(Exit::Done)
+    let result = JobResult {
+        patterns: paths.len(),
+        arrays: load_paths(&simulation.patterns, &paths, scene).object(),
+        parameters: simulation.parameters(", path"),
+        attachments: Some(Attachments {
+            title: "deaflow solve --path",
+            table: points_table(&paths)?,
+            draw: Box::new(move |figure| draw_paths(figure, &branches)),
+        }),
+        warnings: Vec::new(),
+        document: json!({ "paths": paths.iter().map(document).collect::<Vec<_>>() }),
+        text: Text::of(overview(&paths)),
+        exit: Exit::Done,
+    };
+    simulation.finish(result, output)
 }
 
-/// One line per pattern.
-fn overview(paths: &[Followed]) -> table::Table {
+/// Lists the patterns.
+fn overview(paths: &[PatternPath]) -> table::Table {
     let header = ["pattern", "limit", "voltage", "on this mesh", "points", "end"];
     let mut table = table::table(&header, &["voltage", "on this mesh", "points"]).dispensable(&["points"]);
-    for (index, Followed { path, critical }) in paths.iter().enumerate() {
+    for (index, PatternPath { path, critical }) in paths.iter().enumerate() {
         let limit = path.limit();
-        // The displacement is that at the voltage of this mesh, not at the one that is extrapolated from two.
+        // The displacement belongs to the voltage of this mesh, not to the one extrapolated from two meshes.
         let on_mesh = limit.and_then(|limit| {
             let mm = path.points.get(limit.point)?.max_displacement;
             Some(format!("{mm:.4} mm at {:.1} V", limit.voltage))
@@ -119,15 +94,7 @@ fn overview(paths: &[Followed]) -> table::Table {
     table
 }
 
-/// A voltage with its error, as people write it.
-pub fn with_error(critical: &CriticalVoltage) -> String {
-    match critical.error {
-        Some(error) => format!("{:.1} ± {error:.1} V", critical.voltage),
-        None => format!("{:.1} V, error not known", critical.voltage),
-    }
-}
-
-fn document(Followed { path, critical }: &Followed) -> Value {
+fn document(PatternPath { path, critical }: &PatternPath) -> Value {
     let points = path.points.iter().map(|p| {
         json!({
             "voltage": p.voltage,
@@ -173,8 +140,8 @@ fn on_mesh(limit: MeshLimit) -> Value {
     })
 }
 
-/// What the figure shows of a path.
-fn branch((index, Followed { path, critical }): (usize, &Followed)) -> Branch {
+/// Returns the curve of a path in the figure.
+fn branch((index, PatternPath { path, critical }): (usize, &PatternPath)) -> Branch {
     let limit = path.limit().zip(*critical).and_then(|(limit, critical)| {
         let at = path.points.get(limit.point)?;
         Some(Limit {
@@ -193,43 +160,10 @@ fn branch((index, Followed { path, critical }): (usize, &Followed)) -> Branch {
     }
 }
 
-/// Follows the paths of patterns in a scene read from `scene`: a scene, or a pipeline whose scene is used. Its voltage does
-/// not matter.
-///
-/// # Errors
-/// When the solver cannot be set up, or memory is short.
-fn paths(
-    scene: &Scene,
-    patterns: &[Pattern],
-    options: SolveOptions,
-    progress: &dyn Progress,
-) -> Result<(LoadPaths, Vec<Followed>), CliError> {
-    let scene = resolve(scene)?;
-    let solver = MembraneSolver::new(&scene, options)?;
-    let search = CriticalSearch::new(&scene, options)?;
-    let follow = |pattern: &Pattern| one(&solver, &search, pattern, progress);
-    let paths = patterns.par_iter().map(follow).collect::<Result<Vec<_>, _>>()?;
-    Ok((load_paths(patterns, &paths, scene), paths))
-}
-
-fn one(
-    solver: &MembraneSolver,
-    search: &CriticalSearch,
-    pattern: &Pattern,
-    progress: &dyn Progress,
-) -> Result<Followed, CliError> {
-    let path = solver.path(pattern);
-    let limit = path.as_ref().and_then(LoadPath::limit);
-    let critical = limit.map(|limit| search.from(pattern, solver.mesh(), limit.voltage));
-    progress.advance(1);
-    let path = path.ok_or_else(|| CliError::failure("the factors of the tangent do not fit into memory"))?;
-    Ok(Followed { path, critical })
-}
-
-fn load_paths(patterns: &[Pattern], followed: &[Followed], scene: Scene) -> LoadPaths {
+fn load_paths(patterns: &[Pattern], followed: &[PatternPath], scene: Scene) -> LoadPaths {
     let paths: Vec<&LoadPath> = followed.iter().map(|one| &one.path).collect();
     let critical = |value: fn(&CriticalVoltage) -> Option<f64>| {
-        let value = |one: &Followed| one.critical.as_ref().and_then(value).unwrap_or(f64::NAN);
+        let value = |one: &PatternPath| one.critical.as_ref().and_then(value).unwrap_or(f64::NAN);
         followed.iter().map(value).collect()
     };
     let points = || paths.iter().flat_map(|path| &path.points);
@@ -276,25 +210,32 @@ fn offsets(lengths: impl Iterator<Item = usize>) -> Vec<u64> {
     std::iter::once(0).chain(sums).collect()
 }
 
-/// All points as comma-separated values with a header.
-fn points_table(paths: &[Followed]) -> String {
-    let header =
-        "pattern,voltage_V,max_displacement_mm,displacement_mm,smallest_eigenvalue,negative_eigenvalues,stable,event";
-    let mut text = format!("{header}\n");
-    for (index, Followed { path, .. }) in paths.iter().enumerate() {
-        for (row, p) in path.points.iter().enumerate() {
+/// Returns all points as comma-separated values with a header.
+fn points_table(paths: &[PatternPath]) -> Result<String, CliError> {
+    let header = [
+        "pattern",
+        "voltage_V",
+        "max_displacement_mm",
+        "displacement_mm",
+        "smallest_eigenvalue",
+        "negative_eigenvalues",
+        "stable",
+        "event",
+    ];
+    let rows = paths.iter().enumerate().flat_map(|(index, PatternPath { path, .. })| {
+        path.points.iter().enumerate().map(move |(row, point)| {
             let event = path.events.iter().find(|event| event.point == row);
-            text += &format!(
-                "{index},{},{},{},{},{},{},{}\n",
-                p.voltage,
-                p.max_displacement,
-                p.displacement,
-                p.smallest_eigenvalue,
-                p.negative_eigenvalues,
-                u8::from(p.stable),
-                event.map_or("", |event| event.kind.name())
-            );
-        }
-    }
-    text
+            vec![
+                index.to_string(),
+                point.voltage.to_string(),
+                point.max_displacement.to_string(),
+                point.displacement.to_string(),
+                point.smallest_eigenvalue.to_string(),
+                point.negative_eigenvalues.to_string(),
+                u8::from(point.stable).to_string(),
+                event.map_or("", |event| event.kind.name()).to_owned(),
+            ]
+        })
+    });
+    csv::text(&header.map(str::to_owned), rows)
 }

@@ -1,13 +1,13 @@
-//! `solve --cells`: what an engineer asks of a solution, cell by cell.
+//! `deaflow solve --cells`: stretches, stresses and electric field of each cell.
 
 use deaflow_content::{CellFields, NO_STATE, Packed, Row};
 use deaflow_fem::CellState;
 use deaflow_pattern::Raster;
 
-/// The states of the cells of one pattern, `[y][x]`; `None` where there is no stable solution.
+/// The states of the cells of one pattern, `[y][x]`; `None` without a stable solution.
 pub type States = Option<Vec<CellState>>;
 
-/// The states of the cells of all patterns.
+/// Returns the arrays of the cells of all patterns.
 pub fn fields(results: &[&States], raster: Raster) -> CellFields {
     let codes = |states: &&States| match states {
         Some(states) => states.iter().map(|state| state.tension.code()).collect(),
@@ -22,7 +22,7 @@ pub fn fields(results: &[&States], raster: Raster) -> CellFields {
     }
 }
 
-/// Values of each cell; NaN where there is no solution.
+/// Returns the values of each cell; NaN without a solution.
 fn packed<R: Row<Value = f64>, const N: usize>(
     results: &[&States],
     raster: Raster,

@@ -1,0 +1,409 @@
+//! Builds a pipeline in this process and reports the results: the part that `run`, `attach` and `sweep` share.
+
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::thread::JoinHandle;
+
+use serde_json::{Value, json};
+
+use super::arguments::{PipelineArguments, VerbosityArguments};
+use super::neglected::{may_break_down, neglected_effects, screen_in_background};
+use super::pipeline::read_lock;
+use super::progress::RunProgress;
+use super::run_log::RunLog;
+use super::signals::Stop;
+use super::text::Text;
+use super::upstream::StoreAccess;
+use super::{CliError, Exit, Output, summary, table};
+use deaflow_base::{ArtifactId, OutputFile};
+use deaflow_orchestrator::{Environment, Event, Pipeline, RunOptions, RunOutcome, StageReport, run};
+use deaflow_remote::Remote;
+use deaflow_report::{FiguresAhead, Made, RunArtifacts, RunResults};
+use deaflow_store::{Command, LockFile, Store};
+
+/// A pipeline to build, and how.
+pub struct Build<'a> {
+    pub pipeline: &'a Pipeline,
+    pub of: &'a PipelineArguments,
+    /// The command, for the history of runs.
+    pub command: Command,
+    pub keep_going: bool,
+    pub lock: LockMode,
+    pub verbosity: VerbosityArguments,
+}
+
+/// What to do with the lock file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LockMode {
+    Ignore,
+    /// Write it after the build.
+    Write,
+    /// Fail on any difference from it.
+    Check,
+}
+
+/// How a build ended.
+pub enum BuildResult<'a> {
+    /// A stage failed, or the build was stopped; this has been reported.
+    Incomplete(Exit),
+    /// Everything is built, and not yet reported.
+    Complete(CompleteBuild<'a>),
+}
+
+/// A build that succeeded.
+pub struct CompleteBuild<'a> {
+    build: &'a Build<'a>,
+    access: StoreAccess,
+    log: RunLog,
+    outcome: RunOutcome,
+    preparation: Preparation,
+}
+
+/// The message after a stop.
+const STOPPED: &str = "stopped: finished work is kept; the same command continues";
+
+impl Build<'_> {
+    /// Builds the pipeline and reports the results.
+    ///
+    /// # Errors
+    /// When the build cannot start, or a result cannot be read or printed.
+    pub fn execute(&self, output: &Output) -> Result<Exit, CliError> {
+        match self.run(output)? {
+            BuildResult::Incomplete(exit) => Ok(exit),
+            BuildResult::Complete(complete) => complete.report(output),
+        }
+    }
+
+    /// Builds the pipeline; reports failures, but not yet results.
+    ///
+    /// # Errors
+    /// When the build cannot start.
+    pub fn run(&self, output: &Output) -> Result<BuildResult<'_>, CliError> {
+        let lock_path = LockFile::path_for(&self.pipeline.path);
+        let lock = match self.lock {
+            LockMode::Check => Some(read_lock(&lock_path)?),
+            LockMode::Ignore => None,
+            LockMode::Write => {
+                // A path that cannot be written is an error before the work.
+                OutputFile::at(&lock_path)?;
+                None
+            }
+        };
+        let access = StoreAccess::open(Store::open(&self.of.store_folder())?, self.of, output)?;
+        let log = RunLog::new(access.store(), &self.pipeline.file(), &self.pipeline.overrides);
+        let preparation = Preparation::default();
+        let (outcome, is_stopped) = self.run_stages(&access, lock.as_ref(), &log, &preparation, output)?;
+        if let Some(why) = log.failure() {
+            output.warn(format_args!("the log file of this run is incomplete: {why}"));
+        }
+        if !outcome.failures.is_empty() {
+            return Ok(BuildResult::Incomplete(self.report_failures(outcome, output)?));
+        }
+        // Stopped between two stages: no stage has failed, but some are missing.
+        if is_stopped && outcome.stages.len() < self.pipeline.selection(self.of.until.as_deref())?.len() {
+            let error = CliError::stopped(STOPPED);
+            self.report_errors(&outcome, std::slice::from_ref(&error), output)?;
+            output.note(STOPPED);
+            return Ok(BuildResult::Incomplete(error.exit()));
+        }
+        match self.lock {
+            LockMode::Write => access.store().put_lock_file(&lock_path, &outcome.lock)?,
+            LockMode::Check => {
+                if let Err(error) = access.store().remember_lock_file(&lock_path) {
+                    output.warn(format_args!("`gc` will not respect the lock file: {error}"));
+                }
+            }
+            LockMode::Ignore => {}
+        }
+        Ok(BuildResult::Complete(CompleteBuild {
+            build: self,
+            access,
+            log,
+            outcome,
+            preparation,
+        }))
+    }
+
+    /// Runs the stages; returns the outcome, and whether a signal asked to stop.
+    fn run_stages(
+        &self,
+        access: &StoreAccess,
+        lock: Option<&LockFile>,
+        log: &RunLog,
+        preparation: &Preparation,
+        output: &Output,
+    ) -> Result<(RunOutcome, bool), CliError> {
+        let mode = self.verbosity.progress.mode();
+        let progress = Arc::new(RunProgress::new(mode, output.errors()));
+        let answer = progress.clone();
+        let stop = Stop::on_signals(move || {
+            answer.note(
+                "stopping: finished chunks and the state of trainings and searches are kept; press Ctrl-C again to end \
+                 at once",
+            );
+        })?;
+        let transfers = progress.clone();
+        let watch = access.watch(move |text| transfers.note(text));
+        let listener = |event: &_| {
+            log.write(event);
+            progress.show(event);
+            preparation.update(event, || Prepared::start(self.pipeline, self.of, access.store()));
+        };
+        let options = RunOptions {
+            log: Some(&log.name),
+            until: self.of.until.as_deref(),
+            keep_going: self.keep_going,
+            lock,
+            command: self.command,
+            parallel_stages: rayon::current_num_threads(),
+            stop: Some(stop.flag()),
+            ..RunOptions::default()
+        };
+        let environment = Environment::system();
+        let done = run(self.pipeline, access.store(), &options, &environment, &listener);
+        drop(watch);
+        access.end(output, self.verbosity.progress.quiet);
+        let is_stopped = stop.end();
+        Ok((done?, is_stopped))
+    }
+
+    /// Reports what was built in spite of the failures, and the failures.
+    fn report_failures(&self, mut outcome: RunOutcome, output: &Output) -> Result<Exit, CliError> {
+        let failures = std::mem::take(&mut outcome.failures).into_iter();
+        let errors: Vec<CliError> = failures
+            .map(|failure| CliError::from(failure.error).of_stage(&failure.stage))
+            .collect();
+        self.report_errors(&outcome, &errors, output)?;
+        // A stop is not an error.
+        let (stopped, failed): (Vec<&CliError>, Vec<&CliError>) = errors.iter().partition(|error| error.is_stop());
+        failed.iter().for_each(|error| output.report(error));
+        if !stopped.is_empty() {
+            output.note(STOPPED);
+        }
+        // Which failure is the gravest is debatable: the first one decides.
+        Ok(errors.first().map_or(Exit::Failure, CliError::exit))
+    }
+
+    /// Prints the stages and, for programs, the errors.
+    fn report_errors(&self, outcome: &RunOutcome, errors: &[CliError], output: &Output) -> Result<(), CliError> {
+        if output.is_json() {
+            let mut document = document(outcome);
+            document["error"] = errors.first().map(CliError::to_json).into();
+            document["errors"] = errors.iter().map(CliError::to_json).collect();
+            output.document(&document)
+        } else if self.verbosity.progress.quiet {
+            Ok(())
+        } else {
+            output.text(table::of_run(&outcome.stages))
+        }
+    }
+}
+
+impl CompleteBuild<'_> {
+    /// The store that was built in.
+    pub fn store(&self) -> &Store {
+        self.access.store()
+    }
+
+    /// The stages.
+    pub fn stages(&self) -> &[StageReport] {
+        &self.outcome.stages
+    }
+
+    /// Draws the figures and reports the results.
+    ///
+    /// # Errors
+    /// When a result cannot be read, a figure cannot be written, or the report cannot be printed.
+    pub fn report(self, output: &Output) -> Result<Exit, CliError> {
+        let Self {
+            build,
+            access,
+            log,
+            outcome,
+            preparation,
+        } = self;
+        let pipeline = build.pipeline;
+        preparation.finish();
+        if !output.is_json() && build.verbosity.verbose {
+            // Printed before the figures are drawn, which may fail.
+            output.text(table::of_run(&outcome.stages))?;
+        }
+        let made = outcome.stages.iter().filter_map(made_by);
+        let (made, elsewhere): (Vec<Made>, Vec<Made>) =
+            made.partition(|made| access.remote().is_none() || is_here(access.store(), &made.digest));
+        // Artifacts that no stage needed are not fetched for the report.
+        let store = &access.store().without_upstream();
+        let names: Vec<&str> = made.iter().map(|made| made.stage.as_str()).collect();
+        let neglected = neglected_effects(pipeline, &names, store)?;
+        let artifacts = RunArtifacts {
+            store,
+            file: &pipeline.file(),
+            made: &made,
+            rounds: &pipeline.rounds,
+        };
+        let results = RunResults::remembered(&artifacts, &pipeline.name, neglected, &may_break_down(pipeline))?;
+        for text in results.warnings().cloned() {
+            log.write(&Event::Warning { text });
+        }
+        log.end();
+        if output.is_json() {
+            let mut document = results_document(&outcome, &results);
+            document["pipeline"] = json!(pipeline.name);
+            document["store"] = json!(store.root());
+            if access.remote().is_some() {
+                document["remote"] = access.document();
+                document["elsewhere"] = elsewhere.iter().map(|made| made.stage.as_str()).collect();
+            }
+            output.document(&document)?;
+        } else if build.verbosity.progress.quiet {
+            results.warning_lines().for_each(|line| output.note(&line));
+        } else {
+            output.text(build.results_text(&outcome, &results, &elsewhere, &access))?;
+        }
+        Ok(match outcome.unstable {
+            0 => Exit::Done,
+            _ => Exit::Unstable,
+        })
+    }
+}
+
+impl Build<'_> {
+    fn results_text(
+        &self,
+        outcome: &RunOutcome,
+        results: &RunResults,
+        elsewhere: &[Made],
+        access: &StoreAccess,
+    ) -> Text {
+        let mut text = Text::new();
+        if self.verbosity.verbose {
+            for part in results.text() {
+                text.line(format!("\n{part}"));
+            }
+            text.line("");
+        } else {
+            results.warning_lines().for_each(|line| {
+                text.line(line);
+            });
+        }
+        if !elsewhere.is_empty() {
+            text.line(self.elsewhere_line(elsewhere, access.remote()));
+        }
+        summary::add_results(&mut text, &self.pipeline.name, outcome, results.headlines());
+        summary::add_places(&mut text, results, access.store().root(), self.verbosity.verbose);
+        // The pipeline in the file does not have the stages of a sweep.
+        if self.command == Command::Run {
+            text.command(format!("next: deaflow report {} -o report", self.of.shell_words()));
+        }
+        text
+    }
+
+    /// Names the stages whose artifacts are on a remote only.
+    fn elsewhere_line(&self, stages: &[Made], remote: Option<&Remote>) -> String {
+        let names: Vec<&str> = stages.iter().map(|made| made.stage.as_str()).collect();
+        let name = remote.map_or("the remote", Remote::name);
+        format!(
+            "on {name} only: {}; fetch their results with `deaflow pull {} --remote {name}`",
+            names.join(", "),
+            self.of.pipeline.display()
+        )
+    }
+}
+
+/// Prepares the report while stages run: from the first one that is built, since a run that builds nothing has all figures.
+#[derive(Default)]
+struct Preparation {
+    /// Stages that were reused before that.
+    reused: Mutex<Vec<Made>>,
+    prepared: OnceLock<Option<Prepared>>,
+}
+
+impl Preparation {
+    fn update(&self, event: &Event, start: impl FnOnce() -> Option<Prepared>) {
+        let (stage, is_new) = match event {
+            Event::StageStarted { .. } => {
+                self.prepared.get_or_init(|| {
+                    let prepared = start()?;
+                    for made in self.reused().drain(..) {
+                        prepared.figures.tell(made, false);
+                    }
+                    Some(prepared)
+                });
+                return;
+            }
+            Event::StageFinished(stage) => (stage, true),
+            Event::StageReused(stage) => (stage, false),
+            _ => return,
+        };
+        match (self.prepared.get(), made_by(stage)) {
+            (Some(Some(prepared)), Some(made)) => prepared.figures.tell(made, is_new),
+            (None, Some(made)) => self.reused().push(made),
+            _ => {}
+        }
+    }
+
+    /// A panic of another thread leaves a valid list: it is pushed to in one step.
+    fn reused(&self) -> MutexGuard<'_, Vec<Made>> {
+        self.reused.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn finish(self) {
+        if let Some(Some(prepared)) = self.prepared.into_inner() {
+            prepared.figures.finish();
+            // A panic of the thread has been printed.
+            let _ = prepared.screening.join();
+        }
+    }
+}
+
+/// Threads that draw figures and screen for neglected effects.
+struct Prepared {
+    figures: FiguresAhead,
+    screening: JoinHandle<()>,
+}
+
+impl Prepared {
+    /// Starts the threads; none with `--jobs 1`, or if the system refuses: then all is done at the end.
+    fn start(pipeline: &Pipeline, arguments: &PipelineArguments, store: &Store) -> Option<Self> {
+        if rayon::current_num_threads() == 1 {
+            return None;
+        }
+        let selected = pipeline.selection(arguments.until.as_deref()).ok()?;
+        let stages: Vec<&str> = selected.iter().map(|at| pipeline.stages[*at].name.as_str()).collect();
+        Some(Self {
+            figures: FiguresAhead::start(store.without_upstream(), pipeline.file(), pipeline.name.clone()).ok()?,
+            screening: screen_in_background(pipeline, &stages, store.without_upstream()).ok()?,
+        })
+    }
+}
+
+/// Whether an artifact is in the store itself, with all its chunks.
+fn is_here(store: &Store, digest: &ArtifactId) -> bool {
+    let here = store.without_upstream();
+    here.has(digest)
+        && here
+            .parts(digest)
+            .is_ok_and(|parts| parts.iter().all(|part| here.has(part)))
+}
+
+fn made_by(stage: &StageReport) -> Option<Made> {
+    Some(Made {
+        stage: stage.name.clone(),
+        kind: stage.kind.clone(),
+        digest: stage.digest?,
+    })
+}
+
+fn document(outcome: &RunOutcome) -> Value {
+    json!({ "stages": outcome.stages, "unstable": outcome.unstable, "warnings": outcome.warnings })
+}
+
+fn results_document(outcome: &RunOutcome, results: &RunResults) -> Value {
+    let mut document = document(outcome);
+    for (key, value) in results.document() {
+        document[key] = value;
+    }
+    // Warnings of the plan come first.
+    let found = document["warnings"].as_array().into_iter().flatten().cloned();
+    document["warnings"] = outcome.warnings.iter().map(|text| json!(text)).chain(found).collect();
+    document
+}

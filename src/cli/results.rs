@@ -1,0 +1,447 @@
+//! What was found for each pattern: listed one by one for few patterns, summarized for many.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::job::extend;
+use super::point::Probe;
+use super::table::{self, Cell};
+use super::text::Text;
+use super::tone::Tone;
+use deaflow_fem::CriticalVoltage;
+use deaflow_field::{Field, Mesh};
+use deaflow_report::{error, uncertainty};
+
+/// Up to this many patterns are listed one by one.
+pub const FEW: usize = 20;
+
+/// A pattern, in one of the states of its scene.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SampleId {
+    /// Position of the pattern.
+    pub index: usize,
+    /// The state, if the scene has states.
+    pub state: Option<String>,
+}
+
+impl fmt::Display for SampleId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "pattern {}", self.index)?;
+        self.state
+            .as_ref()
+            .map_or(Ok(()), |state| write!(f, " in state {state}"))
+    }
+}
+
+/// The result for one pattern.
+#[derive(Debug, Default)]
+pub struct SampleResult {
+    /// The pattern.
+    pub id: SampleId,
+    /// The file that it was read from; empty if that is not known.
+    pub file: String,
+    /// The name of the outcome.
+    pub outcome: String,
+    /// A description of the outcome, if there is no stable solution.
+    pub failure: Option<String>,
+    /// The largest displacement, if there is a solution.
+    pub peak: Option<Peak>,
+    /// The displacement at the requested point, mm.
+    pub along_mm: Option<f64>,
+    /// The mesh that was chosen for a requested accuracy.
+    pub accuracy: Option<AccuracyResult>,
+    /// The fraction of the membrane that would wrinkle, if cells were evaluated.
+    pub wrinkled_fraction: Option<f64>,
+    /// Set if a finer mesh could find no stable solution: the critical voltage, if it was found.
+    pub near_limit: Option<Option<CriticalVoltage>>,
+    /// The critical voltage, if it was searched for.
+    pub critical: Option<CriticalBracket>,
+}
+
+/// The mesh that was chosen for a requested accuracy.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AccuracyResult {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// The estimated largest error of the displacement on it, mm; none without a solution.
+    pub error_mm: Option<f64>,
+    /// Whether the error is larger than requested although the finest mesh was used.
+    pub is_missed: bool,
+}
+
+/// The critical voltage of a pattern on one mesh.
+#[derive(Clone, Debug)]
+pub struct CriticalBracket {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// The mesh as text after a comma; empty if all patterns have the same.
+    pub on: String,
+    /// The voltages in V between which stability is lost, if these were found.
+    pub between: Option<[f64; 2]>,
+}
+
+impl SampleResult {
+    /// The estimated error in mm, for a requested accuracy.
+    fn error_mm(&self) -> Option<f64> {
+        self.accuracy?.error_mm
+    }
+
+    /// Whether the requested accuracy was not reached.
+    fn missed_mm(&self) -> Option<f64> {
+        self.accuracy.filter(|accuracy| accuracy.is_missed)?.error_mm
+    }
+
+    /// The fraction of the membrane that would wrinkle, if any.
+    fn wrinkled(&self) -> Option<f64> {
+        self.wrinkled_fraction.filter(|fraction| *fraction > 0.0)
+    }
+}
+
+/// The largest displacement of a field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Peak {
+    /// Its magnitude, mm.
+    pub mm: f64,
+    /// Its place, mm from the lower left corner; none if the size of the membrane is not known.
+    pub at_mm: Option<[f64; 2]>,
+}
+
+impl Peak {
+    /// Finds the largest displacement of a field on cells with these sides in mm.
+    pub fn of(field: &Field, cell_mm: Option<[f64; 2]>) -> Self {
+        let ([x, y], mm) = field.largest();
+        Self {
+            mm,
+            at_mm: cell_mm.map(|[width, height]| [x as f64 * width, y as f64 * height]),
+        }
+    }
+
+    fn at(&self) -> String {
+        let hundredths = |mm: f64| (100.0 * mm).round() / 100.0;
+        match self.at_mm {
+            // Without displacement there is no place of the largest.
+            Some([x, y]) if self.mm > 0.0 => format!("{}, {} mm", hundredths(x), hundredths(y)),
+            _ => "-".to_owned(),
+        }
+    }
+}
+
+/// Lists the results for people, or summarizes them; `file` contains all of them.
+pub fn text(results: &[SampleResult], file: Option<&Path>, probe: Option<&Probe>) -> Text {
+    match results.len() {
+        0 => Text::new(),
+        1..=FEW => {
+            let mut text = Text::of(list(results, probe));
+            if results.iter().any(|result| result.error_mm().is_some()) {
+                text.line(
+                    "±: error of the mesh, estimated from two meshes; it does not include the error of the model",
+                );
+            }
+            text
+        }
+        _ => summary(results, file),
+    }
+}
+
+fn list(results: &[SampleResult], probe: Option<&Probe>) -> table::Table {
+    let has_states = results.iter().any(|result| result.id.state.is_some());
+    let has_files = results.iter().any(|result| !result.file.is_empty());
+    let title = probe.map(Probe::title);
+    let mut header = vec!["pattern"];
+    header.extend(has_files.then_some("file"));
+    header.extend(has_states.then_some("state"));
+    header.extend(["outcome", "largest displacement", "at"]);
+    header.extend(title.as_deref());
+    let numbers = ["pattern", "largest displacement", title.as_deref().unwrap_or_default()];
+    let mut table = table::table(&header, &numbers)
+        .flowing(&["at"])
+        .dispensable(&["pattern"]);
+    for result in results {
+        let error = result
+            .error_mm()
+            .map_or_else(String::new, |mm| format!(" {}", uncertainty(mm)));
+        let mut row = vec![Cell::from(result.id.index)];
+        row.extend(has_files.then(|| Cell::from(&result.file)));
+        row.extend(has_states.then(|| Cell::from(result.id.state.as_deref().unwrap_or("-"))));
+        row.push(Cell::toned(&result.outcome, Tone::of_solve(&result.outcome)));
+        let peak = result.peak.map(|peak| format!("{:.4}{error} mm", peak.mm));
+        row.push(Cell::from(peak.unwrap_or("-".to_owned())));
+        // With a point it may be below the line, where a dash would take a line of its own.
+        let nowhere = if probe.is_some() { "" } else { "-" };
+        row.push(Cell::from(result.peak.map_or(nowhere.to_owned(), |peak| peak.at())));
+        if probe.is_some() {
+            let along = result.along_mm.map(|mm| format!("{mm:.4} mm"));
+            row.push(Cell::from(along.unwrap_or("-".to_owned())));
+        }
+        table.add_row(row);
+    }
+    table
+}
+
+fn summary(results: &[SampleResult], file: Option<&Path>) -> Text {
+    let counts = counts(results);
+    let counted: Vec<String> = counts.iter().map(|(outcome, n)| format!("{outcome} {n}")).collect();
+    let tone = match counts.keys().any(|outcome| Tone::of_solve(outcome) == Tone::Bad) {
+        true => Tone::Caution,
+        false => Tone::Plain,
+    };
+    let mut text = Text::new();
+    text.toned(tone, format!("outcomes: {}", counted.join(", ")));
+    if let Some([(smallest, least), (median, _), (largest, most)]) = range(results) {
+        text.line(format!(
+            "largest displacement of each: smallest {smallest:.4} mm ({}), median {median:.4} mm, \
+             largest {largest:.4} mm ({}) at {}",
+            least.id,
+            most.id,
+            most.peak.map_or_else(String::new, |peak| peak.at())
+        ));
+    }
+    let errors = results.iter().filter_map(|result| Some((result.error_mm()?, result)));
+    if let Some((mm, result)) = errors.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        text.line(format!(
+            "estimated error of the mesh: at most {} mm ({}); it does not include the error of the model",
+            error(mm),
+            result.id
+        ));
+    }
+    text.line(match file {
+        Some(file) => format!("list all patterns: deaflow show {} --csv", file.display()),
+        None => "list all patterns: --json, or -o OUT.h5 and `deaflow show OUT.h5 --csv`".to_owned(),
+    });
+    text
+}
+
+/// Counts the results by outcome.
+fn counts(results: &[SampleResult]) -> BTreeMap<&str, usize> {
+    let mut counts = BTreeMap::new();
+    for result in results {
+        *counts.entry(result.outcome.as_str()).or_insert(0) += 1;
+    }
+    counts
+}
+
+/// The smallest, the median and the largest of the peak displacements in mm, with their patterns; none without a solution.
+fn range(results: &[SampleResult]) -> Option<[(f64, &SampleResult); 3]> {
+    let mut peaks: Vec<(f64, &SampleResult)> = results
+        .iter()
+        .filter_map(|result| Some((result.peak?.mm, result)))
+        .collect();
+    peaks.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (smallest, largest) = (*peaks.first()?, *peaks.last()?);
+    let (low, high) = (peaks[(peaks.len() - 1) / 2], peaks[peaks.len() / 2]);
+    Some([smallest, (f64::midpoint(low.0, high.0), low.1), largest])
+}
+
+/// Adds a line for each of the first few results that have one, and the number of the others.
+fn add_lines(text: &mut Text, tone: Tone, results: &[SampleResult], line: impl Fn(&SampleResult) -> Option<String>) {
+    let lines: Vec<String> = results
+        .iter()
+        .filter_map(|result| Some(format!("{}: {}", result.id, line(result)?)))
+        .collect();
+    for line in lines.iter().take(FEW) {
+        text.toned(tone, line);
+    }
+    if lines.len() > FEW {
+        text.toned(tone, format!("and {} more; --json lists all", lines.len() - FEW));
+    }
+}
+
+/// Describes what deserves attention: failures, critical voltages, missed accuracies and wrinkles.
+pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
+    let mut text = Text::new();
+    add_lines(&mut text, Tone::Bad, results, |result| {
+        result.failure.as_ref().map(|failure| match failure.as_str() {
+            "no-estimate" => "no estimate: the steps do not lead to a state of the membrane".to_owned(),
+            failure => format!("no stable solution: {failure}"),
+        })
+    });
+    add_lines(&mut text, Tone::Plain, results, |result| {
+        // The outcome of a pattern without a solution tells this already.
+        let critical = result.critical.as_ref().filter(|_| result.peak.is_some())?;
+        Some(match critical.between {
+            Some([stable, lost]) => {
+                format!("stability is lost between {stable:.1} V and {lost:.1} V{}", critical.on)
+            }
+            None => "the critical voltage was not found".to_owned(),
+        })
+    });
+    if let Some(note) = critical_note {
+        text.toned(Tone::Caution, note);
+    }
+    add_lines(&mut text, Tone::Caution, results, |result| {
+        let limit = result
+            .near_limit?
+            .map_or("was not found".to_owned(), |found| format!("is {}", with_error(&found)));
+        Some(format!(
+            "close to instability: a finer mesh may find no stable solution; the critical voltage {limit}"
+        ))
+    });
+    add_lines(&mut text, Tone::Caution, results, |result| {
+        let error = result.missed_mm()?;
+        Some(format!(
+            "the requested accuracy is not reached: estimated error {error:.2e} mm on the finest mesh"
+        ))
+    });
+    add_lines(&mut text, Tone::Plain, results, |result| {
+        Some(format!(
+            "{:.1} % of the membrane would wrinkle",
+            100.0 * result.wrinkled()?
+        ))
+    });
+    text
+}
+
+/// A critical voltage with its error.
+pub fn with_error(critical: &CriticalVoltage) -> String {
+    match critical.error {
+        Some(error) => format!("{:.1} ± {error:.1} V", critical.voltage),
+        None => format!("{:.1} V, error not known", critical.voltage),
+    }
+}
+
+/// Describes the results of `patterns` patterns for programs.
+pub fn document(results: &[SampleResult], patterns: usize, probe: Option<&Probe>) -> Value {
+    let each = |keys: &dyn Fn(&SampleResult) -> Option<Value>| -> Vec<Value> {
+        let with_id = |result: &SampleResult| {
+            let mut document = json!({ "index": result.id.index });
+            if let Some(state) = &result.id.state {
+                document["state"] = json!(state);
+            }
+            extend(&mut document, keys(result)?);
+            Some(document)
+        };
+        results.iter().filter_map(with_id).collect()
+    };
+    let all = each(&|result| {
+        Some(json!({
+            "discretisation_error": result.error_mm(),
+            "elements_per_cell": result.accuracy.map(|accuracy| accuracy.mesh.elements_per_cell()),
+            "order": result.accuracy.map(|accuracy| accuracy.mesh.order().degree()),
+            "outcome": result.outcome,
+            "max_displacement_mm": result.peak.map(|peak| peak.mm),
+            "at_mm": result.peak.and_then(|peak| peak.at_mm),
+            "file": Some(&result.file).filter(|file| !file.is_empty()),
+            "along_mm": result.along_mm,
+        }))
+    });
+    let unstable = each(&|result| Some(json!({ "outcome": result.failure.as_ref()? })));
+    let near_limit = each(&|result| {
+        let found = result.near_limit?;
+        Some(json!({
+            "critical_voltage": found.map(|found| found.voltage),
+            "error": found.and_then(|found| found.error),
+        }))
+    });
+    let critical = each(&|result| {
+        let critical = result.critical.as_ref()?;
+        Some(json!({
+            "between": critical.between,
+            "elements_per_cell": critical.mesh.elements_per_cell(),
+            "order": critical.mesh.order().degree(),
+        }))
+    });
+    let range = range(results)
+        .map(|[smallest, median, largest]| json!({ "smallest": smallest.0, "median": median.0, "largest": largest.0 }));
+    let mut document = json!({
+        "samples": patterns,
+        "unstable": unstable.len(),
+        "unstable_samples": unstable,
+        "accuracy_missed": each(&|result| Some(json!({ "discretisation_error": result.missed_mm()? }))),
+        "near_limit": near_limit,
+        "critical_voltages": critical,
+        "wrinkled": each(&|result| Some(json!({ "wrinkled_fraction": result.wrinkled()? }))),
+        "outcomes": counts(results),
+        "max_displacement_mm": range,
+        "patterns": all,
+    });
+    if let Some(probe) = probe {
+        document["along"] = probe.document();
+    }
+    document
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tone::Screen;
+
+    fn result(index: usize, mm: Option<f64>) -> SampleResult {
+        SampleResult {
+            id: SampleId { index, state: None },
+            outcome: mm.map_or("pull-in", |_| "converged").to_owned(),
+            peak: mm.map(|mm| Peak {
+                mm,
+                at_mm: Some([25.0, 1.004]),
+            }),
+            ..SampleResult::default()
+        }
+    }
+
+    #[test]
+    fn a_requested_accuracy_is_reported() {
+        let accurate = |index, mm, error_mm| SampleResult {
+            accuracy: Some(AccuracyResult {
+                mesh: Mesh::biquadratic(2),
+                error_mm,
+                is_missed: false,
+            }),
+            ..result(index, mm)
+        };
+        let few = [accurate(0, Some(2.15), Some(0.0032)), accurate(1, None, None)];
+        let shown = text(&few, None, None).show(Screen::default());
+        let lines: Vec<&str> = shown.lines().collect();
+        assert_eq!(lines[3], "       0   converged     2.1500 ± 0.0032 mm   25, 1 mm");
+        assert_eq!(lines[4], "       1   pull-in                        -   -");
+        assert!(lines[6].starts_with("±: error of the mesh"), "{shown}");
+        let document = document(&few, 2, None);
+        let [first, lost] = [&document["patterns"][0], &document["patterns"][1]];
+        assert_eq!(first["discretisation_error"], 0.0032);
+        assert_eq!((&first["elements_per_cell"], &first["order"]), (&json!(2), &json!(2)));
+        assert_eq!(lost["discretisation_error"], Value::Null);
+        let many: Vec<SampleResult> = (0..23).map(|k| accurate(k, Some(1.0), Some(1e-4 * k as f64))).collect();
+        let shown = text(&many, None, None).show(Screen::default());
+        assert!(
+            shown.contains("estimated error of the mesh: at most 0.0022 mm (pattern 22)"),
+            "{shown}"
+        );
+    }
+
+    #[test]
+    fn few_are_listed() {
+        let shown = text(&[result(0, Some(2.15)), result(1, None)], None, None).show(Screen::default());
+        let lines: Vec<&str> = shown.lines().collect();
+        assert_eq!(lines[3], "       0   converged              2.1500 mm   25, 1 mm");
+        assert_eq!(lines[4], "       1   pull-in                        -   -");
+    }
+
+    #[test]
+    fn many_are_summarized() {
+        let results: Vec<SampleResult> = (0..23).map(|k| result(k, (k > 2).then_some(k as f64))).collect();
+        let shown = text(&results, Some(Path::new("o.h5")), None).show(Screen::default());
+        for part in [
+            "outcomes: converged 20, pull-in 3\n",
+            "smallest 3.0000 mm (pattern 3), median 12.5000 mm, largest 22.0000 mm (pattern 22) at 25, 1 mm\n",
+            "deaflow show o.h5 --csv",
+        ] {
+            assert!(shown.contains(part), "{shown}");
+        }
+        let document = document(&results, results.len(), None);
+        assert_eq!(document["outcomes"], json!({ "converged": 20, "pull-in": 3 }));
+        assert_eq!(document["max_displacement_mm"]["median"], 12.5);
+        assert_eq!(document["patterns"][0]["max_displacement_mm"], Value::Null);
+        assert_eq!(document["patterns"][22]["at_mm"], json!([25.0, 1.004]));
+    }
+
+    #[test]
+    fn without_solutions_there_is_no_range() {
+        let results: Vec<SampleResult> = (0..30).map(|k| result(k, None)).collect();
+        assert!(!text(&results, None, None).show(Screen::default()).contains("largest"));
+        assert_eq!(
+            document(&results, results.len(), None)["max_displacement_mm"],
+            Value::Null
+        );
+    }
+}

@@ -1,0 +1,530 @@
+//! `deaflow solve --history`: the motion of patterns in time.
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::SolveArguments;
+use super::simulation::{Form, Simulation};
+use crate::job::{Attachments, JobResult};
+use crate::text::Text;
+use crate::{CliError, Exit, Output, csv, table};
+use deaflow_base::{Dimension, Quantity, Time};
+use deaflow_content::{Histories, Lines, Packed};
+use deaflow_fem::screening::Screened;
+use deaflow_fem::{AccurateHistory, History, HistorySolver, Instant, USUAL_TIME_ERROR};
+use deaflow_field::{Field, Mesh, Motion};
+use deaflow_report::figures::{self, draw_histories};
+use deaflow_scene::{Scene, Side};
+
+/// The latest time, s.
+const LATEST: f64 = 1e12;
+/// The largest number of output times.
+const MAX_TIMES: usize = 10_000;
+/// An error in time is reported from this multiple of the usual one.
+const REPORTED_ERROR: f64 = 1.5;
+
+/// The heading of options about vibration and time.
+pub const TIME: &str = "In time";
+
+#[derive(Clone, Debug, Args)]
+pub struct HistoryArguments {
+    /// Simulate each pattern over the time of the drive; OUT.csv and OUT.png are written next to OUT.h5
+    #[arg(long, conflicts_with_all = ["path", "cells"], help_heading = TIME)]
+    pub history: bool,
+    /// Output times, as in "0 s, 1 s, 10 min"; 0 s is just after the start of the drive [default: 25 times up to
+    /// `drive.duration`]
+    #[arg(long, value_name = "TIMES", requires = "history", value_parser = times, help_heading = TIME)]
+    at: Option<Times>,
+    /// Interval between output times, up to `drive.duration`
+    #[arg(
+        long,
+        value_name = "TIME",
+        requires = "history",
+        conflicts_with = "at",
+        value_parser = time,
+        help_heading = TIME
+    )]
+    every: Option<Time>,
+}
+
+/// Times in s, in order.
+#[derive(Clone, Debug, PartialEq)]
+struct Times(Vec<f64>);
+
+fn time(text: &str) -> Result<Time, String> {
+    let quantity = Quantity::parse(text, Dimension::Time).map_err(|e| e.to_string())?;
+    match Time::from_f64(quantity.value()) {
+        Some(time) if (1e-12..=LATEST).contains(&time.value()) => Ok(time),
+        _ => Err(format!("allowed: 1e-12 s to {LATEST:e} s")),
+    }
+}
+
+fn times(text: &str) -> Result<Times, String> {
+    let mut times = Vec::new();
+    for part in text.split(',') {
+        let time = Quantity::parse(part, Dimension::Time)
+            .map_err(|e| e.to_string())?
+            .value();
+        if !(0.0..=LATEST).contains(&time) {
+            return Err(format!("{part}: allowed: 0 s to {LATEST:e} s"));
+        }
+        times.push(time);
+    }
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    if times.len() > MAX_TIMES {
+        return Err(format!("allowed: at most {MAX_TIMES} times"));
+    }
+    Ok(Times(times))
+}
+
+impl HistoryArguments {
+    /// Returns the output times for a scene.
+    fn times(&self, scene: &Scene) -> Result<Vec<f64>, CliError> {
+        if let Some(Times(times)) = &self.at {
+            return Ok(times.clone());
+        }
+        let Some(duration) = scene.drive.duration.as_ref().map(|duration| duration.value()) else {
+            return Err(
+                CliError::bad_input("a history needs an end time: the drive has no `duration`")
+                    .help("give the times, as in --at \"0 s, 1 s, 10 s\", or add `duration` to the drive"),
+            );
+        };
+        let Some(every) = &self.every else {
+            return Ok(default_times(scene, duration));
+        };
+        if every.value() > duration {
+            return Err(CliError::bad_input(format!(
+                "--every {every} is longer than the duration of the drive, {duration} s"
+            ))
+            .help("use a shorter interval, or --at"));
+        }
+        let count = (duration / every.value() * (1.0 + 1e-12)).floor();
+        if count >= MAX_TIMES as f64 {
+            return Err(
+                CliError::bad_input(format!("--every {every} results in {count:.0} times"))
+                    .help(format!("at most {MAX_TIMES} are allowed; --at selects times")),
+            );
+        }
+        let base = every.base();
+        // Multiples, rounded: sums of rounded numbers would look odd.
+        let multiple = |k: u64| (k as f64 * every.value() * 1e12).round() / 1e12;
+        let exact = |k: u64| {
+            if base.to_f64() >= 1e-9 {
+                multiple(k)
+            } else {
+                k as f64 * every.value()
+            }
+        };
+        let mut times: Vec<f64> = (0..=count as u64).map(exact).collect();
+        // The end is always included.
+        if times.last().is_some_and(|last| *last < duration * (1.0 - 1e-9)) {
+            times.push(duration);
+        }
+        Ok(times)
+    }
+}
+
+/// The default times: 25 up to the end, over three decades for a step of the voltage, otherwise evenly spaced.
+fn default_times(scene: &Scene, duration: f64) -> Vec<f64> {
+    const COUNT: i32 = 24;
+    let fraction = |k: i32| f64::from(k) / f64::from(COUNT);
+    let time = |k: i32| match (k, is_step(scene)) {
+        (0, _) => 0.0,
+        (_, true) => duration * 10f64.powf(3.0 * (fraction(k) - 1.0)),
+        (_, false) => duration * fraction(k),
+    };
+    (0..=COUNT).map(time).collect()
+}
+
+fn is_step(scene: &Scene) -> bool {
+    scene.waveform().step.is_some()
+}
+
+const FORM: Form = Form {
+    name: "history",
+    has_attachments: true,
+    of_one_state: Some("a history"),
+};
+
+/// Simulates patterns in time.
+///
+/// # Errors
+/// When a file would be lost, the scene or a pattern cannot be used, or a file cannot be written.
+pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
+    let simulation = Simulation::read(arguments, &FORM)?;
+    let times = arguments.history.times(&simulation.scene)?;
+    let screened = Screened::for_patterns(&simulation.scene, &simulation.patterns, arguments.time.work_limit())?;
+    let parameters = arguments.parameters();
+    let solver = parameters.history_solver(&screened.scene, times.clone())?;
+    let (followed, displacement) = follow(&simulation, &solver)?;
+    let missed = missed(&followed, parameters.accuracy().map(|accuracy| accuracy.value()));
+    let mut text = Text::of(overview(&followed));
+    for (_, line) in &missed {
+        text.line(line);
+    }
+    let is_unstable = |one: &&PatternHistory| !one.history.outcome.is_converged();
+    let unstable = followed.iter().filter(is_unstable).count();
+    let (motions, is_step) = (motions(&followed), is_step(&screened.scene));
+    let result = JobResult {
+        patterns: followed.len(),
+        arrays: histories(&simulation, &screened, &times, &followed, displacement).object(),
+        parameters: simulation.parameters(", history"),
+        attachments: Some(Attachments {
+            title: "deaflow solve --history",
+            table: steps_table(&followed)?,
+            draw: Box::new(move |figure| draw_histories(figure, &motions, is_step)),
+        }),
+        document: json!({
+            "times": times,
+            "histories": followed.iter().enumerate().map(document).collect::<Vec<_>>(),
+            "unstable": unstable,
+            "accuracy_missed": missed.iter().map(|(index, _)| index).collect::<Vec<_>>(),
+        }),
+        warnings: screened.warnings_in_time,
+        text,
+        exit: if unstable > 0 { Exit::Unstable } else { Exit::Done },
+    };
+    simulation.finish(result, output)
+}
+
+/// A history without its fields: these are moved into one array, since there may be gigabytes of them.
+struct PatternHistory {
+    history: History,
+    mesh: Mesh,
+    space_error_mm: Option<f64>,
+    /// The largest displacement magnitude in mm at the output times that were reached.
+    largest: Vec<f64>,
+    /// Computing time, s.
+    seconds: f64,
+}
+
+impl PatternHistory {
+    /// Moves the fields of a history to the end of `displacement`, filled up with NaN to so many `numbers`.
+    fn new(found: AccurateHistory, seconds: f64, numbers: usize, displacement: &mut Vec<f64>) -> Self {
+        let AccurateHistory {
+            mut history,
+            mesh,
+            space_error_mm,
+        } = found;
+        let fields = std::mem::take(&mut history.fields);
+        let end = displacement.len() + numbers;
+        for field in &fields {
+            displacement.extend_from_slice(field.values());
+        }
+        displacement.resize(end, f64::NAN);
+        Self {
+            history,
+            mesh,
+            space_error_mm,
+            largest: fields.iter().map(Field::max_magnitude).collect(),
+            seconds,
+        }
+    }
+}
+
+/// Simulates the histories; returns them, and the displacement of all at all times.
+fn follow(simulation: &Simulation<'_>, solver: &HistorySolver) -> Result<(Vec<PatternHistory>, Vec<f64>), CliError> {
+    let (patterns, times) = (simulation.patterns.len(), solver.times().len());
+    let numbers = times * 2 * simulation.scene.membrane().raster.corners();
+    let mut displacement: Vec<f64> = Vec::new();
+    displacement.try_reserve_exact(patterns * numbers).map_err(|_| {
+        let gigabytes = (patterns * numbers * size_of::<f64>()) as f64 / 1e9;
+        CliError::failure(format!(
+            "the displacement of {patterns} patterns at {times} times takes {gigabytes:.1} GB of memory"
+        ))
+        .help("simulate fewer patterns at once, or use a `solve` stage with a `history`, which writes them in chunks")
+    })?;
+    let mut followed = Vec::with_capacity(patterns);
+    simulation.run(
+        |pattern| Ok(solver.follow(pattern)?),
+        |found, seconds| followed.push(PatternHistory::new(found, seconds, numbers, &mut displacement)),
+    )?;
+    Ok((followed, displacement))
+}
+
+/// The arrays of all histories.
+fn histories(
+    simulation: &Simulation<'_>,
+    screened: &Screened,
+    times: &[f64],
+    followed: &[PatternHistory],
+    displacement: Vec<f64>,
+) -> Histories {
+    let scene = &screened.scene;
+    let padded = |known: &mut dyn Iterator<Item = f64>| -> Vec<f64> {
+        known.chain(std::iter::repeat(f64::NAN)).take(times.len()).collect()
+    };
+    let at_times = |value: &dyn Fn(&History, usize) -> f64| {
+        let of = |one: &PatternHistory| padded(&mut one.history.kept.iter().map(|&at| value(&one.history, at)));
+        Packed(followed.iter().flat_map(of).collect())
+    };
+    let of_instant = |value: fn(&Instant) -> f64| at_times(&|history, at| value(&history.instants[at]));
+    let current = followed.iter().flat_map(|one| {
+        let current = one.history.current();
+        padded(&mut one.history.kept.iter().map(|&at| current[at]))
+    });
+    let each = |value: &dyn Fn(&PatternHistory) -> f64| followed.iter().map(value).collect::<Vec<f64>>();
+    let count = |value: &dyn Fn(&PatternHistory) -> usize| followed.iter().map(|one| value(one) as u64).collect();
+    let bracket = |bracket: fn(&History) -> Option<[f64; 2]>| {
+        let of = |one: &PatternHistory| bracket(&one.history).unwrap_or_default();
+        followed.iter().map(of).collect()
+    };
+    let bodies = scene.geometry.bodies.as_ref().map_or(0, Vec::len);
+    let motions = body_motions(followed, times.len() * bodies);
+    let with_accuracy = simulation.arguments.accuracy.is_some();
+    let has_electrode_voltage =
+        scene.drive.source.is_some() || scene.drive.charge.is_some() || scene.effects.electrode_resistance.is_some();
+    let drive_voltage = |time: &f64| match scene.drive.charge {
+        Some(_) => f64::NAN,
+        None => scene.waveform().voltage(scene.voltage_v(), *time, Side::After),
+    };
+    Histories {
+        patterns: simulation.patterns.clone(),
+        time: times.to_vec(),
+        voltage: times.iter().map(drive_voltage).collect(),
+        electrode_voltage: has_electrode_voltage.then(|| of_instant(|instant| instant.voltage)),
+        displacement: Packed(displacement),
+        max_displacement: Packed(
+            followed
+                .iter()
+                .flat_map(|one| padded(&mut one.largest.iter().copied()))
+                .collect(),
+        ),
+        charge: of_instant(|instant| instant.charge),
+        current: Packed(current.collect()),
+        stored: of_instant(|instant| instant.stored),
+        electric: of_instant(|instant| instant.electric),
+        kinetic: of_instant(|instant| instant.kinetic),
+        dissipated: of_instant(|instant| instant.dissipated),
+        supplied: of_instant(|instant| instant.supplied),
+        outcome: followed
+            .iter()
+            .map(|one| one.history.outcome.name().to_owned())
+            .collect(),
+        time_bracket: bracket(|history| history.outcome.time_bracket()),
+        voltage_bracket: bracket(|history| history.outcome.bracket()),
+        watched_corner: followed
+            .iter()
+            .map(|one| one.history.watched.map(|corner| corner as u64))
+            .collect(),
+        error_in_time: each(&|one| one.history.time_error_mm.unwrap_or(f64::NAN)),
+        body_translation: (bodies > 0).then(|| Packed(motions.iter().flat_map(|motion| motion.translation).collect())),
+        body_rotation: (bodies > 0).then(|| Packed(motions.iter().map(|motion| motion.rotation).collect())),
+        error_in_space: with_accuracy.then(|| each(&|one| one.space_error_mm.unwrap_or(f64::NAN))),
+        elements_per_cell: with_accuracy.then(|| count(&|one| one.mesh.elements_per_cell())),
+        order: with_accuracy.then(|| count(&|one| one.mesh.order().degree())),
+        steps: count(&|one| one.history.instants.len()),
+        residual: each(&|one| one.history.residual),
+        solve_seconds: each(&|one| one.seconds),
+        scene: scene.clone(),
+        solver: simulation.solver(),
+        effects: screened.effects(),
+        warnings: Lines(screened.warnings_in_time.clone()),
+    }
+}
+
+/// The motions of the bodies of all patterns, filled up with NaN to so many for each pattern.
+fn body_motions(followed: &[PatternHistory], count: usize) -> Vec<Motion> {
+    let missing = || Motion {
+        translation: [f64::NAN; 2],
+        rotation: f64::NAN,
+    };
+    let of = |PatternHistory { history, .. }: &PatternHistory| {
+        let known = history
+            .asked()
+            .flat_map(|instant| instant.bodies.clone().unwrap_or_default());
+        known
+            .chain(std::iter::repeat_with(missing))
+            .take(count)
+            .collect::<Vec<_>>()
+    };
+    followed.iter().flat_map(of).collect()
+}
+
+/// Returns all steps of all patterns as comma-separated values with a header.
+fn steps_table(followed: &[PatternHistory]) -> Result<String, CliError> {
+    let header = [
+        "pattern",
+        "time_s",
+        "voltage_V",
+        "max_displacement_mm",
+        "watched_displacement_mm",
+        "charge_C",
+        "current_A",
+        "stored_J",
+        "electric_J",
+        "kinetic_J",
+        "dissipated_J",
+        "supplied_J",
+    ];
+    let rows = followed
+        .iter()
+        .enumerate()
+        .flat_map(|(pattern, PatternHistory { history, .. })| {
+            let current = history.current();
+            let row = move |(at, instant): (usize, &Instant)| {
+                let numbers = [
+                    instant.time,
+                    instant.voltage,
+                    instant.largest,
+                    instant.watched,
+                    instant.charge,
+                    current[at],
+                    instant.stored,
+                    instant.electric,
+                    instant.kinetic,
+                    instant.dissipated,
+                    instant.supplied,
+                ];
+                let numbers = numbers.iter().map(ToString::to_string);
+                std::iter::once(pattern.to_string()).chain(numbers).collect()
+            };
+            history
+                .instants
+                .iter()
+                .enumerate()
+                .map(row)
+                .collect::<Vec<Vec<String>>>()
+        });
+    csv::text(&header.map(str::to_owned), rows)
+}
+
+fn motions(followed: &[PatternHistory]) -> Vec<figures::Motion> {
+    let motion = |(index, PatternHistory { history, .. }): (usize, &PatternHistory)| figures::Motion {
+        name: format!("pattern {index}"),
+        time: history.instants.iter().map(|instant| instant.time).collect(),
+        displacement: history.instants.iter().map(|instant| instant.watched).collect(),
+        end: (!history.outcome.is_converged()).then(|| history.outcome.name().to_owned()),
+    };
+    followed.iter().enumerate().map(motion).collect()
+}
+
+/// The most rows in the report; with more, each pattern has one row, for its last time.
+const MAX_ROWS: usize = 30;
+
+/// Lists the patterns with their output times, or with the last one only if these are too many.
+fn overview(followed: &[PatternHistory]) -> table::Table {
+    let header = [
+        "pattern",
+        "outcome",
+        "time",
+        "displacement",
+        "error in time",
+        "error in space",
+        "steps",
+    ];
+    let mut table = table::table(
+        &header,
+        &["time", "displacement", "error in time", "error in space", "steps"],
+    )
+    .dispensable(&["steps", "error in space", "error in time"]);
+    let are_all = followed.iter().map(|one| one.largest.len()).sum::<usize>() <= MAX_ROWS;
+    for (
+        index,
+        PatternHistory {
+            history,
+            space_error_mm,
+            largest,
+            ..
+        },
+    ) in followed.iter().enumerate()
+    {
+        let each = || history.asked().zip(largest);
+        let at = |time: f64| format!("{} s", rounded(time));
+        let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
+        let before = match are_all {
+            true => largest.len().saturating_sub(1),
+            false => 0,
+        };
+        for (instant, largest) in each().take(before) {
+            let [none, more, others, steps] = [(); 4].map(|()| String::new());
+            let moved = format!("{largest:.4} mm");
+            table.add_row([index.to_string(), none, at(instant.time), moved, more, others, steps]);
+        }
+        let last = each().last();
+        table.add_row([
+            index.to_string(),
+            history.outcome.to_string(),
+            or_dash(last.map(|(instant, _)| at(instant.time))),
+            or_dash(last.map(|(_, largest)| format!("{largest:.4} mm"))),
+            or_dash(history.time_error_mm.map(|error| format!("{error:.1e} mm"))),
+            or_dash(space_error_mm.map(|error| format!("{error:.1e} mm"))),
+            history.instants.len().to_string(),
+        ]);
+    }
+    table
+}
+
+/// Describes the patterns whose errors are larger than requested.
+fn missed(followed: &[PatternHistory], accuracy_mm: Option<f64>) -> Vec<(usize, String)> {
+    let Some(accuracy) = accuracy_mm else {
+        return imprecise(followed);
+    };
+    let line = |(index, found): (usize, &PatternHistory)| {
+        let [time, space] = [found.history.time_error_mm, found.space_error_mm]
+            .map(|error| error.filter(|error| found.history.outcome.is_converged() && *error > accuracy));
+        let errors = [
+            time.map(|error| format!("estimated error of the time steps {error:.2e} mm")),
+            space.map(|error| format!("estimated error of the finest mesh {error:.2e} mm")),
+        ];
+        let errors: Vec<String> = errors.into_iter().flatten().collect();
+        let line = format!(
+            "pattern {index}: the requested accuracy is not reached: {}",
+            errors.join(", ")
+        );
+        (!errors.is_empty()).then_some((index, line))
+    };
+    followed.iter().enumerate().filter_map(line).collect()
+}
+
+/// Describes the patterns whose error in time is larger than usual.
+fn imprecise(followed: &[PatternHistory]) -> Vec<(usize, String)> {
+    let line = |(index, found): (usize, &PatternHistory)| {
+        let history = &found.history;
+        let largest = found.largest.iter().copied().fold(0.0, f64::max);
+        let (error, usual) = (history.time_error_mm?, USUAL_TIME_ERROR * largest);
+        let line = format!(
+            "pattern {index}: the estimated error of the time steps, {error:.1e} mm, exceeds the usual {usual:.1e} mm"
+        );
+        (history.outcome.is_converged() && error > REPORTED_ERROR * usual).then_some((index, line))
+    };
+    followed.iter().enumerate().filter_map(line).collect()
+}
+
+/// Rounds a time to six digits.
+fn rounded(time: f64) -> f64 {
+    format!("{time:.5e}").parse().unwrap_or(time)
+}
+
+fn document((index, found): (usize, &PatternHistory)) -> Value {
+    let history = &found.history;
+    json!({
+        "index": index,
+        "outcome": history.outcome.name(),
+        "time_bracket": history.outcome.time_bracket(),
+        "voltage_bracket": history.outcome.bracket(),
+        "max_displacement": found.largest,
+        "charge": history.asked().map(|instant| instant.charge).collect::<Vec<_>>(),
+        "watched_corner": history.watched,
+        "error_in_time": history.time_error_mm,
+        "error_in_space": found.space_error_mm,
+        "elements_per_cell": found.mesh.elements_per_cell(),
+        "order": found.mesh.order().degree(),
+        "steps": history.instants.len(),
+        "newton_iterations": history.newton_steps,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_read_in_any_order_and_unit() {
+        assert_eq!(times("10 s, 0 s,1 min, 0.5"), Ok(Times(vec![0.0, 0.5, 10.0, 60.0])));
+        for refused in ["", "1 V", "-1 s", "1 s,,2 s", "2e12 s"] {
+            assert!(times(refused).is_err(), "{refused}");
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! `deaflow solve --modes`: natural frequencies of patterns about their equilibria.
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::SolveArguments;
+use super::history::TIME;
+use super::simulation::{Form, Simulation};
+use crate::job::JobResult;
+use crate::text::Text;
+use crate::{CliError, Exit, Output, table};
+use deaflow_content::{Packed, Vibrations};
+use deaflow_fem::screening::resolve;
+use deaflow_fem::{MOST_MODES, MembraneSolver, Vibration};
+use deaflow_scene::Scene;
+
+/// The warning about modes out of the plane, the lowest of which are about as low as those in it.
+pub const OUT_OF_PLANE: &str =
+    "vibration out of the plane is not simulated; it begins at about the lowest natural frequency of a flat membrane";
+
+#[derive(Clone, Debug, Args)]
+pub struct ModesArguments {
+    /// Find the K lowest natural frequencies of each pattern about its equilibrium, with their modes; needs a density
+    #[arg(
+        long,
+        value_name = "K",
+        value_parser = clap::value_parser!(u64).range(1..=MOST_MODES as u64),
+        conflicts_with_all = ["path", "cells", "accuracy", "history", "at", "every"],
+        help_heading = TIME
+    )]
+    pub modes: Option<u64>,
+    /// Lump the mass at the nodes
+    #[arg(long, requires = "modes", help_heading = TIME)]
+    lumped: bool,
+}
+
+const FORM: Form = Form {
+    name: "modes",
+    has_attachments: false,
+    of_one_state: Some("a natural frequency"),
+};
+
+/// Finds natural frequencies and their modes.
+///
+/// # Errors
+/// When the scene or a pattern cannot be used, the density is missing, or the file cannot be written.
+pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Result<Exit, CliError> {
+    let simulation = Simulation::read(arguments, &FORM)?;
+    let scene = resolve(&simulation.scene)?;
+    let solver = MembraneSolver::new(&scene, arguments.options())?.within(arguments.time.work_limit());
+    let (mut found, mut seconds) = (Vec::new(), Vec::new());
+    simulation.run(
+        |pattern| Ok(solver.vibration(pattern, count as usize, arguments.modes.lumped)?),
+        |vibration, time| {
+            found.push(vibration);
+            seconds.push(time);
+        },
+    )?;
+    let lumped = if arguments.modes.lumped { ", lumped mass" } else { "" };
+    let unstable = found.iter().filter(|one| one.equilibrium.is_none()).count();
+    let result = JobResult {
+        patterns: found.len(),
+        arrays: content(&simulation, &scene, count as usize, &found, seconds).object(),
+        parameters: simulation.parameters(&format!(", {count} modes{lumped}")),
+        attachments: None,
+        warnings: warnings(&scene),
+        document: json!({
+            "vibrations": found.iter().enumerate().map(document).collect::<Vec<_>>(),
+            "unstable": unstable,
+        }),
+        text: Text::of(overview(&found, count as usize)),
+        exit: if unstable > 0 { Exit::Unstable } else { Exit::Done },
+    };
+    simulation.finish(result, output)
+}
+
+fn warnings(scene: &Scene) -> Vec<String> {
+    let relaxed = scene.effects.viscoelasticity.as_ref().map(|_| {
+        "modes are those of the relaxed membrane: viscoelastic branches that relax more slowly than a period stiffen \
+         it, as --response shows"
+    });
+    [OUT_OF_PLANE].into_iter().chain(relaxed).map(str::to_owned).collect()
+}
+
+fn content(
+    simulation: &Simulation<'_>,
+    scene: &Scene,
+    count: usize,
+    found: &[Vibration],
+    solve_seconds: Vec<f64>,
+) -> Vibrations {
+    let row = 2 * scene.membrane().raster.corners();
+    let missing = |rows: usize| std::iter::repeat_n(f64::NAN, rows * row);
+    let [mut displacement, mut modes, mut frequencies] = [(); 3].map(|()| Vec::<f64>::new());
+    for one in found {
+        match &one.equilibrium {
+            Some(field) => displacement.extend_from_slice(field.values()),
+            None => displacement.extend(missing(1)),
+        }
+        let known = one.frequencies.iter().copied();
+        frequencies.extend(known.chain(std::iter::repeat(f64::NAN)).take(count));
+        modes.extend(one.modes.iter().flat_map(|mode| mode.values()));
+        modes.extend(missing(count - one.modes.len()));
+    }
+    Vibrations {
+        patterns: simulation.patterns.clone(),
+        outcome: found.iter().map(|one| one.outcome.name().to_owned()).collect(),
+        displacement: Packed(displacement),
+        mode: (1..=count as u64).collect(),
+        frequencies: Packed(frequencies),
+        modes: Packed(modes),
+        solve_seconds,
+        scene: scene.clone(),
+        solver: simulation.solver(),
+        effects: scene.effects.to_text(),
+    }
+}
+
+/// Lists the patterns with their lowest frequencies.
+fn overview(found: &[Vibration], count: usize) -> table::Table {
+    const SHOWN: usize = 6;
+    let shown = count.min(SHOWN);
+    let names: Vec<String> = (1..=shown).map(|mode| format!("f{mode}")).collect();
+    let header: Vec<&str> = ["pattern", "outcome"]
+        .into_iter()
+        .chain(names.iter().map(String::as_str))
+        .collect();
+    let last: Vec<&str> = header[2..].iter().rev().copied().collect();
+    let mut table = table::table(&header, &header[2..]).dispensable(&last);
+    for (index, one) in found.iter().enumerate() {
+        let hertz = one.frequencies.iter().map(|hertz| format!("{hertz:.2} Hz"));
+        let hertz = hertz.chain(std::iter::repeat("-".to_owned())).take(shown);
+        let row = [index.to_string(), one.outcome.to_string()];
+        table.add_row(row.into_iter().chain(hertz).collect::<Vec<_>>());
+    }
+    table
+}
+
+fn document((index, one): (usize, &Vibration)) -> Value {
+    json!({ "index": index, "outcome": one.outcome.name(), "frequencies": one.frequencies })
+}

@@ -1,0 +1,127 @@
+//! The steps that all forms of `solve` share: read the scene and the patterns, simulate, write the files and report.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::SolveArguments;
+use crate::job::{Job, JobResult, attached_files, seconds_each};
+use crate::{CliError, Exit, Output, write};
+use deaflow_base::Progress;
+use deaflow_fem::check_leads;
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+use deaflow_stage::direct;
+
+/// What a form of `solve` needs before it computes.
+pub struct Form {
+    /// The name of its progress bar.
+    pub name: &'static str,
+    /// Whether it writes a table and a figure next to its HDF5 file, which then must be named.
+    pub has_attachments: bool,
+    /// What it computes, if it does so for one state of a device only.
+    pub of_one_state: Option<&'static str>,
+}
+
+/// Patterns that are simulated in a scene.
+pub struct Simulation<'a> {
+    /// The command line.
+    pub arguments: &'a SolveArguments,
+    /// The scene, in the state and with the changes that the command line names.
+    pub scene: Scene,
+    /// The patterns.
+    pub patterns: Vec<Pattern>,
+    /// The file of each pattern.
+    pub names: Vec<String>,
+    /// Progress, time and files.
+    pub job: Job<'a>,
+}
+
+impl<'a> Simulation<'a> {
+    /// Reads the scene and the patterns.
+    ///
+    /// # Errors
+    /// When a file would be overwritten that is read, or the scene or a pattern cannot be used.
+    pub fn read(arguments: &'a SolveArguments, form: &Form) -> Result<Self, CliError> {
+        if form.has_attachments {
+            check_attachments(arguments)?;
+        }
+        let scene = arguments.read_scene()?;
+        if let Some(what) = form.of_one_state.filter(|_| !scene.states.is_empty()) {
+            return Err(
+                CliError::bad_input(format!("{what} is computed for one state of a device"))
+                    .help("choose a state: --state NAME"),
+            );
+        }
+        let (patterns, names) = direct::patterns_with_names(&arguments.patterns.patterns, scene.form())?;
+        check_leads(scene.leads.as_ref(), &patterns)?;
+        let steps = patterns.len() * scene.in_states().len();
+        let job = Job::start("solve", arguments.patterns.output.as_deref(), form.name, steps);
+        Ok(Self {
+            arguments,
+            scene,
+            patterns,
+            names,
+            job,
+        })
+    }
+
+    /// Simulates all patterns, one per thread at a time, and passes each result on with its computing time in s.
+    ///
+    /// # Errors
+    /// When a pattern cannot be simulated.
+    pub fn run<T: Send>(
+        &self,
+        simulate: impl Fn(&Pattern) -> Result<T, CliError> + Sync,
+        mut keep: impl FnMut(T, f64),
+    ) -> Result<(), CliError> {
+        for batch in self.patterns.chunks(rayon::current_num_threads()) {
+            let start = Instant::now();
+            let found = batch.par_iter().map(|pattern| {
+                let found = simulate(pattern);
+                self.job.bar.advance(1);
+                found
+            });
+            let found = found.collect::<Result<Vec<T>, CliError>>()?;
+            let seconds = seconds_each(start, batch.len());
+            found
+                .into_iter()
+                .zip(seconds)
+                .for_each(|(found, seconds)| keep(found, seconds));
+        }
+        Ok(())
+    }
+
+    /// The scene, the solver and what is computed, for the provenance.
+    pub fn parameters(&self, what: &str) -> String {
+        format!("{}, {}{what}", self.arguments.described(), self.arguments.parameters())
+    }
+
+    /// The parameters of the solver as a YAML map.
+    pub fn solver(&self) -> String {
+        format!("{{ {} }}", self.arguments.parameters())
+    }
+
+    /// Writes the files and prints the report.
+    ///
+    /// # Errors
+    /// When a file or the report cannot be written.
+    pub fn finish(self, result: JobResult<'_>, output: &Output) -> Result<Exit, CliError> {
+        self.job.finish(result, output)
+    }
+}
+
+/// Checks that a table and a figure can be written next to the HDF5 file.
+fn check_attachments(arguments: &SolveArguments) -> Result<(), CliError> {
+    let file = arguments.patterns.file()?;
+    let attached = attached_files(file);
+    if attached.iter().any(|attached| attached == file) {
+        return Err(
+            CliError::bad_input(format!("{} would be written twice", file.display()))
+                .help("name the HDF5 file, as in -o OUT.h5; OUT.csv and OUT.png are written next to it"),
+        );
+    }
+    attached
+        .iter()
+        .try_for_each(|attached| write::check_output(attached, &arguments.inputs()))
+}
