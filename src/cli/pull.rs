@@ -11,7 +11,7 @@ use super::upstream;
 use super::{CliError, Exit, Output, pipeline, table};
 use deaflow_base::ArtifactId;
 use deaflow_orchestrator::built_stages;
-use deaflow_remote::{Foreign, Pulled, Remote, pull_all, pull_some};
+use deaflow_remote::{IgnoredRecords, PullReport, Remote, pull_all, pull_some};
 use deaflow_store::Store;
 
 /// Bring what a remote has into a store; all of it is verified
@@ -54,9 +54,9 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
     let bar = DelayedBar::new("pull", "artifacts");
     let progress = |done, total| bar.set(done, total);
     let done = match &pipeline {
-        _ if arguments.records_only => Ok(Pulled {
+        _ if arguments.records_only => Ok(PullReport {
             records: remote.count_records(),
-            ..Pulled::default()
+            ..PullReport::default()
         }),
         None => pull_all(&store, &remote, &progress),
         Some((pipeline, selection)) => {
@@ -86,14 +86,14 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
     } else {
         output.text(text(arguments, remote.name(), &pulled, &missing))?;
     }
-    Ok(match pulled.left.is_empty() {
+    Ok(match pulled.failed.is_empty() {
         true => Exit::Done,
-        false if remote.is_off() => Exit::TryAgain,
+        false if remote.is_disabled() => Exit::TryAgain,
         false => Exit::Failure,
     })
 }
 
-fn document(remote: &Remote, pulled: &Pulled, missing: &[String], foreign: &Foreign) -> serde_json::Value {
+fn document(remote: &Remote, pulled: &PullReport, missing: &[String], foreign: &IgnoredRecords) -> serde_json::Value {
     json!({
         "remote": remote.name(),
         "place": remote.place(),
@@ -101,13 +101,13 @@ fn document(remote: &Remote, pulled: &Pulled, missing: &[String], foreign: &Fore
         "bytes": pulled.bytes,
         "artifacts_here": pulled.artifacts_here,
         "records": pulled.records,
-        "left": pulled.left.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "left": pulled.failed.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "not_built": missing,
         "passed_over": upstream::ignored_document(remote, foreign),
     })
 }
 
-fn text(arguments: &PullArguments, name: &str, pulled: &Pulled, missing: &[String]) -> String {
+fn text(arguments: &PullArguments, name: &str, pulled: &PullReport, missing: &[String]) -> String {
     if arguments.records_only {
         return format!("from {name}: {} records are known", pulled.records);
     }
@@ -117,8 +117,8 @@ fn text(arguments: &PullArguments, name: &str, pulled: &Pulled, missing: &[Strin
         table::bytes(pulled.bytes),
         pulled.artifacts_here
     );
-    if !pulled.left.is_empty() {
-        text += &format!("; {} could not be had", pulled.left.len());
+    if !pulled.failed.is_empty() {
+        text += &format!("; {} could not be had", pulled.failed.len());
     }
     if !missing.is_empty() {
         text += &format!("\nneither here nor there: {}", missing.join(", "));

@@ -11,7 +11,7 @@ use super::progress::DelayedBar;
 use super::{CliError, Exit, Output, locate, pipeline, table, upstream};
 use deaflow_base::ArtifactId;
 use deaflow_orchestrator::{Pipeline, built_stages};
-use deaflow_remote::{Configuration, Push, Pushed, Remote, SigningKey, push};
+use deaflow_remote::{Configuration, Push, PushReport, Remote, SigningKey, push};
 use deaflow_store::Store;
 
 /// Send what a store has to a remote, so that others take it instead of building it
@@ -74,16 +74,16 @@ pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliEr
             "objects_there": pushed.objects_there,
             "records_there": pushed.records_there,
             "records_of_others": pushed.records_of_others,
-            "left": left(&pushed.left),
+            "left": left(&pushed.failed),
             "passed_over": upstream::ignored_document(&remote, &foreign),
         }))?;
     } else {
         output.text(text(remote.name(), &pushed))?;
     }
-    for (artifact, why) in &pushed.left {
+    for (artifact, why) in &pushed.failed {
         output.warn(format_args!("artifact {} was not sent: {why}", artifact.short()));
     }
-    Ok(match pushed.left.is_empty() {
+    Ok(match pushed.failed.is_empty() {
         true => Exit::Done,
         false => Exit::Damaged,
     })
@@ -107,7 +107,7 @@ fn roots(pipeline: &Pipeline, store: &Store, remote: &Arc<Remote>) -> Result<Vec
     }
 }
 
-fn text(name: &str, pushed: &Pushed) -> String {
+fn text(name: &str, pushed: &PushReport) -> String {
     let there = match (pushed.objects_there, pushed.records_there) {
         (0, 0) => String::new(),
         (objects, records) => format!(

@@ -11,7 +11,7 @@ use super::progress::DelayedBar;
 use super::text::Text;
 use super::{CliError, Exit, Output, locate, table, upstream};
 use deaflow_base::host_name;
-use deaflow_remote::{Address, Configuration, Retention, SigningKey, Swept, read_public, sweep};
+use deaflow_remote::{Address, Configuration, GarbageReport, Retention, SigningKey, collect_garbage, read_public_keys};
 
 /// Say where others' stores are and whose records count there
 #[derive(Debug, Args)]
@@ -99,10 +99,10 @@ fn add(configuration: &Configuration, arguments: &AddArguments, output: &Output)
     )?;
     let mut trusted = Vec::new();
     for path in &arguments.keys {
-        for named in read_public(path)? {
+        for named in read_public_keys(path)? {
             if !trusted
                 .iter()
-                .any(|known: &deaflow_remote::Named| known.key == named.key)
+                .any(|known: &deaflow_remote::TrustedKey| known.key == named.key)
             {
                 trusted.push(named);
             }
@@ -111,14 +111,14 @@ fn add(configuration: &Configuration, arguments: &AddArguments, output: &Output)
     configuration.add(&arguments.name, &address, &trusted)?;
     let keys: Vec<Value> = trusted
         .iter()
-        .map(|named| json!({ "key": named.key.to_string(), "whose": named.whose }))
+        .map(|named| json!({ "key": named.key.to_string(), "whose": named.owner }))
         .collect();
     if output.is_json() {
         output.document(&json!({ "name": arguments.name, "url": address.url(), "keys": keys }))?;
     } else {
         let whose: Vec<String> = trusted
             .iter()
-            .map(|named| match named.whose.as_str() {
+            .map(|named| match named.owner.as_str() {
                 "" => named.key.short(),
                 whose => whose.to_owned(),
             })
@@ -154,7 +154,7 @@ fn list(configuration: &Configuration, output: &Output) -> Result<Exit, CliError
             "url": remote.address.url(),
             "endpoint": remote.address.endpoint,
             "region": remote.address.region,
-            "keys": keys.map(|named| json!({ "key": named.key.to_string(), "whose": named.whose })).collect::<Vec<_>>(),
+            "keys": keys.map(|named| json!({ "key": named.key.to_string(), "whose": named.owner })).collect::<Vec<_>>(),
         }));
         table.add_row([
             name,
@@ -203,7 +203,7 @@ fn key(configuration: &Configuration, output: &Output) -> Result<Exit, CliError>
     let key = match SigningKey::read(&path)? {
         Some(key) => key,
         None => {
-            configuration.make()?;
+            configuration.create_folder()?;
             let key = SigningKey::create(&path)?;
             output.note(&format!("made {}: keep it to yourself", path.display()));
             key
@@ -238,7 +238,7 @@ fn gc(configuration: &Configuration, arguments: &GcArguments, output: &Output) -
         age: arguments.older,
     };
     let bar = DelayedBar::new("gc", "objects");
-    let done = sweep(&remote, retention, key.as_ref(), arguments.dry_run, &|done, total| {
+    let done = collect_garbage(&remote, retention, key.as_ref(), arguments.dry_run, &|done, total| {
         bar.set(done, total);
     });
     bar.clear();
@@ -252,9 +252,9 @@ fn gc(configuration: &Configuration, arguments: &GcArguments, output: &Output) -
             "records_removed": swept.records,
             "files_of_records_removed": swept.packs,
             "files_of_records_merged": swept.merged,
-            "objects_kept": swept.objects_left,
-            "bytes_kept": swept.bytes_left,
-            "not_ours": swept.others,
+            "objects_kept": swept.objects_kept,
+            "bytes_kept": swept.bytes_kept,
+            "not_ours": swept.foreign,
         }))?;
     } else {
         output.text(text(remote.name(), arguments.dry_run, &swept))?;
@@ -262,23 +262,23 @@ fn gc(configuration: &Configuration, arguments: &GcArguments, output: &Output) -
     Ok(Exit::Done)
 }
 
-fn text(name: &str, dry_run: bool, swept: &Swept) -> String {
+fn text(name: &str, dry_run: bool, swept: &GarbageReport) -> String {
     let mut text = format!(
         "{name}: {} {} artifacts ({}) and {} records; {} artifacts ({}) stay",
         if dry_run { "would remove" } else { "removed" },
         swept.objects,
         table::bytes(swept.bytes),
         swept.records,
-        swept.objects_left,
-        table::bytes(swept.bytes_left),
+        swept.objects_kept,
+        table::bytes(swept.bytes_kept),
     );
     if swept.merged > 0 {
         text += &format!("\n{} files of your records were put together", swept.merged);
     }
-    if swept.others > 0 {
+    if swept.foreign > 0 {
         text += &format!(
             "\n{} objects there are none of deaflow's and were not touched",
-            swept.others
+            swept.foreign
         );
     }
     text

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::arguments::{PipelineArguments, remote_name};
 use super::{CliError, Output, table};
 use deaflow_base::Background;
-use deaflow_remote::{Brought, Configuration, Foreign, Remote, RemoteError, SigningKey};
+use deaflow_remote::{Configuration, Downloads, IgnoredRecords, Remote, RemoteError, SigningKey};
 use deaflow_store::Store;
 
 /// The time between two reports of fetched artifacts.
@@ -48,7 +48,7 @@ fn open(name: Option<&str>, store: &Store) -> Result<Remote, CliError> {
 pub const HOW_TO_ADD: &str = "deaflow remote add NAME s3://BUCKET/PREFIX --key FILE.pub";
 
 /// Opens a remote (the named one, that of the environment, or the only one), reads its index and reports what is ignored.
-pub fn open_fresh(name: Option<&str>, store: &Store, output: &Output) -> Result<(Remote, Foreign), CliError> {
+pub fn open_fresh(name: Option<&str>, store: &Store, output: &Output) -> Result<(Remote, IgnoredRecords), CliError> {
     let remote = open(remote_name(name).as_deref(), store)?;
     let foreign = remote.refresh()?;
     report_ignored(&remote, &foreign, output);
@@ -75,8 +75,8 @@ impl StoreAccess {
         match remote.refresh() {
             Ok(foreign) => report_ignored(&remote, &foreign, output),
             Err(error) if error.is_transient() && !matches!(error, RemoteError::Store(_)) => {
-                remote.learn();
-                remote.turn_off(&error);
+                remote.load_cached();
+                remote.disable(&error);
             }
             Err(error) => return Err(error.into()),
         }
@@ -101,9 +101,9 @@ impl StoreAccess {
     pub fn watch(&self, report: impl Fn(&str) + Send + 'static) -> Option<Background> {
         let remote = self.remote.clone()?;
         let watch = move |pauses: &deaflow_base::Pauses| {
-            let (mut reported, mut at) = (remote.brought(), Instant::now());
+            let (mut reported, mut at) = (remote.downloads(), Instant::now());
             while pauses.wait(TICK) {
-                let brought = remote.brought();
+                let brought = remote.downloads();
                 if brought != reported && at.elapsed() >= INTERVAL {
                     report(&format!("{}: {}", remote.name(), describe(&brought)));
                     (reported, at) = (brought, Instant::now());
@@ -118,7 +118,7 @@ impl StoreAccess {
     pub fn end(&self, output: &Output, is_quiet: bool) {
         let Some(remote) = &self.remote else { return };
         report_problems(remote, output);
-        let brought = remote.brought();
+        let brought = remote.downloads();
         if brought.artifacts > 0 && !is_quiet {
             output.note(&format!("{}: {}", remote.name(), describe(&brought)));
         }
@@ -127,19 +127,19 @@ impl StoreAccess {
     /// Describes what has been fetched, for programs.
     pub fn document(&self) -> Value {
         self.remote.as_ref().map_or(Value::Null, |remote| {
-            let brought = remote.brought();
+            let brought = remote.downloads();
             json!({ "name": remote.name(), "artifacts": brought.artifacts, "bytes": brought.bytes })
         })
     }
 }
 
-fn describe(brought: &Brought) -> String {
+fn describe(brought: &Downloads) -> String {
     let artifacts = table::counted(brought.artifacts, "artifacts");
     format!("fetched {artifacts} ({})", table::bytes(brought.bytes))
 }
 
 /// Warns of what is ignored of a remote: untrusted, rejected and contradictory records.
-pub fn report_ignored(remote: &Remote, foreign: &Foreign, output: &Output) {
+pub fn report_ignored(remote: &Remote, foreign: &IgnoredRecords, output: &Output) {
     let name = remote.name();
     for (key, count) in &foreign.untrusted {
         let files = table::counted(*count, "files");
@@ -153,7 +153,7 @@ pub fn report_ignored(remote: &Remote, foreign: &Foreign, output: &Output) {
     }
     let disagreements = remote.disagreements();
     for disagreement in disagreements.iter().take(MAX_LISTED) {
-        output.warn(remote.words_of(disagreement));
+        output.warn(remote.describe_disagreement(disagreement));
     }
     let counts = [
         (foreign.rejected.len(), "more files ignored"),
@@ -169,7 +169,7 @@ pub fn report_ignored(remote: &Remote, foreign: &Foreign, output: &Output) {
 
 /// Warns of problems with a remote since the last call.
 pub fn report_problems(remote: &Remote, output: &Output) {
-    let problems = remote.told();
+    let problems = remote.take_warnings();
     for text in problems.iter().take(2 * MAX_LISTED) {
         output.warn(text);
     }
@@ -183,13 +183,13 @@ pub fn report_problems(remote: &Remote, output: &Output) {
 }
 
 /// Describes what is ignored of a remote, for programs.
-pub fn ignored_document(remote: &Remote, foreign: &Foreign) -> Value {
+pub fn ignored_document(remote: &Remote, foreign: &IgnoredRecords) -> Value {
     let untrusted = foreign.untrusted.iter();
     let rejected = foreign.rejected.iter();
     let disagreements = remote.disagreements();
     let disagreements = disagreements.iter().map(|disagreement| {
-        let said = disagreement.said.iter().map(|said| {
-            json!({ "key": said.signer.to_string(), "whose": remote.whose(&said.signer), "artifact": said.artifact.to_string() })
+        let said = disagreement.results.iter().map(|said| {
+            json!({ "key": said.signer.to_string(), "whose": remote.owner(&said.signer), "artifact": said.artifact.to_string() })
         });
         json!({
             "action": disagreement.key.to_string(),
@@ -199,7 +199,7 @@ pub fn ignored_document(remote: &Remote, foreign: &Foreign) -> Value {
     });
     json!({
         "untrusted": untrusted.map(|(key, files)| json!({ "key": key.to_string(), "files": files })).collect::<Vec<_>>(),
-        "rejected": rejected.map(|(name, why)| json!({ "name": name, "why": why })).collect::<Vec<_>>(),
+        "rejected": rejected.map(|(name, why)| json!({ "name": name, "why": why.to_string() })).collect::<Vec<_>>(),
         "disagreements": disagreements.collect::<Vec<_>>(),
     })
 }

@@ -1,51 +1,51 @@
-//! What is asked of storage: names and bytes, and no more.
+//! The interface to object storage: names and bytes.
 
 use std::path::Path;
 use std::time::SystemTime;
 
 use super::error::RemoteError;
 
-/// An object of the storage.
+/// An object in the storage.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Entry {
-    /// Its name, without the prefix of the remote.
+pub struct BucketObject {
+    /// Name without the prefix of the remote.
     pub name: String,
-    /// Its length, bytes.
+    /// Length in bytes.
     pub size: u64,
-    /// When it was written, by the clock of the storage.
+    /// Time of the last change, by the clock of the storage.
     pub modified: SystemTime,
 }
 
-/// Where a large file that is sent in pieces is remembered, so that an interrupted upload goes on.
-pub struct Unfinished<'a> {
-    /// A file of ours.
-    pub note: &'a Path,
-    /// What the bytes are that are sent: pieces of another file are of no use.
+/// A local file that remembers a multipart upload, so that an interrupted one can resume.
+pub struct UploadNote<'a> {
+    /// Path of the file.
+    pub path: &'a Path,
+    /// Identifies the bytes that are sent: an upload of other bytes is not resumed.
     pub content: String,
 }
 
-/// Storage under a prefix. Names are paths with `/`.
+/// Object storage under a prefix. Names are paths separated by `/`.
 pub trait Bucket: Send + Sync {
-    /// Where it is, for people.
+    /// Returns the location for messages.
     fn place(&self) -> String;
 
-    /// All objects whose names begin so.
+    /// Lists all objects whose names start with `prefix`.
     ///
     /// # Errors
-    /// When the storage cannot be reached or refuses; so with all others.
-    fn list(&self, prefix: &str) -> Result<Vec<Entry>, RemoteError>;
+    /// Returns an error if the storage cannot be reached or refuses; so do all other methods.
+    fn list(&self, prefix: &str) -> Result<Vec<BucketObject>, RemoteError>;
 
-    /// The bytes of an object, of which there may be at most `limit`; none where there is no such object.
+    /// Returns the bytes of an object, or `None` if it does not exist. More than `limit` bytes are an error.
     ///
     /// # Errors
     /// As [`Bucket::list`].
     fn get(&self, name: &str, limit: u64) -> Result<Option<Vec<u8>>, RemoteError>;
 
-    /// Writes the bytes of an object, of which there may be at most `limit`, into a file, and says how many there were; none where
-    /// there is no such object.
+    /// Writes an object to a file and returns its length, or `None` if the object does not exist. More than `limit`
+    /// bytes are an error.
     ///
     /// # Errors
-    /// As [`Bucket::list`], or when the file cannot be written.
+    /// As [`Bucket::list`], or if the file cannot be written.
     fn get_file(&self, name: &str, target: &Path, limit: u64) -> Result<Option<u64>, RemoteError>;
 
     /// Writes an object.
@@ -54,18 +54,18 @@ pub trait Bucket: Send + Sync {
     /// As [`Bucket::list`].
     fn put(&self, name: &str, bytes: &[u8]) -> Result<(), RemoteError>;
 
-    /// Writes an object from a file of this length.
+    /// Writes an object from a file of `size` bytes.
     ///
     /// # Errors
-    /// As [`Bucket::list`], or when the file cannot be read.
-    fn put_file(&self, name: &str, file: &Path, size: u64, unfinished: &Unfinished<'_>) -> Result<(), RemoteError>;
+    /// As [`Bucket::list`], or if the file cannot be read.
+    fn put_file(&self, name: &str, file: &Path, size: u64, note: &UploadNote<'_>) -> Result<(), RemoteError>;
 
-    /// Removes an object; that there is none is no error.
+    /// Removes an object. A missing object is not an error.
     ///
     /// # Errors
     /// As [`Bucket::list`].
     fn delete(&self, name: &str) -> Result<(), RemoteError>;
 
-    /// The time by the clock of the storage, as far as it has told; that of this machine else.
+    /// Returns the time of the storage, or of this machine before the storage has sent a date.
     fn now(&self) -> SystemTime;
 }

@@ -1,24 +1,24 @@
-//! What the user has told of remotes: `remotes/NAME.yaml` and `remotes/NAME.pub` in the folder of the user's configuration, and
-//! the private key `signing.key` beside them. No pipeline says whom to trust.
+//! The user's configuration of remotes: `remotes/NAME.yaml` and `remotes/NAME.pub` in the configuration folder, and the
+//! private key `signing.key`. Pipelines cannot add trusted keys.
 
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::error::RemoteError;
-use super::key::{Named, read_public};
+use super::key::{TrustedKey, read_public_keys};
 use deaflow_base::{Digest, Document, InputError, Map, is_plain_name, write_output};
 
-/// Where a remote is.
+/// The location of a remote.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Address {
     /// Name of the bucket.
     pub bucket: String,
-    /// Before the names of all objects, without `/` at its ends; may be empty.
+    /// Prefix of all object names, without `/` at its ends; may be empty.
     pub prefix: String,
-    /// The server, where it is not that of Amazon or of the environment.
+    /// URL of the server, if it is neither Amazon's nor set in the environment.
     pub endpoint: Option<String>,
-    /// The region, where it is not that of the environment.
+    /// Region, if it is not set in the environment.
     pub region: Option<String>,
 }
 
@@ -28,47 +28,47 @@ pub struct Configuration {
     folder: PathBuf,
 }
 
-/// A remote as it is configured.
+/// The configuration of one remote.
 #[derive(Clone, Debug)]
-pub struct Configured {
-    /// Its name.
+pub struct RemoteConfiguration {
+    /// Name of the remote.
     pub name: String,
-    /// Where it is.
+    /// Location of the remote.
     pub address: Address,
-    /// Whose records count.
-    pub trusted: Vec<Named>,
+    /// Keys whose records are used.
+    pub trusted: Vec<TrustedKey>,
 }
 
-/// Letters of a name of a remote.
-const LONGEST_NAME: usize = 64;
+/// Maximum length of the name of a remote.
+const MAX_NAME: usize = 64;
 
 impl Address {
-    /// Reads `s3://BUCKET/PREFIX`.
+    /// Parses `s3://BUCKET/PREFIX`.
     ///
     /// # Errors
-    /// When it is none, or the endpoint is no address of a server.
+    /// Returns an error if the URL or the endpoint is invalid.
     pub fn parse(url: &str, endpoint: Option<&str>, region: Option<&str>) -> Result<Self, InputError> {
         let wrong = |what: String| {
             InputError::new(what).help("allowed: s3://BUCKET or s3://BUCKET/PREFIX of letters, digits, `-`, `_`, `.`")
         };
         let rest = url
             .strip_prefix("s3://")
-            .ok_or_else(|| wrong(format!("{url:?} is no address of a remote")))?;
+            .ok_or_else(|| wrong(format!("{url:?} is not the URL of a remote")))?;
         let (bucket, prefix) = rest.split_once('/').unwrap_or((rest, ""));
         let prefix = prefix.trim_end_matches('/');
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
         let is_segment = |part: &str| !part.is_empty() && part.chars().all(plain) && ![".", ".."].contains(&part);
         if !is_segment(bucket) || bucket.len() > 255 {
-            return Err(wrong(format!("{url:?} names no bucket")));
+            return Err(wrong(format!("{url:?} has no valid bucket name")));
         }
         if !prefix.is_empty() && !prefix.split('/').all(is_segment) || prefix.len() > 512 {
-            return Err(wrong(format!("the prefix of {url:?} cannot be used")));
+            return Err(wrong(format!("the prefix of {url:?} is not allowed")));
         }
         if let Some(endpoint) = endpoint {
             check_endpoint(endpoint)?;
         }
         if let Some(region) = region.filter(|region| !is_segment(region)) {
-            return Err(InputError::new(format!("{region:?} is no region")).help("such as eu-west-1"));
+            return Err(InputError::new(format!("{region:?} is not a region")).help("example: eu-west-1"));
         }
         Ok(Self {
             bucket: bucket.to_owned(),
@@ -78,7 +78,7 @@ impl Address {
         })
     }
 
-    /// As it is written.
+    /// Returns the URL.
     #[must_use]
     pub fn url(&self) -> String {
         match self.prefix.as_str() {
@@ -87,7 +87,7 @@ impl Address {
         }
     }
 
-    /// What tells this place from all others: what was read there is kept under it.
+    /// Returns a digest of the location, which names the folder for cached records.
     #[must_use]
     pub fn digest(&self) -> Digest {
         let endpoint = self.endpoint.as_deref().unwrap_or_default();
@@ -95,14 +95,14 @@ impl Address {
     }
 }
 
-/// Whether this is the address of a server; what stands before an `@` may be a password and is not repeated.
+/// Checks the URL of a server. Text before an `@` may be a password, so the error does not repeat it.
 ///
 /// # Errors
-/// When it is none.
+/// Returns an error if the URL is invalid.
 pub fn check_endpoint(endpoint: &str) -> Result<(), InputError> {
-    let help = "such as https://minio.lab.org:9000";
+    let help = "example: https://minio.lab.org:9000";
     if endpoint.contains('@') {
-        return Err(InputError::new("an address of a server takes no name and no password").help(help));
+        return Err(InputError::new("the URL of a server must not contain a user name or password").help(help));
     }
     let rest = endpoint
         .strip_prefix("https://")
@@ -113,15 +113,15 @@ pub fn check_endpoint(endpoint: &str) -> Result<(), InputError> {
     let has_host = parsed.is_some_and(|uri| uri.host().is_some_and(|host| !host.is_empty()));
     match rest {
         Some(host) if is_host(host) && has_host => Ok(()),
-        _ => Err(InputError::new(format!("{endpoint:?} is no address of a server")).help(help)),
+        _ => Err(InputError::new(format!("{endpoint:?} is not the URL of a server")).help(help)),
     }
 }
 
 impl Configuration {
-    /// That of the user: `$DEAFLOW_CONFIG`, or `deaflow` in `$XDG_CONFIG_HOME` or `~/.config`.
+    /// Returns the user's configuration: `$DEAFLOW_CONFIG`, or `deaflow` in `$XDG_CONFIG_HOME` or `~/.config`.
     ///
     /// # Errors
-    /// When the environment names none of these folders.
+    /// Returns an error if the environment defines none of these folders.
     pub fn of_user() -> Result<Self, InputError> {
         let set = |name: &str| {
             std::env::var_os(name)
@@ -132,45 +132,45 @@ impl Configuration {
             .or_else(|| Some(set("XDG_CONFIG_HOME")?.join("deaflow")))
             .or_else(|| Some(set("HOME")?.join(".config/deaflow")));
         let folder = folder.ok_or_else(|| {
-            InputError::new("there is no folder for your configuration").help("set HOME, or DEAFLOW_CONFIG to a folder")
+            InputError::new("cannot find the configuration folder").help("set DEAFLOW_CONFIG or HOME to a folder")
         })?;
         Ok(Self { folder })
     }
 
-    /// That of a folder.
+    /// Returns the configuration in a folder.
     #[must_use]
-    pub fn of(folder: &Path) -> Self {
+    pub fn in_folder(folder: &Path) -> Self {
         Self {
             folder: folder.to_owned(),
         }
     }
 
-    /// Where the private key is.
+    /// Returns the path of the private key.
     #[must_use]
     pub fn signing_key(&self) -> PathBuf {
         self.folder.join("signing.key")
     }
 
-    /// Makes the folder.
+    /// Creates the folder.
     ///
     /// # Errors
-    /// When the system refuses.
-    pub fn make(&self) -> Result<(), RemoteError> {
+    /// Returns an error if the folder cannot be created.
+    pub fn create_folder(&self) -> Result<(), RemoteError> {
         let folder = self.remotes();
-        fs::create_dir_all(&folder).map_err(RemoteError::io("make", &folder))
+        fs::create_dir_all(&folder).map_err(RemoteError::io("create", &folder))
     }
 
     fn remotes(&self) -> PathBuf {
         self.folder.join("remotes")
     }
 
-    /// The file that says where a remote is.
+    /// Returns the path of the file with the location of a remote.
     #[must_use]
     pub fn file(&self, name: &str) -> PathBuf {
         self.remotes().join(format!("{name}.yaml"))
     }
 
-    /// The file of the keys that are trusted there.
+    /// Returns the path of the file with the trusted keys of a remote.
     #[must_use]
     pub fn keys(&self, name: &str) -> PathBuf {
         self.remotes().join(format!("{name}.pub"))
@@ -179,36 +179,36 @@ impl Configuration {
     /// Adds a remote.
     ///
     /// # Errors
-    /// When the name cannot be one, there is one of that name elsewhere, or the system refuses.
-    pub fn add(&self, name: &str, address: &Address, trusted: &[Named]) -> Result<(), RemoteError> {
+    /// Returns an error if the name is invalid, another remote has that name, or a file cannot be written.
+    pub fn add(&self, name: &str, address: &Address, trusted: &[TrustedKey]) -> Result<(), RemoteError> {
         check_name(name)?;
         if let Some(there) = self.find(name)?
             && there.address != *address
         {
             return Err(
-                InputError::new(format!("there is a remote `{name}` at {}", there.address.url()))
-                    .help(format!("deaflow remote remove {name}, or take another name"))
+                InputError::new(format!("remote `{name}` exists already, at {}", there.address.url()))
+                    .help(format!("run `deaflow remote remove {name}`, or choose another name"))
                     .into(),
             );
         }
-        self.make()?;
+        self.create_folder()?;
         let mut text = format!("version: 1\nurl: \"{}\"\n", address.url());
         for (key, value) in [("endpoint", &address.endpoint), ("region", &address.region)] {
             if let Some(value) = value {
                 text += &format!("{key}: \"{value}\"\n");
             }
         }
-        let lines: String = trusted.iter().map(|named| named.key.line(&named.whose)).collect();
-        let keys = format!("# whose records of {name} count, a line for each: ed25519 DIGITS NAME\n{lines}");
+        let lines: String = trusted.iter().map(|trusted| trusted.key.line(&trusted.owner)).collect();
+        let keys = format!("# trusted keys of {name}, one per line: ed25519 DIGITS NAME\n{lines}");
         let refused = |error| RemoteError::Store(deaflow_store::StoreError::Output(error));
         write_output(&self.keys(name), keys.as_bytes()).map_err(refused)?;
         write_output(&self.file(name), text.as_bytes()).map_err(refused)
     }
 
-    /// Forgets a remote; says whether there was one.
+    /// Removes a remote from the configuration and returns whether it existed.
     ///
     /// # Errors
-    /// When the name cannot be one, or the system refuses.
+    /// Returns an error if the name is invalid or a file cannot be removed.
     pub fn remove(&self, name: &str) -> Result<bool, RemoteError> {
         check_name(name)?;
         let mut removed = false;
@@ -222,10 +222,10 @@ impl Configuration {
         Ok(removed)
     }
 
-    /// The names of all remotes, in order.
+    /// Returns the sorted names of all remotes.
     ///
     /// # Errors
-    /// When the folder cannot be read.
+    /// Returns an error if the folder cannot be read.
     pub fn names(&self) -> Result<Vec<String>, RemoteError> {
         let folder = self.remotes();
         let entries = match fs::read_dir(&folder) {
@@ -243,11 +243,11 @@ impl Configuration {
         Ok(names)
     }
 
-    /// A remote by its name; none where there is none.
+    /// Returns the configuration of a remote, or `None` if there is no remote of that name.
     ///
     /// # Errors
-    /// When its files cannot be read.
-    pub fn find(&self, name: &str) -> Result<Option<Configured>, RemoteError> {
+    /// Returns an error if its files cannot be read.
+    pub fn find(&self, name: &str) -> Result<Option<RemoteConfiguration>, RemoteError> {
         check_name(name)?;
         let path = self.file(name);
         if !path.exists() {
@@ -260,10 +260,10 @@ impl Configuration {
         let url = map.required(WHAT, "url")?.text("url")?;
         let address = Address::parse(url, text_of(&map, "endpoint")?, text_of(&map, "region")?)
             .map_err(|error| map.error(error.to_string()))?;
-        Ok(Some(Configured {
+        Ok(Some(RemoteConfiguration {
             name: name.to_owned(),
             address,
-            trusted: read_public(&self.keys(name))?,
+            trusted: read_public_keys(&self.keys(name))?,
         }))
     }
 }
@@ -273,10 +273,11 @@ fn text_of<'a>(map: &Map<'a>, key: &str) -> Result<Option<&'a str>, InputError> 
 }
 
 fn check_name(name: &str) -> Result<(), InputError> {
-    match is_plain_name(name, LONGEST_NAME) {
+    match is_plain_name(name, MAX_NAME) {
         true => Ok(()),
         false => {
-            Err(InputError::new(format!("{name:?} cannot name a remote")).help("allowed: letters, digits, `-` and `_`"))
+            let message = format!("{name:?} is not a valid name of a remote");
+            Err(InputError::new(message).help(format!("allowed: up to {MAX_NAME} letters, digits, `-` and `_`")))
         }
     }
 }
@@ -323,15 +324,15 @@ mod tests {
     #[test]
     fn a_remote_is_remembered_until_it_is_removed() {
         let folder = tempfile::tempdir().unwrap();
-        let configuration = Configuration::of(&folder.path().join("new"));
+        let configuration = Configuration::in_folder(&folder.path().join("new"));
         assert!(configuration.names().unwrap().is_empty() && configuration.find("lab").unwrap().is_none());
         let address = Address::parse("s3://lab/store", Some("https://h:1"), None).unwrap();
         let key: PublicKey = "3d4017c3e843895a92b70aa74d1b7ebc9c982ccf2ec4968cc0cd55f12af4660c"
             .parse()
             .unwrap();
-        let named = Named {
+        let named = TrustedKey {
             key,
-            whose: "anna".to_owned(),
+            owner: "anna".to_owned(),
         };
         configuration
             .add("lab", &address, std::slice::from_ref(&named))

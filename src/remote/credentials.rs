@@ -1,7 +1,8 @@
-//! Where credentials come from, in the order of Amazon's tools: the environment, the user's file, the container, the machine.
+//! Credentials, looked up in the order of Amazon's tools: environment, user's files, container, machine.
 //!
-//! Without any, requests are not signed: a public store can be read so. Roles that have to be assumed, single sign-on and
-//! programs that give credentials are not known; `aws configure export-credentials --format env` turns them into an environment.
+//! Without credentials, requests are not signed, which is enough to read a public store. Assumed roles, single sign-on
+//! and credential programs are not supported; `aws configure export-credentials --format env` converts them to
+//! environment variables.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -14,25 +15,25 @@ use ureq::Agent;
 
 use deaflow_base::read_bounded;
 
-/// Files of credentials are shorter, bytes.
+/// Maximum length of a credentials file in bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Before they expire new ones are asked for.
-const EARLY: Duration = Duration::from_secs(300);
+/// Time before expiry at which credentials are renewed.
+const RENEWAL: Duration = Duration::from_secs(300);
 
-/// Where there were none, they are looked for again after this.
-const AGAIN: Duration = Duration::from_secs(60);
+/// Pause before another lookup if there are no credentials.
+const RETRY: Duration = Duration::from_secs(60);
 
-/// Where a container asks for its role (Amazon ECS).
+/// Server of the credentials of a container (Amazon ECS).
 const CONTAINER: &str = "http://169.254.170.2";
 
-/// Where a machine asks for its role (Amazon EC2), unless the environment says otherwise.
+/// Server of the credentials of a machine (Amazon EC2), unless set in the environment.
 const MACHINE: &str = "http://169.254.169.254";
 
-/// A machine that has a role answers at once.
-const SOON: Duration = Duration::from_secs(1);
+/// Timeout of these servers, which are local.
+const TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Credentials as a role has them.
+/// Credentials of a role, as these servers send them.
 #[derive(Deserialize)]
 #[serde(rename_all = "PascalCase")]
 struct Role {
@@ -42,51 +43,47 @@ struct Role {
     expiration: Option<String>,
 }
 
-#[derive(Clone)]
-struct Held {
+struct CachedCredentials {
     credentials: Option<Credentials>,
-    until: Option<SystemTime>,
+    expiry: Option<SystemTime>,
 }
 
 /// The credentials of this process.
 #[derive(Default)]
-pub struct Chain {
-    held: Mutex<Option<Held>>,
+pub struct CredentialChain {
+    cached: Mutex<Option<CachedCredentials>>,
 }
 
-/// The environment, for one variable that is set to something.
+/// Returns an environment variable, unless it is unset or blank.
 fn variable(name: &str) -> Option<String> {
     std::env::var(name).ok().filter(|value| !value.trim().is_empty())
 }
 
-impl Chain {
-    /// The credentials to sign the next request with; none where there are none.
-    pub fn now(&self, agent: &Agent) -> Option<Credentials> {
-        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_over = |held: &Held| held.until.is_some_and(|until| SystemTime::now() >= until);
-        let is_late = |held: &Held| held.until.is_some_and(|until| SystemTime::now() + EARLY >= until);
-        if held.as_ref().is_none_or(is_late) {
+impl CredentialChain {
+    /// Returns the credentials for the next request, or `None` if there are none.
+    pub fn current(&self, agent: &Agent) -> Option<Credentials> {
+        let mut cached = self.cached.lock().unwrap_or_else(PoisonError::into_inner);
+        let expires_by =
+            |time: SystemTime| move |cached: &CachedCredentials| cached.expiry.is_some_and(|expiry| time >= expiry);
+        let now = SystemTime::now();
+        if cached.as_ref().is_none_or(expires_by(now + RENEWAL)) {
             let found = find(agent);
-            // What cannot be renewed just now serves to its end.
-            let serves = held
-                .as_ref()
-                .is_some_and(|held| held.credentials.is_some() && !is_over(held));
-            if found.credentials.is_some() || !serves {
-                *held = Some(found);
+            let is_usable = |cached: &CachedCredentials| cached.credentials.is_some() && !expires_by(now)(cached);
+            if found.credentials.is_some() || !cached.as_ref().is_some_and(is_usable) {
+                *cached = Some(found);
             }
         }
-        held.as_ref().and_then(|held| held.credentials.clone())
+        cached.as_ref().and_then(|cached| cached.credentials.clone())
     }
 }
 
-fn find(agent: &Agent) -> Held {
-    let lasting = of_environment(&|name| variable(name)).or_else(of_file);
-    match lasting {
-        Some(credentials) => Held {
-            credentials: Some(credentials),
-            until: None,
-        },
+fn find(agent: &Agent) -> CachedCredentials {
+    match of_environment(&variable).or_else(of_file) {
         None => of_role(agent),
+        credentials => CachedCredentials {
+            credentials,
+            expiry: None,
+        },
     }
 }
 
@@ -114,19 +111,14 @@ fn of_file() -> Option<Credentials> {
     ))
 }
 
-/// The region that the user's file gives.
-fn region_of_file() -> Option<String> {
-    section_of("AWS_CONFIG_FILE", "config", &profile_sections())?.remove("region")
-}
-
-/// The region that the environment gives, or the user's file.
+/// Returns the region set in the environment or in the user's file.
 pub fn region() -> Option<String> {
     variable("AWS_REGION")
         .or_else(|| variable("AWS_DEFAULT_REGION"))
-        .or_else(region_of_file)
+        .or_else(|| section_of("AWS_CONFIG_FILE", "config", &profile_sections())?.remove("region"))
 }
 
-/// The server that the environment gives.
+/// Returns the server set in the environment.
 pub fn endpoint() -> Option<String> {
     variable("AWS_ENDPOINT_URL_S3").or_else(|| variable("AWS_ENDPOINT_URL"))
 }
@@ -139,6 +131,7 @@ fn profile_sections() -> [String; 2] {
     [format!("profile {}", profile()), profile()]
 }
 
+/// Returns the first of some sections in a file that a variable names, or in `~/.aws`.
 fn section_of(variable_of_file: &str, name: &str, sections: &[impl AsRef<str>]) -> Option<BTreeMap<String, String>> {
     let path = variable(variable_of_file)
         .map(PathBuf::from)
@@ -148,7 +141,7 @@ fn section_of(variable_of_file: &str, name: &str, sections: &[impl AsRef<str>]) 
     sections.iter().find_map(|section| all.remove(section.as_ref()))
 }
 
-/// Sections of `[name]` and lines of `key = value`. Indented lines belong to the key before them, and to nobody here.
+/// Parses sections `[name]` with lines `key = value`. Indented lines belong to the key before them and are skipped.
 fn parse(text: &str) -> BTreeMap<String, BTreeMap<String, String>> {
     let mut sections: BTreeMap<String, BTreeMap<String, String>> = BTreeMap::new();
     let mut current = None;
@@ -165,17 +158,20 @@ fn parse(text: &str) -> BTreeMap<String, BTreeMap<String, String>> {
     sections
 }
 
-/// That of the container or of the machine.
-fn of_role(agent: &Agent) -> Held {
+/// Asks the container or the machine for the credentials of its role.
+fn of_role(agent: &Agent) -> CachedCredentials {
     let text = of_container(agent).or_else(|| of_machine(agent));
     let role: Option<Role> = text.and_then(|text| serde_json::from_str(&text).ok());
-    let until = role
-        .as_ref()
-        .and_then(|role| humantime::parse_rfc3339_weak(role.expiration.as_ref()?).ok());
-    Held {
-        // Where there is none, somebody may be asked again before long.
-        until: until.or_else(|| role.is_none().then(|| SystemTime::now() + EARLY + AGAIN)),
+    let expiry = match &role {
+        Some(role) => role
+            .expiration
+            .as_ref()
+            .and_then(|time| humantime::parse_rfc3339_weak(time).ok()),
+        None => Some(SystemTime::now() + RENEWAL + RETRY),
+    };
+    CachedCredentials {
         credentials: role.map(|role| credentials(role.access_key_id, role.secret_access_key, role.token)),
+        expiry,
     }
 }
 
@@ -191,7 +187,7 @@ fn of_container(agent: &Agent) -> Option<String> {
     ask(agent, "GET", &url, &headers)
 }
 
-/// By the second version of the service, which asks for a token first.
+/// Uses version 2 of the metadata service, which requires a token.
 fn of_machine(agent: &Agent) -> Option<String> {
     if variable("AWS_EC2_METADATA_DISABLED").is_some_and(|value| value.eq_ignore_ascii_case("true")) {
         return None;
@@ -218,14 +214,14 @@ fn ask(agent: &Agent, method: &str, url: &str, headers: &[(&str, &str)]) -> Opti
     }
     let request = agent
         .configure_request(request.body(()).ok()?)
-        .timeout_global(Some(SOON))
+        .timeout_global(Some(TIMEOUT))
         .proxy(None)
         .build();
-    let mut answer = agent.run(request).ok()?;
-    if answer.status() != 200 {
+    let mut response = agent.run(request).ok()?;
+    if response.status() != 200 {
         return None;
     }
-    answer.body_mut().with_config().limit(MAX_BYTES).read_to_string().ok()
+    response.body_mut().with_config().limit(MAX_BYTES).read_to_string().ok()
 }
 
 #[cfg(test)]
@@ -243,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn the_environment_gives_a_key_with_its_secret_or_nothing() {
+    fn the_environment_must_have_both_key_and_secret() {
         let of = |given: &[(&str, &str)]| {
             let given: BTreeMap<String, String> =
                 given.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
@@ -260,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn a_role_says_until_when() {
+    fn the_credentials_of_a_role_expire() {
         let text = r#"{"Code":"Success","AccessKeyId":"A","SecretAccessKey":"S","Token":"T","Expiration":"2026-11-22T12:00:00Z"}"#;
         let role: Role = serde_json::from_str(text).unwrap();
         assert_eq!((role.access_key_id.as_str(), role.token.as_deref()), ("A", Some("T")));

@@ -1,4 +1,4 @@
-//! Why a remote could not be used.
+//! Errors of remotes.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -6,116 +6,114 @@ use std::path::{Path, PathBuf};
 use deaflow_base::{EncodingError, InputError};
 use deaflow_store::StoreError;
 
-/// A refusal by a remote, or on the way to it.
+/// A remote could not be used.
 #[derive(Debug, thiserror::Error)]
 pub enum RemoteError {
-    /// An address, a key or a file of the configuration cannot be used.
+    /// An address, a key or a configuration file is invalid.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// The store on this side refused.
+    /// The local store failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The operating system refused.
+    /// A file operation failed.
     #[error("cannot {action} {path}: {source}", path = path.display())]
     Io {
-        /// What was tried.
+        /// The operation, as a verb.
         action: &'static str,
-        /// On which file.
+        /// The file.
         path: PathBuf,
-        /// The system's own message.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// Nothing answered, or not to the end.
+    /// There was no complete response.
     #[error("cannot reach {host}: {reason}")]
     Unreachable {
-        /// Who was asked.
+        /// Host name and port.
         host: String,
-        /// What went wrong.
+        /// The cause, without parts of the signed URL.
         reason: String,
     },
-    /// The storage answered that it will not.
+    /// The storage refused a request.
     #[error("{host} refuses to {action} `{name}`: {status} {code}{}", if message.is_empty() { String::new() } else { format!(": {message}") })]
     Refused {
-        /// Who was asked.
+        /// Host name and port.
         host: String,
-        /// What was asked for.
+        /// The request, as a verb.
         action: &'static str,
-        /// Of which object.
+        /// Name of the object.
         name: String,
-        /// Status of HTTP.
+        /// HTTP status.
         status: u16,
-        /// Its own word for why.
+        /// Error code of the storage.
         code: String,
-        /// Its own message.
+        /// Message of the storage.
         message: String,
     },
-    /// An answer that is none.
-    #[error("{host} gives an answer that is not understood, asked to {action} `{name}`: {reason}")]
-    Answer {
-        /// Who was asked.
+    /// The response was not understood.
+    #[error("unexpected response from {host} to {action} `{name}`: {reason}")]
+    UnexpectedResponse {
+        /// Host name and port.
         host: String,
-        /// What was asked for.
+        /// The request, as a verb.
         action: &'static str,
-        /// Of which object.
+        /// Name of the object.
         name: String,
-        /// How it shows.
+        /// What is unexpected.
         reason: String,
     },
-    /// The place holds something else, or was written by another version.
-    #[error("{place} says {found:?}; this program knows `{known}`")]
+    /// The location is not a remote, or was written by another version.
+    #[error("{place} contains {found:?}, expected `{known}`")]
     Format {
-        /// The marker.
+        /// Location of the marker.
         place: String,
-        /// What it says.
+        /// Its content.
         found: String,
-        /// What it should say.
+        /// The expected content.
         known: &'static str,
     },
-    /// Records that cannot be encoded.
+    /// Records could not be encoded.
     #[error(transparent)]
     Encoding(#[from] EncodingError),
 }
 
 impl RemoteError {
-    /// For `map_err` on calls of the standard library.
+    /// Converts errors of file operations, for `map_err`.
     pub(super) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Io { action, path, source }
     }
 
-    /// What may help, where that is known.
+    /// Returns advice, if there is any.
     #[must_use]
     pub fn help(&self) -> Option<&'static str> {
         match self {
-            Self::Unreachable { .. } => {
-                Some("the network may come back; --endpoint of `remote add` names another server")
-            }
+            Self::Unreachable { .. } => Some("try again later, or set another server with --endpoint of `remote add`"),
             Self::Refused { code, status, .. } => match code.as_str() {
-                "RequestTimeTooSkewed" => Some("the clock of this machine is wrong: set it"),
-                "NoSuchBucket" => Some("make the bucket first; deaflow makes none"),
+                "RequestTimeTooSkewed" => Some("set the clock of this machine"),
+                "NoSuchBucket" => Some("create the bucket first; deaflow does not create buckets"),
                 "PermanentRedirect"
                 | "TemporaryRedirect"
                 | "AuthorizationHeaderMalformed"
                 | "IllegalLocationConstraintException" => {
-                    Some("the bucket is in another region: `remote add` takes --region")
+                    Some("the bucket is in another region; set it with --region of `remote add`")
                 }
                 _ if [401, 403].contains(status) => Some(
-                    "credentials come from AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, from AWS_PROFILE in ~/.aws/credentials, \
-                     or from the machine's role; they must allow this",
+                    "check your credentials: AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE in ~/.aws/credentials, \
+                     or the role of the machine",
                 ),
                 _ => None,
             },
-            Self::Format { .. } => Some("use the program that made it, or another place"),
+            Self::Format { .. } => Some("use the version of deaflow that wrote it, or another URL"),
             _ => None,
         }
     }
 
-    /// Whether to try again later may help.
+    /// Returns whether a later attempt may succeed.
     #[must_use]
     pub fn is_transient(&self) -> bool {
         match self {
             Self::Unreachable { .. } => true,
-            Self::Refused { status, code, .. } => is_passing(*status) || code == "RequestTimeTooSkewed",
+            Self::Refused { status, code, .. } => is_temporary(*status) || code == "RequestTimeTooSkewed",
             Self::Store(error) => error.is_transient(),
             Self::Io { .. } => true,
             _ => false,
@@ -123,7 +121,7 @@ impl RemoteError {
     }
 }
 
-/// Whether a status of HTTP says that the storage is in trouble just now.
-pub fn is_passing(status: u16) -> bool {
+/// Returns whether an HTTP status means a temporary failure.
+pub fn is_temporary(status: u16) -> bool {
     matches!(status, 408 | 429 | 500 | 502 | 503 | 504)
 }

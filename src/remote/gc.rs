@@ -1,114 +1,116 @@
-//! Removes from a remote what no record names, and what is older than it is to be.
+//! Garbage collection of a remote: removes objects that no record names, and old records.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use super::bucket::Entry;
+use super::bucket::BucketObject;
 use super::error::RemoteError;
 use super::key::{PublicKey, SigningKey};
-use super::pack::{self, MOST_RECORDS, RECORDS};
+use super::pack::{self, MOST_RECORDS, PackError, RECORDS};
 use super::upstream::{OBJECTS, Remote, object_of};
 use deaflow_base::{ArtifactId, Digest, side_by_side};
 
-/// What stays.
+/// What a collection keeps.
 #[derive(Clone, Copy, Debug)]
 pub struct Retention {
-    /// Objects that nothing names stay as long: a push sends them before it says what they are.
+    /// Age up to which unnamed objects are kept, because a push sends objects before records.
     pub grace: Duration,
-    /// Records stay as long, and what they name; for ever without.
+    /// Age up to which records and the objects that they name are kept; `None` keeps all.
     pub age: Option<Duration>,
 }
 
-/// What was removed, or would be.
+/// What a collection removed, or would remove.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Swept {
-    /// Objects.
+pub struct GarbageReport {
+    /// Number of removed objects.
     pub objects: u64,
-    /// Their bytes.
+    /// Size of the removed objects in bytes.
     pub bytes: u64,
-    /// Files of records.
+    /// Number of removed files of records.
     pub packs: u64,
-    /// Records in them.
+    /// Number of records in these files.
     pub records: u64,
-    /// Files of one's own records that were put together into fewer.
+    /// Number of files of own records that were merged.
     pub merged: u64,
-    /// Objects that stay.
-    pub objects_left: u64,
-    /// Their bytes.
-    pub bytes_left: u64,
-    /// Names that are none of ours: they are not touched.
-    pub others: u64,
+    /// Number of objects that were kept.
+    pub objects_kept: u64,
+    /// Size of the kept objects in bytes.
+    pub bytes_kept: u64,
+    /// Number of names that deaflow did not write; they are not touched.
+    pub foreign: u64,
 }
 
-/// A pack, as far as it matters here.
-struct Pack {
-    entry: Entry,
+/// A file of records and the artifacts that it names.
+struct PackContents {
+    entry: BucketObject,
     signer: PublicKey,
     digest: Digest,
     records: u64,
     names: Vec<ArtifactId>,
 }
 
-/// Few packs need not be put together.
-const FEW: usize = 16;
+/// Minimum number of small packs that are merged.
+const MIN_MERGED: usize = 16;
 
-/// Sweeps. All records hold what they name, whoever has signed them: who sweeps need not trust whom others trust. With a key, many small
-/// files of its records become few.
+/// Collects garbage. Records of all signers keep the objects that they name, because other users may trust other keys.
+/// With a key, small files of its records are merged.
 ///
 /// # Errors
-/// When the remote cannot be reached or refuses, or a file of records cannot be read, so that it is not known what it holds.
-pub fn sweep(
+/// Returns an error if the remote cannot be reached or refuses, or a file of records cannot be read, so that its
+/// objects are unknown.
+pub fn collect_garbage(
     remote: &Remote,
     retention: Retention,
     key: Option<&SigningKey>,
-    is_trial: bool,
+    is_dry_run: bool,
     progress: &(dyn Fn(u64, u64) + Sync),
-) -> Result<Swept, RemoteError> {
+) -> Result<GarbageReport, RemoteError> {
     let bucket = remote.bucket();
-    let mut swept = Swept::default();
-    // Records before objects: whatever is pushed meanwhile is younger than the grace or named by then.
+    let mut report = GarbageReport::default();
+    // Records are listed before objects, so that objects pushed meanwhile are named or within the grace period.
     let listed = bucket.list(RECORDS)?;
     let now = bucket.now();
-    let is_old = |entry: &Entry, age: Duration| now.duration_since(entry.modified).is_ok_and(|since| since > age);
+    let is_old =
+        |entry: &BucketObject, age: Duration| now.duration_since(entry.modified).is_ok_and(|since| since > age);
     let (mut named, mut packs) = (Vec::new(), Vec::new());
     for entry in listed {
         match pack::parse_name(&entry.name) {
-            Some(name) if entry.size <= pack::LONGEST => named.push((entry, name)),
-            _ => swept.others += 1,
+            Some(name) if entry.size <= pack::MAX_PACK => named.push((entry, name)),
+            _ => report.foreign += 1,
         }
     }
     let known: BTreeSet<String> = named.iter().map(|(entry, _)| entry.name.clone()).collect();
     for pack in side_by_side(&named, |(entry, name)| read(remote, entry, *name).map(Some))? {
         packs.extend(pack);
     }
-    let (old, kept): (Vec<Pack>, Vec<Pack>) = packs
+    let (old, kept): (Vec<PackContents>, Vec<PackContents>) = packs
         .into_iter()
         .partition(|pack| retention.age.is_some_and(|age| is_old(&pack.entry, age)));
-    swept.packs = old.len() as u64;
-    swept.records = old.iter().map(|pack| pack.records).sum();
-    let wanted: BTreeSet<ArtifactId> = kept.iter().flat_map(|pack| pack.names.iter().copied()).collect();
+    report.packs = old.len() as u64;
+    report.records = old.iter().map(|pack| pack.records).sum();
+    let named_artifacts: BTreeSet<ArtifactId> = kept.iter().flat_map(|pack| pack.names.iter().copied()).collect();
     let mut orphans = Vec::new();
     for entry in bucket.list(OBJECTS)? {
         match object_of(&entry.name) {
-            None => swept.others += 1,
-            Some(artifact) if wanted.contains(&artifact) || !is_old(&entry, retention.grace) => {
-                swept.objects_left += 1;
-                swept.bytes_left = swept.bytes_left.saturating_add(entry.size);
+            None => report.foreign += 1,
+            Some(artifact) if named_artifacts.contains(&artifact) || !is_old(&entry, retention.grace) => {
+                report.objects_kept += 1;
+                report.bytes_kept = report.bytes_kept.saturating_add(entry.size);
             }
             Some(_) => {
-                swept.objects += 1;
-                swept.bytes = swept.bytes.saturating_add(entry.size);
+                report.objects += 1;
+                report.bytes = report.bytes.saturating_add(entry.size);
                 orphans.push(entry.name);
             }
         }
     }
-    if is_trial {
-        return Ok(swept);
+    if is_dry_run {
+        return Ok(report);
     }
-    // Records first: none may name what is not there.
-    let first: Vec<String> = old.into_iter().map(|pack| pack.entry.name).collect();
-    let total = (first.len() + orphans.len()) as u64;
+    // Records are removed first, so that none names a missing object.
+    let old_packs: Vec<String> = old.into_iter().map(|pack| pack.entry.name).collect();
+    let total = (old_packs.len() + orphans.len()) as u64;
     let done = AtomicU64::new(0);
     let remove = |names: &[String]| {
         side_by_side(names, |name| {
@@ -117,11 +119,11 @@ pub fn sweep(
             Ok::<_, RemoteError>(None::<()>)
         })
     };
-    remove(&first)?;
-    // What has been recorded meanwhile stays.
+    remove(&old_packs)?;
+    // Objects that were recorded meanwhile are kept.
     let mut late = BTreeSet::new();
     for entry in bucket.list(RECORDS)? {
-        if let Some(name) = pack::parse_name(&entry.name).filter(|_| entry.size <= pack::LONGEST)
+        if let Some(name) = pack::parse_name(&entry.name).filter(|_| entry.size <= pack::MAX_PACK)
             && !known.contains(&entry.name)
         {
             late.extend(read(remote, &entry, name)?.into_iter().flat_map(|pack| pack.names));
@@ -129,36 +131,34 @@ pub fn sweep(
     }
     orphans.retain(|name| object_of(name).is_none_or(|artifact| !late.contains(&artifact)));
     remove(&orphans)?;
-    // What is put together is younger than what it was made of.
+    // Merged files look new, so old records would be kept for too long.
     if let Some(key) = key.filter(|_| retention.age.is_none()) {
-        swept.merged = merge(remote, &kept, key)?;
+        report.merged = merge(remote, &kept, key)?;
     }
-    Ok(swept)
+    Ok(report)
 }
 
-/// None where it has been removed meanwhile.
-fn read(remote: &Remote, entry: &Entry, (signer, digest): (PublicKey, Digest)) -> Result<Option<Pack>, RemoteError> {
-    let Some(file) = remote.bucket().get(&entry.name, pack::LONGEST)? else {
+/// Reads a file of records; `None` if it was removed meanwhile.
+fn read(
+    remote: &Remote,
+    entry: &BucketObject,
+    (signer, digest): (PublicKey, Digest),
+) -> Result<Option<PackContents>, RemoteError> {
+    let Some(file) = remote.bucket().get(&entry.name, pack::MAX_PACK)? else {
         return Ok(None);
     };
-    // What is not signed names nothing, if no version of this program has written it; what another version wrote must not lose what it names.
+    // An unsigned file that no version of deaflow wrote names nothing. A file of another version must keep its objects.
     let (statements, is_signed) = match pack::read(&file, &signer, &digest) {
         Ok(statements) => (statements, true),
-        Err(pack::NoPack::Altered | pack::NoPack::Unsigned) => (pack::read_unsigned(&file).unwrap_or_default(), false),
-        Err(pack::NoPack::Unreadable) => (Vec::new(), false),
-        Err(pack::NoPack::OtherVersion) => {
-            return Err(unknown(
-                remote,
-                entry,
-                "another version of this program has written them",
-            ));
-        }
+        Err(PackError::Altered | PackError::Unsigned) => (pack::read_unsigned(&file).unwrap_or_default(), false),
+        Err(error @ PackError::OtherVersion) => return Err(unknown_objects(remote, entry, &error.to_string())),
+        Err(_) => (Vec::new(), false),
     };
     if is_signed && statements.iter().any(|statement| statement.parts.is_none()) {
-        return Err(unknown(
+        return Err(unknown_objects(
             remote,
             entry,
-            "they name a manifest of so many chunks that these are not told",
+            "it names a manifest whose chunks are not listed",
         ));
     }
     let parts = statements.iter().flat_map(|statement| statement.parts.iter().flatten());
@@ -166,7 +166,7 @@ fn read(remote: &Remote, entry: &Entry, (signer, digest): (PublicKey, Digest)) -
         .iter()
         .map(|statement| statement.record.artifact)
         .chain(parts.copied());
-    Ok(Some(Pack {
+    Ok(Some(PackContents {
         names: names.collect(),
         records: statements.len() as u64,
         entry: entry.clone(),
@@ -175,33 +175,33 @@ fn read(remote: &Remote, entry: &Entry, (signer, digest): (PublicKey, Digest)) -
     }))
 }
 
-/// What cannot be known stops the sweep.
-fn unknown(remote: &Remote, entry: &Entry, why: &str) -> RemoteError {
-    RemoteError::Answer {
+/// Returns the error that stops the collection if the objects of a file are unknown.
+fn unknown_objects(remote: &Remote, entry: &BucketObject, why: &str) -> RemoteError {
+    RemoteError::UnexpectedResponse {
         host: remote.place(),
-        action: "read the records",
+        action: "read",
         name: entry.name.clone(),
-        reason: format!("{why}: nothing is removed"),
+        reason: format!("{why}; nothing was removed"),
     }
 }
 
-/// Puts many small packs of one signer together; gives how many there were.
-fn merge(remote: &Remote, packs: &[Pack], key: &SigningKey) -> Result<u64, RemoteError> {
+/// Merges small packs of one signer and returns the number of packs that were replaced.
+fn merge(remote: &Remote, packs: &[PackContents], key: &SigningKey) -> Result<u64, RemoteError> {
     let own = key.public();
     let small: BTreeSet<Digest> = packs
         .iter()
         .filter(|pack| pack.signer == own && pack.records < MOST_RECORDS as u64 / 2)
         .map(|pack| pack.digest)
         .collect();
-    if small.len() < FEW {
+    if small.len() < MIN_MERGED {
         return Ok(0);
     }
     let (mut old, mut statements) = (Vec::new(), Vec::new());
     for digest in small {
-        let file = remote.bucket().get(&pack::name(&own, &digest), pack::LONGEST)?;
-        if let Some(Ok(said)) = file.map(|file| pack::read(&file, &own, &digest)) {
+        let file = remote.bucket().get(&pack::name(&own, &digest), pack::MAX_PACK)?;
+        if let Some(Ok(read)) = file.map(|file| pack::read(&file, &own, &digest)) {
             old.push(digest);
-            statements.extend(said);
+            statements.extend(read);
         }
     }
     statements.sort_by_key(|statement| (statement.record.key, statement.record.artifact));
@@ -211,8 +211,8 @@ fn merge(remote: &Remote, packs: &[Pack], key: &SigningKey) -> Result<u64, Remot
         return Ok(0);
     }
     for pack in &new {
-        let digest = remote.state(pack, key)?;
-        // One of them may say all that the others do.
+        let digest = remote.publish(pack, key)?;
+        // A new pack may equal an old one.
         old.retain(|old| *old != digest);
     }
     for digest in &old {

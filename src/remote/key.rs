@@ -1,4 +1,4 @@
-//! Ed25519 keys (RFC 8032): whoever signs records, and whose records count.
+//! Ed25519 keys (RFC 8032) to sign records and to verify the signatures of others.
 
 use std::fmt;
 use std::fs;
@@ -13,24 +13,24 @@ use ring::signature::{ED25519, Ed25519KeyPair, KeyPair, UnparsedPublicKey};
 use super::error::RemoteError;
 use deaflow_base::{Digest, InputError, read_bounded};
 
-/// The word before the digits of a public key.
+/// First word in the line of a public key.
 const PUBLIC: &str = "ed25519";
 
-/// The word before the digits of a private key.
+/// First word in the line of a private key.
 const PRIVATE: &str = "ed25519-private";
 
-/// A file of keys is shorter, bytes.
+/// Maximum length of a key file in bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Bytes of a signature.
+/// Length of a signature in bytes.
 pub const SIGNATURE: usize = 64;
 
-/// Whose records count.
+/// The public key of a signer.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PublicKey(Digest);
 
 impl PublicKey {
-    /// Whether it has signed these bytes.
+    /// Returns whether the signature of the bytes is valid for this key.
     #[must_use]
     pub fn has_signed(&self, bytes: &[u8], signature: &[u8]) -> bool {
         UnparsedPublicKey::new(&ED25519, self.0.as_bytes())
@@ -38,20 +38,20 @@ impl PublicKey {
             .is_ok()
     }
 
-    /// The first digits, for people.
+    /// Returns the first digits, for messages.
     #[must_use]
     pub fn short(&self) -> String {
         self.0.short()
     }
 
-    /// The line of a file of keys.
+    /// Returns the line of a key file.
     #[must_use]
-    pub fn line(&self, whose: &str) -> String {
-        format!("{PUBLIC} {} {whose}\n", self.0)
+    pub fn line(&self, owner: &str) -> String {
+        format!("{PUBLIC} {} {owner}\n", self.0)
     }
 }
 
-/// Its 64 hexadecimal digits.
+/// Writes the 64 hexadecimal digits.
 impl fmt::Display for PublicKey {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
@@ -68,28 +68,29 @@ impl FromStr for PublicKey {
     type Err = ();
 
     fn from_str(text: &str) -> Result<Self, ()> {
-        // Spelt in one way only, since it is a name.
+        // Only one spelling is valid, because keys are parts of object names.
         let digest: Digest = text.parse().map_err(|_| ())?;
         (digest.to_string() == text).then_some(Self(digest)).ok_or(())
     }
 }
 
-/// A public key with the name that a file of keys gives it.
+/// A trusted public key with the name of its owner.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Named {
+pub struct TrustedKey {
     /// The key.
     pub key: PublicKey,
-    /// Whose it is, as the file says; may be empty.
-    pub whose: String,
+    /// Name of the owner in the key file; may be empty.
+    pub owner: String,
 }
 
-/// Reads a file of public keys: a line `ed25519 DIGITS NAME` for each; empty lines and those that begin with `#` say nothing.
+/// Reads a file of public keys with one line `ed25519 DIGITS NAME` per key. Empty lines and lines that start with `#`
+/// are skipped.
 ///
 /// # Errors
-/// When the file cannot be read, a line is no key, or there is none.
-pub fn read_public(path: &Path) -> Result<Vec<Named>, InputError> {
+/// Returns an error if the file cannot be read, has an invalid line, or has no key.
+pub fn read_public_keys(path: &Path) -> Result<Vec<TrustedKey>, InputError> {
     let bytes = read_bounded(path, MAX_BYTES)
-        .map_err(|error| InputError::new(format!("cannot read the keys {}: {error}", path.display())))?;
+        .map_err(|error| InputError::new(format!("cannot read the key file {}: {error}", path.display())))?;
     let text = String::from_utf8_lossy(&bytes);
     let mut keys = Vec::new();
     for (number, line) in text.lines().enumerate() {
@@ -102,36 +103,34 @@ pub fn read_public(path: &Path) -> Result<Vec<Named>, InputError> {
         let (kind, digits) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
         if kind == PRIVATE {
             return Err(InputError::new(format!("{at}: this is a private key"))
-                .help("keep it to yourself; `deaflow remote key` prints the public key that belongs to yours"));
+                .help("keep it secret; `deaflow remote key` prints your public key"));
         }
         let key = digits.parse().ok().filter(|_| kind == PUBLIC);
         let key = key.ok_or_else(|| {
-            InputError::new(format!("{at}: this is no public key")).help(
-                "a line is `ed25519`, 64 lower-case hexadecimal digits and a name, as `deaflow remote key` prints it",
+            InputError::new(format!("{at}: not a public key")).help(
+                "expected: `ed25519`, 64 lower-case hexadecimal digits and a name, as printed by `deaflow remote key`",
             )
         })?;
-        keys.push(Named {
+        keys.push(TrustedKey {
             key,
-            whose: words.collect::<Vec<_>>().join(" "),
+            owner: words.collect::<Vec<_>>().join(" "),
         });
     }
     match keys.is_empty() {
-        true => Err(
-            InputError::new(format!("{}: there is no public key in it", path.display()))
-                .help("`deaflow remote key` prints the line of whoever pushes"),
-        ),
+        true => Err(InputError::new(format!("{} contains no public key", path.display()))
+            .help("add the line that `deaflow remote key` prints for the user who pushes")),
         false => Ok(keys),
     }
 }
 
-/// The key with which records are signed.
+/// The private key that signs records.
 pub struct SigningKey(Ed25519KeyPair);
 
 impl SigningKey {
-    /// Reads the key of a file; none where there is no file.
+    /// Reads the key from a file, or returns `None` if the file does not exist.
     ///
     /// # Errors
-    /// When it is no private key, or others may read it.
+    /// Returns an error if the file is not a private key, or other users can read it.
     pub fn read(path: &Path) -> Result<Option<Self>, RemoteError> {
         let metadata = match fs::metadata(path) {
             Ok(metadata) => metadata,
@@ -142,14 +141,15 @@ impl SigningKey {
             }
         };
         if metadata.permissions().mode() & 0o077 != 0 {
-            return Err(
-                InputError::new(format!("others may read or write the private key {}", path.display()))
-                    .help(format!(
-                        "chmod 600 {}; if they may have read it, remove it and make another",
-                        path.display()
-                    ))
-                    .into(),
-            );
+            return Err(InputError::new(format!(
+                "other users can read or write the private key {}",
+                path.display()
+            ))
+            .help(format!(
+                "run `chmod 600 {}`; if somebody may have read it, remove it and create a new key",
+                path.display()
+            ))
+            .into());
         }
         let bytes = read_bounded(path, MAX_BYTES)
             .map_err(|error| InputError::new(format!("cannot read the private key {}: {error}", path.display())))?;
@@ -161,24 +161,24 @@ impl SigningKey {
         let pair = seed.and_then(|seed| Ed25519KeyPair::from_seed_unchecked(seed.as_bytes()).ok());
         match pair {
             Some(pair) => Ok(Some(Self(pair))),
-            None => Err(InputError::new(format!("{} is no private key", path.display()))
-                .help("it is `ed25519-private` and 64 hexadecimal digits; `deaflow remote key` makes one where there is none")
+            None => Err(InputError::new(format!("{} is not a private key", path.display()))
+                .help("expected: `ed25519-private` and 64 hexadecimal digits, as created by `deaflow remote key`")
                 .into()),
         }
     }
 
-    /// Makes a new key and writes it to a file that only the user may read.
+    /// Creates a key and writes it to a file that only the user can read.
     ///
     /// # Errors
-    /// When there is a file already, or the system refuses.
+    /// Returns an error if the file exists or cannot be written.
     pub fn create(path: &Path) -> Result<Self, RemoteError> {
         let mut seed = [0; 32];
-        let refused = |error| RemoteError::io("make", path)(error);
+        let refused = |error| RemoteError::io("create", path)(error);
         SystemRandom::new()
             .fill(&mut seed)
-            .map_err(|_| refused(std::io::Error::other("the system gives no random numbers")))?;
+            .map_err(|_| refused(std::io::Error::other("the system has no random numbers")))?;
         let pair = Ed25519KeyPair::from_seed_unchecked(&seed)
-            .map_err(|_| refused(std::io::Error::other("the numbers are no key")))?;
+            .map_err(|_| refused(std::io::Error::other("the seed was rejected")))?;
         let mut file = fs::OpenOptions::new()
             .write(true)
             .create_new(true)
@@ -188,14 +188,14 @@ impl SigningKey {
         let text = format!("{PRIVATE} {}\n", Digest::from_bytes(seed));
         let written = file.write_all(text.as_bytes()).and_then(|()| file.sync_all());
         if let Err(error) = written {
-            // Half a key would stand in the way of the next one.
+            // An incomplete file would block the creation of another key.
             let _ = fs::remove_file(path);
             return Err(refused(error));
         }
         Ok(Self(pair))
     }
 
-    /// The key by which others know what it has signed.
+    /// Returns the public key, which verifies the signatures.
     #[must_use]
     pub fn public(&self) -> PublicKey {
         let mut bytes = [0; 32];
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_private_key_is_made_once_and_for_one() {
+    fn a_private_key_is_created_once_and_readable_by_its_user_only() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("key");
         assert!(SigningKey::read(&path).unwrap().is_none());
@@ -250,32 +250,32 @@ mod tests {
         assert!(SigningKey::create(&path).is_err());
         write(&path, &fs::read_to_string(&path).unwrap(), 0o640);
         let error = SigningKey::read(&path).err().unwrap().to_string();
-        assert!(error.contains("others may read"), "{error}");
+        assert!(error.contains(&path.display().to_string()), "{error}");
         write(&path, "ed25519-private 12", 0o600);
         assert!(SigningKey::read(&path).is_err());
     }
 
     #[test]
-    fn a_file_of_keys_says_what_is_wrong_with_it() {
+    fn errors_in_a_key_file_name_the_line() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lab.pub");
         let read = |text: &str| {
             fs::write(&path, text).unwrap();
-            read_public(&path)
+            read_public_keys(&path)
         };
         let keys = read(&format!("# the lab\n\ned25519 {PUBLIC_KEY} anna  at lab\n")).unwrap();
-        assert_eq!((keys.len(), keys[0].whose.as_str()), (1, "anna at lab"));
+        assert_eq!((keys.len(), keys[0].owner.as_str()), (1, "anna at lab"));
         assert_eq!(keys[0].key.line("anna"), format!("ed25519 {PUBLIC_KEY} anna\n"));
-        for (text, says) in [
-            ("", "no public key in it"),
-            ("# nothing\n", "no public key in it"),
-            ("ed25519 12 anna", "lab.pub:1: this is no public key"),
-            (&format!("\nrsa {PUBLIC_KEY}"), "lab.pub:2: this is no public key"),
-            (&format!("ed25519 {} anna", PUBLIC_KEY.to_uppercase()), "no public key"),
-            (&format!("{PRIVATE} {SEED}"), "private key"),
+        for (text, place) in [
+            ("", "lab.pub"),
+            ("# nothing\n", "lab.pub"),
+            ("ed25519 12 anna", "lab.pub:1:"),
+            (&format!("\nrsa {PUBLIC_KEY}"), "lab.pub:2:"),
+            (&format!("ed25519 {} anna", PUBLIC_KEY.to_uppercase()), "lab.pub:1:"),
+            (&format!("{PRIVATE} {SEED}"), "lab.pub:1: this is a private key"),
         ] {
             let error = read(text).err().unwrap().to_string();
-            assert!(error.contains(says), "{error}");
+            assert!(error.contains(place), "{error}");
         }
     }
 }

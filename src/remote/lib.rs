@@ -1,14 +1,14 @@
-//! A store that others share over the network: push and pull of objects and of signed records, on any S3-compatible storage.
+//! Sharing of a store over the network: push and pull of objects and of signed records on any S3-compatible storage.
 //!
 //! ```text
 //! PREFIX/format                          `deaflow-remote 1`
 //! PREFIX/objects/ab/<digest>.h5          artifacts by the digest of their content, as in a store
-//! PREFIX/records/<public key>/<digest>   what actions made, many in one signed file
+//! PREFIX/records/<public key>/<digest>   records of actions, many in one signed file
 //! ```
 //!
-//! Whoever may write there may put anything there: a record counts where a key that the user trusts has signed it, and an object
-//! where its content has the digest that is its name. Objects come before the records that name them, so that the remote
-//! is sound at any moment and an interrupted push goes on where it stopped.
+//! Everybody with write access can put anything there. A record is used only if a trusted key has signed it, and an
+//! object only if its content has the digest in its name. Objects are written before the records that name them, so
+//! that the remote is consistent at any moment and the next push continues after an interruption.
 
 mod bucket;
 mod config;
@@ -16,24 +16,25 @@ mod credentials;
 mod error;
 mod gc;
 mod key;
-mod known;
 mod pack;
 mod pull;
 mod push;
 mod s3;
+mod trusted_records;
 mod upload;
 mod upstream;
 
 #[cfg(test)]
 mod tests;
 
-pub use bucket::{Bucket, Entry, Unfinished};
-pub use config::{Address, Configuration, Configured};
+pub use bucket::{Bucket, BucketObject, UploadNote};
+pub use config::{Address, Configuration, RemoteConfiguration};
 pub use error::RemoteError;
-pub use gc::{Retention, Swept, sweep};
-pub use key::{Named, PublicKey, SigningKey, read_public};
-pub use known::{Disagreement, Foreign, Known, Said};
-pub use pull::{Pulled, pull_all, pull_some};
-pub use push::{Push, Pushed, push};
+pub use gc::{GarbageReport, Retention, collect_garbage};
+pub use key::{PublicKey, SigningKey, TrustedKey, read_public_keys};
+pub use pack::PackError;
+pub use pull::{PullReport, pull_all, pull_some};
+pub use push::{Push, PushReport, push};
 pub use s3::S3;
-pub use upstream::{Brought, Remote};
+pub use trusted_records::{Disagreement, IgnoredRecords, SignedResult, TrustedRecords};
+pub use upstream::{Downloads, Remote};

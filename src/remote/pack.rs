@@ -1,7 +1,7 @@
-//! Records in files: many in one, signed as a whole, so that what a thousand actions made takes one request.
+//! Packs: signed files with many records, so that the records of a thousand actions take one request.
 //!
-//! The file is the line `deaflow-records 1`, the signature of all that follows after that line, and the encoded records. Its name is
-//! the digest of the whole file, under the key that has signed it.
+//! A pack is the line `deaflow-records 1`, a signature of that line and the encoded records, and the encoded records.
+//! Its name is the public key of the signer and the digest of the file.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,36 +13,36 @@ use deaflow_store::Record;
 /// The folder of packs.
 pub const RECORDS: &str = "records/";
 
-/// What every pack begins with, and what is signed with it: a signature of something else is none of this.
+/// First line of a pack. It is signed too, so that signatures of other data are not valid for packs.
 const TITLE: &[u8] = b"deaflow-records 1\n";
 const TITLE_OF_ANY: &[u8] = b"deaflow-records ";
 
-/// No artifact is longer, bytes: what is said to be is not believed.
-const LONGEST_ARTIFACT: u64 = 1 << 50;
+/// Maximum size of an artifact in bytes; records of larger ones are dropped.
+const MAX_ARTIFACT: u64 = 1 << 50;
 
-/// Records of one pack.
+/// Maximum number of records in a pack.
 pub const MOST_RECORDS: usize = 4096;
 
-/// Bytes of the records of one pack beyond which another is begun; half of what can be encoded.
+/// Maximum size of the records in a pack in bytes; half of what can be encoded.
 pub const MOST_BYTES: usize = 8 << 20;
 
-/// A pack is no longer, bytes.
-pub const LONGEST: u64 = (16 << 20) + 1024;
+/// Maximum size of a pack in bytes.
+pub const MAX_PACK: u64 = (16 << 20) + 1024;
 
-/// Chunks of a manifest that are told with its record; of more, the manifest itself is read.
+/// Maximum number of chunks that are listed with the record of a manifest; for more, the manifest itself is read.
 const MOST_PARTS: usize = 1 << 18;
 
-/// What its signer says of an action.
+/// A record with the chunks of its artifact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Statement {
-    /// What it made.
+    /// The record of an action.
     pub record: Record,
-    /// The chunks of that, where it is a manifest; not said of very many.
+    /// Chunks of the artifact if it is a manifest; `None` if there are too many.
     pub parts: Option<Vec<ArtifactId>>,
 }
 
 impl Statement {
-    /// A statement on an artifact with these chunks.
+    /// Creates the statement for an artifact with these chunks.
     pub fn new(record: Record, parts: &[ArtifactId]) -> Self {
         Self {
             record,
@@ -51,36 +51,46 @@ impl Statement {
     }
 }
 
-/// Why a file is no pack.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NoPack {
-    /// Its name is not its digest.
+/// Why a file of records is not used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
+pub enum PackError {
+    /// The name is not that of a pack.
+    #[error("not a name of a file of records")]
+    BadName,
+    /// The file is longer than a pack can be.
+    #[error("the file is too long")]
+    TooLong,
+    /// The name differs from the digest.
+    #[error("its content was changed")]
     Altered,
-    /// Its signature is not that of the key.
+    /// The signature is not valid for the key.
+    #[error("its signature is not valid for the key in its name")]
     Unsigned,
-    /// It does not hold records.
+    /// The file does not contain records.
+    #[error("it contains no records that this version can read")]
     Unreadable,
-    /// Another version of this program has written it.
+    /// The file was written by another version of deaflow.
+    #[error("it was written by another version of deaflow")]
     OtherVersion,
 }
 
-/// The name of a pack.
+/// Returns the name of a pack.
 pub fn name(signer: &PublicKey, digest: &Digest) -> String {
     format!("{RECORDS}{signer}/{digest}")
 }
 
-/// What a name under [`RECORDS`] says.
+/// Parses the name of a pack.
 pub fn parse_name(name: &str) -> Option<(PublicKey, Digest)> {
     let (signer, digest) = name.strip_prefix(RECORDS)?.split_once('/')?;
     let (signer, digest) = (signer.parse().ok()?, digest.parse().ok()?);
-    // Spelt in one way only.
+    // Only one spelling is valid.
     (self::name(&signer, &digest) == name).then_some((signer, digest))
 }
 
-/// Statements in packs of no more than fit.
+/// Divides statements into packs of allowed size.
 ///
 /// # Errors
-/// When a record is too large for any.
+/// Returns an error if a record cannot be encoded.
 pub fn divide(statements: Vec<Statement>) -> Result<Vec<Vec<Statement>>, RemoteError> {
     let mut packs = vec![Vec::new()];
     let mut bytes = 0;
@@ -100,10 +110,10 @@ pub fn divide(statements: Vec<Statement>) -> Result<Vec<Vec<Statement>>, RemoteE
     Ok(packs)
 }
 
-/// The file of a pack, and the digest that names it.
+/// Encodes and signs a pack; returns its digest and its bytes.
 ///
 /// # Errors
-/// When there are too many records.
+/// Returns an error if there are too many records.
 pub fn write(statements: &[Statement], key: &SigningKey) -> Result<(Digest, Vec<u8>), RemoteError> {
     let body = encode(&statements)?;
     let signature = key.sign(&[TITLE, &body].concat());
@@ -111,40 +121,40 @@ pub fn write(statements: &[Statement], key: &SigningKey) -> Result<(Digest, Vec<
     Ok((Digest::of(&file), file))
 }
 
-/// What a pack says that must be of a signer, with records that say the action of their key and no others.
+/// Reads a pack and verifies its digest and signature. Records whose key does not match their action are dropped.
 ///
 /// # Errors
-/// When it is not what that signer has signed.
-pub fn read(file: &[u8], signer: &PublicKey, digest: &Digest) -> Result<Vec<Statement>, NoPack> {
+/// Returns an error if the pack is invalid.
+pub fn read(file: &[u8], signer: &PublicKey, digest: &Digest) -> Result<Vec<Statement>, PackError> {
     if Digest::of(file) != *digest {
-        return Err(NoPack::Altered);
+        return Err(PackError::Altered);
     }
     let (signature, body) = split(file)?;
     if !signer.has_signed(&[TITLE, body].concat(), signature) {
-        return Err(NoPack::Unsigned);
+        return Err(PackError::Unsigned);
     }
     statements(body)
 }
 
-/// What a pack says, whoever has signed it.
+/// Reads a pack without verifying the signature.
 ///
 /// # Errors
-/// When it is none.
-pub fn read_unsigned(file: &[u8]) -> Result<Vec<Statement>, NoPack> {
+/// Returns an error if the pack is invalid.
+pub fn read_unsigned(file: &[u8]) -> Result<Vec<Statement>, PackError> {
     statements(split(file)?.1)
 }
 
-fn split(file: &[u8]) -> Result<(&[u8], &[u8]), NoPack> {
+fn split(file: &[u8]) -> Result<(&[u8], &[u8]), PackError> {
     let rest = match file.strip_prefix(TITLE) {
         Some(rest) => rest,
-        None if file.starts_with(TITLE_OF_ANY) => return Err(NoPack::OtherVersion),
-        None => return Err(NoPack::Unreadable),
+        None if file.starts_with(TITLE_OF_ANY) => return Err(PackError::OtherVersion),
+        None => return Err(PackError::Unreadable),
     };
-    rest.split_at_checked(SIGNATURE).ok_or(NoPack::Unreadable)
+    rest.split_at_checked(SIGNATURE).ok_or(PackError::Unreadable)
 }
 
-fn statements(body: &[u8]) -> Result<Vec<Statement>, NoPack> {
-    let mut statements: Vec<Statement> = decode(body).map_err(|_| NoPack::Unreadable)?;
-    statements.retain(|statement| statement.record.size <= LONGEST_ARTIFACT && statement.record.is_of_its_action());
+fn statements(body: &[u8]) -> Result<Vec<Statement>, PackError> {
+    let mut statements: Vec<Statement> = decode(body).map_err(|_| PackError::Unreadable)?;
+    statements.retain(|statement| statement.record.size <= MAX_ARTIFACT && statement.record.is_of_its_action());
     Ok(statements)
 }

@@ -1,37 +1,43 @@
-//! Brings what a remote has into a store.
+//! Pull: copies artifacts and records of a remote to a store.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::error::RemoteError;
+use super::trusted_records::TrustedRecords;
 use super::upstream::Remote;
 use deaflow_base::ArtifactId;
 use deaflow_store::{Condition, Effort, Store};
 
-/// What a pull came to.
+/// The result of a pull.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Pulled {
-    /// Artifacts that are here now and were not.
+pub struct PullReport {
+    /// Number of artifacts that were copied.
     pub artifacts: u64,
-    /// Bytes of their files there.
+    /// Size of their files in bytes.
     pub bytes: u64,
-    /// Artifacts that were here.
+    /// Number of artifacts that the store had already.
     pub artifacts_here: u64,
-    /// Records that are known of the remote.
+    /// Number of known records of the remote.
     pub records: u64,
-    /// Artifacts that could not be had, or are not what they should be.
-    pub left: Vec<ArtifactId>,
+    /// Artifacts that could not be copied.
+    pub failed: Vec<ArtifactId>,
 }
 
-/// Brings all that trusted signers have recorded. The store must read through the remote. `progress` is told how many artifacts of how many are done.
+/// Copies all artifacts that trusted signers have recorded. The store must have the remote as its upstream. `progress`
+/// receives the numbers of finished and of all artifacts.
 ///
 /// # Errors
-/// When the store cannot be written.
-pub fn pull_all(store: &Store, remote: &Remote, progress: &(dyn Fn(u64, u64) + Sync)) -> Result<Pulled, RemoteError> {
-    let artifacts = remote.with_known(super::known::Known::artifacts);
+/// Returns an error if the store cannot be written.
+pub fn pull_all(
+    store: &Store,
+    remote: &Remote,
+    progress: &(dyn Fn(u64, u64) + Sync),
+) -> Result<PullReport, RemoteError> {
+    let artifacts = remote.with_records(TrustedRecords::artifacts);
     pull_some(store, remote, &artifacts, progress)
 }
 
-/// Brings some artifacts, with their chunks and the records that name them.
+/// Copies some artifacts, with their chunks and records.
 ///
 /// # Errors
 /// As [`pull_all`].
@@ -40,8 +46,8 @@ pub fn pull_some(
     remote: &Remote,
     artifacts: &[ArtifactId],
     progress: &(dyn Fn(u64, u64) + Sync),
-) -> Result<Pulled, RemoteError> {
-    let (before, total, done) = (remote.brought(), artifacts.len() as u64, AtomicU64::new(0));
+) -> Result<PullReport, RemoteError> {
+    let (before, total, done) = (remote.downloads(), artifacts.len() as u64, AtomicU64::new(0));
     let own = store.without_upstream();
     let mut here = 0;
     for artifact in artifacts {
@@ -51,16 +57,16 @@ pub fn pull_some(
         ));
     }
     let step = || progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
-    let mut left = store.fetch_all(artifacts, &step)?;
-    left.sort_unstable();
+    let mut failed = store.fetch_all(artifacts, &step)?;
+    failed.sort_unstable();
     own.settle_records()?;
     store.save_index();
-    let brought = remote.brought();
-    Ok(Pulled {
-        artifacts: brought.artifacts - before.artifacts,
-        bytes: brought.bytes - before.bytes,
+    let after = remote.downloads();
+    Ok(PullReport {
+        artifacts: after.artifacts - before.artifacts,
+        bytes: after.bytes - before.bytes,
         artifacts_here: here,
         records: remote.count_records(),
-        left,
+        failed,
     })
 }

@@ -1,4 +1,5 @@
-//! S3-compatible storage over HTTP. Requests are signed as URLs (AWS Signature Version 4), which therefore appear in no message.
+//! S3-compatible storage over HTTP. Requests are signed URLs (AWS Signature Version 4), so messages must not contain
+//! URLs.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
@@ -13,55 +14,55 @@ use ureq::http::{Request, Response};
 use ureq::tls::{PemItem, RootCerts, TlsConfig, parse_pem};
 use ureq::{Agent, Body, SendBody};
 
-use super::bucket::{Bucket, Entry, Unfinished};
+use super::bucket::{Bucket, BucketObject, UploadNote};
 use super::config::{Address, check_endpoint};
-use super::credentials::{self, Chain};
-use super::error::{RemoteError, is_passing};
+use super::credentials::{self, CredentialChain};
+use super::error::{RemoteError, is_temporary};
 use super::upload;
 use deaflow_base::{InputError, read_bounded};
 
-/// How long a signed request may be begun after it was signed; clocks may differ by a quarter of an hour anyway.
+/// Validity of a signed request, which includes differences between clocks.
 const SIGNED_FOR: Duration = Duration::from_secs(900);
 
-/// How long a server may take to be there.
+/// Timeout of connecting.
 const CONNECT: Duration = Duration::from_secs(10);
 
-/// How long nothing may be said on either side.
+/// Timeout without any data in either direction.
 const SILENCE: Duration = Duration::from_secs(60);
 
-/// Bytes a second that are fewer than any network brings: then the server holds up.
-const LEAST_RATE: u64 = 1000;
+/// Minimum rate of a response in bytes per second.
+const MIN_RATE: u64 = 1000;
 
-/// How long an answer may take in all: one that is not there then is gone on with.
-const LONGEST: Duration = Duration::from_secs(3600);
+/// Timeout of a whole response; a file is resumed after it.
+const MAX_DURATION: Duration = Duration::from_secs(3600);
 
-/// How often something is tried that may pass, and the pause before the second time.
-const TRIES: u32 = 5;
+/// Number of attempts after temporary failures, and the pause before the second one.
+const ATTEMPTS: u32 = 5;
 const PAUSE: Duration = Duration::from_millis(200);
 
-/// An answer in words is shorter, bytes.
-const MAX_ANSWER: u64 = 16 << 20;
+/// Maximum length of a text response in bytes.
+const MAX_TEXT: u64 = 16 << 20;
 
-/// A certificate file is shorter, bytes.
+/// Maximum length of a certificate file in bytes.
 const MAX_CERTIFICATES: u64 = 16 << 20;
 
-/// Bytes that are read at a time.
-const PIECE: usize = 1 << 17;
+/// Size of the read buffer in bytes.
+const BUFFER: usize = 1 << 17;
 
-/// What is sent with a request.
+/// The body of a request.
 #[derive(Clone, Copy)]
-pub enum Sent<'a> {
-    /// Nothing.
-    Nothing,
+pub enum RequestBody<'a> {
+    /// No body.
+    Empty,
     /// Bytes.
     Bytes(&'a [u8]),
-    /// Bytes of a file.
+    /// Part of a file.
     File {
-        /// Which.
+        /// Path of the file.
         path: &'a Path,
-        /// From where.
+        /// First byte.
         from: u64,
-        /// How many.
+        /// Number of bytes.
         length: u64,
     },
 }
@@ -71,30 +72,31 @@ pub struct S3 {
     agent: Agent,
     bucket: Signed,
     prefix: String,
-    /// Without credentials and protocol, for messages.
+    /// Host name and port, for messages.
     host: String,
     place: String,
-    chain: Chain,
+    credentials: CredentialChain,
+    /// Date of the last response, and when it came.
     clock: Mutex<Option<(SystemTime, Instant)>>,
 }
 
 impl S3 {
-    /// Storage at an address. What the address does not say the environment does.
+    /// Opens the storage at an address, with defaults from the environment. Sends no request.
     ///
     /// # Errors
-    /// When there is no such server, or the certificates that the environment names cannot be read. Nothing is asked for yet.
+    /// Returns an error if the URL is invalid, or the certificates that the environment names cannot be read.
     pub fn open(address: &Address) -> Result<Self, RemoteError> {
         let region = address.region.clone().or_else(credentials::region);
         let region = region.unwrap_or_else(|| "us-east-1".to_owned());
         let given = address.endpoint.clone().or_else(credentials::endpoint);
-        // Certificates of Amazon are for one name before its own.
+        // Amazon's certificates cover one label before its own name.
         let style = match given.is_none() && !address.bucket.contains('.') {
             true => UrlStyle::VirtualHost,
             false => UrlStyle::Path,
         };
         let endpoint = given.unwrap_or_else(|| format!("https://s3.{region}.amazonaws.com"));
         check_endpoint(&endpoint)?;
-        let wrong = |why: String| InputError::new(format!("{endpoint:?} is no address of a server: {why}"));
+        let wrong = |why: String| InputError::new(format!("{endpoint:?} is not the URL of a server: {why}"));
         let url = endpoint.parse().map_err(|error| wrong(format!("{error}")))?;
         let bucket =
             Signed::new(url, style, address.bucket.clone(), region).map_err(|error| wrong(error.to_string()))?;
@@ -112,127 +114,120 @@ impl S3 {
             place: address.url(),
             bucket,
             host,
-            chain: Chain::default(),
+            credentials: CredentialChain::default(),
             clock: Mutex::default(),
         })
     }
 
-    /// The name of an object in the bucket.
+    /// Returns the name of an object in the bucket.
     pub fn key(&self, name: &str) -> String {
         format!("{}{name}", self.prefix)
     }
 
-    /// The bucket, to name actions on it.
+    /// Returns the bucket, to create actions.
     pub fn bucket(&self) -> &Signed {
         &self.bucket
     }
 
-    /// The credentials to sign with.
+    /// Returns the credentials that sign requests.
     pub fn credentials(&self) -> Option<Credentials> {
-        self.chain.now(&self.agent)
+        self.credentials.current(&self.agent)
     }
 
-    /// Sends a request until there is an answer that says something of what was asked.
+    /// Sends a request, again after temporary failures.
     ///
     /// # Errors
-    /// When there is none.
-    pub fn send<'a, A: S3Action<'a>>(
-        &self,
-        action: &A,
-        headers: &[(&str, String)],
-        sent: Sent<'_>,
-    ) -> Result<Response<Body>, RemoteError> {
-        let mut pause = PAUSE;
-        let mut tried = 1;
+    /// Returns an error if the storage cannot be reached.
+    pub fn send<'a, A: S3Action<'a>>(&self, action: &A, body: RequestBody<'_>) -> Result<Response<Body>, RemoteError> {
+        let mut attempt = 1;
         loop {
-            let answer = self.send_once(action, headers, sent);
-            let is_passing = match &answer {
-                Ok(answer) => is_passing(answer.status().as_u16()),
+            let response = self.send_once(action, None, body);
+            let has_failed = match &response {
+                Ok(response) => is_temporary(response.status().as_u16()),
                 Err(RemoteError::Unreachable { .. }) => true,
                 Err(_) => false,
             };
-            if !is_passing || tried == TRIES {
-                return answer;
+            if !has_failed || attempt == ATTEMPTS {
+                return response;
             }
-            std::thread::sleep(pause);
-            pause *= 2;
-            tried += 1;
+            std::thread::sleep(PAUSE * 2_u32.pow(attempt - 1));
+            attempt += 1;
         }
     }
 
     fn send_once<'a, A: S3Action<'a>>(
         &self,
         action: &A,
-        headers: &[(&str, String)],
-        sent: Sent<'_>,
+        range: Option<String>,
+        body: RequestBody<'_>,
     ) -> Result<Response<Body>, RemoteError> {
         let url = action.sign(SIGNED_FOR);
         let mut request = Request::builder().method(method(A::METHOD)).uri(url.as_str());
-        for (name, value) in headers {
-            request = request.header(*name, value);
+        if let Some(range) = range {
+            request = request.header("range", range);
         }
         let built = |error: ureq::http::Error| self.unreachable(&error.to_string());
-        let done = match sent {
-            Sent::Nothing if matches!(A::METHOD, rusty_s3::Method::Post | rusty_s3::Method::Put) => {
+        let response = match body {
+            RequestBody::Empty if matches!(A::METHOD, rusty_s3::Method::Post | rusty_s3::Method::Put) => {
                 self.agent.run(request.body(SendBody::none()).map_err(built)?)
             }
-            Sent::Nothing => self.agent.run(request.body(()).map_err(built)?),
-            Sent::Bytes(bytes) => self.agent.run(request.body(bytes).map_err(built)?),
-            Sent::File { path, from, length } => {
+            RequestBody::Empty => self.agent.run(request.body(()).map_err(built)?),
+            RequestBody::Bytes(bytes) => self.agent.run(request.body(bytes).map_err(built)?),
+            RequestBody::File { path, from, length } => {
                 let mut file = File::open(path).map_err(RemoteError::io("open", path))?;
                 let there = file.metadata().map_err(RemoteError::io("read", path))?.len();
                 if there < from + length {
-                    // The server would wait for what does not come.
+                    // The server would wait for the missing bytes.
                     return Err(RemoteError::io("read", path)(ErrorKind::UnexpectedEof.into()));
                 }
                 file.seek(SeekFrom::Start(from))
                     .map_err(RemoteError::io("read", path))?;
-                let mut piece = file.take(length);
+                let mut part = file.take(length);
                 let request = request.header("content-length", length.to_string());
-                let body = SendBody::from_reader(&mut piece);
+                let body = SendBody::from_reader(&mut part);
                 self.agent.run(request.body(body).map_err(built)?)
             }
         };
-        let answer = done.map_err(|error| self.unreachable(&words(&error)))?;
-        self.look_at_clock(&answer);
-        Ok(answer)
+        let response = response.map_err(|error| self.unreachable(&describe(&error)))?;
+        self.update_clock(&response);
+        Ok(response)
     }
 
-    fn look_at_clock(&self, answer: &Response<Body>) {
-        let date = answer.headers().get("date").and_then(|date| date.to_str().ok());
+    fn update_clock(&self, response: &Response<Body>) {
+        let date = response.headers().get("date").and_then(|date| date.to_str().ok());
         let date = date.and_then(http_date);
         if let Some(date) = date {
             *self.clock.lock().unwrap_or_else(PoisonError::into_inner) = Some((date, Instant::now()));
         }
     }
 
-    /// The words of an answer that says it is well.
+    /// Reads headers and text of a successful response.
     ///
     /// # Errors
-    /// When it says otherwise, or ends too early.
-    pub fn well(
+    /// Returns an error if the response is a failure or incomplete.
+    pub fn read_success(
         &self,
-        answer: Response<Body>,
+        response: Response<Body>,
         action: &'static str,
         name: &str,
     ) -> Result<(ureq::http::HeaderMap, String), RemoteError> {
-        let (status, headers) = (answer.status().as_u16(), answer.headers().clone());
-        let text = answer.into_body().into_with_config().limit(MAX_ANSWER).read_to_string();
-        let text = text.map_err(|error| self.unreachable(&words(&error)))?;
+        let (status, headers) = (response.status().as_u16(), response.headers().clone());
+        let text = response.into_body().into_with_config().limit(MAX_TEXT).read_to_string();
+        let text = text.map_err(|error| self.unreachable(&describe(&error)))?;
         match (200..300).contains(&status) {
             true => Ok((headers, text)),
             false => Err(self.refused(action, name, status, &text)),
         }
     }
 
-    /// The error of an answer that says it is not well.
+    /// Returns the error of a response that is a failure.
     fn refused(&self, action: &'static str, name: &str, status: u16, text: &str) -> RemoteError {
         let within = |tag: &str| {
             let rest = text.split_once(&format!("<{tag}>"))?.1;
             let inner = rest.split_once(&format!("</{tag}>"))?.0;
             Some(inner.chars().take(300).collect::<String>())
         };
-        let word = match status {
+        let default = match status {
             301 | 307 => "PermanentRedirect",
             403 => "Forbidden",
             404 => "NotFound",
@@ -243,8 +238,8 @@ impl S3 {
             action,
             name: name.to_owned(),
             status,
-            code: within("Code").map_or_else(|| word.to_owned(), |code| blotted(&code)),
-            message: within("Message").map_or_else(String::new, |message| blotted(&message)),
+            code: within("Code").map_or_else(|| default.to_owned(), |code| redact(&code)),
+            message: within("Message").map_or_else(String::new, |message| redact(&message)),
         }
     }
 
@@ -255,72 +250,79 @@ impl S3 {
         }
     }
 
-    /// The error of an answer that is not understood.
-    pub fn puzzled(&self, action: &'static str, name: &str, reason: &str) -> RemoteError {
-        RemoteError::Answer {
+    /// Returns the error of a response that was not understood.
+    pub fn unexpected(&self, action: &'static str, name: &str, reason: &str) -> RemoteError {
+        RemoteError::UnexpectedResponse {
             host: self.host.clone(),
             action,
             name: name.to_owned(),
-            reason: blotted(reason),
+            reason: redact(reason),
         }
     }
 
-    /// Whether an answer says that there is no such object. That there is no bucket is another thing.
-    fn is_absent(error: &RemoteError) -> bool {
-        matches!(error, RemoteError::Refused { status: 404, code, .. } if code != "NoSuchBucket")
+    /// Returns an error unless the response says that the object does not exist. A missing bucket is an error.
+    fn check_absent(&self, response: Response<Body>, action: &'static str, name: &str) -> Result<(), RemoteError> {
+        match self.read_success(response, action, name) {
+            Err(RemoteError::Refused { status: 404, code, .. }) if code != "NoSuchBucket" => Ok(()),
+            Err(error) => Err(error),
+            Ok(_) => Err(self.unexpected(action, name, "neither an object nor an error")),
+        }
     }
 
-    /// Adds what is left of an object to a file that holds its beginning; says whether there is one.
+    fn too_long(&self, name: &str, limit: u64) -> RemoteError {
+        self.unexpected("read", name, &format!("it is longer than {limit} bytes"))
+    }
+
+    /// Appends the rest of an object to a file that has its beginning. Returns `false` if the object does not exist.
     fn get_rest(&self, name: &str, file: &mut File, target: &Path, limit: u64) -> Result<bool, RemoteError> {
+        let cannot_write = || RemoteError::io("write", target);
         let key = self.key(name);
         let credentials = self.credentials();
         let action = self.bucket.get_object(credentials.as_ref(), &key);
-        let there = file.seek(SeekFrom::End(0)).map_err(RemoteError::io("write", target))?;
-        let headers: Vec<(&str, String)> = (there > 0)
-            .then(|| ("range", format!("bytes={there}-")))
-            .into_iter()
-            .collect();
-        let answer = self.send_once(&action, &headers, Sent::Nothing)?;
-        match answer.status().as_u16() {
+        let start = file.seek(SeekFrom::End(0)).map_err(cannot_write())?;
+        let range = (start > 0).then(|| format!("bytes={start}-"));
+        let response = self.send_once(&action, range, RequestBody::Empty)?;
+        match response.status().as_u16() {
             206 => {}
             200 => {
-                file.set_len(0).map_err(RemoteError::io("write", target))?;
-                file.seek(SeekFrom::Start(0))
-                    .map_err(RemoteError::io("write", target))?;
+                file.set_len(0).map_err(cannot_write())?;
+                file.seek(SeekFrom::Start(0)).map_err(cannot_write())?;
             }
-            status if is_passing(status) => return Err(self.unreachable(&format!("it answers {status}"))),
-            // All of it was there.
-            416 if there > 0 => return Ok(true),
-            _ => {
-                return match self.well(answer, "read", name) {
-                    Err(error) if Self::is_absent(&error) => Ok(false),
-                    Err(error) => Err(error),
-                    Ok(_) => Err(self.puzzled("read", name, "neither an object nor a reason why not")),
-                };
-            }
+            status if is_temporary(status) => return Err(self.unreachable(&format!("it returned status {status}"))),
+            // The file was complete.
+            416 if start > 0 => return Ok(true),
+            _ => return self.check_absent(response, "read", name).map(|()| false),
         }
-        let mut length_there = file.stream_position().map_err(RemoteError::io("write", target))?;
-        let (begun, mut come) = (Instant::now(), 0);
-        let mut reader = answer.into_body().into_reader();
-        let mut buffer = vec![0; PIECE];
+        let mut length = file.stream_position().map_err(cannot_write())?;
+        let (begin, mut received) = (Instant::now(), 0);
+        let mut reader = response.into_body().into_reader();
+        let mut buffer = vec![0; BUFFER];
         loop {
-            let length = reader
+            let count = reader
                 .read(&mut buffer)
                 .map_err(|error| self.unreachable(&error.to_string()))?;
-            if length == 0 {
+            if count == 0 {
                 return Ok(true);
             }
-            length_there += length as u64;
-            come += length as u64;
-            if begun.elapsed() > SILENCE && come < LEAST_RATE * begun.elapsed().as_secs() {
-                return Err(self.unreachable(&format!("it gives less than {LEAST_RATE} bytes a second")));
+            length += count as u64;
+            received += count as u64;
+            if begin.elapsed() > SILENCE && received < MIN_RATE * begin.elapsed().as_secs() {
+                return Err(self.unreachable(&format!("it sends less than {MIN_RATE} bytes per second")));
             }
-            if length_there > limit {
-                return Err(self.puzzled("read", name, &format!("it is longer than {limit} bytes")));
+            if length > limit {
+                return Err(self.too_long(name, limit));
             }
-            file.write_all(&buffer[..length])
-                .map_err(RemoteError::io("write", target))?;
+            file.write_all(&buffer[..count]).map_err(cannot_write())?;
         }
+    }
+
+    /// Writes an object in one request.
+    fn put_body(&self, name: &str, body: RequestBody<'_>) -> Result<(), RemoteError> {
+        let key = self.key(name);
+        let credentials = self.credentials();
+        let action = self.bucket.put_object(credentials.as_ref(), &key);
+        let response = self.send(&action, body)?;
+        self.read_success(response, "write", name).map(|_| ())
     }
 }
 
@@ -329,7 +331,7 @@ impl Bucket for S3 {
         self.place.clone()
     }
 
-    fn list(&self, prefix: &str) -> Result<Vec<Entry>, RemoteError> {
+    fn list(&self, prefix: &str) -> Result<Vec<BucketObject>, RemoteError> {
         let whole = self.key(prefix);
         let mut entries = Vec::new();
         let (mut token, mut last): (Option<String>, Option<String>) = (None, None);
@@ -340,25 +342,25 @@ impl Bucket for S3 {
             if let Some(token) = token.take() {
                 action.with_continuation_token(token);
             }
-            let answer = self.send(&action, &[], Sent::Nothing)?;
-            let (_, text) = self.well(answer, "list", prefix)?;
+            let response = self.send(&action, RequestBody::Empty)?;
+            let (_, text) = self.read_success(response, "list", prefix)?;
             let page = ListObjectsV2::parse_response(&text)
-                .map_err(|error| self.puzzled("list", prefix, &error.to_string()))?;
+                .map_err(|error| self.unexpected("list", prefix, &error.to_string()))?;
             for object in page.contents {
                 let modified = object.last_modified.as_deref();
                 let modified = modified.and_then(|date| humantime::parse_rfc3339_weak(date).ok());
                 if let Some(name) = object.key.strip_prefix(&self.prefix) {
-                    entries.push(Entry {
+                    entries.push(BucketObject {
                         name: name.to_owned(),
                         size: object.size.unwrap_or_default(),
-                        // Of what has no date nothing is removed for its age.
+                        // Objects without a date must not look old.
                         modified: modified.unwrap_or_else(|| self.now()),
                     });
                 }
             }
             match page.next_continuation_token {
                 Some(next) if last.as_ref() == Some(&next) => {
-                    return Err(self.puzzled("list", prefix, "the next page is the same one"));
+                    return Err(self.unexpected("list", prefix, "the next page is the same one"));
                 }
                 Some(next) => {
                     last = Some(next.clone());
@@ -371,32 +373,26 @@ impl Bucket for S3 {
 
     fn get(&self, name: &str, limit: u64) -> Result<Option<Vec<u8>>, RemoteError> {
         let key = self.key(name);
-        let mut tried = 1;
+        let mut attempt = 1;
         loop {
             let credentials = self.credentials();
             let action = self.bucket.get_object(credentials.as_ref(), &key);
-            let answer = self.send(&action, &[], Sent::Nothing)?;
-            if answer.status() != 200 {
-                return match self.well(answer, "read", name) {
-                    Err(error) if Self::is_absent(&error) => Ok(None),
-                    Err(error) => Err(error),
-                    Ok(_) => Err(self.puzzled("read", name, "neither an object nor a reason why not")),
-                };
+            let response = self.send(&action, RequestBody::Empty)?;
+            if response.status() != 200 {
+                return self.check_absent(response, "read", name).map(|()| None);
             }
-            match answer.into_body().into_with_config().limit(limit).read_to_vec() {
+            match response.into_body().into_with_config().limit(limit).read_to_vec() {
                 Ok(bytes) => return Ok(Some(bytes)),
-                Err(ureq::Error::BodyExceedsLimit(_)) => {
-                    return Err(self.puzzled("read", name, &format!("it is longer than {limit} bytes")));
-                }
-                Err(error) if tried == TRIES => return Err(self.unreachable(&words(&error))),
-                Err(_) => tried += 1,
+                Err(ureq::Error::BodyExceedsLimit(_)) => return Err(self.too_long(name, limit)),
+                Err(error) if attempt == ATTEMPTS => return Err(self.unreachable(&describe(&error))),
+                Err(_) => attempt += 1,
             }
         }
     }
 
     fn get_file(&self, name: &str, target: &Path, limit: u64) -> Result<Option<u64>, RemoteError> {
         let mut file = File::create(target).map_err(RemoteError::io("write", target))?;
-        let mut tried = 1;
+        let mut attempt = 1;
         loop {
             match self.get_rest(name, &mut file, target, limit) {
                 Ok(true) => {
@@ -404,9 +400,9 @@ impl Bucket for S3 {
                     return Ok(Some(length));
                 }
                 Ok(false) => return Ok(None),
-                Err(RemoteError::Unreachable { .. }) if tried < TRIES => {
-                    std::thread::sleep(PAUSE * 2_u32.pow(tried));
-                    tried += 1;
+                Err(RemoteError::Unreachable { .. }) if attempt < ATTEMPTS => {
+                    std::thread::sleep(PAUSE * 2_u32.pow(attempt));
+                    attempt += 1;
                 }
                 Err(error) => return Err(error),
             }
@@ -414,37 +410,29 @@ impl Bucket for S3 {
     }
 
     fn put(&self, name: &str, bytes: &[u8]) -> Result<(), RemoteError> {
-        let key = self.key(name);
-        let credentials = self.credentials();
-        let action = self.bucket.put_object(credentials.as_ref(), &key);
-        let answer = self.send(&action, &[], Sent::Bytes(bytes))?;
-        self.well(answer, "write", name).map(|_| ())
+        self.put_body(name, RequestBody::Bytes(bytes))
     }
 
-    fn put_file(&self, name: &str, file: &Path, size: u64, unfinished: &Unfinished<'_>) -> Result<(), RemoteError> {
-        if size > upload::WHOLE {
-            return upload::in_pieces(self, name, file, size, unfinished);
+    fn put_file(&self, name: &str, file: &Path, size: u64, note: &UploadNote<'_>) -> Result<(), RemoteError> {
+        if size > upload::MAX_SINGLE {
+            return upload::in_parts(self, name, file, size, note);
         }
-        let key = self.key(name);
-        let credentials = self.credentials();
-        let action = self.bucket.put_object(credentials.as_ref(), &key);
-        let sent = Sent::File {
+        let body = RequestBody::File {
             path: file,
             from: 0,
             length: size,
         };
-        let answer = self.send(&action, &[], sent)?;
-        self.well(answer, "write", name).map(|_| ())
+        self.put_body(name, body)
     }
 
     fn delete(&self, name: &str) -> Result<(), RemoteError> {
         let key = self.key(name);
         let credentials = self.credentials();
         let action = self.bucket.delete_object(credentials.as_ref(), &key);
-        let answer = self.send(&action, &[], Sent::Nothing)?;
-        match self.well(answer, "remove", name) {
-            Err(error) if Self::is_absent(&error) => Ok(()),
-            done => done.map(|_| ()),
+        let response = self.send(&action, RequestBody::Empty)?;
+        match response.status().is_success() {
+            true => self.read_success(response, "remove", name).map(|_| ()),
+            false => self.check_absent(response, "remove", name),
         }
     }
 
@@ -469,11 +457,9 @@ fn agent() -> Result<Agent, RemoteError> {
             })
             .collect();
         if certificates.is_empty() {
-            return Err(
-                InputError::new(format!("there is no certificate in {}", path.display()))
-                    .help("AWS_CA_BUNDLE or SSL_CERT_FILE names it")
-                    .into(),
-            );
+            return Err(InputError::new(format!("{} contains no certificate", path.display()))
+                .help("set AWS_CA_BUNDLE or SSL_CERT_FILE to a file of certificates in PEM format")
+                .into());
         }
         tls = tls.root_certs(RootCerts::new_with_certs(&certificates));
     }
@@ -483,7 +469,7 @@ fn agent() -> Result<Agent, RemoteError> {
         .max_redirects_will_error(false)
         .timeout_connect(Some(CONNECT))
         .timeout_recv_response(Some(SILENCE))
-        .timeout_recv_body(Some(LONGEST))
+        .timeout_recv_body(Some(MAX_DURATION))
         .timeout_per_read(Some(SILENCE))
         .timeout_per_write(Some(SILENCE))
         .user_agent(concat!("deaflow/", env!("CARGO_PKG_VERSION")))
@@ -501,16 +487,16 @@ fn method(method: rusty_s3::Method) -> &'static str {
     }
 }
 
-/// What an error says, without the URL, which could be used by whoever reads it.
-fn words(error: &ureq::Error) -> String {
+/// Returns the message of an error without the signed URL.
+fn describe(error: &ureq::Error) -> String {
     match error {
-        ureq::Error::BadUri(_) => "its address cannot be used".to_owned(),
-        error => blotted(&error.to_string()),
+        ureq::Error::BadUri(_) => "its URL is invalid".to_owned(),
+        error => redact(&error.to_string()),
     }
 }
 
-/// A text without what could be used by whoever reads it: the parts of a signed request.
-fn blotted(text: &str) -> String {
+/// Removes the signature and other secret parts of a signed request from a text.
+fn redact(text: &str) -> String {
     let mut rest = text;
     let mut clean = String::new();
     while let Some(at) = rest.to_ascii_lowercase().find("x-amz-") {
@@ -523,7 +509,7 @@ fn blotted(text: &str) -> String {
     clean + rest
 }
 
-/// A date as HTTP has it (RFC 9110, section 5.6.7): `Sun, 06 Nov 1994 08:49:37 GMT`.
+/// Parses an HTTP date (RFC 9110, section 5.6.7) such as `Sun, 06 Nov 1994 08:49:37 GMT`.
 fn http_date(text: &str) -> Option<SystemTime> {
     const MONTHS: [&str; 12] = [
         "Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec",
@@ -539,16 +525,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_signs_a_request_is_told_to_nobody() {
+    fn signatures_are_removed_from_messages() {
         let text = "no: /lab/x?X-Amz-Credential=A&X-Amz-Signature=3e83d6 is old; x-amz-security-token: S";
-        let clean = blotted(text);
+        let clean = redact(text);
         assert!(!clean.contains("3e83d6") && !clean.contains("=A"), "{clean}");
         assert!(clean.starts_with("no: /lab/x?…&… is old; …"), "{clean}");
-        assert_eq!(blotted("plain"), "plain");
+        assert_eq!(redact("plain"), "plain");
     }
 
     #[test]
-    fn the_date_of_an_answer_is_read() {
+    fn the_date_of_a_response_is_read() {
         let date = http_date("Sun, 06 Nov 1994 08:49:37 GMT").unwrap();
         assert_eq!(humantime::format_rfc3339(date).to_string(), "1994-11-06T08:49:37Z");
         assert!(http_date("yesterday").is_none() && http_date("Sun, 06 Brumaire 3 08:49:37 GMT").is_none());

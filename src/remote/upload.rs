@@ -1,4 +1,4 @@
-//! Large files are sent in pieces (multipart upload): an upload that was interrupted goes on with the pieces that are not there.
+//! Multipart uploads of large files. An interrupted upload resumes with the missing parts.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -6,101 +6,101 @@ use std::path::Path;
 
 use rusty_s3::actions::{CreateMultipartUpload, ListParts};
 
-use super::bucket::Unfinished;
+use super::bucket::UploadNote;
 use super::error::RemoteError;
-use super::s3::{S3, Sent};
+use super::s3::{RequestBody, S3};
 use deaflow_base::{read_own, write_output};
 
-/// Files of no more bytes are sent whole.
-pub const WHOLE: u64 = 64 << 20;
+/// Maximum size in bytes of files that are sent in one request.
+pub const MAX_SINGLE: u64 = 64 << 20;
 
-/// Bytes of a piece, unless there would be too many.
-const PIECE: u64 = 32 << 20;
+/// Size of a part in bytes, unless there would be too many.
+const PART: u64 = 32 << 20;
 
-/// Pieces that an upload may have.
-const MOST_PIECES: u64 = 9000;
+/// Maximum number of parts.
+const MAX_PARTS: u64 = 9000;
 
-/// A note on an upload is shorter, bytes.
+/// Maximum length of a note on an upload in bytes.
 const MAX_NOTE: u64 = 1 << 16;
 
-/// Sends a file.
+/// Sends a file in parts.
 ///
 /// # Errors
-/// When the storage cannot be reached or refuses, or the file cannot be read.
-pub fn in_pieces(s3: &S3, name: &str, file: &Path, size: u64, unfinished: &Unfinished<'_>) -> Result<(), RemoteError> {
+/// Returns an error if the storage cannot be reached or refuses, or the file cannot be read.
+pub fn in_parts(s3: &S3, name: &str, file: &Path, size: u64, note: &UploadNote<'_>) -> Result<(), RemoteError> {
     let key = s3.key(name);
-    let length = PIECE.max(size.div_ceil(MOST_PIECES));
+    let length = PART.max(size.div_ceil(MAX_PARTS));
     let count = u16::try_from(size.div_ceil(length)).unwrap_or(u16::MAX);
-    let begun = match begun(s3, &key, unfinished) {
-        Some(begun) => begun,
-        None => (begin(s3, name, &key, unfinished)?, BTreeMap::new()),
+    let (id, mut parts) = match interrupted(s3, &key, note) {
+        Some(upload) => upload,
+        None => (start(s3, name, &key, note)?, Parts::new()),
     };
-    let (id, mut there) = begun;
     for number in 1..=count {
         let from = u64::from(number - 1) * length;
         let length = length.min(size - from);
-        if there.get(&number).is_some_and(|(_, size)| *size == length) {
+        if parts.get(&number).is_some_and(|(_, size)| *size == length) {
             continue;
         }
         let credentials = s3.credentials();
         let action = s3.bucket().upload_part(credentials.as_ref(), &key, number, &id);
-        let sent = Sent::File {
+        let body = RequestBody::File {
             path: file,
             from,
             length,
         };
-        let answer = s3.send(&action, &[], sent)?;
-        let (headers, _) = s3.well(answer, "write a piece of", name)?;
+        let response = s3.send(&action, body)?;
+        let (headers, _) = s3.read_success(response, UPLOAD_PART, name)?;
         let tag = headers.get("etag").and_then(|tag| tag.to_str().ok());
-        let tag = tag.ok_or_else(|| s3.puzzled("write a piece of", name, "no ETag"))?;
-        there.insert(number, (tag.to_owned(), length));
+        let tag = tag.ok_or_else(|| s3.unexpected(UPLOAD_PART, name, "no ETag"))?;
+        parts.insert(number, (tag.to_owned(), length));
     }
     let credentials = s3.credentials();
-    let tags = (1..=count).filter_map(|number| there.get(&number).map(|(tag, _)| tag.as_str()));
-    let action = s3
-        .bucket()
-        .complete_multipart_upload(credentials.as_ref(), &key, &id, tags.clone());
-    let body = s3
-        .bucket()
-        .complete_multipart_upload(credentials.as_ref(), &key, &id, tags)
-        .body();
-    let answer = s3.send(&action, &[], Sent::Bytes(body.as_bytes()))?;
-    let (_, text) = s3.well(answer, "put together", name)?;
-    // It may be told late that it is not well, after the status that says it is.
+    let tags = (1..=count).filter_map(|number| parts.get(&number).map(|(tag, _)| tag.as_str()));
+    let complete = || {
+        s3.bucket()
+            .complete_multipart_upload(credentials.as_ref(), &key, &id, tags.clone())
+    };
+    let response = s3.send(&complete(), RequestBody::Bytes(complete().body().as_bytes()))?;
+    let (_, text) = s3.read_success(response, COMPLETE, name)?;
+    // Failures may follow after a successful status.
     if text.contains("<Error>") {
-        return Err(s3.puzzled("put together", name, &text.chars().take(300).collect::<String>()));
+        return Err(s3.unexpected(COMPLETE, name, &text.chars().take(300).collect::<String>()));
     }
-    // Only a note: where it stays, the next upload finds that there is none of that number.
-    let _ = fs::remove_file(unfinished.note);
+    // If the note stays, the next upload finds no upload of that number and starts anew.
+    let _ = fs::remove_file(note.path);
     Ok(())
 }
 
-fn begin(s3: &S3, name: &str, key: &str, unfinished: &Unfinished<'_>) -> Result<String, RemoteError> {
+const START: &str = "start the upload of";
+const UPLOAD_PART: &str = "upload a part of";
+const LIST_PARTS: &str = "list the parts of";
+const COMPLETE: &str = "complete the upload of";
+
+fn start(s3: &S3, name: &str, key: &str, note: &UploadNote<'_>) -> Result<String, RemoteError> {
     let credentials = s3.credentials();
     let action = s3.bucket().create_multipart_upload(credentials.as_ref(), key);
-    let answer = s3.send(&action, &[], Sent::Nothing)?;
-    let (_, text) = s3.well(answer, "begin to write", name)?;
-    let begun = CreateMultipartUpload::parse_response(&text)
-        .map_err(|error| s3.puzzled("begin to write", name, &error.to_string()))?;
-    let id = begun.upload_id().to_owned();
-    let note = format!("{}\n{id}\n", unfinished.content);
-    // Where it cannot be noted, it cannot be gone on with.
-    let _ = write_output(unfinished.note, note.as_bytes());
+    let response = s3.send(&action, RequestBody::Empty)?;
+    let (_, text) = s3.read_success(response, START, name)?;
+    let upload =
+        CreateMultipartUpload::parse_response(&text).map_err(|error| s3.unexpected(START, name, &error.to_string()))?;
+    let id = upload.upload_id().to_owned();
+    // Without a note the upload cannot be resumed, which is no failure.
+    let _ = write_output(note.path, format!("{}\n{id}\n", note.content).as_bytes());
     Ok(id)
 }
 
-/// Pieces by their numbers: tag and length.
-type Pieces = BTreeMap<u16, (String, u64)>;
+/// Tag and length of uploaded parts by number.
+type Parts = BTreeMap<u16, (String, u64)>;
 
-/// An upload of the same bytes that was interrupted, and the pieces that are there.
-fn begun(s3: &S3, key: &str, unfinished: &Unfinished<'_>) -> Option<(String, Pieces)> {
-    let note = String::from_utf8(read_own(unfinished.note, MAX_NOTE).ok()?).ok()?;
-    let mut lines = note.lines();
+/// Returns an interrupted upload of the same bytes and its parts.
+fn interrupted(s3: &S3, key: &str, note: &UploadNote<'_>) -> Option<(String, Parts)> {
+    let text = String::from_utf8(read_own(note.path, MAX_NOTE).ok()?).ok()?;
+    let mut lines = text.lines();
     let id = lines
         .next()
-        .filter(|content| *content == unfinished.content)
+        .filter(|content| *content == note.content)
         .and(lines.next())?;
-    let mut pieces = Pieces::new();
+    let mut parts = Parts::new();
     let mut after = None;
     loop {
         let credentials = s3.credentials();
@@ -108,13 +108,13 @@ fn begun(s3: &S3, key: &str, unfinished: &Unfinished<'_>) -> Option<(String, Pie
         if let Some(after) = after {
             action.set_part_number_marker(after);
         }
-        let answer = s3.send(&action, &[], Sent::Nothing).ok()?;
-        let (_, text) = s3.well(answer, "list the pieces of", key).ok()?;
+        let response = s3.send(&action, RequestBody::Empty).ok()?;
+        let (_, text) = s3.read_success(response, LIST_PARTS, key).ok()?;
         let page = ListParts::parse_response(&text).ok()?;
-        pieces.extend(page.parts.into_iter().map(|part| (part.number, (part.etag, part.size))));
+        parts.extend(page.parts.into_iter().map(|part| (part.number, (part.etag, part.size))));
         match page.next_part_number_marker {
             Some(next) if Some(next) > after && next > 0 => after = Some(next),
-            _ => return Some((id.to_owned(), pieces)),
+            _ => return Some((id.to_owned(), parts)),
         }
     }
 }

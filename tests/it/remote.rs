@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use deaflow::remote::{Address, Bucket, RemoteError, S3, Unfinished};
+use deaflow::remote::{Address, Bucket, RemoteError, S3, UploadNote};
 
 use super::common::{Ended, Stages, Transcript, Workspace, files, readers, snapshot};
 
@@ -324,19 +324,19 @@ fn a_large_file_is_sent_in_pieces_and_goes_on_where_it_stopped() {
     let size: u64 = 70 << 20;
     let whole: Vec<u8> = (0..size).map(|i| (i / 4093 % 251) as u8).collect();
     let path = workspace.path("large");
-    let note = workspace.path("note");
-    let unfinished = Unfinished {
-        note: &note,
+    let path_of_note = workspace.path("note");
+    let note = UploadNote {
+        path: &path_of_note,
         content: "these bytes".to_owned(),
     };
     // The file is cut off after the second piece of three.
     std::fs::write(&path, &whole[..65 << 20]).unwrap();
-    assert!(s3.put_file("large", &path, size, &unfinished).is_err());
-    assert!(note.exists() && s3.list("").unwrap().is_empty());
+    assert!(s3.put_file("large", &path, size, &note).is_err());
+    assert!(path_of_note.exists() && s3.list("").unwrap().is_empty());
     // Of other bytes nothing is gone on with; of the same it is.
     std::fs::write(&path, &whole).unwrap();
-    s3.put_file("large", &path, size, &unfinished).unwrap();
-    assert!(!note.exists());
+    s3.put_file("large", &path, size, &note).unwrap();
+    assert!(!path_of_note.exists());
     let target = workspace.path("back");
     assert_eq!(s3.get_file("large", &target, size).unwrap(), Some(size));
     assert!(std::fs::read(&target).unwrap() == whole);
