@@ -39,7 +39,8 @@ fn the_command_measures_families_and_names_the_cheapest_setting() {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let found = ended.json();
     let number = |method: usize, key: &str| found["methods"][method][key].as_f64().unwrap();
-    // The linear response misses by some hundredths of a millimetre, the coarsest mesh by some thousandths but on dithers.
+    // The linear response misses by some hundredths of a millimetre, the coarsest mesh by some thousandths but on
+    // dithers.
     assert!(number(0, "rms_mm") > 2.0 * number(1, "rms_mm"), "{found}");
     for method in 0..3 {
         assert!(

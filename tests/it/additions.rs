@@ -1,5 +1,5 @@
-//! A family of patterns, a material law, an effect and a kind of stage that a program adds through the public interface. figure.rs adds
-//! a figure.
+//! A family of patterns, a material law, an effect and a kind of stage that a program adds through the public
+//! interface. figure.rs adds a figure.
 
 use std::path::Path;
 

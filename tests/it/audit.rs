@@ -1,5 +1,5 @@
-//! The audit: of a stage, which is cached and can stop a pipeline, and of a file from elsewhere; faults that are planted are
-//! found, and sound datasets give no finding.
+//! The audit: of a stage, which is cached and can stop a pipeline, and of a file from elsewhere; faults that are
+//! planted are found, and sound datasets give no finding.
 
 use std::path::Path;
 
@@ -230,8 +230,8 @@ fn solved(workspace: &Workspace, scene: &str, out: &str, more: &[&str]) {
 }
 
 fn rewrite(path: &Path, change: impl Fn(&mut [f64])) {
-    // In a file that nobody has opened before: a program that another test starts just now inherits what HDF5 has open here,
-    // and with it the lock.
+    // In a file that nobody has opened before: a program that another test starts just now inherits what HDF5 has open
+    // here, and with it the lock.
     let folder = tempfile::tempdir().unwrap();
     let aside = folder.path().join("aside.h5");
     std::fs::copy(path, &aside).unwrap();

@@ -1,4 +1,5 @@
-//! Workers that an engine starts: what is submitted, killed, cancelled and lost ends with the digests of a run on one machine.
+//! Workers that an engine starts: what is submitted, killed, cancelled and lost ends with the digests of a run on one
+//! machine.
 //!
 //! `scale/slurm` stands for Slurm. `tests/cluster.sh` does the same with a real one.
 

@@ -1,5 +1,5 @@
-//! Designs are judged by the cheapest evaluator that is accurate enough, which is told; a network is needed only where one is
-//! asked for.
+//! Designs are judged by the cheapest evaluator that is accurate enough, which is told; a network is needed only where
+//! one is asked for.
 
 use serde_json::Value;
 

@@ -1,15 +1,16 @@
 //! Runs the commands of README and documentation, and compares their output with the output that the pages show.
 //!
-//! Blocks of `sh` and `python` are run, each page in a folder of its own with a copy of `pipelines/`. The block of `text` after
-//! them is their output; in it, a line `…` stands for any lines, and `…` at the end of a line for any words. HTML comments before a
-//! block change this:
+//! Blocks of `sh` and `python` are run, each page in a folder of its own with a copy of `pipelines/`. The block of
+//! `text` after them is their output; in it, a line `…` stands for any lines, and `…` at the end of a line for any
+//! words. HTML comments before a block change this:
 //!
 //! - `<!-- not run: REASON -->`: the block is not run; the test prints the reason
 //! - `<!-- run as: COMMAND -->`: this is run instead
 //! - `<!-- exit: CODE -->`: the last command ends with this code, and the block shows stderr too
 //! - `<!-- file: PATH -->`: the block is written to this file
 //!
-//! `DEAFLOW_UPDATE_DOCS=1 cargo test --test it docs` writes the output of commands and the generated pages into the files.
+//! `DEAFLOW_UPDATE_DOCS=1 cargo test --test it docs` writes the output of commands and the generated pages into the
+//! files.
 
 mod markdown;
 mod update;

@@ -1,5 +1,5 @@
-//! A model is judged on what it never saw: beside estimates, by family, with intervals; and judgements that mean nothing are
-//! refused.
+//! A model is judged on what it never saw: beside estimates, by family, with intervals; and judgements that mean
+//! nothing are refused.
 
 use serde_json::Value;
 

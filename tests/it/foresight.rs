@@ -108,7 +108,8 @@ fn a_verification_without_the_time_of_a_design_is_refused_when_it_is_read() {
 fn a_voltage_beyond_what_membranes_bear_is_warned_of() {
     let workspace = Workspace::tiny();
     assert_eq!(warnings(&plan(&workspace, "tiny.yaml", &[])), Vec::<String>::new());
-    // By the closed form a covered membrane is lost at 10.98 kV, and docs/accuracy.md tells of patterns that are lost at 6.8 kV.
+    // By the closed form a covered membrane is lost at 10.98 kV, and docs/accuracy.md tells of patterns that are lost
+    // at 6.8 kV.
     let some = warnings(&plan(&workspace, "tiny.yaml", &["scene.drive.voltage=6.8 kV"]));
     assert_eq!(some.len(), 1, "{some:?}");
     assert!(some[0].contains("6.80 kV") && some[0].contains("10.98 kV"), "{some:?}");

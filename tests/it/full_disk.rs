@@ -1,8 +1,8 @@
-//! A disk that fills up: the run says so and where, nothing half-written is taken for a result, and once there is space the
-//! next run goes on.
+//! A disk that fills up: the run says so and where, nothing half-written is taken for a result, and once there is space
+//! the next run goes on.
 //!
-//! The store is a small file system in memory where the system lets its users mount one; elsewhere the size of every file
-//! is limited, which refuses the same writes with another word.
+//! The store is a small file system in memory where the system lets its users mount one; elsewhere the size of every
+//! file is limited, which refuses the same writes with another word.
 
 use super::common::bounded::await_end;
 use super::common::{Ended, Stages, Workspace};

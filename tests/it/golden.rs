@@ -1,8 +1,8 @@
 //! A kind whose output changes must raise its recipe number, or old artifacts would pass for new ones.
 //!
-//! The fingerprint of a tiny artifact of every kind is pinned beside the recipe it was made with. Whole numbers and texts
-//! are pinned exactly; real numbers by their mean and root mean square within 1e-6 (1e-3 after training), because their
-//! last bits may differ between kinds of CPU. When an output changes on purpose: raise the recipe, run with
+//! The fingerprint of a tiny artifact of every kind is pinned beside the recipe it was made with. Whole numbers and
+//! texts are pinned exactly; real numbers by their mean and root mean square within 1e-6 (1e-3 after training), because
+//! their last bits may differ between kinds of CPU. When an output changes on purpose: raise the recipe, run with
 //! `DEAFLOW_GOLDEN=write`, and commit `golden.json`.
 
 use std::collections::{BTreeMap, BTreeSet};

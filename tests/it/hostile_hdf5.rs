@@ -1,4 +1,5 @@
-//! HDF5 files on which libhdf5 hangs, crashes or asks for all memory: the process that reads them ends, and deaflow says so.
+//! HDF5 files on which libhdf5 hangs, crashes or asks for all memory: the process that reads them ends, and deaflow
+//! says so.
 
 use std::fs;
 use std::path::Path;
@@ -9,8 +10,8 @@ use super::common::{SMALL, Workspace, files, scene_file, snapshot};
 use super::h5py::python;
 use super::hostile_files::seal;
 
-/// Found by changing bytes of sound files (`mutate_hdf5.py`). The first lead libhdf5 into circles in the global heap, the next let it
-/// crash, the last claim 10⁹ and 10¹² rows in a few kilobytes.
+/// Found by changing bytes of sound files (`mutate_hdf5.py`). The first lead libhdf5 into circles in the global heap,
+/// the next let it crash, the last claim 10⁹ and 10¹² rows in a few kilobytes.
 const FILES: [&str; 7] = [
     "plain13",
     "plain133",

@@ -29,8 +29,8 @@ fn a_run_killed_at_any_moment_is_gone_on_with() {
         let workspace = Workspace::small();
         let mut child = workspace.command(&RUN);
         let mut child = child.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        // By what is done and not by the clock: one run is faster than another. A little later it is anywhere in what comes next; the
-        // golden ratio spreads these moments evenly.
+        // By what is done and not by the clock: one run is faster than another. A little later it is anywhere in what
+        // comes next; the golden ratio spreads these moments evenly.
         let wanted = (built(&undisturbed) + manifests) * k / KILLS;
         while child.try_wait().unwrap().is_none() && (records(&workspace).len() as u64) < wanted {
             sleep(Duration::from_millis(1));

@@ -1,5 +1,5 @@
-//! Where the system gives no more (length of files, open files, memory, threads), commands end with a message and a documented
-//! exit code, and nothing is lost.
+//! Where the system gives no more (length of files, open files, memory, threads), commands end with a message and a
+//! documented exit code, and nothing is lost.
 
 use std::fs;
 use std::fs::File;

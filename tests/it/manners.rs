@@ -1,4 +1,5 @@
-//! What a new user tries first: a project of one's own, help, completions, manual pages, dry runs, the store of the project.
+//! What a new user tries first: a project of one's own, help, completions, manual pages, dry runs, the store of the
+//! project.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! Files that are asked for by name: only regular files are replaced, links are followed, and the user's mask says who may read.
+//! Files that are asked for by name: only regular files are replaced, links are followed, and the user's mask says who
+//! may read.
 
 use std::fs;
 use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt, symlink};

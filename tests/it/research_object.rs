@@ -1,4 +1,5 @@
-//! A crate holds what it says it holds, by the rules of RO-Crate 1.1 and Workflow Run Crate 0.5 that a validator requires.
+//! A crate holds what it says it holds, by the rules of RO-Crate 1.1 and Workflow Run Crate 0.5 that a validator
+//! requires.
 
 use std::collections::BTreeSet;
 use std::fs;

@@ -1,5 +1,5 @@
-//! Designs that were verified teach the surrogate that predicted them: each round is cached, a surrogate that is wrong is exposed by
-//! verification, and after learning from what was verified it is less wrong.
+//! Designs that were verified teach the surrogate that predicted them: each round is cached, a surrogate that is wrong
+//! is exposed by verification, and after learning from what was verified it is less wrong.
 
 use std::path::Path;
 

@@ -35,7 +35,8 @@ fn a_scene_is_screened_with_number_threshold_and_verdict() {
         .iter()
         .find(|pattern| pattern["pattern"] == "half plane")
         .unwrap();
-    // Half of a membrane under Gent's law and without it, which nobody screened: the same on a finer mesh to a hundredth of the change.
+    // Half of a membrane under Gent's law and without it, which nobody screened: the same on a finer mesh to a
+    // hundredth of the change.
     let change = half["change"].as_f64().unwrap();
     let [without, with] = ["{}", "{ strain_stiffening: { model: gent, jm: 125 } }"].map(half_moves);
     assert!(

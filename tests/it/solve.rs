@@ -305,7 +305,8 @@ fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
             snapshot!(text);
         }
     }
-    // An accuracy asks meshes up to four biquadratic elements along a cell, and yet finer ones could refuse what these bear.
+    // An accuracy asks meshes up to four biquadratic elements along a cell, and yet finer ones could refuse what these
+    // bear.
     let workspace = workspace("6 kV");
     workspace.write("scene.yaml", &SCENE.replace("VOLTAGE", "6 kV"));
     workspace.write("cell.csv", &csv(|x, y| (x, y) == (25, 25)));

@@ -1,4 +1,5 @@
-//! A training that was killed resumes to the same bits; a training that diverges fails or keeps its best epoch with a warning.
+//! A training that was killed resumes to the same bits; a training that diverges fails or keeps its best epoch with a
+//! warning.
 
 use std::fs;
 use std::path::PathBuf;

@@ -1,7 +1,8 @@
 //! Two hosts in one store, on a file system whose locks are seen by one host alone or by none.
 //!
-//! A FUSE file system (`scale/skewfs.py`) stands for a network: one folder mounted twice, each mount with locks, remembered names and a clock of its
-//! own. A preloaded library (`scale/flockfail.c`) stands for one that knows no locks.
+//! A FUSE file system (`scale/skewfs.py`) stands for a network: one folder mounted twice, each mount with locks,
+//! remembered names and a clock of its own. A preloaded library (`scale/flockfail.c`) stands for one that knows no
+//! locks.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};

@@ -1,5 +1,5 @@
-//! Whether two outputs are the same: words are equal, numbers are close, and values that change from run to run (times, digests,
-//! widths of columns) are ignored.
+//! Whether two outputs are the same: words are equal, numbers are close, and values that change from run to run (times,
+//! digests, widths of columns) are ignored.
 
 /// Relative difference allowed between two numbers with decimals. Two units of the last digit are allowed too.
 #[derive(Clone, Copy)]
@@ -52,7 +52,8 @@ pub fn same(a: &str, b: &str, tolerance: Tolerance) -> bool {
     agree(&pieces(a), &pieces(b), tolerance)
 }
 
-/// Fraction of the pieces of both lines that they have in common, in any order: 1 for equal lines, 0 for unrelated ones.
+/// Fraction of the pieces of both lines that they have in common, in any order: 1 for equal lines, 0 for unrelated
+/// ones.
 pub fn similarity(a: &str, b: &str) -> f64 {
     let (a, mut b) = (pieces(a), pieces(b));
     let total = a.len() + b.len();

@@ -1,6 +1,6 @@
-//! Programs that read what deaflow writes as its users' programs do, and that are too large to install unasked: Chromium,
-//! onnxruntime, pyvista and readers of CAD files. Tests use them where `DEAFLOW_READERS=all` says so, as `make test-all` does; Chromium,
-//! which takes seconds, wherever it is installed.
+//! Programs that read what deaflow writes as its users' programs do, and that are too large to install unasked:
+//! Chromium, onnxruntime, pyvista and readers of CAD files. Tests use them where `DEAFLOW_READERS=all` says so, as
+//! `make test-all` does; Chromium, which takes seconds, wherever it is installed.
 
 use std::io::Write;
 use std::path::Path;
@@ -11,7 +11,8 @@ fn wanted() -> bool {
     std::env::var_os("DEAFLOW_READERS").is_some_and(|value| value == "all")
 }
 
-/// A large reader if it is wanted and there; otherwise says on stderr, past the capture of test output, what is left out.
+/// A large reader if it is wanted and there; otherwise says on stderr, past the capture of test output, what is left
+/// out.
 pub fn find<T>(what: &str, look: impl FnOnce() -> Option<T>) -> Option<T> {
     match wanted() {
         true => installed(what, look),

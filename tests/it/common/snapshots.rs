@@ -1,5 +1,5 @@
-//! Output of commands compared with the files in `tests/it/snapshots`, one per test. Tests check facts by exit codes, JSON and numbers, and
-//! the wording by a snapshot, so that new wording is accepted in one place:
+//! Output of commands compared with the files in `tests/it/snapshots`, one per test. Tests check facts by exit codes,
+//! JSON and numbers, and the wording by a snapshot, so that new wording is accepted in one place:
 //!
 //! ```sh
 //! INSTA_UPDATE=always cargo test --test it     # rewrites the files whose output changed; review them by `git diff`
@@ -52,8 +52,8 @@ impl Display for Ended {
     }
 }
 
-/// Compares a text, an [`Ended`] or a [`Transcript`] with the snapshot that has the name of the test. A second snapshot in a test gets a
-/// suffix.
+/// Compares a text, an [`Ended`] or a [`Transcript`] with the snapshot that has the name of the test. A second snapshot
+/// in a test gets a suffix.
 macro_rules! snapshot {
     ($printed:expr) => {
         $crate::common::snapshot!($printed, "")

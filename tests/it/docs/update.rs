@@ -51,7 +51,8 @@ pub fn merged(shown: &str, printed: &str) -> String {
     new
 }
 
-/// The least cost of bringing the rest of the block to the rest of the output, and the first step of it, for each pair of rests.
+/// The least cost of bringing the rest of the block to the rest of the output, and the first step of it, for each pair
+/// of rests.
 fn plan(shown: &[&str], printed: &[&str]) -> Vec<Vec<(f64, Option<Step>)>> {
     let mut plan = vec![vec![(0.0, None); printed.len() + 1]; shown.len() + 1];
     for i in (0..=shown.len()).rev() {

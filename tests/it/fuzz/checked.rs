@@ -7,8 +7,8 @@ use super::mutate::Seeds;
 /// No input of a few kilobytes takes longer.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Reads the sound inputs, which have to be accepted, and those that were found, and gives what reads one that is changed as
-/// random bytes say. `read` tells whether it accepts.
+/// Reads the sound inputs, which have to be accepted, and those that were found, and gives what reads one that is
+/// changed as random bytes say. `read` tells whether it accepts.
 pub fn checked<'a>(seeds: &'a Seeds, read: impl Fn(&[u8]) -> bool + 'a) -> impl Fn(&[u8]) + 'a {
     let timed = move |bytes: &[u8]| in_time(|| read(bytes));
     for (at, input) in seeds.inputs.iter().enumerate() {

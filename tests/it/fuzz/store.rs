@@ -132,7 +132,8 @@ fn small_files() {
         .filter(is_small)
         .map(|path| (path.clone(), fs::read(path).unwrap()))
         .collect();
-    // Format, record, run, pin, costs, checkpoint, place of a lock file; and the index, once there is something to know.
+    // Format, record, run, pin, costs, checkpoint, place of a lock file; and the index, once there is something to
+    // know.
     assert!(small.len() >= 7, "{small:?}");
     let seeds: Vec<Seeds> = small
         .iter()

@@ -222,7 +222,8 @@ const BASE: &str = "
 material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
 ";
 
-/// What stands beside geometry and material: every effect. Each law of stiffening is added, as an effect and as a property.
+/// What stands beside geometry and material: every effect. Each law of stiffening is added, as an effect and as a
+/// property.
 const SCENES: [&str; 14] = [
     "drive: { voltages: [5 kV, 3 kV] }\nstates: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 5 kV] } }",
     "states: { on: { voltage: 5 kV }, off: { voltage: 0 V } }",

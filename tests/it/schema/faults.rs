@@ -12,7 +12,8 @@ use super::walk::{self, Place};
 /// A changed document, which may still be good.
 pub struct Fault {
     pub kind: Kind,
-    /// The document, in a pipeline with the changed stage alone: what the schema says of a stage does not depend on others.
+    /// The document, in a pipeline with the changed stage alone: what the schema says of a stage does not depend on
+    /// others.
     pub local: Value,
     pub what: String,
     /// The message of the reader, unless it accepts.
@@ -41,8 +42,8 @@ fn with_key(document: &Value, place: &str, key: &str, value: Value) -> Value {
     changed
 }
 
-/// Provokes the reader at a mapping: the keys that it then allows must be those of the schema. A reader that first looks at
-/// the keys of all families must then refuse those of the others with the keys of this one.
+/// Provokes the reader at a mapping: the keys that it then allows must be those of the schema. A reader that first
+/// looks at the keys of all families must then refuse those of the others with the keys of this one.
 pub fn keys_agree(kind: Kind, schema: &Value, document: &Value, place: &Place) {
     let own: BTreeSet<String> = keys(schema, &place.schema);
     let refusal = |key: &str| {
@@ -119,7 +120,8 @@ pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults
     }
 }
 
-/// The document with the stage at a place and what that needs, itself or by other stages: to read all of it for each fault takes long.
+/// The document with the stage at a place and what that needs, itself or by other stages: to read all of it for each
+/// fault takes long.
 fn needed(document: &Value, place: &str) -> Value {
     let mut document = document.clone();
     let stage = place.strip_prefix("/stages/").and_then(|rest| rest.split('/').next());

@@ -41,8 +41,8 @@ pub fn leaves(root: &Value, document: &Value) -> Vec<Leaf> {
     found
 }
 
-/// Pointers to all properties of a schema, those of the scene in a pipeline's left out. Keys that stages of all kinds share are
-/// told once, by the place that they refer to.
+/// Pointers to all properties of a schema, those of the scene in a pipeline's left out. Keys that stages of all kinds
+/// share are told once, by the place that they refer to.
 pub fn properties(root: &Value, kind: Kind) -> BTreeSet<String> {
     fn look(node: &Value, at: &str, kind: Kind, found: &mut BTreeSet<String>) {
         let Some(map) = node.as_object() else { return };
@@ -124,7 +124,8 @@ fn keys(node: &Value) -> BTreeSet<String> {
     map.map(|map| map.keys().cloned().collect()).unwrap_or_default()
 }
 
-/// Whether a schema without alternatives is meant for a value: by its type, its constants and the keys that it must have.
+/// Whether a schema without alternatives is meant for a value: by its type, its constants and the keys that it must
+/// have.
 fn fits(node: &Value, value: &Value) -> bool {
     if let Some(constant) = node.get("const") {
         return constant == value;
