@@ -14,7 +14,7 @@ use super::progress::Bar;
 use super::{CliError, Exit, Output, csv, job, model, write};
 use deaflow_accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
 use deaflow_base::{Document, Quantity};
-use deaflow_report::figures::{Cost, FamilyCosts, draw_accuracy};
+use deaflow_report::figures::{Cost, FamilyCosts, accuracy_sheet};
 use deaflow_sample::Canvas;
 use deaflow_scene::Scene;
 use deaflow_stage::accuracy::content;
@@ -170,7 +170,7 @@ fn write_files(
     let moved = measured.iter().any(|method| method.rms() > 0.0);
     // Without displacement there are no errors to draw.
     if moved {
-        draw_accuracy(&figure, &costs(benchmark, measured))?;
+        accuracy_sheet(&costs(benchmark, measured))?.write_png(&figure)?;
         files.push(figure);
     }
     Ok(files)

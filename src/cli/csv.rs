@@ -1,13 +1,13 @@
 //! Tables in CSV.
 
 use super::CliError;
-use deaflow_report::Collected;
+use deaflow_report::ResultTable;
 
 /// The table of a table stage.
 ///
 /// # Errors
 /// When memory is short.
-pub fn of_table(table: &Collected) -> Result<String, CliError> {
+pub fn of_table(table: &ResultTable) -> Result<String, CliError> {
     let rows = table
         .rows
         .iter()

@@ -17,7 +17,7 @@ use super::{CliError, Exit, Output, summary, table};
 use deaflow_base::{ArtifactId, OutputFile};
 use deaflow_orchestrator::{Environment, Event, Pipeline, RunOptions, RunOutcome, StageReport, run};
 use deaflow_remote::Remote;
-use deaflow_report::{FiguresAhead, Made, RunArtifacts, RunResults};
+use deaflow_report::{BackgroundFigures, RunArtifacts, RunResults, StageArtifact};
 use deaflow_store::{Command, LockFile, Store};
 
 /// A pipeline to build, and how.
@@ -228,7 +228,7 @@ impl CompleteBuild<'_> {
             output.text(table::of_run(&outcome.stages))?;
         }
         let made = outcome.stages.iter().filter_map(made_by);
-        let (made, elsewhere): (Vec<Made>, Vec<Made>) =
+        let (made, elsewhere): (Vec<StageArtifact>, Vec<StageArtifact>) =
             made.partition(|made| access.remote().is_none() || is_here(access.store(), &made.digest));
         // Artifacts that no stage needed are not fetched for the report.
         let store = &access.store().without_upstream();
@@ -237,10 +237,10 @@ impl CompleteBuild<'_> {
         let artifacts = RunArtifacts {
             store,
             file: &pipeline.file(),
-            made: &made,
+            stages: &made,
             rounds: &pipeline.rounds,
         };
-        let results = RunResults::remembered(&artifacts, &pipeline.name, neglected, &may_break_down(pipeline))?;
+        let results = RunResults::cached(&artifacts, &pipeline.name, neglected, &may_break_down(pipeline))?;
         for text in results.warnings().cloned() {
             log.write(&Event::Warning { text });
         }
@@ -271,7 +271,7 @@ impl Build<'_> {
         &self,
         outcome: &RunOutcome,
         results: &RunResults,
-        elsewhere: &[Made],
+        elsewhere: &[StageArtifact],
         access: &StoreAccess,
     ) -> Text {
         let mut text = Text::new();
@@ -298,7 +298,7 @@ impl Build<'_> {
     }
 
     /// Names the stages whose artifacts are on a remote only.
-    fn elsewhere_line(&self, stages: &[Made], remote: Option<&Remote>) -> String {
+    fn elsewhere_line(&self, stages: &[StageArtifact], remote: Option<&Remote>) -> String {
         let names: Vec<&str> = stages.iter().map(|made| made.stage.as_str()).collect();
         let name = remote.map_or("the remote", Remote::name);
         format!(
@@ -313,7 +313,7 @@ impl Build<'_> {
 #[derive(Default)]
 struct Preparation {
     /// Stages that were reused before that.
-    reused: Mutex<Vec<Made>>,
+    reused: Mutex<Vec<StageArtifact>>,
     prepared: OnceLock<Option<Prepared>>,
 }
 
@@ -324,7 +324,7 @@ impl Preparation {
                 self.prepared.get_or_init(|| {
                     let prepared = start()?;
                     for made in self.reused().drain(..) {
-                        prepared.figures.tell(made, false);
+                        prepared.figures.add(made, false);
                     }
                     Some(prepared)
                 });
@@ -335,14 +335,14 @@ impl Preparation {
             _ => return,
         };
         match (self.prepared.get(), made_by(stage)) {
-            (Some(Some(prepared)), Some(made)) => prepared.figures.tell(made, is_new),
+            (Some(Some(prepared)), Some(made)) => prepared.figures.add(made, is_new),
             (None, Some(made)) => self.reused().push(made),
             _ => {}
         }
     }
 
     /// A panic of another thread leaves a valid list: it is pushed to in one step.
-    fn reused(&self) -> MutexGuard<'_, Vec<Made>> {
+    fn reused(&self) -> MutexGuard<'_, Vec<StageArtifact>> {
         self.reused.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -357,7 +357,7 @@ impl Preparation {
 
 /// Threads that draw figures and screen for neglected effects.
 struct Prepared {
-    figures: FiguresAhead,
+    figures: BackgroundFigures,
     screening: JoinHandle<()>,
 }
 
@@ -370,7 +370,7 @@ impl Prepared {
         let selected = pipeline.selection(arguments.until.as_deref()).ok()?;
         let stages: Vec<&str> = selected.iter().map(|at| pipeline.stages[*at].name.as_str()).collect();
         Some(Self {
-            figures: FiguresAhead::start(store.without_upstream(), pipeline.file(), pipeline.name.clone()).ok()?,
+            figures: BackgroundFigures::start(store.without_upstream(), pipeline.file(), pipeline.name.clone()).ok()?,
             screening: screen_in_background(pipeline, &stages, store.without_upstream()).ok()?,
         })
     }
@@ -385,8 +385,8 @@ fn is_here(store: &Store, digest: &ArtifactId) -> bool {
             .is_ok_and(|parts| parts.iter().all(|part| here.has(part)))
 }
 
-fn made_by(stage: &StageReport) -> Option<Made> {
-    Some(Made {
+fn made_by(stage: &StageReport) -> Option<StageArtifact> {
+    Some(StageArtifact {
         stage: stage.name.clone(),
         kind: stage.kind.clone(),
         digest: stage.digest?,

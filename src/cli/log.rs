@@ -15,7 +15,7 @@ use super::tone::Tone;
 use super::{CliError, Exit, Output, csv, diff, locate, pipeline, table};
 use deaflow_base::{Canonical, readable_time};
 use deaflow_orchestrator::file_of;
-use deaflow_report::{Gone, run_document};
+use deaflow_report::{RemovedArtifacts, run_document};
 use deaflow_store::{Command, Run, StageOutcome, Store, StoreError};
 
 /// The default number of runs in the report for people.
@@ -60,7 +60,7 @@ pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliErr
         Some(path) if runs.is_empty() && unfinished.is_empty() => return Err(none_of(path, &store)),
         _ => {}
     }
-    let removed = Gone::in_store(&store);
+    let removed = RemovedArtifacts::of(&store);
     if output.is_json() {
         let runs: Vec<Value> = runs.iter().map(|run| run_document(run, &removed)).collect();
         let unfinished = unfinished
@@ -190,7 +190,7 @@ fn built(run: &Run) -> Vec<&str> {
     built.map(|stage| stage.name.as_str()).collect()
 }
 
-fn text(runs: &[Run], changed: &[Vec<String>], more: bool, of_all: bool, removed: &Gone<'_>) -> Text {
+fn text(runs: &[Run], changed: &[Vec<String>], more: bool, of_all: bool, removed: &RemovedArtifacts<'_>) -> Text {
     if runs.is_empty() {
         return Text::from("no runs");
     }
@@ -295,7 +295,7 @@ fn unknown_changes(runs: [&Run; 2], snapshots: [&Snapshot; 2]) -> Option<String>
 }
 
 /// Describes what was built, what failed, what was overridden, and what has been removed since.
-fn describe(run: &Run, changed: &[String], removed: &Gone<'_>) -> String {
+fn describe(run: &Run, changed: &[String], removed: &RemovedArtifacts<'_>) -> String {
     let built = built(run);
     let all = run.stages.len() + run.failures.len() + run.stopped.len() + run.not_begun.len();
     let mut lines = vec![match built.len() {

@@ -10,7 +10,7 @@ use super::locate;
 use super::neglected::neglected_effects;
 use super::{CliError, Exit, Output, pipeline, write};
 use deaflow_orchestrator::{Environment, plan, plan_warnings};
-use deaflow_report::{History, StageFacts, write_report};
+use deaflow_report::{PipelineHistory, StageRecord, write_report};
 
 /// Write a report of a pipeline: a page with every design, and the designs as files
 #[derive(Debug, Args)]
@@ -39,10 +39,12 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     pipeline.selection(arguments.until.as_deref())?;
     let store = locate::existing_store(&arguments.store.folder_of(&arguments.pipeline))?;
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
-    let mut history = History::of(&pipeline, &stages, &store)?;
+    let mut history = PipelineHistory::of(&pipeline, &stages, &store)?;
     let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();
-    history.neglected = plan_warnings(&pipeline, &stages, &store)?;
-    history.neglected.extend(neglected_effects(&pipeline, &names, &store)?);
+    history.model_warnings = plan_warnings(&pipeline, &stages, &store)?;
+    history
+        .model_warnings
+        .extend(neglected_effects(&pipeline, &names, &store)?);
     check(&history, arguments)?;
     // What cannot be written is found before the report is made.
     write::folder(&arguments.output)?;
@@ -72,8 +74,8 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
 }
 
 /// A report of half a pipeline is one only where that was asked for.
-fn check(history: &History, arguments: &ReportArguments) -> Result<(), CliError> {
-    let named = |stage: &&StageFacts| match &stage.why {
+fn check(history: &PipelineHistory, arguments: &ReportArguments) -> Result<(), CliError> {
+    let named = |stage: &&StageRecord| match &stage.why {
         Some(why) if why.starts_with("artifact") || why.starts_with("removed") => format!("{} ({why})", stage.name),
         _ => stage.name.clone(),
     };

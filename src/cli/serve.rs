@@ -10,7 +10,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::arguments::StoreArguments;
 use super::{CliError, Exit, Output, signals};
-use deaflow_serve::{Options, Routes, Served, ServedState, Start};
+use deaflow_serve::{Options, Routes, Server, ServerState, StartView};
 
 /// Look at pipelines, runs and artifacts in a browser, and draw patterns
 #[derive(Debug, Args)]
@@ -38,21 +38,21 @@ pub fn execute(arguments: &ServeArguments, output: &Output) -> Result<Exit, CliE
         allow_run: arguments.allow_run,
         ..Options::default()
     };
-    serve(options, Start::Overview, arguments.port, output)
+    serve(options, StartView::Overview, arguments.port, output)
 }
 
 /// Serves until a signal ends it.
-pub fn serve(options: Options, start: Start, port: u16, output: &Output) -> Result<Exit, CliError> {
+pub fn serve(options: Options, start: StartView, port: u16, output: &Output) -> Result<Exit, CliError> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         signals::set_on(signal, &stop)?;
     }
     let (store, allow_run) = (options.store.clone(), options.allow_run);
-    let state = Arc::new(ServedState::new(options)?);
-    let served = Served::listen(port)?;
+    let state = Arc::new(ServerState::new(options)?);
+    let served = Server::listen(port)?;
     let view = match start {
-        Start::Overview => "",
-        Start::Sketch => "#/sketch",
+        StartView::Overview => "",
+        StartView::Sketch => "#/sketch",
     };
     let url = format!("{}{view}", served.url());
     if output.is_json() {

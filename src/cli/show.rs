@@ -14,7 +14,7 @@ use super::statistics::{self, Statistics};
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, locate, table};
 use deaflow_content::Table;
-use deaflow_report::{Collected, Rows};
+use deaflow_report::{ResultTable, Rows};
 use deaflow_store::{Artifact, Content, Lookup, Store, StoreError};
 
 /// Show what is in an artifact or a file of results: datasets, statistics, provenance
@@ -116,7 +116,7 @@ fn print(shown: &Shown, output: &Output) -> Result<Exit, CliError> {
 fn show_rows(artifact: &Artifact, arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
     if artifact.kind() == "table" && arguments.along.is_none() {
         let table = Table::read(artifact)?;
-        output.plain(&csv::of_table(&Collected::new(table))?)?;
+        output.plain(&csv::of_table(&ResultTable::new(table))?)?;
         return Ok(Exit::Done);
     }
     print_rows(&Rows::of(artifact, arguments.along.as_deref())?, output)

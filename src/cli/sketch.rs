@@ -7,7 +7,7 @@ use clap::Args;
 use super::arguments::StoreArguments;
 use super::serve::serve;
 use super::{CliError, Exit, Output};
-use deaflow_serve::{Options, Start};
+use deaflow_serve::{Options, StartView};
 
 /// Draw a pattern in a browser on this machine, and see the membrane move meanwhile
 #[derive(Debug, Args)]
@@ -32,5 +32,5 @@ pub fn execute(arguments: &SketchArguments, output: &Output) -> Result<Exit, Cli
         pattern: arguments.pattern.clone(),
         ..Options::default()
     };
-    serve(options, Start::Sketch, arguments.port, output)
+    serve(options, StartView::Sketch, arguments.port, output)
 }

@@ -14,7 +14,7 @@ use super::{CliError, Exit, Output, csv, plan, write};
 use deaflow_base::{ArtifactId, Document, Node, NodeValue, Override};
 use deaflow_content::Table;
 use deaflow_orchestrator::StageReport;
-use deaflow_report::Collected;
+use deaflow_report::ResultTable;
 use deaflow_stage as stage;
 use deaflow_store::{Command, Store};
 
@@ -138,7 +138,7 @@ fn collected(store: &Store, stages: &[StageReport], name: &str) -> Result<Option
     let Some(digest) = digest else { return Ok(None) };
     let artifact = store.artifact(&digest)?;
     let table = Table::read(&artifact)?;
-    Ok(Some((digest, csv::of_table(&Collected::new(table))?)))
+    Ok(Some((digest, csv::of_table(&ResultTable::new(table))?)))
 }
 
 /// The overrides that turn a pipeline into a sweep.

@@ -1,4 +1,4 @@
-//! The artifacts of a run, and how they are read for people.
+//! The artifacts of a run, and how a report reads them.
 
 use std::path::Path;
 
@@ -9,9 +9,9 @@ use deaflow_content::ContentError;
 use deaflow_orchestrator::Rounds;
 use deaflow_store::{Artifact, Store};
 
-/// What one stage of a run made.
+/// The artifact of a stage.
 #[derive(Clone, Debug)]
-pub struct Made {
+pub struct StageArtifact {
     /// Name of the stage.
     pub stage: String,
     /// Its kind.
@@ -20,67 +20,54 @@ pub struct Made {
     pub digest: ArtifactId,
 }
 
-/// What a run of a pipeline made.
+/// The artifacts of a run of a pipeline.
 pub struct RunArtifacts<'a> {
-    /// Where its artifacts are.
+    /// The store of the artifacts.
     pub store: &'a Store,
     /// File of the pipeline.
     pub file: &'a Path,
-    /// Its stages.
-    pub made: &'a [Made],
-    /// Stages that are done in rounds.
+    /// Its stages that have an artifact.
+    pub stages: &'a [StageArtifact],
+    /// Stages that are repeated in rounds.
     pub rounds: &'a [Rounds],
 }
 
 impl RunArtifacts<'_> {
-    /// What `read` makes of every artifact of a kind.
+    /// Calls `read` for every artifact of a kind.
     ///
     /// # Errors
-    /// When an artifact cannot be read, or `read` fails.
+    /// If an artifact cannot be read, or `read` fails.
     pub fn each<T>(
         &self,
         kind: &str,
-        read: impl Fn(&Source<'_>) -> Result<T, ReportError>,
+        read: impl Fn(&ArtifactReader<'_>) -> Result<T, ReportError>,
     ) -> Result<Vec<T>, ReportError> {
-        each(self.store, self.made, kind, read)
+        let of_kind = self.stages.iter().filter(|stage| stage.kind == kind);
+        of_kind
+            .map(|stage| {
+                let artifact = self.store.artifact(&stage.digest)?;
+                read(&ArtifactReader {
+                    stage,
+                    artifact: &artifact,
+                    run: self.stages,
+                })
+            })
+            .collect()
     }
 }
 
-/// An artifact with the stage that made it, for messages.
-pub struct Source<'a> {
+/// An artifact with its stage, which error messages name.
+pub struct ArtifactReader<'a> {
     /// The stage.
-    pub stage: &'a Made,
+    pub stage: &'a StageArtifact,
     /// Its artifact.
     pub artifact: &'a Artifact,
-    /// All that the run made: whose names artifacts go by.
-    pub run: &'a [Made],
+    /// All artifacts of the run, whose stages give artifacts their names.
+    pub run: &'a [StageArtifact],
 }
 
-/// What `read` makes of every artifact of a kind in a run.
-///
-/// # Errors
-/// When an artifact cannot be read, or `read` fails.
-pub fn each<T>(
-    store: &Store,
-    made: &[Made],
-    kind: &str,
-    read: impl Fn(&Source<'_>) -> Result<T, ReportError>,
-) -> Result<Vec<T>, ReportError> {
-    let of_kind = made.iter().filter(|stage| stage.kind == kind);
-    of_kind
-        .map(|stage| {
-            let artifact = store.artifact(&stage.digest)?;
-            read(&Source {
-                stage,
-                artifact: &artifact,
-                run: made,
-            })
-        })
-        .collect()
-}
-
-impl Source<'_> {
-    /// The error that the artifact does not hold what its kind promises.
+impl ArtifactReader<'_> {
+    /// Returns the error that the artifact does not have the content of its kind.
     pub fn wrong(&self, reason: impl Into<String>) -> ReportError {
         ReportError::Content {
             stage: self.stage.stage.clone(),
@@ -89,10 +76,10 @@ impl Source<'_> {
         }
     }
 
-    /// What was read of the artifact.
+    /// Adds the stage to the error of reading.
     ///
     /// # Errors
-    /// Those of the reading.
+    /// The error of reading.
     pub fn of<T>(&self, read: Result<T, ContentError>) -> Result<T, ReportError> {
         read.map_err(|error| match error {
             ContentError::Store(error) => ReportError::Store(error),
@@ -100,10 +87,10 @@ impl Source<'_> {
         })
     }
 
-    /// What was drawn of the artifact.
+    /// Adds the stage to the error of drawing.
     ///
     /// # Errors
-    /// Those of the drawing.
+    /// The error of drawing.
     pub fn drawn<T>(&self, outcome: Result<T, FigureError>) -> Result<T, ReportError> {
         outcome.map_err(|source| ReportError::Figure {
             stage: self.stage.stage.clone(),

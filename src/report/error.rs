@@ -1,4 +1,4 @@
-//! What can go wrong with a report.
+//! Errors of reports.
 
 use std::path::PathBuf;
 
@@ -6,13 +6,13 @@ use super::drawing::FigureError;
 use deaflow_base::{ArtifactId, OutputError};
 use deaflow_store::StoreError;
 
-/// A figure or summary that could not be made.
+/// A figure or summary could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// The artifact cannot be read.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The artifact does not hold what its kind promises.
+    /// The artifact does not have the content of its kind.
     #[error("artifact {digest} of stage `{stage}`: {reason}", digest = digest.short())]
     Content {
         /// Name of the stage.
@@ -26,35 +26,35 @@ pub enum ReportError {
     #[error(transparent)]
     Output(#[from] OutputError),
     /// The folder has the report of another pipeline.
-    #[error("{folder} has the report of the pipeline {pipeline}, which would be lost", folder = folder.display())]
+    #[error("{} has the report of another pipeline, {pipeline}, which would be overwritten", folder.display())]
     Other {
         /// The folder.
         folder: PathBuf,
-        /// Whose report is there.
+        /// The pipeline of that report.
         pipeline: String,
     },
-    /// A file of an earlier report cannot be replaced.
+    /// A file of an earlier report cannot be replaced or removed.
     #[error("cannot replace {path}: {source}", path = path.display())]
     Replace {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// The drawing failed.
+    /// A figure cannot be drawn.
     #[error("stage `{stage}`: {source}")]
     Figure {
         /// Name of the stage.
         stage: String,
-        /// Why.
+        /// The error.
         source: FigureError,
     },
-    /// The folder of the figures cannot be made.
-    #[error("cannot make the folder {path}: {source}", path = path.display())]
+    /// A folder cannot be created.
+    #[error("cannot create the folder {path}: {source}", path = path.display())]
     Folder {
-        /// Which.
+        /// The folder.
         path: PathBuf,
-        /// Why.
+        /// The error of the system.
         source: std::io::Error,
     },
 }

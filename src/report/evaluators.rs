@@ -1,47 +1,47 @@
-//! What judged the patterns of the design stages of a run, and what was known of the others.
+//! The evaluators of design stages, and their estimated errors.
 
 use std::fmt;
 
 use serde::Serialize;
 
-use super::artifacts::Source;
+use super::artifacts::ArtifactReader;
 use super::error::ReportError;
-use super::format::{share, three};
+use super::format::{percents, three};
 use deaflow_content::Designs;
 
-/// What judged the patterns of a design stage.
+/// The evaluator of a target of a design stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evaluators {
     /// Name of the stage.
     pub stage: String,
     /// Name of the target.
     pub name: String,
-    /// Settings of the one that was used.
+    /// Settings of the evaluator.
     pub used: String,
-    /// What is accurate enough, as the stage says it: a root mean square error; none where it was named.
+    /// The required accuracy, a root mean square error as in the stage; `None` if the stage names an evaluator.
     pub enough: Option<String>,
-    /// Those that it was chosen from, the cheapest first and the reference last; empty where it was named.
+    /// The candidates, the cheapest first and the reference last; empty if the stage names an evaluator.
     pub candidates: Vec<Candidate>,
 }
 
-/// One that could have been used.
+/// A candidate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Candidate {
     /// Its settings.
     pub settings: String,
-    /// Its root mean square error of a component in mm; none where nothing is known of it.
+    /// Its root mean square error of a component in mm; `None` if it is unknown.
     pub rmse_mm: Option<f64>,
-    /// Patterns on which it disagrees with the reference whether there is a field.
+    /// Patterns for which only one of it and the reference has a field.
     pub disagree: u64,
-    /// Its largest error of the displacement along the wanted directions on patterns like designs, as a share.
+    /// Its largest error of the displacement along the target directions on design-like patterns, as a fraction.
     pub design_error: f64,
 }
 
-/// The evaluators of a design stage.
+/// Reads the evaluators of a design stage.
 ///
 /// # Errors
-/// When the artifact does not hold what its kind promises.
-pub fn read(source: &Source<'_>) -> Result<Vec<Evaluators>, ReportError> {
+/// If the artifact does not have the content of its kind.
+pub fn read(source: &ArtifactReader<'_>) -> Result<Vec<Evaluators>, ReportError> {
     let view = source.of(Designs::open(source.artifact))?;
     let (rows, used) = (
         source.of(view.rows().name().read())?,
@@ -68,7 +68,7 @@ pub fn read(source: &Source<'_>) -> Result<Vec<Evaluators>, ReportError> {
     Ok(targets.into_iter().map(of_target).collect())
 }
 
-/// What is accurate enough by the parameters of a stage, as its provenance has them.
+/// Reads the required accuracy from the parameters in the provenance.
 fn enough(parameters: &str) -> Option<String> {
     let (_, rest) = parameters.split_once("evaluator_accuracy: ")?;
     let end = rest.find([',', '}']).unwrap_or(rest.len());
@@ -77,18 +77,18 @@ fn enough(parameters: &str) -> Option<String> {
 
 impl fmt::Display for Evaluators {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // An objective that stands by itself is named like its stage's kind.
+        // A single objective has the name of the stage kind.
         let name = match self.name.as_str() {
             "design" => String::new(),
             name => format!(" {name}"),
         };
-        write!(f, "{}{name}: patterns judged by {{ {} }}", self.stage, self.used)?;
+        write!(f, "{}{name}: patterns evaluated by {{ {} }}", self.stage, self.used)?;
         if self.candidates.is_empty() {
             return Ok(());
         }
-        write!(f, ", the cheapest that is accurate enough")?;
+        write!(f, ", the cheapest one that is accurate enough")?;
         if let Some(enough) = &self.enough {
-            write!(f, " (RMSE up to {enough}, and little at designs)")?;
+            write!(f, " (RMSE up to {enough}, and a small error at designs)")?;
         }
         let last = self.candidates.len() - 1;
         for (at, candidate) in self.candidates.iter().enumerate() {
@@ -99,14 +99,11 @@ impl fmt::Display for Evaluators {
             let error = candidate
                 .rmse_mm
                 .map_or("no field".to_owned(), |mm| format!("RMSE {} mm", three(mm)));
-            let at_designs = share(candidate.design_error);
+            let at_designs = percents(candidate.design_error);
             write!(f, "\n  {:<48} {error}, at designs {at_designs}", candidate.settings)?;
             if candidate.disagree > 0 {
-                write!(
-                    f,
-                    ", disagrees on {} patterns whether there is a field",
-                    candidate.disagree
-                )?;
+                let count = candidate.disagree;
+                write!(f, ", disagrees on whether there is a field for {count} patterns")?;
             }
         }
         Ok(())

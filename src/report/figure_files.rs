@@ -1,4 +1,4 @@
-//! The files of figures in a store, by the artifacts that they show.
+//! Finds and removes the figure files of artifacts in a store.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -6,24 +6,23 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use super::error::ReportError;
-use super::results::WHOSE;
+use super::results::OWNER_FILE;
 use deaflow_base::{ArtifactId, read_own};
 use deaflow_store::Store;
 
-/// A figure takes less, bytes.
-const LONGEST: u64 = 64 << 20;
+/// The largest figure file, bytes.
+const MAX_BYTES: u64 = 64 << 20;
 
-/// The file of a figure.
+/// A figure file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FigureFile {
-    /// Where it is.
+    /// Its path.
     pub path: PathBuf,
-    /// Its length, bytes.
+    /// Its size, bytes.
     pub bytes: u64,
 }
 
-/// The figures in a store that show one of some artifacts, as they say themselves. What is no figure of this program, and links, are passed
-/// over.
+/// Finds the figures of some artifacts in a store, by the texts in the files. Other files and links are ignored.
 #[must_use]
 pub fn figures_of(store: &Store, artifacts: &BTreeSet<ArtifactId>) -> Vec<FigureFile> {
     if artifacts.is_empty() {
@@ -42,10 +41,10 @@ pub fn figures_of(store: &Store, artifacts: &BTreeSet<ArtifactId>) -> Vec<Figure
     figures.collect()
 }
 
-/// Removes figures, and the folders that hold none any more.
+/// Removes figures, and folders that become empty.
 ///
 /// # Errors
-/// When the system refuses.
+/// If a file cannot be removed.
 pub fn remove_figures(figures: &[FigureFile]) -> Result<(), ReportError> {
     let failed = |path: &Path| {
         let path = path.to_owned();
@@ -56,18 +55,18 @@ pub fn remove_figures(figures: &[FigureFile]) -> Result<(), ReportError> {
     }
     let folders: BTreeSet<&Path> = figures.iter().filter_map(|figure| figure.path.parent()).collect();
     for folder in folders {
-        let whose = folder.join(WHOSE);
-        if entries(folder) == [whose.clone()] {
-            fs::remove_file(&whose).map_err(failed(&whose))?;
+        let owner = folder.join(OWNER_FILE);
+        if entries(folder) == [owner.clone()] {
+            fs::remove_file(&owner).map_err(failed(&owner))?;
             fs::remove_dir(folder).map_err(failed(folder))?;
         }
     }
     Ok(())
 }
 
-/// The artifacts that a figure says it shows; none of a file that is no figure of this program.
+/// Returns the artifacts that a figure shows, according to its texts; `None` for other files.
 fn shown(path: &Path) -> Option<Vec<ArtifactId>> {
-    let bytes = read_own(path, LONGEST).ok()?;
+    let bytes = read_own(path, MAX_BYTES).ok()?;
     let reader = png::Decoder::new(Cursor::new(bytes)).read_info().ok()?;
     let text = |keyword: &str| {
         let texts = &reader.info().utf8_text;
@@ -77,7 +76,7 @@ fn shown(path: &Path) -> Option<Vec<ArtifactId>> {
     text("Source")?.split(' ').map(|digest| digest.parse().ok()).collect()
 }
 
-/// What is in a folder, in order; nothing where it cannot be read.
+/// Returns the sorted entries of a folder; none if it cannot be read.
 fn entries(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten();
     let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();

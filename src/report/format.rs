@@ -1,6 +1,6 @@
-//! Numbers as people read them, and names as files bear them.
+//! Formats numbers, durations and sizes for people, and names for files.
 
-/// A duration.
+/// Writes a duration.
 pub fn seconds(seconds: f64) -> String {
     match seconds {
         s if s < 0.0095 => format!("{:.0} ms", 1e3 * s),
@@ -14,7 +14,7 @@ pub fn seconds(seconds: f64) -> String {
     }
 }
 
-/// A time in s that somebody asked for, in the largest unit of which it is a whole number.
+/// Writes a duration in s in the largest unit in which it is an integer.
 pub fn duration(seconds: f64) -> String {
     let units = [(3600.0, "h"), (60.0, "min")];
     let whole = units
@@ -24,7 +24,7 @@ pub fn duration(seconds: f64) -> String {
     format!("{} {name}", seconds / unit)
 }
 
-/// A file size.
+/// Writes a file size.
 pub fn bytes(bytes: u64) -> String {
     let units = [("GB", 1e9), ("MB", 1e6), ("kB", 1e3)];
     let bytes = bytes as f64;
@@ -34,12 +34,12 @@ pub fn bytes(bytes: u64) -> String {
     }
 }
 
-/// A length in mm, four decimals, without its unit.
+/// Writes a length in mm with four decimals, without its unit.
 pub fn mm(value: f64) -> String {
     signed(&format!("{:.4}", value + 0.0))
 }
 
-/// A number with as many digits as people compare: whole ones in full, others with five.
+/// Writes a number with five significant digits; integers in full.
 pub fn number(value: f64) -> String {
     let whole = value.fract() == 0.0 && value.abs() < 1e15;
     let decimals = match value.abs() {
@@ -50,7 +50,7 @@ pub fn number(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
-/// A number with three significant digits; what is smaller than 0.0001 and not nothing is said to be.
+/// Writes a number with three significant digits; those below 0.0001 as a bound.
 pub fn three(value: f64) -> String {
     const LEAST: f64 = 1e-4;
     let size = value.abs();
@@ -60,33 +60,33 @@ pub fn three(value: f64) -> String {
     if size < LEAST {
         return if value > 0.0 { "< 0.0001" } else { "> −0.0001" }.to_owned();
     }
-    // The power of ten of the rounded number: 0.9996 has as many decimals as 1.
+    // The exponent of the rounded number: 0.9996 has as many decimals as 1.
     let scientific = format!("{size:.2e}");
     let power = scientific.split_once('e').and_then(|(_, power)| power.parse().ok());
     let decimals = (2 - power.unwrap_or(0_i32)).max(0) as usize;
     signed(&format!("{value:.decimals$}"))
 }
 
-/// A share in percent, with three significant digits.
-pub fn share(share: f64) -> String {
-    format!("{} %", three(100.0 * share))
+/// Writes a fraction in percent, with three significant digits.
+pub fn percents(fraction: f64) -> String {
+    format!("{} %", three(100.0 * fraction))
 }
 
-/// A difference in percent with its sign, with three significant digits.
+/// Writes a difference in percent with its sign, with three significant digits.
 pub fn change(change: f64) -> String {
-    let text = share(change);
+    let text = percents(change);
     match text.starts_with(|c: char| c.is_ascii_digit()) && change > 0.0 {
         true => format!("+{text}"),
         false => text,
     }
 }
 
-/// An estimated error in mm, after a length with as many decimals.
+/// Writes an estimated error in mm, after a length with four decimals.
 pub fn uncertainty(mm: f64) -> String {
     format!("± {}", error(mm))
 }
 
-/// The size of an estimated error in mm.
+/// Writes the size of an estimated error in mm.
 pub fn error(mm: f64) -> String {
     match mm.abs() {
         error if error < 1e-4 => "< 0.0001".to_owned(),
@@ -94,17 +94,17 @@ pub fn error(mm: f64) -> String {
     }
 }
 
-/// A share in percent.
-pub fn percent(share: f64, decimals: usize) -> String {
-    format!("{:.*} %", decimals, 100.0 * share)
+/// Writes a fraction in percent, with a number of decimals.
+pub fn percent(fraction: f64, decimals: usize) -> String {
+    format!("{:.*} %", decimals, 100.0 * fraction)
 }
 
-/// With a minus sign in place of a hyphen.
+/// Replaces hyphens by minus signs.
 fn signed(text: &str) -> String {
     text.replace('-', "−")
 }
 
-/// So many of something.
+/// Writes a number of things.
 pub fn counted(n: usize, one: &str, many: &str) -> String {
     match n {
         1 => format!("1 {one}"),
@@ -112,7 +112,7 @@ pub fn counted(n: usize, one: &str, many: &str) -> String {
     }
 }
 
-/// No more than `most` letters.
+/// Shortens a text to `most` letters.
 pub fn cut(text: &str, most: usize) -> String {
     match text.chars().count() > most {
         true => text.chars().take(most - 1).chain(['…']).collect(),
@@ -120,12 +120,22 @@ pub fn cut(text: &str, most: usize) -> String {
     }
 }
 
-/// The name of a figure's file.
+/// Quotes a word for a shell if necessary.
+#[must_use]
+pub fn shell_word(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=@,+%".contains(c);
+    match !word.is_empty() && word.chars().all(is_plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    }
+}
+
+/// Returns the name of a figure file.
 pub fn figure_name(stage: &str, digest: &str, figure: &str) -> String {
     format!("{}-{digest:.8}-{figure}.png", file_name(stage))
 }
 
-/// Names are free in a pipeline; in the name of a file they must not lead elsewhere.
+/// Replaces characters that a file name must not have.
 pub fn file_name(name: &str) -> String {
     let safe = |c: char| {
         if c.is_alphanumeric() || c == '-' || c == '_' {
@@ -143,7 +153,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_are_short_and_round() {
+    fn durations_and_sizes_are_short_and_round() {
         let times = [0.004, 3.456, 59.97, 125.2, 3_599.6, 7_380.0].map(seconds);
         assert_eq!(
             times,
@@ -165,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_have_three_significant_digits_and_nothing_is_rounded_to_nothing() {
+    fn numbers_have_three_significant_digits_and_small_ones_are_bounds() {
         for (value, text) in [
             (2.154_73, "2.15"),
             (0.999_6, "1.00"),
@@ -184,7 +194,14 @@ mod tests {
             [0.0169, -0.05, 0.0, 1e-7].map(change),
             ["+1.69 %", "−5.00 %", "0 %", "< 0.0001 %"]
         );
-        assert_eq!([1.0, 0.989_84].map(share), ["100 %", "99.0 %"]);
+        assert_eq!([1.0, 0.989_84].map(percents), ["100 %", "99.0 %"]);
         assert_eq!([0.000_31, 2e-5].map(uncertainty), ["± 0.0003", "± < 0.0001"]);
+    }
+
+    #[test]
+    fn words_are_quoted_if_a_shell_would_split_them() {
+        assert_eq!(shell_word("pipelines/a.yaml:verified"), "pipelines/a.yaml:verified");
+        assert_eq!(shell_word("drive.voltage=4000 V"), "'drive.voltage=4000 V'");
+        assert_eq!(["", "a b", "it's"].map(shell_word), ["''", "'a b'", "'it'\\''s'"]);
     }
 }

@@ -1,99 +1,99 @@
-//! The stages of a pipeline as a report tells of them: what made each, when, where and at what cost, and what the last run
-//! built of it.
+//! The history of the artifacts of a pipeline: what built each, when, where and at what cost, and what the last run
+//! built.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::artifacts::{Made, RunArtifacts};
+use super::artifacts::{RunArtifacts, StageArtifact};
 use super::error::ReportError;
 use deaflow_base::{ArtifactId, Node, NodeValue};
 use deaflow_orchestrator::{Pipeline, Rounds, StageReport};
 use deaflow_store::{Artifact, Command, Cost, Run, StageOutcome, Store, StoreError};
 
-/// A pipeline with what has been built of it.
+/// A pipeline with the history of its artifacts.
 #[derive(Clone, Debug)]
-pub struct History {
+pub struct PipelineHistory {
     /// Name of the pipeline.
     pub pipeline: String,
     /// Its file.
     pub path: String,
     /// The stages in topological order.
-    pub stages: Vec<StageFacts>,
-    /// Stages that are done in rounds.
+    pub stages: Vec<StageRecord>,
+    /// Stages that are repeated in rounds.
     pub rounds: Vec<Rounds>,
-    /// What was foreseen of its stages, and what they neglect although it matters, a line each.
-    pub neglected: Vec<String>,
-    /// The last run that built something of the pipeline as it stands; none where no run with these artifacts is remembered.
+    /// Warnings about the model: neglected effects that are significant, a line each.
+    pub model_warnings: Vec<String>,
+    /// The last run that built an artifact of the present plan; `None` if no run in the history has these artifacts.
     pub last_run: Option<LastRun>,
 }
 
-/// The run that boxes tell of.
+/// The run of the drawing of stages.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LastRun {
-    /// When it ended, in UTC, RFC 3339.
+    /// Its end, in UTC, RFC 3339.
     pub ended: String,
-    /// Whether it built something of what is there; if not, no run that is remembered did.
+    /// Whether it built an artifact of the plan; if not, no run in the history did.
     pub has_built: bool,
 }
 
 /// One stage.
 #[derive(Clone, Debug)]
-pub struct StageFacts {
+pub struct StageRecord {
     /// Its name.
     pub name: String,
     /// Its kind.
     pub kind: String,
-    /// Places of the stages that it waits for.
+    /// Indices of the stages that it waits for.
     pub needs: Vec<usize>,
-    /// Its artifact; none where that has yet to be built.
+    /// Its artifact; `None` if it is not built.
     pub digest: Option<ArtifactId>,
-    /// Length of its files, bytes.
+    /// Size of its files, bytes.
     pub bytes: u64,
-    /// Why it has to be built; none where it is there.
+    /// Why it has to be built; `None` if it is up to date.
     pub why: Option<String>,
-    /// What made it; none where it has yet to be built.
+    /// The origin of its artifact; `None` if it is not built.
     pub origin: Option<Origin>,
-    /// The parts of its scene with their entries, as the pipeline has them; empty where it has none.
+    /// The parts of its scene with their entries, as in the pipeline; empty without a scene.
     pub scene: Vec<(String, String)>,
 }
 
-/// What made an artifact.
+/// The origin of an artifact.
 #[derive(Clone, Debug)]
 pub struct Origin {
-    /// When, in UTC, RFC 3339.
+    /// The time, in UTC, RFC 3339.
     pub created: String,
     /// Name of the machine.
     pub host: String,
-    /// Machines, and how many of its chunks each built.
+    /// The machines, with the number of chunks that each built.
     pub builders: BTreeMap<String, usize>,
     /// Version of this program.
     pub version: String,
     /// Architecture, operating system and processor.
     pub target: String,
-    /// RECIPE number of the kind.
+    /// The RECIPE number of the kind.
     pub recipe: String,
-    /// What the work took, s: of chunks the sum, although several run at a time.
+    /// Computing time, s: for chunks, the sum, although several run at a time.
     pub work: f64,
-    /// From the beginning of the stage to its end, s; none where it was not built in one go, or that was not written down.
+    /// Time from the start of the stage to its end, s; `None` if it was interrupted, or is not known.
     pub elapsed: Option<f64>,
-    /// Its part of the time of the run that built it, s: parts add up to that; none where it was not built in one go.
+    /// Its part of the time of the run, s: the parts add up to that time; `None` if it was interrupted.
     pub part: Option<f64>,
-    /// Chunks it is made of; 1 where it is one piece of work.
+    /// Number of chunks; 1 if it has none.
     pub chunks: usize,
-    /// How many of them the last run built; none where it had no such stage.
+    /// The number of chunks that the last run built; `None` if it had no such stage.
     pub built: Option<usize>,
 }
 
-impl History {
-    /// What is known of the stages of a plan.
+impl PipelineHistory {
+    /// Reads the history of the stages of a plan.
     ///
     /// # Errors
-    /// When the store cannot be read.
+    /// If the store cannot be read.
     pub fn of(pipeline: &Pipeline, plan: &[StageReport], store: &Store) -> Result<Self, ReportError> {
         let file = pipeline.file();
-        let own = store.runs_of(store.runs()?.take(LOOKED_THROUGH), &file, &pipeline.name);
+        let own = store.runs_of(store.runs()?.take(MAX_RUNS), &file, &pipeline.name);
         let last = last_of(own, plan)?;
-        // What was made after the end of the run before was made by the last one, or by one that was killed since.
+        // What was built after the end of the run before was built by the last one, or by one that was killed since.
         let mut all = store.runs()?;
         let is_last = |run: &Run| last.as_ref().is_some_and(|last| last.id == run.id);
         let _ = all.find(|run| run.as_ref().is_ok_and(is_last));
@@ -108,7 +108,7 @@ impl History {
                 let built = last.filter(|run| has(run, report, &digest));
                 origin(&artifact, report, &costs, built.map(|_| since))
             });
-            stages.push(StageFacts {
+            stages.push(StageRecord {
                 name: report.name.clone(),
                 kind: report.kind.clone(),
                 needs: needs(pipeline, plan, &report.name),
@@ -124,7 +124,7 @@ impl History {
             path: pipeline.path.display().to_string(),
             stages,
             rounds: pipeline.rounds.clone(),
-            neglected: Vec::new(),
+            model_warnings: Vec::new(),
             last_run: last.map(|run| LastRun {
                 ended: run.created.clone(),
                 has_built: has_built(run, plan),
@@ -132,22 +132,22 @@ impl History {
         })
     }
 
-    /// What has been made, to be read.
+    /// Returns the artifacts for reading.
     #[must_use]
-    pub fn run<'a>(&'a self, store: &'a Store, made: &'a [Made]) -> RunArtifacts<'a> {
+    pub fn run<'a>(&'a self, store: &'a Store, stages: &'a [StageArtifact]) -> RunArtifacts<'a> {
         RunArtifacts {
             store,
             file: Path::new(&self.path),
-            made,
+            stages,
             rounds: &self.rounds,
         }
     }
 
-    /// What has been made.
+    /// Returns the artifacts that are built.
     #[must_use]
-    pub fn made(&self) -> Vec<Made> {
-        let made = |stage: &StageFacts| {
-            Some(Made {
+    pub fn made(&self) -> Vec<StageArtifact> {
+        let made = |stage: &StageRecord| {
+            Some(StageArtifact {
                 stage: stage.name.clone(),
                 kind: stage.kind.clone(),
                 digest: stage.digest?,
@@ -156,7 +156,7 @@ impl History {
         self.stages.iter().filter_map(made).collect()
     }
 
-    /// Stages whose rounds a later one has made out of date: those of which a later round is there.
+    /// Returns the stages of earlier rounds, of which a later round is built.
     #[must_use]
     pub fn superseded(&self) -> Vec<&str> {
         let there = |name: &&String| self.stages.iter().any(|s| s.name == **name && s.digest.is_some());
@@ -168,14 +168,14 @@ impl History {
         earlier.map(String::as_str).collect()
     }
 
-    /// The stages that have yet to be built.
+    /// Returns the stages that are not built.
     #[must_use]
-    pub fn missing(&self) -> Vec<&StageFacts> {
+    pub fn missing(&self) -> Vec<&StageRecord> {
         self.stages.iter().filter(|stage| stage.digest.is_none()).collect()
     }
 }
 
-/// The parts of the scene of a stage with their entries as they were written.
+/// Returns the parts of the scene of a stage with their entries as written.
 fn scene(pipeline: &Pipeline, name: &str) -> Vec<(String, String)> {
     let node = pipeline.stage(name).and_then(|spec| pipeline.scene_of(spec));
     let Some(NodeValue::Map(parts)) = node.map(Node::value) else {
@@ -188,11 +188,11 @@ fn scene(pipeline: &Pipeline, name: &str) -> Vec<(String, String)> {
     parts.iter().map(|(key, part)| (key.written(), entries(part))).collect()
 }
 
-/// Runs among which the last one of a pipeline is looked for.
-const LOOKED_THROUGH: usize = 1000;
+/// Runs that are searched for the last one of a pipeline.
+const MAX_RUNS: usize = 1000;
 
-/// Of runs, newest first, the one that last built something of what is there. One with other parameters, as of a sweep, built other
-/// things. Where no run is remembered that did, that which last had any of it.
+/// Returns the last run that built an artifact of the plan, of runs sorted from the newest; runs of a sweep with other
+/// parameters built other artifacts. If there is none, returns the last run that had any of the artifacts.
 fn last_of(
     runs: impl Iterator<Item = Result<Run, StoreError>>,
     plan: &[StageReport],
@@ -214,12 +214,12 @@ fn last_of(
     Ok(had)
 }
 
-/// The artifact of a stage that need not be built.
+/// Returns the artifact of a stage that is up to date.
 fn there(report: &StageReport) -> Option<ArtifactId> {
     report.digest.filter(|_| report.staleness.is_none())
 }
 
-/// Whether a run built an artifact that a plan has.
+/// Whether a run built an artifact of the plan.
 fn has_built(run: &Run, plan: &[StageReport]) -> bool {
     let built = run.stages.iter().filter(|stage| stage.outcome == StageOutcome::Built);
     built.into_iter().any(|stage| {
@@ -232,7 +232,7 @@ fn has(run: &Run, report: &StageReport, digest: &ArtifactId) -> bool {
     run.stage(&report.name).is_some_and(|stage| stage.artifact == *digest)
 }
 
-/// Places among the stages of a plan.
+/// Returns the indices of the stages that a stage waits for.
 fn needs(pipeline: &Pipeline, plan: &[StageReport], name: &str) -> Vec<usize> {
     let waits = pipeline.stage(name).map(|spec| spec.waits_for()).unwrap_or_default();
     let place = |index: usize| {
@@ -242,7 +242,8 @@ fn needs(pipeline: &Pipeline, plan: &[StageReport], name: &str) -> Vec<usize> {
     waits.into_iter().filter_map(place).collect()
 }
 
-/// `since` is when the run before the last one ended, where there was one, and there has been a last one with this artifact.
+/// Reads the origin of an artifact. `since` is the end of the run before the last one, if there was one; the outer
+/// option is `None` without a last run that has this artifact.
 fn origin(
     artifact: &Artifact,
     report: &StageReport,
@@ -265,7 +266,7 @@ fn origin(
             .entry(piece.get("host").cloned().unwrap_or_default())
             .or_default() += 1;
     }
-    // Times are written alike, so that their order is that of their texts.
+    // Times have one format, so that their texts are in the order of time.
     let is_after = |piece: &&BTreeMap<String, String>, since: Option<&str>| {
         since.is_none_or(|since| piece.get("created").map(String::as_str) > Some(since))
     };
@@ -287,7 +288,7 @@ fn origin(
     })
 }
 
-/// The cost that was written down when the artifact had been: the first of its kind within a second.
+/// Returns the cost that was recorded for the artifact: the first one of its kind within a second after it.
 fn cost_of<'a>(costs: &'a [Cost], report: &StageReport, created: &str) -> Option<&'a Cost> {
     let made = seconds(created)?;
     let lag = |cost: &Cost| Some(seconds(&cost.created)? - made);
@@ -298,11 +299,11 @@ fn cost_of<'a>(costs: &'a [Cost], report: &StageReport, created: &str) -> Option
         .map(|(_, cost)| cost)
 }
 
-/// Seconds from some day to a time as artifacts have it: `2026-01-01T00:00:00.000Z`.
+/// Converts a time of an artifact to seconds: `2026-01-01T00:00:00.000Z`.
 fn seconds(time: &str) -> Option<f64> {
     let number = |from: usize, to: usize| time.get(from..to)?.parse::<f64>().ok();
     let (year, month, day) = (number(0, 4)?, number(5, 7)?, number(8, 10)?);
-    // Days in the Julian calendar's pattern of March years, right between 1901 and 2099.
+    // Days of the Julian calendar with years that start in March, correct between 1901 and 2099.
     let (year, month) = if month > 2.0 {
         (year, month)
     } else {
@@ -349,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_run_is_the_one_that_built_what_is_there() {
+    fn the_last_run_is_the_one_that_built_the_present_artifacts() {
         use StageOutcome::{Built, Reused};
         let plan = [planned("a", "a1", None), planned("b", "b1", None)];
         let swept = run("swept", Command::Run, &[("a", "a1", Reused), ("b", "b2", Built)]);
@@ -365,16 +366,16 @@ mod tests {
             found(&[&swept, &audit, &first], &plan),
             Some(("first".to_owned(), true))
         );
-        // The run that built it is forgotten.
+        // The run that built it is not in the history.
         assert_eq!(found(&[&audit, &swept], &plan), Some(("swept".to_owned(), false)));
         assert_eq!(found(&[&audit], &plan), None);
-        // What would be built again is not there.
+        // A stale stage is not built.
         let stale = [planned("b", "b1", Some(Staleness::ArtifactMissing))];
         assert_eq!(found(&[&first], &stale), None);
     }
 
     #[test]
-    fn a_stage_has_the_cost_that_was_written_down_when_it_was_made() {
+    fn a_stage_has_the_cost_recorded_when_it_was_built() {
         let cost = |kind: &str, created: &str, seconds: f64| Cost {
             kind: kind.into(),
             recipe: 1,
@@ -403,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn times_are_seconds_apart() {
+    fn times_are_converted_to_seconds() {
         let apart = |a: &str, b: &str| seconds(b).unwrap() - seconds(a).unwrap();
         for (a, b, expected) in [
             ("2026-02-28T23:59:59.500Z", "2026-03-01T00:00:00.250Z", 0.75),

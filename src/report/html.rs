@@ -1,4 +1,4 @@
-//! One page that needs nothing else: drawings are within it, and nothing is fetched.
+//! A page in one file: drawings are within it, and nothing is fetched.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -9,33 +9,33 @@ use deaflow_base::{printable, unbroken};
 pub struct Page {
     title: String,
     head: Vec<Markup>,
-    contents: Vec<Entry>,
+    contents: Vec<ContentsEntry>,
     body: Vec<Markup>,
 }
 
-/// A section in the list of contents, with its parts.
-struct Entry {
+/// A section in the table of contents, with its parts.
+struct ContentsEntry {
     id: String,
     title: String,
     parts: Vec<(String, String)>,
 }
 
-/// How the cells of a column stand.
+/// The format of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Column {
-    /// Words.
+    /// Text.
     Text,
-    /// Words that are not broken into lines.
+    /// Text on one line.
     Key,
-    /// Words that need room.
+    /// Wide text.
     Wide,
-    /// Numbers, flush right.
+    /// Numbers, aligned to the right.
     Number,
-    /// Digests, of which the beginning is shown; a pointer brings up the whole.
+    /// Digests, abbreviated; a tooltip has all digits.
     Digest,
 }
 
-/// Letters of a digest that tell it from others.
+/// Digits of an abbreviated digest.
 const SHORT: usize = 12;
 
 impl Column {
@@ -50,7 +50,7 @@ impl Column {
 }
 
 impl Page {
-    /// An empty page.
+    /// Creates an empty page.
     #[must_use]
     pub fn new(title: &str) -> Self {
         Self {
@@ -61,18 +61,18 @@ impl Page {
         }
     }
 
-    /// Whether nothing stands in it yet.
+    /// Whether the page has no content yet.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.head.is_empty() && self.body.is_empty()
     }
 
-    /// Says under the title what the page is about.
+    /// Adds an introduction below the title.
     pub fn lead(&mut self, text: &str) {
         self.head.push(html! { p.lead { (prose(text)) } });
     }
 
-    /// Puts numbers with what they are at the top; nothing where there are none.
+    /// Adds numbers with their descriptions at the top.
     pub fn tiles(&mut self, tiles: &[(String, String)]) {
         if tiles.is_empty() {
             return;
@@ -82,13 +82,13 @@ impl Page {
         });
     }
 
-    /// Puts something that nobody should overlook at the top.
+    /// Adds a notice at the top.
     pub fn notice(&mut self, lines: &[String]) {
         self.head
             .push(html! { div.box role="note" { @for line in lines { p { (prose(line)) } } } });
     }
 
-    /// Puts warnings at the top, a line for each; nothing where there are none.
+    /// Adds warnings at the top, a line for each.
     pub fn warnings(&mut self, title: &str, warnings: &[String]) {
         if !warnings.is_empty() {
             self.head.push(html! {
@@ -97,18 +97,18 @@ impl Page {
         }
     }
 
-    /// Begins a section, which the list of contents names.
+    /// Starts a section, which is in the table of contents.
     pub fn section(&mut self, title: &str) {
         let id = format!("s{}", self.contents.len() + 1);
         self.add(html! { h2 id=(id) { (title) } });
-        self.contents.push(Entry {
+        self.contents.push(ContentsEntry {
             id,
             title: title.to_owned(),
             parts: Vec::new(),
         });
     }
 
-    /// Begins a section with what it is about, unless the last one is that section already.
+    /// Starts a section with an introduction, unless it is the last one already.
     pub fn open(&mut self, title: &str, about: &str) {
         if self.contents.last().is_some_and(|section| section.title == title) {
             return;
@@ -119,7 +119,7 @@ impl Page {
         }
     }
 
-    /// Begins a part of a section, which the list of contents names.
+    /// Starts a part of a section, which is in the table of contents.
     pub fn part(&mut self, title: &str) {
         let section = self.contents.last_mut();
         let id = section.map(|section| {
@@ -130,7 +130,7 @@ impl Page {
         self.add(html! { h3 id=[id] { (title) } });
     }
 
-    /// The title of something smaller, which the list of contents does not name.
+    /// Adds a smaller title, which is not in the table of contents.
     pub fn title(&mut self, title: &str) {
         self.add(html! { h4 { (title) } });
     }
@@ -145,23 +145,23 @@ impl Page {
         lines.iter().for_each(|line| self.line(line));
     }
 
-    /// Adds lines as they stand, with their spaces.
+    /// Adds preformatted text.
     pub fn add_text(&mut self, text: &str) {
         self.scrolled("Results", &html! { pre { (text) } });
     }
 
-    /// Adds a remark.
+    /// Adds a note.
     pub fn note(&mut self, text: &str) {
         self.add(html! { p.note { (prose(text)) } });
     }
 
-    /// Adds a table. Cells of the first column give their rows' class.
+    /// Adds a table. A first cell `error` or `warning` is highlighted.
     pub fn table(&mut self, header: &[&str], rows: &[Vec<String>]) {
         let columns: Vec<(&str, Column)> = header.iter().map(|title| (*title, Column::Text)).collect();
         self.columns("Table", &columns, rows);
     }
 
-    /// Adds a table, which scrolls within its own box where it is wider than the page.
+    /// Adds a table, which scrolls in its own box if it is wider than the page.
     pub fn columns(&mut self, what: &str, columns: &[(&str, Column)], rows: &[Vec<String>]) {
         let class = |k: usize| columns.get(k).and_then(|(_, column)| column.class());
         let is_digest = |k: usize| columns.get(k).is_some_and(|(_, column)| *column == Column::Digest);
@@ -174,20 +174,26 @@ impl Page {
         };
         let table = html! {
             table {
-                thead { tr { @for (k, (title, _)) in columns.iter().enumerate() { th scope="col" class=[class(k)] { (title) } } } }
+                thead {
+                    tr {
+                        @for (k, (title, _)) in columns.iter().enumerate() {
+                            th scope="col" class=[class(k)] { (title) }
+                        }
+                    }
+                }
                 tbody { @for row in rows { tr { @for entry in row.iter().enumerate() { (cell(entry)) } } "\n" } }
             }
         };
         self.scrolled(what, &table);
     }
 
-    /// Adds markup in a box of its own, within which it scrolls where it is wider than the page.
+    /// Adds markup in a box of its own, which scrolls if it is wider than the page.
     pub fn scrolled(&mut self, what: &str, markup: &Markup) {
-        // Only what can be reached by the keyboard can be scrolled by it.
+        // With a tab index, it can be scrolled by the keyboard.
         self.add(html! { div.scroll tabindex="0" role="region" aria-label=(what) { (markup) } });
     }
 
-    /// Adds charts beside each other, as many as there is room for.
+    /// Adds charts side by side.
     pub fn charts<'c>(&mut self, charts: impl IntoIterator<Item = &'c Chart>) {
         self.add(html! { div.charts { @for chart in charts { (chart.figure()) } } });
     }
@@ -202,7 +208,7 @@ impl Page {
         self.body.push(markup);
     }
 
-    /// The text of the page.
+    /// Writes the page.
     #[must_use]
     pub fn finish(self) -> String {
         let class = if self.contents.is_empty() {
@@ -233,7 +239,7 @@ impl Page {
         printable(&page.into_string()).into_owned()
     }
 
-    /// The list of contents; empty where there are no sections.
+    /// Returns the table of contents; empty without sections.
     fn list(&self) -> Markup {
         let link = |id: &str, title: &str| html! { a href={ "#" (id) } { (title) } };
         html! {
@@ -255,10 +261,10 @@ impl Page {
     }
 }
 
-/// A text in which what stands between backticks is code, and no number is parted from its unit.
+/// Formats a text: words between backticks are code, and numbers stay with their units.
 fn prose(text: &str) -> Markup {
     let parts: Vec<&str> = text.split('`').collect();
-    // One without its other half is one that somebody wrote.
+    // A single backtick was written by a user.
     if parts.len().is_multiple_of(2) {
         return html! { (unbroken(text)) };
     }
@@ -269,7 +275,7 @@ fn prose(text: &str) -> Markup {
     }
 }
 
-/// The class of a word that is to be seen.
+/// Returns the class of a highlighted word.
 fn mark(word: &str) -> Option<&'static str> {
     ["error", "warning"].into_iter().find(|class| *class == word)
 }
@@ -279,7 +285,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_people_named_cannot_break_the_page() {
+    fn names_of_users_cannot_break_the_page() {
         let mut page = Page::new("<b>");
         page.table(&["x"], &[vec!["a\"&".into()]]);
         let text = page.finish();
@@ -288,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_between_backticks_is_code_and_units_stay_with_their_numbers() {
+    fn text_between_backticks_is_code_and_units_stay_with_their_numbers() {
         let mut page = Page::new("t");
         page.line("the `one <cell>` moves 2.1 mm");
         page.line("a ` alone");
@@ -301,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn the_list_of_contents_has_sections_with_their_parts() {
+    fn the_table_of_contents_has_sections_with_their_parts() {
         let mut page = Page::new("t");
         page.section("One");
         page.part("first");

@@ -1,10 +1,10 @@
-//! Verified designs at several times: what each is worth then, and whether the best one is the same.
+//! Verified designs at several times: their displacements, and whether the best one is always the same.
 
 use std::fmt;
 
 use serde::Serialize;
 
-use super::artifacts::Source;
+use super::artifacts::ArtifactReader;
 use super::error::ReportError;
 use super::format::{duration, mm, percent};
 use super::html::{Column, Page};
@@ -12,42 +12,42 @@ use super::summary::read;
 use deaflow_content::Verification;
 use deaflow_pattern::Pattern;
 
-/// Designs of a verify stage at the times that it was asked for.
+/// The designs of a verify stage at several times.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct InTime {
     /// The stage.
     pub stage: String,
     /// Times in s.
     pub times: Vec<f64>,
-    /// Patterns with a field at all of them.
+    /// Patterns that have a field at all times.
     pub rows: Vec<TimedRow>,
-    /// Whether the best pattern is the same at all times, for each thing that is wanted.
+    /// For each objective, whether the best pattern is the same at all times.
     pub verdicts: Vec<String>,
 }
 
 /// A pattern.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TimedRow {
-    /// What it is called.
+    /// Its title.
     pub title: String,
-    /// Displacement along the wanted directions at each time, in mm.
+    /// Displacement along the target directions at each time, in mm.
     pub values_mm: Vec<f64>,
-    /// What is wanted of it, whenever.
+    /// Its objective without the time.
     #[serde(skip)]
-    wanted: String,
+    objective: String,
     #[serde(skip)]
     pattern: Pattern,
 }
 
-/// Patterns that differ by less than this share are equally good.
-const ALIKE: f64 = 5e-4;
+/// Patterns that differ by less than this fraction are equally good.
+const TOLERANCE: f64 = 5e-4;
 
 impl InTime {
-    /// Of a verify stage; none where it was asked for fewer than two times.
+    /// Reads a verify stage; `None` if it has fewer than two times.
     ///
     /// # Errors
-    /// When the artifact cannot be read or does not hold what its kind promises.
-    pub fn read(source: &Source<'_>) -> Result<Option<Self>, ReportError> {
+    /// If the artifact cannot be read or does not have the content of its kind.
+    pub fn read(source: &ArtifactReader<'_>) -> Result<Option<Self>, ReportError> {
         let view = source.of(Verification::open(source.artifact))?;
         let Some(times) = source.of(view.history().time().read_if_there())? else {
             return Ok(None);
@@ -69,7 +69,7 @@ impl InTime {
             case.role.is_compared().then(|| TimedRow {
                 title: case.title(),
                 values_mm: values.0[place * each..][..each].to_vec(),
-                wanted: timeless(&designs.objective.0[row]).to_owned(),
+                objective: timeless(&designs.objective.0[row]).to_owned(),
                 pattern: designs.patterns[row].clone(),
             })
         };
@@ -83,19 +83,19 @@ impl InTime {
         }))
     }
 
-    /// Adds a section of a page.
+    /// Adds a section to a page.
     pub fn show(&self, page: &mut Page) {
         page.open(
-            "Designs in time",
-            "Each design was followed through all of these times, whichever it was made for. Numbers are displacements along the wanted \
-             directions in mm.",
+            "Designs over time",
+            "Each design was simulated at all of these times, whatever the time of its objective. Numbers are \
+                 displacements along the target directions in mm.",
         );
         page.part(&self.stage);
         page.lines(&self.verdicts);
         let titles: Vec<String> = self
             .times
             .iter()
-            .map(|time| format!("after {}", duration(*time)))
+            .map(|time| format!("at {}", duration(*time)))
             .collect();
         let columns: Vec<(&str, Column)> = std::iter::once(("design", Column::Text))
             .chain(titles.iter().map(|title| (title.as_str(), Column::Number)))
@@ -114,7 +114,7 @@ impl InTime {
 
 impl fmt::Display for InTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: designs in time", self.stage)?;
+        write!(f, "{}: designs over time", self.stage)?;
         for verdict in &self.verdicts {
             write!(f, "\n  {verdict}")?;
         }
@@ -122,21 +122,21 @@ impl fmt::Display for InTime {
     }
 }
 
-/// An objective without its time, which stands at its end.
+/// Removes the time from an objective; it is at its end.
 fn timeless(objective: &str) -> &str {
     objective.split(", time: ").next().unwrap_or(objective)
 }
 
-/// One line or two for each thing that is wanted.
+/// Compares the best patterns at the first and the last time, with a line for each objective.
 fn verdicts(times: &[f64], rows: &[TimedRow]) -> Vec<String> {
-    let mut wanted: Vec<&str> = rows.iter().map(|row| row.wanted.trim_end_matches(" }")).collect();
-    wanted.sort_unstable();
-    wanted.dedup();
-    let several = wanted.len() > 1;
-    let verdict = |wanted: &str| -> Option<String> {
+    let mut objectives: Vec<&str> = rows.iter().map(|row| row.objective.trim_end_matches(" }")).collect();
+    objectives.sort_unstable();
+    objectives.dedup();
+    let several = objectives.len() > 1;
+    let verdict = |objective: &str| -> Option<String> {
         let own: Vec<&TimedRow> = rows
             .iter()
-            .filter(|row| row.wanted.trim_end_matches(" }") == wanted)
+            .filter(|row| row.objective.trim_end_matches(" }") == objective)
             .collect();
         let best = |at: usize| {
             own.iter()
@@ -147,23 +147,22 @@ fn verdicts(times: &[f64], rows: &[TimedRow]) -> Vec<String> {
         let (early, late) = (best(first)?, best(last)?);
         let lost = |of: &TimedRow, to: &TimedRow, at: usize| 1.0 - of.values_mm[at] / to.values_mm[at];
         let losses = [lost(late, early, first), lost(early, late, last)];
-        let of = if several {
-            format!("{wanted} }}: ")
-        } else {
-            String::new()
+        let of = match several {
+            true => format!("{objective} }}: "),
+            false => String::new(),
         };
         let [early_time, late_time] = [times[first], times[last]].map(duration);
-        if early.pattern == late.pattern || losses.iter().all(|loss| *loss < ALIKE) {
+        if early.pattern == late.pattern || losses.iter().all(|loss| *loss < TOLERANCE) {
             return Some(format!(
-                "{of}One pattern is the best after {early_time} and after {late_time}: {} ({} and {} mm)",
+                "{of}The same pattern is the best at {early_time} and at {late_time}: {} ({} and {} mm)",
                 early.title,
                 mm(early.values_mm[first]),
                 mm(early.values_mm[last])
             ));
         }
         Some(format!(
-            "{of}The best pattern after {early_time} is another than after {late_time}: {} reaches {} mm after {early_time}, where {} falls short \
-             by {}; that one reaches {} mm after {late_time}, where the first falls short by {}.",
+            "{of}The best patterns differ. At {early_time}, {} reaches {} mm, and {} is {} below it; at {late_time}, \
+             the latter reaches {} mm, and the former is {} below it.",
             early.title,
             mm(early.values_mm[first]),
             late.title,
@@ -172,7 +171,7 @@ fn verdicts(times: &[f64], rows: &[TimedRow]) -> Vec<String> {
             percent(losses[1], 2),
         ))
     };
-    wanted.into_iter().filter_map(verdict).collect()
+    objectives.into_iter().filter_map(verdict).collect()
 }
 
 #[cfg(test)]
@@ -184,30 +183,30 @@ mod tests {
         TimedRow {
             title: title.to_owned(),
             values_mm: values_mm.to_vec(),
-            wanted: "{ point: [25, 25], direction: 0".to_owned(),
+            objective: "{ point: [25, 25], direction: 0".to_owned(),
             pattern: Pattern::from_fn(Raster::PAPER, |x, _| x < width),
         }
     }
 
     #[test]
-    fn whether_the_best_pattern_is_the_same_is_said() {
+    fn the_best_patterns_at_both_times_are_compared() {
         let times = [0.1, 600.0];
-        let said = verdicts(&times, &[row("early", 20, [1.0, 1.8]), row("late", 25, [0.95, 2.0])]);
-        assert_eq!(said.len(), 1);
+        let found = verdicts(&times, &[row("early", 20, [1.0, 1.8]), row("late", 25, [0.95, 2.0])]);
+        assert_eq!(found.len(), 1);
         assert!(
-            said[0].starts_with("The best pattern after 0.1 s is another than after 10 min: early reaches 1.0000 mm")
-                && said[0].contains("late falls short by 5.00 %")
-                && said[0].ends_with("the first falls short by 10.00 %."),
+            found[0].contains("At 0.1 s, early reaches 1.0000 mm, and late is 5.00 % below")
+                && found[0].contains("at 10 min")
+                && found[0].ends_with("is 10.00 % below it."),
             "{}",
-            said[0]
+            found[0]
         );
         for rows in [
             [row("early", 20, [1.0, 2.0]), row("late", 25, [0.95, 1.9])],
             [row("early", 20, [1.0, 2.0]), row("late", 20, [1.0, 2.0])],
             [row("early", 20, [1.0, 1.9999]), row("late", 21, [0.9999, 2.0])],
         ] {
-            let said = verdicts(&times, &rows);
-            assert!(said[0].starts_with("One pattern is the best"), "{}", said[0]);
+            let found = verdicts(&times, &rows);
+            assert!(found[0].contains("same pattern is the best"), "{}", found[0]);
         }
         assert!(verdicts(&times, &[]).is_empty());
         assert_eq!(timeless("{ point: [1, 2], time: 10 min }"), "{ point: [1, 2]");

@@ -1,18 +1,18 @@
-//! What a calibrated network says of designs: its prediction with the interval of 95 %, and whether that is to be relied on.
+//! Prediction intervals of calibrated networks for designs.
 
 use std::fmt;
 
 use serde::Serialize;
 
-use super::artifacts::Source;
+use super::artifacts::ArtifactReader;
 use super::error::ReportError;
 use super::format::mm;
 use deaflow_content::{DesignInterval, DesignIntervals, DesignRowsView, Designs};
 
-/// The displacement of a design along the wanted directions as a network predicts it.
+/// The displacement of a design along the target directions, predicted by a network.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NetworkInterval {
-    /// Probability that the interval covers, for patterns like those of the calibration.
+    /// Coverage of the interval for patterns like those of the calibration.
     pub coverage: f64,
     /// The prediction in mm.
     pub predicted_mm: f64,
@@ -20,11 +20,11 @@ pub struct NetworkInterval {
     pub lower_mm: f64,
     /// Upper end in mm.
     pub upper_mm: f64,
-    /// How far the pattern is from those of the training: above 1 it is out of distribution.
+    /// Distance from the training patterns; above 1 the pattern is out of distribution.
     pub novelty: f64,
-    /// Whether it is, so that nothing is promised.
+    /// Whether it is out of distribution, so that the interval does not hold.
     pub out_of_distribution: bool,
-    /// The families that the calibration was made from.
+    /// The families of the calibration.
     pub calibrated_on: String,
 }
 
@@ -44,13 +44,13 @@ impl From<DesignInterval> for NetworkInterval {
 }
 
 impl NetworkInterval {
-    /// Whether it covers a number in mm.
+    /// Whether it contains a value in mm.
     #[must_use]
     pub fn covers(&self, value_mm: f64) -> bool {
         (self.lower_mm..=self.upper_mm).contains(&value_mm)
     }
 
-    /// Its ends in mm.
+    /// Returns its ends in mm.
     #[must_use]
     pub fn ends(&self) -> String {
         format!("{} to {}", mm(self.lower_mm), mm(self.upper_mm))
@@ -59,11 +59,11 @@ impl NetworkInterval {
 
 impl fmt::Display for NetworkInterval {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let share = 100.0 * self.coverage;
         write!(
             f,
-            "network {} mm, {share:.0} %: {} mm",
+            "network {} mm, {:.0} %: {} mm",
             mm(self.predicted_mm),
+            100.0 * self.coverage,
             self.ends()
         )?;
         match self.out_of_distribution {
@@ -73,12 +73,12 @@ impl fmt::Display for NetworkInterval {
     }
 }
 
-/// The intervals of the rows of an artifact, one entry for each row.
+/// Reads the intervals of the rows of an artifact, one entry for each row.
 ///
 /// # Errors
-/// When the artifact does not hold what its kind promises.
+/// If the artifact does not have the content of its kind.
 pub fn of_rows(
-    source: &Source<'_>,
+    source: &ArtifactReader<'_>,
     rows: &DesignRowsView<'_>,
     count: usize,
 ) -> Result<Vec<Option<NetworkInterval>>, ReportError> {
@@ -90,7 +90,7 @@ pub fn of_rows(
     Ok((0..count).map(|row| found.of_row(row).map(Into::into)).collect())
 }
 
-/// What intervals of some designs amount to, each with what was simulated; none where there are none.
+/// Compares the intervals of designs with the simulated values; `None` without designs.
 #[must_use]
 pub fn verdict<'i>(designs: impl Iterator<Item = (&'i NetworkInterval, Option<f64>)>) -> Option<String> {
     let designs: Vec<(&NetworkInterval, Option<f64>)> = designs.collect();
@@ -101,16 +101,17 @@ pub fn verdict<'i>(designs: impl Iterator<Item = (&'i NetworkInterval, Option<f6
             .filter_map(|(interval, value)| Some(interval.covers((*value)?)))
     };
     let covered = match simulated().count() {
-        0 => "none is simulated".to_owned(),
+        0 => "no design is simulated".to_owned(),
         n => format!(
-            "{} of {n} simulated ones lie in theirs",
+            "{} of {n} simulated values lie in their interval",
             simulated().filter(|c| *c).count()
         ),
     };
     let flagged = designs.iter().filter(|(interval, _)| interval.out_of_distribution);
     Some(format!(
-        "intervals of {:.0} %, calibrated on {}: {covered}, and {} of {} designs are out of distribution, where nothing is promised; \
-         searches find patterns on which a network errs, so that intervals cover designs less often than patterns that are drawn",
+        "intervals of {:.0} %, calibrated on {}: {covered}; {} of {} designs are out of distribution, so their \
+         intervals do not hold; a search finds patterns with errors of the network, so intervals cover designs less \
+         often than samples",
         100.0 * first.coverage,
         first.calibrated_on,
         flagged.count(),
@@ -127,24 +128,24 @@ pub struct StageIntervals {
     pub designs: Vec<DesignWithInterval>,
 }
 
-/// A design with its interval.
+/// A design with its prediction interval.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DesignWithInterval {
     /// Name of the target.
     pub name: String,
     /// How it was found.
     pub role: &'static str,
-    /// Which of several designs of the target.
+    /// Number of the design of the target, from 0.
     pub member: u64,
-    /// What the network says of it.
+    /// The prediction of the network.
     pub interval: NetworkInterval,
 }
 
-/// The designs of a design stage that have intervals; none where no calibration was there.
+/// Reads the designs of a design stage that have intervals; `None` without a calibration.
 ///
 /// # Errors
-/// When the artifact does not hold what its kind promises.
-pub fn of_stage(source: &Source<'_>) -> Result<Option<StageIntervals>, ReportError> {
+/// If the artifact does not have the content of its kind.
+pub fn of_stage(source: &ArtifactReader<'_>) -> Result<Option<StageIntervals>, ReportError> {
     let rows = source.of(Designs::open(source.artifact))?.rows();
     let (names, roles) = (source.of(rows.name().read())?, source.of(rows.role().read())?);
     let members = source.of(rows.member().read())?;
@@ -166,7 +167,11 @@ pub fn of_stage(source: &Source<'_>) -> Result<Option<StageIntervals>, ReportErr
 
 impl fmt::Display for StageIntervals {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{}: designs as the calibrated network predicts them", self.stage)?;
+        writeln!(
+            f,
+            "{}: predictions of the calibrated network for the designs",
+            self.stage
+        )?;
         for design in &self.designs {
             let number = if design.member > 0 {
                 format!(" {}", design.member + 1)
@@ -198,14 +203,18 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_verdict_counts_what_is_covered_and_what_is_flagged() {
+    fn the_verdict_counts_covered_and_flagged_designs() {
         let all = [interval(1.0, 0.5), interval(2.0, 3.0), interval(3.0, 0.9)];
         let simulated = [Some(1.04), Some(2.06), None];
-        let said = verdict(all.iter().zip(simulated)).unwrap();
-        assert!(said.contains("1 of 2 simulated ones lie in theirs"), "{said}");
-        assert!(said.contains("1 of 3 designs are out of distribution"), "{said}");
-        assert!(said.contains("calibrated on bezier 80"), "{said}");
-        assert_eq!(verdict(std::iter::empty()), None);
+        let verdict = verdict(all.iter().zip(simulated)).unwrap();
+        for part in [
+            "1 of 2 simulated",
+            "1 of 3 designs are out of distribution",
+            "calibrated on bezier 80",
+        ] {
+            assert!(verdict.contains(part), "{part}: {verdict}");
+        }
+        assert_eq!(super::verdict(std::iter::empty()), None);
         assert_eq!(
             all[1].to_string(),
             "network 2.0000 mm, 95 %: 1.9500 to 2.0500 mm (out of distribution, novelty 3.0)"

@@ -1,7 +1,9 @@
-//! Figures, summaries and pages of finished runs. Each stage kind has a presenter; `presenter.rs` holds the table of them.
+//! Figures, summaries and pages of finished runs. Each stage kind has a presenter; `kinds` has the table of them.
 
-mod ahead;
 mod artifacts;
+mod background_figures;
+mod breakdown;
+mod cached_results;
 mod designs;
 pub mod drawing;
 mod error;
@@ -19,7 +21,6 @@ mod intervals;
 mod kinds;
 mod page;
 mod presenter;
-mod remembered;
 mod research_object;
 mod results;
 mod rounds;
@@ -27,27 +28,26 @@ mod rows;
 mod runs;
 mod summary;
 mod tables;
-mod warnings;
 mod write_report;
 
-pub use ahead::FiguresAhead;
-pub use artifacts::{Made, RunArtifacts, Source};
+pub use artifacts::{ArtifactReader, RunArtifacts, StageArtifact};
+pub use background_figures::BackgroundFigures;
 pub use error::ReportError;
 pub use figure_files::{FigureFile, figures_of, remove_figures};
-pub use format::{bytes, error, file_name, number, seconds, uncertainty};
-pub use headline::{Headline, headlines};
-pub use history::{History, Origin, StageFacts};
+pub use format::{bytes, error, file_name, number, seconds, shell_word, uncertainty};
+pub use headline::headlines;
+pub use history::{Origin, PipelineHistory, StageRecord};
 pub use html::{Column, Page};
 pub use kinds::PRESENTERS;
-pub use kinds::audit::audited;
+pub use kinds::audit::audit_figure;
 pub use page::{Layout, STAGE_HEIGHT, layout};
-pub use presenter::{DrawFigure, Presenter, Results};
+pub use presenter::{DrawFigure, Figures, Headline, Presenter, Results};
 pub use research_object::{CrateFile, CrateStage, METADATA, ResearchObject};
 pub use results::{RunResults, draw_figures, figure_files};
-pub use rows::{RowColumn, RowSource, Rows, RowsError};
-pub use runs::{Gone, run_document};
-pub use tables::{Collected, table};
-pub use write_report::{COLUMNS, Written, write_report};
+pub use rows::{RowColumn, RowSource, Rows, RowsError, pick};
+pub use runs::{RemovedArtifacts, run_document};
+pub use tables::{ResultTable, table};
+pub use write_report::{COLUMNS, ReportFiles, write_report};
 
 #[cfg(test)]
 mod tests;

@@ -1,5 +1,6 @@
-//! The metadata of a research object: a Workflow Run RO-Crate 0.5 (Leo et al., *Recording provenance of workflow runs with RO-Crate*,
-//! PLOS ONE 2024; RO-Crate 1.1). The run is an action whose instrument is the pipeline; each stage is one whose instrument is deaflow.
+//! The metadata of a research object: a Workflow Run RO-Crate 0.5 (Leo et al., *Recording provenance of workflow runs
+//! with RO-Crate*, PLOS ONE 2024; RO-Crate 1.1). The run is an action whose instrument is the pipeline; each stage is
+//! an action whose instrument is deaflow.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,10 +8,10 @@ use serde_json::{Value, json};
 
 use deaflow_base::{Digest, uri};
 
-/// The file that makes a folder a crate.
+/// The name of the metadata file.
 pub const METADATA: &str = "ro-crate-metadata.json";
 
-/// The profiles that a crate of ours conforms to: identifier, name, version.
+/// The profiles of our crates: identifier, name, version.
 const PROFILES: [[&str; 3]; 3] = [
     ["https://w3id.org/ro/wfrun/process/0.5", "Process Run Crate", "0.5"],
     ["https://w3id.org/ro/wfrun/workflow/0.5", "Workflow Run Crate", "0.5"],
@@ -26,7 +27,7 @@ const PROFILES: [[&str; 3]; 3] = [
 pub struct CrateFile {
     /// Its path in the crate.
     pub path: String,
-    /// What it is.
+    /// Its description.
     pub description: String,
     /// Its media type.
     pub format: &'static str,
@@ -34,7 +35,7 @@ pub struct CrateFile {
     pub size: u64,
 }
 
-/// A stage and what it made.
+/// A stage and its artifact.
 #[derive(Clone, Debug)]
 pub struct CrateStage {
     /// Its name.
@@ -51,9 +52,9 @@ pub struct CrateStage {
     pub key: String,
     /// Its canonical parameters.
     pub parameters: String,
-    /// When it was begun and done, in UTC, RFC 3339.
+    /// Its start and end, in UTC, RFC 3339.
     pub times: [String; 2],
-    /// The machine.
+    /// The host.
     pub host: String,
     /// Version of the program, and its build.
     pub program: [String; 2],
@@ -61,22 +62,22 @@ pub struct CrateStage {
     pub figures: Vec<String>,
 }
 
-/// A run of a pipeline, as a crate holds it.
+/// A run of a pipeline as a crate.
 #[derive(Clone, Debug)]
 pub struct ResearchObject {
     /// Name of the pipeline.
     pub name: String,
-    /// The licence of what is in the crate: an address or words.
+    /// The licence of the content: a URL or a text.
     pub license: String,
-    /// The file of the pipeline.
+    /// The pipeline file.
     pub workflow: String,
-    /// The other files that it was run from.
+    /// The other source files.
     pub sources: Vec<String>,
-    /// Values that replaced those of the file, by their paths.
+    /// Overrides of the pipeline, by path.
     pub overrides: BTreeMap<String, String>,
     /// The stages, in topological order.
     pub stages: Vec<CrateStage>,
-    /// All files but the metadata.
+    /// All files except the metadata.
     pub files: Vec<CrateFile>,
 }
 
@@ -84,7 +85,7 @@ fn reference(id: &str) -> Value {
     json!({ "@id": id })
 }
 
-/// One value as such, several as a list, as RO-Crate recommends; none where there is none.
+/// Returns a single value, or several as a list, as RO-Crate recommends; `None` without values.
 fn list(values: impl IntoIterator<Item = Value>) -> Option<Value> {
     let mut values: Vec<Value> = values.into_iter().collect();
     match values.len() {
@@ -99,7 +100,7 @@ fn link(path: &str) -> Value {
 }
 
 impl ResearchObject {
-    /// The document `ro-crate-metadata.json`: the same for the same artifacts, whenever it is written.
+    /// Returns the document `ro-crate-metadata.json`, which depends only on the artifacts.
     #[must_use]
     pub fn metadata(&self) -> Value {
         let mut graph = vec![self.descriptor(), self.root()];
@@ -149,8 +150,9 @@ impl ResearchObject {
 
     fn description(&self) -> String {
         format!(
-            "The pipeline {} of {} stages with all that it made: each artifact as an HDF5 file that needs nothing else, with units, \
-             descriptions and the history of its making; the lock file that holds a rerun to these digests; figures.",
+            "The pipeline {} with {} stages and all of its results: each artifact as a self-contained HDF5 file with \
+             units, descriptions and provenance; the lock file, which makes a rerun compare its digests with these; \
+             and the figures.",
             self.name,
             self.stages.len()
         )
@@ -176,7 +178,7 @@ impl ResearchObject {
         entity
     }
 
-    /// Every build that made something, once.
+    /// Returns the programs that built artifacts, each once.
     fn programs(&self) -> Vec<Value> {
         let builds: BTreeSet<&[String; 2]> = self.stages.iter().map(|stage| &stage.program).collect();
         let program = |program: &[String; 2]| {
@@ -191,7 +193,7 @@ impl ResearchObject {
         builds.into_iter().map(program).collect()
     }
 
-    /// From the first stage to the last, whether or not in one go.
+    /// Returns the times from the first stage to the last, in one run or several.
     fn times(&self) -> [String; 2] {
         let began = self.stages.iter().map(|stage| &stage.times[0]).min();
         let ended = self.stages.iter().map(|stage| &stage.times[1]).max();
@@ -208,7 +210,7 @@ impl ResearchObject {
             "@id": "#run",
             "@type": "CreateAction",
             "name": format!("run of {}", self.name),
-            "description": "From the beginning of the first stage to the end of the last; stages may have been reused from earlier runs.",
+            "description": "From the start of the first stage to the end of the last; stages may be from earlier runs.",
             "instrument": link(&self.workflow),
             "startTime": start,
             "endTime": end,
@@ -251,7 +253,7 @@ impl ResearchObject {
         [action, value]
     }
 
-    /// A page for people.
+    /// Writes the readme of the crate.
     #[must_use]
     pub fn readme(&self) -> String {
         let mut text = format!(
@@ -279,7 +281,7 @@ impl ResearchObject {
         );
         text += if self.overrides.is_empty() { " --locked\n" } else { "\n" };
         text += &format!(
-            "\nLicence: {}\n\nMade with deaflow; {METADATA} says by which version, when and from what.\n",
+            "\nLicence: {}\n\nMade with deaflow; {METADATA} has its version, the times and the inputs.\n",
             self.license
         );
         text

@@ -1,4 +1,4 @@
-//! What a run of a pipeline found: as JSON, in words, and as figures.
+//! Results of a run of a pipeline: as JSON, as text, and as figures.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -7,43 +7,43 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use super::artifacts::{Made, RunArtifacts, Source};
+use super::artifacts::{ArtifactReader, RunArtifacts, StageArtifact};
+use super::breakdown::breakdown_warnings;
 use super::drawing::{FigureError, with_texts};
 use super::error::ReportError;
 use super::format::{figure_name, file_name};
-use super::headline::{Headline, headlines};
+use super::headline::headlines;
 use super::kinds::PRESENTERS;
-use super::presenter::{DrawFigure, Presenter, Results};
-use super::warnings::warnings;
+use super::presenter::{DrawFigure, Headline, Presenter, Results};
 use deaflow_base::{Digest, leads_nowhere_at, read_own, software, write_output};
 use deaflow_store::Store;
 
-/// Figures of sweeps that are told one by one.
-const MOST_OF_SWEEPS: usize = 8;
+/// If there are more figures of sweeps, only their number is printed.
+const MAX_SWEEP_FIGURES: usize = 8;
 
-/// What a run found.
+/// The results of a run.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct RunResults {
     of_kinds: Vec<Results>,
     headlines: Vec<Headline>,
-    /// How many more there are of the kinds that these are of.
+    /// The number of further lines of the same kinds as the headlines.
     more: usize,
     model_warnings: Vec<String>,
     figures: Vec<String>,
-    /// Those of stages of sweeps among them.
+    /// The figures of stages of sweeps.
     of_sweeps: BTreeSet<String>,
 }
 
 impl RunResults {
-    /// Reads the artifacts of a run and draws the figures that are not there yet. Effects that were neglected although they
-    /// matter are told with the warnings; `may_break_down` are the stages whose scene may have dielectric breakdown.
+    /// Reads the artifacts of a run and draws the missing figures. `model_warnings` are the neglected effects that are
+    /// significant; `may_break_down` are the stages whose scene may have dielectric breakdown.
     ///
     /// # Errors
-    /// When an artifact cannot be read or does not hold what its kind promises, or a figure cannot be written.
+    /// If an artifact cannot be read or does not have the content of its kind, or a figure cannot be written.
     pub fn of(
         run: &RunArtifacts<'_>,
         pipeline: &str,
-        neglected: Vec<String>,
+        model_warnings: Vec<String>,
         may_break_down: &[String],
     ) -> Result<Self, ReportError> {
         let mut of_kinds = Vec::new();
@@ -51,7 +51,7 @@ impl RunResults {
             of_kinds.extend(presenter.results(run)?);
         }
         let figures = draw_figures(PRESENTERS, run, pipeline)?;
-        let swept = run.made.iter().filter(|made| made.stage.contains('@'));
+        let swept = run.stages.iter().filter(|made| made.stage.contains('@'));
         let swept: BTreeSet<String> = swept
             .map(|made| figure_name(&made.stage, &made.digest.to_string(), "").replace("-.png", ""))
             .collect();
@@ -66,12 +66,15 @@ impl RunResults {
             of_kinds,
             headlines,
             more,
-            model_warnings: neglected.into_iter().chain(warnings(run, may_break_down)?).collect(),
+            model_warnings: model_warnings
+                .into_iter()
+                .chain(breakdown_warnings(run, may_break_down)?)
+                .collect(),
             figures: figures.iter().map(|path| path.display().to_string()).collect(),
         })
     }
 
-    /// For programs.
+    /// Returns the results for programs.
     #[must_use]
     pub fn document(&self) -> Map<String, Value> {
         let of_kinds = self.of_kinds.iter();
@@ -83,18 +86,18 @@ impl RunResults {
         document
     }
 
-    /// The lines that matter most, and how many more there are of the kinds that these are of.
+    /// Returns the main results, and the number of further lines of the same kinds.
     #[must_use]
     pub fn headlines(&self) -> (&[Headline], usize) {
         (&self.headlines, self.more)
     }
 
-    /// The folder of the figures of a run.
+    /// Returns the folder of the figures of a run.
     pub(super) fn folder(run: &RunArtifacts<'_>, pipeline: &str) -> PathBuf {
         folder_of(run.store, run.file, pipeline)
     }
 
-    /// The files of the figures.
+    /// Returns the files of the figures.
     pub(super) fn figure_paths(&self) -> impl Iterator<Item = &Path> {
         self.figures.iter().map(Path::new)
     }
@@ -105,14 +108,14 @@ impl RunResults {
         self.figures.push(path.display().to_string());
     }
 
-    /// How many figures there are, and the folder of the first.
+    /// Returns the number of figures, and the folder of the first one.
     #[must_use]
     pub fn figures(&self) -> Option<(usize, &Path)> {
         let folder = self.figures.first().and_then(|path| Path::new(path).parent())?;
         Some((self.figures.len(), folder))
     }
 
-    /// For people: paragraphs.
+    /// Returns the results for people, in paragraphs.
     #[must_use]
     pub fn text(&self) -> Vec<String> {
         let mut parts: Vec<String> = self
@@ -121,10 +124,10 @@ impl RunResults {
             .flat_map(|results| &results.text)
             .cloned()
             .collect();
-        let warnings = self.model_warnings.iter().cloned().chain(self.about_warnings());
+        let warnings = self.model_warnings.iter().cloned().chain(self.warnings_note());
         for (title, lines) in [
             ("model warnings", &warnings.collect()),
-            ("figures", &self.told_figures()),
+            ("figures", &self.figure_lines()),
         ] {
             if !lines.is_empty() {
                 parts.push(format!("{title}:\n  {}", lines.join("\n  ")));
@@ -133,44 +136,45 @@ impl RunResults {
         parts
     }
 
-    /// The paths of figures; of many of a sweep, how many there are.
-    fn told_figures(&self) -> Vec<String> {
-        if self.of_sweeps.len() <= MOST_OF_SWEEPS {
+    /// Returns the paths of the figures, or their number for a large sweep.
+    fn figure_lines(&self) -> Vec<String> {
+        if self.of_sweeps.len() <= MAX_SWEEP_FIGURES {
             return self.figures.clone();
         }
         let others = self.figures.iter().filter(|path| !self.of_sweeps.contains(*path));
         let folder = self.of_sweeps.first().and_then(|path| Path::new(path).parent());
         let folder = folder.map_or_else(String::new, |folder| folder.display().to_string());
-        let many = format!("and {} of the stages of sweeps in {folder}", self.of_sweeps.len());
+        let many = format!("and {} figures of sweeps in {folder}", self.of_sweeps.len());
         others.cloned().chain([many]).collect()
     }
 
-    /// What the warnings of the model are judged by, where there are any: `deaflow screen` looks at more, so its numbers are others.
-    fn about_warnings(&self) -> Option<String> {
-        let about = "judged by half the membrane and one cell, stability on a coarse mesh; `deaflow screen` looks at more patterns and at two meshes";
-        (!self.model_warnings.is_empty()).then(|| about.to_owned())
+    /// Explains the model warnings, if there are any: `deaflow screen` is more accurate, so its numbers differ.
+    fn warnings_note(&self) -> Option<String> {
+        let note = "checked on two test patterns and a coarse mesh; `deaflow screen` is more accurate";
+        (!self.model_warnings.is_empty()).then(|| note.to_owned())
     }
 
-    /// The warnings alone, a line for each.
+    /// Returns the warnings, a line for each.
     pub fn warning_lines(&self) -> impl Iterator<Item = String> {
         self.warnings().map(|text| format!("warning: {text}"))
     }
 
-    /// What is to be heeded: first about the model, then about what was found.
+    /// Returns the warnings: first those about the model, then those of the stages.
     pub fn warnings(&self) -> impl Iterator<Item = &String> {
         let found = self.of_kinds.iter().flat_map(|results| &results.warnings);
         self.model_warnings.iter().chain(found)
     }
 }
 
-/// Draws every figure of a run that its presenters have and that is not there yet, and returns the paths of all, in the order of the stages:
-/// `<store>/figures/<pipeline>/<stage>-<digest>-<figure>.png`. Of two files with one name the second has a folder `<pipeline>-<digits>`.
+/// Draws the missing figures of a run, and returns the paths of all, in the order of the stages:
+/// `<store>/figures/<pipeline>/<stage>-<digest>-<figure>.png`. If two files have the same pipeline name, the second one
+/// gets the folder `<pipeline>-<digits>`.
 ///
-/// A figure's file carries the digest of its artifact in its name: one that is there need not be drawn again, and a rerun that
-/// builds nothing opens no artifact for figures either.
+/// The file name has the digest of the artifact, so an existing figure is never drawn again, and a run that builds
+/// nothing opens no artifact for figures.
 ///
 /// # Errors
-/// When an artifact cannot be read or a figure not be written.
+/// If an artifact cannot be read or a figure cannot be written.
 pub fn draw_figures(
     presenters: &[&dyn Presenter],
     run: &RunArtifacts<'_>,
@@ -178,7 +182,7 @@ pub fn draw_figures(
 ) -> Result<Vec<PathBuf>, ReportError> {
     let folder = folder_of(run.store, run.file, pipeline);
     let mut paths = Vec::new();
-    for stage in run.made {
+    for stage in run.stages {
         paths.extend(draw_of_stage(presenters, run, stage, (pipeline, &folder))?);
     }
     for presenter in presenters {
@@ -189,44 +193,44 @@ pub fn draw_figures(
         };
         let common = presenter.common_figures(run, &folder)?;
         for path in common.iter().filter(|path| !before.contains(*path)) {
-            let made = run.made.iter().map(|made| made.digest.to_string());
-            say_where_from(path, pipeline, "all stages", &made.collect::<Vec<_>>().join(" "))?;
+            let made = run.stages.iter().map(|made| made.digest.to_string());
+            stamp(path, pipeline, "all stages", &made.collect::<Vec<_>>().join(" "))?;
         }
         paths.extend(common);
     }
     Ok(paths)
 }
 
-/// Draws the figures of a stage that are not there yet into the folder of its pipeline, and returns the paths of all.
+/// Draws the missing figures of a stage into the folder of its pipeline, and returns the paths of all.
 pub(super) fn draw_of_stage(
     presenters: &[&dyn Presenter],
     run: &RunArtifacts<'_>,
-    stage: &Made,
+    stage: &StageArtifact,
     (pipeline, folder): (&str, &Path),
 ) -> Result<Vec<PathBuf>, ReportError> {
     let presenter = presenters.iter().find(|presenter| presenter.kind() == stage.kind);
     let path = |figure: &str| folder.join(figure_name(&stage.stage, &stage.digest.to_string(), figure));
     let figures = presenter.map_or(&[][..], |presenter| presenter.figures());
-    let wanted: Vec<(PathBuf, DrawFigure)> = figures.iter().map(|(name, draw)| (path(name), *draw)).collect();
-    if wanted.iter().any(|(path, _)| is_missing(path)) {
+    let requested: Vec<(PathBuf, DrawFigure)> = figures.iter().map(|(name, draw)| (path(name), *draw)).collect();
+    if requested.iter().any(|(path, _)| is_missing(path)) {
         fs::create_dir_all(folder).map_err(|source| ReportError::Folder {
             path: folder.to_owned(),
             source,
         })?;
-        say_whose(folder, run.file)?;
-        draw(run, stage, &wanted, pipeline)?;
+        write_owner(folder, run.file)?;
+        draw(run, stage, &requested, pipeline)?;
     }
-    let paths = wanted.into_iter().map(|(path, _)| path);
+    let paths = requested.into_iter().map(|(path, _)| path);
     Ok(paths.filter(|path| path.exists()).collect())
 }
 
-/// The file in a folder of figures that says whose they are.
-pub const WHOSE: &str = "pipeline.txt";
+/// The file in a folder of figures that has the path of their pipeline.
+pub const OWNER_FILE: &str = "pipeline.txt";
 
-/// The folder of a pipeline's name, unless another file that is still there has it.
+/// Returns the folder with the name of a pipeline, unless it belongs to another file that still exists.
 pub(super) fn folder_of(store: &Store, file: &Path, pipeline: &str) -> PathBuf {
     let named = store.root().join("figures").join(file_name(pipeline));
-    let Ok(owner) = read_own(&named.join(WHOSE), LONGEST_PATH) else {
+    let Ok(owner) = read_own(&named.join(OWNER_FILE), MAX_PATH) else {
         return named;
     };
     let own = file.as_os_str().as_encoded_bytes();
@@ -240,18 +244,18 @@ pub(super) fn folder_of(store: &Store, file: &Path, pipeline: &str) -> PathBuf {
 }
 
 /// Bytes of a path.
-const LONGEST_PATH: u64 = 1 << 16;
+const MAX_PATH: u64 = 1 << 16;
 
-fn say_whose(folder: &Path, file: &Path) -> Result<(), ReportError> {
-    let path = folder.join(WHOSE);
+fn write_owner(folder: &Path, file: &Path) -> Result<(), ReportError> {
+    let path = folder.join(OWNER_FILE);
     let text = format!("{}\n", file.display());
-    if read_own(&path, LONGEST_PATH).is_ok_and(|there| there == text.as_bytes()) {
+    if read_own(&path, MAX_PATH).is_ok_and(|there| there == text.as_bytes()) {
         return Ok(());
     }
     Ok(write_output(&path, text.as_bytes())?)
 }
 
-/// The figures of one stage that are drawn already, in the order of their names. Links are passed over: they are not ours.
+/// Returns the figures of a stage that exist, sorted by name. Links are ignored.
 #[must_use]
 pub fn figure_files(store: &Store, file: &Path, pipeline: &str, stage: &str, digest: &str) -> Vec<PathBuf> {
     let folder = folder_of(store, file, pipeline);
@@ -265,51 +269,50 @@ pub fn figure_files(store: &Store, file: &Path, pipeline: &str, stage: &str, dig
     files(&folder).into_iter().filter(is_figure).collect()
 }
 
-/// What stands in the folder of figures; nothing where it cannot be read, and figures are then written as new ones.
+/// Returns the entries of the folder of figures; none if it cannot be read.
 fn files(folder: &Path) -> BTreeSet<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten();
     entries.filter_map(|entry| Some(entry.ok()?.path())).collect()
 }
 
-/// Writes into a figure where it comes from: a figure in somebody's slides leads back to its artifact.
-fn say_where_from(path: &Path, pipeline: &str, stage: &str, digests: &str) -> Result<(), ReportError> {
-    let said = |source: FigureError| ReportError::Figure {
+/// Writes the origin of a figure into its file, so that a copy of it leads back to its artifact.
+fn stamp(path: &Path, pipeline: &str, stage: &str, digests: &str) -> Result<(), ReportError> {
+    let failed = |source: FigureError| ReportError::Figure {
         stage: stage.to_owned(),
         source,
     };
-    let image = fs::read(path).map_err(|error| said(FigureError::Draw(error.to_string())))?;
+    let image = fs::read(path).map_err(|error| failed(FigureError::Draw(error.to_string())))?;
     let texts = [
         ("Title", format!("{pipeline}: {stage}")),
         ("Source", digests.to_owned()),
         ("Software", software()),
     ];
-    let stamped = with_texts(&image, &texts).map_err(said)?;
-    write_output(path, &stamped).map_err(|error| said(error.into()))
+    let stamped = with_texts(&image, &texts).map_err(failed)?;
+    write_output(path, &stamped).map_err(|error| failed(error.into()))
 }
 
 fn draw(
     run: &RunArtifacts<'_>,
-    stage: &Made,
-    wanted: &[(PathBuf, DrawFigure)],
+    stage: &StageArtifact,
+    requested: &[(PathBuf, DrawFigure)],
     pipeline: &str,
 ) -> Result<(), ReportError> {
-    let source = Source {
+    let source = ArtifactReader {
         stage,
         artifact: &run.store.artifact(&stage.digest)?,
-        run: run.made,
+        run: run.stages,
     };
-    let missing = wanted.iter().filter(|(path, _)| is_missing(path));
-    for (path, draw) in missing {
-        draw(path, &source)?;
-        // Of some artifacts there is nothing to draw.
-        if path.is_file() {
-            say_where_from(path, pipeline, &stage.stage, &stage.digest.to_string())?;
+    for (path, draw) in requested.iter().filter(|(path, _)| is_missing(path)) {
+        // Some artifacts have nothing to draw.
+        if let Some(sheet) = draw(&source)? {
+            source.drawn(sheet.write_png(path))?;
+            stamp(path, pipeline, &stage.stage, &stage.digest.to_string())?;
         }
     }
     Ok(())
 }
 
-/// Whether a figure has to be drawn. A link that leads nowhere is passed over: it is not ours.
+/// Whether a figure has to be drawn. A dangling link is not: somebody else created it.
 pub(super) fn is_missing(figure: &Path) -> bool {
     !figure.exists() && !leads_nowhere_at(figure)
 }

@@ -1,5 +1,5 @@
-//! What the rounds of a stage came to: predicted against simulated displacements of the designs, and the best of each target, round
-//! by round.
+//! Results of the rounds of a stage: the differences between prediction and simulation, and the best design of each
+//! target, round by round.
 
 use std::fmt;
 use std::fs;
@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::artifacts::Made;
+use super::artifacts::StageArtifact;
 use super::error::ReportError;
-use super::figures::{Round, draw_rounds};
+use super::figures::{Round, rounds_sheet};
 use super::format::figure_name;
-use super::summary::{RowSummary, Summary};
+use super::summary::{RowSummary, VerificationSummary};
 use deaflow_base::Digest;
 use deaflow_orchestrator::Rounds;
 
@@ -20,19 +20,19 @@ use deaflow_orchestrator::Rounds;
 pub struct RoundsSummary {
     /// Name of the stage in the first round.
     pub stage: String,
-    /// The rounds that were done, from the first.
+    /// The rounds that are done, from the first.
     pub rounds: Vec<RoundSummary>,
 }
 
-/// One round. Differences are of displacements along the wanted directions, of the designs that were searched by what predicted
-/// them and have a simulated field; none where there is no such design.
+/// One round. Differences are of displacements along the target directions, of the searched designs that have a
+/// simulated field; `None` if there is no such design.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RoundSummary {
     /// Name of the stage in this round.
     pub stage: String,
     /// Designs with both a prediction and a simulation.
     pub designs: usize,
-    /// Largest absolute difference of predicted and simulated, mm.
+    /// Largest absolute difference between prediction and simulation, mm.
     pub largest_mm: Option<f64>,
     /// Root mean square of the differences, mm.
     pub rms_mm: Option<f64>,
@@ -47,17 +47,17 @@ pub struct RoundSummary {
 /// The best design of a target by simulation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BestOfTarget {
-    /// Label of the stage that designed it.
+    /// Name of the design stage.
     pub case: String,
     /// Name of the target.
     pub name: String,
-    /// Its displacement, mm: the largest, or that nearest to the wanted one where a displacement is wanted.
+    /// Its displacement, mm: the largest, or the one nearest to the target displacement if there is one.
     pub simulated_mm: f64,
 }
 
-/// The rounds of a pipeline, as far as a run has come: those of a stage that has two at least.
+/// Summarizes the rounds of a pipeline that are done; stages with less than two rounds are left out.
 #[must_use]
-pub fn by_round(rounds: &[Rounds], summaries: &[Summary]) -> Vec<RoundsSummary> {
+pub fn by_round(rounds: &[Rounds], summaries: &[VerificationSummary]) -> Vec<RoundsSummary> {
     let of_stage = |rounds: &Rounds| {
         let found = rounds
             .stages
@@ -75,21 +75,21 @@ pub fn by_round(rounds: &[Rounds], summaries: &[Summary]) -> Vec<RoundsSummary> 
         .collect()
 }
 
-/// Draws the rounds of each stage where the figure is not there yet, and returns the paths of all:
-/// `<stage>-<digest>-rounds.png` in the folder, the digest made of those of all rounds.
+/// Draws the missing figure of the rounds of each stage, and returns the paths of all: `<stage>-<digest>-rounds.png` in
+/// the folder, with a digest of all rounds.
 ///
 /// # Errors
-/// When a figure cannot be written.
+/// If a figure cannot be written.
 pub fn draw_by_round(
     folder: &Path,
-    made: &[Made],
+    stages: &[StageArtifact],
     found: &[RoundsSummary],
-    summaries: &[Summary],
+    summaries: &[VerificationSummary],
 ) -> Result<Vec<PathBuf>, ReportError> {
     let mut paths = Vec::new();
     for of_stage in found {
-        let own = |made: &&Made| of_stage.rounds.iter().any(|round| round.stage == made.stage);
-        let digests: Vec<String> = made.iter().filter(own).map(|made| made.digest.to_string()).collect();
+        let own = |made: &&StageArtifact| of_stage.rounds.iter().any(|round| round.stage == made.stage);
+        let digests: Vec<String> = stages.iter().filter(own).map(|made| made.digest.to_string()).collect();
         let digest = Digest::of(digests.concat().as_bytes()).to_string();
         let path = folder.join(figure_name(&of_stage.stage, &digest, "rounds"));
         if !path.exists() {
@@ -97,7 +97,9 @@ pub fn draw_by_round(
                 path: folder.to_owned(),
                 source,
             })?;
-            draw_rounds(&path, &drawn(of_stage, summaries)).map_err(|source| ReportError::Figure {
+            let sheet = rounds_sheet(&drawn(of_stage, summaries));
+            let written = sheet.and_then(|sheet| sheet.write_png(&path));
+            written.map_err(|source| ReportError::Figure {
                 stage: of_stage.stage.clone(),
                 source,
             })?;
@@ -107,8 +109,8 @@ pub fn draw_by_round(
     Ok(paths)
 }
 
-/// What is drawn of the rounds of a stage.
-pub fn drawn(of_stage: &RoundsSummary, summaries: &[Summary]) -> Vec<Round> {
+/// Returns the data of the figure of the rounds of a stage.
+pub fn drawn(of_stage: &RoundsSummary, summaries: &[VerificationSummary]) -> Vec<Round> {
     let relative = |round: &RoundSummary| -> Vec<f64> {
         let summary = summaries.iter().find(|summary| summary.stage == round.stage);
         let designs = summary.map(designs).unwrap_or_default();
@@ -125,27 +127,27 @@ pub fn drawn(of_stage: &RoundsSummary, summaries: &[Summary]) -> Vec<Round> {
     of_stage.rounds.iter().map(round).collect()
 }
 
-/// A design with both numbers, mm.
-struct Design {
+/// A design with its prediction and its simulation, mm.
+struct PredictionPair {
     predicted: f64,
     simulated: f64,
 }
 
-impl Design {
+impl PredictionPair {
     fn difference(&self) -> f64 {
         (self.predicted - self.simulated).abs()
     }
 
-    /// As a fraction of the simulated, where that is something.
+    /// Returns the difference as a fraction of the simulated value; `None` if that is zero.
     fn relative(&self) -> Option<f64> {
         (self.simulated.abs() > 1e-9).then(|| self.difference() / self.simulated.abs())
     }
 }
 
-fn designs(summary: &Summary) -> Vec<Design> {
+fn designs(summary: &VerificationSummary) -> Vec<PredictionPair> {
     let searched = summary.rows.iter().filter(|row| row.role.is_searched());
     let both = searched.filter_map(|row| {
-        Some(Design {
+        Some(PredictionPair {
             predicted: row.predicted_mm?,
             simulated: row.simulated_mm?,
         })
@@ -153,10 +155,10 @@ fn designs(summary: &Summary) -> Vec<Design> {
     both.collect()
 }
 
-fn round(summary: &Summary) -> RoundSummary {
+fn round(summary: &VerificationSummary) -> RoundSummary {
     let designs = designs(summary);
-    let absolute: Vec<f64> = designs.iter().map(Design::difference).collect();
-    let relative: Vec<f64> = designs.iter().filter_map(Design::relative).collect();
+    let absolute: Vec<f64> = designs.iter().map(PredictionPair::difference).collect();
+    let relative: Vec<f64> = designs.iter().filter_map(PredictionPair::relative).collect();
     let largest = |values: &[f64]| values.iter().copied().reduce(f64::max);
     RoundSummary {
         stage: summary.stage.clone(),
@@ -174,7 +176,7 @@ fn rms(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| (squares / values.len() as f64).sqrt())
 }
 
-fn best(summary: &Summary) -> Vec<BestOfTarget> {
+fn best(summary: &VerificationSummary) -> Vec<BestOfTarget> {
     let mut best: Vec<(&RowSummary, f64)> = Vec::new();
     for row in summary.rows.iter().filter(|row| row.role.is_searched()) {
         let Some(simulated_mm) = row.simulated_mm else { continue };
@@ -210,7 +212,7 @@ impl BestOfTarget {
 }
 
 impl RoundsSummary {
-    /// The best of a target in each round.
+    /// Lists the best displacement of a target in each round.
     fn best_by_round(&self, target: &BestOfTarget) -> String {
         let same = |best: &&BestOfTarget| (&best.case, &best.name) == (&target.case, &target.name);
         let of_round = |round: &RoundSummary| match round.best.iter().find(same) {
@@ -225,7 +227,7 @@ impl fmt::Display for RoundsSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{}, round by round: |predicted − simulated| of the designs",
+            "{}: |predicted − simulated| of the designs in each round",
             self.stage
         )?;
         for (k, round) in self.rounds.iter().enumerate() {
@@ -285,8 +287,8 @@ mod tests {
         }
     }
 
-    fn summary(stage: &str, rows: Vec<RowSummary>) -> Summary {
-        Summary {
+    fn summary(stage: &str, rows: Vec<RowSummary>) -> VerificationSummary {
+        VerificationSummary {
             stage: stage.into(),
             rows,
             largest_difference: None,
@@ -294,13 +296,13 @@ mod tests {
         }
     }
 
-    fn summaries() -> [Summary; 2] {
+    fn summaries() -> [VerificationSummary; 2] {
         let first = vec![
             row("a", Role::Ga, 2.5, Some(2.0), None),
             row("a", Role::Refined, 2.2, Some(2.2), None),
             row("b", Role::Ga, 1.3, Some(1.0), Some(0.0)),
             row("b", Role::Refined, 1.0, None, None),
-            // Neither is searched by what predicts it.
+            // These are not searched with the predictor.
             row("a", Role::Intuitive, 9.0, Some(1.0), None),
             row("a", Role::Optimum, 9.0, Some(3.0), None),
         ];
@@ -318,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn each_round_is_told_by_its_differences_and_its_best() {
+    fn each_round_has_its_differences_and_best_designs() {
         let found = by_round(&rounds(&["v", "v-2", "v-3"]), &summaries());
         let [of_stage] = &found[..] else {
             panic!("{found:?}");
@@ -335,7 +337,7 @@ mod tests {
             best.map(|best| (best.name.clone(), best.simulated_mm)).collect()
         };
         assert_eq!(best(0), [("a".to_owned(), 2.2), ("b".to_owned(), 1.0)]);
-        // Where a displacement is wanted the nearest is best.
+        // If there is a target displacement, the nearest design is the best.
         assert_eq!(best(1), [("a".to_owned(), 2.3), ("b".to_owned(), 1.01)]);
         let text = of_stage.to_string();
         for part in [
@@ -347,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn a_single_round_and_one_without_designs_say_no_more_than_there_is() {
+    fn a_single_round_and_one_without_designs_are_handled() {
         assert_eq!(by_round(&rounds(&["v", "v-2"]), &summaries()[..1]), []);
         let empty = [summary("v", Vec::new()), summary("v-2", Vec::new())];
         let found = by_round(&rounds(&["v", "v-2"]), &empty);
@@ -356,12 +358,12 @@ mod tests {
     }
 
     #[test]
-    fn the_figure_is_drawn_once_for_what_all_rounds_made() {
+    fn the_figure_is_drawn_once_for_the_artifacts_of_all_rounds() {
         let folder = tempfile::tempdir().unwrap();
         let summaries = summaries();
         let found = by_round(&rounds(&["v", "v-2"]), &summaries);
         let draw = |first: &[u8]| {
-            let made = [("v", first), ("v-2", b"2")].map(|(stage, bytes)| Made {
+            let made = [("v", first), ("v-2", b"2")].map(|(stage, bytes)| StageArtifact {
                 stage: stage.into(),
                 kind: "verify".into(),
                 digest: deaflow_base::ArtifactId::of(bytes),

@@ -1,50 +1,50 @@
-//! The rows of an artifact as a table: a line for each sample, design or epoch, a column for each array that has one value or a few
-//! for each of them.
+//! The rows of an artifact as a table: a row for each sample, design or epoch, and a column for each array with one
+//! value or a few values for each of them.
 
 use std::collections::BTreeMap;
 
 use deaflow_store::{Artifact, Content, Data, ElementType, StoreError};
 
-/// Arrays with more values for each row than this are no columns.
+/// Arrays with more values for each row than this are left out.
 const MOST_COLUMNS: usize = 16;
 
-/// Why there is no table.
+/// There is no table.
 #[derive(Debug, thiserror::Error)]
 pub enum RowsError {
-    /// It cannot be read.
+    /// The source cannot be read.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// There are no such rows.
     #[error("{message}")]
     None {
-        /// What is not there.
+        /// What is missing.
         message: String,
-        /// What there is.
+        /// What is allowed.
         help: String,
     },
 }
 
-/// Where rows are read from.
+/// A source of rows.
 pub trait RowSource {
-    /// What it is called in a message.
+    /// Returns its name in messages.
     fn title(&self) -> String;
 
-    /// Its arrays, without their elements.
+    /// Lists its arrays, without their elements.
     ///
     /// # Errors
-    /// When they cannot be read.
+    /// If they cannot be read.
     fn contents(&self) -> Result<Vec<Content>, RowsError>;
 
-    /// The elements of an array.
+    /// Reads the elements of an array.
     ///
     /// # Errors
-    /// When they cannot be read.
+    /// If they cannot be read.
     fn elements(&self, path: &str) -> Result<Data, RowsError>;
 
-    /// Texts of any length.
+    /// Reads texts of any length.
     ///
     /// # Errors
-    /// When they cannot be read.
+    /// If they cannot be read.
     fn long_texts(&self, path: &str) -> Result<Vec<String>, RowsError>;
 }
 
@@ -71,7 +71,7 @@ impl RowSource for Artifact {
 pub struct RowColumn {
     /// Its name, with the unit: `max_displacement_mm`.
     pub name: String,
-    /// What it is.
+    /// Its description.
     pub description: String,
     /// Its values, one for each row.
     pub values: Data,
@@ -79,19 +79,19 @@ pub struct RowColumn {
 
 /// A table.
 pub struct Rows {
-    /// The axis of which each place has a line.
+    /// The axis of the rows.
     pub axis: String,
     /// One column for each single value that a row has.
     pub columns: Vec<RowColumn>,
-    /// Arrays that are no columns, and why not.
+    /// Arrays that are left out, with their shapes.
     pub left_out: Vec<String>,
 }
 
 impl Rows {
-    /// The rows along an axis; unless one is named, along the one that most arrays of single values have.
+    /// Reads the rows along an axis; by default along the axis of most one-dimensional arrays.
     ///
     /// # Errors
-    /// When no array has it, or one cannot be read.
+    /// If no array has the axis, or one cannot be read.
     pub fn of(source: &dyn RowSource, along: Option<&str>) -> Result<Self, RowsError> {
         let contents = &source.contents()?;
         let axis = match along {
@@ -120,7 +120,7 @@ impl Rows {
         Ok(rows)
     }
 
-    /// Adds what stands along the other axes of the columns, such as the times of a history: the same in each row.
+    /// Adds the coordinates of the other axes of the columns, such as the times of a history: the same in each row.
     fn add_coordinates(
         &mut self,
         source: &dyn RowSource,
@@ -152,8 +152,8 @@ impl Rows {
                 ..array.clone()
             };
             for (at, name) in names(&each).into_iter().enumerate() {
-                let one = every(&elements, at, usize::MAX);
-                self.push(name, array, repeated(&one, length));
+                let one = pick(&elements, std::iter::repeat_n(at, length));
+                self.push(name, array, one);
             }
             let title = format!("{} (", array.path);
             self.left_out.retain(|left_out| !left_out.starts_with(&title));
@@ -161,31 +161,31 @@ impl Rows {
         Ok(())
     }
 
-    /// How many rows there are.
+    /// Returns the number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.columns.first().map_or(0, |column| column.values.len())
     }
 
-    /// Whether there is none.
+    /// Whether there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The names of the columns.
+    /// Returns the names of the columns.
     #[must_use]
     pub fn header(&self) -> Vec<String> {
         self.columns.iter().map(|column| column.name.clone()).collect()
     }
 
-    /// The rows as texts, numbers with all digits that tell them apart and no zeros beyond.
+    /// Returns the rows as texts; numbers have all significant digits.
     pub fn texts(&self) -> impl Iterator<Item = Vec<String>> {
         let columns: Vec<Vec<String>> = self.columns.iter().map(|column| cells(&column.values)).collect();
         (0..self.len()).map(move |at| columns.iter().map(|column| column[at].clone()).collect())
     }
 
-    /// Whether an array has a value for each row: on the same axis, or on that of some of the rows where these are all.
+    /// Whether an array has a value for each row: its axis is that of the rows, or a part of it with the same length.
     fn has(&self, array: &Content, length: usize) -> bool {
         let is_same = |axis: &String| *axis == self.axis || axis.ends_with(&format!("_{}", self.axis));
         array.shape.first() == Some(&length) && first_axis(array).is_some_and(is_same)
@@ -200,7 +200,8 @@ impl Rows {
         }
         let elements = source.elements(&array.path)?;
         for (at, name) in names(array).into_iter().enumerate() {
-            self.push(name, array, every(&elements, at, width.max(1)));
+            let column = (at..elements.len()).step_by(width.max(1));
+            self.push(name, array, pick(&elements, column));
         }
         Ok(())
     }
@@ -218,8 +219,8 @@ fn first_axis(array: &Content) -> Option<&String> {
     array.axes.first()
 }
 
-/// The axis that most arrays of one dimension have; of several, the one that is named first. Where it has a single one, as with what a device
-/// does in each of its states, arrays of two dimensions that fit into columns count too.
+/// Returns the axis of most one-dimensional arrays; of several, the first. If there is only one such array, as with a
+/// device in several states, two-dimensional arrays that fit into columns count as well.
 fn main_axis(contents: &[Content]) -> Option<String> {
     let most = |counted: &dyn Fn(&Content) -> bool| {
         let mut counts: BTreeMap<&String, (usize, usize)> = BTreeMap::new();
@@ -247,16 +248,16 @@ fn no_axis(source: &dyn RowSource, contents: &[Content], along: Option<&str>) ->
     match along {
         Some(axis) => RowsError::None {
             message: format!("no array of {title} has the axis {axis:?}"),
-            help: format!("axes that arrays begin with: {}", known.join(", ")),
+            help: format!("allowed axes: {}", known.join(", ")),
         },
         None => RowsError::None {
             message: format!("{title} has no rows: its axes have no names"),
-            help: "artifacts of this build have; `deaflow run` on a new store makes them".to_owned(),
+            help: "an older version built it; `deaflow run` with a new store builds it again".to_owned(),
         },
     }
 }
 
-/// Where texts of any length stand as bytes and lengths, the path of both.
+/// Returns the path of texts of any length, if an array is one of their two parts, bytes and lengths.
 fn text_of<'a>(contents: &[Content], array: &'a Content) -> Option<&'a str> {
     let (path, name) = array.path.rsplit_once('/')?;
     let has = |name: &str, kind: ElementType| {
@@ -267,7 +268,7 @@ fn text_of<'a>(contents: &[Content], array: &'a Content) -> Option<&'a str> {
     (is_half && has("text", ElementType::U8) && has("length", ElementType::U64)).then_some(path)
 }
 
-/// Names of the columns of an array, with its unit: `name_mm`, `name.x_mm`, `name.0`.
+/// Returns the names of the columns of an array, with its unit: `name_mm`, `name.x_mm`, `name.0`.
 fn names(array: &Content) -> Vec<String> {
     let unit = match array.units.as_str() {
         "" | "1" => String::new(),
@@ -283,40 +284,23 @@ fn names(array: &Content) -> Vec<String> {
     names.into_iter().map(|name| name + &unit).collect()
 }
 
-/// Every so many elements, from one on.
-fn every(data: &Data, from: usize, step: usize) -> Data {
-    fn each<T: Clone>(values: &[T], from: usize, step: usize) -> Vec<T> {
-        values.iter().skip(from).step_by(step).cloned().collect()
+/// Returns some elements of an array, by their positions.
+#[must_use]
+pub fn pick(data: &Data, elements: impl Iterator<Item = usize>) -> Data {
+    fn each<T: Clone>(values: &[T], elements: impl Iterator<Item = usize>) -> Vec<T> {
+        elements.map(|at| values[at].clone()).collect()
     }
     match data {
-        Data::U8(v) => Data::U8(each(v, from, step)),
-        Data::U32(v) => Data::U32(each(v, from, step)),
-        Data::U64(v) => Data::U64(each(v, from, step)),
-        Data::F32(v) => Data::F32(each(v, from, step)),
-        Data::F64(v) => Data::F64(each(v, from, step)),
-        Data::Text(v) => Data::Text(each(v, from, step)),
+        Data::U8(v) => Data::U8(each(v, elements)),
+        Data::U32(v) => Data::U32(each(v, elements)),
+        Data::U64(v) => Data::U64(each(v, elements)),
+        Data::F32(v) => Data::F32(each(v, elements)),
+        Data::F64(v) => Data::F64(each(v, elements)),
+        Data::Text(v) => Data::Text(each(v, elements)),
     }
 }
 
-/// The one element of some data so many times.
-fn repeated(data: &Data, times: usize) -> Data {
-    fn each<T: Clone>(values: &[T], times: usize) -> Vec<T> {
-        values
-            .iter()
-            .flat_map(|value| std::iter::repeat_n(value.clone(), times))
-            .collect()
-    }
-    match data {
-        Data::U8(v) => Data::U8(each(v, times)),
-        Data::U32(v) => Data::U32(each(v, times)),
-        Data::U64(v) => Data::U64(each(v, times)),
-        Data::F32(v) => Data::F32(each(v, times)),
-        Data::F64(v) => Data::F64(each(v, times)),
-        Data::Text(v) => Data::Text(each(v, times)),
-    }
-}
-
-/// Elements as text, numbers with all digits that tell them apart and no zeros beyond.
+/// Returns elements as texts; numbers have all significant digits.
 fn cells(data: &Data) -> Vec<String> {
     fn each<T: std::fmt::Debug>(values: &[T]) -> Vec<String> {
         values.iter().map(|value| format!("{value:?}")).collect()
@@ -356,13 +340,13 @@ mod tests {
     }
 
     #[test]
-    fn numbers_have_their_digits_and_no_more() {
+    fn numbers_have_their_significant_digits() {
         assert_eq!(cells(&Data::F64(vec![0.1, 2.0, 1.5e-9])), ["0.1", "2.0", "1.5e-9"]);
         assert_eq!(cells(&Data::U64(vec![3])), ["3"]);
     }
 
     #[test]
-    fn rows_are_those_of_most_arrays() {
+    fn the_main_axis_is_that_of_most_arrays() {
         let contents = [
             array("a", "", &[2], &["epoch"]),
             array("b", "", &[3], &["row"]),

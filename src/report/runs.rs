@@ -1,4 +1,4 @@
-//! Past runs as documents.
+//! Past runs as JSON documents.
 
 use std::collections::BTreeMap;
 
@@ -7,22 +7,22 @@ use serde_json::{Value, json};
 use deaflow_base::ArtifactId;
 use deaflow_store::{Run, Store};
 
-/// What collections have removed and is not here, and when.
-pub struct Gone<'a> {
+/// The artifacts that `gc` has removed from a store, with the times.
+pub struct RemovedArtifacts<'a> {
     store: &'a Store,
     at: BTreeMap<ArtifactId, String>,
 }
 
-impl<'a> Gone<'a> {
-    /// Of a store.
+impl<'a> RemovedArtifacts<'a> {
+    /// Reads the list of a store.
     #[must_use]
-    pub fn in_store(store: &'a Store) -> Self {
+    pub fn of(store: &'a Store) -> Self {
         let removed = store.removed().into_iter();
         let at = removed.map(|removed| (removed.digest, removed.at)).collect();
         Self { store, at }
     }
 
-    /// When an artifact was removed; none while it is here, or where it was not removed by a collection.
+    /// Returns when an artifact was removed; `None` if it exists, or was not removed by `gc`.
     #[must_use]
     pub fn at(&self, artifact: &ArtifactId) -> Option<&str> {
         let at = self.at.get(artifact)?;
@@ -30,9 +30,9 @@ impl<'a> Gone<'a> {
     }
 }
 
-/// One run, as `deaflow log --json` tells it.
+/// Returns a run as in `deaflow log --json`.
 #[must_use]
-pub fn run_document(run: &Run, removed: &Gone<'_>) -> Value {
+pub fn run_document(run: &Run, removed: &RemovedArtifacts<'_>) -> Value {
     let done = run.stages.iter().map(|done| {
         json!({
             "name": done.name,
@@ -41,11 +41,11 @@ pub fn run_document(run: &Run, removed: &Gone<'_>) -> Value {
             "removed": removed.at(&done.artifact),
         })
     });
-    let unmade =
+    let without_artifact =
         |name: &String, outcome: &str| json!({ "name": name, "outcome": outcome, "digest": null, "removed": null });
-    let failed = run.failures.iter().map(|name| unmade(name, "failed"));
-    let stopped = run.stopped.iter().map(|name| unmade(name, "stopped"));
-    let not_begun = run.not_begun.iter().map(|name| unmade(name, "skipped"));
+    let failed = run.failures.iter().map(|name| without_artifact(name, "failed"));
+    let stopped = run.stopped.iter().map(|name| without_artifact(name, "stopped"));
+    let not_begun = run.not_begun.iter().map(|name| without_artifact(name, "skipped"));
     let overrides = run.overrides.iter().map(|(path, value)| (path.clone(), typed(value)));
     json!({
         "id": run.id,
@@ -63,7 +63,7 @@ pub fn run_document(run: &Run, removed: &Gone<'_>) -> Value {
     })
 }
 
-/// A number or a truth value as such, and all else as it was said.
+/// Converts numbers and booleans; other values stay texts.
 fn typed(value: &str) -> Value {
     match serde_json::from_str(value) {
         Ok(plain @ (Value::Number(_) | Value::Bool(_))) => plain,

@@ -1,76 +1,79 @@
-//! What a run found out: displacements of designs as predicted and as simulated, their gain over the intuitive design at the
-//! latter's own area and at equal area (a gain at unequal areas alone would not be a gain), and how far from the optimum they are.
+//! Results of verify stages: displacements of designs, predicted and simulated, their gains over the intuitive design
+//! at its own area and at equal area (a gain at a larger area only would be misleading), and their ratios to the
+//! optimum.
 
 use std::fmt;
 
 use serde::Serialize;
 
-use super::artifacts::Source;
+use super::artifacts::ArtifactReader;
 use super::designs::{LEAST_MM, SAME_AREA, is_to_be_met};
 use super::error::ReportError;
-use super::format::{change, counted, share, three, uncertainty};
-use super::headline::Headline;
+use super::format::{change, counted, percents, three, uncertainty};
 use super::intervals::{self, NetworkInterval};
+use super::presenter::Headline;
 use deaflow_content::{ContentError, Verification, predicted_rows};
 use deaflow_field::NO_FIELD;
 use deaflow_pattern::Role;
 use deaflow_store::Artifact;
 
-/// A design whose prediction differs from the simulation by more than this fraction was judged by an evaluator that is wrong.
+/// Above this relative difference between prediction and simulation, the evaluator is reported as inaccurate.
 pub(super) const TRUSTED: f64 = 0.05;
 
-/// Gains at equal area and at its own over the intuitive design that differ by more are both told: one alone would hide the other.
-const TELLING: f64 = 0.05;
+/// If the gains at equal area and at its own area differ by more than this, both are reported.
+const GAIN_DIFFERENCE: f64 = 0.05;
 
 /// The result of a verify stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Summary {
+pub struct VerificationSummary {
     /// Name of the stage.
     pub stage: String,
-    /// The designs and what they are compared with.
+    /// The designs and the patterns that they are compared with.
     pub rows: Vec<RowSummary>,
-    /// The largest difference between predicted and simulated among the designs that were found, as a fraction of the simulated.
+    /// The largest difference between prediction and simulation of the found designs, as a fraction of the simulated
+    /// value.
     pub largest_difference: Option<f64>,
-    /// Patterns that were predicted, and have no stable solution.
+    /// Patterns with a prediction, but without a stable solution.
     pub not_stable: usize,
 }
 
-/// One verified pattern. Displacements are means over the wanted points along the wanted directions.
+/// A verified pattern. Displacements are means over the points along the target directions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RowSummary {
-    /// Label of the stage that designed it.
+    /// Name of its design stage.
     pub case: String,
     /// Name of the target.
     pub name: String,
     /// `ga`, `refined`, `optimum`, `intuitive`, `intuitive-equal-area` or `own`.
     pub role: Role,
-    /// Which of several designs of the target.
+    /// Number of the design of the target, from 0.
     pub member: u64,
-    /// Units along a side by which it was searched.
+    /// Units along a side that the search could switch.
     pub units: u64,
     /// Electrode area, a fraction of the membrane.
     pub area: f64,
-    /// By the evaluator, in mm; none where it has no field, or was not asked.
+    /// By the evaluator, in mm; `None` if it has no field, or was not used.
     pub predicted_mm: Option<f64>,
-    /// By finite elements, in mm; none where there is no stable solution.
+    /// By finite elements, in mm; `None` without a stable solution.
     pub simulated_mm: Option<f64>,
-    /// Estimated error of that, in mm.
+    /// Its estimated error, in mm.
     pub simulated_error_mm: Option<f64>,
-    /// Predicted less simulated, in mm.
+    /// Predicted minus simulated, in mm.
     pub difference_mm: Option<f64>,
-    /// Distance from what is wanted, in mm, where a displacement or an angle is.
+    /// Distance from the target displacement or angle, in mm, if there is one.
     pub distance_mm: Option<f64>,
-    /// What a calibrated network says, where one was asked.
+    /// The prediction of a calibrated network, if there is one.
     pub interval: Option<NetworkInterval>,
-    /// How the simulation ended.
+    /// The outcome of the simulation.
     pub outcome: String,
-    /// `met`, or which constraints are not.
+    /// `met`, or the violated constraints.
     pub status: String,
-    /// Gain over the intuitive design at its own area, a fraction; none where a displacement is to be met, as more of it is not better.
+    /// Gain over the intuitive design at its own area, a fraction; `None` if a given displacement is to be reached, as
+    /// a larger one is not better then.
     pub gain_own_area: Option<f64>,
-    /// Gain over the intuitive design at the area of the design; none where none of that area is there.
+    /// Gain over the intuitive design at the area of this design; `None` if there is none with that area.
     pub gain_equal_area: Option<f64>,
-    /// Displacement as a fraction of that of the optimum, on the same units where there is one on them.
+    /// Ratio to the displacement of the optimum, the one on the same units if there is one.
     pub ratio_to_optimum: Option<f64>,
 }
 
@@ -81,14 +84,14 @@ impl RowSummary {
         self.role.is_found()
     }
 
-    /// What it is called: its case, target and member where there are several, and its role.
+    /// Returns its title: case, target, number and role.
     #[must_use]
     pub fn title(&self) -> String {
         let mut words: Vec<String> = Vec::new();
         if !self.case.is_empty() {
             words.push(self.case.clone());
         }
-        // An objective that stands by itself is named like its stage's kind.
+        // A single objective has the name of the stage kind.
         if self.name != "design" || words.is_empty() {
             words.push(self.name.clone());
         }
@@ -111,14 +114,14 @@ impl RowSummary {
     }
 }
 
-/// The result of a verify stage.
+/// Reads the result of a verify stage.
 ///
 /// # Errors
-/// When the artifact does not hold what its kind promises.
-pub fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
+/// If the artifact does not have the content of its kind.
+pub fn read(source: &ArtifactReader<'_>) -> Result<VerificationSummary, ReportError> {
     let mut rows = source.of(rows(source.artifact))?;
     if rows.is_empty() {
-        return Err(source.wrong("it verifies no designs"));
+        return Err(source.wrong("it has no designs"));
     }
     let view = source.of(Verification::open(source.artifact))?.rows();
     let intervals = intervals::of_rows(source, &view, rows.len())?;
@@ -126,7 +129,7 @@ pub fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
         .zip(intervals)
         .for_each(|(row, interval)| row.interval = interval);
     let compared: Vec<RowSummary> = rows.iter().map(|row| compared(row, &rows)).collect();
-    Ok(Summary {
+    Ok(VerificationSummary {
         stage: source.stage.stage.clone(),
         largest_difference: largest_difference(found(&compared)),
         not_stable: compared
@@ -137,8 +140,8 @@ pub fn read(source: &Source<'_>) -> Result<Summary, ReportError> {
     })
 }
 
-impl Summary {
-    /// The best design of one target, or how far those of several move.
+impl VerificationSummary {
+    /// Describes the best design of one target, or the range of the designs of several.
     #[must_use]
     pub fn result(&self) -> Headline {
         let stage = &self.stage;
@@ -151,13 +154,13 @@ impl Summary {
             (Some(a), Some(b)) => b.total_cmp(&a),
             _ => a.1.total_cmp(&b.1),
         };
-        // An optimum is what others are held against, where there are others.
+        // The optimum is only for comparison, unless there is nothing else.
         let searched = solved.iter().filter(|(row, _)| row.role != Role::Optimum);
         let best = searched.max_by(|a, b| better(a, b));
         let Some(&(best, mm)) = best.or_else(|| solved.iter().max_by(|a, b| better(a, b))) else {
             return Headline::bad(match designs.len() {
                 0 => format!(
-                    "{stage}: {} that nobody searched",
+                    "{stage}: {} without a design of a search",
                     counted(self.rows.len(), "pattern", "patterns")
                 ),
                 _ => {
@@ -178,36 +181,35 @@ impl Summary {
             );
             return match designs.iter().filter(|row| !is_met(row)).count() {
                 0 => Headline::good(text),
-                n => Headline::bad(format!("{text}; {n} do not keep all their constraints")),
+                n => Headline::bad(format!("{text}; {n} violate constraints")),
             };
         }
         let mut text = format!("{stage}: best design ({})", best.role_name());
         if let Some(predicted) = best.predicted_mm {
             text += &format!(", predicted {predicted:.3} mm");
         }
-        let word = if best.outcome == "estimated" {
-            "estimated"
-        } else {
-            "simulated"
-        };
+        let word = simulation_word(&best.outcome);
         text += &format!(", {word} {mm:.3} mm");
         if let Some(error) = best.simulated_error_mm {
             text += &format!(" {} (mesh)", uncertainty(error));
         }
         if let Some(distance) = best.distance_mm {
-            text += &format!(", {} mm from what is wanted", three(distance));
+            text += &format!(", {} mm from the target", three(distance));
         } else if let Some(gain) = best.gain_equal_area {
             text += &format!(", {} over the intuitive design at equal area", change(gain));
-            if let Some(own) = best.gain_own_area.filter(|own| (own - gain).abs() > TELLING) {
+            if let Some(own) = best.gain_own_area.filter(|own| (own - gain).abs() > GAIN_DIFFERENCE) {
                 let area = nearest_of(best, &self.rows, Role::Intuitive)
-                    .map_or_else(String::new, |other| format!(" ({})", share(other.area)));
-                text += &format!(" and {} over it at its own{area}", change(own));
+                    .map_or_else(String::new, |other| format!(" ({})", percents(other.area)));
+                text += &format!(" and {} over it at its own area{area}", change(own));
             }
         } else if let Some(gain) = best.gain_own_area {
-            text += &format!(", {} over the intuitive design, which has another area", change(gain));
+            text += &format!(
+                ", {} over the intuitive design, which has a different area",
+                change(gain)
+            );
         }
         if let Some(ratio) = best.ratio_to_optimum.filter(|_| best.role != Role::Optimum) {
-            text += &format!(", {} of the optimum", share(ratio));
+            text += &format!(", {} of the optimum", percents(ratio));
         }
         match is_met(best) {
             true => Headline::good(text),
@@ -215,30 +217,23 @@ impl Summary {
         }
     }
 
-    /// By how much predictions were off, and whether they are to be trusted; none where nothing was predicted.
+    /// Describes the accuracy of the predictions; `None` without predictions.
     #[must_use]
     pub fn accuracy(&self) -> Option<Headline> {
         let stage = &self.stage;
         let difference = largest_difference(self.rows.iter());
         let unstable = match self.not_stable {
             0 => String::new(),
-            1 => ", and 1 that was predicted has no stable solution".to_owned(),
-            n => format!(", and {n} that were predicted have no stable solution"),
+            1 => ", and 1 with a prediction has no stable solution".to_owned(),
+            n => format!(", and {n} with a prediction have no stable solution"),
         };
         let text = match difference {
             Some(value) => format!(
                 "{stage}: predicted and simulated differ by up to {}{unstable}",
-                share(value)
+                percents(value)
             ),
             None if self.not_stable > 0 => {
-                format!(
-                    "{stage}: no stable solution was found for {}",
-                    counted(
-                        self.not_stable,
-                        "pattern that was predicted",
-                        "patterns that were predicted"
-                    )
-                )
+                format!("{stage}: {}", self.not_stable_text())
             }
             None => return None,
         };
@@ -246,13 +241,23 @@ impl Summary {
         let flagged = flagged.filter(|interval| interval.out_of_distribution).count();
         let text = match flagged {
             0 => text,
-            n => format!("{text}; {n} out of distribution, where nothing is promised"),
+            n => format!("{text}; {n} out of distribution"),
         };
-        let is_trusted = self.not_stable == 0 && difference.is_none_or(|value| value <= TRUSTED);
-        Some(match is_trusted {
+        let is_accurate = self.not_stable == 0 && difference.is_none_or(|value| value <= TRUSTED);
+        Some(match is_accurate {
             true => Headline::good(text),
-            false => Headline::bad(format!("{text}: the evaluator is not to be trusted here")),
+            false => Headline::bad(format!("{text}: the evaluator is not accurate here")),
         })
+    }
+
+    /// Describes the patterns that have a prediction, but no stable solution.
+    fn not_stable_text(&self) -> String {
+        let patterns = counted(
+            self.not_stable,
+            "pattern with a prediction",
+            "patterns with a prediction",
+        );
+        format!("no stable solution was found for {patterns}")
     }
 }
 
@@ -269,7 +274,7 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, ContentError> {
         let predicted_mm = prediction.map(|at| component.predicted[at]);
         let simulated_mm = simulated[k].map(|row| component.simulated[row]);
         let known = simulated[k].filter(|&row| component.error_known[row] == 1);
-        let to_be_met = simulated[k].filter(|_| is_to_be_met(&objectives[k]));
+        let with_target = simulated[k].filter(|_| is_to_be_met(&objectives[k]));
         RowSummary {
             case: cases[k].clone(),
             name: names[k].clone(),
@@ -283,7 +288,7 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, ContentError> {
             difference_mm: predicted_mm
                 .zip(simulated_mm)
                 .map(|(predicted, simulated)| predicted - simulated),
-            distance_mm: to_be_met.map(|row| component.distance[row]),
+            distance_mm: with_target.map(|row| component.distance[row]),
             interval: None,
             outcome: outcomes[k].clone(),
             status: statuses[k].clone(),
@@ -295,14 +300,14 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, ContentError> {
     Ok((0..names.len()).map(row).collect())
 }
 
-/// The row of the same target with a role whose area is nearest.
+/// Returns the pattern of the same target with a role and the nearest area.
 fn nearest_of<'r>(row: &RowSummary, rows: &'r [RowSummary], role: Role) -> Option<&'r RowSummary> {
     let of_role = rows.iter().filter(|other| other.role == role && other.same_target(row));
     let distance = |other: &RowSummary| (other.area - row.area).abs();
     of_role.min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// A row with what others of its target make of it.
+/// Adds the comparisons with the other patterns of the target to a row.
 fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
     let others: Vec<&RowSummary> = rows.iter().filter(|other| other.same_target(row)).collect();
     let gain = |role: Role, most: f64| {
@@ -325,7 +330,7 @@ fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
     row
 }
 
-/// The rows of designs, without what these are compared with.
+/// Returns the rows of found designs.
 fn found(rows: &[RowSummary]) -> impl Iterator<Item = &RowSummary> {
     rows.iter().filter(|row| row.role.is_found())
 }
@@ -338,9 +343,9 @@ fn largest_difference<'r>(rows: impl Iterator<Item = &'r RowSummary>) -> Option<
     relative.reduce(f64::max)
 }
 
-impl fmt::Display for Summary {
+impl fmt::Display for VerificationSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{}: displacement along the wanted directions", self.stage)?;
+        writeln!(f, "{}: displacement along the target directions", self.stage)?;
         let width = self
             .rows
             .iter()
@@ -353,37 +358,41 @@ impl fmt::Display for Summary {
         if self.rows.iter().any(|row| row.simulated_error_mm.is_some()) {
             writeln!(
                 f,
-                "  ±: the error of the mesh, estimated from two; that of the model, with the effects it leaves out, is no part of it"
+                "  ±: error of the mesh, estimated from two meshes; the error of the model is not included"
             )?;
         }
         if self.not_stable > 0 {
-            writeln!(
-                f,
-                "  no stable solution was found for {}: the evaluator is not to be trusted here",
-                counted(
-                    self.not_stable,
-                    "pattern that was predicted",
-                    "patterns that were predicted"
-                )
-            )?;
+            let text = self.not_stable_text();
+            writeln!(f, "  {text}: the evaluator is not accurate here")?;
         }
-        let stated = found(&self.rows).filter_map(|row| Some((row.interval.as_ref()?, row.simulated_mm)));
-        if let Some(verdict) = intervals::verdict(stated) {
+        let with_interval = found(&self.rows).filter_map(|row| Some((row.interval.as_ref()?, row.simulated_mm)));
+        if let Some(verdict) = intervals::verdict(with_interval) {
             writeln!(f, "  {verdict}")?;
         }
-        // Of all rows that stand above, so that none shows more.
+        // Of all rows above, so that no row shows a larger difference.
         match largest_difference(self.rows.iter()) {
             Some(value) if value > TRUSTED => write!(
                 f,
-                "  predicted and simulated differ by up to {}: the evaluator is not to be trusted here",
-                share(value)
+                "  predicted and simulated differ by up to {}: the evaluator is not accurate here",
+                percents(value)
             ),
-            Some(value) => write!(f, "  predicted and simulated differ by up to {}", share(value)),
+            Some(value) => write!(f, "  predicted and simulated differ by up to {}", percents(value)),
             None if self.rows.iter().any(|row| row.difference_mm.is_some()) => {
-                write!(f, "  no pattern moves by a micrometre along the wanted directions")
+                write!(
+                    f,
+                    "  no pattern moves by more than a micrometre along the target directions"
+                )
             }
             None => write!(f, "  no pattern has both a prediction and a simulation"),
         }
+    }
+}
+
+/// How a simulated displacement is called.
+fn simulation_word(outcome: &str) -> &'static str {
+    match outcome {
+        "estimated" => "estimated",
+        _ => "simulated",
     }
 }
 
@@ -399,14 +408,7 @@ impl fmt::Display for Line<'_> {
             None => write!(f, "  no prediction       ")?,
         }
         match row.simulated_mm {
-            Some(mm) => {
-                let word = if row.outcome == "estimated" {
-                    "estimated"
-                } else {
-                    "simulated"
-                };
-                write!(f, "  {word} {mm:>7.3} mm")?;
-            }
+            Some(mm) => write!(f, "  {} {mm:>7.3} mm", simulation_word(&row.outcome))?,
             None => write!(f, "  no stable solution was found: {}", row.outcome)?,
         }
         if let Some(error) = row.simulated_error_mm {
@@ -416,7 +418,7 @@ impl fmt::Display for Line<'_> {
             write!(f, "  {interval}")?;
         }
         if let Some(distance) = row.distance_mm {
-            write!(f, "  {} mm from what is wanted", three(distance))?;
+            write!(f, "  {} mm from the target", three(distance))?;
         }
         match (row.gain_own_area, row.gain_equal_area) {
             (Some(own), Some(equal)) => write!(
@@ -430,7 +432,7 @@ impl fmt::Display for Line<'_> {
             (None, None) => {}
         }
         if let Some(ratio) = row.ratio_to_optimum.filter(|_| row.role != Role::Optimum) {
-            write!(f, "  {} of the best pattern found by gradient search", share(ratio))?;
+            write!(f, "  {} of the best pattern found by gradient search", percents(ratio))?;
         }
         if row.status != "met" {
             write!(f, "  ({})", row.status)?;

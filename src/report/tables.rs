@@ -1,4 +1,4 @@
-//! The table of a table stage: for people, for other programs, and as curves.
+//! The table of a table stage: for people, for programs, and as curves.
 
 use comfy_table::{CellAlignment, Table, TableComponent, presets::UTF8_HORIZONTAL_ONLY};
 use serde_json::{Value, json};
@@ -6,24 +6,24 @@ use serde_json::{Value, json};
 use super::figures::{Curve, Curves};
 use deaflow_content as content;
 
-/// Letters of a number that is shown as it is.
-const SHORT: usize = 8;
+/// Longer numbers are rounded for people.
+const MAX_LETTERS: usize = 8;
 
-/// A table that was collected.
+/// The table of a table stage.
 #[derive(Clone, Debug)]
-pub struct Collected {
+pub struct ResultTable {
     /// Names of the columns.
     pub columns: Vec<String>,
-    /// Their units; "1" for pure numbers, empty for words.
+    /// Their units; "1" for pure numbers, empty for texts.
     pub units: Vec<String>,
-    /// The cells, row by row: a text, and the number that it is.
+    /// The cells, row by row: a text, and its value if it is a number.
     pub rows: Vec<Vec<(String, Option<f64>)>>,
-    /// The columns that are drawn: x, y and series.
+    /// The columns of the plot: x, y and series.
     pub plot: Vec<String>,
 }
 
-impl Collected {
-    /// The table of an artifact.
+impl ResultTable {
+    /// Creates it from the content of an artifact.
     #[must_use]
     pub fn new(table: content::Table) -> Self {
         let width = table.columns.len().max(1);
@@ -38,24 +38,24 @@ impl Collected {
         }
     }
 
-    /// Names of the columns with their units.
+    /// Returns the names of the columns with their units.
     #[must_use]
     pub fn header(&self) -> Vec<String> {
         let columns = self.columns.iter().zip(&self.units);
         columns.map(|(column, unit)| labelled(column, unit)).collect()
     }
 
-    /// The cells for people.
+    /// Returns the cells for people.
     #[must_use]
     pub fn shown(&self) -> Vec<Vec<String>> {
         let shown = |(text, number): &(String, Option<f64>)| match number {
-            Some(number) if text.len() > SHORT => super::format::number(*number),
+            Some(number) if text.len() > MAX_LETTERS => super::format::number(*number),
             _ => text.clone(),
         };
         self.rows.iter().map(|row| row.iter().map(shown).collect()).collect()
     }
 
-    /// The first rows as a table for a terminal.
+    /// Writes the first rows as a table for a terminal.
     #[must_use]
     pub fn text(&self, most: usize) -> String {
         let header = self.header();
@@ -69,7 +69,7 @@ impl Collected {
         table.trim_fmt()
     }
 
-    /// Columns with units, and rows of numbers, words and, where there is nothing, null.
+    /// Returns the columns with units, and the rows of numbers, texts and null.
     #[must_use]
     pub fn document(&self) -> Value {
         let columns = self.columns.iter().zip(&self.units);
@@ -83,21 +83,18 @@ impl Collected {
         json!({ "columns": columns.collect::<Value>(), "rows": rows.collect::<Value>() })
     }
 
-    /// What is to be drawn: a curve for each value of the series, where there are numbers.
+    /// Returns the curves, one for each value of the series; `None` without numbers.
     #[must_use]
     pub fn curves(&self) -> Option<Curves> {
-        let place = |name: &String| self.columns.iter().position(|column| column == name);
-        let places: Vec<usize> = self.plot.iter().filter_map(place).collect();
-        let (&[x, y], series) = places.split_first_chunk::<2>()?;
+        let column = |name: &String| self.columns.iter().position(|column| column == name);
+        let columns: Vec<usize> = self.plot.iter().filter_map(column).collect();
+        let (&[x, y], series) = columns.split_first_chunk::<2>()?;
         let series = series.first().copied();
-        let words = self.words(x);
+        let names = self.names(x);
         let mut curves: Vec<Curve> = Vec::new();
         for row in &self.rows {
-            let at = match &words {
-                Some(words) => words
-                    .iter()
-                    .position(|word| *word == row[x].0)
-                    .map(|place| place as f64),
+            let at = match &names {
+                Some(names) => names.iter().position(|name| *name == row[x].0).map(|at| at as f64),
                 None => row[x].1,
             };
             let (Some(at), Some(value)) = (at, row[y].1) else {
@@ -117,23 +114,23 @@ impl Collected {
             .for_each(|curve| curve.points.sort_by(|a, b| a.0.total_cmp(&b.0)));
         (!curves.is_empty()).then(|| Curves {
             labels: [x, y].map(|at| labelled(&self.columns[at].replace('_', " "), &self.units[at])),
-            words: words.unwrap_or_default(),
+            names: names.unwrap_or_default(),
             curves,
         })
     }
 
-    /// The words of a column that holds words, in their order.
-    fn words(&self, column: usize) -> Option<Vec<String>> {
+    /// Returns the different texts of a column of texts, in their order.
+    fn names(&self, column: usize) -> Option<Vec<String>> {
         if !self.units[column].is_empty() {
             return None;
         }
-        let mut words: Vec<String> = Vec::new();
+        let mut names: Vec<String> = Vec::new();
         for (text, _) in self.rows.iter().map(|row| &row[column]) {
-            if !words.contains(text) {
-                words.push(text.clone());
+            if !names.contains(text) {
+                names.push(text.clone());
             }
         }
-        Some(words)
+        Some(names)
     }
 
     fn series_name(&self, column: usize, text: &str) -> String {
@@ -145,11 +142,11 @@ impl Collected {
     }
 }
 
-/// An empty table with a header; the columns named in `numbers` are flush right.
+/// Creates an empty table with a header; the columns in `numbers` are aligned to the right.
 pub fn table(header: &[&str], numbers: &[&str]) -> Table {
     let mut table = Table::new();
     table.load_preset(UTF8_HORIZONTAL_ONLY).set_header(header);
-    // Between rows a line is one too many.
+    // No lines between rows.
     table
         .remove_style(TableComponent::HorizontalLines)
         .remove_style(TableComponent::MiddleIntersections);
@@ -161,7 +158,7 @@ pub fn table(header: &[&str], numbers: &[&str]) -> Table {
     table
 }
 
-/// A name with its unit, where it has one.
+/// Returns a name with its unit, if it has one.
 fn labelled(name: &str, unit: &str) -> String {
     match unit {
         "" | "1" => name.to_owned(),

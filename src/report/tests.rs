@@ -6,30 +6,30 @@ use super::*;
 use deaflow_scene::Scene;
 use deaflow_store::{Data, Dataset, Object, Provenance, Store};
 
-struct Bench {
+struct TestStore {
     folder: tempfile::TempDir,
     store: Store,
 }
 
-impl Bench {
+impl TestStore {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(&folder.path().join("store")).unwrap();
         Self { folder, store }
     }
 
-    fn run<'a>(&'a self, made: &'a [Made]) -> RunArtifacts<'a> {
+    fn run<'a>(&'a self, made: &'a [StageArtifact]) -> RunArtifacts<'a> {
         RunArtifacts {
             store: &self.store,
-            file: Path::new("/p.yaml"),
+            stages: made,
             made,
             rounds: &[],
         }
     }
 
-    fn made(&self, stage: &str, kind: &str, object: &Object) -> Made {
+    fn made(&self, stage: &str, kind: &str, object: &Object) -> StageArtifact {
         let stored = self.store.put(object, &Provenance::default()).unwrap();
-        Made {
+        StageArtifact {
             stage: stage.into(),
             kind: kind.into(),
             digest: stored.digest,
@@ -135,7 +135,7 @@ fn designed() -> Object {
     .with_long_texts("objective", "d", [OBJECTIVE; 2])
 }
 
-/// A design, an optimum of which it reaches 2.0 of 2.5 mm, and the two intuitive ones.
+/// A design, an optimum of 2.5 mm, of which it reaches 2.0 mm, and the two intuitive designs.
 fn verified(outcomes: [&str; 4]) -> Object {
     let simulated: Vec<f64> = outcomes
         .iter()
@@ -172,7 +172,7 @@ fn verified(outcomes: [&str; 4]) -> Object {
 }
 
 #[test]
-fn two_files_with_one_name_have_folders_of_their_own() {
+fn two_files_with_the_same_pipeline_name_have_separate_folders() {
     let bench = Bench::new();
     let made = [bench.made("solved", "solve", &solved(&[1.7, 1.8]))];
     let files = ["one.yaml", "two.yaml"].map(|name| bench.folder.path().join(name));
@@ -195,7 +195,7 @@ fn two_files_with_one_name_have_folders_of_their_own() {
     assert_eq!(folder(&files[0]), "p");
     assert_eq!(folder(&files[1]).len(), "p-123456".len());
     assert_eq!(folder(&files[0]), "p");
-    // A file that was moved takes its figures along.
+    // A file that was moved keeps its figures.
     std::fs::remove_file(&files[0]).unwrap();
     assert_eq!(folder(&bench.folder.path().join("moved.yaml")), "p");
 }
@@ -229,7 +229,7 @@ fn figures_are_drawn_once_and_named_by_their_artifact() {
     ];
     assert_eq!(names, expected);
 
-    // What is there is neither drawn nor even opened again.
+    // Existing figures are neither drawn nor are their artifacts opened again.
     let written = std::fs::metadata(&paths[0]).unwrap().modified().unwrap();
     std::fs::remove_file(bench.store.artifact(&made[1].digest).unwrap().path()).unwrap();
     assert_eq!(
@@ -245,7 +245,7 @@ fn figures_are_drawn_once_and_named_by_their_artifact() {
 }
 
 #[test]
-fn figures_of_stages_that_end_are_drawn_beside_the_others() {
+fn figures_are_drawn_in_the_background() {
     let bench = Bench::new();
     let made = [
         bench.made("solved", "solve", &solved(&[1.7, 1.8])),
@@ -253,12 +253,13 @@ fn figures_of_stages_that_end_are_drawn_beside_the_others() {
         bench.made("lost", "balance", &balanced()),
     ];
     std::fs::remove_file(bench.store.artifact(&made[2].digest).unwrap().path()).unwrap();
-    let ahead = FiguresAhead::start(bench.store.clone(), bench.run(&made).file.to_owned(), "p".into()).unwrap();
-    // One is built, one was found built, and one cannot be read, which is told in the end.
+    let background =
+        BackgroundFigures::start(bench.store.clone(), bench.run(&made).file.to_owned(), "p".into()).unwrap();
+    // One is built, one already existed, and one cannot be read, which is reported at the end.
     for (made, is_new) in made.iter().zip([true, false, true]) {
-        ahead.tell(made.clone(), is_new);
+        background.add(made.clone(), is_new);
     }
-    ahead.finish();
+    background.finish();
     let folder = bench.store.root().join("figures/p");
     let drawn = || -> Vec<String> {
         let entries = std::fs::read_dir(&folder).unwrap();
@@ -297,7 +298,7 @@ fn errors_are_drawn_over_the_times_in_the_provenance() {
         ..Provenance::default()
     };
     let figures = |stage: &str, object: &Object, provenance: &Provenance| {
-        let made = Made {
+        let made = StageArtifact {
             stage: stage.into(),
             kind: "accuracy".into(),
             digest: bench.store.put(object, provenance).unwrap().digest,
@@ -316,7 +317,7 @@ fn errors_are_drawn_over_the_times_in_the_provenance() {
 }
 
 #[test]
-fn the_summary_says_what_was_predicted_simulated_and_gained() {
+fn the_summary_has_predictions_simulations_and_gains() {
     let bench = Bench::new();
     let made = [bench.made("verified", "verify", &verified(["converged"; 4]))];
     let summaries = bench.run(&made).each("verify", summary::read).unwrap();
@@ -328,7 +329,7 @@ fn the_summary_says_what_was_predicted_simulated_and_gained() {
         "gain over the intuitive design +25.0 %, +2.56 % at equal area",
         "80.0 % of the best pattern found by gradient search",
         "(area 0.4, wanted 0.5)",
-        "differ by up to 18.7 %: the evaluator is not to be trusted",
+        "differ by up to 18.7 %: the evaluator is not accurate",
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }
@@ -341,7 +342,7 @@ fn the_summary_says_what_was_predicted_simulated_and_gained() {
 }
 
 #[test]
-fn an_evaluator_that_is_wrong_is_exposed() {
+fn an_inaccurate_evaluator_is_reported() {
     let bench = Bench::new();
     let mut wrong = verified(["converged"; 4]);
     wrong
@@ -353,7 +354,7 @@ fn an_evaluator_that_is_wrong_is_exposed() {
     assert!(
         summary
             .to_string()
-            .contains("up to 40.0 %: the evaluator is not to be trusted")
+            .contains("up to 40.0 %: the evaluator is not accurate")
     );
 }
 
@@ -374,7 +375,7 @@ fn a_pattern_without_a_stable_solution_shows_no_numbers() {
 }
 
 #[test]
-fn many_targets_are_drawn_at_a_glance() {
+fn many_targets_are_drawn_as_a_gallery() {
     let bench = Bench::new();
     let mut many = verified(["converged"; 4]);
     let object = &mut many.datasets;
@@ -419,7 +420,7 @@ fn many_targets_are_drawn_at_a_glance() {
 }
 
 #[test]
-fn artifacts_that_lack_something_are_named() {
+fn artifacts_with_missing_data_are_named() {
     let bench = Bench::new();
     let mut short = verified(["converged"; 4]);
     short.datasets.insert("area".into(), floats("1", &[0.5]));
@@ -438,7 +439,7 @@ fn artifacts_that_lack_something_are_named() {
 }
 
 #[test]
-fn a_training_is_told_in_a_line_with_its_warnings_after_it() {
+fn a_training_is_described_in_a_line_with_its_warnings() {
     let bench = Bench::new();
     let made = [
         bench.made("solved", "solve", &solved(&[1.7])),
@@ -455,8 +456,8 @@ fn a_training_is_told_in_a_line_with_its_warnings_after_it() {
     assert_eq!(found, [expected]);
 }
 
-/// An evaluation of a model and an estimate that leads nowhere on two families and all, with a calibration.
-fn evaluated(model: &Made) -> Object {
+/// An evaluation of a model and of an estimate without predictions, on two families and all, with a calibration.
+fn evaluated(model: &StageArtifact) -> Object {
     let texts = |t: &[&str]| {
         Dataset::new(
             "",
@@ -529,7 +530,7 @@ fn an_evaluation_names_models_by_their_stages() {
         "90.0 %",
         "0.0040",
         "judged: root mean square",
-        "surrogate learned from blobs; not from curves: the error on curves is 28.8 times that on its own",
+        "surrogate was trained on blobs; not on curves: its error on curves is 28.8 times that on its own families",
         "calibrated on blobs; not on curves",
     ] {
         assert!(text.contains(part), "{part}: {text}");

@@ -1,19 +1,18 @@
-//! The files of a report: the page, the table of designs, and each pattern.
+//! Writes the files of a report: the page, the table of designs, and each pattern.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::artifacts::Made;
-use super::designs::{Design, Found, designs, role_word};
+use super::artifacts::StageArtifact;
+use super::designs::{Design, DesignStatistics, designs, role_word};
 use super::error::ReportError;
-use super::export::{dxf, mask_drawing};
-use super::history::History;
+use super::export::{cell_lines, dxf, mask_drawing};
+use super::history::PipelineHistory;
 use super::intervals::NetworkInterval;
 use super::page::{self, report_page};
 use deaflow_base::{CsvTable, OutputFile, csv_metadata, folder_of, read_bounded};
-use deaflow_pattern::Pattern;
 use deaflow_scene::{Mask, Size};
 use deaflow_store::Store;
 
@@ -45,42 +44,42 @@ pub const COLUMNS: [&str; 24] = [
     "pattern_file",
 ];
 
-/// A table of a million designs takes less, bytes.
-const LONGEST_TABLE: u64 = 1 << 30;
+/// The largest table or page, bytes.
+const MAX_BYTES: u64 = 1 << 30;
 
-/// What the files of comma-separated values in the folder are of.
-const ABOUT: &str = "csv-metadata.json";
+/// The description of the CSV files in the folder.
+const METADATA: &str = "csv-metadata.json";
 
-/// What has been written.
+/// The files of a report.
 #[derive(Clone, Debug)]
-pub struct Written {
+pub struct ReportFiles {
     /// The page.
     pub page: PathBuf,
-    /// The table of designs; none where there are no designs.
+    /// The table of designs, if there are designs.
     pub designs: Option<PathBuf>,
     /// The patterns, in the order of the table.
     pub patterns: Vec<PathBuf>,
-    /// The masks of the designs that were searched, in the same order.
+    /// The masks of the searched designs, in the same order.
     pub masks: Vec<PathBuf>,
-    /// The numbers that matter.
-    pub found: Found,
+    /// Statistics of the designs.
+    pub found: DesignStatistics,
 }
 
-/// Writes the report of a pipeline into a folder: `index.html`, and where there are designs `data/designs.csv`,
-/// `data/patterns/NAME.csv`, what these are of in `data/csv-metadata.json`, and of designs that were searched `data/masks/NAME.dxf`. Patterns and
-/// masks of an earlier report that are no longer among them are removed.
+/// Writes the report of a pipeline into a folder: `index.html`, and if there are designs `data/designs.csv`,
+/// `data/patterns/NAME.csv`, their description in `data/csv-metadata.json`, and for searched designs
+/// `data/masks/NAME.dxf`. Patterns and masks of an earlier report that are no longer needed are removed.
 ///
 /// # Errors
-/// When an artifact cannot be read, or a file cannot be written.
-pub fn write_report(store: &Store, history: &History, folder: &Path) -> Result<Written, ReportError> {
+/// If an artifact cannot be read, or a file cannot be written.
+pub fn write_report(store: &Store, history: &PipelineHistory, folder: &Path) -> Result<ReportFiles, ReportError> {
     let made = history.made();
     let run = history.run(store, &made);
     let designs = designs(&run, &history.superseded())?;
     let page = report_page(&run, history, &designs)?;
     refuse_another(&page, folder)?;
     let (path, data) = (folder.join("index.html"), folder.join("data"));
-    let (table, patterns, about) = (data.join("designs.csv"), data.join("patterns"), data.join(ABOUT));
-    // What is in the way is found before anything of an earlier report goes.
+    let (table, patterns, about) = (data.join("designs.csv"), data.join("patterns"), data.join(METADATA));
+    // Obstacles are found before any file of an earlier report is removed.
     let page_file = OutputFile::at(&path)?;
     let of_design = |design: &Design| data.join(design.pattern_file());
     let earlier = earlier_files(&table, &data);
@@ -93,7 +92,7 @@ pub fn write_report(store: &Store, history: &History, folder: &Path) -> Result<W
             .map(|design| OutputFile::at(&of_design(design)))
             .collect();
         for (design, file) in designs.iter().zip(files?) {
-            file.write(pattern_text(&design.pattern).as_bytes())?;
+            file.write(cell_lines(design.pattern.cells(), design.pattern.raster().columns()).as_bytes())?;
             written.push(of_design(design));
         }
         masks = write_masks(&designs, &data, &digests(&made))?;
@@ -108,22 +107,22 @@ pub fn write_report(store: &Store, history: &History, folder: &Path) -> Result<W
         .into_iter()
         .try_for_each(|path| fs::remove_file(path).map_err(failed(path)))?;
     written.retain(|path| ![&table, &about].contains(&path));
-    // The page last: where it stands, what it stands for does too.
+    // The page is written last, so that it never exists without its files.
     page_file.write(page.as_bytes())?;
-    Ok(Written {
+    Ok(ReportFiles {
         page: path,
         designs: (!designs.is_empty()).then_some(table),
         patterns: written,
         masks,
-        found: Found::of(&designs),
+        found: DesignStatistics::of(&designs),
     })
 }
 
-/// Refuses a folder with the report of another pipeline, whose files would be replaced and removed.
+/// Refuses a folder with the report of another pipeline, whose files would be replaced or removed.
 fn refuse_another(page: &str, folder: &Path) -> Result<(), ReportError> {
-    let there = read_bounded(&folder.join("index.html"), LONGEST_TABLE).unwrap_or_default();
+    let there = read_bounded(&folder.join("index.html"), MAX_BYTES).unwrap_or_default();
     let there = String::from_utf8_lossy(&there);
-    match (subject(&there), subject(page)) {
+    match (pipeline_of(&there), pipeline_of(page)) {
         (Some(other), Some(own)) if other != own => Err(ReportError::Other {
             folder: folder.to_owned(),
             pipeline: other.to_owned(),
@@ -132,19 +131,19 @@ fn refuse_another(page: &str, folder: &Path) -> Result<(), ReportError> {
     }
 }
 
-/// Of which pipeline a page tells, as it stands there.
-fn subject(page: &str) -> Option<&str> {
+/// Returns the name of the pipeline of a page.
+fn pipeline_of(page: &str) -> Option<&str> {
     let (_, rest) = page.split_once(page::ABOUT)?;
     Some(rest.split_once(": ")?.0)
 }
 
-impl Written {
-    /// For people.
+impl ReportFiles {
+    /// Lists the files for people.
     #[must_use]
     pub fn text(&self) -> String {
         let mut lines = vec![format!("written:\n  {}", self.page.display())];
         if let Some(designs) = &self.designs {
-            lines.push(format!("  {}, described by {ABOUT}", designs.display()));
+            lines.push(format!("  {}, described by {METADATA}", designs.display()));
             let folder = self.patterns.first().and_then(|path| path.parent());
             let folder = folder.map_or(String::new(), |folder| folder.display().to_string());
             lines.push(format!("  {folder}/*.csv: {} patterns", self.patterns.len()));
@@ -159,7 +158,7 @@ impl Written {
     }
 }
 
-/// Writes the mask of each design that was searched, as it lies on the frame, with the artifacts that designs are from.
+/// Writes the mask of each searched design, at the size of the frame, with the digests of the artifacts of the designs.
 fn write_masks(designs: &[Design], data: &Path, source: &str) -> Result<Vec<PathBuf>, ReportError> {
     let mut written = Vec::new();
     for (design, name) in designs.iter().filter_map(|design| Some((design, design.mask_file()?))) {
@@ -181,13 +180,13 @@ fn failed(path: &Path) -> impl Fn(io::Error) -> ReportError + '_ {
     }
 }
 
-/// The table of an earlier report, the patterns that it names and their masks: what else is in the folder is not ours.
+/// Lists the files of an earlier report: its table, and the patterns and masks of the table. Other files are ignored.
 fn earlier_files(table: &Path, data: &Path) -> Vec<PathBuf> {
-    let Ok(text) = read_bounded(table, LONGEST_TABLE) else {
+    let Ok(text) = read_bounded(table, MAX_BYTES) else {
         return Vec::new();
     };
     let mut reader = csv::Reader::from_reader(text.as_slice());
-    // Other versions had other columns between these.
+    // Other versions have other columns between these.
     let [first, .., last] = COLUMNS;
     let is_ours = |header: &csv::StringRecord| header.get(0) == Some(first) && header.iter().next_back() == Some(last);
     if !reader.headers().is_ok_and(is_ours) {
@@ -206,15 +205,15 @@ fn earlier_files(table: &Path, data: &Path) -> Vec<PathBuf> {
     patterns
         .into_iter()
         .chain(
-            [table.to_owned(), data.join(ABOUT)]
+            [table.to_owned(), data.join(METADATA)]
                 .into_iter()
                 .filter(|path| path.is_file()),
         )
         .collect()
 }
 
-/// The artifacts that designs are read from.
-fn digests(made: &[Made]) -> String {
+/// Lists the digests of the artifacts of the designs.
+fn digests(made: &[StageArtifact]) -> String {
     let of_designs = made
         .iter()
         .filter(|made| ["design", "verify"].contains(&made.kind.as_str()));
@@ -224,8 +223,8 @@ fn digests(made: &[Made]) -> String {
         .join(" ")
 }
 
-/// What the files are of: the pipeline, and the artifacts that designs are read from.
-fn described(designs: &[Design], history: &History, made: &[Made]) -> Vec<CsvTable> {
+/// Describes the CSV files: the pipeline, and the artifacts of the designs.
+fn described(designs: &[Design], history: &PipelineHistory, made: &[StageArtifact]) -> Vec<CsvTable> {
     let source = digests(made);
     let table = |url: String, title: &str, header: bool| CsvTable {
         url,
@@ -239,15 +238,6 @@ fn described(designs: &[Design], history: &History, made: &[Made]) -> Vec<CsvTab
     std::iter::once(table("designs.csv".to_owned(), "designs", true))
         .chain(patterns)
         .collect()
-}
-
-/// A line for each row, the first at the lower edge.
-fn pattern_text(pattern: &Pattern) -> String {
-    let line = |row: &[u8]| {
-        let values: Vec<String> = row.iter().map(u8::to_string).collect();
-        values.join(",") + "\n"
-    };
-    pattern.cells().chunks(pattern.raster().columns()).map(line).collect()
 }
 
 fn table_text(designs: &[Design]) -> io::Result<Vec<u8>> {
@@ -271,7 +261,7 @@ fn row(design: &Design) -> [String; COLUMNS.len()] {
         design.units.to_string(),
         design.objective.coordinates(0),
         design.objective.coordinates(1),
-        design.objective.ways(),
+        design.objective.directions(),
         design.objective.short_text(),
         design.area_target.clone(),
         number(design.area),
@@ -303,8 +293,8 @@ mod tests {
 
     #[test]
     fn the_first_line_of_a_pattern_is_its_lower_edge() {
-        let pattern = Pattern::from_fn(Raster::PAPER, |x, y| y == 0 && x < 3);
-        let text = pattern_text(&pattern);
+        let pattern = deaflow_pattern::Pattern::from_fn(Raster::PAPER, |x, y| y == 0 && x < 3);
+        let text = cell_lines(pattern.cells(), pattern.raster().columns());
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 50);
         assert!(lines[0].starts_with("1,1,1,0,") && !lines[49].contains('1'));
@@ -312,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_has_numbers_of_six_decimals_lists_of_points_and_nothing_for_what_is_not_known() {
+    fn a_row_has_numbers_with_six_decimals_lists_of_points_and_empty_cells_for_unknown_values() {
         let mut of_four = design(Role::Refined, 50, Some(0.987_654_32));
         of_four.objective = Objective::read(
             "{ points: [{ point: [12.5, 25], direction: 0 }, { point: [37.5, 25], direction: 180 deg }] }",
@@ -344,17 +334,14 @@ mod tests {
         fs::write(folder.path().join("index.html"), page("own")).unwrap();
         assert!(refuse_another(&page("own"), folder.path()).is_ok());
         let refused = refuse_another(&page("another"), folder.path()).unwrap_err();
-        assert!(
-            refused.to_string().contains("the report of the pipeline own"),
-            "{refused}"
-        );
-        // What is no report has no files that a report would remove.
+        assert!(refused.to_string().contains("another pipeline, own"), "{refused}");
+        // Another file has no files that a report would remove.
         fs::write(folder.path().join("index.html"), "<p>mine</p>").unwrap();
         assert!(refuse_another(&page("another"), folder.path()).is_ok());
     }
 
     #[test]
-    fn only_what_an_earlier_report_wrote_is_removed() {
+    fn only_files_of_an_earlier_report_are_removed() {
         let folder = tempfile::tempdir().unwrap();
         let data = folder.path();
         fs::create_dir(data.join("patterns")).unwrap();

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use deaflow::report::drawing::{Axis, Chart, Colour, Mark, Series, Sheet};
-use deaflow::report::{DrawFigure, Made, Presenter, ReportError, RunArtifacts, Source, draw_figures};
+use deaflow::report::{ArtifactReader, DrawFigure, Presenter, ReportError, RunArtifacts, StageArtifact, draw_figures};
 use deaflow::store::{Data, Dataset, Object, Provenance, Store};
 
 struct Toy;
@@ -18,7 +18,7 @@ impl Presenter for Toy {
     }
 }
 
-fn line(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+fn line(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
     let (_, values) = source.artifact.f64s("values")?;
     let axes = [
         Axis::counting("Place", 0.0, values.len() as f64),
@@ -26,7 +26,7 @@ fn line(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
     ];
     let points = (0..).map(f64::from).zip(values).collect();
     let series = vec![Series::new("values", Colour::Blue, Mark::LineAndDots, points)];
-    source.drawn(Sheet::charts(1, &[Chart::new("Toy", axes, series)]).write_png(path))
+    Ok(Some(Sheet::charts(1, &[Chart::new("Toy", axes, series)])))
 }
 
 #[test]
@@ -35,7 +35,7 @@ fn a_presenter_from_outside_draws_a_figure() {
     let store = Store::open(&folder.path().join("store")).unwrap();
     let values = Dataset::new("mm", "d", &[3], Data::F64(vec![1.0, 3.0, 2.0]));
     let object = Object::default().with("values", values);
-    let made = [Made {
+    let made = [StageArtifact {
         stage: "mine".into(),
         kind: "toy".into(),
         digest: store.put(&object, &Provenance::default()).unwrap().digest,
@@ -43,7 +43,7 @@ fn a_presenter_from_outside_draws_a_figure() {
     let run = RunArtifacts {
         store: &store,
         file: Path::new("/p.yaml"),
-        made: &made,
+        stages: &made,
         rounds: &[],
     };
     let drawn = draw_figures(&[&Toy], &run, "p").unwrap();

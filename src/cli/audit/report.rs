@@ -9,8 +9,8 @@ use crate::text::Text;
 use crate::{CliError, table, write};
 use deaflow_base::ArtifactId;
 use deaflow_content::{AttributeError, Audit};
-use deaflow_report::figures::{Ground, Membrane, draw_audit, membrane_drawing};
-use deaflow_report::{Page, audited};
+use deaflow_report::figures::{Background, DeformedMembrane, membrane_sheet};
+use deaflow_report::{Page, audit_figure};
 use deaflow_stage::audit::{Audited, Finding, Lineage, Severity, SourceRows, Summary, rows, sort};
 
 /// The origins of a dataset.
@@ -220,9 +220,9 @@ impl AuditReport {
         }
         page.lines(&self.lines());
         let mut files = Vec::new();
-        if let Some(figure) = self.audit.as_ref().and_then(audited) {
+        if let Some(figure) = self.audit.as_ref().and_then(audit_figure) {
             let path = folder.join("audit.png");
-            draw_audit(&path, &figure)?;
+            figure.sheet()?.write_png(&path)?;
             page.charts(&figure.charts()?);
             page.note("Coverage of the dataset, and its errors compared with a finer mesh");
             files.push(path);
@@ -233,7 +233,7 @@ impl AuditReport {
             };
             let path = folder.join(format!("{}-{row}.png", finding.check));
             let title = format!("{}: row {row}, as stored", finding.check);
-            let drawing = membrane_drawing(&title, &membrane);
+            let drawing = membrane_sheet(&title, &membrane);
             drawing.write_png(&path)?;
             page.figure(&title, &drawing.svg(&title));
             files.push(path);
@@ -245,13 +245,13 @@ impl AuditReport {
     }
 
     /// Finds the first example that can be drawn.
-    fn example(&self, finding: &Finding) -> Option<(u64, Membrane)> {
+    fn example(&self, finding: &Finding) -> Option<(u64, DeformedMembrane)> {
         let rows = self.rows.as_ref()?;
         // Rows that did not converge have no field.
         let examples = finding.examples.iter().filter(|_| finding.check != "not-converged");
         examples.copied().find_map(|row| {
             let (cells, displacement) = rows.row(usize::try_from(row).ok()?)?;
-            let membrane = Membrane::new(&cells, &displacement, Ground::of(&rows.scene), Vec::new());
+            let membrane = DeformedMembrane::new(&cells, &displacement, Background::of(&rows.scene), Vec::new());
             Some((row, membrane.ok()?))
         })
     }

@@ -13,7 +13,7 @@ use deaflow_content::{Histories, Lines, Packed};
 use deaflow_fem::screening::Screened;
 use deaflow_fem::{AccurateHistory, History, HistorySolver, Instant, USUAL_TIME_ERROR};
 use deaflow_field::{Field, Mesh, Motion};
-use deaflow_report::figures::{self, draw_histories};
+use deaflow_report::figures::{self, histories_sheet};
 use deaflow_scene::{Scene, Side};
 
 /// The latest time, s.
@@ -173,7 +173,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         attachments: Some(Attachments {
             title: "deaflow solve --history",
             table: steps_table(&followed)?,
-            draw: Box::new(move |figure| draw_histories(figure, &motions, is_step)),
+            draw: Box::new(move |figure| histories_sheet(&motions, is_step)?.write_png(figure)),
         }),
         document: json!({
             "times": times,

@@ -14,7 +14,7 @@ use deaflow_content::LoadPaths;
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{CriticalSearch, CriticalVoltage, LoadPath, MembraneSolver, MeshLimit, PathEvent};
 use deaflow_pattern::Pattern;
-use deaflow_report::figures::{Branch, Limit, draw_paths};
+use deaflow_report::figures::{Branch, Limit, paths_sheet};
 use deaflow_scene::Scene;
 
 /// A load path, with the critical voltage and its error.
@@ -60,7 +60,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         attachments: Some(Attachments {
             title: "deaflow solve --path",
             table: points_table(&paths)?,
-            draw: Box::new(move |figure| draw_paths(figure, &branches)),
+            draw: Box::new(move |figure| paths_sheet(&branches)?.write_png(figure)),
         }),
         warnings: Vec::new(),
         document: json!({ "paths": paths.iter().map(document).collect::<Vec<_>>() }),

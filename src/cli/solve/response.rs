@@ -16,7 +16,7 @@ use deaflow_fem::screening::resolve;
 use deaflow_fem::{AtFrequency, FrequencyResponse, FrequencySolver, SetupError, at_bias};
 use deaflow_field::Field;
 use deaflow_pattern::Pattern;
-use deaflow_report::figures::{self, draw_responses};
+use deaflow_report::figures::{self, responses_sheet};
 use deaflow_scene::Scene;
 
 /// The allowed frequencies, Hz.
@@ -126,7 +126,7 @@ pub fn execute(arguments: &SolveArguments, range: FrequencyRange, output: &Outpu
         attachments: Some(Attachments {
             title: "deaflow solve --response",
             table: rows(&found, &motions, &frequencies)?,
-            draw: Box::new(move |figure| draw_responses(figure, &curves)),
+            draw: Box::new(move |figure| responses_sheet(&curves)?.write_png(figure)),
         }),
         warnings: warnings(&scene),
         document: json!({

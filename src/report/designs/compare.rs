@@ -1,51 +1,39 @@
-//! What a design is compared with: the intuitive one at its own and at equal area, and the best that gradients find.
+//! Comparison of a design with the intuitive designs, at its own and at equal area, and with the best of the gradient
+//! search.
 
-use super::{Design, LEAST_MM, Role, SAME_AREA};
-
-/// Simulated displacements along the wanted directions in mm, of the same case and target.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Compared {
-    /// Of the intuitive design at its own area.
-    pub intuitive_own: Option<f64>,
-    /// Of the intuitive design at the area of this one; none where none of that area is there.
-    pub intuitive_equal_area: Option<f64>,
-    /// Of the optimum: of the same units where there is one of these, else the best.
-    pub optimum: Option<f64>,
-    /// The displacement of this design over that of the optimum; none where a displacement is to be met, as more of it is not better, or the
-    /// optimum hardly moves.
-    pub ratio: Option<f64>,
-}
+use super::design::{Comparison, Design, LEAST_MM, SAME_AREA};
+use deaflow_pattern::Role;
 
 /// Compares all designs with each other.
 pub fn compare(designs: &mut [Design]) {
-    let compared: Vec<Compared> = designs.iter().map(|design| of(design, designs)).collect();
+    let compared: Vec<Comparison> = designs.iter().map(|design| of(design, designs)).collect();
     for (design, compared) in designs.iter_mut().zip(compared) {
         design.compared = compared;
     }
 }
 
-fn of(design: &Design, all: &[Design]) -> Compared {
-    let beside = |role: Role| {
+fn of(design: &Design, all: &[Design]) -> Comparison {
+    let matching = |role: Role| {
         all.iter()
-            .filter(move |other| other.role == role && design.is_beside(other))
+            .filter(move |other| other.role == role && design.has_same_target(other))
     };
     let distance = |other: &Design| (other.area - design.area).abs();
-    let nearest = |role: Role| beside(role).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let nearest = |role: Role| matching(role).min_by(|a, b| distance(a).total_cmp(&distance(b)));
     let equal = nearest(Role::IntuitiveEqualArea).filter(|other| distance(other) <= SAME_AREA);
-    let optimum = optimum(design, &beside(Role::Optimum).collect::<Vec<_>>());
+    let optimum = optimum(design, &matching(Role::Optimum).collect::<Vec<_>>());
     let ratio = |optimum: f64| Some(design.simulated_mm? / optimum);
-    Compared {
+    Comparison {
         intuitive_own: nearest(Role::Intuitive).and_then(|other| other.simulated_mm),
         intuitive_equal_area: equal.and_then(|other| other.simulated_mm),
         optimum,
         ratio: optimum
-            // Of next to nothing, or of a way back, there is no share.
+            // The ratio to a tiny or negative displacement means nothing.
             .filter(|mm| !design.objective.is_met && *mm > LEAST_MM)
             .and_then(ratio),
     }
 }
 
-/// The best of the optima: the largest displacement, or the nearest to the one that is to be met.
+/// Returns the best of the optima: the largest displacement, or the one nearest to the target value.
 fn optimum(design: &Design, optima: &[&Design]) -> Option<f64> {
     let badness = |mm: f64| design.objective.value_mm.map_or(-mm, |value| (mm - value).abs());
     let best = |same_units: bool| {
@@ -62,7 +50,7 @@ pub(crate) mod tests {
 
     use super::*;
     use crate::designs::{Objective, role_word};
-    use crate::drawing::Ground;
+    use crate::drawing::Background;
     use deaflow_pattern::{Membrane, Pattern, Raster};
     use deaflow_scene::Scene;
 
@@ -81,7 +69,7 @@ pub(crate) mod tests {
             constraints: "{}".into(),
             status: "met".into(),
             scene: Arc::new(Scene::vhb4910()),
-            ground: Ground::plain(Membrane::square(50.0)),
+            background: Background::plain(Membrane::square(50.0)),
             pattern: Pattern::from_fn(Raster::PAPER, |_, _| true),
             predicted: Some(vec![0.0; 5202]),
             simulated: None,
@@ -92,12 +80,12 @@ pub(crate) mod tests {
             distance_mm: None,
             interval: None,
             outcome: None,
-            compared: Compared::default(),
+            compared: Comparison::default(),
         }
     }
 
     #[test]
-    fn an_optimum_of_the_same_units_comes_before_a_better_one_of_others() {
+    fn an_optimum_on_the_same_units_is_preferred() {
         let mut designs = vec![
             design(Role::Ga, 20, Some(1.8)),
             design(Role::Refined, 50, Some(1.9)),
@@ -114,7 +102,7 @@ pub(crate) mod tests {
         assert_eq!(designs[1].compared.ratio, Some(0.95));
         assert_eq!(designs[1].compared.intuitive_own, Some(1.5));
         assert_eq!(designs[1].compared.intuitive_equal_area, Some(1.6));
-        assert_eq!(designs[6].compared, Compared::default());
+        assert_eq!(designs[6].compared, Comparison::default());
 
         designs.remove(2);
         compare(&mut designs);
@@ -122,7 +110,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn of_an_optimum_that_hardly_moves_or_moves_back_there_is_no_share() {
+    fn there_is_no_ratio_to_an_optimum_that_hardly_moves_or_moves_back() {
         for (optimum, ratio) in [(1e-4, None), (-2.0, None), (2.0, Some(-0.5))] {
             let mut both = vec![
                 design(Role::Refined, 50, Some(-1.0)),
@@ -134,7 +122,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_is_for_another_objective_area_or_scene_is_not_compared() {
+    fn designs_for_another_objective_area_or_scene_are_not_compared() {
         let found = design(Role::Refined, 50, Some(1.0));
         let optimum = design(Role::Optimum, 50, Some(2.0));
         let compared = |optimum: Design| {
@@ -157,7 +145,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn where_a_value_is_to_be_met_the_optimum_is_the_nearest_to_it() {
+    fn if_a_value_is_to_be_reached_the_optimum_is_the_nearest_to_it() {
         let mut designs = vec![
             design(Role::Ga, 20, Some(1.01)),
             design(Role::Optimum, 50, Some(1.2)),
@@ -171,7 +159,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn of_several_intuitive_designs_the_one_of_the_same_area_counts() {
+    fn of_several_intuitive_designs_the_one_with_equal_area_is_used() {
         let mut designs = vec![
             design(Role::Refined, 50, Some(2.0)),
             design(Role::IntuitiveEqualArea, 50, Some(1.6)),
@@ -181,7 +169,7 @@ pub(crate) mod tests {
         designs[2].area = 0.4004;
         compare(&mut designs);
         assert_eq!(designs[0].compared.intuitive_equal_area, Some(1.7));
-        // One of another area says nothing of a gain at equal area.
+        // One with another area gives no gain at equal area.
         designs[2].area = 0.41;
         compare(&mut designs);
         assert_eq!(designs[0].compared.intuitive_equal_area, None);

@@ -1,19 +1,20 @@
-//! Names of designs: told apart at a glance, the same in every report of the same pipeline, and fit for files.
+//! Names of designs: readable, the same in every report of a pipeline, and valid as file names.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Design, Role};
+use super::design::Design;
+use deaflow_pattern::Role;
 
 /// Names all designs: `I-centre-0-refined`, `IV-max-3-refined`, `I-centre-0-intuitive-equal-area`.
 pub fn name(designs: &mut [Design]) {
-    // A person's own patterns of a target are counted apart from its designs.
+    // Own patterns of a target are numbered apart from its designs.
     let counted = |design: &Design| (design.case.clone(), design.target.clone(), design.role.is_found());
     let mut largest: BTreeMap<(String, String, bool), u64> = BTreeMap::new();
     for design in designs.iter() {
         let most = largest.entry(counted(design)).or_default();
         *most = design.member.max(*most);
     }
-    let wanted: Vec<String> = designs
+    let names: Vec<String> = designs
         .iter()
         .map(|design| {
             let members = largest.get(&counted(design));
@@ -22,14 +23,14 @@ pub fn name(designs: &mut [Design]) {
         .collect();
     let mut taken = BTreeSet::new();
     for (k, design) in designs.iter_mut().enumerate() {
-        let same = wanted.iter().filter(|name| **name == wanted[k]).count();
-        let mut name = wanted[k].clone();
+        let same = names.iter().filter(|name| **name == names[k]).count();
+        let mut name = names[k].clone();
         if same > 1 && design.role.is_found() {
             name = format!("{name}-{}", design.units);
         }
         let base = name.clone();
         let mut number = 2;
-        // Letters that differ in case alone are the same to some file systems.
+        // Some file systems do not distinguish upper and lower case.
         while !taken.insert(name.to_lowercase()) {
             name = format!("{base}-{number}");
             number += 1;
@@ -38,10 +39,10 @@ pub fn name(designs: &mut [Design]) {
     }
 }
 
-/// Case, target, number among several and role. A target that the case ends with is not said twice.
+/// Returns case, target, number and role. A target that is the end of the case is left out.
 fn plain(design: &Design, several: bool) -> String {
     let (case, target) = (safe(&design.case), safe(&design.target));
-    let said = case == target || case.ends_with(&format!("-{target}"));
+    let is_in_case = case == target || case.ends_with(&format!("-{target}"));
     let role = match design.role {
         Role::Intuitive => "intuitive-own-area",
         Role::IntuitiveEqualArea => "intuitive-equal-area",
@@ -50,14 +51,14 @@ fn plain(design: &Design, several: bool) -> String {
     let number = (several && design.role.is_compared()).then(|| (design.member + 1).to_string());
     let parts = [
         (!case.is_empty()).then_some(case),
-        (!target.is_empty() && !said).then_some(target),
+        (!target.is_empty() && !is_in_case).then_some(target),
         number,
         Some(role.to_owned()),
     ];
     parts.into_iter().flatten().collect::<Vec<_>>().join("-")
 }
 
-/// Names are free in a pipeline; in the name of a file they must not lead elsewhere.
+/// Replaces characters that a file name must not have.
 fn safe(name: &str) -> String {
     let safe = |c: char| {
         if c.is_alphanumeric() || "-_.".contains(c) {
@@ -91,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn names_say_case_target_number_and_role() {
+    fn names_have_case_target_number_and_role() {
         let names = named(vec![
             of("I", "centre-0", Role::Refined, 0),
             of("I", "centre-0", Role::Intuitive, 0),
@@ -114,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn no_two_designs_have_the_same_name_and_none_leads_out_of_its_folder() {
+    fn names_are_unique_and_stay_in_their_folder() {
         let mut other = of("I", "a", Role::Optimum, 0);
         other.units = 20;
         let names = named(vec![

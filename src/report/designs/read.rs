@@ -1,24 +1,24 @@
-//! Designs as they stand in the artifacts of design and verify stages.
+//! Reads the designs in the artifacts of design and verify stages.
 
 use std::sync::Arc;
 
-use super::compare::{Compared, compare};
+use super::compare::compare;
+use super::design::{Comparison, Design, StateField};
 use super::names::name;
 use super::objective::Objective;
-use super::{Design, StateField};
-use crate::artifacts::{RunArtifacts, Source};
-use crate::drawing::Ground;
+use crate::artifacts::{ArtifactReader, RunArtifacts};
+use crate::drawing::Background;
 use crate::error::ReportError;
 use crate::intervals;
 use deaflow_content::{DesignRowsView, Designs, StoredAttribute, Verification, predicted_rows};
 use deaflow_field::{Field, NO_FIELD};
 use deaflow_scene::Scene;
 
-/// The designs of a run, each once, named and compared: those that were verified, and those that were not as predicted. What
-/// was verified by the stages named in `superseded` alone, the earlier rounds, is left out.
+/// Returns the designs of a run, each once, named and compared: the verified ones, and the others as predicted. Designs
+/// that were verified only by stages in `superseded`, the earlier rounds, are left out.
 ///
 /// # Errors
-/// When an artifact cannot be read or does not hold what its kind promises.
+/// If an artifact cannot be read or does not have the content of its kind.
 pub fn designs(run: &RunArtifacts<'_>, superseded: &[&str]) -> Result<Vec<Design>, ReportError> {
     let (mut all, mut earlier): (Vec<Design>, Vec<Design>) = Default::default();
     let verified = run.each("verify", |source| Ok((source.stage.stage.clone(), verified(source)?)))?;
@@ -28,15 +28,15 @@ pub fn designs(run: &RunArtifacts<'_>, superseded: &[&str]) -> Result<Vec<Design
             continue;
         }
         for design in designs {
-            match all.iter_mut().find(|known| same(known, &design)) {
-                Some(known) if better(&design, known) => *known = design,
+            match all.iter_mut().find(|known| is_same(known, &design)) {
+                Some(known) if is_more_accurate(&design, known) => *known = design,
                 Some(_) => {}
                 None => all.push(design),
             }
         }
     }
     for design in run.each("design", searched)?.into_iter().flatten() {
-        if !all.iter().chain(&earlier).any(|known| same(known, &design)) {
+        if !all.iter().chain(&earlier).any(|known| is_same(known, &design)) {
             all.push(design);
         }
     }
@@ -46,20 +46,20 @@ pub fn designs(run: &RunArtifacts<'_>, superseded: &[&str]) -> Result<Vec<Design
     Ok(all)
 }
 
-/// Whether both are one design: of two verifications the better one is kept.
-fn same(a: &Design, b: &Design) -> bool {
-    a.is_beside(b) && (a.role, a.member, a.units) == (b.role, b.member, b.units) && a.pattern == b.pattern
+/// Whether both are the same design: the more accurate of two verifications is kept.
+fn is_same(a: &Design, b: &Design) -> bool {
+    a.has_same_target(b) && (a.role, a.member, a.units) == (b.role, b.member, b.units) && a.pattern == b.pattern
 }
 
-/// Whether one verification is to be believed more than another.
-fn better(new: &Design, known: &Design) -> bool {
+/// Whether one verification has a smaller estimated error than another.
+fn is_more_accurate(new: &Design, known: &Design) -> bool {
     match (new.error_mm, known.error_mm) {
         (Some(new), Some(known)) => new < known,
         (new, known) => new.is_some() && known.is_none(),
     }
 }
 
-/// Cases and targets in the order in which they appear first, and their designs by role.
+/// Sorts cases and targets by their first appearance, and their designs by role.
 fn sort(designs: &mut [Design]) {
     let mut order: Vec<(String, String)> = Vec::new();
     let mut cases: Vec<String> = Vec::new();
@@ -80,8 +80,8 @@ fn sort(designs: &mut [Design]) {
     designs.sort_by_key(place);
 }
 
-/// The designs of a verify stage.
-fn verified(source: &Source<'_>) -> Result<Vec<Design>, ReportError> {
+/// Reads the designs of a verify stage.
+fn verified(source: &ArtifactReader<'_>) -> Result<Vec<Design>, ReportError> {
     let view = source.of(Verification::open(source.artifact))?;
     let predicted = source.of(view.component().predicted().read())?;
     let mut designs = read(source, &view.rows(), &view.scene(), &predicted)?;
@@ -101,23 +101,23 @@ fn verified(source: &Source<'_>) -> Result<Vec<Design>, ReportError> {
         }
         design.simulated = Some(fields[row].values().to_vec());
         design.simulated_mm = Some(component.simulated[row]);
-        // An error that is not known is not zero.
+        // An unknown error is not zero.
         design.error_mm = (component.error_known[row] == 1).then_some(component.error[row]);
         design.distance_mm = design.objective.is_met.then_some(component.distance[row]);
     }
     Ok(designs)
 }
 
-/// The designs of a design stage.
-fn searched(source: &Source<'_>) -> Result<Vec<Design>, ReportError> {
+/// Reads the designs of a design stage.
+fn searched(source: &ArtifactReader<'_>) -> Result<Vec<Design>, ReportError> {
     let view = source.of(Designs::open(source.artifact))?;
     let predicted = source.of(view.value().read())?;
     read(source, &view.rows(), &view.scene(), &predicted)
 }
 
-/// The rows of one artifact with their predicted displacements, without what verification found.
+/// Reads the rows of an artifact with their predicted displacements, without simulations.
 fn read(
-    source: &Source<'_>,
+    source: &ArtifactReader<'_>,
     rows: &DesignRowsView<'_>,
     scene: &StoredAttribute<'_, Scene>,
     predicted_mm: &[f64],
@@ -125,9 +125,9 @@ fn read(
     let view = rows;
     let rows = source.of(view.read())?;
     let intervals = intervals::of_rows(source, view, rows.len())?;
-    // Stages keep as much of the time of the drive as each of them needs.
+    // Stages keep only as much of the time of the drive as they need.
     let scene = Arc::new(source.of(scene.read())?.without_time());
-    let ground = Ground::of(&scene);
+    let background = Background::of(&scene);
     let predictions = predicted_rows(&rows.role);
     let design = |k: usize| {
         let prediction = predictions[k].filter(|_| rows.status.0[k] != NO_FIELD);
@@ -144,7 +144,7 @@ fn read(
             constraints: rows.constraints.0[k].clone(),
             status: rows.status.0[k].clone(),
             scene: scene.clone(),
-            ground: ground.clone(),
+            background: background.clone(),
             pattern: rows.patterns[k].clone(),
             predicted: predictions[k].map(|at| rows.predicted[at].values().to_vec()),
             simulated: None,
@@ -158,13 +158,13 @@ fn read(
             distance_mm: None,
             interval: intervals[k].clone(),
             outcome: None,
-            compared: Compared::default(),
+            compared: Comparison::default(),
         })
     };
     (0..rows.len()).map(design).collect()
 }
 
-/// Fields in the states of a scene, by name.
+/// Returns fields with the names of their states.
 fn in_states(scene: &Scene, fields: &[Field]) -> Vec<StateField> {
     let names = scene.states.iter().map(|(name, _)| name.to_owned());
     let both = names.zip(fields);
@@ -175,7 +175,7 @@ fn in_states(scene: &Scene, fields: &[Field]) -> Vec<StateField> {
     .collect()
 }
 
-/// The number as short as it can be, or the word.
+/// Shortens a number; words stay.
 fn area_target(text: &str) -> String {
     text.parse::<f64>()
         .map_or_else(|_| text.to_owned(), |area| area.to_string())

@@ -1,6 +1,6 @@
 //! Axes with round ticks.
 
-/// Where numbers stand along one side of a panel, and what is written there.
+/// An axis: its label, range and ticks.
 #[derive(Clone)]
 pub struct Axis {
     label: String,
@@ -8,21 +8,21 @@ pub struct Axis {
     high: f64,
     ticks: Vec<f64>,
     logarithmic: bool,
-    writing: Writing,
+    format: TickFormat,
 }
 
-/// Decimals of ticks; what needs more is written with a power of ten.
+/// Decimals of ticks; smaller steps are written with a power of ten.
 const MOST_DECIMALS: usize = 4;
 
 #[derive(Clone)]
-enum Writing {
+enum TickFormat {
     Decimals(usize),
     Shortest,
     Names(Vec<String>),
 }
 
 impl Axis {
-    /// From `low` to `high`, with about seven round ticks.
+    /// Creates an axis from `low` to `high`, with about seven round ticks.
     pub fn linear(label: &str, low: f64, high: f64) -> Self {
         let high = if high > low { high } else { low + 1.0 };
         let step = round_step((high - low) / 6.0);
@@ -33,11 +33,11 @@ impl Axis {
             high,
             ticks: (first..=last).map(|k| k as f64 * step).collect(),
             logarithmic: false,
-            writing: Writing::Decimals((-step.log10().floor()).max(0.0) as usize),
+            format: TickFormat::Decimals((-step.log10().floor()).max(0.0) as usize),
         }
     }
 
-    /// For counts: ticks on whole numbers only, on each where there are few.
+    /// Creates an axis for counts: ticks on integers only.
     pub fn counting(label: &str, low: f64, high: f64) -> Self {
         let mut axis = Self::linear(label, low, high);
         if axis.high - axis.low <= 12.0 {
@@ -45,46 +45,41 @@ impl Axis {
                 .map(|k| k as f64)
                 .collect();
         }
-        axis.writing = Writing::Decimals(0);
+        axis.format = TickFormat::Decimals(0);
         axis
     }
 
-    /// For the counts of bins: from zero to a little above the largest.
+    /// Creates an axis for the counts of bins: from zero to a little above the largest.
     pub fn counts<'v>(label: &str, counts: impl IntoIterator<Item = &'v u64>) -> Self {
         let most = counts.into_iter().max().copied().unwrap_or(0);
         Self::counting(label, 0.0, (1.08 * most as f64).max(1.0))
     }
 
-    /// Between the smallest and the largest of some values, with a margin, so that a flat curve has an axis too.
+    /// Creates an axis between the smallest and the largest value, with a margin, so that a flat curve has an axis too.
     pub fn between<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
-        let ends = (f64::INFINITY, f64::NEG_INFINITY);
-        let (low, high) = values
-            .into_iter()
-            .fold(ends, |(l, h): (f64, f64), v| (l.min(*v), h.max(*v)));
+        let (low, high) = extent(values, EMPTY);
         let margin = (0.08 * (high - low)).max(0.01 * high.abs()).max(1e-6);
         Self::linear(label, low - margin, high + margin)
     }
 
-    /// From zero, or below if need be, to a little above the largest of some values.
+    /// Creates an axis from zero, or below if there are negative values, to a little above the largest value.
     pub fn above<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
-        let (low, high) = values
-            .into_iter()
-            .fold((0.0, 0.0), |(l, h): (f64, f64), v| (l.min(*v), h.max(*v)));
+        let (low, high) = extent(values, (0.0, 0.0));
         let margin = if high > low { 0.15 * (high - low) } else { 1.0 };
         Self::linear(label, if low < 0.0 { low - margin } else { 0.0 }, high + margin)
     }
 
-    /// Around some values and zero, with as much room above as below.
+    /// Creates an axis that is symmetric to zero and contains some values.
     pub fn around<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
         let largest = values.into_iter().fold(0.0, |a: f64, v| a.max(v.abs()));
         let end = if largest > 0.0 { 1.15 * largest } else { 1.0 };
         Self::linear(label, -end, end)
     }
 
-    /// Logarithmic around some positive values; others do not count.
+    /// Creates a logarithmic axis for positive values; others are ignored.
     pub fn logarithmic<'v>(label: &str, values: impl IntoIterator<Item = &'v f64>) -> Self {
-        let logs = values.into_iter().filter(|v| **v > 0.0).map(|v| v.log10());
-        let (low, high) = logs.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let logs: Vec<f64> = values.into_iter().filter(|v| **v > 0.0).map(|v| v.log10()).collect();
+        let (low, high) = extent(&logs, EMPTY);
         let (low, high) = if low <= high { (low, high) } else { (-1.0, 0.0) };
         let margin = (0.06 * (high - low)).max(0.05);
         let (low, high) = (low - margin, high + margin);
@@ -93,7 +88,7 @@ impl Axis {
             ..Self::linear(label, 10f64.powf(low), 10f64.powf(high))
         };
         if high - low < 1.0 {
-            // Within a decade the round numbers of a linear axis are as good, and there are enough of them.
+            // Within a decade, a linear axis has enough round ticks.
             return axis;
         }
         let within: &[f64] = if high - low < 2.0 { &[1.0, 2.0, 5.0] } else { &[1.0] };
@@ -103,21 +98,21 @@ impl Axis {
             .collect();
         Self {
             ticks,
-            writing: Writing::Shortest,
+            format: TickFormat::Shortest,
             ..axis
         }
     }
 
-    /// One tick per name, at 0, 1, 2, …
+    /// Creates an axis with one tick per name, at 0, 1, 2, …
     pub fn names(names: Vec<String>) -> Self {
         Self {
             ticks: (0..names.len()).map(|k| k as f64).collect(),
-            writing: Writing::Names(names.clone()),
+            format: TickFormat::Names(names.clone()),
             ..Self::linear("", -0.5, names.len() as f64 - 0.5)
         }
     }
 
-    /// Says what is measured along it.
+    /// Sets the label.
     pub fn with_label(self, label: &str) -> Self {
         Self {
             label: label.to_owned(),
@@ -125,28 +120,28 @@ impl Axis {
         }
     }
 
-    /// Its beginning and its end.
+    /// Returns its range.
     pub fn ends(&self) -> [f64; 2] {
         [self.low, self.high]
     }
 
-    /// Whether a value stands anywhere: on a logarithmic axis only positive ones do.
+    /// Whether a value can be shown: a logarithmic axis shows only positive ones.
     pub fn shows(&self, value: f64) -> bool {
         !self.logarithmic || value > 0.0
     }
 
-    /// What is measured along it.
+    /// Returns the label.
     pub fn label(&self) -> &str {
         &self.label
     }
 
-    /// Where numbers are written, with what is written there.
+    /// Returns the ticks with their texts.
     pub fn ticks(&self) -> impl Iterator<Item = (f64, String)> {
         self.ticks.iter().map(|tick| (*tick, self.write(*tick)))
     }
 
-    /// How far along the axis a value stands: 0 at its beginning, 1 at its end.
-    pub fn share(&self, value: f64) -> f64 {
+    /// Returns the position of a value along the axis: 0 at its beginning, 1 at its end.
+    pub fn fraction(&self, value: f64) -> f64 {
         if self.logarithmic {
             (value / self.low).log10() / (self.high / self.low).log10()
         } else {
@@ -155,19 +150,19 @@ impl Axis {
     }
 
     fn write(&self, tick: f64) -> String {
-        match &self.writing {
-            // Beside a chart there is no room for more decimals.
-            Writing::Decimals(decimals) if *decimals > MOST_DECIMALS => {
+        match &self.format {
+            // There is no space for more decimals.
+            TickFormat::Decimals(decimals) if *decimals > MOST_DECIMALS => {
                 if tick == 0.0 {
                     return "0".to_owned();
                 }
                 let digits = (tick.abs().log10() + 1e-9).floor() + *decimals as f64;
                 format!("{:.*e}", digits.max(0.0) as usize, tick)
             }
-            // −0.0 would be written with its sign.
-            Writing::Decimals(decimals) => format!("{:.*}", decimals, tick + 0.0),
-            Writing::Names(names) => names.get(tick.round() as usize).cloned().unwrap_or_default(),
-            Writing::Shortest => {
+            // −0.0 would have a sign.
+            TickFormat::Decimals(decimals) => format!("{:.*}", decimals, tick + 0.0),
+            TickFormat::Names(names) => names.get(tick.round() as usize).cloned().unwrap_or_default(),
+            TickFormat::Shortest => {
                 let digits = (-(tick.log10() + 1e-9).floor()).max(0.0) as usize;
                 if digits <= MOST_DECIMALS && tick < 99_999.0 {
                     format!("{tick:.digits$}")
@@ -179,7 +174,16 @@ impl Axis {
     }
 }
 
-/// The nearest of 1, 2, 5 times a power of ten that is not below `rough`.
+/// The range of no values.
+pub const EMPTY: (f64, f64) = (f64::INFINITY, f64::NEG_INFINITY);
+
+/// Extends a range by some values.
+pub fn extent<'v>(values: impl IntoIterator<Item = &'v f64>, range: (f64, f64)) -> (f64, f64) {
+    let extend = |(low, high): (f64, f64), value: &f64| (low.min(*value), high.max(*value));
+    values.into_iter().fold(range, extend)
+}
+
+/// Returns the nearest of 1, 2, 5 times a power of ten that is not below `rough`.
 fn round_step(rough: f64) -> f64 {
     let power = 10f64.powf(rough.log10().floor());
     let factor = [1.0, 2.0, 5.0].into_iter().find(|f| f * power >= rough * (1.0 - 1e-9));
@@ -235,7 +239,7 @@ mod tests {
     #[test]
     fn equal_ratios_are_equal_distances_on_a_logarithmic_axis() {
         let axis = Axis::logarithmic("loss", &[0.01, 1.0]);
-        let place = |value: f64| axis.share(value);
+        let place = |value: f64| axis.fraction(value);
         assert!((place(0.1) - place(0.01) - (place(1.0) - place(0.1))).abs() < 1e-9);
         assert!(place(0.01) < place(1.0));
     }

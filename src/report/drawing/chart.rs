@@ -1,26 +1,32 @@
-//! A chart: axes with round ticks, and series as lines, dots or bars.
+//! A chart: two axes, and series as lines, dots or bars.
 //!
-//! It is drawn once, as SVG. The page takes that as it is, with title and legend as text that wraps; a figure places the
-//! same SVG on a sheet and rasterises it.
+//! It is drawn once, as SVG. The page shows it with title and legend as text; a figure file places the same SVG on a
+//! sheet and rasterises it.
 
 use maud::{Markup, html};
 
 use super::axis::Axis;
-use super::labels::{Labels, Spot};
+use super::labels::{LabelOffset, LabelPlacer};
 use super::path::{number, path};
 
-/// Size of a chart unless another is asked for, small enough that its text can be read on a telephone. Units are pixels of
-/// the page, where text is 12 high.
+/// Default size of a chart, so small that its text is readable on a telephone. Units are pixels of the page, where text
+/// is 12 high.
 const SIZE: [f64; 2] = [380.0, 268.0];
 
-/// Room around the frame for ticks and labels. What is measured upwards is written above the frame, where it can be as long as the chart is
-/// wide and meets no tick.
+/// Size of a chart that is the only one on its sheet.
+pub const LARGE: [f64; 2] = [708.0, 410.0];
+
+/// The largest number of curves with names in the legend: more names would fill the chart.
+pub const MAX_NAMED: usize = 7;
+
+/// Space around the frame for ticks and labels. The label of the y axis is above the frame, so that it can be as long
+/// as the chart is wide.
 pub const LEFT: f64 = 56.0;
 pub const RIGHT: f64 = 14.0;
 pub const TOP: f64 = 28.0;
 pub const BELOW: f64 = 44.0;
 
-/// Widths and heights that text of 12 units hardly exceeds.
+/// Upper bounds of the width of a letter and the height of a line, for text of 12 units.
 pub const LETTER: f64 = 6.2;
 const LINE: i32 = 13;
 /// Between a point and its label.
@@ -28,13 +34,13 @@ const GAP: i32 = 10;
 /// The outer edge of the ring around a labelled point.
 const RING: f64 = 7.0;
 
-/// What is drawn within the frame of a chart has thousandths of the frame as its unit.
+/// The unit of drawings within the frame is a thousandth of the frame.
 pub const THOUSAND: f64 = 1000.0;
 
-/// A colour of drawings. The style sheet gives it its value.
+/// A colour of drawings; the style sheet defines its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Colour {
-    /// Okabe and Ito's blue; the others are theirs too.
+    /// Blue. The colours are those of Okabe and Ito.
     Blue,
     /// Light blue.
     Sky,
@@ -51,7 +57,7 @@ pub enum Colour {
 }
 
 impl Colour {
-    /// Colours of several series of the same kind, in this order and from the beginning again.
+    /// Colours of several series, in this order and again from the beginning.
     pub const ALL: [Self; 7] = [
         Self::Blue,
         Self::Orange,
@@ -79,15 +85,15 @@ impl Colour {
 /// A chart.
 #[derive(Clone)]
 pub struct Chart {
-    /// What it shows.
+    /// The title.
     pub title: String,
-    /// A remark below the title.
+    /// A note below the title.
     pub note: String,
-    /// The axis from left to right.
+    /// The horizontal axis.
     pub x: Axis,
-    /// The axis from below.
+    /// The vertical axis.
     pub y: Axis,
-    /// What is drawn, the last on top.
+    /// The series, the last on top.
     pub series: Vec<Series>,
     /// Width and height with ticks and labels.
     pub size: [f64; 2],
@@ -95,10 +101,10 @@ pub struct Chart {
     pub inside: Option<Markup>,
 }
 
-/// One thing that is drawn.
+/// A series of points.
 #[derive(Clone)]
 pub struct Series {
-    /// Its name in the legend; none where there is nothing to say.
+    /// Its name in the legend, if it has one.
     pub name: Option<String>,
     /// Its colour.
     pub colour: Colour,
@@ -106,8 +112,8 @@ pub struct Series {
     pub mark: Mark,
     /// Its points in the units of the axes.
     pub points: Vec<(f64, f64)>,
-    /// Words for each point or for none: a pointer brings them up, or they stand beside it, as the mark has it.
-    pub words: Vec<String>,
+    /// A text for each point, or none: a tooltip, or a label, depending on the mark.
+    pub texts: Vec<String>,
 }
 
 /// How a series is drawn.
@@ -121,52 +127,57 @@ pub enum Mark {
     LineAndDots,
     /// A dot at each point.
     Dots,
-    /// Small dots that are too many to be told apart.
+    /// Small dots, for many points.
     Cloud,
-    /// Rings around the points, and their words beside them.
+    /// Rings around the points, with their texts as labels.
     Labelled,
-    /// Bars: points are pairs of corners, lower left and upper right. Words stand at their ends.
+    /// Bars: points are pairs of corners, lower left and upper right. Texts stand at their ends.
     Bars,
 }
 
-/// Points of a line that are seen one by one.
-const FEW: usize = 40;
+/// Lines with more points have no dots.
+const MAX_DOTS: usize = 40;
 
 impl Series {
-    /// A series without words.
+    /// Creates a series without texts.
     pub fn new(name: &str, colour: Colour, mark: Mark, points: Vec<(f64, f64)>) -> Self {
         Self {
             name: (!name.is_empty()).then(|| name.to_owned()),
             colour,
             mark,
             points,
-            words: Vec::new(),
+            texts: Vec::new(),
         }
     }
 
-    /// The bars of a histogram, without those of no height.
+    /// Creates the bars of a histogram, without empty bins.
     pub fn bars(name: &str, colour: Colour, edges: &[f64], counts: &[u64]) -> Self {
         let bins = counts.iter().zip(edges.windows(2)).filter(|(count, _)| **count > 0);
         let corners = bins.flat_map(|(count, edge)| [(edge[0], 0.0), (edge[1], *count as f64)]);
         Self::new(name, colour, Mark::Bars, corners.collect())
     }
 
-    /// The outline of a histogram.
+    /// Creates the outline of a histogram.
     pub fn outline(name: &str, colour: Colour, edges: &[f64], counts: &[u64]) -> Self {
         let tops = counts.iter().zip(edges.windows(2));
         let tops = tops.flat_map(|(count, edge)| [(edge[0], *count as f64), (edge[1], *count as f64)]);
         Self::new(name, colour, Mark::Line, tops.collect())
     }
 
-    /// Adds words for each point.
-    pub fn with_words(mut self, words: Vec<String>) -> Self {
-        self.words = words;
+    /// Adds a text for each point.
+    pub fn with_texts(mut self, texts: Vec<String>) -> Self {
+        self.texts = texts;
         self
+    }
+
+    /// Pairs curves with different colours.
+    pub fn coloured<T>(curves: impl IntoIterator<Item = T>) -> impl Iterator<Item = (T, Colour)> {
+        curves.into_iter().zip(Colour::ALL.into_iter().cycle())
     }
 }
 
 impl Chart {
-    /// A chart of the usual size.
+    /// Creates a chart of the default size.
     pub fn new(title: impl Into<String>, [x, y]: [Axis; 2], series: Vec<Series>) -> Self {
         Self {
             title: title.into(),
@@ -179,19 +190,19 @@ impl Chart {
         }
     }
 
-    /// Adds a remark below the title.
+    /// Adds a note below the title.
     pub fn with_note(mut self, note: impl Into<String>) -> Self {
         self.note = note.into();
         self
     }
 
-    /// Takes another size.
+    /// Sets the size.
     pub fn with_size(mut self, size: [f64; 2]) -> Self {
         self.size = size;
         self
     }
 
-    /// Takes the size that gives the frame this width and height.
+    /// Sets the size by the width and height of the frame.
     pub fn with_frame(self, [width, height]: [f64; 2]) -> Self {
         self.with_size([LEFT + width + RIGHT, TOP + height + BELOW])
     }
@@ -201,14 +212,13 @@ impl Chart {
         self.with_frame([side; 2])
     }
 
-    /// What the legend names.
+    /// Returns the entries of the legend.
     pub fn legend(&self) -> impl Iterator<Item = (Colour, &str)> {
-        let named = |series: &'_ Series| series.name.is_some();
-        let entries = self.series.iter().filter(move |series| named(series));
-        entries.map(|series| (series.colour, series.name.as_deref().unwrap_or_default()))
+        let named = self.series.iter().filter(|series| series.name.is_some());
+        named.map(|series| (series.colour, series.name.as_deref().unwrap_or_default()))
     }
 
-    /// The chart with its title and legend, for a page.
+    /// Draws the chart with its title and legend, for a page.
     pub fn figure(&self) -> Markup {
         let description = format!("{}: {} over {}", self.title, self.y.label(), self.x.label());
         let [width, height] = self.size.map(|v| number(v, 1));
@@ -218,7 +228,8 @@ impl Chart {
                 @if self.legend().next().is_some() {
                     ul.legend { @for (colour, name) in self.legend() { li class=(colour.class()) { i {} (name) } } }
                 }
-                svg.chart viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label=(description) {
+                svg.chart viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height)
+                    role="img" aria-label=(description) {
                     title { (description) }
                     (self.plot())
                 }
@@ -226,7 +237,7 @@ impl Chart {
         }
     }
 
-    /// Frame and series, without title and legend.
+    /// Draws frame and series, without title and legend.
     pub fn plot(&self) -> Markup {
         let [left, top, right, bottom] = self.frame();
         let (across, down) = ((right - left) / THOUSAND, (bottom - top) / THOUSAND);
@@ -239,7 +250,7 @@ impl Chart {
         }
     }
 
-    /// Left, top, right and bottom of the frame.
+    /// Returns left, top, right and bottom of the frame.
     fn frame(&self) -> [f64; 4] {
         [LEFT, TOP, self.size[0] - RIGHT, self.size[1] - BELOW]
     }
@@ -247,8 +258,8 @@ impl Chart {
     fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
         let [left, top, right, bottom] = self.frame();
         (
-            left + (right - left) * self.x.share(x),
-            bottom - (bottom - top) * self.y.share(y).clamp(-1.0, 2.0),
+            left + (right - left) * self.x.fraction(x),
+            bottom - (bottom - top) * self.y.fraction(y).clamp(-1.0, 2.0),
         )
     }
 
@@ -261,12 +272,12 @@ impl Chart {
         let across: Vec<(String, String)> = self
             .x
             .ticks()
-            .map(|(tick, text)| (number(left + (right - left) * self.x.share(tick), 1), text))
+            .map(|(tick, text)| (number(left + (right - left) * self.x.fraction(tick), 1), text))
             .collect();
         let upwards: Vec<(f64, String)> = self
             .y
             .ticks()
-            .map(|(tick, text)| (bottom - (bottom - top) * self.y.share(tick), text))
+            .map(|(tick, text)| (bottom - (bottom - top) * self.y.fraction(tick), text))
             .collect();
         let grid = across.iter().map(|(x, _)| format!("M{x} {top}V{bottom}"));
         let grid = grid.chain(
@@ -291,22 +302,24 @@ impl Chart {
 
     fn drawn(&self, series: &Series) -> Markup {
         let colour = series.colour.class();
-        let places = || series.points.iter().filter(|p| self.shows(**p)).map(|p| self.at(*p));
+        let positions = || series.points.iter().filter(|p| self.shows(**p)).map(|p| self.at(*p));
         let line = || {
-            // A tenth of a unit is less than a pixel.
-            let fine: Vec<(f64, f64)> = places().map(|(x, y)| (10.0 * x, 10.0 * y)).collect();
-            html! { path class={ "line " (colour) } transform="scale(.1)" style="stroke-width:20" d=(path(&fine, false)) {} }
+            // Coordinates are integers in tenths of a unit.
+            let fine: Vec<(f64, f64)> = positions().map(|(x, y)| (10.0 * x, 10.0 * y)).collect();
+            html! {
+                path class={ "line " (colour) } transform="scale(.1)" style="stroke-width:20" d=(path(&fine, false)) {}
+            }
         };
         match series.mark {
-            Mark::LineAndDots if series.points.len() <= FEW => html! { (line()) (self.dots(series, 3.0)) },
+            Mark::LineAndDots if series.points.len() <= MAX_DOTS => html! { (line()) (self.dots(series, 3.0)) },
             Mark::Line | Mark::LineAndDots => line(),
             Mark::Dashed => {
-                let points: Vec<(f64, f64)> = places().collect();
+                let points: Vec<(f64, f64)> = positions().collect();
                 html! { path class={ "dashed " (colour) } d=(path(&points, false)) {} }
             }
             Mark::Dots => self.dots(series, 3.5),
             Mark::Cloud => {
-                let dots = places().map(|(x, y)| format!("M{} {}h0", number(x, 1), number(y, 1)));
+                let dots = positions().map(|(x, y)| format!("M{} {}h0", number(x, 1), number(y, 1)));
                 html! { path class={ "dots " (colour) } d=(dots.collect::<String>()) {} }
             }
             Mark::Labelled => self.labels(series),
@@ -322,15 +335,15 @@ impl Chart {
             format!("M{x} {}h{w}v{h}H{x}z", number(bottom, 1))
         };
         let bars: String = corners.chunks_exact(2).map(bar).collect();
-        let ends = corners.chunks_exact(2).zip(&series.words).map(|(pair, words)| {
+        let ends = corners.chunks_exact(2).zip(&series.texts).map(|(pair, text)| {
             let ((left, bottom), (right, top)) = (pair[0], pair[1]);
             let below = if top > bottom { top + 13.0 } else { top - 4.0 };
-            (number(0.5 * (left + right), 1), number(below, 1), words)
+            (number(0.5 * (left + right), 1), number(below, 1), text)
         });
         html! {
             path class={ "bars " (series.colour.class()) } d=(bars) {}
-            @for (x, y, words) in ends {
-                text class="ink" x=(x) y=(y) text-anchor="middle" { (words) }
+            @for (x, y, text) in ends {
+                text class="ink" x=(x) y=(y) text-anchor="middle" { (text) }
             }
         }
     }
@@ -340,49 +353,53 @@ impl Chart {
             @for (k, point) in series.points.iter().enumerate().filter(|(_, point)| self.shows(**point)) {
                 @let (x, y) = self.at(*point);
                 circle class=(series.colour.class()) cx=(number(x, 1)) cy=(number(y, 1)) r=(radius) {
-                    @if let Some(words) = series.words.get(k) { title { (words) } }
+                    @if let Some(text) = series.texts.get(k) { title { (text) } }
                 }
             }
         }
     }
 
-    /// Words beside the points, where they cover neither points nor each other.
+    /// Draws labels beside the points, so that they cover neither points nor each other.
     fn labels(&self, series: &Series) -> Markup {
         let pixel = |(x, y): (f64, f64)| (x.round() as i32, y.round() as i32);
         let [left, top, right, bottom] = self.frame().map(|v| v as i32);
-        let mut labels = Labels::new([left..right + (RIGHT - 2.0) as i32, top..bottom]);
+        let mut labels = LabelPlacer::new([left..right + (RIGHT - 2.0) as i32, top..bottom]);
         let others = self.series.iter().filter(|other| other.mark != Mark::Dashed);
         let all = others.flat_map(|series| &series.points);
         all.for_each(|point| labels.avoid_point(pixel(self.at(*point)), 4));
         let line: Vec<(i32, i32)> = series.points.iter().map(|p| pixel(self.at(*p))).collect();
         labels.avoid_line(&line);
-        let width = |words: &String| (LETTER * words.chars().count() as f64) as i32;
-        let wanted: Vec<_> = line
+        let width = |text: &String| (LETTER * text.chars().count() as f64) as i32;
+        let requests: Vec<_> = line
             .iter()
-            .zip(&series.words)
-            .map(|(at, words)| (*at, (width(words), LINE)))
+            .zip(&series.texts)
+            .map(|(at, text)| (*at, (width(text), LINE)))
             .collect();
-        let spots = labels.place(&wanted, GAP);
+        let offsets = labels.place(&requests, GAP);
         html! {
-            @for ((((x, y), size), words), spot) in wanted.iter().zip(&series.words).zip(&spots) {
+            @for ((((x, y), size), text), offset) in requests.iter().zip(&series.texts).zip(&offsets) {
                 circle class="ring" cx=(x) cy=(y) r="6" {}
-                // The spot is an upper left corner, text stands on its base line.
-                text class="ink" x=(x + spot.x) y=(y + spot.y + LINE - 3) { (words) }
-                @if let Some((dx, dy)) = leader(*spot, *size) {
-                    path class="leader" d={ "M" (x) " " (y) "m" (number(dx.0, 1)) " " (number(dy.0, 1)) "L" (number(f64::from(*x) + dx.1, 1)) " " (number(f64::from(*y) + dy.1, 1)) } {}
+                // The offset is of the upper left corner, text is placed by its base line.
+                text class="ink" x=(x + offset.x) y=(y + offset.y + LINE - 3) { (text) }
+                @if let Some((from, to)) = leader(*offset, *size) {
+                    @let ends = [from.0, from.1, f64::from(*x) + to.0, f64::from(*y) + to.1].map(|v| number(v, 1));
+                    path class="leader" d={ "M" (x) " " (y) "m" (ends[0]) " " (ends[1]) "L" (ends[2]) " " (ends[3]) } {}
                 }
             }
         }
     }
 }
 
-/// From a point to its label where that stands too far to be taken for its own: x and y of both ends, seen from the point.
-fn leader(spot: Spot, (width, height): (i32, i32)) -> Option<((f64, f64), (f64, f64))> {
-    let (x, y) = (0.clamp(spot.x, spot.x + width), 0.clamp(spot.y, spot.y + height));
+/// Returns both ends of a line from a point to its label, relative to the point, if the label is far from it.
+fn leader(offset: LabelOffset, (width, height): (i32, i32)) -> Option<((f64, f64), (f64, f64))> {
+    let (x, y) = (
+        0.clamp(offset.x, offset.x + width),
+        0.clamp(offset.y, offset.y + height),
+    );
     let (x, y) = (f64::from(x), f64::from(y));
-    let far = x.hypot(y);
-    let edge = RING / far;
-    (far > 1.5 * f64::from(GAP)).then_some(((edge * x, x), (edge * y, y)))
+    let distance = x.hypot(y);
+    let edge = RING / distance;
+    (distance > 1.5 * f64::from(GAP)).then_some(((edge * x, edge * y), (x, y)))
 }
 
 #[cfg(test)]
@@ -390,12 +407,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_chart_has_a_legend_its_points_and_their_words() {
+    fn a_chart_has_a_legend_its_points_and_their_texts() {
         let points = vec![(0.0, 0.0), (5.0, 2.0)];
         let axes = [Axis::linear("x [mm]", 0.0, 10.0), Axis::linear("y", 0.0, 2.0)];
         let series = vec![
             Series::new("line", Colour::Blue, Mark::Line, points.clone()),
-            Series::new("", Colour::Green, Mark::Dots, points).with_words(vec!["first".into(), "second".into()]),
+            Series::new("", Colour::Green, Mark::Dots, points).with_texts(vec!["first".into(), "second".into()]),
         ];
         let text = Chart::new("a <b>", axes, series).figure().into_string();
         assert!(text.contains("<li class=\"blue\"><i></i>line</li>") && !text.contains("<li class=\"green\">"));
@@ -408,16 +425,16 @@ mod tests {
     }
 
     #[test]
-    fn a_label_that_stands_far_off_has_a_line_to_its_point() {
-        assert_eq!(leader(Spot { x: 10, y: -6 }, (60, LINE)), None);
+    fn a_label_far_from_its_point_has_a_line_to_it() {
+        assert_eq!(leader(LabelOffset { x: 10, y: -6 }, (60, LINE)), None);
         assert_eq!(
-            leader(Spot { x: -30, y: -20 - LINE }, (60, LINE)),
-            Some(((0.0, 0.0), (-7.0, -20.0)))
+            leader(LabelOffset { x: -30, y: -20 - LINE }, (60, LINE)),
+            Some(((0.0, -7.0), (0.0, -20.0)))
         );
     }
 
     #[test]
-    fn what_an_axis_does_not_show_is_not_drawn() {
+    fn values_outside_of_an_axis_are_not_drawn() {
         let axes = [Axis::linear("x", 0.0, 1.0), Axis::logarithmic("y", &[0.1, 1.0])];
         let points = vec![(0.5, 0.0), (0.5, f64::NAN), (0.5, 1.0)];
         let chart = Chart::new("t", axes, vec![Series::new("", Colour::Blue, Mark::Dots, points)]);

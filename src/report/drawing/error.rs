@@ -1,15 +1,15 @@
-//! What can go wrong with a figure.
+//! Errors of figures.
 
 use deaflow_base::OutputError;
 
-/// A figure that could not be made.
+/// A figure could not be drawn or written.
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
-    /// The numbers do not make a figure.
-    #[error("no figure can be drawn: {0}")]
+    /// The data is incomplete or not finite.
+    #[error("cannot draw the figure: {0}")]
     Data(String),
-    /// The drawing cannot be turned into pixels.
-    #[error("the figure could not be drawn: {0}")]
+    /// The SVG cannot be rasterised.
+    #[error("cannot rasterise the figure: {0}")]
     Draw(String),
     /// The file could not be written.
     #[error(transparent)]

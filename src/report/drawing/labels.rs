@@ -1,31 +1,31 @@
-//! Places for labels beside points, so that they cover neither points nor each other.
+//! Places labels beside points, so that they cover neither points nor each other.
 
 use std::ops::Range;
 
-/// A place, or a width and a height.
+/// A position, or a width and a height.
 type Pixel = (i32, i32);
 
 /// A rectangle in pixels: left, top, right, bottom.
 type Rect = [i32; 4];
 
-/// Where a label's upper left corner stands, from its point.
+/// The position of the upper left corner of a label, relative to its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Spot {
+pub struct LabelOffset {
     pub x: i32,
     pub y: i32,
 }
 
-/// What labels are to keep clear of.
-pub struct Labels {
+/// Places labels, given what they must not cover.
+pub struct LabelPlacer {
     frame: Rect,
-    /// Points, which are not to be covered.
+    /// Points, which must not be covered.
     taken: Vec<Rect>,
-    /// Bits of lines, which are better not covered.
+    /// Parts of lines, which should not be covered.
     lines: Vec<Rect>,
 }
 
-impl Labels {
-    /// Within a frame given by its ranges of columns and rows.
+impl LabelPlacer {
+    /// Creates it for a frame, given by its ranges of columns and rows.
     pub fn new([x, y]: [Range<i32>; 2]) -> Self {
         Self {
             frame: [x.start, y.start, x.end, y.end],
@@ -34,30 +34,30 @@ impl Labels {
         }
     }
 
-    /// Keeps a point of a radius free.
+    /// Forbids to cover a point with a radius.
     pub fn avoid_point(&mut self, (x, y): (i32, i32), radius: i32) {
         self.taken.push([x - radius, y - radius, x + radius, y + radius]);
     }
 
-    /// Keeps a line free where that can be had.
+    /// Avoids to cover a line, if possible.
     pub fn avoid_line(&mut self, points: &[(i32, i32)]) {
-        const BITS: i32 = 24;
+        const PARTS: i32 = 24;
         for pair in points.windows(2) {
             let ((x0, y0), (x1, y1)) = (pair[0], pair[1]);
-            for k in 0..=BITS {
-                let (x, y) = (x0 + (x1 - x0) * k / BITS, y0 + (y1 - y0) * k / BITS);
+            for k in 0..=PARTS {
+                let (x, y) = (x0 + (x1 - x0) * k / PARTS, y0 + (y1 - y0) * k / PARTS);
                 self.lines.push([x - 2, y - 2, x + 2, y + 2]);
             }
         }
     }
 
-    /// The best places for labels beside their points, `gap` pixels away or a little more, each by its size. They are placed one after the
-    /// other, and each again where the others leave a better place.
-    pub fn place(&self, wanted: &[(Pixel, Pixel)], gap: i32) -> Vec<Spot> {
-        let mut placed: Vec<Option<Placed>> = vec![None; wanted.len()];
+    /// Returns the best offsets of labels, `gap` pixels or more from their points, given points and sizes. Labels are
+    /// placed one after the other, and again as long as one finds a better place.
+    pub fn place(&self, requests: &[(Pixel, Pixel)], gap: i32) -> Vec<LabelOffset> {
+        let mut placed: Vec<Option<PlacedLabel>> = vec![None; requests.len()];
         for _ in 0..ROUNDS {
             let before = placed.clone();
-            for (at, (point, size)) in wanted.iter().enumerate() {
+            for (at, (point, size)) in requests.iter().enumerate() {
                 placed[at] = None;
                 let others: Vec<Rect> = placed.iter().flatten().map(|other| other.own).collect();
                 placed[at] = self.best(*point, *size, gap, &others);
@@ -66,11 +66,11 @@ impl Labels {
                 break;
             }
         }
-        placed.into_iter().flatten().map(|placed| placed.spot).collect()
+        placed.into_iter().flatten().map(|placed| placed.offset).collect()
     }
 
-    fn best(&self, (x, y): (i32, i32), (width, height): (i32, i32), gap: i32, others: &[Rect]) -> Option<Placed> {
-        let spots = [1, 2, 3, 4].into_iter().flat_map(|far| {
+    fn best(&self, (x, y): (i32, i32), (width, height): (i32, i32), gap: i32, others: &[Rect]) -> Option<PlacedLabel> {
+        let offsets = [1, 2, 3, 4].into_iter().flat_map(|far| {
             let (gap, low, middle) = (far * gap, -height - far * gap, -height / 2);
             [
                 (gap, middle),
@@ -83,14 +83,20 @@ impl Labels {
                 (-width / 2, gap),
             ]
         });
-        let air = gap / 3;
-        let placed = spots.map(|(dx, dy)| {
+        let margin = gap / 3;
+        let placed = offsets.map(|(dx, dy)| {
             let (left, top) = (x + dx, y + dy);
-            let own = [left - air, top - air, left + width + air, top + height + air];
-            let spot = Spot { x: dx, y: dy };
-            Placed { spot, own }
+            PlacedLabel {
+                offset: LabelOffset { x: dx, y: dy },
+                own: [
+                    left - margin,
+                    top - margin,
+                    left + width + margin,
+                    top + height + margin,
+                ],
+            }
         });
-        let cost = |(rank, placed): &(usize, Placed)| 4 * *rank as i64 + self.cost(placed.own, others);
+        let cost = |(rank, placed): &(usize, PlacedLabel)| 4 * *rank as i64 + self.cost(placed.own, others);
         placed.enumerate().min_by_key(cost).map(|(_, placed)| placed)
     }
 
@@ -102,15 +108,15 @@ impl Labels {
     }
 }
 
-/// A label that has its place.
+/// A label with its place.
 #[derive(Clone, Copy, PartialEq, Eq)]
-struct Placed {
-    spot: Spot,
-    /// What it covers, with some air around it.
+struct PlacedLabel {
+    offset: LabelOffset,
+    /// What it covers, with a margin.
     own: Rect,
 }
 
-/// Rounds after which labels stay where they are.
+/// Rounds of placement.
 const ROUNDS: usize = 6;
 
 fn overlap(a: Rect, b: Rect) -> bool {
@@ -124,7 +130,7 @@ mod tests {
     #[test]
     fn labels_of_close_points_cover_nothing_and_stay_inside() {
         let points = [(50, 50), (60, 52), (70, 48), (195, 195), (5, 5)];
-        let mut labels = Labels::new([0..200, 0..200]);
+        let mut labels = LabelPlacer::new([0..200, 0..200]);
         points.iter().for_each(|p| labels.avoid_point(*p, 4));
         let size = (40, 10);
         let spots = labels.place(&points.map(|point| (point, size)), 6);
@@ -141,9 +147,9 @@ mod tests {
     }
 
     #[test]
-    fn a_label_gives_way_to_one_that_has_no_other_place() {
-        // The first would stand to the right of its point, which is all the room that the second has.
-        let mut labels = Labels::new([0..150, 0..40]);
+    fn a_label_moves_for_one_that_has_no_other_place() {
+        // The first would be to the right of its point, which is the only place for the second.
+        let mut labels = LabelPlacer::new([0..150, 0..40]);
         for other in [(50, 5), (50, 35), (95, 8), (95, 32)] {
             labels.avoid_point(other, 3);
         }

@@ -1,7 +1,7 @@
-//! Membranes: a pattern at rest, and the same where its displacement takes it.
+//! Membranes: a pattern at rest, and the same deformed by its displacement.
 //!
-//! Everything is drawn in thousandths of the membrane's longer side, in a square at whose lower left corner it lies. Only the edge of the electrode is
-//! written, not its cells: hundreds of membranes fit in one page.
+//! Everything is drawn in thousandths of the longer side of the membrane, in a square with the membrane at its lower
+//! left. Only the edges of electrodes are written, not their cells: hundreds of membranes fit in one page.
 
 use std::collections::BTreeMap;
 
@@ -15,28 +15,28 @@ use deaflow_pattern as pattern;
 use deaflow_pattern::{Corners, Part, Pattern, PatternForm, Point, Raster, outlines};
 use deaflow_scene::Scene;
 
-/// Around a drawing, thousandths of its side.
+/// Margin of a drawing, thousandths of its side.
 const MARGIN: f64 = 12.0;
 
-/// Cells between two lines of the grid, and between two points of a line that has moved.
+/// Cells between two lines of the grid, and between two points of a deformed line.
 const GRID: usize = 5;
 const STEP: usize = 2;
 
-/// The largest displacement that is drawn, a share of the side.
+/// The largest displacement in a drawing, as a fraction of the side.
 const FARTHEST: f64 = 0.1;
 
-/// The rectangle that is drawn, with its frame and bodies.
+/// The rectangle of a membrane, with its frame and bodies.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Ground {
+pub struct Background {
     plane: pattern::Membrane,
-    /// The cells of a frame within the rectangle.
-    held: Option<Pattern>,
-    /// Those of rigid bodies.
+    /// The cells of the frame within the rectangle.
+    frame: Option<Pattern>,
+    /// The cells of rigid bodies.
     bodies: Option<Pattern>,
 }
 
-impl Ground {
-    /// That of a scene.
+impl Background {
+    /// Creates the background of a scene.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
         let parts = scene.parts();
@@ -47,52 +47,52 @@ impl Ground {
         };
         Self {
             plane: scene.membrane(),
-            held: cells(|part| part == Part::Frame),
+            frame: cells(|part| part == Part::Frame),
             bodies: cells(|part| part.body().is_some()),
         }
     }
 
-    /// A rectangle without either.
+    /// Creates a rectangle without frame and bodies.
     #[must_use]
     pub fn plain(plane: pattern::Membrane) -> Self {
         Self {
             plane,
-            held: None,
+            frame: None,
             bodies: None,
         }
     }
 
-    /// That of the source paper.
+    /// Creates the square of the source paper.
     #[must_use]
     pub fn paper() -> Self {
         Self::plain(pattern::Membrane::square(1.0))
     }
 
-    /// Whether its grid is that of the source paper's.
+    /// Whether its grid is that of the source paper.
     #[must_use]
     pub fn has_paper_grid(&self) -> bool {
         self.plane.raster == Raster::PAPER && self.plane.size_mm[0] == self.plane.size_mm[1]
     }
 
-    /// Its cells.
+    /// Returns its cells.
     #[must_use]
     pub fn raster(&self) -> Raster {
         self.plane.raster
     }
 
-    /// Its sides in mm.
+    /// Returns its sides in mm.
     #[must_use]
     pub fn size_mm(&self) -> [f64; 2] {
         self.plane.size_mm
     }
 
-    /// The longer side in mm.
+    /// Returns the longer side in mm.
     #[must_use]
     pub fn side(&self) -> f64 {
         self.plane.size_mm[0].max(self.plane.size_mm[1])
     }
 
-    /// The part of a drawing that it takes, with a margin: left, top, width and height in thousandths of the longer side.
+    /// Returns its part of the drawing, with a margin: left, top, width and height in thousandths of the longer side.
     #[must_use]
     pub fn view(&self) -> [f64; 4] {
         let [width, height] = self.plane.size_mm.map(|size| (THOUSAND * size / self.side()).round());
@@ -104,18 +104,18 @@ impl Ground {
         ]
     }
 
-    /// A corner of cells in mm.
+    /// Converts a corner of cells to mm.
     fn in_mm(&self, corner: Point) -> Point {
         let sides = self.plane.raster.sides();
         [0, 1].map(|axis| corner[axis] * self.plane.size_mm[axis] / sides[axis] as f64)
     }
 
-    /// Where a corner of cells is drawn.
-    fn drawn(&self, corner: Point) -> (f64, f64) {
+    /// Returns the position of a corner of cells in the drawing.
+    fn to_drawing(&self, corner: Point) -> (f64, f64) {
         to_drawing(self.in_mm(corner), self.side())
     }
 
-    /// Columns and rows of cells on which a line of the grid stands.
+    /// Returns the columns and rows of cells at which the lines of the grid are.
     fn lines(&self) -> [Vec<usize>; 2] {
         self.plane
             .raster
@@ -123,9 +123,9 @@ impl Ground {
             .map(|cells| (GRID..cells).step_by(GRID).collect())
     }
 
-    /// The edge of the membrane, with the frame within the rectangle.
+    /// Draws the edge of the membrane and the frame.
     #[must_use]
-    pub fn frame(&self) -> Markup {
+    pub fn draw_frame(&self) -> Markup {
         let [width, height] = self.plane.size_mm;
         let edge = match width == height {
             true => "M0 0h1000v1000h-1000z".to_owned(),
@@ -137,17 +137,17 @@ impl Ground {
         };
         html! {
             path class="frame" d=(edge) {}
-            @if let Some(held) = &self.held { path class="held" d=(self.cells(held)) {} }
+            @if let Some(frame) = &self.frame { path class="held" d=(self.edge(frame)) {} }
         }
     }
 
-    /// The lines of the grid at rest.
+    /// Draws the grid at rest.
     #[must_use]
     pub fn grid(&self) -> Markup {
         let [across, up] = self.lines();
         let sides = self.plane.raster.sides().map(|cells| cells as f64);
         let line = |from: Point, to: Point| {
-            let [(x, y), (to_x, to_y)] = [from, to].map(|corner| self.drawn(corner));
+            let [(x, y), (to_x, to_y)] = [from, to].map(|corner| self.to_drawing(corner));
             let mark = |at: f64| number(at, 1);
             match x == to_x {
                 true => format!("M{} {}V{}", mark(x), mark(to_y), mark(y)),
@@ -159,23 +159,23 @@ impl Ground {
         html! { path class="rest" d=(vertical.chain(horizontal).collect::<String>()) {} }
     }
 
-    /// An electrode at rest, with the bodies.
+    /// Draws an electrode at rest, with the bodies.
     #[must_use]
     pub fn electrode_at_rest(&self, pattern: &Pattern) -> Markup {
         html! {
-            (electrodes("on", pattern, |group| self.cells(group)))
-            @if let Some(bodies) = &self.bodies { path class="body" d=(self.cells(bodies)) {} }
+            (electrodes("on", pattern, |group| self.edge(group)))
+            @if let Some(bodies) = &self.bodies { path class="body" d=(self.edge(bodies)) {} }
         }
     }
 
-    /// The edge of some cells at rest.
-    fn cells(&self, pattern: &Pattern) -> String {
-        let drawn = |ring: Vec<Point>| path(&ring.iter().map(|at| self.drawn(*at)).collect::<Vec<_>>(), true);
+    /// Returns the edge of some cells at rest.
+    fn edge(&self, pattern: &Pattern) -> String {
+        let drawn = |ring: Vec<Point>| path(&ring.iter().map(|at| self.to_drawing(*at)).collect::<Vec<_>>(), true);
         rings(pattern).map(drawn).collect()
     }
 }
 
-/// The electrodes of each group, drawn by their edge: those of the first fully, of the others less and less.
+/// Draws the electrodes of each group by their edges: the first one opaque, the others more and more transparent.
 fn electrodes(class: &str, pattern: &Pattern, edge: impl Fn(&Pattern) -> String) -> Markup {
     let groups = pattern.groups();
     html! {
@@ -183,7 +183,8 @@ fn electrodes(class: &str, pattern: &Pattern, edge: impl Fn(&Pattern) -> String)
         @else {
             @for group in 1..=groups {
                 @let opacity = 1.0 - 0.6 * (group - 1) as f64 / (groups - 1) as f64;
-                path class=(class) style=(format!("fill-opacity:{opacity:.2}")) d=(edge(&pattern.of_group(group as u8))) {}
+                @let style = format!("fill-opacity:{opacity:.2}");
+                path class=(class) style=(style) d=(edge(&pattern.of_group(group as u8))) {}
             }
         }
     }
@@ -191,24 +192,30 @@ fn electrodes(class: &str, pattern: &Pattern, edge: impl Fn(&Pattern) -> String)
 
 /// A pattern with its displacement field.
 #[derive(Clone, Debug)]
-pub struct Membrane {
-    ground: Ground,
+pub struct DeformedMembrane {
+    background: Background,
     pattern: Pattern,
     displacement: Field,
     points: Vec<[f64; 2]>,
-    /// Of several states of a device, the one that is drawn.
+    /// The state that is drawn, if the device has several.
     state: Option<String>,
 }
 
-impl Membrane {
-    /// From the cells of a pattern and displacements in mm at their corners, both from the lower left corner; what they are drawn on, and the
-    /// points whose displacements are wanted, in mm from the lower left corner.
+impl DeformedMembrane {
+    /// Creates it from the cells of a pattern and the displacements in mm at their corners, both from the lower left
+    /// corner, and the points of the objective in mm.
     ///
     /// # Errors
-    /// When a number is missing, not finite, or no cell.
-    pub fn new(cells: &[u8], displacement: &[f64], ground: Ground, points: Vec<[f64; 2]>) -> Result<Self, FigureError> {
-        let incomplete = |e: String| FigureError::Data(format!("a membrane needs a pattern and a finite field: {e}"));
-        let (side, raster) = (ground.side(), ground.raster());
+    /// If a number is missing, not finite, or not a cell.
+    pub fn new(
+        cells: &[u8],
+        displacement: &[f64],
+        background: Background,
+        points: Vec<[f64; 2]>,
+    ) -> Result<Self, FigureError> {
+        let incomplete =
+            |e: String| FigureError::Data(format!("a membrane needs a pattern and a finite field, but {e}"));
+        let (side, raster) = (background.side(), background.raster());
         if !(side.is_finite() && side > 0.0) {
             return Err(incomplete(format!("its side is {side} mm")));
         }
@@ -216,68 +223,70 @@ impl Membrane {
         Ok(Self {
             pattern: Pattern::of_form(PatternForm { raster, groups }, cells).map_err(|e| incomplete(e.to_string()))?,
             displacement: Field::from_values(raster, displacement.to_vec()).map_err(|e| incomplete(e.to_string()))?,
-            ground,
+            background,
             points,
             state: None,
         })
     }
 
-    /// In a state of a device, where it has several.
+    /// Sets the state, if the device has several.
     #[must_use]
     pub fn in_state(self, state: Option<String>) -> Self {
         Self { state, ..self }
     }
 
-    /// Of several states of a device, the one that is drawn.
+    /// Returns the state, if the device has several.
     pub fn state(&self) -> Option<&str> {
         self.state.as_deref()
     }
 
-    /// What it is drawn on.
-    pub fn ground(&self) -> &Ground {
-        &self.ground
+    /// Returns the background.
+    pub fn background(&self) -> &Background {
+        &self.background
     }
 
-    /// The points whose displacements are wanted, in mm.
+    /// Returns the points of the objective, in mm.
     pub fn points(&self) -> &[[f64; 2]] {
         &self.points
     }
 
-    /// Electrode area, a fraction of the membrane.
+    /// Returns the area fraction of the electrode.
     pub fn area(&self) -> f64 {
         self.pattern.area_fraction()
     }
 
-    /// Largest displacement over the corners, in mm.
+    /// Returns the largest displacement of the cell corners in mm.
     pub fn largest(&self) -> f64 {
         self.displacement.max_magnitude()
     }
 
-    /// Displacement in mm at a point given in mm.
+    /// Returns the displacement in mm at a point in mm.
     pub fn at(&self, point: [f64; 2]) -> [f64; 2] {
-        self.displacement.at(self.ground.plane.in_cells(point))
+        self.displacement.at(self.background.plane.in_cells(point))
     }
 
-    /// The electrode where it has moved to, displacements drawn `scale` times.
+    /// Draws the deformed electrode, with displacements times `scale`.
     pub fn electrode(&self, scale: f64) -> Markup {
         html! {
             (electrodes("moved", &self.pattern, |group| edge(group, |at| self.moved(at, scale))))
-            @if let Some(bodies) = &self.ground.bodies { path class="body" d=(edge(bodies, |at| self.moved(at, scale))) {} }
+            @if let Some(bodies) = &self.background.bodies {
+                path class="body" d=(edge(bodies, |at| self.moved(at, scale))) {}
+            }
         }
     }
 
-    /// The outline of the electrode: at rest where `scale` is zero.
+    /// Draws the outline of the electrode; at rest if `scale` is zero.
     pub fn outline(&self, class: &str, scale: f64) -> Markup {
         html! { path class=(class) d=(edge(&self.pattern, |at| self.moved(at, scale))) {} }
     }
 
-    /// The grid where it has moved to.
+    /// Draws the deformed grid.
     pub fn mesh(&self, scale: f64) -> Markup {
-        let [columns, rows] = self.ground.raster().sides();
-        // The last point is at the edge, however many there are.
+        let [columns, rows] = self.background.raster().sides();
+        // The last point is always at the edge.
         let along = |cells: usize| (0..cells).step_by(STEP).chain([cells]);
         let moved = |x: usize, y: usize| self.moved([x as f64, y as f64], scale);
-        let [across, up] = self.ground.lines();
+        let [across, up] = self.background.lines();
         let horizontal = up
             .iter()
             .map(|&y| path(&along(columns).map(|x| moved(x, y)).collect::<Vec<_>>(), false));
@@ -287,23 +296,22 @@ impl Membrane {
         html! { path class="mesh" d=(horizontal.chain(vertical).collect::<String>()) {} }
     }
 
-    /// The displacements of the wanted points.
+    /// Draws the displacements of the points of the objective.
     pub fn arrows(&self, scale: f64) -> Markup {
-        let unit = THOUSAND * scale / self.ground.side();
+        let unit = THOUSAND * scale / self.background.side();
         html! {
             @for point in &self.points {
                 @let [x, y] = self.at(*point);
-                (arrow(to_drawing(*point, self.ground.side()), (unit * x, -unit * y)))
+                (arrow(to_drawing(*point, self.background.side()), (unit * x, -unit * y)))
             }
         }
     }
 
-    /// All cells where they have moved to, with the colours of the magnitudes of their displacements: those of the
-    /// largest have the last colour.
+    /// Draws all deformed cells in the colours of the magnitudes of their displacements, up to the largest one.
     pub fn magnitudes(&self, scale: f64) -> Markup {
         let largest = self.largest().max(f64::MIN_POSITIVE);
         let mut by_colour: BTreeMap<u8, String> = BTreeMap::new();
-        let (columns, cells) = (self.ground.raster().columns(), self.ground.raster().cells());
+        let (columns, cells) = (self.background.raster().columns(), self.background.raster().cells());
         for (x, y) in (0..cells).map(|at| (at % columns, at / columns)) {
             let corners = [(x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)];
             let magnitudes = corners
@@ -314,7 +322,7 @@ impl Membrane {
             *by_colour.entry((share * f64::from(u8::MAX)).round() as u8).or_default() += &path(&cell, true);
         }
         html! {
-            // Smooth edges would show as seams between the cells.
+            // Anti-aliased edges would show as seams between the cells.
             g stroke="none" shape-rendering="crispEdges" {
                 @for (share, cells) in &by_colour { path fill=(viridis(f64::from(*share) / 255.0)) d=(cells) {} }
             }
@@ -323,22 +331,24 @@ impl Membrane {
 
     fn moved(&self, corner: [f64; 2], scale: f64) -> (f64, f64) {
         let u = self.displacement.at(corner);
-        let at = self.ground.in_mm(corner);
-        to_drawing([0, 1].map(|k| at[k] + scale * u[k]), self.ground.side())
+        let at = self.background.in_mm(corner);
+        to_drawing([0, 1].map(|k| at[k] + scale * u[k]), self.background.side())
     }
 }
 
-/// How many times too large displacements are drawn, the same for all membranes so that they can be compared.
-pub fn exaggeration<'m>(membranes: impl IntoIterator<Item = &'m Membrane>) -> f64 {
+/// Returns the factor by which displacements are drawn larger, the same for all membranes, so that they can be
+/// compared.
+pub fn exaggeration<'m>(membranes: impl IntoIterator<Item = &'m DeformedMembrane>) -> f64 {
     let largest = membranes
         .into_iter()
-        .map(|m| m.largest() / m.ground.side())
+        .map(|m| m.largest() / m.background.side())
         .fold(0.0, f64::max);
     let factors = [100.0, 50.0, 20.0, 10.0, 5.0, 2.0];
     factors.into_iter().find(|f| f * largest <= FARTHEST).unwrap_or(1.0)
 }
 
-/// An arrow from a point in mm in a direction in degrees, counterclockwise from the x axis, `length` thousandths long.
+/// Draws an arrow from a point in mm in a direction in degrees, counterclockwise from the x axis, `length` thousandths
+/// long.
 pub fn direction(point: [f64; 2], side: f64, degrees: f64, length: f64) -> Markup {
     let (sin, cos) = degrees.to_radians().sin_cos();
     arrow(to_drawing(point, side), (length * cos, -length * sin))
@@ -349,7 +359,7 @@ fn rings(pattern: &Pattern) -> impl Iterator<Item = Vec<Point>> {
     islands.flat_map(|island| std::iter::once(island.outer).chain(island.holes))
 }
 
-/// The edge of an electrode, each side of a cell by itself, since it may have moved.
+/// Returns the edge of an electrode, divided into the sides of cells, since it may be deformed.
 fn edge(pattern: &Pattern, to: impl Fn(Point) -> (f64, f64)) -> String {
     let drawn = |ring: Vec<Point>| {
         let pairs = ring.iter().zip(ring.iter().cycle().skip(1));
@@ -363,12 +373,12 @@ fn edge(pattern: &Pattern, to: impl Fn(Point) -> (f64, f64)) -> String {
     rings(pattern).map(drawn).collect()
 }
 
-/// From a point with the origin at the lower left to one with the origin at the upper left.
+/// Converts a point with the origin at the lower left to one with the origin at the upper left.
 fn to_drawing(point: Point, side: f64) -> (f64, f64) {
     (THOUSAND * point[0] / side, THOUSAND * (1.0 - point[1] / side))
 }
 
-/// A point with an arrow; only the point where the arrow would be too short to be seen.
+/// Draws a point with an arrow, or only the point if the arrow is too short.
 fn arrow((x, y): (f64, f64), (dx, dy): (f64, f64)) -> Markup {
     let length = dx.hypot(dy);
     let point = html! { circle class="point" cx=(number(x, 0)) cy=(number(y, 0)) r="13" {} };
@@ -392,7 +402,8 @@ fn arrow((x, y): (f64, f64), (dx, dy): (f64, f64)) -> Markup {
     }
 }
 
-/// The colour map viridis by S. van der Walt and N. Smith (matplotlib), between nine of its colours; `#rrggbb`.
+/// Returns a colour of the map viridis by S. van der Walt and N. Smith (matplotlib), interpolated between nine:
+/// `#rrggbb`.
 pub fn viridis(t: f64) -> String {
     const COLOURS: [[f64; 3]; 9] = [
         [68.0, 1.0, 84.0],
@@ -418,16 +429,16 @@ pub fn viridis(t: f64) -> String {
 mod tests {
     use super::*;
 
-    fn square(side: f64) -> Ground {
-        Ground::plain(pattern::Membrane::square(side))
+    fn square(side: f64) -> Background {
+        Background::plain(pattern::Membrane::square(side))
     }
 
-    fn membrane(u: [f64; 2]) -> Membrane {
-        Membrane::new(&[1; 2500], &u.repeat(2601), square(50.0), vec![[25.0, 25.0]]).unwrap()
+    fn membrane(u: [f64; 2]) -> DeformedMembrane {
+        DeformedMembrane::new(&[1; 2500], &u.repeat(2601), square(50.0), vec![[25.0, 25.0]]).unwrap()
     }
 
     #[test]
-    fn the_lower_edge_of_the_membrane_is_the_lower_edge_of_the_drawing() {
+    fn the_lower_edge_of_the_membrane_is_at_the_bottom_of_the_drawing() {
         let corner = Pattern::from_fn(Raster::PAPER, |x, y| x == 0 && y == 0);
         // The cell is 20 × 20 units in the lower left corner.
         let text = square(50.0).electrode_at_rest(&corner).into_string();
@@ -443,15 +454,15 @@ mod tests {
             square(50.0).electrode_at_rest(&ring).into_string().matches('z').count(),
             2
         );
-        let membrane = Membrane::new(ring.cells(), &[0.0; 5202], square(50.0), Vec::new()).unwrap();
+        let membrane = DeformedMembrane::new(ring.cells(), &[0.0; 5202], square(50.0), Vec::new()).unwrap();
         let text = membrane.electrode(1.0).into_string();
         let sides = text.split('"').find(|part| part.starts_with('M')).unwrap();
-        // The last side of each ring is that which closes it.
+        // The last side of each ring closes it.
         assert_eq!(sides.matches(['h', 'v']).count(), 11 + 3, "{text}");
     }
 
     #[test]
-    fn displacements_are_drawn_so_large_that_they_are_seen_and_no_larger() {
+    fn displacements_are_exaggerated_up_to_a_limit() {
         let far = membrane([2.1, 0.0]);
         assert_eq!(exaggeration([&far]), 2.0);
         let text = far.arrows(2.0).into_string();
@@ -463,8 +474,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_membrane_is_refused() {
-        let new = |cells: &[u8], u: f64, side| Membrane::new(cells, &[u; 5202], square(side), Vec::new());
+    fn invalid_membranes_are_refused() {
+        let new = |cells: &[u8], u: f64, side| DeformedMembrane::new(cells, &[u; 5202], square(side), Vec::new());
         assert!(new(&[1; 2500], 0.0, 50.0).is_ok());
         for bad in [
             new(&[1; 10], 0.0, 50.0),

@@ -1,4 +1,4 @@
-//! Drawings as SVG, for pages as they are and for figures as PNG: charts, membranes, and sheets of several of them.
+//! Drawings as SVG for pages and as PNG for figure files: charts, membranes, and sheets of several of them.
 
 mod axis;
 mod chart;
@@ -9,10 +9,10 @@ mod path;
 mod raster;
 mod sheet;
 
-pub use axis::Axis;
-pub use chart::{Chart, Colour, Mark, Series, THOUSAND};
+pub use axis::{Axis, EMPTY, extent};
+pub use chart::{Chart, Colour, LARGE, MAX_NAMED, Mark, Series, THOUSAND};
 pub use error::FigureError;
-pub use membrane::{Ground, Membrane, direction, exaggeration, viridis};
+pub use membrane::{Background, DeformedMembrane, direction, exaggeration, viridis};
 pub use path::number;
 pub use raster::{DRAWING_STYLE, PAGE_STYLE, with_texts};
 pub use sheet::Sheet;

@@ -1,8 +1,8 @@
-//! Numbers and paths as they stand in SVG: short, since a page holds hundreds of them.
+//! Short numbers and paths of SVG: a page has hundreds of them.
 
 use std::fmt::Write;
 
-/// A number with at most `decimals` decimals and no zeros at its end.
+/// Writes a number with at most `decimals` decimals and no trailing zeros.
 pub fn number(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     let text = match text.contains('.') {
@@ -15,7 +15,7 @@ pub fn number(value: f64, decimals: usize) -> String {
     }
 }
 
-/// A path through points, in whole numbers from each to the next.
+/// Writes a path through points, in integer steps.
 pub fn path(points: &[(f64, f64)], closed: bool) -> String {
     let mut out = String::new();
     let mut last = (0_i64, 0_i64);
@@ -50,7 +50,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_ends_where_its_points_do_however_they_are_rounded() {
+    fn a_path_ends_at_its_last_point_despite_rounding() {
         assert_eq!(
             path(&[(0.4, 0.0), (0.8, 0.0), (1.2, 4.6), (1.2, 2.0)], true),
             "M0 0h1v5v-3z"

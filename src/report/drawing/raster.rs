@@ -1,6 +1,4 @@
-//! SVG to pixels.
-//!
-//! The font is compiled in, so a figure needs no font of the system and has the same bytes everywhere.
+//! Rasterises SVG. The font is compiled in, so that figures need no system font and have the same bytes everywhere.
 
 use std::sync::{Arc, OnceLock};
 
@@ -11,19 +9,19 @@ use resvg::usvg::{self, Tree, fontdb};
 use super::error::FigureError;
 use deaflow_base::printable;
 
-/// The style sheet of pages, which names the colours.
+/// The style sheet of pages, which defines the colours.
 pub const PAGE_STYLE: &str = include_str!("../html/page.css");
 /// The style sheet of drawings, on pages and in figures.
 pub const DRAWING_STYLE: &str = include_str!("../html/drawing.css");
 
-/// Pixels of a figure for one of a page: figures are shown smaller than they are, or printed.
+/// Pixels of a figure for each pixel of a page, since figures are shown smaller than they are, or printed.
 const SCALE: f64 = 5.0 / 3.0;
 
-/// How a PNG begins, and the length of that with its first chunk.
+/// The signature of PNG, and the length of signature and first chunk.
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 const HEADER: usize = 8 + 25;
 
-/// A drawing of a width and height on white, as a PNG.
+/// Rasterises a drawing of a width and height on white as PNG.
 pub fn png(size: [f64; 2], drawing: &Markup) -> Result<Vec<u8>, FigureError> {
     let failed = |e: &dyn std::fmt::Display| FigureError::Draw(e.to_string());
     let [width, height] = size.map(|length| (SCALE * length).round() as u32);
@@ -40,7 +38,7 @@ pub fn png(size: [f64; 2], drawing: &Markup) -> Result<Vec<u8>, FigureError> {
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
-    // Areas of one colour, as in drawings, are smallest without a filter: a fourth of what the filters for photographs make of them.
+    // Drawings have large areas of one colour, which are smallest without a filter.
     encoder.set_filter(png::FilterType::NoFilter);
     encoder.set_adaptive_filter(png::AdaptiveFilterType::NonAdaptive);
     encoder.set_compression(png::Compression::Best);
@@ -51,20 +49,21 @@ pub fn png(size: [f64; 2], drawing: &Markup) -> Result<Vec<u8>, FigureError> {
     Ok(bytes)
 }
 
-/// The PNG with texts by their keywords, as [PNG names them](https://www.w3.org/TR/png-3/#11keywords): `Title`, `Source`, `Software`.
+/// Adds texts with keywords to a PNG, as [PNG names them](https://www.w3.org/TR/png-3/#11keywords): `Title`, `Source`,
+/// `Software`.
 ///
 /// # Errors
-/// When it is no PNG, or cannot be written.
+/// If it is not a PNG, or a text is too long.
 pub fn with_texts(image: &[u8], texts: &[(&str, String)]) -> Result<Vec<u8>, FigureError> {
-    let wrong = || FigureError::Draw("it is no PNG".to_owned());
-    // The header comes first, and has one length.
+    let wrong = || FigureError::Draw("the file is not a PNG".to_owned());
+    // The header is the first chunk, and has a fixed length.
     let (header, rest) = image.split_at_checked(HEADER).ok_or_else(wrong)?;
     if !header.starts_with(SIGNATURE) || header[12..16] != *b"IHDR" {
         return Err(wrong());
     }
     let mut bytes = header.to_vec();
     for (keyword, text) in texts {
-        // Neither compressed nor translated, in no named language.
+        // Uncompressed, without language and translation.
         let content = [&b"iTXt"[..], keyword.as_bytes(), &[0; 5], text.as_bytes()].concat();
         let length = u32::try_from(content.len() - 4).map_err(|e| FigureError::Draw(e.to_string()))?;
         let mut sum = flate2::Crc::new();
@@ -77,14 +76,14 @@ pub fn with_texts(image: &[u8], texts: &[(&str, String)]) -> Result<Vec<u8>, Fig
     Ok(bytes)
 }
 
-/// The drawing as a document of its own.
+/// Writes the drawing as an SVG document.
 fn document([width, height]: [f64; 2], drawing: &Markup) -> String {
     let svg = html! {
         svg xmlns="http://www.w3.org/2000/svg" width=(width) height=(height) viewBox={ "0 0 " (width) " " (height) } {
             (drawing)
         }
     };
-    // XML has no place for control characters.
+    // XML does not allow control characters.
     printable(&svg.into_string()).into_owned()
 }
 
@@ -104,7 +103,7 @@ fn options() -> usvg::Options<'static> {
     }
 }
 
-/// The style of drawings with colours in place of their names: those of pages on white, which come first.
+/// Replaces the variables in the style of drawings by the colours of pages on white, which come first.
 fn plain_style(drawings: &str, pages: &str) -> String {
     let mut style = drawings.to_owned();
     let first = pages.split('}').next().unwrap_or_default();
@@ -124,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_that_xml_has_no_place_for_are_drawn() {
+    fn control_characters_are_drawn() {
         let drawing = html! { text x="1" y="9" { "a\u{1b}[2J\u{7}\u{9b}\u{ffff}b" } };
         assert!(!document([20.0, 10.0], &drawing).contains('\u{1b}'));
         assert!(png([20.0, 10.0], &drawing).is_ok());
@@ -135,7 +134,7 @@ mod tests {
         let drawing = html! { rect x="2" y="3" width="5" height="4" fill="#0072b2" {} };
         let plain = png([20.0, 10.0], &drawing).unwrap();
         let texts = [("Title", "λ: a figure".to_owned()), ("Source", "ab12".to_owned())];
-        let said = with_texts(&plain, &texts).unwrap();
+        let stamped = with_texts(&plain, &texts).unwrap();
         let read = |bytes: &[u8]| {
             let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
             let mut pixels = vec![0; reader.output_buffer_size()];
@@ -147,7 +146,7 @@ mod tests {
             (pixels, texts)
         };
         let (before, none) = read(&plain);
-        let (after, found) = read(&said);
+        let (after, found) = read(&stamped);
         assert!(before == after && none.is_empty());
         assert!(with_texts(b"no figure", &texts).is_err());
         assert_eq!(found, texts.map(|(keyword, text)| (keyword.to_owned(), text)));

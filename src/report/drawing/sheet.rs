@@ -1,4 +1,4 @@
-//! Drawings beside and below each other, and how they become a file.
+//! Sheets: several drawings in rows, and how they become a file.
 
 use std::path::Path;
 
@@ -10,29 +10,29 @@ use super::path::number;
 use super::raster::png;
 use deaflow_base::write_output;
 
-/// Drawings placed on a sheet of a width and height, in pixels of a page.
+/// Drawings on a sheet, in pixels of a page.
 pub struct Sheet {
     /// Width and height.
     pub size: [f64; 2],
-    /// What is drawn, from the upper left corner.
+    /// The drawing, from the upper left corner.
     pub markup: Markup,
 }
 
-/// Room above a chart on a sheet: down to the base lines of title, note and lines of the legend, and between these.
+/// Space above a chart on a sheet: down to the base lines of title, note and lines of the legend, and between these.
 const TITLE: f64 = 27.0;
 const NOTE: f64 = 17.0;
 const LEGEND: f64 = 18.0;
 
-/// Room left and right of a chart on a sheet.
+/// Space left and right of a chart on a sheet.
 const MARGIN: f64 = 6.0;
 
 impl Sheet {
-    /// From above to below.
+    /// Places drawings one below the other.
     pub fn below(drawings: Vec<Self>) -> Self {
         Self::grid(1, drawings)
     }
 
-    /// In rows of so many; columns are as wide and rows as high as their largest.
+    /// Places drawings in rows; columns are as wide and rows as high as their largest drawing.
     pub fn grid(columns: usize, drawings: Vec<Self>) -> Self {
         let columns = columns.max(1);
         let mut widths = vec![0.0_f64; columns.min(drawings.len())];
@@ -53,7 +53,7 @@ impl Sheet {
         }
     }
 
-    /// Charts in rows of so many, each below its title, note and legend.
+    /// Places charts in rows, each below its title, note and legend.
     pub fn charts(columns: usize, charts: &[Chart]) -> Self {
         let head = charts.iter().map(head).fold(0.0, f64::max);
         let drawn = |chart: &Chart| {
@@ -71,33 +71,34 @@ impl Sheet {
         Self::grid(columns, charts.iter().map(drawn).collect())
     }
 
-    /// As an element of a page.
+    /// Draws it as an element of a page.
     pub fn svg(&self, description: &str) -> Markup {
         let [width, height] = self.size.map(|v| number(v, 1));
         html! {
-            svg viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height) role="img" aria-label=(description) {
+            svg viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height)
+                role="img" aria-label=(description) {
                 title { (description) }
                 (self.markup)
             }
         }
     }
 
-    /// Writes it as a PNG, which appears complete or not at all.
+    /// Writes it as a PNG file, atomically.
     ///
     /// # Errors
-    /// When it cannot be drawn or written.
+    /// If it cannot be drawn or written.
     pub fn write_png(&self, path: &Path) -> Result<(), FigureError> {
         Ok(write_output(path, &png(self.size, &self.markup)?)?)
     }
 }
 
-/// Room for what stands above a chart.
+/// Returns the height of what is above a chart.
 fn head(chart: &Chart) -> f64 {
     let note = if chart.note.is_empty() { 0.0 } else { NOTE };
     TITLE + note + LEGEND * legend(chart).len() as f64 + 2.0
 }
 
-/// Title and note begin at the left edge of the sheet where they are wide: so much room they take then.
+/// Returns the width of title and note, which start at the left edge of the sheet if they are wide.
 fn heading_width(chart: &Chart) -> f64 {
     let letters = |text: &str| text.chars().count() as f64;
     (1.2 * LETTER * letters(&chart.title)).max(LETTER * letters(&chart.note))
@@ -105,7 +106,7 @@ fn heading_width(chart: &Chart) -> f64 {
 
 fn heading(chart: &Chart) -> Markup {
     let note = if chart.note.is_empty() { 0.0 } else { NOTE };
-    // What is wider than the frame begins farther left.
+    // A heading wider than the frame starts farther left.
     let wide = heading_width(chart);
     let left = LEFT.min(chart.size[0] - wide).max(0.0);
     html! {
@@ -121,7 +122,7 @@ fn heading(chart: &Chart) -> Markup {
     }
 }
 
-/// The lines of the legend: place, class and name of each entry.
+/// Returns the lines of the legend: position, class and name of each entry.
 fn legend(chart: &Chart) -> Vec<Vec<(f64, &'static str, &str)>> {
     let mut lines: Vec<Vec<(f64, &'static str, &str)>> = Vec::new();
     let mut x = f64::INFINITY;

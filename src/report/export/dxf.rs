@@ -1,6 +1,6 @@
-//! DXF of AutoCAD 2000 (AC1015), the oldest that states its unit: closed LWPOLYLINEs in mm.
+//! DXF of AutoCAD 2000 (AC1015), the oldest version that has a unit: closed LWPOLYLINEs in mm.
 //!
-//! The tables, blocks and objects are the fewest that the format asks for (Autodesk, DXF Reference).
+//! Tables, blocks and objects are the minimum of the format (Autodesk, DXF Reference).
 
 use std::fmt::Display;
 
@@ -9,20 +9,21 @@ use super::{Drawing, Point, ascii, number, rings};
 const FRAME: &str = "FRAME";
 const BODIES: &str = "BODIES";
 
-/// Handles of the symbol tables, and of what they refer to.
+/// Handles of the symbol tables, and of the objects that they refer to.
 const BLOCK_RECORDS: &str = "9";
 const MODEL_SPACE: &str = "1F";
 const PAPER_SPACE: &str = "1B";
 const ROOT: &str = "C";
 const GROUPS: &str = "D";
-/// From here on handles are given out one after the other.
+/// Handles of entities start here.
 const FIRST_HANDLE: usize = 0x100;
 
-/// Every ring of the electrode on layer ELECTRODE, or of its groups on ELECTRODE_1 and so on, outer rings anticlockwise and holes clockwise; the
-/// membrane and what is not frame of it on layer FRAME, and rigid bodies on BODIES.
+/// Writes a drawing. Each ring of the electrode is on layer ELECTRODE, or ELECTRODE_1 and so on for its groups, outer
+/// rings anticlockwise and holes clockwise; the membrane and its opening are on layer FRAME, and rigid bodies on
+/// BODIES.
 #[must_use]
 pub fn dxf(drawing: &Drawing) -> Vec<u8> {
-    let mut file = File { text: String::new() };
+    let mut file = DxfWriter { text: String::new() };
     for line in drawing.lines() {
         file.pair(999, text(line));
     }
@@ -53,15 +54,15 @@ pub fn dxf(drawing: &Drawing) -> Vec<u8> {
     file.text.into_bytes()
 }
 
-/// An entry of a symbol table: name, handle, subclass, and what more it has.
-type Record<'a> = (&'a str, &'a str, &'a str, &'a [(u16, &'a str)]);
+/// An entry of a symbol table: name, handle, subclass, and its other pairs.
+type TableEntry<'a> = (&'a str, &'a str, &'a str, &'a [(u16, &'a str)]);
 
-/// Group codes and values, a line each.
-struct File {
+/// Writes pairs of group codes and values, one on each line.
+struct DxfWriter {
     text: String,
 }
 
-impl File {
+impl DxfWriter {
     fn pair(&mut self, code: u16, value: impl Display) {
         self.text.push_str(&format!("{code:>3}\n{value}\n"));
     }
@@ -76,8 +77,8 @@ impl File {
         self.pairs([(0, "SECTION"), (2, name)]);
     }
 
-    /// A symbol table with its records.
-    fn table(&mut self, kind: &str, handle: &str, records: &[Record<'_>]) {
+    /// Writes a symbol table with its entries.
+    fn table(&mut self, kind: &str, handle: &str, records: &[TableEntry<'_>]) {
         self.pairs([
             (0, "TABLE"),
             (2, kind),
@@ -99,7 +100,7 @@ impl File {
     }
 }
 
-fn header(file: &mut File, size: [f64; 2], next_handle: usize) {
+fn header(file: &mut DxfWriter, size: [f64; 2], next_handle: usize) {
     file.section("HEADER");
     file.pairs([(9, "$ACADVER"), (1, "AC1015"), (9, "$DWGCODEPAGE"), (3, "ANSI_1252")]);
     file.pair(9, "$HANDSEED");
@@ -117,7 +118,7 @@ fn header(file: &mut File, size: [f64; 2], next_handle: usize) {
     file.pair(0, "ENDSEC");
 }
 
-fn tables(file: &mut File, electrodes: &[String], has_bodies: bool) {
+fn tables(file: &mut DxfWriter, electrodes: &[String], has_bodies: bool) {
     const LINE: &[(u16, &str)] = &[(70, "0"), (3, ""), (72, "65"), (73, "0"), (40, "0")];
     const LAYER: &str = "AcDbLayerTableRecord";
     const LINETYPE: &str = "AcDbLinetypeTableRecord";
@@ -133,7 +134,8 @@ fn tables(file: &mut File, electrodes: &[String], has_bodies: bool) {
         ],
     );
     let layer = |colour| [(70, "0"), (62, colour), (6, "Continuous")];
-    // The first electrode has the handle 11, the frame 12; further layers those from 40 on, and the colours of the index from red on.
+    // The first electrode has handle 11 and the frame 12, further layers those from 40 on; colours start at index 1,
+    // red.
     let (default, frame) = (layer("7"), layer("8"));
     let colours: Vec<String> = (0..electrodes.len())
         .map(|at| if at == 0 { 7 } else { at }.to_string())
@@ -141,12 +143,12 @@ fn tables(file: &mut File, electrodes: &[String], has_bodies: bool) {
     let own: Vec<_> = colours.iter().map(|colour| layer(colour)).collect();
     let handles: Vec<String> = (0..=electrodes.len()).map(|at| format!("{:X}", 0x40 + at)).collect();
     let handle = |at: usize| if at == 0 { "11" } else { handles[at].as_str() };
-    let mut layers: Vec<Record<'_>> = vec![("0", "10", LAYER, &default)];
+    let mut layers: Vec<TableEntry<'_>> = vec![("0", "10", LAYER, &default)];
     layers.extend(
         electrodes
             .iter()
             .enumerate()
-            .map(|(at, name)| -> Record<'_> { (name, handle(at), LAYER, &own[at]) }),
+            .map(|(at, name)| -> TableEntry<'_> { (name, handle(at), LAYER, &own[at]) }),
     );
     layers.push((FRAME, "12", LAYER, &frame));
     if has_bodies {
@@ -184,7 +186,7 @@ fn tables(file: &mut File, electrodes: &[String], has_bodies: bool) {
     file.pair(0, "ENDSEC");
 }
 
-fn blocks(file: &mut File) {
+fn blocks(file: &mut DxfWriter) {
     file.section("BLOCKS");
     for (name, record, begin, end) in [
         ("*Model_Space", MODEL_SPACE, "20", "21"),
@@ -199,7 +201,7 @@ fn blocks(file: &mut File) {
     file.pair(0, "ENDSEC");
 }
 
-fn polyline(file: &mut File, handle: usize, layer: &str, ring: &[Point]) {
+fn polyline(file: &mut DxfWriter, handle: usize, layer: &str, ring: &[Point]) {
     file.pair(0, "LWPOLYLINE");
     file.pair(5, format!("{handle:X}"));
     file.pairs([
@@ -217,7 +219,7 @@ fn polyline(file: &mut File, handle: usize, layer: &str, ring: &[Point]) {
     }
 }
 
-fn objects(file: &mut File) {
+fn objects(file: &mut DxfWriter) {
     file.section("OBJECTS");
     file.pairs([
         (0, "DICTIONARY"),
@@ -237,7 +239,7 @@ fn objects(file: &mut File) {
     file.pair(0, "ENDSEC");
 }
 
-/// Other characters than ASCII as AutoCAD writes them where the code page has none.
+/// Escapes characters outside of ASCII as AutoCAD does.
 fn text(line: &str) -> String {
     ascii(line, |c| format!("\\U+{:04X}", u32::from(c)))
 }

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use super::{Drawing, Point, ascii};
 
-/// The electrode as regions: each shape dark, then its holes clear, so that shapes within holes are drawn on cleared ground.
-/// Frame and bodies are not drawn: everything in such a file is made.
+/// Writes the electrode as regions: each shape dark, then its holes clear, so that shapes within holes are drawn after
+/// them. Frame and bodies are left out, since everything in a Gerber file is manufactured.
 #[must_use]
 pub fn gerber(drawing: &Drawing) -> Vec<u8> {
     let mut text = String::new();
@@ -30,7 +30,7 @@ pub fn gerber(drawing: &Drawing) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// One contour. It must end where it began.
+/// Writes one contour, which must be closed.
 fn region(text: &mut String, ring: &[Point]) {
     let _ = writeln!(text, "G36*");
     let words = std::iter::once("D02").chain(std::iter::repeat("D01"));
@@ -40,12 +40,12 @@ fn region(text: &mut String, ring: &[Point]) {
     let _ = writeln!(text, "G37*");
 }
 
-/// Six decimals of a mm, without the point.
+/// Converts mm to integers with six decimals.
 fn nanometres(mm: f64) -> i64 {
     (mm * 1e6).round() as i64
 }
 
-/// A text without the characters that end a command, and in ASCII, which every reader takes.
+/// Escapes the characters that end a command, and those outside of ASCII.
 fn comment(text: &str) -> String {
     let escaped = |c: char| match u32::from(c) {
         code @ ..=0xffff => format!("\\u{code:04X}"),

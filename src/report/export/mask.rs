@@ -1,10 +1,10 @@
-//! A mask of electrodes as a drawing, with what it says of itself.
+//! The drawing of an electrode mask, with notes on its size, scale and area.
 
-use super::{Drawing, Layer, Shape};
+use super::{Drawing, Layer, Shape, number};
 use deaflow_base::software;
 use deaflow_scene::{Islands, Mask, Size};
 
-/// The drawing of a mask of what has a title, from a source, with notes beside its size, scale and area.
+/// Creates the drawing of a mask.
 #[must_use]
 pub fn mask_drawing(mask: &Mask, title: &str, source: String, more: Vec<String>) -> Drawing {
     let from = format!("from {source}, by deaflow {}", env!("CARGO_PKG_VERSION"));
@@ -33,15 +33,15 @@ fn shapes(islands: &Islands) -> Vec<Shape> {
     islands.iter().map(shape).collect()
 }
 
-/// Size, scale and area of a mask, a line each.
+/// Describes size, scale and area of a mask, a line each.
 fn mask_notes(mask: &Mask) -> Vec<String> {
     let state = match mask.size {
         Size::Prestretched => format!(
-            "size: prestretched, as on the frame; undeformed it is smaller by the prestretch, {}",
+            "size: prestretched, as on the frame; the undeformed size is smaller by the prestretch, {}",
             one_or_both(mask.prestretch)
         ),
         Size::Undeformed => format!(
-            "size: undeformed, before stretching; on the frame it is larger by the prestretch, {}",
+            "size: undeformed, before stretching; the size on the frame is larger by the prestretch, {}",
             one_or_both(mask.prestretch)
         ),
     };
@@ -54,40 +54,34 @@ fn mask_notes(mask: &Mask) -> Vec<String> {
             one_or_both(mask.scale)
         ),
         format!(
-            "area of the electrode {} mm^2, {} of that of the membrane; islands {}, holes {}",
-            shown(mask.electrode_area),
-            shown(mask.area_fraction),
+            "area of the electrode {} mm^2, {} of the area of the membrane; islands {}, holes {}",
+            number(mask.electrode_area),
+            number(mask.area_fraction),
             mask.islands(),
             mask.holes()
         ),
     ];
     if mask.rounded {
         notes.push(format!(
-            "outline rounded: it holds {} mm^2, {:+.4} mm^2 against the cells",
-            shown(mask.outline_area),
+            "outline rounded: its area is {} mm^2, {:+.4} mm^2 compared with the cells",
+            number(mask.outline_area),
             mask.outline_area - mask.electrode_area
         ));
     }
     notes
 }
 
-/// The word before a pair of lengths.
+/// Returns `side` or `sides`, for a pair of lengths.
 #[must_use]
 pub fn side_or_sides([x, y]: [f64; 2]) -> &'static str {
     if x == y { "side" } else { "sides" }
 }
 
-/// A pair for people: one where both are equal.
+/// Writes a pair of lengths, or one if both are equal.
 #[must_use]
 pub fn one_or_both([x, y]: [f64; 2]) -> String {
     match x == y {
-        true => shown(x),
-        false => format!("{} × {}", shown(x), shown(y)),
+        true => number(x),
+        false => format!("{} × {}", number(x), number(y)),
     }
-}
-
-/// A number with up to six decimals.
-fn shown(value: f64) -> String {
-    let text = format!("{value:.6}");
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }

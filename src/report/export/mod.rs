@@ -1,6 +1,7 @@
-//! Designs in the formats of other programs; one file per format, each a function from a drawing to the bytes of a file.
+//! Designs in the formats of other programs: one file per format, with a function from a drawing to the bytes of a
+//! file.
 //!
-//! The bytes depend on the drawing alone: no file says when it was made.
+//! The bytes depend only on the drawing; no format has a time.
 
 mod csv;
 mod dxf;
@@ -10,7 +11,7 @@ mod png;
 mod svg;
 mod vtkhdf;
 
-pub use csv::csv;
+pub use csv::{cell_lines, csv};
 pub use dxf::dxf;
 pub use gerber::gerber;
 pub use mask::{mask_drawing, one_or_both, side_or_sides};
@@ -26,75 +27,73 @@ pub type Point = [f64; 2];
 pub struct Shape {
     /// The outer ring, anticlockwise.
     pub outer: Vec<Point>,
-    /// The rings of its holes, clockwise. A hole may hold other shapes.
+    /// The rings of its holes, clockwise. A hole may contain other shapes.
     pub holes: Vec<Vec<Point>>,
 }
 
-/// What is drawn apart from the rest.
+/// A layer of a drawing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// The number of a group of electrodes; none where there is one group.
+    /// The number of an electrode group; `None` if there is one group.
     pub group: Option<usize>,
-    /// Its shapes. A shape within a hole comes after the one that has the hole.
+    /// Its shapes. A shape within a hole comes after the shape with the hole.
     pub shapes: Vec<Shape>,
 }
 
 impl Layer {
-    /// All rings, outer ones before their holes.
+    /// Returns all rings, outer ones before their holes.
     fn rings(&self) -> impl Iterator<Item = &Vec<Point>> {
         rings(&self.shapes)
     }
 
-    /// What it is called, in lower case: `electrode`, or `electrode` and its number.
+    /// Returns its name in lower case: `electrode`, or `electrode` and its number.
     fn name(&self, between: &str) -> String {
         self.group
             .map_or_else(|| "electrode".to_owned(), |group| format!("electrode{between}{group}"))
     }
 }
 
-/// All rings of some shapes, outer ones before their holes.
+/// Returns all rings of shapes, outer ones before their holes.
 fn rings(shapes: &[Shape]) -> impl Iterator<Item = &Vec<Point>> {
     shapes
         .iter()
         .flat_map(|shape| std::iter::once(&shape.outer).chain(&shape.holes))
 }
 
-/// An electrode as it is to be drawn.
+/// The drawing of an electrode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
-    /// What it is called.
+    /// The title.
     pub title: String,
-    /// What must be known of it: size, scale, areas; a line each.
+    /// Notes on size, scale and areas, a line each.
     pub notes: Vec<String>,
-    /// Where it comes from: an artifact and its stage, or a file.
+    /// The source: an artifact and its stage, or a file.
     pub source: String,
-    /// The program that draws it.
+    /// The program.
     pub program: String,
-    /// Sides of the membrane in mm: its lower left corner is the origin.
+    /// Sides of the membrane in mm; the origin is its lower left corner.
     pub size: [f64; 2],
     /// The electrode, or its groups.
     pub layers: Vec<Layer>,
-    /// What is not frame, where there is more of it than the edge of the membrane.
+    /// The opening of the frame, if it is not the whole rectangle.
     pub opening: Vec<Shape>,
     /// Rigid bodies.
     pub bodies: Vec<Shape>,
 }
 
 impl Drawing {
-    /// Title and notes.
+    /// Returns title and notes.
     pub fn lines(&self) -> impl Iterator<Item = &str> {
         std::iter::once(self.title.as_str()).chain(self.notes.iter().map(String::as_str))
     }
 }
 
-/// A length in mm to the nanometre, without zeros that say nothing.
+/// Writes a length in mm with up to six decimals, without trailing zeros.
 fn number(mm: f64) -> String {
-    let text = format!("{mm:.6}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+    crate::drawing::number(mm, 6)
 }
 
-/// A text on one line, each other character than printable ASCII as `escape` writes it.
+/// Replaces control characters by spaces, and characters outside of ASCII as `escape` does.
 fn ascii(text: &str, escape: impl Fn(char) -> String) -> String {
     let each = |c: char| match c {
         ' '..='~' => c.to_string(),

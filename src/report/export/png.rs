@@ -1,5 +1,5 @@
-//! PNG: black electrode on white, one bit per pixel, its physical size in the `pHYs` chunk. Group g of n electrodes is (g − 1)/n grey, eight bits
-//! per pixel, as patterns are read.
+//! PNG: black electrode on white, one bit per pixel, with its physical size in the `pHYs` chunk. Group g of n
+//! electrodes is (g − 1)/n grey, eight bits per pixel, as patterns are read.
 
 use std::ops::Range;
 
@@ -7,14 +7,14 @@ use ::png::{BitDepth, ColorType, Compression, Encoder, EncodingError, PixelDimen
 
 use super::{Drawing, Layer, Point};
 
-/// Pixels along a side at most.
+/// The largest number of pixels along a side.
 pub const MOST_PIXELS: usize = 20_000;
 
-/// The drawing in so many pixels along its sides; a pixel is black where its centre is within the electrode. The top row is the upper
-/// edge.
+/// Writes the drawing with a number of pixels along its sides; a pixel is black if its centre is within the electrode.
+/// The top row is the upper edge.
 ///
 /// # Errors
-/// When the encoder refuses.
+/// If the encoder fails.
 pub fn png(drawing: &Drawing, pixels: [usize; 2]) -> Result<Vec<u8>, EncodingError> {
     let mut bytes = Vec::new();
     let mut encoder = Encoder::new(&mut bytes, pixels[0] as u32, pixels[1] as u32);
@@ -41,7 +41,7 @@ pub fn png(drawing: &Drawing, pixels: [usize; 2]) -> Result<Vec<u8>, EncodingErr
     Ok(bytes)
 }
 
-/// Rows from the top, padded to whole bytes; bit 1 is white.
+/// Returns rows from the top, padded to bytes; a set bit is white.
 fn image(drawing: &Drawing, [width, height]: [usize; 2]) -> Vec<u8> {
     let row_bytes = width.div_ceil(8);
     let mut image = vec![0xff_u8; row_bytes * height];
@@ -55,7 +55,7 @@ fn image(drawing: &Drawing, [width, height]: [usize; 2]) -> Vec<u8> {
     image
 }
 
-/// Rows from the top, a byte for each pixel.
+/// Returns rows from the top, a byte for each pixel.
 fn grey_image(drawing: &Drawing, [width, height]: [usize; 2]) -> Vec<u8> {
     let mut image = vec![u8::MAX; width * height];
     for (at, layer) in drawing.layers.iter().enumerate() {
@@ -67,7 +67,7 @@ fn grey_image(drawing: &Drawing, [width, height]: [usize; 2]) -> Vec<u8> {
     image
 }
 
-/// The pixels of a layer: rows from the top, and columns.
+/// Calls `fill` for the pixels of a layer: rows from the top, and columns.
 fn each_span(layer: &Layer, size: [f64; 2], [width, height]: [usize; 2], mut fill: impl FnMut(usize, Range<usize>)) {
     let scale = [width as f64 / size[0], height as f64 / size[1]];
     let edges: Vec<[Point; 2]> = layer.rings().flat_map(|ring| edges(ring, scale)).collect();
@@ -75,14 +75,14 @@ fn each_span(layer: &Layer, size: [f64; 2], [width, height]: [usize; 2], mut fil
         let mut crossings = crossings(&edges, (height - 1 - row) as f64 + 0.5);
         crossings.sort_unstable_by(f64::total_cmp);
         for pair in crossings.chunks_exact(2) {
-            // The pixels whose centres lie between the two.
+            // Pixels whose centres lie between two crossings.
             let [first, end] = [pair[0], pair[1]].map(|x| ((x - 0.5).ceil().max(0.0) as usize).min(width));
             fill(row, first..end);
         }
     }
 }
 
-/// The sides of a ring in pixels.
+/// Returns the sides of a ring in pixels.
 fn edges(ring: &[Point], scale: [f64; 2]) -> impl Iterator<Item = [Point; 2]> {
     let next = ring.iter().cycle().skip(1);
     ring.iter()
@@ -90,7 +90,7 @@ fn edges(ring: &[Point], scale: [f64; 2]) -> impl Iterator<Item = [Point; 2]> {
         .map(move |(a, b)| [a, b].map(|[x, y]| [x * scale[0], y * scale[1]]))
 }
 
-/// Where sides cross a horizontal line; a point on the line belongs to the side above it.
+/// Returns where sides cross a horizontal line; a point on the line belongs to the side above it.
 fn crossings(edges: &[[Point; 2]], y: f64) -> Vec<f64> {
     let crossing =
         |[a, b]: &[Point; 2]| ((a[1] <= y) != (b[1] <= y)).then(|| a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]));

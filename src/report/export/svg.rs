@@ -1,14 +1,14 @@
-//! SVG 1.1: one unit of the drawing is one mm, and the drawing is as large as the membrane.
+//! SVG 1.1: one unit is one mm, and the drawing is as large as the membrane.
 
 use std::fmt::Write;
 
 use super::{Drawing, Point, Shape, number, rings};
 
-/// Colours of groups of electrodes, one after the other.
+/// Colours of electrode groups.
 const COLOURS: [&str; 6] = ["#000000", "#c44e52", "#4c72b0", "#55a868", "#8172b2", "#ccb974"];
 
-/// The electrode as one filled path (`id="electrode"`, or `electrode-1` and so on of groups), and as thin lines the frame (`id="frame"`), what of
-/// the membrane is not frame (`opening`) and rigid bodies (`bodies`).
+/// Writes the electrode as a filled path (`id="electrode"`, or `electrode-1` and so on for groups), and as thin lines
+/// the frame (`id="frame"`), its opening (`opening`) and rigid bodies (`bodies`).
 #[must_use]
 pub fn svg(drawing: &Drawing) -> Vec<u8> {
     let [width, height] = drawing.size.map(number);
@@ -58,7 +58,7 @@ pub fn svg(drawing: &Drawing) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// A ring; y points downwards in SVG.
+/// Returns a ring; in SVG, y points down.
 fn subpath(ring: &[Point], height: f64) -> String {
     let points: Vec<String> = ring
         .iter()
@@ -67,7 +67,7 @@ fn subpath(ring: &[Point], height: f64) -> String {
     format!("M{} Z", points.join(" L"))
 }
 
-/// As character data of XML, which has no place for most control characters.
+/// Escapes a text for XML, which does not allow most control characters.
 fn escaped(text: &str) -> String {
     let each = |c: char| match c {
         '&' => "&amp;".to_owned(),

@@ -33,7 +33,7 @@ fn text(bytes: Vec<u8>) -> String {
 }
 
 #[test]
-fn lengths_have_no_zeros_that_say_nothing() {
+fn lengths_have_no_trailing_zeros() {
     let written = [0.0, -1e-9, 50.0, 16.0 + 2.0 / 3.0, 0.125].map(number);
     assert_eq!(written, ["0", "0", "50", "16.666667", "0.125"]);
 }

@@ -3,25 +3,26 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use crate::rows::pick;
 use deaflow_store::{Data, Dataset, Grid, StoreError, write_grid};
 
 /// A deformed membrane on a raster of elements, `[y][x]`.
 pub struct Surface<'a> {
-    /// Where the corners of elements lie along x and y without displacement, in mm.
+    /// Positions of the corners of elements along x and y without displacement, in mm.
     pub places: [&'a [f64]; 2],
-    /// Displacement in mm of these corners in both directions.
+    /// Displacement of these corners in mm.
     pub displacement: &'a [[f64; 2]],
-    /// What is known of each pattern cell, a number of elements along each of its sides; first dimension: cells `[y][x]`.
+    /// Quantities of the pattern cells; first dimension: cells `[y][x]`. Each cell has the same number of elements.
     pub cells: &'a [(&'static str, Dataset)],
     /// Columns and rows of pattern cells.
     pub sides: [usize; 2],
 }
 
-/// Writes the surface with z = 0. Corners have `displacement` and `reference`, where they were without displacement, both
-/// in mm; every element has the values of its pattern cell.
+/// Writes the surface with z = 0. Corners have `displacement` and `reference`, the position without displacement, both
+/// in mm; elements have the values of their pattern cells.
 ///
 /// # Errors
-/// When the folder does not exist or cannot be written in, or the library refuses (disk full).
+/// If the folder does not exist or is not writable, or HDF5 fails (disk full).
 pub fn write_vtkhdf(
     path: &Path,
     surface: &Surface<'_>,
@@ -60,7 +61,7 @@ pub fn write_vtkhdf(
     write_grid(path, &grid)
 }
 
-/// Corners of each element, anticlockwise.
+/// Returns the corners of each element, anticlockwise.
 fn quadrilaterals(elements: [usize; 2]) -> Vec<[i64; 4]> {
     let [columns, rows] = elements.map(|count| count as i64);
     let corner = |at: i64| at / columns * (columns + 1) + at % columns;
@@ -68,24 +69,16 @@ fn quadrilaterals(elements: [usize; 2]) -> Vec<[i64; 4]> {
     (0..columns * rows).map(|at| of(corner(at))).collect()
 }
 
-/// The rows of cells as rows of elements.
+/// Repeats the rows of cells as rows of elements.
 fn spread(surface: &Surface<'_>, dataset: &Dataset) -> Dataset {
     let ([columns, rows], cells) = (surface.places.map(|places| places.len() - 1), surface.sides);
     let [along, across] = [columns / cells[0], rows / cells[1]];
     let width = dataset.shape.iter().skip(1).product::<usize>();
     let cell = |at: usize| at / columns / across * cells[0] + at % columns / along;
-    fn repeated<T: Copy>(values: &[T], width: usize, order: impl Iterator<Item = usize>) -> Vec<T> {
-        order.flat_map(|row| &values[row * width..][..width]).copied().collect()
-    }
-    let order = (0..columns * rows).map(cell);
-    let data = match &dataset.data {
-        Data::U8(v) => Data::U8(repeated(v, width, order)),
-        Data::U32(v) => Data::U32(repeated(v, width, order)),
-        Data::U64(v) => Data::U64(repeated(v, width, order)),
-        Data::F32(v) => Data::F32(repeated(v, width, order)),
-        Data::F64(v) => Data::F64(repeated(v, width, order)),
-        Data::Text(v) => Data::Text(order.map(|row| v[row].clone()).collect()),
-    };
+    let elements = (0..columns * rows)
+        .map(cell)
+        .flat_map(|row| row * width..(row + 1) * width);
+    let data = pick(&dataset.data, elements);
     let shape = [&[columns * rows], &dataset.shape[1..]].concat();
     Dataset::new(&dataset.units, &dataset.description, &shape, data)
 }

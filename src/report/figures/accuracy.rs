@@ -1,15 +1,13 @@
-//! What accuracy costs: the error of each method over its time, for each family of patterns.
-
-use std::path::Path;
+//! Accuracy and cost: the error of each method over its time, for each family of patterns.
 
 use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 
-/// The methods on one family of patterns.
+/// The methods, measured on one family of patterns.
 #[derive(Clone, Debug)]
 pub struct FamilyCosts {
     /// Name of the family.
     pub family: String,
-    /// One for each method that has both.
+    /// One for each method that has an error and a time.
     pub costs: Vec<Cost>,
 }
 
@@ -27,7 +25,7 @@ pub struct Cost {
 /// Charts beside each other.
 const COLUMNS: usize = 3;
 
-/// What a method is drawn as: the start of its settings, its name in the legend, and a colour. The first that fits counts.
+/// How a method is drawn: parts of its settings, its name in the legend, and a colour. The first match counts.
 type Group = (&'static [&'static str], &'static str, Colour);
 
 const GROUPS: [Group; 11] = [
@@ -41,7 +39,7 @@ const GROUPS: [Group; 11] = [
     (&["method: newton", "order: 1"], "Newton, bilinear", Colour::Sky),
     (&["method: newton", "order: 2"], "Newton, biquadratic", Colour::Blue),
     (&["method: creep:3+"], "creep from 3 estimates", Colour::Orange),
-    (&["method: creep:3"], "creep from 3 solves", Colour::Green),
+    (&["method: creep:3"], "creep from 3 solutions", Colour::Green),
     (&["method: history+"], "estimated steps", Colour::Sky),
     (&["method: history"], "all steps", Colour::Blue),
     (&["network:"], "surrogates", Colour::Purple),
@@ -54,12 +52,12 @@ impl Cost {
         GROUPS.iter().find(fits).unwrap_or(&GROUPS[GROUPS.len() - 1])
     }
 
-    /// Whether it can stand on logarithmic axes.
+    /// Whether it can be shown on logarithmic axes.
     fn is_drawn(&self) -> bool {
         self.error > 0.0 && self.seconds > 0.0
     }
 
-    /// A few words beside the point: the legend says the rest.
+    /// Returns a short label; the legend has the rest.
     fn label(&self) -> String {
         let value = |key: &str| {
             let pairs = self.settings.split(", ").filter_map(|pair| pair.split_once(": "));
@@ -79,7 +77,7 @@ impl Cost {
     }
 }
 
-/// Places of the points that no other beats in both coordinates, from left to right.
+/// Returns the positions of the points that no other point beats in both coordinates, from left to right.
 pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| {
@@ -95,11 +93,11 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     order
 }
 
-/// The error of each method over its time, one chart for each family, with the front of those that no other beats; all on the
+/// Draws the error of each method over its time, a chart for each family with its Pareto front; all charts have the
 /// same axes.
 ///
 /// # Errors
-/// When there is nothing to draw.
+/// If no method has an error and a time.
 pub fn accuracy_charts(families: &[FamilyCosts]) -> Result<Vec<Chart>, FigureError> {
     let costs = families.iter().flat_map(|family| &family.costs);
     let drawn: Vec<&Cost> = costs.filter(|cost| cost.is_drawn()).collect();
@@ -108,7 +106,7 @@ pub fn accuracy_charts(families: &[FamilyCosts]) -> Result<Vec<Chart>, FigureErr
     }
     let times: Vec<f64> = drawn.iter().map(|cost| 1e3 * cost.seconds).collect();
     let largest = drawn.iter().map(|cost| cost.error).fold(0.0, f64::max);
-    // Labels need room above the highest point.
+    // Labels need space above the highest point.
     let errors: Vec<f64> = drawn.iter().map(|cost| cost.error).chain([3.0 * largest]).collect();
     let x = Axis::logarithmic("Time of one core per pattern [ms]", &times);
     let y = Axis::logarithmic("RMS error of a component [mm]", &errors);
@@ -128,25 +126,25 @@ fn series(family: &FamilyCosts) -> Vec<Series> {
         if own.is_empty() {
             continue;
         }
-        let words = own.iter().map(|&k| {
+        let texts = own.iter().map(|&k| {
             let (time, error) = points[k];
             format!("{}: {time:.3} ms, {error:.2e} mm", costs[k].settings)
         });
-        let words = words.collect();
+        let texts = texts.collect();
         let dots = own.iter().map(|&k| points[k]).collect();
-        series.push(Series::new(name, colour, Mark::Dots, dots).with_words(words));
+        series.push(Series::new(name, colour, Mark::Dots, dots).with_texts(texts));
     }
-    series.push(Series::new("", Colour::Grey, Mark::Labelled, best).with_words(labels));
+    series.push(Series::new("", Colour::Grey, Mark::Labelled, best).with_texts(labels));
     series
 }
 
-/// Draws the charts.
+/// Draws the charts on a sheet.
 ///
 /// # Errors
-/// When there is nothing to draw, or the file cannot be written.
-pub fn draw_accuracy(path: &Path, families: &[FamilyCosts]) -> Result<(), FigureError> {
+/// If no method has an error and a time.
+pub fn accuracy_sheet(families: &[FamilyCosts]) -> Result<Sheet, FigureError> {
     let charts = accuracy_charts(families)?;
-    Sheet::charts(COLUMNS.min(charts.len()), &charts).write_png(path)
+    Ok(Sheet::charts(COLUMNS.min(charts.len()), &charts))
 }
 
 #[cfg(test)]
@@ -154,14 +152,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_front_holds_what_nothing_beats() {
+    fn the_front_has_the_points_that_no_other_beats() {
         let points = [(3.0, 1.0), (1.0, 5.0), (2.0, 5.0), (2.0, 2.0), (4.0, 1.0), (1.0, 6.0)];
         assert_eq!(pareto_front(&points), [1, 3, 0]);
         assert!(pareto_front(&[]).is_empty());
     }
 
     #[test]
-    fn labels_say_what_the_legend_does_not() {
+    fn labels_have_what_the_legend_does_not() {
         for (settings, label, group) in [
             (
                 "method: linear, elements_per_cell: 2, order: 1",

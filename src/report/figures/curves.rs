@@ -1,16 +1,14 @@
-//! Results of a sweep over one of its axes, a curve for each value of another.
+//! Results of a sweep over one of its axes, with a curve for each value of another.
 
-use std::path::Path;
+use crate::drawing::{Axis, Chart, FigureError, LARGE, Mark, Series, Sheet};
 
-use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
-
-/// What is drawn.
+/// The curves of a sweep.
 #[derive(Clone, Debug)]
 pub struct Curves {
-    /// Names of both axes with their units.
+    /// Labels of both axes with their units.
     pub labels: [String; 2],
-    /// What stands along the axis from left to right instead of numbers: the points then lie at 0, 1, 2, …
-    pub words: Vec<String>,
+    /// Names along the horizontal axis instead of numbers: the points then lie at 0, 1, 2, …
+    pub names: Vec<String>,
     /// The curves.
     pub curves: Vec<Curve>,
 }
@@ -18,45 +16,37 @@ pub struct Curves {
 /// A curve.
 #[derive(Clone, Debug)]
 pub struct Curve {
-    /// Its name; none where there is one alone.
+    /// Its name; empty if there is only one.
     pub name: String,
     /// Its points from left to right.
     pub points: Vec<(f64, f64)>,
 }
 
-/// Width and height of the chart.
-const SIZE: [f64; 2] = [708.0, 410.0];
-
-/// The chart of the curves.
-///
-/// # Errors
-/// When there is none, or a number is not finite.
-pub fn curves_chart(data: &Curves) -> Result<Chart, FigureError> {
-    let points = || data.curves.iter().flat_map(|curve| &curve.points);
-    if points().next().is_none() || points().any(|(x, y)| !x.is_finite() || !y.is_finite()) {
-        return Err(FigureError::Data("curves need points of finite numbers".into()));
-    }
-    let (across, up): (Vec<f64>, Vec<f64>) = points().copied().unzip();
-    let [x_label, y_label] = &data.labels;
-    let x = match data.words.is_empty() {
-        true => Axis::between(x_label, &across),
-        false => Axis::names(data.words.clone()).with_label(x_label),
-    };
-    let mark = if data.words.is_empty() {
-        Mark::LineAndDots
-    } else {
-        Mark::Dots
-    };
-    let curves = data.curves.iter().zip(Colour::ALL.into_iter().cycle());
-    let series = curves.map(|(curve, colour)| Series::new(&curve.name, colour, mark, curve.points.clone()));
-    let title = format!("{y_label} over {x_label}");
-    Ok(Chart::new(title, [x, Axis::above(y_label, &up)], series.collect()).with_size(SIZE))
-}
-
 /// Draws the curves.
 ///
 /// # Errors
-/// When there is none, or the file cannot be written.
-pub fn draw_curves(path: &Path, data: &Curves) -> Result<(), FigureError> {
-    Sheet::charts(1, &[curves_chart(data)?]).write_png(path)
+/// If there is no point, or a number is not finite.
+pub fn curves_chart(data: &Curves) -> Result<Chart, FigureError> {
+    let points = || data.curves.iter().flat_map(|curve| &curve.points);
+    if points().next().is_none() || points().any(|(x, y)| !x.is_finite() || !y.is_finite()) {
+        return Err(FigureError::Data("curves need points with finite numbers".into()));
+    }
+    let (across, up): (Vec<f64>, Vec<f64>) = points().copied().unzip();
+    let [x_label, y_label] = &data.labels;
+    let (x, mark) = match data.names.is_empty() {
+        true => (Axis::between(x_label, &across), Mark::LineAndDots),
+        false => (Axis::names(data.names.clone()).with_label(x_label), Mark::Dots),
+    };
+    let series = Series::coloured(&data.curves);
+    let series = series.map(|(curve, colour)| Series::new(&curve.name, colour, mark, curve.points.clone()));
+    let title = format!("{y_label} over {x_label}");
+    Ok(Chart::new(title, [x, Axis::above(y_label, &up)], series.collect()).with_size(LARGE))
+}
+
+/// Draws the curves on a sheet.
+///
+/// # Errors
+/// If there is no point, or a number is not finite.
+pub fn curves_sheet(data: &Curves) -> Result<Sheet, FigureError> {
+    Ok(Sheet::charts(1, &[curves_chart(data)?]))
 }

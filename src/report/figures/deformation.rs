@@ -1,13 +1,11 @@
-//! How far the samples of each family move: the raw histograms that a dataset is made from.
+//! Histograms of the largest displacements, one for each family of samples.
 
-use std::path::Path;
+use crate::drawing::{Axis, Chart, Colour, EMPTY, FigureError, Series, Sheet, extent};
 
-use crate::drawing::{Axis, Chart, Colour, FigureError, Series, Sheet};
-
-/// Bins over the common range.
+/// Bins of the common range.
 const BINS: usize = 100;
 
-/// The range in mm unless something moves farther: that of the source paper.
+/// The smallest range in mm, that of the source paper.
 const RANGE: f64 = 2.5;
 
 /// Width and height of a histogram on a sheet of its own.
@@ -23,12 +21,9 @@ pub struct FamilyDeformation {
 }
 
 impl FamilyDeformation {
-    /// Number, range and mean.
+    /// Describes number, range and mean.
     fn numbers(&self) -> String {
-        let (low, high) = self
-            .peaks
-            .iter()
-            .fold((f64::INFINITY, 0.0), |(l, h): (f64, f64), p| (l.min(*p), h.max(*p)));
+        let (low, high) = extent(&self.peaks, EMPTY);
         let mean = self.peaks.iter().sum::<f64>() / self.peaks.len() as f64;
         let samples = if self.peaks.len() == 1 { "sample" } else { "samples" };
         format!(
@@ -46,20 +41,20 @@ impl FamilyDeformation {
     }
 }
 
-/// One histogram per family, over the same range.
+/// Draws one histogram per family, over the same range.
 ///
 /// # Errors
-/// When there is no family, one has no sample or a displacement that is no length.
+/// If there is no family, one has no sample, or a displacement is negative or not finite.
 pub fn deformation_charts(families: &[FamilyDeformation]) -> Result<Vec<Chart>, FigureError> {
     let peaks = || families.iter().flat_map(|family| &family.peaks);
     if families.is_empty() || families.iter().any(|family| family.peaks.is_empty()) {
         return Err(FigureError::Data("a family has no sample".into()));
     }
     if peaks().any(|peak| !(peak.is_finite() && *peak >= 0.0)) {
-        return Err(FigureError::Data("a displacement is not a length".into()));
+        return Err(FigureError::Data("a displacement is negative or not finite".into()));
     }
-    // Half millimetres above the farthest, so that the axis ends at a round number.
-    let farthest = peaks().fold(0.0, |a: f64, b| a.max(*b));
+    // Half millimetres, so that the axis ends at a round number.
+    let (_, farthest) = extent(peaks(), (0.0, 0.0));
     let top = RANGE.max((2.0 * farthest).ceil() / 2.0);
     let edges: Vec<f64> = (0..=BINS).map(|bin| top * bin as f64 / BINS as f64).collect();
     let chart = |family: &FamilyDeformation| {
@@ -75,11 +70,11 @@ pub fn deformation_charts(families: &[FamilyDeformation]) -> Result<Vec<Chart>, 
 /// Draws the histograms one below the other.
 ///
 /// # Errors
-/// When the numbers do not make them, or the file cannot be written.
-pub fn draw_deformation(path: &Path, families: &[FamilyDeformation]) -> Result<(), FigureError> {
+/// As [`deformation_charts`].
+pub fn deformation_sheet(families: &[FamilyDeformation]) -> Result<Sheet, FigureError> {
     let charts = deformation_charts(families)?.into_iter();
     let charts: Vec<Chart> = charts.map(|chart| chart.with_size(SIZE)).collect();
-    Sheet::charts(1, &charts).write_png(path)
+    Ok(Sheet::charts(1, &charts))
 }
 
 #[cfg(test)]
@@ -87,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_title_says_number_range_and_mean() {
+    fn the_title_has_number_range_and_mean() {
         let family = FamilyDeformation {
             family: "bezier".into(),
             peaks: vec![1.5, 2.0, 1.75, 1.951],

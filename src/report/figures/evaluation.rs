@@ -1,32 +1,30 @@
-//! Models beside estimates: the error of each on each family, and the largest displacement as predicted and as simulated.
-
-use std::path::Path;
+//! Models and estimates: the error of each on each family, and the largest displacement, predicted over simulated.
 
 use maud::{Markup, html};
 
-use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
+use crate::drawing::{Axis, Chart, Colour, EMPTY, FigureError, Mark, Series, Sheet, extent};
 use crate::format::cut;
 use deaflow_base::two_digits;
 
-/// What an evaluation found.
+/// The data of the figure of an evaluation.
 #[derive(Clone, Debug)]
-pub struct Evaluated {
-    /// Names of the families, the last for all together.
+pub struct EvaluationFigure {
+    /// Names of the families; the last one stands for all.
     pub families: Vec<String>,
     /// Models and estimates.
-    pub predictors: Vec<EvaluatedPredictor>,
+    pub predictors: Vec<PredictorErrors>,
 }
 
-/// A model or an estimate.
+/// The errors of a model or an estimate.
 #[derive(Clone, Debug)]
-pub struct EvaluatedPredictor {
+pub struct PredictorErrors {
     /// Its name.
     pub name: String,
-    /// Root mean square error of a component in mm by family; none where nothing was predicted.
+    /// Root mean square error of a component in mm by family; `None` without predictions.
     pub rmse: Vec<Option<f64>>,
-    /// Largest displacement of each pattern in mm, simulated and predicted.
+    /// Largest displacement of each pattern in mm: simulated and predicted.
     pub peaks: Vec<(f64, f64)>,
-    /// Coefficient of determination of these.
+    /// Coefficient of determination of `peaks`.
     pub peak_r2: f64,
 }
 
@@ -34,29 +32,28 @@ pub struct EvaluatedPredictor {
 const COLUMNS: usize = 4;
 const SIDE: f64 = 216.0;
 
-/// Height of a row of the matrix, room left of it and above it.
+/// Height of a row of the matrix, and the space left of it and above it.
 const ROW: f64 = 28.0;
 const LEFT: f64 = 162.0;
 const ABOVE: f64 = 58.0;
 
-/// Letters that fit beside the matrix.
+/// Letters that fit left of the matrix.
 const NAME: usize = 24;
 
-/// Points in one chart: more only cover each other.
-const MOST_POINTS: usize = 1500;
+/// Points in a chart; more would only cover each other.
+const MAX_POINTS: usize = 1500;
 
-impl Evaluated {
-    /// The largest displacement of each pattern as predicted over that as simulated, a chart for each model or estimate that
-    /// predicts any.
+impl EvaluationFigure {
+    /// Draws the largest displacement of each pattern, predicted over simulated, a chart for each predictor.
     pub fn charts(&self) -> Vec<Chart> {
         let peaks = self.predictors.iter().flat_map(|p| &p.peaks);
         let largest = peaks.fold(0.0, |l: f64, (a, b)| l.max(*a).max(*b));
         let end = if largest > 0.0 { 1.06 * largest } else { 1.0 };
-        let chart = |predictor: &EvaluatedPredictor| {
+        let chart = |predictor: &PredictorErrors| {
             let axis = |label: &str| Axis::linear(label, 0.0, end);
             let axes = [axis("Largest displacement, simulated [mm]"), axis("Predicted [mm]")];
             let n = predictor.peaks.len();
-            let dots = predictor.peaks.iter().step_by(n.div_ceil(MOST_POINTS).max(1));
+            let dots = predictor.peaks.iter().step_by(n.div_ceil(MAX_POINTS).max(1));
             let series = vec![
                 Series::new("", Colour::Grey, Mark::Dashed, vec![(0.0, 0.0), (end, end)]),
                 Series::new("", Colour::Blue, Mark::Cloud, dots.copied().collect()),
@@ -70,11 +67,11 @@ impl Evaluated {
         drawn.map(chart).collect()
     }
 
-    /// How dark an error is drawn: 0 for the smallest of all, 1 for the largest, on a logarithmic scale.
+    /// Returns the shade of an error: 0 for the smallest of all, 1 for the largest, on a logarithmic scale.
     pub fn shade(&self, error: f64) -> f64 {
         let all = self.predictors.iter().flat_map(|p| p.rmse.iter().flatten());
         let all = all.filter(|error| **error > 0.0);
-        let (low, high) = all.fold((f64::INFINITY, 0.0), |(l, h): (f64, f64), e| (l.min(*e), h.max(*e)));
+        let (low, high) = extent(all, EMPTY);
         match error > 0.0 && high > low {
             true => (error / low).ln() / (high / low).ln(),
             false => 0.0,
@@ -92,7 +89,9 @@ impl Evaluated {
                 }
                 @for (row, predictor) in self.predictors.iter().enumerate() {
                     @let y = ABOVE + ROW * row as f64;
-                    text class="ink" x=(LEFT - 10.0) y=(y + 0.65 * ROW) text-anchor="end" { (cut(&predictor.name, NAME)) }
+                    text class="ink" x=(LEFT - 10.0) y=(y + 0.65 * ROW) text-anchor="end" {
+                        (cut(&predictor.name, NAME))
+                    }
                     @for (k, error) in predictor.rmse.iter().enumerate() { (self.cell([left(k), y, column], *error)) }
                 }
             }
@@ -104,41 +103,41 @@ impl Evaluated {
     }
 
     fn cell(&self, [x, y, width]: [f64; 3], error: Option<f64>) -> Markup {
-        let share = error.map_or(0.0, |error| self.shade(error));
-        let ink = if share > 0.5 { "#ffffff" } else { "#1b1f24" };
+        let shade = error.map_or(0.0, |error| self.shade(error));
+        let ink = if shade > 0.5 { "#ffffff" } else { "#1b1f24" };
         html! {
-            rect x=(x + 0.5) y=(y + 0.5) width=(width - 1.0) height=(ROW - 1.0) fill=(colour(share)) {}
+            rect x=(x + 0.5) y=(y + 0.5) width=(width - 1.0) height=(ROW - 1.0) fill=(colour(shade)) {}
             text x=(x + 0.5 * width) y=(y + 0.65 * ROW) text-anchor="middle" style={ "fill:" (ink) } {
                 (error.map_or("none".to_owned(), two_digits))
             }
         }
     }
+
+    /// Draws the matrix of errors above one chart for each predictor.
+    ///
+    /// # Errors
+    /// If there are no predictors or families, or errors are missing.
+    pub fn sheet(&self) -> Result<Sheet, FigureError> {
+        let fits = |p: &PredictorErrors| p.rmse.len() == self.families.len();
+        if self.predictors.is_empty() || self.families.is_empty() || !self.predictors.iter().all(fits) {
+            return Err(FigureError::Data(
+                "an evaluation needs an error for each model and family".into(),
+            ));
+        }
+        let charts = self.charts();
+        let charts = Sheet::charts(COLUMNS.min(charts.len()), &charts);
+        let width = (LEFT + 78.0 * self.families.len() as f64)
+            .max(charts.size[0])
+            .max(540.0);
+        Ok(Sheet::below(vec![self.matrix(width), charts]))
+    }
 }
 
-/// From pale to dark blue: small errors are pale.
-fn colour(share: f64) -> String {
-    let mix = |pale: f64, dark: f64| (pale + share.clamp(0.0, 1.0) * (dark - pale)).round() as u8;
+/// Returns a colour from pale blue for 0 to dark blue for 1.
+fn colour(shade: f64) -> String {
+    let mix = |pale: f64, dark: f64| (pale + shade.clamp(0.0, 1.0) * (dark - pale)).round() as u8;
     let [r, g, b] = [mix(236.0, 0.0), mix(244.0, 82.0), mix(250.0, 138.0)];
     format!("#{r:02x}{g:02x}{b:02x}")
-}
-
-/// Draws the matrix of errors above one chart for each model or estimate.
-///
-/// # Errors
-/// When the numbers do not fit together, or the file cannot be written.
-pub fn draw_evaluation(path: &Path, data: &Evaluated) -> Result<(), FigureError> {
-    let fits = |p: &EvaluatedPredictor| p.rmse.len() == data.families.len();
-    if data.predictors.is_empty() || data.families.is_empty() || !data.predictors.iter().all(fits) {
-        return Err(FigureError::Data(
-            "an evaluation needs an error for each model and family".into(),
-        ));
-    }
-    let charts = data.charts();
-    let charts = Sheet::charts(COLUMNS.min(charts.len()), &charts);
-    let width = (LEFT + 78.0 * data.families.len() as f64)
-        .max(charts.size[0])
-        .max(540.0);
-    Sheet::below(vec![data.matrix(width), charts]).write_png(path)
 }
 
 #[cfg(test)]

@@ -1,36 +1,35 @@
-//! How a design evolved, generation by generation.
-
-use std::path::Path;
+//! The history of a genetic algorithm, generation by generation.
 
 use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 
-/// One value per generation of each curve, the first population included.
+/// One value per generation of each curve, including the first population.
 #[derive(Clone, Debug)]
 pub struct Evolution {
     /// Fitness of the best individual; smaller is better.
     pub best: Vec<f64>,
     /// Mean fitness of the population.
     pub mean: Vec<f64>,
-    /// Predicted displacement of the best individual along the wanted direction, in mm.
+    /// Predicted displacement of the best individual along the target direction, in mm.
     pub value: Vec<f64>,
     /// Electrode area of the best individual, a fraction of the membrane.
     pub area: Vec<f64>,
 }
 
-/// Width of a chart, and heights of the first and of the others.
+/// Width of a chart, and heights of the first and of the other charts.
 const WIDTH: f64 = 716.0;
 const HIGH: f64 = 250.0;
 const LOW: f64 = 190.0;
 
-/// Draws the fitness of the best and of the mean individual, and displacement and area of the best, over the generations.
+/// Draws the fitness of the best and of the mean individual, and displacement and area of the best, over the
+/// generations.
 ///
 /// # Errors
-/// When the curves are empty or differ in length, or the file cannot be written.
-pub fn draw_evolution(path: &Path, data: &Evolution) -> Result<(), FigureError> {
+/// If the curves are empty or differ in length.
+pub fn evolution_sheet(data: &Evolution) -> Result<Sheet, FigureError> {
     let n = data.best.len();
     if n == 0 || [data.mean.len(), data.value.len(), data.area.len()] != [n; 3] {
         return Err(FigureError::Data(
-            "an evolution needs one value per generation each".into(),
+            "the curves of a genetic algorithm need one value per generation".into(),
         ));
     }
     let chart = |title: String, label: &str, curves: &[(&str, Colour, &[f64])], height: f64| {
@@ -44,7 +43,7 @@ pub fn draw_evolution(path: &Path, data: &Evolution) -> Result<(), FigureError> 
         Sheet::charts(1, &[chart])
     };
     let percent: Vec<f64> = data.area.iter().map(|a| 100.0 * a).collect();
-    let sheet = Sheet::below(vec![
+    Ok(Sheet::below(vec![
         chart(
             format!("Genetic algorithm, {} generations", n - 1),
             "Fitness (smaller is better)",
@@ -66,6 +65,5 @@ pub fn draw_evolution(path: &Path, data: &Evolution) -> Result<(), FigureError> 
             &[("", Colour::Green, &percent)],
             LOW,
         ),
-    ]);
-    sheet.write_png(path)
+    ]))
 }

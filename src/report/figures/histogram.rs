@@ -1,29 +1,27 @@
-//! How deformations are spread over the samples, before and after balancing.
-
-use std::path::Path;
+//! Histograms of the largest displacements, before and after balancing.
 
 use crate::drawing::{Axis, Chart, Colour, FigureError, Series, Sheet};
 
-/// Counts of samples by their largest displacement.
+/// Numbers of samples by their largest displacement.
 #[derive(Clone, Debug)]
 pub struct Histogram {
     /// Bin edges in mm; one more than bins.
     pub edges: Vec<f64>,
     /// Samples as solved.
     pub before: Vec<u64>,
-    /// With the images, by rotation and mirror, that sparse bins are given.
+    /// With the rotated and mirrored images that sparse bins get.
     pub augmented: Vec<u64>,
-    /// After levelling, without images: samples as they were drawn.
+    /// After levelling, only samples as drawn.
     pub levelled: Vec<u64>,
-    /// After levelling, with images: what the surrogate is trained on.
+    /// After levelling, with images: the training set of the surrogate.
     pub after: Vec<u64>,
 }
 
 impl Histogram {
-    /// The histograms as solved, levelled, and levelled with images.
+    /// Draws the histograms as solved, levelled, and levelled with images.
     ///
     /// # Errors
-    /// When the counts do not fit the edges.
+    /// If the counts do not fit the edges.
     pub fn charts(&self) -> Result<Vec<Chart>, FigureError> {
         self.validate()?;
         let bars = |name, colour, counts: &[u64]| Series::bars(name, colour, &self.edges, counts);
@@ -65,11 +63,11 @@ impl Histogram {
             return Ok(());
         }
         Err(FigureError::Data(
-            "a histogram needs rising edges and one count per bin".into(),
+            "a histogram needs ascending bin edges and one count per bin".into(),
         ))
     }
 
-    /// A chart of so many samples, whose axis reaches the highest of these bins and of others.
+    /// Draws a chart whose vertical axis contains its own counts and those of others.
     fn chart(&self, title: &str, counts: &[u64], series: Vec<Series>, others: &[u64]) -> Chart {
         let x = Axis::linear(
             "Largest displacement [mm]",
@@ -80,12 +78,12 @@ impl Histogram {
         let title = format!("{title}: {} samples", counts.iter().sum::<u64>());
         Chart::new(title, [x, y], series)
     }
-}
 
-/// Draws the histograms side by side.
-///
-/// # Errors
-/// When the counts do not fit the edges, or the file cannot be written.
-pub fn draw_histogram(path: &Path, data: &Histogram) -> Result<(), FigureError> {
-    Sheet::charts(3, &data.charts()?).write_png(path)
+    /// Draws the histograms side by side.
+    ///
+    /// # Errors
+    /// If the counts do not fit the edges.
+    pub fn sheet(&self) -> Result<Sheet, FigureError> {
+        Ok(Sheet::charts(3, &self.charts()?))
+    }
 }

@@ -1,10 +1,8 @@
-//! Displacement against time.
+//! Displacement over time.
 
-use std::path::Path;
+use crate::drawing::{Axis, Chart, FigureError, LARGE, MAX_NAMED, Mark, Series, Sheet, extent};
 
-use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
-
-/// How one point of a membrane moves.
+/// The motion of one point of a membrane.
 #[derive(Clone, Debug)]
 pub struct Motion {
     /// Its name.
@@ -13,39 +11,29 @@ pub struct Motion {
     pub time: Vec<f64>,
     /// Displacement magnitude in mm.
     pub displacement: Vec<f64>,
-    /// What ends it before the time is over, in words.
+    /// Why it ends early, if it does.
     pub end: Option<String>,
 }
 
-/// Width and height of the chart.
-const SIZE: [f64; 2] = [708.0, 410.0];
-/// Names of more curves would fill the chart.
-const NAMED: usize = 7;
-/// From so many times the first step to the end time is drawn logarithmically.
-const DECADES: f64 = 1e3;
+/// The time axis is logarithmic if the end time is larger than the first step by this factor.
+const LOG_RATIO: f64 = 1e3;
 
-/// Displacement against time, logarithmic in time where `spread` says that it goes over decades.
+/// Draws displacement over time, logarithmic in time if `is_wide` and the times span decades.
 ///
 /// # Errors
-/// When there are no curves or their data are incomplete.
-fn history_chart(motions: &[Motion], spread: bool) -> Result<Chart, FigureError> {
+/// If there are no curves, or values are missing or not finite.
+fn history_chart(motions: &[Motion], is_wide: bool) -> Result<Chart, FigureError> {
     let incomplete = |m: &Motion| {
         let numbers = m.time.iter().chain(&m.displacement);
         m.time.len() != m.displacement.len() || numbers.into_iter().any(|v| !v.is_finite())
     };
     if motions.is_empty() || motions.iter().any(incomplete) {
-        return Err(FigureError::Data(
-            "a history needs finite values at each of its times".into(),
-        ));
+        return Err(FigureError::Data("a history needs a finite value at each time".into()));
     }
     let times = motions.iter().flat_map(|m| &m.time);
-    let (first, last) = times
-        .clone()
-        .filter(|t| **t > 0.0)
-        .fold((f64::INFINITY, 0.0), |(low, high), t| {
-            (f64::min(low, *t), f64::max(high, *t))
-        });
-    let x = match spread && last > DECADES * first {
+    let positive = times.clone().filter(|t| **t > 0.0);
+    let (first, last) = extent(positive, (f64::INFINITY, 0.0));
+    let x = match is_wide && last > LOG_RATIO * first {
         true => Axis::logarithmic("Time [s]", times),
         false => Axis::linear("Time [s]", 0.0, last),
     };
@@ -54,9 +42,9 @@ fn history_chart(motions: &[Motion], spread: bool) -> Result<Chart, FigureError>
         motions.iter().flat_map(|m| &m.displacement),
     );
     let shown: Vec<bool> = motions.iter().map(|m| m.time.iter().any(|t| x.shows(*t))).collect();
-    let named = (2..=NAMED).contains(&motions.len());
+    let named = (2..=MAX_NAMED).contains(&motions.len());
     let mut series = Vec::new();
-    for ((motion, shown), colour) in motions.iter().zip(shown).zip(Colour::ALL.into_iter().cycle()) {
+    for ((motion, shown), colour) in Series::coloured(motions.iter().zip(shown)) {
         if !shown {
             continue;
         }
@@ -69,20 +57,20 @@ fn history_chart(motions: &[Motion], spread: bool) -> Result<Chart, FigureError>
             Mark::Line,
             points,
         ));
-        if let (Some(words), Some(end)) = (&motion.end, end) {
+        if let (Some(text), Some(end)) = (&motion.end, end) {
             series.push(Series::new("", colour, Mark::Dots, vec![end]));
             if motions.len() == 1 {
-                series.push(Series::new("", colour, Mark::Labelled, vec![end]).with_words(vec![words.clone()]));
+                series.push(Series::new("", colour, Mark::Labelled, vec![end]).with_texts(vec![text.clone()]));
             }
         }
     }
-    Ok(Chart::new("Motion in time".to_owned(), [x, y], series).with_size(SIZE))
+    Ok(Chart::new("Displacement over time", [x, y], series).with_size(LARGE))
 }
 
-/// Draws how points move; `spread` where it goes over decades of time.
+/// Draws the motions on a sheet; `is_wide` allows a logarithmic time axis.
 ///
 /// # Errors
-/// As the data are incomplete, or the file cannot be written.
-pub fn draw_histories(path: &Path, motions: &[Motion], spread: bool) -> Result<(), FigureError> {
-    Sheet::charts(1, &[history_chart(motions, spread)?]).write_png(path)
+/// If there are no curves, or values are missing or not finite.
+pub fn histories_sheet(motions: &[Motion], is_wide: bool) -> Result<Sheet, FigureError> {
+    Ok(Sheet::charts(1, &[history_chart(motions, is_wide)?]))
 }

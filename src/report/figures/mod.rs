@@ -1,5 +1,5 @@
-//! Figures of finished runs: what a page shows and what stands in a PNG are the same drawings. They take plain numbers and
-//! know no artifacts.
+//! Figures of finished runs: pages and PNG files have the same drawings. They are drawn from plain numbers, without
+//! artifacts.
 
 mod accuracy;
 mod audit;
@@ -21,21 +21,21 @@ pub(crate) use curves::curves_chart;
 pub(crate) use deformation::deformation_charts;
 pub(crate) use rounds::rounds_charts;
 
-pub use super::drawing::{FigureError, Ground, Membrane};
-pub use accuracy::{Cost, FamilyCosts, draw_accuracy, pareto_front};
-pub use audit::{Audited, Counts, draw_audit};
-pub use curves::{Curve, Curves, draw_curves};
-pub use deformation::{FamilyDeformation, draw_deformation};
-pub use evaluation::{Evaluated, EvaluatedPredictor, draw_evaluation};
-pub use evolution::{Evolution, draw_evolution};
-pub use histogram::{Histogram, draw_histogram};
-pub use history::{Motion, draw_histories};
-pub use membrane::{draw_membrane, membrane_drawing};
-pub use path::{Branch, Limit, draw_paths};
-pub use response::{Response, draw_responses};
-pub use rounds::{Round, draw_rounds};
-pub use training::{Training, draw_training};
-pub use verification::{Case, draw_agreement, draw_gallery};
+pub use super::drawing::{Background, DeformedMembrane, FigureError};
+pub use accuracy::{Cost, FamilyCosts, accuracy_sheet, pareto_front};
+pub use audit::{AuditFigure, Counts};
+pub use curves::{Curve, Curves, curves_sheet};
+pub use deformation::{FamilyDeformation, deformation_sheet};
+pub use evaluation::{EvaluationFigure, PredictorErrors};
+pub use evolution::{Evolution, evolution_sheet};
+pub use histogram::Histogram;
+pub use history::{Motion, histories_sheet};
+pub use membrane::membrane_sheet;
+pub use path::{Branch, Limit, paths_sheet};
+pub use response::{Response, responses_sheet};
+pub use rounds::{Round, rounds_sheet};
+pub use training::Training;
+pub use verification::{VerifiedPattern, agreement_sheet, gallery_sheet};
 
 #[cfg(test)]
 mod tests;

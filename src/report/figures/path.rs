@@ -1,10 +1,8 @@
-//! Displacement against voltage, from rest past the loss of stability.
+//! Displacement over voltage, from rest past the loss of stability.
 
-use std::path::Path;
+use crate::drawing::{Axis, Chart, Colour, FigureError, LARGE, MAX_NAMED, Mark, Series, Sheet};
 
-use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
-
-/// The path of one pattern. The curves have one value per point, from rest on.
+/// The load path of one pattern. Curves have one value per point, from rest on.
 #[derive(Clone, Debug)]
 pub struct Branch {
     /// Its name.
@@ -13,44 +11,38 @@ pub struct Branch {
     pub voltage: Vec<f64>,
     /// Displacement of one point of the membrane, in mm.
     pub displacement: Vec<f64>,
-    /// Whether a membrane can be found in that state.
+    /// Whether the state is stable.
     pub stable: Vec<bool>,
-    /// What ends the stable part that begins at rest.
+    /// The end of the stable part that starts at rest.
     pub limit: Option<Limit>,
 }
 
-/// Where a stable part ends.
+/// The end of a stable part.
 #[derive(Clone, Debug)]
 pub struct Limit {
     /// What happens there.
     pub name: String,
     /// Voltage in V.
     pub voltage: f64,
-    /// How far the truth may lie on either side, in V, where that is known.
+    /// Its error in V, if known.
     pub error: Option<f64>,
     /// Displacement in mm.
     pub displacement: f64,
 }
 
 impl Limit {
-    /// The voltage in kV, with its error.
+    /// Writes the voltage in kV, with its error.
     fn kilovolts(&self) -> String {
         let error = self.error.map(|error| format!(" ± {:.3}", 1e-3 * error));
         format!("{:.3}{} kV", 1e-3 * self.voltage, error.unwrap_or_default())
     }
 }
 
-/// Width and height of the chart.
-const SIZE: [f64; 2] = [708.0, 410.0];
-
-/// Names of more branches would fill the chart.
-const NAMED: usize = 7;
-
-/// Displacement against voltage, solid where stable and dashed where not, with the limits marked.
+/// Draws displacement over voltage, solid if stable and dashed if not, with the limits marked.
 ///
 /// # Errors
-/// When there are no branches or their data are incomplete.
-pub fn paths_chart(branches: &[Branch]) -> Result<Chart, FigureError> {
+/// If there are no branches, or values are missing or not finite.
+fn paths_chart(branches: &[Branch]) -> Result<Chart, FigureError> {
     let incomplete = |b: &Branch| {
         let n = b.voltage.len();
         let numbers = b.voltage.iter().chain(&b.displacement);
@@ -58,7 +50,7 @@ pub fn paths_chart(branches: &[Branch]) -> Result<Chart, FigureError> {
     };
     if branches.is_empty() || branches.iter().any(incomplete) {
         return Err(FigureError::Data(
-            "a path needs finite values at each of its points".into(),
+            "a load path needs a finite value at each point".into(),
         ));
     }
     let kilovolts: Vec<f64> = branches.iter().flat_map(|b| &b.voltage).map(|v| 1e-3 * v).collect();
@@ -76,18 +68,18 @@ pub fn paths_chart(branches: &[Branch]) -> Result<Chart, FigureError> {
             }),
         _ => "Load paths: stable solid, unstable dashed".to_owned(),
     };
-    let named = (2..=NAMED).contains(&branches.len());
+    let named = (2..=MAX_NAMED).contains(&branches.len());
     let mut series = Vec::new();
-    for (branch, colour) in branches.iter().zip(Colour::ALL.into_iter().cycle()) {
+    for (branch, colour) in Series::coloured(branches) {
         let name = if named { branch.name.as_str() } else { "" };
         series.extend(branch.curve(name, colour));
         series.extend(branch.mark(colour, branches.len() == 1));
     }
-    Ok(Chart::new(title, axes, series).with_size(SIZE))
+    Ok(Chart::new(title, axes, series).with_size(LARGE))
 }
 
 impl Branch {
-    /// Runs of stable and of unstable points; the first carries the name.
+    /// Draws the stable and unstable parts; the first one has the name.
     fn curve(&self, name: &str, colour: Colour) -> Vec<Series> {
         let point = |k: usize| (1e-3 * self.voltage[k], self.displacement[k]);
         let n = self.stable.len();
@@ -96,7 +88,7 @@ impl Branch {
         while first < n {
             let stable = self.stable[first];
             let same = self.stable[first..].iter().take_while(|s| **s == stable).count();
-            // A run begins where the last one ends, so that no gap shows.
+            // A part starts at the end of the last one, so that there is no gap.
             let points = (first.saturating_sub(1)..first + same).map(point).collect();
             let mark = if stable { Mark::Line } else { Mark::Dashed };
             runs.push(Series::new(if first == 0 { name } else { "" }, colour, mark, points));
@@ -105,7 +97,7 @@ impl Branch {
         runs
     }
 
-    /// The limit with its error, and with its name where there is room.
+    /// Draws the limit with its error, and its name if there is space.
     fn mark(&self, colour: Colour, named: bool) -> Vec<Series> {
         let Some(limit) = &self.limit else {
             return Vec::new();
@@ -118,21 +110,21 @@ impl Branch {
             marks.push(Series::new("", colour, Mark::Line, bar));
         }
         if named {
-            // The curve ends where this mesh loses stability, the mark stands where it is lost without an error of the mesh.
+            // The curve ends at the limit of this mesh, the mark is at that of two finer meshes.
             let name = match limit.error {
-                Some(_) => format!("{} by two meshes", limit.name),
+                Some(_) => format!("{} (two meshes)", limit.name),
                 None => limit.name.clone(),
             };
-            marks.push(Series::new("", colour, Mark::Labelled, at).with_words(vec![name]));
+            marks.push(Series::new("", colour, Mark::Labelled, at).with_texts(vec![name]));
         }
         marks
     }
 }
 
-/// Draws the paths.
+/// Draws the paths on a sheet.
 ///
 /// # Errors
-/// When there are no branches or their data are incomplete, or the file cannot be written.
-pub fn draw_paths(path: &Path, branches: &[Branch]) -> Result<(), FigureError> {
-    Sheet::charts(1, &[paths_chart(branches)?]).write_png(path)
+/// If there are no branches, or values are missing or not finite.
+pub fn paths_sheet(branches: &[Branch]) -> Result<Sheet, FigureError> {
+    Ok(Sheet::charts(1, &[paths_chart(branches)?]))
 }

@@ -1,15 +1,13 @@
-//! Amplitude and phase against frequency.
+//! Amplitude and phase over frequency.
 
-use std::path::Path;
+use crate::drawing::{Axis, Chart, FigureError, MAX_NAMED, Mark, Series, Sheet, extent};
 
-use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
-
-/// How one point of a membrane responds, with one value per frequency.
+/// The response of one point of a membrane, with one value per frequency.
 #[derive(Clone, Debug)]
 pub struct Response {
     /// Its name.
     pub name: String,
-    /// Frequency in Hz; those without a response are left out.
+    /// Frequency in Hz; frequencies without a response are left out.
     pub frequency: Vec<f64>,
     /// Amplitude in mm/V.
     pub amplitude: Vec<f64>,
@@ -19,16 +17,14 @@ pub struct Response {
 
 /// Width and height of each chart.
 const SIZE: [f64; 2] = [708.0, 330.0];
-/// Names of more curves would fill the chart.
-const NAMED: usize = 7;
 
-/// A change of phase in degrees beyond which the curve is broken: it is shorter the other way round.
-const TURN: f64 = 180.0;
+/// A larger change of phase in degrees breaks the curve: the other way round is shorter.
+const MAX_TURN: f64 = 180.0;
 
-/// Amplitude above phase, both over the logarithm of the frequency.
+/// Draws amplitude and phase over the logarithm of the frequency.
 ///
 /// # Errors
-/// When the data are incomplete.
+/// If there are no responses, or values are missing or not finite.
 fn response_charts(responses: &[Response]) -> Result<[Chart; 2], FigureError> {
     let incomplete = |r: &Response| {
         let n = r.frequency.len();
@@ -37,7 +33,7 @@ fn response_charts(responses: &[Response]) -> Result<[Chart; 2], FigureError> {
     };
     if responses.is_empty() || responses.iter().any(incomplete) {
         return Err(FigureError::Data(
-            "a response needs finite values at each of its frequencies".into(),
+            "a response needs a finite value at each frequency".into(),
         ));
     }
     let x = Axis::logarithmic("Frequency [Hz]", responses.iter().flat_map(|r| &r.frequency));
@@ -45,41 +41,40 @@ fn response_charts(responses: &[Response]) -> Result<[Chart; 2], FigureError> {
         "Amplitude of the point that moves most [mm/V]",
         responses.iter().flat_map(|r| &r.amplitude),
     );
-    let phases = responses.iter().flat_map(|r| &r.phase);
-    let (low, high) = phases.fold((0.0, 0.0), |(l, h), v| (f64::min(l, *v), f64::max(h, *v)));
+    let (low, high) = extent(responses.iter().flat_map(|r| &r.phase), (0.0, 0.0));
     let margin = (0.08 * (high - low)).max(1.0);
     let phase = Axis::linear("Phase [deg]", low - margin, high + margin);
-    let named = (2..=NAMED).contains(&responses.len());
+    let named = (2..=MAX_NAMED).contains(&responses.len());
     let curves = |values: fn(&Response) -> &[f64], y: &Axis, turn: f64| -> Vec<Series> {
-        let each = responses.iter().zip(Colour::ALL.into_iter().cycle());
-        each.flat_map(|(response, colour)| {
-            let pairs = response.frequency.iter().copied().zip(values(response).iter().copied());
-            let points: Vec<(f64, f64)> = pairs.filter(|(f, v)| x.shows(*f) && y.shows(*v)).collect();
-            let runs = points.chunk_by(|(_, a), (_, b)| (a - b).abs() <= turn);
-            let name = |at| if named && at == 0 { response.name.as_str() } else { "" };
-            runs.enumerate()
-                .map(|(at, run)| {
-                    let mark = if run.len() == 1 { Mark::Dots } else { Mark::Line };
-                    Series::new(name(at), colour, mark, run.to_vec())
-                })
-                .collect::<Vec<_>>()
-        })
-        .collect()
+        Series::coloured(responses)
+            .flat_map(|(response, colour)| {
+                let pairs = response.frequency.iter().copied().zip(values(response).iter().copied());
+                let points: Vec<(f64, f64)> = pairs.filter(|(f, v)| x.shows(*f) && y.shows(*v)).collect();
+                let runs = points.chunk_by(|(_, a), (_, b)| (a - b).abs() <= turn);
+                let name = |at| if named && at == 0 { response.name.as_str() } else { "" };
+                runs.enumerate()
+                    .map(|(at, run)| {
+                        let mark = if run.len() == 1 { Mark::Dots } else { Mark::Line };
+                        Series::new(name(at), colour, mark, run.to_vec())
+                    })
+                    .collect::<Vec<_>>()
+            })
+            .collect()
     };
     let above = curves(|response| &response.amplitude, &amplitude, f64::INFINITY);
-    let below = curves(|response| &response.phase, &phase, TURN);
+    let below = curves(|response| &response.phase, &phase, MAX_TURN);
     Ok([
         Chart::new("Frequency response", [x.clone(), amplitude], above).with_size(SIZE),
         Chart::new("", [x, phase], below).with_size(SIZE),
     ])
 }
 
-/// Draws how points respond.
+/// Draws the responses on a sheet.
 ///
 /// # Errors
-/// As the data are incomplete, or the file cannot be written.
-pub fn draw_responses(path: &Path, responses: &[Response]) -> Result<(), FigureError> {
-    Sheet::charts(1, &response_charts(responses)?).write_png(path)
+/// If there are no responses, or values are missing or not finite.
+pub fn responses_sheet(responses: &[Response]) -> Result<Sheet, FigureError> {
+    Ok(Sheet::charts(1, &response_charts(responses)?))
 }
 
 #[cfg(test)]
@@ -87,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn phases_are_broken_where_they_turn_and_what_is_incomplete_is_refused() {
+    fn phases_are_broken_at_turns_and_incomplete_data_is_refused() {
         let response = Response {
             name: "a".to_owned(),
             frequency: vec![1.0, 2.0, 3.0, 4.0],
@@ -102,7 +97,7 @@ mod tests {
                 .map(|series| series.points.len())
                 .collect::<Vec<_>>()
         };
-        // A logarithm has no place for zero.
+        // Zero has no logarithm.
         assert_eq!((lengths(&amplitude), lengths(&phase)), (vec![3, 3], vec![2, 2, 2, 2]));
         let short = Response {
             phase: vec![0.0],

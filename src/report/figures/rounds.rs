@@ -1,22 +1,20 @@
-//! Designs that are verified round by round: how well they were predicted, and how good they are.
-
-use std::path::Path;
+//! Designs that are verified round by round: the accuracy of their predictions, and the best displacement.
 
 use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 
-/// What one round came to.
+/// The results of one round.
 #[derive(Clone, Debug)]
 pub struct Round {
-    /// |predicted − simulated| / |simulated| of each design.
+    /// Relative difference between prediction and simulation of each design.
     pub differences: Vec<f64>,
-    /// The best simulated displacement of each target in mm, by its name.
+    /// The best simulated displacement of each target in mm, with the name of the target.
     pub best: Vec<(String, f64)>,
 }
 
-/// The differences of all designs and their root mean square, and the best of each target, over the rounds.
+/// Draws the differences of all designs with their root mean square, and the best of each target, over the rounds.
 ///
 /// # Errors
-/// When there is no round, or a number is not finite.
+/// If there is no round, or a number is not finite.
 pub fn rounds_charts(rounds: &[Round]) -> Result<Vec<Chart>, FigureError> {
     let numbers = |round: &Round| {
         let best = round.best.iter().map(|(_, mm)| *mm);
@@ -35,7 +33,7 @@ fn over_rounds(rounds: &[Round]) -> Axis {
 fn differences(rounds: &[Round]) -> Chart {
     let (mut points, mut means) = (Vec::new(), Vec::new());
     for (round, found) in (1..).map(f64::from).zip(rounds) {
-        let percent = || found.differences.iter().map(|share| 100.0 * share);
+        let percent = || found.differences.iter().map(|fraction| 100.0 * fraction);
         points.extend(percent().map(|value| (round, value)));
         let squares: f64 = percent().map(|value| value * value).sum();
         means.push((round, (squares / found.differences.len().max(1) as f64).sqrt()));
@@ -51,7 +49,7 @@ fn differences(rounds: &[Round]) -> Chart {
     Chart::new("Predicted against simulated", [over_rounds(rounds), y], series)
 }
 
-/// Names of more targets would fill the chart.
+/// The largest number of targets with names in the legend.
 const NAMED: usize = 8;
 
 fn best(rounds: &[Round]) -> Chart {
@@ -71,15 +69,15 @@ fn best(rounds: &[Round]) -> Chart {
         let name = if targets.len() <= NAMED { *target } else { "" };
         Series::new(name, colour, Mark::LineAndDots, points)
     };
-    let series = targets.iter().zip(Colour::ALL.into_iter().cycle()).map(line).collect();
+    let series = Series::coloured(&targets).map(line).collect();
     let axes = [over_rounds(rounds), Axis::above("Displacement [mm]", &values)];
     Chart::new("Best design of each target, simulated", axes, series)
 }
 
-/// Draws the rounds.
+/// Draws the charts on a sheet.
 ///
 /// # Errors
-/// When there is no round, a number is not finite, or the file cannot be written.
-pub fn draw_rounds(path: &Path, rounds: &[Round]) -> Result<(), FigureError> {
-    Sheet::charts(2, &rounds_charts(rounds)?).write_png(path)
+/// If there is no round, or a number is not finite.
+pub fn rounds_sheet(rounds: &[Round]) -> Result<Sheet, FigureError> {
+    Ok(Sheet::charts(2, &rounds_charts(rounds)?))
 }

@@ -2,20 +2,20 @@ use std::fs;
 use std::path::Path;
 
 use super::*;
-use crate::drawing::Ground;
+use crate::drawing::{Background, Sheet};
 use deaflow_pattern as pattern;
 
-fn square() -> Ground {
-    Ground::plain(pattern::Membrane::square(50.0))
+fn square() -> Background {
+    Background::plain(pattern::Membrane::square(50.0))
 }
 
-/// A membrane with a wanted point.
-fn membrane(direction: f64) -> Membrane {
+/// A membrane with a point of the objective.
+fn membrane(direction: f64) -> DeformedMembrane {
     let cell = |at: usize| u8::from(at % 50 < 25 || (at / 50) > 40 && at % 50 < 34);
     with(cell, direction, vec![[25.0, 25.0]])
 }
 
-fn with(cell: impl Fn(usize) -> u8, direction: f64, points: Vec<[f64; 2]>) -> Membrane {
+fn with(cell: impl Fn(usize) -> u8, direction: f64, points: Vec<[f64; 2]>) -> DeformedMembrane {
     let bump = |t: f64| (std::f64::consts::PI * t).sin();
     let corner = |at: usize| {
         let (x, y) = ((at % 51) as f64 / 50.0, (at / 51) as f64 / 50.0);
@@ -23,7 +23,7 @@ fn with(cell: impl Fn(usize) -> u8, direction: f64, points: Vec<[f64; 2]>) -> Me
     };
     let pattern: Vec<u8> = (0..2500).map(cell).collect();
     let displacement: Vec<f64> = (0..51 * 51).flat_map(corner).collect();
-    Membrane::new(&pattern, &displacement, square(), points).unwrap()
+    DeformedMembrane::new(&pattern, &displacement, square(), points).unwrap()
 }
 
 fn histogram() -> Histogram {
@@ -60,9 +60,9 @@ fn evolution(n: usize) -> Evolution {
     }
 }
 
-fn cases() -> Vec<Case> {
+fn cases() -> Vec<VerifiedPattern> {
     [("Design", 1.0), ("Intuitive", 0.9), ("Intuitive, equal area", 0.85)]
-        .map(|(name, factor)| Case {
+        .map(|(name, factor)| VerifiedPattern {
             name: name.into(),
             membrane: membrane(factor),
             predicted: Some(2.08 * factor),
@@ -142,15 +142,20 @@ const NAMES: [&str; 9] = [
 ];
 
 fn draw_all(folder: &Path) {
-    draw_histogram(&folder.join(NAMES[0]), &histogram()).unwrap();
-    draw_training(&folder.join(NAMES[1]), &training(8)).unwrap();
-    draw_evolution(&folder.join(NAMES[2]), &evolution(61)).unwrap();
-    draw_membrane(&folder.join(NAMES[3]), "Best design, simulated", &membrane(1.0)).unwrap();
-    draw_agreement(&folder.join(NAMES[4]), &cases()).unwrap();
-    draw_paths(&folder.join(NAMES[5]), &branches(3)).unwrap();
-    draw_accuracy(&folder.join(NAMES[6]), &costs()).unwrap();
-    draw_deformation(&folder.join(NAMES[7]), &deformations()).unwrap();
-    draw_rounds(&folder.join(NAMES[8]), &rounds()).unwrap();
+    let sheets = [
+        histogram().sheet(),
+        training(8).sheet(),
+        evolution_sheet(&evolution(61)),
+        Ok(membrane_sheet("Best design, simulated", &membrane(1.0))),
+        agreement_sheet(&cases()),
+        paths_sheet(&branches(3)),
+        accuracy_sheet(&costs()),
+        deformation_sheet(&deformations()),
+        rounds_sheet(&rounds()),
+    ];
+    for (name, sheet) in NAMES.into_iter().zip(sheets) {
+        sheet.unwrap().write_png(&folder.join(name)).unwrap();
+    }
 }
 
 /// Width, height, RGB.
@@ -202,7 +207,7 @@ fn the_electrode_is_drawn_where_it_has_moved_to() {
     let share = |direction: f64| {
         // A half plane, so that the exact area between its moved edge and the frame is known.
         let data = with(|at| u8::from(at % 50 < 25), direction, Vec::new());
-        draw_membrane(&path, "t", &data).unwrap();
+        membrane_sheet("t", &data).write_png(&path).unwrap();
         let (_, _, pixels) = pixels(&path);
         pixels.iter().filter(|p| **p == SKY).count() as f64 / (594.0 * 594.0)
     };
@@ -217,26 +222,21 @@ fn the_electrode_is_drawn_where_it_has_moved_to() {
 }
 
 #[test]
-fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("x.png");
+fn incomplete_data_is_refused_and_unusual_data_is_drawn() {
+    let is_refused = |sheet: Result<Sheet, FigureError>| matches!(sheet, Err(FigureError::Data(_)));
     let mut bad = histogram();
     bad.after.pop();
-    assert!(matches!(draw_histogram(&path, &bad), Err(FigureError::Data(_))));
-    assert!(matches!(draw_training(&path, &training(0)), Err(FigureError::Data(_))));
+    assert!(is_refused(bad.sheet()));
+    assert!(is_refused(training(0).sheet()));
     for kept in [0, 4] {
-        let bad = Training { kept, ..training(3) };
-        assert!(matches!(draw_training(&path, &bad), Err(FigureError::Data(_))));
+        assert!(is_refused(Training { kept, ..training(3) }.sheet()));
     }
-    assert!(matches!(
-        draw_evolution(&path, &evolution(0)),
-        Err(FigureError::Data(_))
-    ));
-    assert!(matches!(draw_agreement(&path, &[]), Err(FigureError::Data(_))));
+    assert!(is_refused(evolution_sheet(&evolution(0))));
+    assert!(is_refused(agreement_sheet(&[])));
     let mut field = [0.0; 5202];
     field[7] = f64::NAN;
     assert!(matches!(
-        Membrane::new(&[1; 2500], &field, square(), Vec::new()),
+        DeformedMembrane::new(&[1; 2500], &field, square(), Vec::new()),
         Err(FigureError::Data(_))
     ));
     let mut none = deformations();
@@ -244,24 +244,26 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
     let mut odd = deformations();
     odd[0].peaks[3] = f64::NAN;
     for bad in [&[][..], &none, &odd] {
-        assert!(matches!(draw_deformation(&path, bad), Err(FigureError::Data(_))));
+        assert!(is_refused(deformation_sheet(bad)));
     }
-    assert!(matches!(draw_accuracy(&path, &[]), Err(FigureError::Data(_))));
+    assert!(is_refused(accuracy_sheet(&[])));
     let mut bad = branches(2);
     bad[1].stable.pop();
-    assert!(matches!(draw_paths(&path, &bad), Err(FigureError::Data(_))));
-    assert!(matches!(draw_paths(&path, &[]), Err(FigureError::Data(_))));
-    assert!(!path.exists());
+    assert!(is_refused(paths_sheet(&bad)));
+    assert!(is_refused(paths_sheet(&[])));
 
-    draw_paths(&path, &branches(12)).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.png");
+    let draw = |sheet: Result<Sheet, FigureError>| sheet.unwrap().write_png(&path).unwrap();
+    draw(paths_sheet(&branches(12)));
     let mut still = branches(1);
     still[0].displacement.fill(0.0);
     still[0].limit = None;
-    draw_paths(&path, &still).unwrap();
-    draw_evolution(&path, &evolution(1)).unwrap();
-    draw_training(&path, &training(1)).unwrap();
-    let still = Membrane::new(&[1; 2500], &[0.0; 5202], square(), Vec::new()).unwrap();
-    draw_membrane(&path, "t", &still).unwrap();
+    draw(paths_sheet(&still));
+    draw(evolution_sheet(&evolution(1)));
+    draw(training(1).sheet());
+    let still = DeformedMembrane::new(&[1; 2500], &[0.0; 5202], square(), Vec::new()).unwrap();
+    draw(Ok(membrane_sheet("t", &still)));
     let empty = Histogram {
         before: vec![0; 100],
         augmented: vec![0; 100],
@@ -269,21 +271,19 @@ fn numbers_that_make_no_figure_are_refused_and_odd_ones_drawn() {
         after: vec![0; 100],
         ..histogram()
     };
-    draw_histogram(&path, &empty).unwrap();
+    draw(empty.sheet());
     let mut far = deformations();
     far[1].peaks = vec![17.3];
-    draw_deformation(&path, &far).unwrap();
+    draw(deformation_sheet(&far));
     let mut negative = cases();
     negative[0].simulated = -1.5;
-    draw_agreement(&path, &negative).unwrap();
+    draw(agreement_sheet(&negative));
     let mut odd = costs();
     odd.truncate(1);
     (odd[0].costs[0].error, odd[0].costs[1].error) = (0.0, f64::NAN);
-    draw_accuracy(&path, &odd).unwrap();
-    assert!(matches!(
-        draw_training(Path::new("/nonexistent/x.png"), &training(1)),
-        Err(FigureError::Output(_))
-    ));
+    draw(accuracy_sheet(&odd));
+    let nowhere = training(1).sheet().unwrap().write_png(Path::new("/nonexistent/x.png"));
+    assert!(matches!(nowhere, Err(FigureError::Output(_))));
 }
 
 #[test]
@@ -294,7 +294,7 @@ fn the_unstable_part_of_a_path_is_dashed() {
         branch[0].limit = None;
         branch[0].stable.fill(stable);
         let path = folder.path().join("x.png");
-        draw_paths(&path, &branch).unwrap();
+        paths_sheet(&branch).unwrap().write_png(&path).unwrap();
         pixels(&path).2.iter().filter(|p| **p == [0, 114, 178]).count()
     };
     let (solid, dashed) = (blue(true), blue(false));

@@ -1,6 +1,4 @@
-//! How training went, epoch by epoch.
-
-use std::path::Path;
+//! The course of a training, epoch by epoch.
 
 use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 
@@ -23,21 +21,22 @@ pub struct Training {
 type Curve<'a> = (&'a str, Colour, &'a [f64]);
 
 impl Training {
-    /// The losses, the validation error and the learning rate over the epochs, all on logarithmic axes.
+    /// Draws the losses, the validation error and the learning rate over the epochs, all on logarithmic axes.
     ///
     /// # Errors
-    /// When the curves are empty or differ in length, or no epoch of theirs is kept.
+    /// If the curves are empty or differ in length, or the kept epoch is not among them.
     pub fn charts(&self) -> Result<Vec<Chart>, FigureError> {
         let epochs = self.train_loss.len();
         let others = [&self.validation_loss, &self.validation_rmse, &self.learning_rate];
         if epochs == 0 || others.iter().any(|curve| curve.len() != epochs) {
-            return Err(FigureError::Data(
-                "training curves need one value per epoch each".into(),
-            ));
+            return Err(FigureError::Data("training curves need one value per epoch".into()));
         }
         let kept = usize::try_from(self.kept).ok().and_then(|kept| kept.checked_sub(1));
         let Some(error) = kept.and_then(|kept| self.validation_rmse.get(kept)) else {
-            return Err(FigureError::Data(format!("epoch {} is kept, of {epochs}", self.kept)));
+            return Err(FigureError::Data(format!(
+                "the kept epoch is {}, but there are {epochs} epochs",
+                self.kept
+            )));
         };
         let losses: [Curve<'_>; 2] = [
             ("training", Colour::Blue, &self.train_loss),
@@ -56,7 +55,7 @@ impl Training {
         ])
     }
 
-    /// Curves on a logarithmic axis, behind them a line at the kept epoch.
+    /// Draws curves on a logarithmic axis, with a line at the kept epoch.
     fn over_epochs(&self, title: &str, label: &str, curves: &[Curve<'_>]) -> Chart {
         let epochs = curves
             .iter()
@@ -66,7 +65,7 @@ impl Training {
         let x = Axis::counting("Epoch", 0.5, epochs as f64 + 0.5);
         let y = Axis::logarithmic(label, curves.iter().flat_map(|(_, _, values)| values.iter()));
         let kept = y.ends().map(|value| (self.kept as f64, value)).to_vec();
-        let kept = Series::new("epoch that is kept", Colour::Grey, Mark::Line, kept);
+        let kept = Series::new("kept epoch", Colour::Grey, Mark::Line, kept);
         let curve = |(name, colour, values): &Curve<'_>| {
             let points = (1..).map(f64::from).zip(values.iter().copied()).collect();
             Series::new(name, *colour, Mark::LineAndDots, points)
@@ -74,12 +73,12 @@ impl Training {
         let series = std::iter::once(kept).chain(curves.iter().map(curve)).collect();
         Chart::new(title, [x, y], series)
     }
-}
 
-/// Draws the charts of a training.
-///
-/// # Errors
-/// When the numbers do not make them, or the file cannot be written.
-pub fn draw_training(path: &Path, data: &Training) -> Result<(), FigureError> {
-    Sheet::charts(3, &data.charts()?).write_png(path)
+    /// Draws the charts on a sheet.
+    ///
+    /// # Errors
+    /// As [`Self::charts`].
+    pub fn sheet(&self) -> Result<Sheet, FigureError> {
+        Ok(Sheet::charts(3, &self.charts()?))
+    }
 }

@@ -1,56 +1,54 @@
-//! Designs and the intuitive designs beside each other, simulated again on a finer mesh.
-
-use std::path::Path;
+//! Designs and intuitive designs, simulated on a finer mesh.
 
 use maud::html;
 
 use super::membrane::electrode;
 use crate::designs::LEAST_MM;
-use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Membrane, Series, Sheet, exaggeration};
+use crate::drawing::{Axis, Chart, Colour, DeformedMembrane, FigureError, Mark, Series, Sheet, exaggeration, extent};
 use crate::format::three;
 use deaflow_pattern::Role;
 
 /// One pattern, predicted and simulated.
 #[derive(Clone, Debug)]
-pub struct Case {
+pub struct VerifiedPattern {
     /// Its name.
     pub name: String,
     /// The pattern with its simulated field.
-    pub membrane: Membrane,
-    /// Predicted displacement of the wanted point along the wanted direction, in mm; none where nothing was predicted.
+    pub membrane: DeformedMembrane,
+    /// Predicted displacement of the point along the target direction, in mm; `None` without a prediction.
     pub predicted: Option<f64>,
     /// The same, simulated.
     pub simulated: f64,
-    /// What it moves farther than the intuitive design at its own area, a share; none where nothing is compared.
+    /// Gain over the intuitive design at its own area, a fraction; `None` without a comparison.
     pub gain: Option<f64>,
-    /// The least width of electrodes and gaps that was asked for; none where edges may be frayed.
+    /// The required minimum width of electrodes and gaps, if there is one.
     pub least_width: Option<String>,
 }
 
-/// Side of a membrane and height of the bars.
+/// Side of a membrane, and height of the bars.
 const SIDE: f64 = 262.0;
 const BARS: f64 = 200.0;
 
-/// Membranes in a row of a gallery, and the size of each with its caption.
+/// Membranes in a row of a gallery, and the size of each with its text.
 const COLUMNS: usize = 8;
 const TILE: [f64; 2] = [144.0, 198.0];
 
-/// Draws each case deformed, what it gains, and how far its prediction was off.
+/// Draws each pattern deformed, its gain, and the error of its prediction.
 ///
 /// # Errors
-/// When there are no cases or data are incomplete, or the file cannot be written.
-pub fn draw_agreement(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
+/// If there are no patterns, or a displacement is not finite.
+pub fn agreement_sheet(cases: &[VerifiedPattern]) -> Result<Sheet, FigureError> {
     if cases.is_empty()
         || cases
             .iter()
             .any(|c| !c.predicted.is_none_or(f64::is_finite) || !c.simulated.is_finite())
     {
         return Err(FigureError::Data(
-            "a verification needs cases with finite displacements".into(),
+            "a verification needs patterns with finite displacements".into(),
         ));
     }
     let scale = exaggeration(cases.iter().map(|case| &case.membrane));
-    let drawn = |case: &Case| {
+    let drawn = |case: &VerifiedPattern| {
         let reached = format!("{:.4} mm, ", case.simulated);
         let chart = electrode(&case.name, &case.membrane, scale, SIDE);
         let note = reached + &chart.note;
@@ -61,11 +59,11 @@ pub fn draw_agreement(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
     let size = [(membranes.size[0] - 12.0).max(708.0), BARS];
     let charts = [gains(cases), residuals(cases)].into_iter().flatten();
     let charts = charts.map(|chart| Sheet::charts(1, &[chart.with_size(size)]));
-    Sheet::below(std::iter::once(membranes).chain(charts).collect()).write_png(path)
+    Ok(Sheet::below(std::iter::once(membranes).chain(charts).collect()))
 }
 
-/// What each design moves farther than the intuitive one; where nothing is compared with one, how far each moves.
-fn gains(cases: &[Case]) -> Option<Chart> {
+/// Draws the gains over the intuitive design, or the displacements if nothing is compared with it.
+fn gains(cases: &[VerifiedPattern]) -> Option<Chart> {
     match cases.iter().any(|case| case.gain.is_some()) {
         true => bars(
             "Gain over the intuitive design at its own area",
@@ -84,10 +82,10 @@ fn gains(cases: &[Case]) -> Option<Chart> {
     }
 }
 
-/// What the evaluator predicted more or less than finite elements simulate.
-fn residuals(cases: &[Case]) -> Option<Chart> {
+/// Draws the differences between prediction and simulation.
+fn residuals(cases: &[VerifiedPattern]) -> Option<Chart> {
     bars(
-        "Predicted less simulated",
+        "Predicted minus simulated",
         "Difference [% of simulated]",
         Colour::Orange,
         cases,
@@ -98,41 +96,45 @@ fn residuals(cases: &[Case]) -> Option<Chart> {
     )
 }
 
-/// A bar for each case that has a value, from zero and with the value at its end; none where none has one.
-fn bars(title: &str, label: &str, colour: Colour, cases: &[Case], value: fn(&Case) -> Option<f64>) -> Option<Chart> {
+/// Draws a bar for each pattern that has a value, with the value at its end; `None` if no pattern has one.
+fn bars(
+    title: &str,
+    label: &str,
+    colour: Colour,
+    cases: &[VerifiedPattern],
+    value: fn(&VerifiedPattern) -> Option<f64>,
+) -> Option<Chart> {
     let known: Vec<(f64, f64)> = (0..)
         .map(f64::from)
         .zip(cases)
         .filter_map(|(k, case)| Some((k, value(case)?)))
         .collect();
     let corners = known.iter().flat_map(|(k, value)| [(k - 0.2, 0.0), (k + 0.2, *value)]);
-    let words = known.iter().map(|(_, value)| three(*value)).collect();
-    let series = Series::new("", colour, Mark::Bars, corners.collect()).with_words(words);
-    let ends = known.iter().fold([0.0_f64; 2], |[low, high], (_, value)| {
-        [low.min(*value), high.max(*value)]
-    });
-    // Numbers stand beyond the ends of the bars.
-    let room = |end: f64| 0.25 * (ends[1] - ends[0]) * end.signum() * f64::from(u8::from(end != 0.0));
+    let texts = known.iter().map(|(_, value)| three(*value)).collect();
+    let series = Series::new("", colour, Mark::Bars, corners.collect()).with_texts(texts);
+    let (low, high) = extent(known.iter().map(|(_, value)| value), (0.0, 0.0));
+    // The numbers are beyond the ends of the bars.
+    let space = |end: f64| 0.25 * (high - low) * end.signum() * f64::from(u8::from(end != 0.0));
     let axes = [
         Axis::names(cases.iter().map(|c| c.name.clone()).collect()),
-        Axis::linear(label, ends[0] + room(ends[0]), ends[1] + room(ends[1])),
+        Axis::linear(label, low + space(low), high + space(high)),
     ];
     (!known.is_empty()).then(|| Chart::new(title, axes, vec![series]))
 }
 
-/// Draws each design deformed with what it reaches, row by row, displacements exaggerated alike.
+/// Draws each design deformed with its displacement, row by row, with the same exaggeration.
 ///
 /// # Errors
-/// When there are no designs or data are incomplete, or the file cannot be written.
-pub fn draw_gallery(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
+/// If there are no designs, or a displacement is not finite.
+pub fn gallery_sheet(cases: &[VerifiedPattern]) -> Result<Sheet, FigureError> {
     if cases.is_empty() || cases.iter().any(|case| !case.simulated.is_finite()) {
         return Err(FigureError::Data(
             "a gallery needs designs with finite displacements".into(),
         ));
     }
     let scale = exaggeration(cases.iter().map(|case| &case.membrane));
-    let tile = |case: &Case| {
-        // A person's own pattern is beside the designs of its target, which are not told by their roles.
+    let tile = |case: &VerifiedPattern| {
+        // The role is left out, except for own patterns, which are beside the designs of their target.
         let name = match case.name.split_once(": ") {
             Some((name, role)) if role != Role::Own.name() => name,
             _ => case.name.as_str(),
@@ -150,11 +152,11 @@ pub fn draw_gallery(path: &Path, cases: &[Case]) -> Result<(), FigureError> {
                     text class="ink" x="8" y="30" { (format!("{:.3} mm", case.simulated)) }
                     text x="8" y="45" { (width) }
                     g.membrane transform="translate(8 54) scale(0.128)" {
-                        (membrane.ground().frame()) (membrane.electrode(scale)) (membrane.arrows(scale))
+                        (membrane.background().draw_frame()) (membrane.electrode(scale)) (membrane.arrows(scale))
                     }
                 }
             },
         }
     };
-    Sheet::grid(COLUMNS, cases.iter().map(tile).collect()).write_png(path)
+    Ok(Sheet::grid(COLUMNS, cases.iter().map(tile).collect()))
 }

@@ -1,31 +1,31 @@
-//! Accuracy stages: what accuracy costs, the error of each method over its time.
+//! Accuracy stages: the error of each method over its time.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
-use crate::artifacts::{RunArtifacts, Source};
+use crate::artifacts::{ArtifactReader, RunArtifacts};
+use crate::drawing::Sheet;
 use crate::error::ReportError;
-use crate::figures::{Cost, FamilyCosts, accuracy_charts, draw_accuracy};
+use crate::figures::{Cost, FamilyCosts, accuracy_charts, accuracy_sheet};
 use crate::html::Page;
-use crate::presenter::{DrawFigure, Presenter};
+use crate::presenter::{Figures, Presenter};
 use deaflow_content as content;
 
-/// Shows accuracy stages.
-pub struct Accuracy;
+/// Presents accuracy stages.
+pub struct AccuracyPresenter;
 
-impl Presenter for Accuracy {
+impl Presenter for AccuracyPresenter {
     fn kind(&self) -> &'static str {
         "accuracy"
     }
 
-    fn figures(&self) -> &'static [(&'static str, DrawFigure)] {
+    fn figures(&self) -> Figures {
         &[("accuracy", figure)]
     }
 
     fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
         let measured = run.each(self.kind(), |source| {
             let costs = costs(source)?;
-            let charts = match moves(&costs) {
+            let charts = match has_error(&costs) {
                 true => source.drawn(accuracy_charts(&costs))?,
                 false => Vec::new(),
             };
@@ -40,28 +40,26 @@ impl Presenter for Accuracy {
     }
 }
 
-const ABOUT: &str = "Error of each method over the time of one core per pattern. Ringed and named: no other method is both faster \
-                     and more accurate. 2² Q1 is 2 × 2 bilinear elements per cell, Q2 are biquadratic ones; a length is the \
-                     accuracy that was asked for.";
+const ABOUT: &str = "Error of each method over the time of one core per pattern. No other method is both faster and \
+                     more accurate than the labelled ones. 2² Q1 means 2 × 2 bilinear elements per cell, Q2 \
+                     biquadratic ones; a length is the requested accuracy.";
 
-fn figure(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+fn figure(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
     let costs = costs(source)?;
-    match moves(&costs) {
-        true => source.drawn(draw_accuracy(path, &costs)),
-        false => Ok(()),
-    }
+    let sheet = has_error(&costs).then(|| accuracy_sheet(&costs));
+    sheet.map(|sheet| source.drawn(sheet)).transpose()
 }
 
-/// Whether there is an error to draw: patterns that do not move have none.
-fn moves(costs: &[FamilyCosts]) -> bool {
+/// Whether there is an error: patterns that do not move have none.
+fn has_error(costs: &[FamilyCosts]) -> bool {
     costs
         .iter()
         .flat_map(|family| &family.costs)
         .any(|cost| cost.error > 0.0)
 }
 
-/// Error and time of the methods of an accuracy stage, by family. Times are no content: they stand in the provenance.
-fn costs(source: &Source<'_>) -> Result<Vec<FamilyCosts>, ReportError> {
+/// Reads error and time of the methods of an accuracy stage, by family. Times are measurements in the provenance.
+fn costs(source: &ArtifactReader<'_>) -> Result<Vec<FamilyCosts>, ReportError> {
     let view = source.of(content::Accuracy::open(source.artifact))?;
     let (methods, families) = (source.of(view.methods().read())?, source.of(view.families().read())?);
     let errors = source.of(view.error().rms().read())?;

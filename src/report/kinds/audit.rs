@@ -1,41 +1,35 @@
-//! Audit stages: a line of what each found, and what a dataset covers.
+//! Audit stages: their findings, and the distribution of the rows.
 
-use std::path::Path;
+use serde_json::Value;
 
-use serde_json::{Value, json};
-
-use crate::artifacts::{RunArtifacts, Source};
+use crate::artifacts::{ArtifactReader, RunArtifacts};
+use crate::drawing::Sheet;
 use crate::error::ReportError;
-use crate::figures::{Audited, Counts, draw_audit};
-use crate::headline::Headline;
+use crate::figures::{AuditFigure, Counts};
 use crate::html::Page;
-use crate::presenter::{DrawFigure, Presenter, Results};
+use crate::presenter::{Figures, Headline, Presenter, Results};
 use deaflow_content as content;
 use deaflow_content::{Json, StoredAttribute};
 
-/// Shows audit stages.
-pub struct Audit;
+/// Presents audit stages.
+pub struct AuditPresenter;
 
-impl Presenter for Audit {
+impl Presenter for AuditPresenter {
     fn kind(&self) -> &'static str {
         "audit"
     }
 
     fn results(&self, run: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
         let lines = run.each(self.kind(), line)?;
-        Ok(vec![Results {
-            key: "audits".to_owned(),
-            value: json!(lines),
-            text: (!lines.is_empty()).then(|| lines.join("\n")).into_iter().collect(),
-            warnings: Vec::new(),
-        }])
+        let text = (!lines.is_empty()).then(|| lines.join("\n"));
+        Ok(vec![Results::new("audits", &lines, text)])
     }
 
     fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
         Ok(run.each(self.kind(), line)?.into_iter().map(Headline::good).collect())
     }
 
-    fn figures(&self) -> &'static [(&'static str, DrawFigure)] {
+    fn figures(&self) -> Figures {
         &[("audit", figure)]
     }
 
@@ -48,26 +42,24 @@ impl Presenter for Audit {
     }
 }
 
-/// An audit that ended before it looked at rows has nothing to draw.
-fn figure(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
-    match audited(&source.of(content::Audit::read(source.artifact))?) {
-        Some(figure) => source.drawn(draw_audit(path, &figure)),
-        None => Ok(()),
-    }
+/// An audit that ended before it read rows has no figure.
+fn figure(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
+    let figure = audit_figure(&source.of(content::Audit::read(source.artifact))?);
+    figure.map(|figure| source.drawn(figure.sheet())).transpose()
 }
 
-/// The numbers of the figure; `None` where the audit ended before it had any.
+/// Returns the data of the figure; `None` if the audit ended before it had any.
 #[must_use]
-pub fn audited(audit: &content::Audit) -> Option<Audited> {
+pub fn audit_figure(audit: &content::Audit) -> Option<AuditFigure> {
     let by_peak = |values: &[f64]| -> Option<Vec<(f64, f64)>> {
         let pairs = audit.resimulated.row.iter().zip(values);
-        // What is not known is negative.
+        // Unknown values are negative.
         let known = pairs.filter(|(_, value)| **value >= 0.0);
         known
             .map(|(row, value)| Some((*audit.max_displacement.get(*row as usize)?, *value)))
             .collect()
     };
-    let figure = Audited {
+    let figure = AuditFigure {
         area: Counts {
             edges: audit.area.edges.clone(),
             counts: audit.area.counts.clone(),
@@ -82,8 +74,8 @@ pub fn audited(audit: &content::Audit) -> Option<Audited> {
     (!figure.area.counts.is_empty()).then_some(figure)
 }
 
-/// What an audit found.
-fn line(source: &Source<'_>) -> Result<String, ReportError> {
+/// Describes the findings of an audit.
+fn line(source: &ArtifactReader<'_>) -> Result<String, ReportError> {
     let view = source.of(content::Audit::open(source.artifact))?;
     let value = |attribute: StoredAttribute<'_, Json>| -> Result<Value, ReportError> {
         let json = source.of(attribute.read())?;
@@ -96,13 +88,13 @@ fn line(source: &Source<'_>) -> Result<String, ReportError> {
 fn describe(findings: &Value, summary: &Value) -> String {
     let samples = &summary["samples"];
     let Some(findings) = findings.as_array() else {
-        return "what it found cannot be read".to_owned();
+        return "its findings are invalid".to_owned();
     };
     let excluded = summary["resimulated"]["excluded_above"].as_f64();
     let excluded = excluded.filter(|_| summary["resimulated"]["samples"].as_u64() > Some(0));
     let excluded = excluded.map_or_else(String::new, |rate| {
         format!(
-            "; {} on a finer mesh exclude a rate of faults above {:.1} % at 95 %",
+            "; {} simulated on a finer mesh: at 95 % confidence, at most {:.1} % of the labels are wrong",
             summary["resimulated"]["samples"],
             100.0 * rate
         )
@@ -125,11 +117,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_audit_is_told_in_one_line() {
+    fn findings_are_described_in_one_line() {
         let summary = json!({ "samples": 40, "resimulated": { "samples": 8, "excluded_above": 0.312 } });
-        assert_eq!(
-            describe(&json!([]), &summary),
-            "no findings in 40 samples; 8 on a finer mesh exclude a rate of faults above 31.2 % at 95 %"
+        let text = describe(&json!([]), &summary);
+        assert!(
+            text.contains("no findings in 40 samples; 8 ") && text.contains("31.2 %"),
+            "{text}"
         );
         let findings = json!([
             { "check": "sign", "severity": "error", "count": 2 },

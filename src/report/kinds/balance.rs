@@ -1,23 +1,23 @@
-//! Balance stages: how the dataset was levelled.
+//! Balance stages: the distribution of the samples before and after balancing.
 
-use crate::artifacts::{RunArtifacts, Source};
+use crate::artifacts::{ArtifactReader, RunArtifacts};
 use crate::error::ReportError;
-use crate::figures::{Histogram, draw_histogram};
+use crate::figures::Histogram;
 use crate::html::Page;
-use crate::presenter::{DrawFigure, Presenter};
+use crate::presenter::{Figures, Presenter};
 use deaflow_content::Balanced;
 
-/// Shows balance stages.
-pub struct Balance;
+/// Presents balance stages.
+pub struct BalancePresenter;
 
-impl Presenter for Balance {
+impl Presenter for BalancePresenter {
     fn kind(&self) -> &'static str {
         "balance"
     }
 
-    fn figures(&self) -> &'static [(&'static str, DrawFigure)] {
-        &[("histogram", |path, source| {
-            source.drawn(draw_histogram(path, &counts_by_bin(source)?))
+    fn figures(&self) -> Figures {
+        &[("histogram", |source| {
+            source.drawn(counts_by_bin(source)?.sheet()).map(Some)
         })]
     }
 
@@ -31,27 +31,27 @@ impl Presenter for Balance {
             page.part(&format!("{stage}: balance"));
             page.charts(charts);
             let empty = after.iter().filter(|count| **count == 0).count();
+            let bins = after.len();
             page.note(&format!(
-                "{empty} of {} bins are empty: no sample moves by as much as they stand for.",
-                after.len()
+                "{empty} of {bins} bins are empty: no sample has such a displacement."
             ));
         }
         Ok(())
     }
 }
 
-/// The histograms of a balance stage.
-fn counts_by_bin(source: &Source<'_>) -> Result<Histogram, ReportError> {
+/// Reads the histograms of a balance stage.
+fn counts_by_bin(source: &ArtifactReader<'_>) -> Result<Histogram, ReportError> {
     let view = source.of(Balanced::open(source.artifact))?;
     let histogram = view.histogram();
     let after = source.of(histogram.after().read())?;
-    // Rows that are no images are samples as they were drawn.
+    // Rows that are not images are samples as drawn.
     let mut levelled = vec![0; after.len()];
     let (bins, symmetries) = (source.of(view.bin().read())?, source.of(view.symmetry().read())?);
     let drawn = bins.into_iter().zip(symmetries).filter(|(_, symmetry)| *symmetry == 0);
     for (bin, _) in drawn {
         let count = usize::try_from(bin).ok().and_then(|bin| levelled.get_mut(bin));
-        *count.ok_or_else(|| source.wrong(format!("it has no bin {bin}")))? += 1;
+        *count.ok_or_else(|| source.wrong(format!("there is no bin {bin}")))? += 1;
     }
     Ok(Histogram {
         edges: source.of(histogram.edges().read())?,

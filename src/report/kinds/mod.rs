@@ -14,26 +14,26 @@ use super::html::Page;
 use super::presenter::Presenter;
 use deaflow_content::SOLVED;
 
-/// All presenters, in the order of what they say at the end of a run.
+/// All presenters, in the order of their texts at the end of a run.
 pub const PRESENTERS: &[&dyn Presenter] = &[
-    &evaluate::Evaluate,
-    &design::Design,
-    &verify::Verify,
-    &train::Train,
-    &audit::Audit,
-    &balance::Balance,
-    &solve::Solve(SOLVED[0]),
-    &solve::Solve(SOLVED[1]),
-    &accuracy::Accuracy,
-    &table::Table,
+    &evaluate::EvaluatePresenter,
+    &design::DesignPresenter,
+    &verify::VerifyPresenter,
+    &train::TrainPresenter,
+    &audit::AuditPresenter,
+    &balance::BalancePresenter,
+    &solve::SolvePresenter(SOLVED[0]),
+    &solve::SolvePresenter(SOLVED[1]),
+    &accuracy::AccuracyPresenter,
+    &table::TablePresenter,
 ];
 
-/// The kinds that have sections of a page, in the order of these; kinds that are not among them come last.
+/// The order of the sections of a page; other kinds come last.
 const PAGE_ORDER: &[&str] = &[
     "table", "verify", "design", "audit", "balance", "solve", "import", "train", "evaluate",
 ];
 
-/// All presenters, in the order of their sections.
+/// Returns all presenters in the order of their sections.
 pub fn by_section() -> Vec<&'static dyn Presenter> {
     let place = |presenter: &&dyn Presenter| PAGE_ORDER.iter().position(|kind| *kind == presenter.kind());
     let mut presenters = PRESENTERS.to_vec();
@@ -41,11 +41,11 @@ pub fn by_section() -> Vec<&'static dyn Presenter> {
     presenters
 }
 
-/// Opens the section that several kinds share.
+/// Starts the section that several kinds share.
 fn dataset(page: &mut Page) {
     page.open(
         "Dataset",
-        "How far the membrane moves in each sample: the largest displacement of the pattern.",
+        "How far the membrane moves in each sample: the largest displacement over the membrane.",
     );
 }
 

@@ -1,21 +1,20 @@
-//! Solve and import stages: how far samples move, family by family.
+//! Solve and import stages: the largest displacements of samples, by family.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
-use crate::artifacts::{RunArtifacts, Source};
+use crate::artifacts::{ArtifactReader, RunArtifacts};
+use crate::drawing::{EMPTY, Sheet, extent};
 use crate::error::ReportError;
-use crate::figures::{FamilyDeformation, deformation_charts, draw_deformation};
+use crate::figures::{FamilyDeformation, deformation_charts, deformation_sheet};
 use crate::format::counted;
-use crate::headline::Headline;
 use crate::html::Page;
-use crate::presenter::{DrawFigure, Presenter};
+use crate::presenter::{Figures, Headline, Presenter};
 use deaflow_content::Solutions;
 
-/// Shows stages of a kind whose artifacts are samples with fields.
-pub struct Solve(pub &'static str);
+/// Presents stages of a kind whose artifacts are samples with fields.
+pub struct SolvePresenter(pub &'static str);
 
-impl Presenter for Solve {
+impl Presenter for SolvePresenter {
     fn kind(&self) -> &'static str {
         self.0
     }
@@ -23,9 +22,7 @@ impl Presenter for Solve {
     fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
         run.each(self.kind(), |source| {
             let peaks: Vec<f64> = families(source)?.into_iter().flat_map(|family| family.peaks).collect();
-            let (least, most) = peaks.iter().fold((f64::INFINITY, 0.0_f64), |(least, most), peak| {
-                (least.min(*peak), most.max(*peak))
-            });
+            let (least, most) = extent(&peaks, EMPTY);
             let (stage, lost) = (&source.stage.stage, lost(source)?);
             let range = match most - least < 5e-4 {
                 true => format!("{most:.3} mm"),
@@ -46,7 +43,7 @@ impl Presenter for Solve {
         })
     }
 
-    fn figures(&self) -> &'static [(&'static str, DrawFigure)] {
+    fn figures(&self) -> Figures {
         &[("deformation", deformation)]
     }
 
@@ -68,17 +65,15 @@ impl Presenter for Solve {
     }
 }
 
-/// Where no sample has a field there is nothing to draw; the run says so.
-fn deformation(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+/// Without a field there is no figure; the run reports that.
+fn deformation(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
     let families = families(source)?;
-    if families.is_empty() {
-        return Ok(());
-    }
-    source.drawn(draw_deformation(path, &families))
+    let sheet = (!families.is_empty()).then(|| deformation_sheet(&families));
+    sheet.map(|sheet| source.drawn(sheet)).transpose()
 }
 
-/// How samples without a field have ended, and between which voltages; none where there are none.
-fn lost(source: &Source<'_>) -> Result<Option<String>, ReportError> {
+/// Describes the outcomes of samples without a field, with their voltages; `None` if all have one.
+fn lost(source: &ArtifactReader<'_>) -> Result<Option<String>, ReportError> {
     let view = source.of(Solutions::open(source.artifact))?;
     let outcomes = source.of(view.unstable().outcome().read())?;
     let brackets = source.of(view.unstable().voltage_bracket().read())?;
@@ -89,14 +84,14 @@ fn lost(source: &Source<'_>) -> Result<Option<String>, ReportError> {
         many => {
             let least = many.iter().map(|[stable, _]| *stable).fold(f64::INFINITY, f64::min);
             let most = many.iter().map(|[_, lost]| *lost).fold(0.0, f64::max);
-            format!(" between {least:.1} V and {most:.1} V, each at its own")
+            format!(" between {least:.1} V and {most:.1} V")
         }
     };
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for outcome in &outcomes {
         *counts.entry(outcome).or_default() += 1;
     }
-    let told: Vec<String> = match (counts.len(), outcomes.len()) {
+    let outcomes: Vec<String> = match (counts.len(), outcomes.len()) {
         (0, _) => return Ok(None),
         (1, 1) => outcomes.clone(),
         _ => counts
@@ -104,11 +99,11 @@ fn lost(source: &Source<'_>) -> Result<Option<String>, ReportError> {
             .map(|(outcome, count)| format!("{count} {outcome}"))
             .collect(),
     };
-    Ok(Some(format!("{}{between}", told.join(", "))))
+    Ok(Some(format!("{}{between}", outcomes.join(", "))))
 }
 
-/// The largest displacements of the samples of a solve stage, by family.
-fn families(source: &Source<'_>) -> Result<Vec<FamilyDeformation>, ReportError> {
+/// Reads the largest displacements of the samples of a solve stage, by family.
+fn families(source: &ArtifactReader<'_>) -> Result<Vec<FamilyDeformation>, ReportError> {
     let view = source.of(Solutions::open(source.artifact))?;
     let names = source.of(view.rows().family().read())?;
     let mut families: BTreeMap<String, Vec<f64>> = BTreeMap::new();

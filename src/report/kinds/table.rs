@@ -1,26 +1,24 @@
 //! Table stages: results of sweeps, as a table and as curves.
 
-use std::path::Path;
-
 use serde_json::{Value, json};
 
-use crate::artifacts::{RunArtifacts, Source};
+use crate::artifacts::{ArtifactReader, RunArtifacts};
+use crate::drawing::Sheet;
 use crate::error::ReportError;
-use crate::figures::{Curves, curves_chart, draw_curves};
+use crate::figures::{curves_chart, curves_sheet};
 use crate::format::counted;
-use crate::headline::Headline;
 use crate::html::Page;
-use crate::presenter::{DrawFigure, Presenter, Results};
-use crate::tables::Collected;
+use crate::presenter::{Figures, Headline, Presenter, Results};
+use crate::tables::ResultTable;
 use deaflow_content as content;
 
-/// Shows table stages.
-pub struct Table;
+/// Presents table stages.
+pub struct TablePresenter;
 
-/// Rows that a run tells of.
-const TOLD: usize = 40;
+/// Rows that a run prints.
+const MAX_ROWS: usize = 40;
 
-impl Presenter for Table {
+impl Presenter for TablePresenter {
     fn kind(&self) -> &'static str {
         "table"
     }
@@ -30,39 +28,35 @@ impl Presenter for Table {
         if tables.is_empty() {
             return Ok(Vec::new());
         }
-        let value = |(stage, table): &(String, Collected)| {
+        let value = |(stage, table): &(String, ResultTable)| {
             let mut value = table.document();
             value["stage"] = json!(stage);
             value
         };
-        let text = |(stage, table): &(String, Collected)| {
-            let mut text = format!("{stage}\n{}", table.text(TOLD));
-            if table.rows.len() > TOLD {
-                let more = counted(table.rows.len() - TOLD, "row", "rows");
-                text += &format!("\nand {more} more: `deaflow show {stage} --csv`");
+        let text = |(stage, table): &(String, ResultTable)| {
+            let mut text = format!("{stage}\n{}", table.text(MAX_ROWS));
+            if table.rows.len() > MAX_ROWS {
+                let more = counted(table.rows.len() - MAX_ROWS, "row", "rows");
+                text += &format!("\nand {more} more: `deaflow show {stage} --csv` prints all");
             }
             text
         };
-        Ok(vec![Results {
-            key: "tables".to_owned(),
-            value: tables.iter().map(value).collect::<Value>(),
-            text: tables.iter().map(text).collect(),
-            warnings: Vec::new(),
-        }])
+        let values: Value = tables.iter().map(value).collect();
+        Ok(vec![Results::new("tables", &values, tables.iter().map(text))])
     }
 
     fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
         let tables = run.each(self.kind(), |source| Ok((source.stage.stage.clone(), read(source)?)))?;
-        let line = |(stage, table): &(String, Collected)| {
+        let line = |(stage, table): &(String, ResultTable)| {
             let rows = counted(table.rows.len(), "row", "rows");
             Headline::good(format!(
-                "{stage}: a table of {rows}: `deaflow show {stage} --csv` prints it"
+                "{stage}: a table of {rows}; `deaflow show {stage} --csv` prints it"
             ))
         };
         Ok(tables.iter().map(line).collect())
     }
 
-    fn figures(&self) -> &'static [(&'static str, DrawFigure)] {
+    fn figures(&self) -> Figures {
         &[("table", figure)]
     }
 
@@ -76,7 +70,10 @@ impl Presenter for Table {
             Ok((source.stage.stage.clone(), table, chart))
         })?;
         for (stage, table, chart) in &tables {
-            page.open("Tables", "Results of sweeps: a row for each combination of values.");
+            page.open(
+                "Tables",
+                "Results of sweeps, with a row for each combination of values.",
+            );
             page.part(stage);
             page.charts(chart);
             let header = table.header();
@@ -86,12 +83,12 @@ impl Presenter for Table {
     }
 }
 
-fn read(source: &Source<'_>) -> Result<Collected, ReportError> {
+fn read(source: &ArtifactReader<'_>) -> Result<ResultTable, ReportError> {
     let table = source.of(content::Table::read(source.artifact))?;
-    Ok(Collected::new(table))
+    Ok(ResultTable::new(table))
 }
 
-fn figure(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
-    let curves: Option<Curves> = read(source)?.curves();
-    curves.map_or(Ok(()), |curves| source.drawn(draw_curves(path, &curves)))
+fn figure(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
+    let curves = read(source)?.curves();
+    curves.map(|curves| source.drawn(curves_sheet(&curves))).transpose()
 }

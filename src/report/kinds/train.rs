@@ -1,31 +1,26 @@
-//! Train stages: how each training went, the network and its errors.
+//! Train stages: the progress of each training, its network and its errors.
 
-use std::path::Path;
-
-use serde_json::json;
-
-use crate::artifacts::{RunArtifacts, Source};
+use crate::artifacts::{ArtifactReader, RunArtifacts};
 use crate::error::ReportError;
-use crate::figures::{Training, draw_training};
-use crate::headline::Headline;
+use crate::figures::Training;
 use crate::html::Page;
-use crate::presenter::{DrawFigure, Presenter, Results};
+use crate::presenter::{Figures, Headline, Presenter, Results};
 use deaflow_content as content;
 use deaflow_content::ALL_FAMILIES;
 
-/// Shows train stages.
-pub struct Train;
+/// Presents train stages.
+pub struct TrainPresenter;
 
-/// A training in words.
+/// The description of a training.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TrainingSummary {
-    /// Which network, the epoch that is kept, and the errors of each part of the dataset.
+    /// The network, the kept epoch, and the errors on each part of the dataset.
     pub line: String,
-    /// What a user should know, after the name of the stage.
+    /// Warnings, with the name of the stage.
     pub warnings: Vec<String>,
 }
 
-impl Presenter for Train {
+impl Presenter for TrainPresenter {
     fn kind(&self) -> &'static str {
         "train"
     }
@@ -37,12 +32,7 @@ impl Presenter for Train {
         let mut text = Vec::new();
         text.extend((!lines.is_empty()).then(|| lines.join("\n")));
         text.extend((!warnings.is_empty()).then(|| format!("warnings:\n  {}", warnings.join("\n  "))));
-        Ok(vec![Results {
-            key: "trainings".to_owned(),
-            value: json!(lines),
-            text,
-            warnings,
-        }])
+        Ok(vec![Results::new("trainings", &lines, text).with_warnings(warnings)])
     }
 
     fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
@@ -53,8 +43,8 @@ impl Presenter for Train {
             .collect())
     }
 
-    fn figures(&self) -> &'static [(&'static str, DrawFigure)] {
-        &[("training", training)]
+    fn figures(&self) -> Figures {
+        &[("training", |source| source.drawn(curves(source)?.sheet()).map(Some))]
     }
 
     fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
@@ -62,22 +52,18 @@ impl Presenter for Train {
             let charts = source.drawn(curves(source)?.charts())?;
             Ok((source.stage.stage.clone(), charts, read(source)?))
         })?;
-        for (stage, charts, told) in &trained {
+        for (stage, charts, summary) in &trained {
             page.open("Training", "");
             page.part(stage);
-            page.line(&told.line);
+            page.line(&summary.line);
             page.charts(charts);
         }
         Ok(())
     }
 }
 
-fn training(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
-    source.drawn(draw_training(path, &curves(source)?))
-}
-
-/// The curves of a train stage.
-fn curves(source: &Source<'_>) -> Result<Training, ReportError> {
+/// Reads the curves of a train stage.
+fn curves(source: &ArtifactReader<'_>) -> Result<Training, ReportError> {
     let view = source.of(content::Training::open(source.artifact))?;
     let curves = source.of(view.curves().read())?;
     let [kept] = source.of(view.best_epoch().read())?;
@@ -90,8 +76,8 @@ fn curves(source: &Source<'_>) -> Result<Training, ReportError> {
     })
 }
 
-/// A training in words.
-pub fn read(source: &Source<'_>) -> Result<TrainingSummary, ReportError> {
+/// Describes a training.
+pub fn read(source: &ArtifactReader<'_>) -> Result<TrainingSummary, ReportError> {
     let stage = &source.stage.stage;
     let view = source.of(content::Training::open(source.artifact))?;
     let metrics = view.metrics();

@@ -1,29 +1,26 @@
-//! Verify stages: designs as predicted and as simulated, and what rounds made of them.
+//! Verify stages: predicted and simulated displacements of designs, and the results of rounds.
 
 use std::path::{Path, PathBuf};
 
-use serde_json::json;
-
-use crate::artifacts::{RunArtifacts, Source};
+use crate::artifacts::{ArtifactReader, RunArtifacts};
 use crate::designs::membranes;
-use crate::drawing::Membrane;
+use crate::drawing::{DeformedMembrane, Sheet};
 use crate::error::ReportError;
-use crate::figures::{Case, draw_agreement, draw_gallery, rounds_charts};
-use crate::format::{mm, share};
-use crate::headline::Headline;
+use crate::figures::{VerifiedPattern, agreement_sheet, gallery_sheet, rounds_charts};
+use crate::format::{mm, percents};
 use crate::html::{Column, Page};
 use crate::in_time::InTime;
-use crate::presenter::{DrawFigure, Presenter, Results};
+use crate::presenter::{Figures, Headline, Presenter, Results};
 use crate::rounds::{RoundSummary, by_round, draw_by_round, drawn};
-use crate::summary::{RowSummary, Summary, read};
+use crate::summary::{RowSummary, VerificationSummary, read};
 use deaflow_base::Document;
 use deaflow_content::Verification;
 use deaflow_pattern::Role;
 
-/// Shows verify stages.
-pub struct Verify;
+/// Presents verify stages.
+pub struct VerifyPresenter;
 
-impl Presenter for Verify {
+impl Presenter for VerifyPresenter {
     fn kind(&self) -> &'static str {
         "verify"
     }
@@ -32,40 +29,22 @@ impl Presenter for Verify {
         let summaries = run.each(self.kind(), read)?;
         let rounds = by_round(run.rounds, &summaries);
         let in_time = in_time(run)?;
-        let results = |key: &str, value, text| Results {
-            key: key.to_owned(),
-            value,
-            text,
-            warnings: Vec::new(),
-        };
         Ok(vec![
-            results(
-                "results",
-                json!(summaries),
-                summaries.iter().map(ToString::to_string).collect(),
-            ),
-            results(
-                "rounds",
-                json!(rounds),
-                rounds.iter().map(ToString::to_string).collect(),
-            ),
-            results(
-                "in_time",
-                json!(in_time),
-                in_time.iter().map(ToString::to_string).collect(),
-            ),
+            Results::new("results", &summaries, summaries.iter().map(ToString::to_string)),
+            Results::new("rounds", &rounds, rounds.iter().map(ToString::to_string)),
+            Results::new("in_time", &in_time, in_time.iter().map(ToString::to_string)),
         ])
     }
 
     fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
         let summaries = run.each(self.kind(), read)?;
-        // The results of all stages, then how exact their predictions were.
-        let results = summaries.iter().map(Summary::result);
-        let accuracies = summaries.iter().filter_map(Summary::accuracy);
+        // The results of all stages, then the errors of their predictions.
+        let results = summaries.iter().map(VerificationSummary::result);
+        let accuracies = summaries.iter().filter_map(VerificationSummary::accuracy);
         Ok(results.chain(accuracies).collect())
     }
 
-    fn figures(&self) -> &'static [(&'static str, DrawFigure)] {
+    fn figures(&self) -> Figures {
         &[("verification", verification)]
     }
 
@@ -74,7 +53,7 @@ impl Presenter for Verify {
             return Ok(Vec::new());
         }
         let summaries = run.each(self.kind(), read)?;
-        draw_by_round(folder, run.made, &by_round(run.rounds, &summaries), &summaries)
+        draw_by_round(folder, run.stages, &by_round(run.rounds, &summaries), &summaries)
     }
 
     fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
@@ -86,7 +65,7 @@ impl Presenter for Verify {
         for rounds in &by_round(run.rounds, &summaries) {
             page.open(
                 "Rounds",
-                "Designs that were verified taught the surrogate that had predicted them, and the search began anew.",
+                "The verified designs were added to the training of the surrogate, and the search was repeated.",
             );
             page.part(&rounds.stage);
             let rows: Vec<Vec<String>> = rounds.rounds.iter().enumerate().map(row).collect();
@@ -101,15 +80,15 @@ impl Presenter for Verify {
     }
 }
 
-/// The stages that were asked for several times.
+/// Reads the stages that have several times.
 fn in_time(run: &RunArtifacts<'_>) -> Result<Vec<InTime>, ReportError> {
     let each = run.each("verify", InTime::read)?;
     Ok(each.into_iter().flatten().collect())
 }
 
-/// Patterns without a stable solution have no field to draw, and without any there is no figure; the summary names them. Of many
-/// targets each one's best design is drawn.
-fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
+/// Draws the patterns with a stable solution; without one there is no figure. If there are many patterns, only the best
+/// design of each target is drawn.
+fn verification(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
     let summary = read(source)?;
     let mut rows: Vec<(usize, usize)> = Vec::new();
     for (row, case) in summary.rows.iter().enumerate() {
@@ -119,23 +98,23 @@ fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
     }
     let view = source.of(Verification::open(source.artifact))?;
     let constraints = source.of(view.rows().constraints().read())?.0;
-    if rows.len() > MOST_COMPARED {
+    if rows.len() > MAX_WITH_BARS {
         rows = best_of_targets(&summary, &rows);
         let (objectives, areas) = (
             source.of(view.rows().objective().read())?.0,
             source.of(view.rows().area_target().read())?,
         );
-        beside_each_other(&mut rows, |row| {
+        group_by_key(&mut rows, |row| {
             let case = &summary.rows[row];
             (&case.name, &objectives[row], &areas[row], case.member)
         });
     }
     let fields = source.of(view.displacement().read())?;
-    let wanted = rows.iter().map(|&(row, at)| (row, &fields[at]));
-    let drawn = membranes(source, &view.rows(), &view.scene(), wanted)?;
-    let case = |(&(row, _), membrane): (&(usize, usize), Membrane)| {
+    let selected = rows.iter().map(|&(row, at)| (row, &fields[at]));
+    let membranes = membranes(source, &view.rows(), &view.scene(), selected)?;
+    let case = |(&(row, _), membrane): (&(usize, usize), DeformedMembrane)| {
         let summary = &summary.rows[row];
-        Case {
+        VerifiedPattern {
             name: summary.title(),
             membrane,
             predicted: summary.predicted_mm,
@@ -144,22 +123,23 @@ fn verification(path: &Path, source: &Source<'_>) -> Result<(), ReportError> {
             least_width: least_width(&constraints[row]),
         }
     };
-    let cases: Vec<Case> = rows.iter().zip(drawn).map(case).collect();
-    match cases.len() {
-        0 => Ok(()),
-        1..=MOST_COMPARED => source.drawn(draw_agreement(path, &cases)),
-        _ => source.drawn(draw_gallery(path, &cases)),
-    }
+    let cases: Vec<VerifiedPattern> = rows.iter().zip(membranes).map(case).collect();
+    let sheet = match cases.len() {
+        0 => return Ok(None),
+        1..=MAX_WITH_BARS => agreement_sheet(&cases),
+        _ => gallery_sheet(&cases),
+    };
+    source.drawn(sheet).map(Some)
 }
 
-/// The least width of electrodes and gaps that a design had to keep, as it was written; none where edges may be frayed.
+/// Returns the required minimum width of electrodes and gaps, as written in the constraints.
 fn least_width(constraints: &str) -> Option<String> {
     let document = Document::from_text(Path::new("constraints"), constraints).ok()?;
     Some(document.root.peek("min_feature")?.written())
 }
 
-/// Moves rows with the same key, designs of one target under several constraints, behind the first of them.
-fn beside_each_other<K: PartialEq>(rows: &mut [(usize, usize)], key: impl Fn(usize) -> K) {
+/// Moves rows with the same key behind the first of them, so that designs of a target are together.
+fn group_by_key<K: PartialEq>(rows: &mut [(usize, usize)], key: impl Fn(usize) -> K) {
     let keys: Vec<K> = rows.iter().map(|(row, _)| key(*row)).collect();
     let first = |at: usize| keys.iter().position(|other| *other == keys[at]);
     let mut order: Vec<usize> = (0..rows.len()).collect();
@@ -168,12 +148,12 @@ fn beside_each_other<K: PartialEq>(rows: &mut [(usize, usize)], key: impl Fn(usi
     rows.copy_from_slice(&sorted);
 }
 
-/// Patterns that are drawn beside each other with their numbers as bars.
-const MOST_COMPARED: usize = 6;
+/// The largest number of patterns that are drawn with bars.
+const MAX_WITH_BARS: usize = 6;
 
-/// The refined design of each target and member where there is one, else the genetic algorithm's, else the optimum; and a person's own
-/// patterns.
-fn best_of_targets(summary: &Summary, rows: &[(usize, usize)]) -> Vec<(usize, usize)> {
+/// Selects the refined design of each target and member, or else that of the genetic algorithm, or else the optimum;
+/// and all own patterns.
+fn best_of_targets(summary: &VerificationSummary, rows: &[(usize, usize)]) -> Vec<(usize, usize)> {
     let mut best: Vec<(usize, usize)> = Vec::new();
     for &(row, field) in rows {
         let case = &summary.rows[row];
@@ -210,7 +190,7 @@ const COLUMNS: [(&str, Column); 6] = [
 ];
 
 fn row((k, round): (usize, &RoundSummary)) -> Vec<String> {
-    let in_percent = |value: Option<f64>| value.map_or_else(String::new, share);
+    let in_percent = |value: Option<f64>| value.map_or_else(String::new, percents);
     vec![
         (k + 1).to_string(),
         round.stage.clone(),
@@ -226,10 +206,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn designs_of_one_target_stand_beside_each_other_with_their_least_widths() {
+    fn designs_of_a_target_are_grouped_and_have_their_minimum_widths() {
         let mut rows = [(0, 0), (1, 1), (2, 2), (3, 3)];
         let names = ["a", "b", "b", "a"];
-        beside_each_other(&mut rows, |row| names[row]);
+        group_by_key(&mut rows, |row| names[row]);
         assert_eq!(rows, [(0, 0), (3, 3), (1, 1), (2, 2)]);
         let widths = ["{ min_feature: 3 mm, leads: true }", "{}", "["].map(least_width);
         assert_eq!(widths, [Some("3 mm".to_owned()), None, None]);

@@ -1,22 +1,22 @@
-//! What the stages cost, and where everything comes from.
+//! The costs of the stages, and the origin of their artifacts.
 
 use super::dag::build_state;
 use crate::format::{bytes, percent, seconds};
-use crate::history::{History, Origin, StageFacts};
+use crate::history::{Origin, PipelineHistory, StageRecord};
 use crate::html::{Column, Page};
 use deaflow_base::readable_time as time;
 
 /// Adds the table of costs.
-pub fn section(page: &mut Page, history: &History) {
+pub fn section(page: &mut Page, history: &PipelineHistory) {
     page.section("Costs");
     page.line(
-        "Time is from the beginning to the end of the stage when it was built. Stages that do not need each other are built at once: part is the \
-         stage's own of the time of the run, so that parts add up to that, and share is of all parts. Work is the sum over its chunks, several \
-         of which run at a time.",
+        "Time is from the start of a stage to its end. Stages that do not depend on each other run at the same time: \
+         part is the part of a stage in the time of the run, so that the parts add up to it, and share is in percent \
+         of all parts. Work is the sum over the chunks, several of which run at the same time.",
     );
-    let of_all = |stage: &StageFacts| stage.origin.as_ref().map(part);
+    let of_all = |stage: &StageRecord| stage.origin.as_ref().map(part);
     let total: f64 = history.stages.iter().filter_map(of_all).sum();
-    let row = |stage: &StageFacts| {
+    let row = |stage: &StageRecord| {
         let origin = stage.origin.as_ref();
         let text = |of: &dyn Fn(&Origin) -> String| origin.map_or_else(String::new, of);
         let share = |origin: &Origin| percent(part(origin) / total.max(f64::MIN_POSITIVE), 1);
@@ -66,28 +66,28 @@ pub fn section(page: &mut Page, history: &History) {
     page.columns("Costs of the stages", &columns, &rows);
 }
 
-/// What building the stage took of the time of its run, s; where that is not known, its work.
+/// Returns the part of a stage in the time of its run, s; its work if that is not known.
 pub fn part(origin: &Origin) -> f64 {
     origin.part.unwrap_or(origin.work)
 }
 
-/// The machines that built something, with the number of chunks where there were several.
+/// Lists the machines that built an artifact, with the number of chunks if there are several.
 fn builders(origin: &Origin) -> String {
     let builders = origin.builders.iter();
-    let told = builders.map(|(host, chunks)| match origin.builders.len() {
+    let texts = builders.map(|(host, chunks)| match origin.builders.len() {
         1 => host.clone(),
         _ => format!("{host} ({chunks})"),
     });
-    told.collect::<Vec<_>>().join(", ")
+    texts.collect::<Vec<_>>().join(", ")
 }
 
-/// Adds the table of artifacts, and the machines and versions that made them.
-pub fn provenance(page: &mut Page, history: &History) {
+/// Adds the table of artifacts, with the machines and versions that built them.
+pub fn provenance(page: &mut Page, history: &PipelineHistory) {
     page.section("Provenance");
     let mut lines: Vec<String> = Vec::new();
     for origin in history.stages.iter().filter_map(|stage| stage.origin.as_ref()) {
         let line = format!(
-            "Made by deaflow {} on {} ({}).",
+            "Built by deaflow {} on {} ({}).",
             origin.version, origin.host, origin.target
         );
         if !lines.contains(&line) {
@@ -96,10 +96,10 @@ pub fn provenance(page: &mut Page, history: &History) {
     }
     lines.push(format!("Pipeline file: {}", history.path));
     lines.push(
-        "Artifacts are named by the BLAKE3 digest of their content; point at one for the whole of it.".to_owned(),
+        "Artifacts are named by the BLAKE3 digest of their content; a tooltip shows all of its digits.".to_owned(),
     );
     page.lines(&lines);
-    let row = |stage: &StageFacts| {
+    let row = |stage: &StageRecord| {
         let origin = stage.origin.as_ref();
         let needs: Vec<&str> = stage.needs.iter().map(|k| history.stages[*k].name.as_str()).collect();
         vec![
@@ -117,8 +117,8 @@ pub fn provenance(page: &mut Page, history: &History) {
     let columns = [
         ("stage", Column::Key),
         ("artifact", Column::Digest),
-        ("made", Column::Key),
-        ("built by", Column::Key),
+        ("built", Column::Key),
+        ("host", Column::Key),
         ("kind and recipe", Column::Key),
         ("needs", Column::Wide),
     ];

@@ -1,15 +1,15 @@
-//! The pipeline drawn: each stage with its kind, its digest, what the last run did with it and what it cost.
+//! The drawing of a pipeline: each stage with its kind, its digest, its state in the last run and its cost.
 
 use maud::{Markup, html};
 
 use super::layout::{BOX, Layout, layout};
 use crate::drawing::{Colour, number};
 use crate::format::{bytes, cut, seconds};
-use crate::history::{History, StageFacts};
+use crate::history::{PipelineHistory, StageRecord};
 use crate::html::Page;
 use deaflow_base::readable_time as time;
 
-/// Widths in units of the page: of a box, and of the room between two layers.
+/// Widths in units of the page: of a box, and of the gap between two layers.
 const WIDTH: f64 = 184.0;
 const BETWEEN: f64 = 42.0;
 
@@ -17,10 +17,10 @@ const BETWEEN: f64 = 42.0;
 const NAME: usize = 21;
 const LINE: usize = 30;
 
-/// How small the drawing may become before it scrolls.
+/// The scale at which the drawing starts to scroll.
 const SMALLEST: f64 = 0.72;
 
-/// What became of a stage.
+/// The state of a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum BuildState {
     Built,
@@ -30,7 +30,7 @@ enum BuildState {
 }
 
 impl BuildState {
-    fn of(stage: &StageFacts) -> Self {
+    fn of(stage: &StageRecord) -> Self {
         match &stage.origin {
             None => Self::Missing,
             Some(origin) => match origin.built {
@@ -52,8 +52,8 @@ impl BuildState {
     }
 }
 
-/// What the last run did with a stage.
-pub fn build_state(stage: &StageFacts) -> String {
+/// Describes what the last run did with a stage.
+pub fn build_state(stage: &StageRecord) -> String {
     match (&stage.origin, BuildState::of(stage)) {
         (Some(origin), BuildState::Partly) => {
             format!("built {} of {} chunks", origin.built.unwrap_or(0), origin.chunks)
@@ -64,30 +64,30 @@ pub fn build_state(stage: &StageFacts) -> String {
     }
 }
 
-/// What a stage took when it was built.
-pub fn cost(stage: &StageFacts) -> String {
+/// Returns the time that it took to build a stage.
+pub fn cost(stage: &StageRecord) -> String {
     let origin = stage.origin.as_ref();
     origin.map_or_else(String::new, |origin| {
         seconds(origin.elapsed.or(origin.part).unwrap_or(origin.work))
     })
 }
 
-/// Adds the drawing and what its colours mean.
-pub fn section(page: &mut Page, history: &History) {
+/// Adds the drawing and its legend.
+pub fn section(page: &mut Page, history: &PipelineHistory) {
     page.section("Pipeline");
     let run = match &history.last_run {
         Some(run) if run.has_built => format!(
-            "The last run that built something of this pipeline, with these parameters, ended {}.",
+            "The last run that built a part of this pipeline with these parameters ended {}.",
             time(&run.ended)
         ),
         Some(run) => format!(
-            "No run that built what is there is remembered; the last one that found it there ended {}.",
+            "The run that built these artifacts is not in the history; the last one that used them ended {}.",
             time(&run.ended)
         ),
-        None => "No run of this pipeline with these parameters is remembered in the store.".to_owned(),
+        None => "The history has no run of this pipeline with these parameters.".to_owned(),
     };
     page.line(&format!(
-        "{run} Each box names a stage, its kind and digest, what that run did with it, and what it took when it was built."
+        "{run} Each box shows a stage, its kind and digest, its state in that run, and the time that its build took."
     ));
     let states: Vec<BuildState> = history.stages.iter().map(BuildState::of).collect();
     let counts = [
@@ -96,18 +96,18 @@ pub fn section(page: &mut Page, history: &History) {
         (BuildState::Reused, "reused"),
         (BuildState::Missing, "not built"),
     ]
-    .map(|(build_state, words)| (build_state, states.iter().filter(|f| **f == build_state).count(), words));
+    .map(|(state, text)| (state, states.iter().filter(|f| **f == state).count(), text));
     page.add(html! {
         ul.legend {
-            @for (build_state, n, words) in counts.iter().filter(|(_, n, _)| *n > 0) {
-                li class=(build_state.class()) { i {} (n) " " (words) }
+            @for (state, n, text) in counts.iter().filter(|(_, n, _)| *n > 0) {
+                li class=(state.class()) { i {} (n) " " (text) }
             }
         }
     });
-    page.scrolled("The stages of the pipeline and what they need", &draw(history));
+    page.scrolled("The stages of the pipeline and their needs", &draw(history));
 }
 
-fn draw(history: &History) -> Markup {
+fn draw(history: &PipelineHistory) -> Markup {
     let needs: Vec<Vec<usize>> = history.stages.iter().map(|stage| stage.needs.clone()).collect();
     let placed = layout(&needs);
     let width = placed.layers as f64 * (WIDTH + BETWEEN) - BETWEEN + 4.0;
@@ -116,8 +116,9 @@ fn draw(history: &History) -> Markup {
     let names: Vec<&str> = history.stages.iter().map(|stage| stage.name.as_str()).collect();
     let description = format!("Pipeline of {} stages: {}", names.len(), names.join(", "));
     html! {
-        svg.dag viewBox={ "-2 -2 " (width) " " (height) } width=(width) height=(height)
-            style={ "width:100%;min-width:" (smallest) "px;max-width:" (width) "px" } role="img" aria-label=(description) {
+        @let style = format!("width:100%;min-width:{smallest}px;max-width:{width}px");
+        svg.dag viewBox={ "-2 -2 " (width) " " (height) } width=(width) height=(height) style=(style)
+            role="img" aria-label=(description) {
             title { (description) }
             (lines(&placed))
             @for (stage, place) in history.stages.iter().zip(&placed.stages) { (boxed(stage, *place)) }
@@ -147,7 +148,7 @@ fn lines(placed: &Layout) -> Markup {
     html! { path d=(path) {} }
 }
 
-fn boxed(stage: &StageFacts, (layer, middle): (usize, f64)) -> Markup {
+fn boxed(stage: &StageRecord, (layer, middle): (usize, f64)) -> Markup {
     let digest = stage
         .digest
         .map_or_else(|| "no artifact".to_owned(), |digest| digest.to_string()[..8].to_owned());
@@ -176,7 +177,7 @@ fn boxed(stage: &StageFacts, (layer, middle): (usize, f64)) -> Markup {
     }
 }
 
-fn short(stage: &StageFacts) -> String {
+fn short(stage: &StageRecord) -> String {
     match (&stage.origin, BuildState::of(stage)) {
         (Some(origin), BuildState::Partly) => format!("{}/{} built", origin.built.unwrap_or(0), origin.chunks),
         _ => build_state(stage),

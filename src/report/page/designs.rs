@@ -1,15 +1,15 @@
-//! The designs case by case: a table, the curve over the area where targets differ in that alone, and every pattern.
+//! The designs, case by case: a table, the curve over the area if targets differ only in it, and every pattern.
 
 use maud::html;
 
 use super::cards::{FOLDER, cards, shared};
-use crate::designs::{Design, LEAST_MM, Role, role_title};
-use crate::drawing::{Axis, Chart, Colour, Mark, Membrane, Series, exaggeration};
-use crate::format::{change, mm, share, uncertainty};
+use crate::designs::{Design, Role, role_title};
+use crate::drawing::{Axis, Chart, Colour, DeformedMembrane, Mark, Series, exaggeration};
+use crate::format::{change, mm, percents, uncertainty};
 use crate::html::{Column, Page};
 use crate::intervals::verdict;
 
-/// Targets of different areas that make a curve.
+/// Targets of different areas from which a curve is drawn.
 const CURVE: usize = 3;
 
 /// Roles with their colours.
@@ -22,13 +22,13 @@ const ROLES: [(Role, Colour); 6] = [
     (Role::Own, Colour::Vermillion),
 ];
 
-/// Adds a section where there are designs, with the command that makes a mask of one.
+/// Adds the section of the designs, with the command that makes a mask of one.
 pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
     if designs.is_empty() {
         return;
     }
     page.section("Designs");
-    let membranes: Vec<Membrane> = designs.iter().flat_map(Design::membranes).collect();
+    let membranes: Vec<DeformedMembrane> = designs.iter().flat_map(Design::membranes).collect();
     let scale = exaggeration(&membranes);
     let times = match scale {
         1.0 => "true to scale".to_owned(),
@@ -36,21 +36,20 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
     };
     let has_optimum = designs.iter().any(|design| design.role == Role::Optimum);
     let optimum = match has_optimum {
-        true => {
-            " The optimum is the best pattern that gradient search finds from several starts; nothing proves that there is no better one."
-        }
+        true => " The optimum is the best pattern of gradient searches from several starts; there may be a better one.",
         false => "",
     };
     page.lines(&[
-        "Values are the mean displacement along the wanted directions. Each design is shown at rest, with the wanted point and \
-         direction, and deformed, with the displacement of the point. Numbers without a unit are mm; \
-         gains are over the intuitive design at its own area and at that of the design."
+        "Values are the mean displacement along the target directions. Each design is shown at rest, with the point \
+         and direction of its objective, and deformed, with the displacement of the point. Numbers without a unit are \
+         in mm; gains are over the intuitive design at its own area and at the area of the design."
             .to_owned(),
         format!("Displacements are drawn {times}; the faint grid is the membrane at rest.{optimum}"),
     ]);
     page.add(html! {
         p {
-            "All numbers: " a href={ (FOLDER) "designs.csv" } { "designs.csv" } ". Each pattern and the mask of each design, as it lies on the frame, are files beside it, linked under its card. This makes masks of other sizes and formats: "
+            "All numbers: " a href={ (FOLDER) "designs.csv" } { "designs.csv" } ". Each pattern, and the mask of each \
+            design at the size of the frame, is a file linked below its card. Masks of other sizes and formats: "
             code { (mask_command) }
         }
     });
@@ -74,18 +73,19 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
         if let Some(curve) = curve(&case) {
             page.charts([&curve]);
         }
-        for target in together(case.iter().copied(), Design::is_beside) {
+        for target in together(case.iter().copied(), Design::has_same_target) {
             let Some(first) = target.first() else { continue };
             page.title(&first.target);
             let area = match first.area_target.as_str() {
                 "free" => "any area".to_owned(),
-                area => area
-                    .parse()
-                    .map_or_else(|_| format!("area {area}"), |area: f64| format!("area {}", share(area))),
+                area => area.parse().map_or_else(
+                    |_| format!("area {area}"),
+                    |area: f64| format!("area {}", percents(area)),
+                ),
             };
             let constraints = match first.constraints.trim() {
                 "" | "{}" => String::new(),
-                some => format!(", within {some}"),
+                some => format!(", constraints {some}"),
             };
             page.note(&format!(
                 "Objective: displacement of {}, {area}{constraints}",
@@ -96,12 +96,12 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
     }
 }
 
-/// Designs of the same name together, in the order in which the names appear.
+/// Groups designs by a name, in the order of the names.
 fn by<'d>(designs: impl Iterator<Item = &'d Design>, name: impl Fn(&Design) -> &String) -> Vec<Vec<&'d Design>> {
     together(designs, |one, other| name(one) == name(other))
 }
 
-/// Designs that are alike together, in the order of the first of each.
+/// Groups similar designs, in the order of the first of each group.
 fn together<'d>(
     designs: impl Iterator<Item = &'d Design>,
     is_alike: impl Fn(&Design, &Design) -> bool,
@@ -116,7 +116,7 @@ fn together<'d>(
     groups
 }
 
-/// The columns that say something of any row, and the rows with these alone.
+/// Removes the columns that are empty in all rows.
 fn without_empty(columns: &[(&'static str, Column)], rows: &mut [Vec<String>]) -> Vec<(&'static str, Column)> {
     let keeps = |at: usize| rows.iter().any(|row| row.get(at).is_some_and(|text| !text.is_empty()));
     let kept: Vec<bool> = (0..columns.len()).map(keeps).collect();
@@ -128,35 +128,30 @@ fn without_empty(columns: &[(&'static str, Column)], rows: &mut [Vec<String>]) -
     both.filter(|(_, kept)| **kept).map(|(column, _)| *column).collect()
 }
 
-/// Columns of the table; those that stay empty are left out.
+/// Columns of the table; empty ones are left out.
 const COLUMNS: [(&str, Column); 13] = [
     ("target", Column::Key),
     ("design", Column::Key),
     ("units", Column::Number),
     ("area", Column::Number),
     ("predicted, mm", Column::Number),
-    ("off by", Column::Number),
+    ("error", Column::Number),
     ("simulated, mm", Column::Number),
     ("network, 95 %, mm", Column::Number),
     ("of best by gradients", Column::Number),
     ("gain, own area", Column::Number),
     ("gain, equal area", Column::Number),
-    ("from wanted, mm", Column::Number),
+    ("from target, mm", Column::Number),
     ("status", Column::Key),
 ];
 
 fn row(design: &Design) -> Vec<String> {
-    let is_met = design.objective.is_met;
-    let over = |other: Option<f64>| {
-        let other = other.filter(|mm| !is_met && mm.abs() > LEAST_MM)?;
-        Some(change((design.simulated_mm? - other) / other.abs()))
-    };
     let text = |known: Option<String>| known.unwrap_or_default();
+    let gain = |other: Option<f64>| text(other.and_then(|other| design.gain_over(other)).map(change));
     let compared = &design.compared;
-    let number = if design.member > 0 {
-        format!(" {}", design.member + 1)
-    } else {
-        String::new()
+    let number = match design.member {
+        0 => String::new(),
+        member => format!(" {}", member + 1),
     };
     let simulated = match (design.simulated_mm, design.error_mm, &design.outcome) {
         (Some(value), Some(error), _) => format!("{} {}", mm(value), uncertainty(error)),
@@ -166,7 +161,7 @@ fn row(design: &Design) -> Vec<String> {
     };
     let met = match design.status.as_str() {
         "met" | "" => design.status.clone(),
-        // It was made for an area of its own, and for no constraints.
+        // An own pattern has its own area, and no constraints.
         status if design.role == Role::Own => status.to_owned(),
         _ => "not met".to_owned(),
     };
@@ -174,20 +169,20 @@ fn row(design: &Design) -> Vec<String> {
         design.target.clone(),
         format!("{}{number}", role_title(design.role)),
         design.units.to_string(),
-        share(design.area),
+        percents(design.area),
         text(design.predicted_mm.map(mm)),
         text(design.prediction_error().map(change)),
         simulated,
         text(design.interval.as_ref().map(|interval| interval.ends())),
-        text(compared.ratio.map(share)),
-        text(over(compared.intuitive_own)),
-        text(over(compared.intuitive_equal_area)),
+        text(compared.ratio.map(percents)),
+        gain(compared.intuitive_own),
+        gain(compared.intuitive_equal_area),
         text(design.distance_mm.map(mm)),
         met,
     ]
 }
 
-/// Displacement over the area, where at least three targets of the same objective differ in it.
+/// Draws displacement over area, if at least three targets with the same objective differ only in it.
 fn curve(case: &[&Design]) -> Option<Chart> {
     let first = case.first()?;
     let mut areas: Vec<f64> = case
@@ -209,7 +204,7 @@ fn curve(case: &[&Design]) -> Option<Chart> {
     let series: Vec<Series> = ROLES
         .into_iter()
         .map(|(role, colour)| {
-            // Where a design reaches the optimum, both lines are to be seen.
+            // Where a design reaches the optimum, both curves stay visible.
             let mark = if role == Role::Optimum {
                 Mark::Dashed
             } else {
@@ -228,12 +223,12 @@ fn curve(case: &[&Design]) -> Option<Chart> {
     (!values.is_empty()).then(|| chart.with_note(first.objective.description()))
 }
 
-/// Whether two designs differ in no more than their areas.
+/// Whether two designs differ only in their areas.
 fn is_of_curve(design: &Design, first: &Design) -> bool {
     design.objective == first.objective && design.scene == first.scene
 }
 
-/// Adds what was predicted beside what was simulated.
+/// Adds the comparison of predictions and simulations.
 pub fn agreement(page: &mut Page, designs: &[Design]) {
     let known = designs
         .iter()
@@ -243,13 +238,11 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
         return;
     }
     page.section("Predicted against simulated");
-    page.line(
-        "Every verified design: the search believed the prediction, and the simulation of the verify stage says what is true.",
-    );
-    let stated = known.iter().filter(|design| design.role.is_found());
-    let stated = stated.filter_map(|design| Some((design.interval.as_ref()?, design.simulated_mm)));
-    if let Some(verdict) = verdict(stated) {
-        page.line(&format!("Of the designs that were found, {verdict}."));
+    page.line("All verified designs: the prediction of the search against the simulation of the verify stage.");
+    let with_interval = known.iter().filter(|design| design.role.is_found());
+    let with_interval = with_interval.filter_map(|design| Some((design.interval.as_ref()?, design.simulated_mm)));
+    if let Some(verdict) = verdict(with_interval) {
+        page.line(&format!("Designs of the searches: {verdict}."));
     }
     let simulated: Vec<f64> = known.iter().filter_map(|d| d.simulated_mm).collect();
     let series = |of: &dyn Fn(&Design) -> Option<(f64, f64)>| {
@@ -259,8 +252,8 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
                 .iter()
                 .filter_map(|design| Some((of(design)?, design.name.clone())))
                 .collect();
-            let (points, words) = points.into_iter().unzip();
-            Series::new(role_title(role), colour, Mark::Dots, points).with_words(words)
+            let (points, names) = points.into_iter().unzip();
+            Series::new(role_title(role), colour, Mark::Dots, points).with_texts(names)
         };
         ROLES
             .into_iter()
@@ -275,7 +268,7 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
     }
     let x = Axis::between("Simulated [mm]", &simulated);
     let zero = Series::new("", Colour::Grey, Mark::Dashed, x.ends().map(|end| (end, 0.0)).to_vec());
-    let axes = [x, Axis::around("Predicted less simulated [% of simulated]", &errors)];
+    let axes = [x, Axis::around("Predicted minus simulated [% of simulated]", &errors)];
     let differences = Chart::new("Error of the predictions", axes, [vec![zero], series(&error)].concat());
-    page.charts(&[differences.with_note("above the dashed line the prediction was too large")]);
+    page.charts(&[differences.with_note("above the dashed line, the prediction is too large")]);
 }

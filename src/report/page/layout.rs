@@ -1,32 +1,32 @@
-//! Places for the stages of a pipeline: what is needed stands to the left of what needs it.
+//! Layout of the stages of a pipeline: each stage is to the right of the stages that it needs.
 //!
-//! The method of Sugiyama, Tagawa and Toda (1981): layers, then an order within each by the mean place of the neighbours,
-//! then heights. Where a need skips layers, a knee keeps its line clear of the boxes between.
+//! The method of Sugiyama, Tagawa and Toda (1981): layers, then an order within each by the mean position of the
+//! neighbours, then heights. A line that skips layers has a bend in each of them, which keeps it clear of the boxes.
 
-/// Height of a box, and of the room between two, in units of the page.
+/// Height of a box, and of the gap between two, in units of the page.
 pub const BOX: f64 = 66.0;
 const GAP: f64 = 12.0;
 
-/// Room for a line that passes between boxes.
-const KNEE: f64 = 16.0;
+/// Space for a line that passes between boxes.
+const BEND: f64 = 16.0;
 
 /// Rounds of ordering: more change nothing in pipelines of a hundred stages.
 const ROUNDS: usize = 16;
 
-/// Where everything stands.
+/// The layout of a drawing.
 pub struct Layout {
-    /// Layer and middle height of each stage.
+    /// Layer and centre height of each stage.
     pub stages: Vec<(usize, f64)>,
-    /// Each need as its line: layer and height of both ends and of the knees between.
+    /// The line of each need: layer and height of both ends and of its bends.
     pub lines: Vec<Vec<(usize, f64)>>,
-    /// Height of the whole.
+    /// Height of the drawing.
     pub height: f64,
-    /// How many layers there are.
+    /// Number of layers.
     pub layers: usize,
 }
 
-/// A stage or a knee.
-struct Node {
+/// A stage or a bend.
+struct LayoutNode {
     layer: usize,
     high: f64,
     before: Vec<usize>,
@@ -34,17 +34,10 @@ struct Node {
     y: f64,
 }
 
-/// Places stages by the places of what each needs, which come before it.
+/// Lays out stages, given the stages that each one needs, which come before it.
 pub fn layout(needs: &[Vec<usize>]) -> Layout {
     let layers = layers(needs);
-    let box_of = |layer: &usize| Node {
-        layer: *layer,
-        high: BOX,
-        before: Vec::new(),
-        after: Vec::new(),
-        y: 0.0,
-    };
-    let mut nodes: Vec<Node> = layers.iter().map(box_of).collect();
+    let mut nodes: Vec<LayoutNode> = layers.iter().map(|layer| LayoutNode::new(*layer, BOX)).collect();
     let mut lines = Vec::new();
     for (stage, needed) in needs.iter().enumerate() {
         for &need in needed {
@@ -71,16 +64,28 @@ pub fn layout(needs: &[Vec<usize>]) -> Layout {
         .iter()
         .map(|n| n.y + 0.5 * n.high)
         .fold(f64::NEG_INFINITY, f64::max);
-    let place = |k: &usize| (nodes[*k].layer, nodes[*k].y - top);
+    let position = |k: &usize| (nodes[*k].layer, nodes[*k].y - top);
     Layout {
-        stages: (0..needs.len()).map(|k| place(&k)).collect(),
-        lines: lines.iter().map(|line| line.iter().map(place).collect()).collect(),
+        stages: (0..needs.len()).map(|k| position(&k)).collect(),
+        lines: lines.iter().map(|line| line.iter().map(position).collect()).collect(),
         height: (bottom - top).max(0.0),
         layers: count,
     }
 }
 
-/// The layer of each stage: after all that it needs, and as near as that allows to what needs it.
+impl LayoutNode {
+    fn new(layer: usize, high: f64) -> Self {
+        Self {
+            layer,
+            high,
+            before: Vec::new(),
+            after: Vec::new(),
+            y: 0.0,
+        }
+    }
+}
+
+/// Returns the layer of each stage: after all that it needs, and as close as possible to what needs it.
 fn layers(needs: &[Vec<usize>]) -> Vec<usize> {
     let mut layers = vec![0; needs.len()];
     for (stage, needed) in needs.iter().enumerate() {
@@ -98,17 +103,11 @@ fn layers(needs: &[Vec<usize>]) -> Vec<usize> {
     layers
 }
 
-/// Connects two stages, with a knee in each layer between.
-fn line(nodes: &mut Vec<Node>, from: usize, to: usize) -> Vec<usize> {
+/// Connects two stages, with a bend in each layer between.
+fn line(nodes: &mut Vec<LayoutNode>, from: usize, to: usize) -> Vec<usize> {
     let mut line = vec![from];
     for layer in nodes[from].layer + 1..nodes[to].layer {
-        nodes.push(Node {
-            layer,
-            high: KNEE,
-            before: Vec::new(),
-            after: Vec::new(),
-            y: 0.0,
-        });
+        nodes.push(LayoutNode::new(layer, BEND));
         line.push(nodes.len() - 1);
     }
     line.push(to);
@@ -119,23 +118,23 @@ fn line(nodes: &mut Vec<Node>, from: usize, to: usize) -> Vec<usize> {
     line
 }
 
-/// The mean height of some nodes; none where there is none.
-fn mean(nodes: &[Node], of: &[usize]) -> Option<f64> {
+/// Returns the mean height of nodes; `None` if there are none.
+fn mean(nodes: &[LayoutNode], of: &[usize]) -> Option<f64> {
     (!of.is_empty()).then(|| of.iter().map(|k| nodes[*k].y).sum::<f64>() / of.len() as f64)
 }
 
-fn sort(nodes: &[Node], layer: &mut [usize], forward: bool) {
-    let wanted = |k: &usize| {
+fn sort(nodes: &[LayoutNode], layer: &mut [usize], forward: bool) {
+    let height = |k: &usize| {
         let node = &nodes[*k];
         let neighbours = if forward { &node.before } else { &node.after };
         mean(nodes, neighbours).unwrap_or(node.y)
     };
-    // The sort is stable: what is equal stays in the order of the pipeline.
-    layer.sort_by(|a, b| wanted(a).total_cmp(&wanted(b)));
+    // The sort is stable: equal nodes keep the order of the pipeline.
+    layer.sort_by(|a, b| height(a).total_cmp(&height(b)));
 }
 
-/// Stacks each layer around the same middle.
-fn pack(nodes: &mut [Node], order: &[Vec<usize>]) {
+/// Stacks each layer around the same centre.
+fn pack(nodes: &mut [LayoutNode], order: &[Vec<usize>]) {
     for layer in order {
         let total: f64 = layer.iter().map(|k| nodes[*k].high + GAP).sum();
         let mut y = -0.5 * total;
@@ -147,21 +146,21 @@ fn pack(nodes: &mut [Node], order: &[Vec<usize>]) {
 }
 
 /// Moves the nodes of a layer towards their neighbours, in their order and without overlap.
-fn settle(nodes: &mut [Node], layer: &[usize]) {
-    let wanted = |k: &usize| {
+fn settle(nodes: &mut [LayoutNode], layer: &[usize]) {
+    let desired = |k: &usize| {
         let around = [&nodes[*k].before[..], &nodes[*k].after[..]].concat();
         mean(nodes, &around).unwrap_or(nodes[*k].y)
     };
-    let wanted: Vec<f64> = layer.iter().map(wanted).collect();
-    let room = |a: usize, b: usize| 0.5 * (nodes[a].high + nodes[b].high) + GAP;
-    // The mean of the stacks from above and from below is without overlap too, and leans to neither.
-    let mut down = wanted.clone();
+    let desired: Vec<f64> = layer.iter().map(desired).collect();
+    let distance = |a: usize, b: usize| 0.5 * (nodes[a].high + nodes[b].high) + GAP;
+    // The mean of the stacks from above and from below has no overlap either, and favours neither.
+    let mut down = desired.clone();
     for i in 1..layer.len() {
-        down[i] = down[i].max(down[i - 1] + room(layer[i - 1], layer[i]));
+        down[i] = down[i].max(down[i - 1] + distance(layer[i - 1], layer[i]));
     }
-    let mut up = wanted;
+    let mut up = desired;
     for i in (1..layer.len()).rev() {
-        up[i - 1] = up[i - 1].min(up[i] - room(layer[i - 1], layer[i]));
+        up[i - 1] = up[i - 1].min(up[i] - distance(layer[i - 1], layer[i]));
     }
     for (i, &k) in layer.iter().enumerate() {
         nodes[k].y = 0.5 * (down[i] + up[i]);
@@ -172,13 +171,13 @@ fn settle(nodes: &mut [Node], layer: &[usize]) {
 mod tests {
     use super::*;
 
-    /// Three samples, one of which is needed at the end alone; a chain of three; and an end.
+    /// Three samples, one of which is needed only at the end; a chain of three; and an end.
     fn needs() -> Vec<Vec<usize>> {
         vec![vec![], vec![], vec![], vec![0, 1], vec![3], vec![4, 2, 0]]
     }
 
     #[test]
-    fn what_is_needed_stands_to_the_left_and_boxes_do_not_overlap() {
+    fn needs_are_to_the_left_and_boxes_do_not_overlap() {
         let needs = needs();
         let placed = layout(&needs);
         for (stage, needed) in needs.iter().enumerate() {
@@ -186,7 +185,7 @@ mod tests {
                 assert!(placed.stages[*need].0 < placed.stages[stage].0);
             }
         }
-        assert_eq!(placed.stages[2].0, 2, "beside what needs it");
+        assert_eq!(placed.stages[2].0, 2, "next to what needs it");
         assert_eq!(placed.layers, 4);
         for a in 0..needs.len() {
             for b in 0..a {

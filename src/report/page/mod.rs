@@ -1,4 +1,4 @@
-//! The report of a pipeline as one page: what was found at the top, then everything that it stands on.
+//! The report of a pipeline as one page: the results at the top, then their basis.
 
 mod cards;
 mod costs;
@@ -6,27 +6,31 @@ mod dag;
 mod designs;
 mod layout;
 mod scene;
-mod warned;
+mod warnings;
 
 use super::artifacts::RunArtifacts;
-use super::designs::{Design, Extreme, Found};
+use super::designs::{Design, DesignStatistics, Extreme};
 use super::error::ReportError;
-use super::format::{bytes, change, counted, seconds, share};
-use super::history::{History, StageFacts};
+use super::format::{bytes, change, counted, percents, seconds, shell_word};
+use super::history::{PipelineHistory, StageRecord};
 use super::html::Page;
 use super::kinds::by_section;
 use super::summary::TRUSTED;
-use warned::Warned;
+use warnings::ReportWarnings;
 
 pub use layout::{BOX as STAGE_HEIGHT, Layout, layout};
 
-/// The page of a pipeline.
+/// Writes the page of a pipeline.
 ///
 /// # Errors
-/// When an artifact cannot be read or does not hold what its kind promises.
-pub fn report_page(run: &RunArtifacts<'_>, history: &History, designs: &[Design]) -> Result<String, ReportError> {
+/// If an artifact cannot be read or does not have the content of its kind.
+pub fn report_page(
+    run: &RunArtifacts<'_>,
+    history: &PipelineHistory,
+    designs: &[Design],
+) -> Result<String, ReportError> {
     let mut page = Page::new(&history.pipeline);
-    let warned = Warned::read(run, history)?;
+    let warned = ReportWarnings::read(run, history)?;
     head(&mut page, history, designs, &warned);
     dag::section(&mut page, history);
     designs::section(&mut page, designs, &mask_command(history, designs));
@@ -40,8 +44,8 @@ pub fn report_page(run: &RunArtifacts<'_>, history: &History, designs: &[Design]
     Ok(page.finish())
 }
 
-/// The command that makes a mask of the best of the designs like the first that was found.
-fn mask_command(history: &History, designs: &[Design]) -> String {
+/// Returns the command that makes a mask of the best design of the first target.
+fn mask_command(history: &PipelineHistory, designs: &[Design]) -> String {
     let built = history.stages.iter().filter(|stage| stage.digest.is_some());
     let of = |kind: &str| built.clone().rfind(|stage| stage.kind == kind);
     let stage = of("verify")
@@ -51,32 +55,23 @@ fn mask_command(history: &History, designs: &[Design]) -> String {
     let options = first.map_or_else(String::new, |design| {
         let case = match design.case.as_str() {
             "" => String::new(),
-            case => format!(" --case {}", quoted(case)),
+            case => format!(" --case {}", shell_word(case)),
         };
         format!(
             "{case} --design {} --role {}",
-            quoted(&design.target),
+            shell_word(&design.target),
             design.role.name()
         )
     });
-    let source = quoted(&format!("{}:{stage}", history.path));
+    let source = shell_word(&format!("{}:{stage}", history.path));
     format!("deaflow export design {source}{options} -o mask.dxf")
 }
 
-/// A word as a shell takes it.
-fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=@,".contains(c);
-    match !word.is_empty() && word.chars().all(is_plain) {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', "'\\''")),
-    }
-}
-
-/// The first words under the title of a page, before the name of its pipeline and a colon.
+/// The beginning of the introduction of a page, before the name of the pipeline and a colon.
 pub const ABOUT: &str = "Report of the pipeline ";
 
-/// Title, what is missing, what the model leaves out, and the numbers that matter.
-fn head(page: &mut Page, history: &History, designs: &[Design], warned: &Warned) {
+/// Adds title, missing stages, warnings and the main numbers.
+fn head(page: &mut Page, history: &PipelineHistory, designs: &[Design], warned: &ReportWarnings) {
     let took: f64 = history
         .stages
         .iter()
@@ -92,7 +87,7 @@ fn head(page: &mut Page, history: &History, designs: &[Design], warned: &Warned)
         seconds(took),
         bytes(size)
     ));
-    let named = |stage: &&StageFacts| match stage.why.as_deref().filter(|why| why.starts_with("removed")) {
+    let named = |stage: &&StageRecord| match stage.why.as_deref().filter(|why| why.starts_with("removed")) {
         Some(why) => format!("{} ({why})", stage.name),
         None => stage.name.clone(),
     };
@@ -100,12 +95,12 @@ fn head(page: &mut Page, history: &History, designs: &[Design], warned: &Warned)
     if !missing.is_empty() {
         page.notice(&[
             format!(
-                "This report is not complete: {} of {} stages are not built.",
+                "This report is incomplete: {} of {} stages are not built.",
                 missing.len(),
                 history.stages.len()
             ),
             format!(
-                "Missing: {}. Build them: deaflow run {}",
+                "Missing: {}. To build them, run deaflow run {}",
                 missing.join(", "),
                 history.path
             ),
@@ -113,19 +108,19 @@ fn head(page: &mut Page, history: &History, designs: &[Design], warned: &Warned)
     }
     page.warnings("Model warnings", &warned.of_model);
     page.warnings("Warnings", &warned.of_stages);
-    let found = Found::of(designs);
+    let found = DesignStatistics::of(designs);
     let wrong = found.prediction_error.as_ref().filter(|error| error.value > TRUSTED);
     if let Some(error) = wrong {
         page.notice(&[format!(
-            "Predicted and simulated differ by up to {} ({}): do not trust the predictions there.",
-            share(error.value),
+            "Predicted and simulated displacements differ by up to {} ({}): the predictions are not accurate there.",
+            percents(error.value),
             error.design
         )]);
     }
     page.tiles(&of_designs(&found));
 }
 
-fn of_designs(found: &Found) -> Vec<(String, String)> {
+fn of_designs(found: &DesignStatistics) -> Vec<(String, String)> {
     if found.designs == 0 {
         return Vec::new();
     }
@@ -141,44 +136,38 @@ fn of_designs(found: &Found) -> Vec<(String, String)> {
             if several { "targets" } else { "target" }
         ),
     )];
-    let ratio = |extreme: &Extreme, who: &str| {
+    let ratio = |extreme: &Extreme, role: &str| {
         let least = match several {
-            true => format!("; the least of all, {}", extreme.design),
+            true => format!("; the lowest of all is {}", extreme.design),
             false => String::new(),
         };
-        let what = format!("of the best pattern found by gradient search: {who}{least}");
-        (share(extreme.value), what)
+        let what = format!("of the best pattern of the gradient search: {role}{least}");
+        (percents(extreme.value), what)
     };
     tiles.extend(found.refined_to_optimum.iter().map(|e| ratio(e, "refined design")));
-    tiles.extend(found.ga_to_optimum.iter().map(|e| ratio(e, "genetic algorithm alone")));
+    tiles.extend(
+        found
+            .ga_to_optimum
+            .iter()
+            .map(|e| ratio(e, "genetic algorithm without refinement")),
+    );
     tiles.extend(found.prediction_error.iter().map(|e| {
         let what = format!("largest difference between predicted and simulated ({})", e.design);
-        (share(e.value), what)
+        (percents(e.value), what)
     }));
     let gained = |gain: &f64, area: &str| {
-        let middle = if several { ", median of the targets" } else { "" };
-        let what = format!("best design over the intuitive one {area}{middle}");
+        let median = if several { ", median of the targets" } else { "" };
+        let what = format!("gain of the best design over the intuitive one {area}{median}");
         (change(*gain), what)
     };
     tiles.extend(found.gain_own_area.iter().map(|gain| gained(gain, "at its own area")));
     tiles.extend(found.gain_equal_area.iter().map(|gain| gained(gain, "at equal area")));
     if found.not_met > 0 {
         let what = match found.not_met {
-            1 => "design does not meet its constraints",
-            _ => "designs do not meet their constraints",
+            1 => "design violates its constraints",
+            _ => "designs violate their constraints",
         };
         tiles.push((found.not_met.to_string(), what.to_owned()));
     }
     tiles
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn words_are_quoted_where_a_shell_would_split_them() {
-        assert_eq!(quoted("pipelines/a.yaml:verified"), "pipelines/a.yaml:verified");
-        assert_eq!(["", "a b", "it's"].map(quoted), ["''", "'a b'", "'it'\\''s'"]);
-    }
 }

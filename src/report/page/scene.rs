@@ -1,24 +1,29 @@
-//! The scene: what was simulated, which effects, and what was left out although it matters.
+//! The scene: what was simulated, with which effects, and the warnings.
 
-use super::warned::Warned;
-use crate::artifacts::{RunArtifacts, Source};
+use super::warnings::ReportWarnings;
+use crate::artifacts::{ArtifactReader, RunArtifacts};
 use crate::error::ReportError;
 use crate::format::cut;
-use crate::history::History;
+use crate::history::PipelineHistory;
 use crate::html::{Column, Page};
 use deaflow_base::Canonical;
 use deaflow_content::{Solutions, StoredAttribute, Verification};
 use deaflow_scene::Scene;
 
-/// A scene with its effects as simulated, and the stages that have it.
-struct Simulated {
+/// A scene with the simulated effects, and its stages.
+struct SimulatedScene {
     scene: Scene,
     effects: String,
     stages: Vec<String>,
 }
 
-/// Adds the scenes and the effects that were simulated.
-pub fn section(page: &mut Page, run: &RunArtifacts<'_>, history: &History, warned: &Warned) -> Result<(), ReportError> {
+/// Adds the scenes and the simulated effects.
+pub fn section(
+    page: &mut Page,
+    run: &RunArtifacts<'_>,
+    history: &PipelineHistory,
+    warned: &ReportWarnings,
+) -> Result<(), ReportError> {
     let solved = run.each("solve", |source| {
         let view = source.of(Solutions::open(source.artifact))?;
         simulated(source, &view.scene(), source.of(view.effects().text())?)
@@ -27,7 +32,7 @@ pub fn section(page: &mut Page, run: &RunArtifacts<'_>, history: &History, warne
         let view = source.of(Verification::open(source.artifact))?;
         simulated(source, &view.scene(), source.of(view.effects().text())?)
     })?;
-    let mut scenes: Vec<Simulated> = Vec::new();
+    let mut scenes: Vec<SimulatedScene> = Vec::new();
     for one in solved.into_iter().chain(verified) {
         match scenes
             .iter_mut()
@@ -53,28 +58,26 @@ pub fn section(page: &mut Page, run: &RunArtifacts<'_>, history: &History, warne
         );
     }
     page.line(match warned.is_empty() {
-        true => {
-            "No warnings: screening found no effect that matters and was left out, and no stage warned of anything."
-        }
-        false => "What is left out although it matters stands at the top of the page.",
+        true => "No warnings: no significant effect was neglected, and no stage has a warning.",
+        false => "The warnings are at the top of the page.",
     });
     Ok(())
 }
 
 fn simulated(
-    source: &Source<'_>,
+    source: &ArtifactReader<'_>,
     scene: &StoredAttribute<'_, Scene>,
     effects: Option<String>,
-) -> Result<Simulated, ReportError> {
-    Ok(Simulated {
+) -> Result<SimulatedScene, ReportError> {
+    Ok(SimulatedScene {
         scene: source.of(scene.read())?,
-        effects: effects.ok_or_else(|| source.wrong("it does not say which effects were simulated"))?,
+        effects: effects.ok_or_else(|| source.wrong("it does not list the simulated effects"))?,
         stages: vec![source.stage.stage.clone()],
     })
 }
 
-/// The parts of a scene, each on a line of its own: as the pipeline has them, or where it is not known how, in the units of artifacts.
-fn rows(simulated: &Simulated, written: &[(String, String)]) -> Vec<Vec<String>> {
+/// Lists the parts of a scene: as in the pipeline, or else in canonical form.
+fn rows(simulated: &SimulatedScene, written: &[(String, String)]) -> Vec<Vec<String>> {
     let row = |name: &str, value: &str| vec![name.to_owned(), value.to_owned()];
     let parts = match written {
         [] => canonical_parts(&simulated.scene),
@@ -88,10 +91,9 @@ fn rows(simulated: &Simulated, written: &[(String, String)]) -> Vec<Vec<String>>
     let none = matches!(simulated.effects.trim(), "" | "{}");
     rows.push(row(
         "effects simulated",
-        if none {
-            "none beyond the model"
-        } else {
-            &simulated.effects
+        match none {
+            true => "none",
+            false => &simulated.effects,
         },
     ));
     rows
@@ -114,24 +116,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_scene_is_told_part_by_part() {
-        let simulated = Simulated {
+    fn a_scene_is_listed_part_by_part() {
+        let simulated = SimulatedScene {
             scene: Scene::vhb4910(),
             effects: "{}".into(),
             stages: Vec::new(),
         };
-        let told = rows(&simulated, &[]);
-        let names: Vec<&str> = told.iter().map(|row| row[0].as_str()).collect();
+        let parts = rows(&simulated, &[]);
+        let names: Vec<&str> = parts.iter().map(|row| row[0].as_str()).collect();
         assert_eq!(names[..3], ["drive", "geometry", "material"]);
         assert!(
-            told[1][1].contains("side: 50 mm") && !told[1][1].starts_with('{'),
-            "{told:?}"
+            parts[1][1].contains("side: 50 mm") && !parts[1][1].starts_with('{'),
+            "{parts:?}"
         );
-        assert_eq!(told[told.len() - 1], ["effects simulated", "none beyond the model"]);
+        assert_eq!(parts[parts.len() - 1], ["effects simulated", "none"]);
 
         let written = [("drive", "voltage: 5.25 kV"), ("effects", "")].map(|(a, b)| (a.to_owned(), b.to_owned()));
-        let told = rows(&simulated, &written);
-        assert_eq!(told[0], ["drive", "voltage: 5.25 kV"]);
-        assert_eq!(told.len(), 2);
+        let parts = rows(&simulated, &written);
+        assert_eq!(parts[0], ["drive", "voltage: 5.25 kV"]);
+        assert_eq!(parts.len(), 2);
     }
 }

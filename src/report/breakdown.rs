@@ -1,27 +1,27 @@
-//! What the artifacts of a run warn of: samples that fail.
+//! Warnings about dielectric breakdown of simulated samples.
 
-use super::artifacts::{Made, RunArtifacts};
+use super::artifacts::{RunArtifacts, StageArtifact};
 use super::error::ReportError;
 use deaflow_content::Solutions;
 
-/// The effect under which simulated samples carry a ratio to breakdown.
+/// The effect with which samples have a breakdown ratio.
 const BREAKDOWN: &str = "dielectric_breakdown";
 
-/// The warnings of stages that simulate, after the name of the stage; only those are opened whose scene may have the effect. Estimates
-/// and verified designs say nothing of breakdown.
+/// Warns of samples beyond the breakdown field. Only the stages in `may_break_down` are opened; estimates and verified
+/// designs have no breakdown ratio.
 ///
 /// # Errors
-/// When an artifact cannot be read.
-pub fn warnings(run: &RunArtifacts<'_>, may_break_down: &[String]) -> Result<Vec<String>, ReportError> {
-    let named: Vec<Made> = run
-        .made
+/// If an artifact cannot be read.
+pub fn breakdown_warnings(run: &RunArtifacts<'_>, may_break_down: &[String]) -> Result<Vec<String>, ReportError> {
+    let named: Vec<StageArtifact> = run
+        .stages
         .iter()
         .filter(|made| may_break_down.contains(&made.stage))
         .cloned()
         .collect();
-    let run = RunArtifacts { made: &named, ..*run };
+    let run = RunArtifacts { stages: &named, ..*run };
     let warning = run.each("solve", |source| {
-        // Where the effect is off no chunk but the first is opened.
+        // If the effect is off, only the first chunk is opened.
         let effects = source.of(Solutions::unchecked(source.artifact).effects().text())?;
         if !effects.is_some_and(|effects| effects.contains(BREAKDOWN)) {
             return Ok(None);

@@ -1,43 +1,44 @@
-//! The few numbers that matter of all designs together.
+//! Statistics of all designs together.
 
 use serde::Serialize;
 
-use super::{Design, LEAST_MM, Role};
+use super::design::Design;
+use deaflow_pattern::Role;
 
-/// What all designs together amount to. Shares are of the simulated displacement; none where nothing is known.
+/// Statistics of all designs. Fractions are of the simulated displacement; `None` if nothing is known.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Found {
+pub struct DesignStatistics {
     /// Targets of all cases.
     pub targets: usize,
-    /// Patterns, the intuitive ones too.
+    /// Patterns, including the intuitive ones.
     pub designs: usize,
     /// Those that were simulated and have a stable solution.
     pub simulated: usize,
-    /// Designs whose constraints are not met.
+    /// Designs that violate constraints.
     pub not_met: usize,
-    /// The least ratio of a refined design to the optimum.
+    /// The smallest ratio of a refined design to the optimum.
     pub refined_to_optimum: Option<Extreme>,
-    /// The least ratio of a design of the genetic algorithm to the optimum.
+    /// The smallest ratio of a design of the genetic algorithm to the optimum.
     pub ga_to_optimum: Option<Extreme>,
-    /// The largest difference between predicted and simulated of all patterns, the intuitive ones too.
+    /// The largest difference between predicted and simulated of all patterns, including the intuitive ones.
     pub prediction_error: Option<Extreme>,
-    /// Middle gain of the best found design of a target over the intuitive one at its own area.
+    /// Median gain of the best found design of a target over the intuitive one at its own area.
     pub gain_own_area: Option<f64>,
     /// The same at equal area.
     pub gain_equal_area: Option<f64>,
 }
 
-/// A share, and the design that has it.
+/// A fraction, and the design that has it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Extreme {
-    /// The share.
+    /// The fraction.
     pub value: f64,
     /// Name of the design.
     pub design: String,
 }
 
-impl Found {
-    /// From all designs.
+impl DesignStatistics {
+    /// Computes the statistics.
     #[must_use]
     pub fn of(designs: &[Design]) -> Self {
         let targets = targets(designs);
@@ -51,7 +52,7 @@ impl Found {
             .filter_map(|design| Some((design.prediction_error()?.abs(), design)));
         let gains = |of: &dyn Fn(&Design) -> Option<f64>| {
             let gains = targets.iter().filter_map(|own| gain(own, of));
-            middle(gains.collect())
+            median(gains.collect())
         };
         Self {
             designs: designs.len(),
@@ -67,11 +68,11 @@ impl Found {
     }
 }
 
-/// Designs that may be compared together, in the order of the first of each.
+/// Groups designs that may be compared, in the order of the first of each group.
 fn targets(designs: &[Design]) -> Vec<Vec<&Design>> {
     let mut targets: Vec<Vec<&Design>> = Vec::new();
     for design in designs {
-        match targets.iter_mut().find(|target| target[0].is_beside(design)) {
+        match targets.iter_mut().find(|target| target[0].has_same_target(design)) {
             Some(target) => target.push(design),
             None => targets.push(vec![design]),
         }
@@ -79,7 +80,7 @@ fn targets(designs: &[Design]) -> Vec<Vec<&Design>> {
     targets
 }
 
-/// The least by a measure.
+/// Returns the smallest by a measure.
 fn extreme<'d>(values: impl Iterator<Item = (f64, &'d Design)>, by: impl Fn(f64) -> f64) -> Option<Extreme> {
     let least = values.min_by(|a, b| by(a.0).total_cmp(&by(b.0)));
     least.map(|(value, design)| Extreme {
@@ -88,22 +89,18 @@ fn extreme<'d>(values: impl Iterator<Item = (f64, &'d Design)>, by: impl Fn(f64)
     })
 }
 
-/// Gain of what the search of a target found over an intuitive design: of the refined ones where there are some.
+/// Returns the gain of the best found design of a target over an intuitive design; refined designs come first.
 fn gain(target: &[&Design], intuitive: &dyn Fn(&Design) -> Option<f64>) -> Option<f64> {
-    let gain = |design: &&Design| {
-        let other = intuitive(design).filter(|mm| mm.abs() > LEAST_MM)?;
-        Some((design.simulated_mm? - other) / other.abs())
-    };
     let of = |role: Role| {
-        // Where a displacement is to be met, more of it is no gain.
-        let own = target.iter().filter(move |d| d.role == role && !d.objective.is_met);
-        own.filter_map(gain).max_by(f64::total_cmp)
+        let own = target.iter().filter(move |design| design.role == role);
+        own.filter_map(|design| design.gain_over(intuitive(design)?))
+            .max_by(f64::total_cmp)
     };
     of(Role::Refined).or_else(|| of(Role::Ga)).or_else(|| of(Role::Optimum))
 }
 
-/// The median.
-fn middle(mut values: Vec<f64>) -> Option<f64> {
+/// Returns the median.
+fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let n = values.len();
     match n {
@@ -119,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_worst_is_told_and_by_whom() {
+    fn the_worst_value_is_reported_with_its_design() {
         let mut designs = vec![
             design(Role::Ga, 50, Some(1.8)),
             design(Role::Refined, 50, Some(1.96)),
@@ -132,7 +129,7 @@ mod tests {
         designs[3].predicted_mm = Some(1.568);
         designs[1].status = "2 islands".into();
         compare(&mut designs);
-        let found = Found::of(&designs);
+        let found = DesignStatistics::of(&designs);
         assert_eq!(
             (found.targets, found.designs, found.simulated, found.not_met),
             (1, 4, 4, 1)
@@ -144,7 +141,7 @@ mod tests {
         assert!(close(error.value, 0.02) && error.design == "I-centre-intuitive");
         assert!(close(found.gain_own_area.unwrap(), 0.225));
         assert_eq!(found.gain_equal_area, None);
-        assert_eq!(Found::of(&[]), Found::default());
-        assert_eq!(middle(vec![3.0, 1.0, 2.0, 10.0]), Some(2.5));
+        assert_eq!(DesignStatistics::of(&[]), DesignStatistics::default());
+        assert_eq!(median(vec![3.0, 1.0, 2.0, 10.0]), Some(2.5));
     }
 }

@@ -1,4 +1,4 @@
-//! Figures that are drawn while other stages are at work.
+//! Draws the figures of stages in the background while other stages run.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -7,25 +7,26 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{Builder, JoinHandle};
 
-use super::artifacts::{Made, RunArtifacts};
+use super::artifacts::{RunArtifacts, StageArtifact};
 use super::kinds::PRESENTERS;
 use super::results::{draw_of_stage, folder_of};
 use deaflow_store::Store;
 
-/// Draws the figures of stages as they end, so that only those of the last are waited for.
+/// Draws the figures of each stage when it ends, so that a run waits only for those of its last stages.
 ///
-/// What cannot be drawn is passed over: [`RunResults::of`](super::RunResults::of) draws what is missing in the end, and says why it cannot.
-pub struct FiguresAhead {
-    stages: Option<Sender<(Made, bool)>>,
+/// Errors are ignored: [`RunResults::of`](super::RunResults::of) draws what is missing at the end, and reports why it
+/// cannot.
+pub struct BackgroundFigures {
+    stages: Option<Sender<(StageArtifact, bool)>>,
     is_over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl FiguresAhead {
-    /// For the stages of a pipeline, by its file and its name.
+impl BackgroundFigures {
+    /// Starts the thread for a pipeline, given its file and its name.
     ///
     /// # Errors
-    /// When the system has no more threads to give.
+    /// If no thread can be started.
     pub fn start(store: Store, file: PathBuf, pipeline: String) -> io::Result<Self> {
         let (stages, ended) = channel();
         let is_over = Arc::new(AtomicBool::new(false));
@@ -38,15 +39,15 @@ impl FiguresAhead {
         })
     }
 
-    /// A stage has been built, or was found built: that alone has its figures already.
-    pub fn tell(&self, made: Made, is_new: bool) {
+    /// Adds a stage that has been built, or, without drawing it, one that already existed.
+    pub fn add(&self, made: StageArtifact, is_new: bool) {
         if let Some(stages) = &self.stages {
-            // Nobody listens after a panic, which has been told of.
+            // The thread may have panicked, which was reported.
             let _ = stages.send((made, is_new));
         }
     }
 
-    /// All stages have ended: waits for their figures.
+    /// Waits for the figures of all stages.
     pub fn finish(mut self) {
         drop(self.stages.take());
         self.join();
@@ -54,14 +55,14 @@ impl FiguresAhead {
 
     fn join(&mut self) {
         if let Some(thread) = self.thread.take() {
-            // One that has panicked has said so.
+            // A panic was reported.
             let _ = thread.join();
         }
     }
 }
 
-impl Drop for FiguresAhead {
-    /// What is not drawn yet is not waited for.
+impl Drop for BackgroundFigures {
+    /// Figures that are not drawn yet are left out.
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
         drop(self.stages.take());
@@ -69,7 +70,7 @@ impl Drop for FiguresAhead {
     }
 }
 
-fn draw(store: &Store, file: &Path, pipeline: &str, ended: &Receiver<(Made, bool)>, over: &AtomicBool) {
+fn draw(store: &Store, file: &Path, pipeline: &str, ended: &Receiver<(StageArtifact, bool)>, over: &AtomicBool) {
     let folder = folder_of(store, file, pipeline);
     let mut made = Vec::new();
     for (stage, is_new) in ended {
@@ -77,7 +78,7 @@ fn draw(store: &Store, file: &Path, pipeline: &str, ended: &Receiver<(Made, bool
         let run = RunArtifacts {
             store,
             file,
-            made: &made,
+            stages: &made,
             rounds: &[],
         };
         if let Some(stage) = made.last().filter(|_| is_new && !over.load(Ordering::Relaxed)) {

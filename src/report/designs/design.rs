@@ -1,0 +1,158 @@
+//! A design of a report.
+
+use std::sync::Arc;
+
+use super::objective::{Objective, TargetPoint};
+use crate::drawing::{Background, DeformedMembrane};
+use crate::intervals::NetworkInterval;
+use deaflow_pattern::{Pattern, Role};
+use deaflow_scene::Scene;
+
+/// Below a micrometre, the ratio of displacements means nothing.
+pub const LEAST_MM: f64 = 1e-3;
+
+/// Area fractions that differ by less are equal: two cells of 50 × 50.
+pub const SAME_AREA: f64 = 1e-3;
+
+/// A design or another pattern of a report.
+#[derive(Clone, Debug)]
+pub struct Design {
+    /// A unique name, valid as a file name.
+    pub name: String,
+    /// The case of the target; empty if the pipeline names none.
+    pub case: String,
+    /// The name of the target.
+    pub target: String,
+    /// Its role among the patterns of the target.
+    pub role: Role,
+    /// Its number among the different designs of the target, from 0.
+    pub member: u64,
+    /// Units along a side of the membrane that the search could switch.
+    pub units: u64,
+    /// The objective.
+    pub objective: Objective,
+    /// The requested area fraction, or `free`.
+    pub area_target: String,
+    /// Its area fraction.
+    pub area: f64,
+    /// Its constraints in YAML; `{}` if there are none.
+    pub constraints: String,
+    /// `met`, or the violated constraints; empty if nothing is known.
+    pub status: String,
+    /// The scene of the design or verify stage, without time and properties.
+    pub scene: Arc<Scene>,
+    /// The membrane that it is drawn on.
+    pub background: Background,
+    /// The electrode.
+    pub pattern: Pattern,
+    /// Predicted displacement in mm at the cell corners, `[y][x][component]`; `None` without a prediction.
+    pub predicted: Option<Vec<f64>>,
+    /// The simulated one; `None` without a stable solution.
+    pub simulated: Option<Vec<f64>>,
+    /// The displacement in each state of a device with several: simulated, or else predicted.
+    pub states: Vec<StateField>,
+    /// Predicted mean displacement along the target directions, mm; `None` if the evaluator has no field.
+    pub predicted_mm: Option<f64>,
+    /// The simulated one.
+    pub simulated_mm: Option<f64>,
+    /// Estimated error of the simulation, mm.
+    pub error_mm: Option<f64>,
+    /// Distance from the target displacement or angle, mm, if there is one and it was simulated.
+    pub distance_mm: Option<f64>,
+    /// The prediction of a calibrated network, if there is one.
+    pub interval: Option<NetworkInterval>,
+    /// The outcome of the simulation; `None` without a simulation.
+    pub outcome: Option<String>,
+    /// Comparison with other designs.
+    pub compared: Comparison,
+}
+
+/// Simulated displacements along the target directions in mm, for the same case and target.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Comparison {
+    /// Of the intuitive design at its own area.
+    pub intuitive_own: Option<f64>,
+    /// Of the intuitive design at the area of this one; `None` if there is none with that area.
+    pub intuitive_equal_area: Option<f64>,
+    /// Of the optimum: the best one on the same units, or else the best of all.
+    pub optimum: Option<f64>,
+    /// The displacement of this design divided by that of the optimum; `None` if a given displacement is to be reached,
+    /// as a larger one is not better then, or if the optimum hardly moves.
+    pub ratio: Option<f64>,
+}
+
+/// The displacement in one of several states.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StateField {
+    /// The name of the state.
+    pub name: String,
+    /// In mm at the corners of cells, `[y][x][component]`.
+    pub field: Vec<f64>,
+}
+
+impl Design {
+    /// Whether two designs may be compared: same case, target, objective, area and scene.
+    #[must_use]
+    pub fn has_same_target(&self, other: &Self) -> bool {
+        let is_same_target = self.case == other.case && self.target == other.target;
+        let is_for_the_same = || self.objective == other.objective && self.area_target == other.area_target;
+        is_same_target && is_for_the_same() && (Arc::ptr_eq(&self.scene, &other.scene) || self.scene == other.scene)
+    }
+
+    /// Returns the simulated or else predicted membrane, in one of several states or in the only one; `None` without a
+    /// finite field.
+    #[must_use]
+    pub fn membrane(&self, state: Option<&StateField>) -> Option<DeformedMembrane> {
+        let field = match state {
+            Some(state) => &state.field,
+            None => self.simulated.as_ref().or(self.predicted.as_ref())?,
+        };
+        let is_in = |target: &&TargetPoint| state.is_none_or(|state| target.state.as_ref() == Some(&state.name));
+        let points = self
+            .objective
+            .points()
+            .iter()
+            .filter(is_in)
+            .map(|target| target.point)
+            .collect();
+        DeformedMembrane::new(self.pattern.cells(), field, self.background.clone(), points).ok()
+    }
+
+    /// Returns the membrane in all states, or in the only one.
+    #[must_use]
+    pub fn membranes(&self) -> Vec<DeformedMembrane> {
+        match &self.states[..] {
+            [] => self.membrane(None).into_iter().collect(),
+            states => states.iter().filter_map(|state| self.membrane(Some(state))).collect(),
+        }
+    }
+
+    /// Returns the difference between predicted and simulated as a fraction of the simulated one; `None` if that is
+    /// less than a micrometre.
+    #[must_use]
+    pub fn prediction_error(&self) -> Option<f64> {
+        let simulated = self.simulated_mm.filter(|mm| mm.abs() > LEAST_MM)?;
+        Some((self.predicted_mm? - simulated) / simulated.abs())
+    }
+
+    /// Returns the gain over another displacement in mm, as a fraction; `None` if a given displacement is to be
+    /// reached, as a larger one is not better then, or if the other one hardly moves.
+    #[must_use]
+    pub fn gain_over(&self, other_mm: f64) -> Option<f64> {
+        let is_comparable = !self.objective.is_met && other_mm.abs() > LEAST_MM;
+        let own = self.simulated_mm.filter(|_| is_comparable)?;
+        Some((own - other_mm) / other_mm.abs())
+    }
+
+    /// Returns the file of its mask, relative to the folder of the table; `None` for patterns that were not searched.
+    #[must_use]
+    pub fn mask_file(&self) -> Option<String> {
+        self.role.is_found().then(|| format!("masks/{}.dxf", self.name))
+    }
+
+    /// Returns the file of its pattern, relative to the folder of the table.
+    #[must_use]
+    pub fn pattern_file(&self) -> String {
+        format!("patterns/{}.csv", self.name)
+    }
+}
