@@ -1,4 +1,4 @@
-// What accuracy costs: the chart of error over time, and the setting of each of its points to be copied.
+// Accuracy stages: the chart of error over time, and the settings of each method to be copied.
 
 import { choice, copyable, h, labelled, number, replace, table } from "./elements.js";
 import { columnsOf } from "./server.js";
@@ -7,7 +7,7 @@ import { columnsOf } from "./server.js";
 export async function accuracy(place, found, figures) {
   const methods = await columnsOf(found.digest, "methods");
   const families = (await columnsOf(found.digest, "families")).families;
-  /** Seconds of one core by `setting; family`: times are no content, and stand with what the artifact comes from. @type {Map<string, number>} */
+  /** Seconds of one core by `setting; family`: times are measurements in the provenance. @type {Map<string, number>} */
   const times = new Map();
   for (const line of (found.provenance.measurements ?? "").split("\n")) {
     const at = line.lastIndexOf(": ");
@@ -23,10 +23,10 @@ export async function accuracy(place, found, figures) {
       .sort((/** @type {any} */ a, /** @type {any} */ b) => (a.time ?? Infinity) - (b.time ?? Infinity));
     let least = Infinity;
     const row = (/** @type {any} */ point) => {
-      // Nothing that is faster is as accurate.
+      // No faster method is as accurate.
       const best = point.time !== null && point.error < least;
       if (best) least = point.error;
-      const take = () => replace(chosen, h("p", {}, "In the keys of a stage:"), copyable(`{ ${point.setting} }`));
+      const take = () => replace(chosen, h("p", {}, "Keys for a stage:"), copyable(`{ ${point.setting} }`));
       return [h("span", { class: "mono" }, point.setting), best ? h("b", {}, "best") : "", number(1000 * point.time, 3), number(point.error, 3), number(point.largest, 3), h("button", { type: "button", class: "slim", "data-setting": point.setting, onclick: take }, "Setting")];
     };
     replace(list, table("Methods", ["setting", "", { title: "time of one core, ms", number: true }, { title: "RMS error, mm", number: true }, { title: "largest, mm", number: true }, ""], points.map(row)));
@@ -39,7 +39,7 @@ export async function accuracy(place, found, figures) {
       family = name;
       fill();
     }))),
-    h("p", { class: "soft small" }, "From the fastest; “best” is what no other beats in both time and error."),
+    h("p", { class: "soft small" }, "Sorted by time; “best” means that no other method is better in both time and error."),
     list,
     chosen,
   );

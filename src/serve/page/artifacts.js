@@ -1,14 +1,14 @@
-// Artifacts: which there are, and what is in one.
+// Artifacts: the list, and the details of one.
 
 import { json } from "./server.js";
-import { changes, choice, h, labelled, replace, short, table, titled, when } from "./elements.js";
+import { attempt, changes, choice, h, labelled, replace, short, table, titled, when } from "./elements.js";
 import { rowsView } from "./rows.js";
 import { findings } from "./audit.js";
 import { evaluation, model } from "./models.js";
 import { designs } from "./designs.js";
 import { accuracy } from "./accuracy.js";
 
-/** Attributes longer than this are shown on demand. */
+/** Longer attributes are shown on demand. */
 const LONG = 160;
 
 /** @param {HTMLElement} view @param {URLSearchParams} query @param {string[]} only kinds; none for all @param {string} title */
@@ -22,9 +22,9 @@ export async function artifactsView(view, query, only, title) {
   const fill = () => {
     const row = (/** @type {any} */ one) => [short(one.digest), one.kind, one.stage, one.pipeline, changes(one.overrides), when(one.created), h("a", { class: "mono", href: `#/runs/${one.run}` }, one.run)];
     const some = artifacts.filter((/** @type {any} */ one) => !chosen || one.kind === chosen);
-    replace(box, some.length ? table(title, ["artifact", "kind", "stage", "pipeline", "changed", "run ended", "run"], some.map(row)) : h("p", {}, "The last runs have made none. ", how(only)));
+    replace(box, some.length ? table(title, ["artifact", "kind", "stage", "pipeline", "changed", "run ended", "run"], some.map(row)) : h("p", {}, "The last runs built none. ", how(only)));
   };
-  const kindsShown = [["", "every kind"], ...kinds.map((one) => [one, one])];
+  const kindsShown = [["", "all kinds"], ...kinds.map((one) => [one, one])];
   replace(
     view,
     h("h1", {}, title),
@@ -37,18 +37,18 @@ export async function artifactsView(view, query, only, title) {
     older > 0 ? h("p", { class: "soft" }, `and ${older} older ones`) : null,
   );
   fill();
-  // One alone is what was looked for.
+  // A single artifact is opened at once.
   if (only.length && artifacts.length === 1) location.replace(`#/artifacts/${artifacts[0].digest}`);
 }
 
-/** How an artifact of some kinds is made. @param {string[]} only */
+/** How to build an artifact of some kinds. @param {string[]} only */
 function how(only) {
   const command = (/** @type {string} */ text) => h("code", {}, text);
-  if (only.includes("audit")) return ["A stage of ", command("kind: audit"), " makes one of a dataset of the pipeline; ", command("deaflow audit pipeline.yaml:STAGE"), " looks at one and keeps it, too."];
-  if (only.includes("accuracy")) return ["A stage of ", command("kind: accuracy"), " makes one; ", command("pipelines/accuracy.yaml"), " has one."];
-  if (only.includes("train")) return ["Stages of ", command("kind: train"), ", ", command("calibrate"), " and ", command("evaluate"), " make them; ", command("deaflow init"), " writes a pipeline to begin with."];
-  if (only.includes("design")) return ["Stages of ", command("kind: design"), " and ", command("verify"), " make them; ", command("deaflow init"), " writes a pipeline to begin with."];
-  return [command("deaflow run pipeline.yaml"), " makes them; ", command("deaflow init"), " writes a pipeline to begin with."];
+  if (only.includes("audit")) return ["A stage of ", command("kind: audit"), " audits a dataset of the pipeline; ", command("deaflow audit pipeline.yaml:STAGE"), " audits one and keeps the result as well."];
+  if (only.includes("accuracy")) return ["A stage of ", command("kind: accuracy"), " builds one; ", command("pipelines/accuracy.yaml"), " has one."];
+  if (only.includes("train")) return ["Stages of ", command("kind: train"), ", ", command("calibrate"), " and ", command("evaluate"), " build them; ", command("deaflow init"), " writes a first pipeline."];
+  if (only.includes("design")) return ["Stages of ", command("kind: design"), " and ", command("verify"), " build them; ", command("deaflow init"), " writes a first pipeline."];
+  return [command("deaflow run pipeline.yaml"), " builds them; ", command("deaflow init"), " writes a first pipeline."];
 }
 
 /** @param {HTMLElement} view @param {string} digest @param {URLSearchParams} query @returns {Promise<() => void>} */
@@ -80,7 +80,7 @@ export async function artifactView(view, digest, query) {
     history.pushState(null, "", `#/artifacts/${found.digest}?${words}`);
     void show();
   };
-  // Arrow keys go from tab to tab, as the pattern of tabs has it (WAI-ARIA Authoring Practices).
+  // Arrow keys change the tab, as in the pattern of tabs (WAI-ARIA Authoring Practices).
   const key = (/** @type {KeyboardEvent} */ event) => {
     const at = names.indexOf(open);
     const to = /** @type {Record<string, number>} */ ({ ArrowRight: at + 1, ArrowLeft: at - 1 + names.length, Home: 0, End: names.length - 1 })[event.key];
@@ -89,18 +89,13 @@ export async function artifactView(view, digest, query) {
     turn(names[to % names.length]);
     /** @type {HTMLElement|null} */ (buttons.querySelector("[aria-selected=true]"))?.focus();
   };
-  const buttons = h("div", { class: "tabs", role: "tablist", "aria-label": "What is shown of the artifact", onkeydown: key });
+  const buttons = h("div", { class: "tabs", role: "tablist", "aria-label": "Details of the artifact", onkeydown: key });
   const tab = (/** @type {string} */ name) => h("button", { type: "button", role: "tab", id: `tab-${name}`, "aria-controls": "panel", tabindex: name === open ? "0" : "-1", "aria-selected": String(name === open), onclick: () => turn(name) }, tabs[name][0]);
   const show = async () => {
     replace(buttons, names.map(tab));
     place.setAttribute("aria-labelledby", `tab-${open}`);
     replace(place);
-    try {
-      await tabs[open][1](place);
-    } catch (error) {
-      const { problem } = await import("./elements.js");
-      replace(place, problem(error));
-    }
+    await attempt(place, () => tabs[open][1](place));
   };
   const { stage } = found;
   highlight(found.kind);
@@ -110,7 +105,7 @@ export async function artifactView(view, digest, query) {
   return () => {};
 }
 
-/** The view of the menu that an artifact of a kind belongs to. @param {string} kind */
+/** Marks the view of a kind in the menu. @param {string} kind */
 function highlight(kind) {
   const view = { train: "models", evaluate: "models", calibrate: "models", design: "designs", verify: "designs", audit: "audits", accuracy: "accuracy" }[kind] ?? "artifacts";
   for (const link of document.querySelectorAll("#views a")) {
@@ -119,7 +114,7 @@ function highlight(kind) {
   }
 }
 
-/** The charts of a report, drawn by the server, in a frame without scripts. @param {HTMLElement} place @param {string} digest */
+/** The figures of a report, drawn by the server, in a frame without scripts. @param {HTMLElement} place @param {string} digest */
 function figures(place, digest) {
   const frame = h("iframe", { sandbox: "allow-same-origin", title: "Figures", src: `/api/artifacts/${digest}/page` });
   frame.addEventListener("load", () => {
@@ -132,7 +127,7 @@ function figures(place, digest) {
 /** @param {any} found */
 function arrays(found) {
   const row = (/** @type {any} */ one) => [h("span", { class: "mono" }, one.path), one.type, one.shape.join(" × "), one.axes.join(", "), one.units, one.description];
-  return table("Arrays", ["array", "type", "shape", "axes", "unit", "what it is"], found.datasets.map(row));
+  return table("Arrays", ["array", "type", "shape", "axes", "unit", "description"], found.datasets.map(row));
 }
 
 /** @param {any} found */
@@ -146,10 +141,10 @@ function origin(found) {
     h("p", { class: "mono small" }, found.digest),
     h("h2", {}, "Attributes"),
     table("Attributes", ["attribute", "value"], pairs(found.attributes)),
-    h("h2", {}, "Made by"),
+    h("h2", {}, "Built by"),
     table("Provenance", ["", "value"], pairs(found.provenance)),
-    h("h2", {}, "Made from"),
-    table("Ancestry", ["kind", "artifact", "inputs", "parameters", "when"], found.ancestry.map(ancestor)),
+    h("h2", {}, "Built from"),
+    table("Ancestry", ["kind", "artifact", "inputs", "parameters", "time"], found.ancestry.map(ancestor)),
     found.parts.length ? [h("h2", {}, `${found.parts.length} chunks`), h("p", {}, found.parts.slice(0, 200).map((/** @type {string} */ part) => [short(part), " "]))] : null,
   );
 }

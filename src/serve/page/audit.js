@@ -1,13 +1,13 @@
-// Findings of an audit: what is wrong in which rows, with the rows drawn, and simulated again beside their labels.
+// Findings of an audit: the rows with each fault, drawn, and simulated again beside their labels.
 
 import { frame, json } from "./server.js";
-import { h, number, problem, replace, short } from "./elements.js";
+import { attempt, h, number, replace, short } from "./elements.js";
 import { card, patternsAt, rowLink, size } from "./pictures.js";
 import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { Pattern } from "./pattern.js";
 import { save } from "./files.js";
 
-/** @param {HTMLElement} place @param {any} found @param {URLSearchParams} query with the finding and the row that are open, where one is */
+/** @param {HTMLElement} place @param {any} found @param {URLSearchParams} query with the open finding and row, if any */
 export async function findings(place, found, query) {
   const list = JSON.parse(found.attributes.findings ?? "[]");
   const own = found.ancestry.find((/** @type {any} */ one) => one.digest === found.digest);
@@ -19,10 +19,10 @@ export async function findings(place, found, query) {
     try {
       sets.push(await json(`artifacts/${digest}`));
     } catch {
-      // What is not in the store is not drawn.
+      // A dataset that is not in the store is not drawn.
     }
   }
-  /** What the address asks for. @type {(() => Promise<void>)|null} */ let first = null;
+  /** The row of the URL. @type {(() => Promise<void>)|null} */ let first = null;
   const section = (/** @type {any} */ finding) => {
     const pictures = h("div", {});
     const one = (/** @type {number} */ row) => {
@@ -41,56 +41,50 @@ export async function findings(place, found, query) {
   const open = async (row, pictures, check) => {
     const words = new URLSearchParams({ tab: "findings", check, row: String(row) });
     history.replaceState(null, "", `#/artifacts/${found.digest}?${words}`);
-    try {
+    await attempt(pictures, async () => {
       replace(pictures, h("p", { class: "soft" }, "Reading …"));
       await sample(sets, row, pictures, { check, audit: found.digest });
       if (TWINS.includes(check)) await partners(sets, row, pictures);
-    } catch (error) {
-      replace(pictures, problem(error));
-    }
+    });
   };
   const waiting = h("div", {});
   const blocks = list.some((/** @type {any} */ one) => one.severity === "error");
   replace(
     place,
-    h("p", {}, "Dataset ", inputs.map((/** @type {string} */ input) => [short(input), " "]), "– ", blocks ? "Stages that need this audit are not built while it finds errors." : list.length ? "No stage is kept from being built." : "Nothing was found."),
+    h("p", {}, "Dataset ", inputs.map((/** @type {string} */ input) => [short(input), " "]), "– ", blocks ? "The audit found errors: stages that need it cannot be built." : list.length ? "The findings block no stage." : "No findings."),
     lookedAt(found),
     waiting,
     list.map(section),
     list.length ? h("div", { class: "tools" }, h("button", { type: "button", onclick: () => save([...marked].sort((a, b) => a - b).join("\n") + "\n", `findings-${found.digest.slice(0, 12)}.txt`) }, "Save the list of marked rows"), counted) : null,
   );
   const shown = first ? /** @type {() => Promise<void>} */ (first)() : null;
-  try {
-    await waits(waiting, found.digest, blocks);
-  } catch (error) {
-    replace(waiting, problem(error));
-  }
+  await attempt(waiting, () => waits(waiting, found.digest, blocks));
   await shown;
 }
 
-/** What was looked at, as the command says it. @param {any} found */
+/** Describes what was checked, as the command does. @param {any} found */
 function lookedAt(found) {
   const summary = JSON.parse(found.attributes.summary ?? "{}");
   const finer = summary.resimulated ?? {};
   const parts = [
     summary.samples === undefined ? "" : `${summary.samples} samples`,
     summary.solved_again === undefined ? "" : `${summary.solved_again} solved again on their own mesh`,
-    finer.samples ? `${finer.samples} on a finer mesh${(finer.largest_error ?? null) === null ? "" : `, with an error of ${number(finer.largest_error, 3)} mm at the most${(finer.allowed ?? null) === null ? " (none is declared)" : `, of ${number(finer.allowed, 3)} mm that are allowed`}`}` : "",
-    finer.samples ? `${finer.faults} of these at fault: with 95 % confidence at most ${number(100 * finer.excluded_above, 3)} % of all labels are` : "",
+    finer.samples ? `${finer.samples} on a finer mesh${(finer.largest_error ?? null) === null ? "" : `, with a largest error of ${number(finer.largest_error, 3)} mm${(finer.allowed ?? null) === null ? " (no limit is declared)" : ` (allowed: ${number(finer.allowed, 3)} mm)`}`}` : "",
+    finer.samples ? `${finer.faults} of these are wrong: at 95 % confidence, at most ${number(100 * finer.excluded_above, 3)} % of all labels` : "",
   ].filter(Boolean);
-  return parts.length ? h("p", { class: "soft", id: "looked-at" }, `Looked at: ${parts.join("; ")}.`) : null;
+  return parts.length ? h("p", { class: "soft", id: "looked-at" }, `Checked: ${parts.join("; ")}.`) : null;
 }
 
 /** Checks whose rows have a partner: the same pattern, or an image of it. */
 const TWINS = ["leak", "duplicate", "symmetry"];
 
-/** Pipelines that are looked through for stages that wait for an audit. */
+/** Pipelines that are searched for stages that need an audit. */
 const MOST = 50;
 
-/** Which stages wait for an audit: those that need it, and what comes after them. @param {HTMLElement} place @param {string} digest @param {boolean} blocks */
+/** Lists the stages that need an audit, and those after them. @param {HTMLElement} place @param {string} digest @param {boolean} blocks */
 async function waits(place, digest, blocks) {
   const { pipelines } = await json("pipelines");
-  /** @type {any[]} */ const told = [];
+  /** @type {any[]} */ const texts = [];
   for (const one of pipelines.slice(0, MOST)) {
     const pipeline = await json(`pipelines/${one.id}`);
     if (pipeline.problem) continue;
@@ -98,20 +92,20 @@ async function waits(place, digest, blocks) {
       const needs = (/** @type {string} */ name) => [...pipeline.needs[name].needs, ...pipeline.needs[name].gates];
       /** @type {string[]} */ const first = [];
       /** @type {string[]} */ const later = [];
-      // Stages stand after all that they need.
+      // Stages are sorted: each one is after all that it needs.
       for (const stage of pipeline.stages) {
         if (needs(stage.name).includes(audit.name)) first.push(stage.name);
         else if (needs(stage.name).some((name) => first.includes(name) || later.includes(name))) later.push(stage.name);
       }
       const names = [first.join(", "), later.length ? `and after them ${later.join(", ")}` : ""].filter(Boolean).join("; ");
       const link = h("a", { href: `#/pipelines/${one.id}` }, pipeline.pipeline);
-      told.push(h("p", { "data-blocks": [...first, ...later].join(" ") }, "In ", link, !first.length ? `, no stage waits for ${audit.name}.` : blocks ? `, ${audit.name} keeps from being built: ${names}.` : `, these wait for ${audit.name} and may be built: ${names}.`));
+      texts.push(h("p", { "data-blocks": [...first, ...later].join(" ") }, "In ", link, !first.length ? `, no stage needs ${audit.name}.` : blocks ? `, ${audit.name} blocks: ${names}.` : `, these stages need ${audit.name} and may be built: ${names}.`));
     }
   }
-  replace(place, told);
+  replace(place, texts);
 }
 
-/** The rows that have the same pattern, or an image of it, and which part of the set they stand in. @param {any[]} sets @param {number} row @param {HTMLElement} place */
+/** The rows with the same pattern, or an image of it, and their parts of the set. @param {any[]} sets @param {number} row @param {HTMLElement} place */
 async function partners(sets, row, place) {
   const set = holds(sets, row);
   if (!set) return;
@@ -123,7 +117,7 @@ async function partners(sets, row, place) {
   const splits = await Promise.all(rows.map(async (one) => (at < 0 ? "" : (await json(`artifacts/${set.digest}/rows?limit=1&offset=${one}`)).rows[0]?.[at] ?? "")));
   const patterns = await patternsAt(set, rows);
   const cards = rows.map((one, k) => card(patterns[k], rowLink(set.digest, one), h("div", {}, k ? `row ${one}` : `row ${one}, this one`), splits[k] ? h("div", { class: splits[k] === splits[0] ? "soft" : "error" }, splits[k]) : null));
-  place.append(h("h3", {}, "The same pattern, or an image of it"), twins.length ? h("div", { class: "cards", "data-partners": twins.map((/** @type {any} */ one) => one.row).join(" ") }, cards) : h("p", { class: "soft" }, "No other row has it."));
+  place.append(h("h3", {}, "Same pattern, or an image of it"), twins.length ? h("div", { class: "cards", "data-partners": twins.map((/** @type {any} */ one) => one.row).join(" ") }, cards) : h("p", { class: "soft" }, "No other row has this pattern."));
 }
 
 /** The set that has a row with a pattern. @param {any[]} sets @param {number} row */
@@ -131,20 +125,20 @@ function holds(sets, row) {
   return sets.find((set) => set.datasets.some((/** @type {any} */ one) => one.axes.length === 3 && one.axes[1] === "y" && one.axes[2] === "x" && row < one.shape[0]));
 }
 
-/** Checks that look at a finer mesh: there the labels are right on their own mesh, and it is too coarse. */
+/** Checks on a finer mesh: the labels are correct on their own mesh, which is too coarse. */
 const FINER = ["accuracy", "stability"];
 
-/** A row as it is labelled, and as the audit has simulated it anew. @param {any[]} sets @param {number} row @param {HTMLElement} place @param {{check: string, audit: string}} of */
+/** A row with its label, and as the audit has simulated it again. @param {any[]} sets @param {number} row @param {HTMLElement} place @param {{check: string, audit: string}} of */
 async function sample(sets, row, place, { check, audit }) {
   const set = holds(sets, row);
-  if (!set) throw new Error(`the dataset of this audit, which row ${row} is of, is not in the store`);
-  const { document: told, arrays } = await frame(`artifacts/${set.digest}/again?row=${row}&audit=${audit}`);
+  if (!set) throw new Error(`row ${row} cannot be shown: the dataset of the audit is not in the store`);
+  const { document: found, arrays } = await frame(`artifacts/${set.digest}/again?row=${row}&audit=${audit}`);
   const { shape, data } = arrays.pattern;
   const pattern = new Pattern(shape[1], shape[0], Uint8Array.from(data));
   const field = (/** @type {string} */ name) => /** @type {Float32Array|null} */ (arrays[name]?.data ?? null);
-  // Where the mesh of the label is not known, there is the finer one alone.
-  const finer = FINER.includes(check) || told.again.mesh === null;
-  const [which, words] = finer ? ["finer", "Simulated on a finer mesh"] : ["again", "Simulated again on its mesh"];
+  // If the mesh of the label is unknown, there is only the finer one.
+  const finer = FINER.includes(check) || found.again.mesh === null;
+  const [which, words] = finer ? ["finer", "Simulated on a finer mesh"] : ["again", "Simulated again on the same mesh"];
   const label = field("label");
   const simulated = field(which);
   const canvases = ["Pattern", "Label", words, "Difference"].map((name) => ({ name, canvas: h("canvas", { role: "img", "aria-label": name }), bar: h("canvas", { class: "bar", "aria-hidden": "true" }), note: h("figcaption", { class: "small soft" }) }));
@@ -152,9 +146,9 @@ async function sample(sets, row, place, { check, audit }) {
   replace(
     place,
     h("h3", {}, h("a", { href: rowLink(set.digest, row) }, `Row ${row}`), " of ", short(set.digest)),
-    h("p", { class: "small", "data-finer-error": told.finer.max_error_mm === null ? null : String(told.finer.max_error_mm) },
-      told.again.mesh ? `On the mesh of the label (${told.again.mesh}): ${error(told.again)}. ` : "The mesh of the label is not known. ",
-      told.finer.mesh ? `On a finer mesh (${told.finer.mesh}): ${error(told.finer)}.` : "There is no finer mesh."),
+    h("p", { class: "small", "data-finer-error": found.finer.max_error_mm === null ? null : String(found.finer.max_error_mm) },
+      found.again.mesh ? `On the mesh of the label (${found.again.mesh}): ${error(found.again)}. ` : "The mesh of the label is unknown. ",
+      found.finer.mesh ? `On a finer mesh (${found.finer.mesh}): ${error(found.finer)}.` : "There is no finer mesh."),
     h("div", { class: "pair" }, canvases.map(({ canvas, bar, note }, at) => h("figure", {}, canvas, at ? bar : null, note))),
   );
   const extent = size(set, pattern);
@@ -163,7 +157,7 @@ async function sample(sets, row, place, { check, audit }) {
   const one = (/** @type {number} */ at, /** @type {Float32Array|null} */ values, /** @type {string} */ without) => {
     const { name, canvas, bar, note } = canvases[at];
     const of = values ? magnitudes(values, pattern.columns, pattern.rows) : null;
-    // Label and simulation have one scale of colours; the difference has its own, on the undeformed membrane.
+    // Label and simulation share a colour scale; the difference has its own, on the undeformed membrane.
     const high = of ? Math.max(...(at === 3 ? of : largest)) : 0;
     drawMembrane(canvas, pattern, at === 3 && values ? new Float32Array(values.length) : values, { size: extent, scale: at === 3 ? 1 : 2, values: of, low: 0, high });
     bar.hidden = !of;
@@ -172,7 +166,7 @@ async function sample(sets, row, place, { check, audit }) {
   };
   drawPattern(canvases[0].canvas, pattern);
   canvases[0].note.textContent = "Pattern";
-  one(1, label, "it has no field");
-  one(2, simulated, told[which].outcome ?? "not simulated");
-  one(3, difference, "there is nothing to compare");
+  one(1, label, "no field");
+  one(2, simulated, found[which].outcome ?? "not simulated");
+  one(3, difference, "nothing to compare");
 }

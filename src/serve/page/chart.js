@@ -1,4 +1,4 @@
-// Small charts as drawings. Larger ones are those of reports, which the server draws.
+// Small charts. The server draws the larger ones, as in reports.
 
 import { h, number, svg } from "./elements.js";
 
@@ -8,7 +8,7 @@ const LEFT = 8;
 const BOTTOM = 18;
 
 export const charts = {
-  /** A curve over its places. @param {number[]} values @param {string} title */
+  /** A curve. @param {number[]} values @param {string} title */
   line(values, title) {
     const [low, high] = [Math.min(...values), Math.max(...values)];
     const x = (/** @type {number} */ at) => LEFT + ((WIDTH - 2 * LEFT) * at) / Math.max(values.length - 1, 1);
@@ -24,12 +24,12 @@ export const charts = {
   },
 
   /**
-   * A histogram, of whose bars each selects what it counts.
+   * A histogram; a click on a bar selects its range.
    * @param {{edges: number[], counts: number[]}} found @param {string} title @param {(low: number, high: number) => void} select
    */
   bars(found, title, select) {
     const { edges, counts } = found;
-    if (!counts.length) return h("p", { class: "soft" }, "no numbers to be counted");
+    if (!counts.length) return h("p", { class: "soft" }, "no numbers");
     const most = Math.max(...counts);
     const step = (WIDTH - 2 * LEFT) / counts.length;
     const bar = (/** @type {number} */ count, /** @type {number} */ at) => {

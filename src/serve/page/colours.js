@@ -1,11 +1,11 @@
-// Colours of numbers.
+// Colour maps.
 
-/** Viridis (van der Walt and Smith, matplotlib 2015) at nine places. */
+/** Nine colours of viridis (van der Walt and Smith, matplotlib 2015). */
 const VIRIDIS = [[68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]];
 /** From blue through white to vermillion. */
 const DIVERGING = [[0, 84, 150], [86, 180, 233], [245, 245, 245], [240, 150, 90], [178, 50, 0]];
 
-/** How many colours are told apart: cells of one colour are filled together. */
+/** Number of colours: cells of one colour are filled together. */
 export const STEPS = 64;
 
 /** @param {number[][]} stops @returns {string[]} */
@@ -18,7 +18,7 @@ function scale(stops) {
   });
 }
 
-/** A colour `#rrggbb` as a pixel of an image has it. @param {string} text */
+/** Converts a colour `#rrggbb` to a pixel of an image. @param {string} text */
 export function pixel(text) {
   const [red, green, blue] = [1, 3, 5].map((at) => parseInt(text.slice(at, at + 2), 16) || 0);
   return new Uint32Array(Uint8Array.of(red, green, blue, 255).buffer)[0];

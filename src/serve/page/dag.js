@@ -1,12 +1,12 @@
-// The stages of a pipeline and what they need: drawn where the report draws them, and as a list where a screen is narrow.
+// The stages of a pipeline and their needs: drawn with the layout of the report, and as a list on narrow screens.
 
 import { h, seconds, svg } from "./elements.js";
 
-/** Width of a stage, and of the room between two layers. */
+/** Width of a stage, and of the gap between two layers. */
 const WIDTH = 176;
 const BETWEEN = 44;
 
-/** How small the drawing may become before it scrolls. */
+/** The scale at which the drawing starts to scroll. */
 const SMALLEST = 0.72;
 
 /** Letters that fit. */
@@ -18,34 +18,34 @@ function cut(text, most) {
   return text.length > most ? `${text.slice(0, most - 1)}…` : text;
 }
 
-/** @param {any} stage @param {Record<string, any>} working @returns {[string, string]} the class and the words of how it stands */
+/** @param {any} stage @param {Record<string, any>} working @returns {[string, string]} the class and the text of its state */
 export function state(stage, working) {
   const now = working[stage.name];
   if (now) return ["running", `building: ${now.text}`];
-  if (stage.outcome !== "stale") return ["fresh", "fresh"];
+  if (stage.outcome !== "stale") return ["fresh", "up to date"];
   return ["stale", `to build${stage.price ? `, ${seconds(stage.price.seconds.likely)}` : ""}`];
 }
 
 /**
- * How far a stage under way has come: its own steps where they are told, else chunks that are there, else the time against what was foretold.
+ * The progress of a running stage: from its own steps if they are known, else from its chunks, else from the elapsed and the estimated time.
  * @param {any} stage @param {any} now @returns {number|null}
  */
 export function share(stage, now) {
   if (now.share !== null) return now.share;
   const chunks = stage.chunks_built + stage.chunks_reused;
   if (chunks > 1) return stage.chunks_reused / chunks;
-  const foretold = stage.price?.seconds.likely;
-  return foretold && now.since ? Math.min(0.99, (Date.now() - Date.parse(now.since)) / 1000 / foretold) : null;
+  const estimate = stage.price?.seconds.likely;
+  return estimate && now.since ? Math.min(0.99, (Date.now() - Date.parse(now.since)) / 1000 / estimate) : null;
 }
 
 /** @param {any} stage @param {any} now */
 export function progress(stage, now) {
   const part = share(stage, now);
-  return h("progress", { max: "1", value: part ?? undefined, "aria-label": `${stage.name}: how far it has come`, title: part === null ? now.text : `${Math.round(100 * part)} %` });
+  return h("progress", { max: "1", value: part ?? undefined, "aria-label": `Progress of ${stage.name}`, title: part === null ? now.text : `${Math.round(100 * part)} %` });
 }
 
 /**
- * @param {any[]} stages @param {any} layout as the server places them @param {Record<string, any>} working
+ * @param {any[]} stages @param {any} layout of the server @param {Record<string, any>} working
  */
 export function drawing(stages, layout, working) {
   const high = layout.stage_height;
@@ -79,14 +79,14 @@ export function drawing(stages, layout, working) {
   };
   const names = stages.map((stage) => stage.name).join(", ");
   const made = svg("svg", { class: "dag", role: "img", "aria-label": `Pipeline of ${stages.length} stages: ${names}`, viewBox: `-2 -2 ${width} ${height}` }, layout.lines.map(line), stages.map(box));
-  // It becomes smaller with the screen, and then scrolls.
+  // It shrinks with the screen, and then scrolls.
   made.style.minWidth = `${SMALLEST * width}px`;
   made.style.maxWidth = `${width}px`;
   return made;
 }
 
 /**
- * The same from above to below, for narrow screens.
+ * The same as a list, for narrow screens.
  * @param {any[]} stages @param {Record<string, {needs: string[], gates: string[]}>} needs @param {Record<string, any>} working @param {(stage: any) => any} more
  */
 export function list(stages, needs, working, more) {

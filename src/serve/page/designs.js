@@ -1,13 +1,13 @@
-// Designs: each target with its patterns beside the optimum, and masks to download.
+// Designs: each target with its patterns compared with the optimum, and masks to download.
 
 import { columnsOf } from "./server.js";
-import { h, number, problem, replace } from "./elements.js";
+import { attempt, h, number, replace } from "./elements.js";
 import { card, patternsAt, rowLink } from "./pictures.js";
 import { saveAs } from "./files.js";
 
 const FORMATS = ["svg", "dxf", "gbr", "png", "csv"];
 
-/** The role against which others are measured: the best that gradients find. */
+/** The role that others are compared with: the best of the gradient search. */
 const REFERENCE = "optimum";
 
 /** @param {HTMLElement} place @param {any} found */
@@ -16,16 +16,12 @@ export async function designs(place, found) {
   const values = await valuesOf(found, rows);
   const count = rows.name.length;
   const patterns = await patternsAt(found, Array.from({ length: count }, (_, at) => at));
-  const trouble = h("div", {});
-  const keep = async (/** @type {string} */ format, /** @type {number} */ row) => {
-    try {
-      replace(trouble);
-      const name = `${rows.name[row]}-${rows.role[row]}`.replace(/[^A-Za-z0-9_-]/g, "_");
-      await saveAs(format, { ...(found.attributes.scene ? { scene: found.attributes.scene } : {}), pattern: patterns[row].asRows(), smooth: true }, name);
-    } catch (error) {
-      replace(trouble, problem(error));
-    }
-  };
+  const errorBox = h("div", {});
+  const keep = (/** @type {string} */ format, /** @type {number} */ row) => attempt(errorBox, async () => {
+    replace(errorBox);
+    const name = `${rows.name[row]}-${rows.role[row]}`.replace(/[^A-Za-z0-9_-]/g, "_");
+    await saveAs(format, { ...(found.attributes.scene ? { scene: found.attributes.scene } : {}), pattern: patterns[row].asRows(), smooth: true }, name);
+  });
   const target = (/** @type {string} */ name) => {
     const own = rows.name.map((_, at) => at).filter((at) => rows.name[at] === name);
     const optimum = own.filter((at) => rows.role[at] === REFERENCE && values[at] !== null).sort((a, b) => /** @type {number} */ (values[b]) - /** @type {number} */ (values[a]))[0];
@@ -48,14 +44,14 @@ export async function designs(place, found) {
     };
     return h("section", {}, h("h2", {}, name || "the target"), rows.objective ? h("p", { class: "soft small" }, rows.objective[own[0]]) : null, h("div", { class: "cards large" }, order.map(one)));
   };
-  const what = found.kind === "verify" ? "Displacements along the wanted direction as they were simulated." : "Displacements along the wanted direction as the search judged them; a verify stage simulates them.";
-  replace(place, h("p", { class: "soft" }, what, " The buttons save masks at the size of the prestretched membrane."), trouble, [...new Set(rows.name)].map(target));
+  const what = found.kind === "verify" ? "Simulated displacements along the target direction." : "Displacements along the target direction as predicted by the search; a verify stage simulates them.";
+  replace(place, h("p", { class: "soft" }, what, " The buttons save masks at the size of the prestretched membrane."), errorBox, [...new Set(rows.name)].map(target));
 }
 
-/** The value of each row in mm; null where it has no field. @param {any} found @param {Record<string, any[]>} rows @returns {Promise<(number|null)[]>} */
+/** The value of each row in mm; null without a field. @param {any} found @param {Record<string, any[]>} rows @returns {Promise<(number|null)[]>} */
 async function valuesOf(found, rows) {
   if (found.kind !== "verify") return rows.value_mm;
-  // Simulated values stand for the patterns with a field alone, in their order.
+  // There are simulated values only for the patterns with a field, in their order.
   const { "component/simulated_mm": simulated = [] } = await columnsOf(found.digest, "simulated_row");
   let next = 0;
   return rows.outcome.map((outcome) => (["converged", "estimated"].includes(outcome) ? simulated[next++] ?? null : null));

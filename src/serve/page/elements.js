@@ -1,4 +1,4 @@
-// Elements of the page. Text is set as text: nothing that comes from a file is ever read as markup.
+// Elements of the page. Text is set as text: content of files is never parsed as markup.
 
 /** @typedef {Node|string|number|null|undefined|false|(Node|string|number|null|undefined|false)[]} Child */
 
@@ -39,7 +39,7 @@ export function replace(element, ...children) {
   element.replaceChildren(fragment);
 }
 
-/** A number for people. @param {number|null|undefined} value @param {number} [digits] */
+/** Writes a number for people. @param {number|null|undefined} value @param {number} [digits] */
 export function number(value, digits = 4) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   if (value === 0) return "0";
@@ -69,12 +69,12 @@ export function when(time) {
   return time.replace("T", " ").slice(0, 19);
 }
 
-/** Says in the title of the window what is shown. @param {string} what */
+/** Sets the title of the window. @param {string} what */
 export function titled(what) {
   document.title = what ? `${what} – deaflow` : "deaflow";
 }
 
-/** The folder in which the server was started. */
+/** The working directory of the server. */
 let folder = "";
 
 /** @param {string|null} path */
@@ -82,7 +82,7 @@ export function startedIn(path) {
   folder = path ? `${path}/` : "";
 }
 
-/** A path as it would be named where the server was started. @param {string} path */
+/** A path relative to the working directory of the server. @param {string} path */
 export function near(path) {
   return folder && path.startsWith(folder) ? path.slice(folder.length) : path;
 }
@@ -92,21 +92,21 @@ export function short(digest) {
   return h("a", { class: "mono", href: `#/artifacts/${digest}`, title: digest }, digest.slice(0, 12));
 }
 
-/** Values that a run was given by `--set`. @param {Record<string, string>} set */
+/** The `--set` values of a run. @param {Record<string, string>} set */
 export function changes(set) {
   return h("span", {}, Object.entries(set).map(([path, value]) => h("div", { class: "mono" }, `${near(path)}=${value}`)));
 }
 
-/** A table of more columns scrolls on a narrow screen, and is not squeezed. */
+/** A table with more columns scrolls on a narrow screen. */
 const MANY = 4;
 
 /**
- * A table that scrolls within its own box; one that is stacked has its cells below each other on a narrow screen.
+ * A table that scrolls within its own box; a stacked one has its cells below each other on a narrow screen.
  * @param {string} what @param {(string|{title: string, number?: boolean})[]} columns @param {Child[][]} rows @param {boolean} [stacked]
  */
 export function table(what, columns, rows, stacked = false) {
   const heads = columns.map((column) => (typeof column === "string" ? { title: column } : column));
-  // Cells that are blocks are cells of a table to readers of the screen only where they are said to be.
+  // Cells that are blocks need explicit roles for screen readers.
   const role = (/** @type {string} */ name) => (stacked ? name : null);
   const cell = (/** @type {Child} */ content, /** @type {number} */ at) => h("td", { class: /** @type {any} */ (heads[at])?.number ? "number" : null, role: role("cell"), "data-title": stacked ? heads[at]?.title : null }, content);
   const shape = stacked ? "stacked" : heads.length > MANY ? "wide" : null;
@@ -128,6 +128,15 @@ export function problem(error) {
   return h("div", { class: "box", role: "alert" }, h("p", {}, h("b", {}, `${error.message}${place}`)), error.help ? h("p", {}, error.help) : null);
 }
 
+/** Runs an action; its error is shown in an element, unless the request was aborted. @param {Element} place @param {() => any} act */
+export async function attempt(place, act) {
+  try {
+    await act();
+  } catch (error) {
+    if (/** @type {any} */ (error).name !== "AbortError") replace(place, problem(error));
+  }
+}
+
 /** A labelled control. @param {string} label @param {any} control @param {Child} [after] */
 export function labelled(label, control, after) {
   return h("label", { class: "control" }, h("span", {}, label), control, after);
@@ -144,33 +153,33 @@ export function copyable(text) {
   return h("div", { class: "copyable" }, h("pre", { tabindex: "0" }, text), copying("Copy", () => text));
 }
 
-/** A button that copies what there is when it is pressed. @param {string} label @param {() => string} text @param {Record<string, any>} [more] */
+/** A button that copies a text. @param {string} label @param {() => string} text @param {Record<string, any>} [more] */
 export function copying(label, text, more = {}) {
   const button = h("button", { type: "button", ...more, onclick: async () => {
     try {
       await navigator.clipboard.writeText(text());
       button.textContent = "Copied";
     } catch {
-      button.textContent = "This browser does not copy";
+      button.textContent = "Copying is not possible in this browser";
     }
     setTimeout(() => (button.textContent = label), 2000);
   } }, label);
   return button;
 }
 
-/** A field for a number: one of the type `number` would say nothing of a text that is none. @param {string} value @param {string} label @param {Record<string, any>} more */
+/** A field for a number. The type `number` would hide invalid texts. @param {string} value @param {string} label @param {Record<string, any>} more */
 export function numeric(value, label, more) {
   return h("input", { type: "text", inputmode: "decimal", autocomplete: "off", value, "aria-label": label, ...more });
 }
 
-/** Says what is wrong beside a field; nothing where nothing is. @param {any} input @param {HTMLElement} place @param {string} wrong */
-export function said(input, place, wrong) {
+/** Shows what is wrong beside a field; nothing if it is valid. @param {any} input @param {HTMLElement} place @param {string} wrong */
+export function showInvalid(input, place, wrong) {
   place.textContent = wrong;
   if (wrong) input.setAttribute("aria-invalid", "true");
   else input.removeAttribute("aria-invalid");
 }
 
-/** Runs a function once things have been still for a while. @param {() => void} act @param {number} milliseconds */
+/** Delays a function until there was no call for a while. @param {() => void} act @param {number} milliseconds */
 export function settled(act, milliseconds) {
   let timer = 0;
   return () => {

@@ -1,21 +1,21 @@
-// Patterns from files and into files.
+// Reads patterns from files, and writes them.
 
 import { ask, json } from "./server.js";
 import { Pattern } from "./pattern.js";
 
-/** Formats that are opened. */
+/** Formats that can be opened. */
 export const READ = ["png", "csv", "npy", "svg", "dxf"];
 
-/** Points of a cell's side at which a drawing is looked at. */
+/** Sample points along the side of a cell. */
 const SAMPLES = 8;
 
 /**
- * The pattern of a file. Tables, arrays and images are read by the server as by any command; drawings are looked at cell by cell here.
+ * Reads the pattern of a file. The server reads tables, arrays and images, this page reads drawings, cell by cell.
  * @param {File} file @param {{name: string, columns: number, rows: number, size_mm: [number, number]}} scene @returns {Promise<Pattern>}
  */
 export async function fromFile(file, scene) {
   const format = (file.name.split(".").pop() ?? "").toLowerCase();
-  if (!READ.includes(format)) throw Object.assign(new Error(`“${file.name}” is of no format that is opened here`), { help: `allowed: ${READ.join(", ")}` });
+  if (!READ.includes(format)) throw Object.assign(new Error(`cannot open “${file.name}”: unknown format`), { help: `allowed: ${READ.join(", ")}` });
   if (format === "svg") return fromDrawing(file, scene);
   if (format === "dxf") return fromPolygons(await file.text(), scene);
   const query = new URLSearchParams({ format, scene: scene.name });
@@ -23,7 +23,7 @@ export async function fromFile(file, scene) {
   return Pattern.of(found.patterns[0]);
 }
 
-/** A drawing over the whole membrane: a cell is an electrode where more than half of it is dark. @param {Blob} file @param {{columns: number, rows: number}} scene */
+/** Reads a drawing of the whole membrane: a cell is an electrode if more than half of it is dark. @param {Blob} file @param {{columns: number, rows: number}} scene */
 async function fromDrawing(file, { columns, rows }) {
   const address = URL.createObjectURL(new Blob([file], { type: "image/svg+xml" }));
   try {
@@ -49,15 +49,15 @@ async function fromDrawing(file, { columns, rows }) {
     }
     return pattern;
   } catch {
-    throw new Error(`${/** @type {any} */ (file).name ?? "the file"} is no drawing that this browser shows`);
+    throw new Error(`this browser cannot show ${/** @type {any} */ (file).name ?? "the file"} as a drawing`);
   } finally {
     URL.revokeObjectURL(address);
   }
 }
 
 /**
- * Closed polylines in mm from the lower left corner, on layers that begin with ELECTRODE where there are such; a cell is an electrode where
- * its middle lies within an odd number of them.
+ * Reads closed polylines in mm from the lower left corner, on layers that begin with ELECTRODE if there are any; a cell is an electrode if
+ * its centre lies within an odd number of them.
  * @param {string} text @param {{columns: number, rows: number, size_mm: [number, number]}} scene
  */
 export function fromPolygons(text, { columns, rows, size_mm }) {
@@ -76,14 +76,14 @@ export function fromPolygons(text, { columns, rows, size_mm }) {
     else if (ring && code === 20 && ring.points.length) ring.points[ring.points.length - 1][1] = Number(value);
   }
   const named = rings.filter((found) => found.layer.startsWith("ELECTRODE"));
-  const wanted = named.length ? named : rings;
-  if (!wanted.length) throw new Error("no closed polyline (LWPOLYLINE) is in the file");
+  const outlines = named.length ? named : rings;
+  if (!outlines.length) throw new Error("the file has no closed polyline (LWPOLYLINE)");
   const pattern = new Pattern(columns, rows);
   pattern.cells.forEach((_, cell) => {
     const x = ((cell % columns) + 0.5) * (size_mm[0] / columns);
     const y = (Math.floor(cell / columns) + 0.5) * (size_mm[1] / rows);
     let inside = false;
-    for (const { points } of wanted) {
+    for (const { points } of outlines) {
       for (let i = 0, j = points.length - 1; i < points.length; j = i, i += 1) {
         const [[ax, ay], [bx, by]] = [points[i], points[j]];
         if (ay > y !== by > y && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) inside = !inside;
@@ -94,7 +94,7 @@ export function fromPolygons(text, { columns, rows, size_mm }) {
   return pattern;
 }
 
-/** Hands a file to the browser. @param {BlobPart} content @param {string} name */
+/** Saves a file. @param {BlobPart} content @param {string} name */
 export function save(content, name) {
   const address = URL.createObjectURL(new Blob([content]));
   const link = document.createElement("a");
@@ -104,7 +104,7 @@ export function save(content, name) {
   setTimeout(() => URL.revokeObjectURL(address), 10000);
 }
 
-/** A pattern as a file of a format. @param {string} format @param {Record<string, any>} body what the server is told of the pattern @param {string} name */
+/** Saves a pattern in a format. @param {string} format @param {Record<string, any>} body of the request @param {string} name */
 export async function saveAs(format, body, name) {
   const response = await ask("sketch/export", { body: { ...body, format } });
   save(await response.blob(), `${name}.${format}`);

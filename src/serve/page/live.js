@@ -1,24 +1,24 @@
-// What goes on in the store, told by the server as it happens: runs of this page, of other processes, and of workers.
+// The status of the store, sent by the server when it changes: runs of this page, of other processes, and workers.
 
 import { lines } from "./server.js";
 
-/** Before the server is asked again that has not answered, ms: each time twice as long, up to a limit. */
+/** Pause in ms before the server is asked again after an error: doubled each time, up to a limit. */
 const PAUSE = 1000;
 const LONGEST = 30000;
 
-/** What was told last. @type {any} */
+/** The last status. @type {any} */
 let last = null;
 
-/** What goes on, as `/api/status` has it; null before anything was told. @returns {any} */
+/** The last status, as from `/api/status`; null before the first one. @returns {any} */
 export function standing() {
   return last;
 }
 
 /**
- * Listens as long as the page is open and shown: a browser has few connections, and one that nobody looks at takes none.
- * @param {(found: any) => void} told @param {(message: string) => void} failed
+ * Listens as long as the page is open and visible: a browser has few connections.
+ * @param {(found: any) => void} received @param {(message: string) => void} failed
  */
-export async function listen(told, failed) {
+export async function listen(received, failed) {
   let pause = PAUSE;
   for (;;) {
     if (document.hidden) await new Promise((resolve) => document.addEventListener("visibilitychange", resolve, { once: true }));
@@ -31,7 +31,7 @@ export async function listen(told, failed) {
         pause = PAUSE;
         const before = last;
         last = found;
-        told(found);
+        received(found);
         window.dispatchEvent(new CustomEvent("standing"));
         if (before && key(before) !== key(found)) window.dispatchEvent(new CustomEvent("news"));
       });
@@ -45,27 +45,27 @@ export async function listen(told, failed) {
   }
 }
 
-/** What makes a difference to views of runs and plans. @param {any} found */
+/** What views of runs and plans depend on. @param {any} found */
 function key(found) {
   return `${found.last_run?.id ?? ""} ${found.in_flight ?? 0} ${found.objects ?? 0} ${JSON.stringify((found.runs ?? []).map((/** @type {any} */ run) => [run.pid, run.stages]))}`;
 }
 
-/** Whether two sets of changed values are the same. @param {Record<string, string>} one @param {Record<string, string>} other */
-function alike(one, other) {
+/** Whether two sets of changed values are equal. @param {Record<string, string>} one @param {Record<string, string>} other */
+function equal(one, other) {
   const names = Object.keys(one);
   return names.length === Object.keys(other).length && names.every((name) => one[name].trim() === other[name]?.trim());
 }
 
 /**
- * Runs of a pipeline that go on with other values than those that are looked at.
+ * Running runs of a pipeline with other values than the shown ones.
  * @param {string} pipeline its name @param {Record<string, string>} set @returns {any[]}
  */
 export function others(pipeline, set) {
-  return (last?.runs ?? []).filter((/** @type {any} */ run) => run.pipeline === pipeline && run.set && !alike(run.set, set));
+  return (last?.runs ?? []).filter((/** @type {any} */ run) => run.pipeline === pipeline && run.set && !equal(run.set, set));
 }
 
 /**
- * How far the stages of a pipeline have come that are being built with these values, by their names.
+ * The progress of the stages of a pipeline that are being built with these values, by their names.
  * @param {string} pipeline its name @param {string} path its file @param {Record<string, string>} set
  * @returns {Record<string, {text: string, share: number|null, since: string|null}>}
  */
@@ -77,7 +77,7 @@ export function underWay(pipeline, path, set) {
     if (run.pipeline !== pipeline || elsewhere.has(run.pid)) continue;
     for (const stage of run.stages) found[stage.name] = { text: stage.told.replace(/ \(.*/, ""), share: null, since: stage.since };
   }
-  // Of a run that was begun here every step is known.
+  // For a run that this page started, the number of steps is known.
   if (last?.begun?.pipeline === path && !elsewhere.has(last.begun.pid)) {
     for (const stage of last.begun.stages) {
       const done = `${Math.floor(stage.done)} of ${stage.steps} ${stage.unit}`;

@@ -1,7 +1,7 @@
-// Which view is shown: what stands after # in the address says so, so that each view has a link of its own.
+// Shows the view of the URL: the part after # names it, so that each view has a link.
 
 import { ENDED, json } from "./server.js";
-import { bytes, h, problem, replace, startedIn, titled, when } from "./elements.js";
+import { attempt, bytes, h, problem, replace, startedIn, titled, when } from "./elements.js";
 import { listen } from "./live.js";
 import { sketchpad } from "./sketch.js";
 import { pipelineView, pipelinesView } from "./pipelines.js";
@@ -16,7 +16,7 @@ const VIEWS = { pipelines: "Pipelines", runs: "Runs", artifacts: "Artifacts", mo
 
 /** @type {() => void} */ let end = () => {};
 /** @type {any} */ let start = {};
-/** Raised with each view: an answer for one that is gone is dropped. */
+/** Number of the view: responses for earlier views are dropped. */
 let shown = 0;
 
 /** @returns {{steps: string[], query: URLSearchParams}} */
@@ -38,24 +38,22 @@ async function show() {
   }
   titled(VIEWS[name] ?? "");
   const place = h("div", {});
-  try {
+  await attempt(place, async () => {
     const made = await opened(name, rest, query, place);
     if (turn !== shown) made?.();
     else end = made ?? (() => {});
-  } catch (error) {
-    replace(place, problem(error));
-  }
+  });
   if (turn === shown && !place.isConnected) view.replaceChildren(place);
 }
 
 /** @param {string} name @param {string[]} rest @param {URLSearchParams} query @param {HTMLElement} place @returns {Promise<(() => void)|void>} */
 async function opened(name, rest, query, place) {
-  // Drawings need to know how wide they are.
+  // Drawings need their width.
   view.replaceChildren(place);
   switch (name) {
     case "sketch": {
       const pattern = start.pattern;
-      // What the command named is where the first drawing begins; later ones go on from the last.
+      // The pattern of the command line is only for the first drawing.
       start.pattern = [];
       return sketchpad(place, { pattern });
     }
@@ -67,7 +65,7 @@ async function opened(name, rest, query, place) {
     case "models":
       return artifactsView(place, query, ["evaluate", "train", "calibrate"], "Models and their evaluations");
     case "designs":
-      return artifactsView(place, query, ["verify", "design"], "Designs, and what was simulated of them");
+      return artifactsView(place, query, ["verify", "design"], "Designs and their simulations");
     case "audits":
       return artifactsView(place, query, ["audit"], "Audits");
     case "accuracy":
@@ -75,17 +73,17 @@ async function opened(name, rest, query, place) {
     case "pipelines":
       return rest.length ? pipelineView(place, rest[0], start.allow_run, query) : pipelinesView(place, start);
     default:
-      throw new Error("there is no such view");
+      throw new Error(`unknown view “${name}”`);
   }
 }
 
-/** What is at work, in one line. @param {any} found */
+/** Shows the status in one line. @param {any} found */
 function stand(found) {
   const parts = [];
-  if (found.store) parts.push(`${found.objects} files of artifacts, ${bytes(found.bytes)}`);
+  if (found.store) parts.push(`${found.objects} artifact files, ${bytes(found.bytes)}`);
   else parts.push("no store yet");
-  for (const run of found.runs ?? []) parts.push(`${run.pipeline} is being built (process ${run.pid})${run.stages.length ? `: ${run.stages.map((/** @type {any} */ stage) => stage.name).join(", ")}` : ""}`);
-  if (found.in_flight && !found.runs?.length) parts.push(`${found.in_flight} being built`);
+  for (const run of found.runs ?? []) parts.push(`${run.pipeline} is running (process ${run.pid})${run.stages.length ? `: ${run.stages.map((/** @type {any} */ stage) => stage.name).join(", ")}` : ""}`);
+  if (found.in_flight && !found.runs?.length) parts.push(`building ${found.in_flight} artifacts`);
   if (found.workers?.length) parts.push(`${found.workers.length} workers`);
   if (found.last_run) parts.push(`last run ${when(found.last_run.created)}`);
   const text = parts.join(", ");
@@ -93,7 +91,7 @@ function stand(found) {
 }
 
 async function main() {
-  // The token is in a cookie by now, and need not stay in the address.
+  // The token is in a cookie by now, and is removed from the URL.
   if (location.search) history.replaceState(null, "", location.pathname + location.hash);
   const links = Object.entries(VIEWS).map(([name, title]) => h("a", { href: `#/${name}` }, title));
   replace(/** @type {HTMLElement} */ (document.getElementById("views")), links);

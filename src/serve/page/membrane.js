@@ -3,7 +3,7 @@
 import { SEQUENTIAL, SIGNED, pixel, range, steps } from "./colours.js";
 import { Pattern } from "./pattern.js";
 
-/** Colours of groups of electrodes. */
+/** Colours of electrode groups. */
 const GROUPS = ["", "#2b83ba", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
 const FRAME = "#8a929b";
 const BODY = "#59636e";
@@ -18,10 +18,10 @@ export function groupColour(group) {
   return GROUPS[((group - 1) % (GROUPS.length - 1)) + 1];
 }
 
-/** What each canvas shows, to be drawn again in other colours or at another width. @type {Map<HTMLCanvasElement, () => void>} */
+/** How each canvas is drawn, to draw it again in other colours or at another width. @type {Map<HTMLCanvasElement, () => void>} */
 const shown = new Map();
 
-/** Pictures that are kept before those are forgotten that are not on the page any more. */
+/** Number of canvases after which those that were removed from the page are forgotten. */
 const MANY = 400;
 
 /** @param {HTMLCanvasElement} canvas @param {() => void} draw */
@@ -43,7 +43,7 @@ window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", aga
 window.addEventListener("resize", again);
 
 /**
- * A canvas at the resolution of the screen.
+ * Prepares a canvas at the resolution of the screen.
  * @param {HTMLCanvasElement} canvas @param {number} ratio height over width
  * @returns {{context: CanvasRenderingContext2D, width: number, height: number}}
  */
@@ -63,7 +63,7 @@ export function prepared(canvas, ratio) {
 }
 
 /**
- * The pattern as cells.
+ * Draws the cells of a pattern.
  * @param {HTMLCanvasElement} canvas @param {Pattern} pattern
  * @param {{ratio?: number, grid?: boolean, parts?: number[]|null, cursor?: [number, number]|null, heat?: ArrayLike<number>|null, point?: [number, number]|null, direction?: number}} [more]
  */
@@ -86,7 +86,7 @@ export function drawPattern(canvas, pattern, more = {}) {
       context.fillStyle = SIGNED[step];
       cell(at);
     });
-    // Electrodes are told by a mark in each of their cells.
+    // Electrodes have a mark in each of their cells.
     context.fillStyle = "rgba(0,0,0,.55)";
     pattern.cells.forEach((value, at) => {
       if (!value) return;
@@ -126,7 +126,7 @@ export function drawPattern(canvas, pattern, more = {}) {
   }
 }
 
-/** Neighbouring cells of a row that have one value: from the first to after the last. @param {Pattern} pattern @param {number} y @param {number} value @param {(from: number, to: number) => void} each */
+/** Calls a function for runs of cells of a row with one value: first cell, and cell after the last. @param {Pattern} pattern @param {number} y @param {number} value @param {(from: number, to: number) => void} each */
 function runs(pattern, y, value, each) {
   const { columns, cells } = pattern;
   for (let x = 0; x < columns; x += 1) {
@@ -157,7 +157,7 @@ function arrow(context, x, y, degrees, length) {
   head.closePath();
   head.moveTo(x + 4, y);
   head.arc(x, y, 4, 0, 7);
-  // With an edge of white it is seen on electrodes of any colour.
+  // A white edge makes it visible on electrodes of any colour.
   context.lineJoin = "round";
   context.strokeStyle = "#fff";
   context.lineWidth = 6;
@@ -170,14 +170,14 @@ function arrow(context, x, y, degrees, length) {
   context.fill(head);
 }
 
-/** Around a deformed membrane, a share of its width. */
+/** Margin around a deformed membrane, a fraction of its width. */
 const MARGIN = 0.04;
 
-/** The image of each canvas that has one, written anew with each drawing. @type {WeakMap<HTMLCanvasElement, ImageData>} */
+/** The image of each canvas, which is reused. @type {WeakMap<HTMLCanvasElement, ImageData>} */
 const images = new WeakMap();
 
 /**
- * The membrane where its displacement takes it, its cells coloured. Cells are filled pixel by pixel: paths take several times as long.
+ * Draws the deformed membrane with coloured cells. Cells are filled pixel by pixel, which is several times faster than paths.
  * @param {HTMLCanvasElement} canvas @param {Pattern} pattern @param {Float32Array|null} displacement corners, mm
  * @param {{size: [number, number], scale?: number, values?: ArrayLike<number>|null, signed?: boolean, low?: number, high?: number, parts?: number[]|null}} more
  */
@@ -237,7 +237,7 @@ function imageOf(canvas, context) {
 }
 
 /**
- * Fills the pixels whose middles lie in a cell, line by line: from where its edges cross the line first to where they cross it last.
+ * Fills the pixels whose centres lie in a cell, line by line: from the first to the last crossing of its edges with the line.
  * @param {number} width @param {number} height @param {Uint32Array} pixels @param {number} value
  * @param {Float32Array} px @param {Float32Array} py corners in pixels @param {number} low the left lower corner @param {number} high the one above it
  */
@@ -278,7 +278,7 @@ function quad(width, height, pixels, value, px, py, low, high) {
   }
 }
 
-/** The edges of electrodes. @param {CanvasRenderingContext2D} context @param {Pattern} pattern @param {Float32Array} px @param {Float32Array} py */
+/** Draws the edges of electrodes. @param {CanvasRenderingContext2D} context @param {Pattern} pattern @param {Float32Array} px @param {Float32Array} py */
 function outline(context, pattern, px, py) {
   const { columns, rows, cells } = pattern;
   const at = (/** @type {number} */ x, /** @type {number} */ y) => (x < 0 || y < 0 || x >= columns || y >= rows ? 0 : cells[y * columns + x]);
@@ -299,7 +299,7 @@ function outline(context, pattern, px, py) {
   context.stroke();
 }
 
-/** The largest magnitude of a displacement at the corners of each cell, so that the largest of all is that of the corners. @param {Float32Array} displacement @param {number} columns @param {number} rows */
+/** The largest magnitude of the displacement at the corners of each cell. @param {Float32Array} displacement @param {number} columns @param {number} rows */
 export function magnitudes(displacement, columns, rows) {
   const corners = Float32Array.from({ length: displacement.length / 2 }, (_, at) => Math.hypot(displacement[2 * at], displacement[2 * at + 1]));
   const found = new Float32Array(columns * rows);
@@ -313,7 +313,7 @@ export function magnitudes(displacement, columns, rows) {
   return found;
 }
 
-/** A bar of colours with its ends. @param {HTMLCanvasElement} canvas @param {boolean} signed */
+/** Draws a colour bar. @param {HTMLCanvasElement} canvas @param {boolean} signed */
 export function drawBar(canvas, signed) {
   const { context, width, height } = prepared(canvas, 10 / Math.max(canvas.clientWidth, 1));
   const colours = signed ? SIGNED : SEQUENTIAL;

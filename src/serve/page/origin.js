@@ -1,13 +1,13 @@
-// Where a row comes from: the set that it was taken from, the sample, and the seed that drew it.
+// The origin of a row: its dataset, its sample, and the seed of the sample.
 
 import { json } from "./server.js";
 import { h, short } from "./elements.js";
 import { patternsOf, rowLink } from "./pictures.js";
 
-/** Steps back that are taken. */
+/** The largest number of steps back. */
 const MOST = 6;
 
-/** The values of one row by the names of their columns. @param {string} digest @param {string} query @returns {Promise<{row: number, values: Record<string, any>}|null>} */
+/** The values of one row, by column. @param {string} digest @param {string} query @returns {Promise<{row: number, values: Record<string, any>}|null>} */
 async function only(digest, query) {
   const answer = await json(`artifacts/${digest}/rows?limit=2&${query}`);
   if (answer.rows.length !== 1) return null;
@@ -23,14 +23,14 @@ async function sources(found) {
 }
 
 /**
- * The places that a row goes back to, the nearest first; a sample's is told by its number within its family and the seed.
+ * The origins of a row, the nearest first; a sample has its number within its family and the seed.
  * @param {any} found @param {Record<string, any>} values the row's @returns {Promise<{found: any, row: number, values: Record<string, any>, seed: string|null}[]>}
  */
 async function trace(found, values) {
   const steps = [];
   for (let step = 0; step < MOST; step += 1) {
     let next = null;
-    // Of a balanced set rows are numbered over all its inputs, one after the other.
+    // The rows of a balanced set are numbered over all of its inputs.
     let before = values.source === undefined ? null : Number(values.source);
     for (const input of await sources(found)) {
       const count = patternsOf(input).shape[0];
@@ -57,10 +57,10 @@ async function trace(found, values) {
 /** @param {HTMLElement} place @param {any} found @param {Record<string, any>} values */
 export async function lineage(place, found, values) {
   const steps = await trace(found, values);
-  const told = steps.map((step) => {
+  const texts = steps.map((step) => {
     const drawn = step.seed === null ? null : [`: number ${step.values.index} of family ${step.values.family}, drawn by seed `, h("b", { "data-seed": step.seed }, step.seed)];
     return h("li", {}, h("a", { href: rowLink(step.found.digest, step.row) }, `row ${step.row}`), ` of ${step.found.kind} `, short(step.found.digest), drawn);
   });
-  if (told.length) place.replaceChildren(h("ol", {}, told));
-  else place.replaceChildren(h("p", { class: "soft" }, "It begins here, or what it was made from is not in the store."));
+  if (texts.length) place.replaceChildren(h("ol", {}, texts));
+  else place.replaceChildren(h("p", { class: "soft" }, "It has no origin, or the origin is not in the store."));
 }

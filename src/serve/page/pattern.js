@@ -1,6 +1,6 @@
-// A pattern of electrodes on cells, as it is drawn: row 0 is the lowest.
+// A pattern of electrodes on cells; row 0 is the lowest.
 
-/** The images of a cell under the symmetries that are switched on. */
+/** The images of a cell under the enabled symmetries. */
 export class Mirrors {
   across = false; // left and right
   along = false; // up and down
@@ -62,7 +62,7 @@ export class Pattern {
     }
   }
 
-  /** A disc of cells. @param {number} x @param {number} y @param {number} diameter @param {number} value @param {Mirrors} mirrors */
+  /** Draws a disc of cells. @param {number} x @param {number} y @param {number} diameter @param {number} value @param {Mirrors} mirrors */
   dab(x, y, diameter, value, mirrors) {
     const reach = (diameter - 1) / 2;
     const limit = (diameter / 2) ** 2;
@@ -73,7 +73,7 @@ export class Pattern {
     }
   }
 
-  /** Discs along a line. @param {[number, number]} from @param {[number, number]} to @param {number} diameter @param {number} value @param {Mirrors} mirrors */
+  /** Draws discs along a line. @param {[number, number]} from @param {[number, number]} to @param {number} diameter @param {number} value @param {Mirrors} mirrors */
   stroke(from, to, diameter, value, mirrors) {
     const count = Math.max(Math.abs(to[0] - from[0]), Math.abs(to[1] - from[1]), 1);
     for (let k = 0; k <= count; k += 1) {
@@ -82,7 +82,7 @@ export class Pattern {
     }
   }
 
-  /** All cells within a shape between two corners. @param {"rectangle"|"ellipse"} shape @param {[number, number]} from @param {[number, number]} to @param {number} value @param {Mirrors} mirrors */
+  /** Fills a shape between two corners. @param {"rectangle"|"ellipse"} shape @param {[number, number]} from @param {[number, number]} to @param {number} value @param {Mirrors} mirrors */
   shape(shape, from, to, value, mirrors) {
     const [left, right] = [Math.min(from[0], to[0]), Math.max(from[0], to[0])];
     const [low, high] = [Math.min(from[1], to[1]), Math.max(from[1], to[1])];
@@ -96,7 +96,7 @@ export class Pattern {
     }
   }
 
-  /** The connected cells of one value around a cell. @param {number} x @param {number} y @param {number} value @param {Mirrors} mirrors */
+  /** Fills the connected cells of one value around a cell. @param {number} x @param {number} y @param {number} value @param {Mirrors} mirrors */
   flood(x, y, value, mirrors) {
     const before = this.cells[y * this.columns + x];
     if (before === value) return;
@@ -115,7 +115,7 @@ export class Pattern {
   }
 }
 
-/** What was drawn before, and what was taken back. Patterns are kept as they are, and replaced, never changed. */
+/** Steps for undo and redo. Patterns in it are replaced, never changed. */
 export class History {
   /** @type {Pattern[]} */ past = [];
   /** @type {Pattern[]} */ future = [];

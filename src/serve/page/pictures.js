@@ -1,11 +1,11 @@
-// Pictures of rows of artifacts: patterns, and fields where there are such.
+// Pictures of rows of artifacts: patterns, and fields if there are any.
 
 import { frame } from "./server.js";
 import { h } from "./elements.js";
 import { drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { Pattern } from "./pattern.js";
 
-/** Arrays of patterns, and of fields, by their rows' axis. @param {any} found @param {string} axis */
+/** The arrays of patterns and of fields along an axis. @param {any} found @param {string} axis */
 export function drawn(found, axis) {
   const of = (/** @type {(axes: string[]) => boolean} */ fits) => found.datasets.find((/** @type {any} */ one) => one.axes[0] === axis && fits(one.axes.slice(1)));
   return {
@@ -14,12 +14,12 @@ export function drawn(found, axis) {
   };
 }
 
-/** The array of patterns of an artifact, whatever its rows are called. @param {any} found */
+/** The array of patterns of an artifact. @param {any} found */
 export function patternsOf(found) {
   return found.datasets.find((/** @type {any} */ one) => one.axes.length === 3 && one.axes[1] === "y" && one.axes[2] === "x");
 }
 
-/** Patterns of some rows. @param {any} found @param {number[]} rows @returns {Promise<Pattern[]>} */
+/** Reads the patterns of rows. @param {any} found @param {number[]} rows @returns {Promise<Pattern[]>} */
 export async function patternsAt(found, rows) {
   const array = patternsOf(found);
   if (!array || !rows.length) return [];
@@ -29,7 +29,7 @@ export async function patternsAt(found, rows) {
   return rows.map((_, at) => new Pattern(shape[2], shape[1], Uint8Array.from(data.slice(at * cells, (at + 1) * cells))));
 }
 
-/** Sides of the membrane in mm, as the scene of the artifact says them; as many as cells where it does not. @param {any} found @param {Pattern} pattern @returns {[number, number]} */
+/** Sides of the membrane in mm from the scene of the artifact; numbers of cells without a scene. @param {any} found @param {Pattern} pattern @returns {[number, number]} */
 export function size(found, pattern) {
   const text = found.attributes.scene ?? "";
   const side = /side: ([\d.]+) mm/.exec(text);
@@ -45,18 +45,18 @@ export function drawField(canvas, found, pattern, displacement) {
 }
 
 /**
- * A card with a pattern, which leads somewhere.
+ * A card with a pattern, and a link if there is one.
  * @param {Pattern|null} pattern @param {string|null} href @param {any[]} words
  */
 export function card(pattern, href, ...words) {
   const canvas = h("canvas", { "aria-hidden": "true" });
   const made = href ? h("a", { class: "card", href }, canvas, words) : h("div", { class: "card" }, canvas, words);
-  // It is as wide as its place, which is known once it has one.
+  // The canvas has its width once it is on the page.
   if (pattern) requestAnimationFrame(() => drawPattern(canvas, pattern));
   return made;
 }
 
-/** The link to one row, with what a model says of it where one is named. @param {string} digest @param {number} row @param {string} [model] its digest */
+/** The link to a row, with the prediction of a model if one is given. @param {string} digest @param {number} row @param {string} [model] its digest */
 export function rowLink(digest, row, model = "") {
   return `#/artifacts/${digest}?tab=rows&row=${row}${model ? `&model=${model}` : ""}`;
 }

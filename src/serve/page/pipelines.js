@@ -1,91 +1,91 @@
-// Pipelines: how they stand, and what a change would have built anew.
+// Pipelines: the state of their stages, and what would be built after a change.
 
 import { json } from "./server.js";
-import { bytes, h, near, problem, replace, seconds, settled, short, table, titled } from "./elements.js";
+import { attempt, bytes, h, near, problem, replace, seconds, settled, short, table, titled } from "./elements.js";
 import { drawing as dag, list as stageList, progress, state } from "./dag.js";
 import { others, underWay } from "./live.js";
 import { withoutUnit } from "./quantity.js";
 
-/** Values that are listed before more are asked for. */
+/** Values that are listed at first. */
 const FIRST = 40;
 
-/** Between two looks at a run, ms, and the longest where the server does not answer. */
-const LOOK = 700;
+/** Time between two checks of a run, ms, and the longest one while the server does not respond. */
+const INTERVAL = 700;
 const LONGEST = 30000;
 
-/** What the numbers mean with which a run ends (`cli/output.rs`). @type {Record<number, string>} */
+/** Exit codes of a run (`cli/output.rs`). @type {Record<number, string>} */
 const ENDINGS = {
   0: "done",
-  1: "it failed",
-  2: "its input cannot be used",
+  1: "failed",
+  2: "invalid input",
   3: "done, but for some samples no stable solution was found",
   4: "the store is damaged",
   5: "an audit found errors",
-  6: "it is not what its lock file says",
-  75: "it was stopped, or the machine refused; to run it again goes on where it was",
+  6: "the results differ from the lock file",
+  75: "stopped, or refused by the machine; run it again to continue",
 };
 
 /** @param {HTMLElement} view @param {any} start */
 export async function pipelinesView(view, start) {
   const { pipelines } = await json("pipelines");
-  const rows = pipelines.map((/** @type {any} */ one) => [h("a", { href: `#/pipelines/${one.id}` }, one.name ?? "has a problem"), h("span", { class: "mono" }, near(one.path))]);
+  const rows = pipelines.map((/** @type {any} */ one) => [h("a", { href: `#/pipelines/${one.id}` }, one.name ?? "invalid"), h("span", { class: "mono" }, near(one.path))]);
   replace(
     view,
     h("h1", {}, "Pipelines"),
     h("p", { class: "soft" }, `Store: ${near(start.store)}`),
-    rows.length ? table("Pipelines", ["name", "file"], rows) : h("p", {}, "None is named, and none has been run in this store. ", h("code", {}, "deaflow serve pipeline.yaml"), " shows one; the ", h("a", { href: "#/sketch" }, "sketchpad"), " needs none."),
+    rows.length ? table("Pipelines", ["name", "file"], rows) : h("p", {}, "There are no pipelines: none was named, and none was run in this store. ", h("code", {}, "deaflow serve pipeline.yaml"), " shows one; the ", h("a", { href: "#/sketch" }, "sketchpad"), " needs none."),
   );
 }
 
 /** @param {HTMLElement} view @param {string} id @param {boolean} mayRun @param {URLSearchParams} query @returns {Promise<() => void>} */
 export async function pipelineView(view, id, mayRun, query) {
   let found = await json(`pipelines/${encodeURIComponent(id)}`);
-  // What is changed stands in the address, so that a plan has a link of its own.
+  // The changes are in the URL, so that a plan has a link.
   /** @type {Record<string, string>} */ let set = Object.fromEntries(query.getAll("set").filter((one) => one.includes("=")).map((one) => [one.slice(0, one.indexOf("=")), one.slice(one.indexOf("=") + 1)]));
   const address = (/** @type {Record<string, string>} */ values) => {
     const words = new URLSearchParams(Object.entries(values).map(([path, value]) => ["set", `${path}=${value}`]));
     return `#/pipelines/${encodeURIComponent(id)}${Object.keys(values).length ? `?${words}` : ""}`;
   };
-  const keep = () => {
-    const wanted = address(set);
-    if (location.hash !== wanted) history.replaceState(null, "", wanted);
+  const updateUrl = () => {
+    const url = address(set);
+    if (location.hash !== url) history.replaceState(null, "", url);
   };
   let turn = 0;
-  /** The value that is refused, and why. @type {string|null} */ let refused = null;
+  /** The path of the refused value. @type {string|null} */ let refused = null;
   let reason = "";
-  let able = () => {};
-  /** Looks at the run that was begun here, which may be that of another tab. @type {() => Promise<void>} */ let attend = async () => {};
-  let mark = () => {};
+  let enableButtons = () => {};
+  /** Checks the run that this server started, maybe from another tab. @type {() => Promise<void>} */ let checkRun = async () => {};
+  let markInvalid = () => {};
   let ended = false;
   const drawing = h("div", { class: "scroll wide-only", tabindex: "0", role: "region", "aria-label": "Drawing of the stages" });
   const stages = h("div", { class: "wide-only" });
   const narrow = h("div", { class: "narrow-only" });
   /** @type {any} */ let planned = found;
-  const bill = h("p", { id: "bill" });
+  const estimate = h("p", { id: "bill" });
   const warnings = h("div", { id: "warnings", "aria-live": "polite" });
   const elsewhere = h("div", { id: "elsewhere", "aria-live": "polite" });
-  const trouble = h("div", {});
+  const errorBox = h("div", {});
   const runBox = h("div", {});
 
   /** @param {any} plan */
   const show = (plan) => {
     const stale = plan.stages.filter((/** @type {any} */ stage) => stage.outcome === "stale");
     const price = plan.price ? `about ${seconds(plan.price.seconds.likely)} (${seconds(plan.price.seconds.low)} to ${seconds(plan.price.seconds.high)}), ${bytes(plan.price.bytes.likely)}` : "";
-    const rest = plan.unpriced ? `${price ? "; " : ""}${plan.unpriced} of them have no price yet` : "";
-    bill.textContent = stale.length ? `${stale.length} of ${plan.stages.length} stages to build: ${price}${rest}` : `all ${plan.stages.length} stages are fresh`;
-    bill.dataset.stale = stale.map((/** @type {any} */ stage) => stage.name).join(" ");
+    const rest = plan.unpriced ? `${price ? "; " : ""}${plan.unpriced} of them without an estimate` : "";
+    estimate.textContent = stale.length ? `${stale.length} of ${plan.stages.length} stages to build: ${price}${rest}` : `up to date (${plan.stages.length} stages)`;
+    estimate.dataset.stale = stale.map((/** @type {any} */ stage) => stage.name).join(" ");
     planned = plan;
     replace(warnings, (plan.warnings ?? []).map((/** @type {string} */ text) => h("p", { class: "box" }, h("b", {}, "Warning: "), text)));
-    show_stages();
+    showStages();
   };
 
-  const show_stages = () => {
+  const showStages = () => {
     const working = underWay(found.pipeline, found.path, set);
-    const told = others(found.pipeline, set).map((run) => {
+    const texts = others(found.pipeline, set).map((run) => {
       const values = Object.entries(run.set).map(([path, value]) => `${path}=${value}`).join(", ") || "the values of the file";
-      return h("p", { class: "box" }, `Another run of this pipeline goes on, with ${values} (process ${run.pid})${run.stages.length ? `: ${run.stages.map((/** @type {any} */ stage) => stage.name).join(", ")}` : ""}.`);
+      return h("p", { class: "box" }, `Another run of this pipeline is in progress, with ${values} (process ${run.pid})${run.stages.length ? `: ${run.stages.map((/** @type {any} */ stage) => stage.name).join(", ")}` : ""}.`);
     });
-    replace(elsewhere, told);
+    replace(elsewhere, texts);
     replace(drawing, dag(planned.stages, found.layout, working));
     const made = (/** @type {any} */ stage) => (stage.digest && stage.outcome !== "stale" ? short(stage.digest) : "");
     const chunks = (/** @type {any} */ stage) => (stage.chunks_built + stage.chunks_reused > 1 && stage.chunks_built ? `${stage.chunks_built} of ${stage.chunks_built + stage.chunks_reused}` : "");
@@ -102,7 +102,7 @@ export async function pipelineView(view, id, mayRun, query) {
         made(stage),
       ];
     };
-    replace(stages, table("Stages", ["stage", "kind", "state", "why", { title: "chunks to build", number: true }, { title: "takes about", number: true }, "artifact"], planned.stages.map(row)));
+    replace(stages, table("Stages", ["stage", "kind", "state", "reason", { title: "chunks to build", number: true }, { title: "estimated time", number: true }, "artifact"], planned.stages.map(row)));
     replace(narrow, stageList(planned.stages, found.needs, working, (stage) => h("div", { class: "small" }, chunks(stage) ? `${chunks(stage)} chunks to build ` : "", made(stage))));
   };
 
@@ -111,15 +111,15 @@ export async function pipelineView(view, id, mayRun, query) {
   const replan = async () => {
     turn += 1;
     const own = turn;
-    // A number without a unit is not asked about: the server would take it in the base unit.
+    // A number without a unit is refused here: the server would take it in the base unit.
     const bare = Object.entries(set).map(([path, value]) => [path, withoutUnit(value, found.values.find((/** @type {any} */ one) => one.path === path)?.value ?? "")]).find(([, wrong]) => wrong);
     try {
       if (bare) throw Object.assign(new Error(bare[1]), { value: bare[0] });
       const plan = Object.keys(set).length ? await json("plan", { body: { pipeline: id, set } }) : found;
       if (ended || own !== turn) return;
-      keep();
+      updateUrl();
       old(false);
-      replace(trouble);
+      replace(errorBox);
       refused = null;
       reason = "";
       show(plan);
@@ -127,15 +127,15 @@ export async function pipelineView(view, id, mayRun, query) {
       if (ended || own !== turn) return;
       refused = /** @type {any} */ (error).value ?? null;
       reason = [/** @type {any} */ (error).message, /** @type {any} */ (error).help].filter(Boolean).join(": ");
-      // What is drawn is the plan of the values before.
-      bill.textContent = "No plan with these values; what is shown in grey is that of the values before.";
-      bill.dataset.stale = "";
+      // The drawing still shows the plan before.
+      estimate.textContent = "No plan with these values; the plan in grey is for the values before.";
+      estimate.dataset.stale = "";
       old(true);
-      replace(trouble, problem(error));
+      replace(errorBox, problem(error));
       replace(warnings);
     }
-    mark();
-    able();
+    markInvalid();
+    enableButtons();
   };
   const soon = settled(() => void replan(), 250);
 
@@ -162,16 +162,16 @@ export async function pipelineView(view, id, mayRun, query) {
       return line;
     };
     const fill = () => {
-      const wanted = search.value.trim().toLowerCase();
-      const fits = found.values.filter((/** @type {any} */ one) => one.path.toLowerCase().includes(wanted));
+      const search_text = search.value.trim().toLowerCase();
+      const fits = found.values.filter((/** @type {any} */ one) => one.path.toLowerCase().includes(search_text));
       const all = () => {
         most = Infinity;
         fill();
       };
-      replace(list, fits.length ? fits.slice(0, most).map(row) : h("p", { class: "soft" }, "No path has that in it."), fits.length > most ? h("button", { type: "button", onclick: all, name: "all-values" }, `Show ${fits.length - most} more`) : null);
-      mark();
+      replace(list, fits.length ? fits.slice(0, most).map(row) : h("p", { class: "soft" }, "No path contains this text."), fits.length > most ? h("button", { type: "button", onclick: all, name: "all-values" }, `Show ${fits.length - most} more`) : null);
+      markInvalid();
     };
-    mark = () => {
+    markInvalid = () => {
       for (const input of list.querySelectorAll("input")) {
         if (input.dataset.path === refused) input.setAttribute("aria-invalid", "true");
         else input.removeAttribute("aria-invalid");
@@ -184,63 +184,59 @@ export async function pipelineView(view, id, mayRun, query) {
       set = {};
       fill();
       void replan();
-    } }, "As in the file");
-    return h("section", {}, h("h2", {}, "Change a value"), h("p", { class: "soft small" }, "What would be built anew is shown at once; nothing is built and no file is changed. Paths are those of ", h("code", {}, "--set"), "; quantities have their unit: ", h("code", {}, "4 kV"), ", ", h("code", {}, "25 mm"), "."), h("div", { class: "tools" }, search, back), list);
+    } }, "Reset to the file");
+    return h("section", {}, h("h2", {}, "Change a value"), h("p", { class: "soft small" }, "The plan is updated at once; nothing is built, and no file is changed. Paths are those of ", h("code", {}, "--set"), "; give quantities with a unit: ", h("code", {}, "4 kV"), ", ", h("code", {}, "25 mm"), "."), h("div", { class: "tools" }, search, back), list);
   };
 
   const runner = () => {
-    if (!mayRun) return h("p", { class: "soft small" }, "Nothing is run from here; ", h("code", {}, "deaflow serve --allow-run"), " allows it.");
+    if (!mayRun) return h("p", { class: "soft small" }, "This page cannot start runs; ", h("code", {}, "deaflow serve --allow-run"), " allows it.");
     const log = h("div", { "aria-live": "polite", id: "run-log" });
     const refusal = h("div", {});
     let running = false;
     let stopping = false;
     let timer = 0;
-    let pause = LOOK;
+    let pause = INTERVAL;
     const look = async () => {
       clearTimeout(timer);
-      /** @type {any} */ let told;
+      /** @type {any} */ let status;
       try {
-        told = await json("run");
-        pause = LOOK;
+        status = await json("run");
+        pause = INTERVAL;
       } catch (error) {
         if (ended) return;
         replace(log, problem(error));
-        // A server that does not answer is asked ever more seldom.
+        // A server that does not respond is asked less and less often.
         pause = Math.min(2 * pause, LONGEST);
         timer = setTimeout(() => void look(), pause);
         return;
       }
       if (ended) return;
-      // What another page was refused, while a run went on, is over with that run.
-      const has_ended = running && !told.running;
-      if (has_ended) replace(refusal);
-      running = told.running;
-      stopping = Boolean(told.stopped);
-      able();
-      if (told.pipeline) replace(log, await report(told, told.pipeline === found.path ? address(told.set ?? {}) : null));
+      // A refusal because of another run is obsolete after its end.
+      const hasEnded = running && !status.running;
+      if (hasEnded) replace(refusal);
+      running = status.running;
+      stopping = Boolean(status.stopped);
+      enableButtons();
+      if (status.pipeline) replace(log, await report(status, status.pipeline === found.path ? address(status.set ?? {}) : null));
       clearTimeout(timer);
-      if (told.running) timer = setTimeout(() => void look(), pause);
-      else if (has_ended) {
+      if (status.running) timer = setTimeout(() => void look(), pause);
+      else if (hasEnded) {
         found = await json(`pipelines/${encodeURIComponent(id)}`);
         await replan();
       }
     };
     const act = async (/** @type {() => Promise<any>} */ what) => {
       replace(refusal);
-      try {
-        await what();
-      } catch (error) {
-        replace(refusal, problem(error));
-      }
+      await attempt(refusal, what);
       await look();
     };
     const begin = h("button", { type: "button", class: "main", id: "run", onclick: () => act(() => json("run", { body: { pipeline: id, set } })) }, "Run with these values");
     const stop = h("button", { type: "button", id: "stop-run", disabled: true, onclick: () => act(() => json("run", { method: "DELETE" })) }, "Stop");
-    able = () => {
-      begin.disabled = running || bill.textContent.startsWith("No plan");
+    enableButtons = () => {
+      begin.disabled = running || estimate.textContent.startsWith("No plan");
       stop.disabled = !running || stopping;
     };
-    attend = look;
+    checkRun = look;
     void look();
     return h(
       "section",
@@ -255,7 +251,7 @@ export async function pipelineView(view, id, mayRun, query) {
   if (found.problem) {
     replace(view, h("h1", {}, "Pipeline"), h("p", { class: "mono" }, near(found.path)), problem(found.problem), source(found.text, found.problem.file === found.path ? found.problem.line : null));
   } else {
-    replace(view, h("h1", {}, found.pipeline), h("p", { class: "mono soft" }, near(found.path)), bill, elsewhere, trouble, warnings, drawing, stages, narrow, editor(), runBox, h("details", {}, h("summary", {}, "The file"), source(found.text, null)));
+    replace(view, h("h1", {}, found.pipeline), h("p", { class: "mono soft" }, near(found.path)), estimate, elsewhere, errorBox, warnings, drawing, stages, narrow, editor(), runBox, h("details", {}, h("summary", {}, "The file"), source(found.text, null)));
     replace(runBox, runner());
     titled(`${found.pipeline} – Pipelines`);
     show(found);
@@ -268,51 +264,50 @@ export async function pipelineView(view, id, mayRun, query) {
     found = fresh;
     if (found.problem) return;
     await replan();
-    await attend();
+    await checkRun();
   };
   const listen = () => void news().catch(() => {});
-  // A stage under way goes on between two plans.
-  const stand = () => {
-    if (!found.problem) show_stages();
+  // A running stage makes progress between two plans.
+  const update = () => {
+    if (!found.problem) showStages();
   };
   window.addEventListener("news", listen);
-  window.addEventListener("standing", stand);
+  window.addEventListener("standing", update);
   return () => {
     ended = true;
     window.removeEventListener("news", listen);
-    window.removeEventListener("standing", stand);
+    window.removeEventListener("standing", update);
   };
 }
 
-/** What has become of the run that was begun here: of which pipeline with which values, its events, and what it has printed at its end. @param {any} told @param {string|null} plan the address of the plan with its values */
-async function report(told, plan) {
-  const values = Object.entries(told.set ?? {}).map(([path, value]) => `${path}=${value}`).join(", ");
-  const with_values = values || "the values of the file";
-  const of = ["Run of ", near(told.pipeline), " with ", plan ? h("a", { href: plan }, with_values) : with_values];
-  if (told.running) {
-    const last = told.events.slice(-12).map(words);
-    const state = told.stopped ? "stopping: what is under way is written down" : "running";
-    return [h("p", {}, h("span", { class: "running" }, state), ` for ${seconds(told.seconds)}. `, of, "."), last.length ? h("pre", {}, last.join("\n")) : null];
+/** The state of the run that this server started: its pipeline and values, its events, and its output. @param {any} status @param {string|null} plan the URL of the plan with its values */
+async function report(status, plan) {
+  const values = Object.entries(status.set ?? {}).map(([path, value]) => `${path}=${value}`).join(", ") || "the values of the file";
+  const of = ["Run of ", near(status.pipeline), " with ", plan ? h("a", { href: plan }, values) : values];
+  if (status.running) {
+    const last = status.events.slice(-12).map(words);
+    const state = status.stopped ? "stopping: finishing the current step" : "running";
+    return [h("p", {}, h("span", { class: "running" }, state), ` for ${seconds(status.seconds)}. `, of, "."), last.length ? h("pre", {}, last.join("\n")) : null];
   }
-  const ending = told.stopped && told.exit_code === 75 ? "stopped; to run it again with the same values goes on where it was" : ENDINGS[told.exit_code] ?? `ended with exit code ${told.exit_code}`;
-  const id = await runOf(told.pid);
-  const failed = told.exit_code === 0 ? [] : told.events.slice(-12).map(words);
+  const ending = status.stopped && status.exit_code === 75 ? "stopped; run it again with the same values to continue" : ENDINGS[status.exit_code] ?? `ended with exit code ${status.exit_code}`;
+  const id = await runOf(status.pid);
+  const failed = status.exit_code === 0 ? [] : status.events.slice(-12).map(words);
   return [
-    h("p", { id: "run-end", "data-code": String(told.exit_code) }, h("b", { class: told.exit_code === 0 || told.stopped ? null : "error" }, ending), `, after ${seconds(told.seconds)}. `, of, ". ", id ? h("a", { href: `#/runs/${id}` }, "Its results and artifacts") : null),
-    told.printed || failed.length ? h("pre", { tabindex: "0" }, [...failed, told.printed.trim()].filter(Boolean).join("\n")) : null,
+    h("p", { id: "run-end", "data-code": String(status.exit_code) }, h("b", { class: status.exit_code === 0 || status.stopped ? null : "error" }, ending), `, after ${seconds(status.seconds)}. `, of, ". ", id ? h("a", { href: `#/runs/${id}` }, "Results and artifacts") : null),
+    status.printed || failed.length ? h("pre", { tabindex: "0" }, [...failed, status.printed.trim()].filter(Boolean).join("\n")) : null,
   ];
 }
 
-/** An event in words. @param {any} event */
+/** Describes an event. @param {any} event */
 function words(event) {
   if (event.text) return event.event === "warning" ? `warning: ${event.text}` : event.text;
   const what = (event.event ?? "").replace(/^stage-/, "").replace(/^run-/, "run ").replaceAll("-", " ");
-  // What was stopped has not failed.
+  // A stopped stage has not failed.
   if (what === "failed" && event.why?.startsWith("stopped")) return `${event.name ?? ""}: ${event.why}`;
   return [`${event.name ?? event.pipeline ?? ""}:`, what, event.why && `(${event.why})`].filter(Boolean).join(" ");
 }
 
-/** The run that a process has written down, by its log, which has its number; none of one that has built nothing. @param {number} process */
+/** The id of the run of a process, from the name of its log; null if it has built nothing. @param {number} process */
 async function runOf(process) {
   try {
     const { runs } = await json("runs?limit=20");
@@ -322,7 +317,7 @@ async function runOf(process) {
   }
 }
 
-/** The text with its lines numbered, and one of them marked. @param {string} text @param {number|null} wrong */
+/** The text with line numbers, and a marked line. @param {string} text @param {number|null} wrong */
 function source(text, wrong) {
   const line = (/** @type {string} */ content, /** @type {number} */ at) => h("span", { class: at + 1 === wrong ? "wrong" : null }, content || " ");
   return h("pre", { class: "source", tabindex: "0" }, text.split("\n").map(line));

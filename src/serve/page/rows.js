@@ -1,7 +1,7 @@
-// The rows of an artifact: a table that the server filters, sorts and pages, a histogram that selects rows, and pictures of patterns and fields.
+// The rows of an artifact: a table that the server filters, sorts and pages, a histogram, and pictures of patterns and fields.
 
 import { frame, json } from "./server.js";
-import { choice, h, labelled, number, problem, replace, settled, short } from "./elements.js";
+import { attempt, choice, h, labelled, number, problem, replace, settled, short } from "./elements.js";
 import { charts } from "./chart.js";
 import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { card, drawField, drawn, patternsAt, rowLink, size } from "./pictures.js";
@@ -12,33 +12,33 @@ import { save } from "./files.js";
 
 const PAGE = 24;
 
-/** Rows that are marked, by the digests of their artifacts: they stay when one goes back. @type {Map<string, Set<number>>} */
+/** Marked rows by the digests of their artifacts; they are kept when the view changes. @type {Map<string, Set<number>>} */
 const MARKED = new Map();
 
-/** Columns of texts of which one is chosen, and how many different texts such a column may have. */
+/** Text columns with a menu of their values, and the largest number of values. */
 const CHOSEN = /(^|\/)(family|split|outcome|role|name|case|set|why|status)$/;
 const MANY = 40;
 
-/** Whether a value is a digest, whose first digits tell it from others. @param {any} value */
-function is_digest(value) {
+/** Whether a value is a digest, which is abbreviated. @param {any} value */
+function isDigest(value) {
   return typeof value === "string" && /^[0-9a-f]{32,}$/.test(value);
 }
 
-/** Neighbours that are shown. */
+/** Similar patterns that are shown. */
 const NEAR = 6;
 
 /** @param {HTMLElement} place @param {any} found @param {URLSearchParams} query */
 export async function rowsView(place, found, query) {
   const axes = [...new Set(found.datasets.map((/** @type {any} */ one) => one.axes[0]).filter(Boolean))];
-  const asked = { along: query.get("along") ?? "", filter: query.get("filter") ?? "", sort: query.get("sort") ?? "", offset: Number(query.get("offset") ?? 0) || 0, histogram: query.get("histogram") ?? "" };
+  const state = { along: query.get("along") ?? "", filter: query.get("filter") ?? "", sort: query.get("sort") ?? "", offset: Number(query.get("offset") ?? 0) || 0, histogram: query.get("histogram") ?? "" };
   let chosen = query.get("row") === null ? null : Number(query.get("row"));
   const model = query.get("model") ?? "";
   const marked = MARKED.get(found.digest) ?? new Set();
   MARKED.set(found.digest, marked);
-  const filter = h("input", { type: "search", value: asked.filter, placeholder: "max_displacement_mm > 1 and family = bezier", "aria-label": "Filter", name: "filter" });
-  const trouble = h("div", {});
+  const filter = h("input", { type: "search", value: state.filter, placeholder: "max_displacement_mm > 1 and family = bezier", "aria-label": "Filter", name: "filter" });
+  const errorBox = h("div", {});
   const unknown = h("div", { id: "unknown" });
-  const told = h("p", { class: "soft", id: "matched", "aria-live": "polite" });
+  const matched = h("p", { class: "soft", id: "matched", "aria-live": "polite" });
   const histogram = h("div", {});
   const cards = h("div", { class: "cards" });
   const tableBox = h("div", {});
@@ -46,68 +46,66 @@ export async function rowsView(place, found, query) {
   const one = h("div", { id: "sample" });
   const counted = h("span", {}, marked.size ? `${marked.size} marked` : "");
   let turn = 0;
-  const old = (/** @type {boolean} */ is) => [told, histogram, cards, tableBox, pages].forEach((element) => element.classList.toggle("old", is));
+  const old = (/** @type {boolean} */ is) => [matched, histogram, cards, tableBox, pages].forEach((element) => element.classList.toggle("old", is));
 
-  /** @param {boolean} first whether it is what the address says already, so that nothing is to be gone back to */
+  /** @param {boolean} first whether the URL already has this state, so that no step back is added */
   const fill = async (first = false) => {
     turn += 1;
     const own = turn;
-    const words = new URLSearchParams({ limit: String(PAGE), offset: String(asked.offset) });
-    for (const name of /** @type {const} */ (["along", "filter", "sort", "histogram"])) if (asked[name]) words.set(name, asked[name]);
+    const words = new URLSearchParams({ limit: String(PAGE), offset: String(state.offset) });
+    for (const name of /** @type {const} */ (["along", "filter", "sort", "histogram"])) if (state[name]) words.set(name, state[name]);
     const link = new URLSearchParams(words);
     link.delete("limit");
     link.set("tab", "rows");
     if (chosen !== null) link.set("row", String(chosen));
     if (model) link.set("model", model);
-    const wanted = `#/artifacts/${found.digest}?${link}`;
-    if (first) history.replaceState(null, "", wanted);
-    else if (location.hash !== wanted) history.pushState(null, "", wanted);
+    const url = `#/artifacts/${found.digest}?${link}`;
+    if (first) history.replaceState(null, "", url);
+    else if (location.hash !== url) history.pushState(null, "", url);
     try {
       const began = performance.now();
       const answer = await json(`artifacts/${found.digest}/rows?${words}`);
       if (own !== turn) return;
-      replace(trouble);
-      for (const select of quick.querySelectorAll("select")) select.value = among(select.name.replace("only-", ""));
+      replace(errorBox);
+      for (const select of quick.querySelectorAll("select")) select.value = valueOf(filter.value, select.name.replace("only-", ""));
       old(false);
-      replace(unknown, answer.unknown.map((/** @type {any} */ one) => h("p", { class: "box", role: "alert" }, `No row has ${one.column} “${one.value}”; there are: ${one.known.join(", ")}.`)));
-      told.textContent = `${answer.matched} of ${answer.total} rows`;
-      told.dataset.matched = String(answer.matched);
-      told.title = `${number(performance.now() - began, 3)} ms`;
-      asked.along = answer.axis;
+      replace(unknown, answer.unknown.map((/** @type {any} */ one) => h("p", { class: "box", role: "alert" }, `No row has ${one.column} “${one.value}”; values: ${one.known.join(", ")}.`)));
+      matched.textContent = `${answer.matched} of ${answer.total} rows`;
+      matched.dataset.matched = String(answer.matched);
+      matched.title = `${number(performance.now() - began, 3)} ms`;
+      state.along = answer.axis;
       show(answer);
       void offer(answer).catch(() => {});
       await pictures(answer);
     } catch (error) {
       if (own !== turn) return;
-      // What stands below is of the filter before.
-      told.textContent = asked.filter ? "no count with this filter" : "no rows";
-      delete told.dataset.matched;
+      // The rows below are those of the filter before.
+      matched.textContent = state.filter ? "invalid filter" : "no rows";
+      delete matched.dataset.matched;
       replace(unknown);
       old(true);
-      replace(trouble, problem(error));
+      replace(errorBox, problem(error));
     }
   };
   const soon = settled(() => {
-    asked.filter = filter.value;
-    asked.offset = 0;
+    state.filter = filter.value;
+    state.offset = 0;
     void fill();
   }, 200);
   filter.addEventListener("input", soon);
 
-  /** Rows whose value of a column lies between two, in place of a range that was chosen before. @param {string} name @param {number} low @param {number} high */
+  /** Filters a range of a column. @param {string} name @param {number} low @param {number} high */
   const between = (name, low, high) => {
     filter.value = within(filter.value, name, low, high);
     soon();
   };
-  /** Shows the rows of one value of a column alone. @param {string} name @param {string} value */
+  /** Filters a value of a column. @param {string} name @param {string} value */
   const only = (name, value) => {
     filter.value = withOnly(filter.value, name, value);
     soon();
   };
   const quick = h("div", { class: "tools" });
-  /** The value of a column that the filter asks for; empty where it asks for none. @param {string} name */
-  const among = (name) => valueOf(filter.value, name);
-  /** Columns of few different texts can be chosen from; which there are is counted once. @param {any} answer */
+  /** Adds menus of the values of text columns; the values are counted once. @param {any} answer */
   const offer = async (answer) => {
     if (quick.dataset.axis === answer.axis) return;
     quick.dataset.axis = answer.axis;
@@ -118,11 +116,11 @@ export async function rowsView(place, found, query) {
       const counted = (await json(`artifacts/${found.digest}/rows?${words}`)).histogram?.texts ?? [];
       if (counted.length < 2 || counted.length > MANY) continue;
       const options = [["", "all"], ...counted.map((/** @type {[string, number]} */ [text, count]) => [text, `${text} (${count})`])];
-      made.push(labelled(column.name, choice(`only-${column.name}`, /** @type {any} */ (options), among(column.name), (value) => only(column.name, value))));
+      made.push(labelled(column.name, choice(`only-${column.name}`, /** @type {any} */ (options), valueOf(filter.value, column.name), (value) => only(column.name, value))));
     }
     const worst = answer.columns.find((/** @type {any} */ column) => /max_error|(^|\/)error/.test(column.name));
     if (worst) made.push(h("button", { type: "button", name: "worst", onclick: () => {
-      Object.assign(asked, { sort: `-${worst.name}`, offset: 0 });
+      Object.assign(state, { sort: `-${worst.name}`, offset: 0 });
       void fill();
     } }, "Largest error first"));
     replace(quick, made);
@@ -130,15 +128,15 @@ export async function rowsView(place, found, query) {
 
   /** @param {any} answer */
   const show = (answer) => {
-    const sorted = asked.sort.replace(/^-/, "");
+    const sorted = state.sort.replace(/^-/, "");
     const head = (/** @type {any} */ column) => h(
       "th",
-      { scope: "col", class: column.is_text ? null : "number", title: column.description, "aria-sort": sorted === column.name ? (asked.sort.startsWith("-") ? "descending" : "ascending") : null },
+      { scope: "col", class: column.is_text ? null : "number", title: column.description, "aria-sort": sorted === column.name ? (state.sort.startsWith("-") ? "descending" : "ascending") : null },
       h("button", { type: "button", onclick: () => {
-        asked.sort = asked.sort === column.name ? `-${column.name}` : asked.sort === `-${column.name}` ? "" : column.name;
-        asked.offset = 0;
-        void fill();
-      } }, column.name, sorted === column.name ? (asked.sort.startsWith("-") ? " ↓" : " ↑") : ""),
+          state.sort = state.sort === column.name ? `-${column.name}` : state.sort === `-${column.name}` ? "" : column.name;
+          state.offset = 0;
+          void fill();
+        } }, column.name, sorted === column.name ? (state.sort.startsWith("-") ? " ↓" : " ↑") : ""),
     );
     const row = (/** @type {any[]} */ values, /** @type {number} */ at) => {
       const id = answer.numbers[at];
@@ -147,25 +145,25 @@ export async function rowsView(place, found, query) {
         else marked.delete(id);
         counted.textContent = `${marked.size} marked`;
       } });
-      return h("tr", { "aria-selected": String(id === chosen) }, h("td", {}, mark), h("td", {}, h("button", { type: "button", onclick: () => choose(id, answer) }, String(id))), values.map((value, k) => h("td", { class: answer.columns[k].is_text ? "cut" : "number", title: is_digest(value) ? value : null }, typeof value === "number" ? number(value, 6) : is_digest(value) ? `${value.slice(0, 12)}…` : value ?? "–")));
+      return h("tr", { "aria-selected": String(id === chosen) }, h("td", {}, mark), h("td", {}, h("button", { type: "button", onclick: () => choose(id) }, String(id))), values.map((value, k) => h("td", { class: answer.columns[k].is_text ? "cut" : "number", title: isDigest(value) ? value : null }, typeof value === "number" ? number(value, 6) : isDigest(value) ? `${value.slice(0, 12)}…` : value ?? "–")));
     };
     replace(tableBox, h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Rows" }, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, ""), h("th", { scope: "col" }, "row"), answer.columns.map(head))), h("tbody", {}, answer.rows.map(row)))));
-    const last = Math.min(asked.offset + answer.rows.length, answer.matched);
+    const last = Math.min(state.offset + answer.rows.length, answer.matched);
     const page = (/** @type {string} */ text, /** @type {number} */ offset, /** @type {boolean} */ off) => h("button", { type: "button", disabled: off, onclick: () => {
-      asked.offset = offset;
+      state.offset = offset;
       void fill();
     } }, text);
-    replace(pages, page("Previous", Math.max(0, asked.offset - PAGE), asked.offset === 0), h("span", {}, answer.matched ? `${asked.offset + 1} to ${last} of ${answer.matched}` : "none"), page("Next", asked.offset + PAGE, last >= answer.matched));
+    replace(pages, page("Previous", Math.max(0, state.offset - PAGE), state.offset === 0), h("span", {}, answer.matched ? `${state.offset + 1} to ${last} of ${answer.matched}` : "none"), page("Next", state.offset + PAGE, last >= answer.matched));
     const columns = [["", "no histogram"], ...answer.columns.map((/** @type {any} */ column) => [column.name, column.name])];
     const counts = answer.histogram;
     replace(
       histogram,
-      labelled("Histogram of", choice("histogram", /** @type {any} */ (columns), asked.histogram, (name) => {
-        asked.histogram = name;
+      labelled("Histogram of", choice("histogram", /** @type {any} */ (columns), state.histogram, (name) => {
+        state.histogram = name;
         void fill();
       })),
-      counts?.texts ? h("div", { class: "tools" }, counts.texts.map((/** @type {[string, number]} */ [text, count]) => h("button", { type: "button", onclick: () => only(asked.histogram, text) }, `${text}: ${count}`))) : null,
-      counts?.counts ? charts.bars(counts, asked.histogram, (low, high) => between(asked.histogram, low, high)) : null,
+      counts?.texts ? h("div", { class: "tools" }, counts.texts.map((/** @type {[string, number]} */ [text, count]) => h("button", { type: "button", onclick: () => only(state.histogram, text) }, `${text}: ${count}`))) : null,
+      counts?.counts ? charts.bars(counts, state.histogram, (low, high) => between(state.histogram, low, high)) : null,
     );
   };
 
@@ -184,7 +182,7 @@ export async function rowsView(place, found, query) {
     const card = (/** @type {number} */ id, /** @type {number} */ at) => {
       const canvas = h("canvas", { "aria-hidden": "true" });
       const text = label < 0 ? "" : ` ${number(answer.rows[at][label], 4)}`;
-      const button = h("button", { type: "button", class: "card", "aria-pressed": String(id === chosen), onclick: () => choose(id, answer) }, canvas, `row ${id}${text}`);
+      const button = h("button", { type: "button", class: "card", "aria-pressed": String(id === chosen), onclick: () => choose(id) }, canvas, `row ${id}${text}`);
       return { button, canvas, pattern: new Pattern(shape[2], shape[1], Uint8Array.from(data.slice(at * cells, (at + 1) * cells))) };
     };
     const made = answer.numbers.map(card);
@@ -193,21 +191,20 @@ export async function rowsView(place, found, query) {
     if (chosen !== null) await sample(chosen, answer);
   };
 
-  /** @param {number} id @param {any} answer */
-  const choose = (id, answer) => {
+  /** @param {number} id */
+  const choose = (id) => {
     chosen = id;
     void fill();
-    void answer;
   };
 
-  /** One sample with its field, its eight images, and where it comes from. @param {number} id @param {any} answer */
+  /** Shows a row with its field, its images, and its origin. @param {number} id @param {any} answer */
   const sample = async (id, answer) => {
     const { patterns, field } = drawn(found, answer.axis);
     const paths = [patterns, field].filter(Boolean).map((/** @type {any} */ array) => array.path);
     const { arrays } = await frame(`artifacts/${found.digest}/arrays?paths=${encodeURIComponent(paths.join(","))}&rows=${id}`);
     const { shape, data } = arrays[patterns.path];
     const pattern = new Pattern(shape[2], shape[1], Uint8Array.from(data));
-    // A row that a link names may stand on another page.
+    // The row of a link may be on another page.
     const at = answer.numbers.indexOf(id);
     const row = at < 0 ? (await json(`artifacts/${found.digest}/rows?limit=1&offset=${id}&along=${encodeURIComponent(answer.axis)}`)).rows[0] ?? [] : answer.rows[at];
     const values = row.length ? answer.columns.map((/** @type {any} */ column, /** @type {number} */ k) => [column.name, row[k]]) : [];
@@ -216,25 +213,25 @@ export async function rowsView(place, found, query) {
     const images = Array.from({ length: pattern.columns === pattern.rows ? 8 : 4 }, () => h("canvas", { "aria-hidden": "true" }));
     const displacement = field ? /** @type {Float32Array} */ (arrays[field.path].data) : null;
     const value = (/** @type {string} */ name) => values.find((/** @type {[string, any]} */ [own]) => own === name)?.[1];
-    // Other rows that have something in common with this one.
+    // Filters for similar rows.
     const alike = ["orbit", "family", "split", "set"].flatMap((name) => {
       const own = value(name);
       return own ? [h("button", { type: "button", "data-alike": name, onclick: () => only(name, own) }, `Same ${name}`)] : [];
     });
     const predicted = h("div", {});
-    const from = h("div", {}, h("p", { class: "soft" }, "Looking …"));
-    const near = h("div", {}, h("p", { class: "soft" }, "Looking …"));
+    const from = h("div", {}, h("p", { class: "soft" }, "Searching …"));
+    const near = h("div", {}, h("p", { class: "soft" }, "Searching …"));
     replace(
       one,
       h("h2", {}, `Row ${id}`),
       h("div", { class: "pair pictures" }, left, displacement ? h("figure", {}, right, h("figcaption", { class: "small soft" }, `Displacement: largest ${number(largest(displacement), 4)} mm, from dark to bright`)) : null, h("dl", { class: "results" }, values.map((/** @type {[string, any]} */ [name, value]) => [h("dt", {}, name), h("dd", {}, typeof value === "number" ? number(value, 6) : value ?? "–")]))),
       h("div", { class: "tools" }, alike),
       predicted,
-      h("h3", {}, "Where it comes from"),
+      h("h3", {}, "Origin"),
       from,
-      h("h3", {}, "Patterns most alike, of any family and part"),
+      h("h3", {}, "Most similar patterns"),
       near,
-      h("h3", {}, "Its images under the symmetries"),
+      h("h3", {}, "Images under the symmetries"),
       h("div", { class: "eight" }, images),
       h("div", { class: "tools" }, h("button", { type: "button", onclick: () => {
         try {
@@ -250,8 +247,8 @@ export async function rowsView(place, found, query) {
       drawField(right, found, pattern, displacement);
     }
     images.forEach((canvas, k) => drawPattern(canvas, image(pattern, k)));
-    if (model) prediction(predicted, found, id, model).catch((error) => replace(predicted, problem(error)));
-    lineage(from, found, Object.fromEntries(values)).catch((error) => replace(from, problem(error)));
+    if (model) void attempt(predicted, () => prediction(predicted, found, id, model));
+    void attempt(from, () => lineage(from, found, Object.fromEntries(values)));
     void neighbours(near, found, id);
   };
 
@@ -260,16 +257,16 @@ export async function rowsView(place, found, query) {
     h(
       "div",
       { class: "controls" },
-      axes.length > 1 ? labelled("Rows along", choice("along", /** @type {any} */ ([["", "its main axis"], ...axes.map((name) => [name, name])]), asked.along, (axis) => {
-        Object.assign(asked, { along: axis, sort: "", offset: 0, histogram: "" });
+      axes.length > 1 ? labelled("Rows along", choice("along", /** @type {any} */ ([["", "main axis"], ...axes.map((name) => [name, name])]), state.along, (axis) => {
+        Object.assign(state, { along: axis, sort: "", offset: 0, histogram: "" });
         chosen = null;
         void fill();
       })) : null,
       labelled("Filter", filter),
-      told,
+      matched,
     ),
     quick,
-    trouble,
+    errorBox,
     unknown,
     histogram,
     one,
@@ -288,10 +285,10 @@ function largest(field) {
   return most;
 }
 
-/** What a model says of a row, beside its label, and where they differ. @param {HTMLElement} place @param {any} found @param {number} row @param {string} model */
+/** Shows the prediction of a model for a row, its label, and the error. @param {HTMLElement} place @param {any} found @param {number} row @param {string} model */
 async function prediction(place, found, row, model) {
   replace(place, h("p", { class: "soft" }, "Predicting …"));
-  const { document: told, arrays } = await frame(`artifacts/${model}/prediction?row=${row}&of=${found.digest}`);
+  const { document: score, arrays } = await frame(`artifacts/${model}/prediction?row=${row}&of=${found.digest}`);
   const { shape, data } = arrays.pattern;
   const pattern = new Pattern(shape[1], shape[0], Uint8Array.from(data));
   const [label, predicted] = [arrays.label, arrays.predicted].map((array) => /** @type {Float32Array} */ (array.data));
@@ -303,42 +300,40 @@ async function prediction(place, found, row, model) {
   replace(
     place,
     h("h3", {}, "Prediction of ", short(model)),
-    h("p", { "data-error": String(told.max_error_mm) }, `${told.network}: largest error of a component ${number(told.max_error_mm, 4)} mm, RMS ${number(told.rms_mm, 4)} mm`),
-    h("p", { class: "soft small" }, "Errors of models are those of a component, x or y; what is drawn below is the magnitude of the vector at the cell corners, which is up to 1.41 times as large."),
+    h("p", { "data-error": String(score.max_error_mm) }, `${score.network}: largest error of a component ${number(score.max_error_mm, 4)} mm, RMS ${number(score.rms_mm, 4)} mm`),
+    h("p", { class: "soft small" }, "Errors of models are those of a component, x or y; the drawings show the magnitude of the vector at the cell corners, which is up to 1.41 times as large."),
     h("div", { class: "pair pictures", id: "prediction" }, made.map(({ canvas, bar, note }) => h("figure", {}, canvas, bar, note))),
   );
   views.forEach(([name, field, scale, high], at) => {
     const values = magnitudes(field, pattern.columns, pattern.rows);
-    // Label and prediction have one scale of colours; the error has its own, on the undeformed membrane.
+    // Label and prediction share a colour scale; the error has its own, on the undeformed membrane.
     drawMembrane(made[at].canvas, pattern, name === "Error" ? new Float32Array(field.length) : field, { size: size(found, pattern), scale, values, low: 0, high });
     drawBar(made[at].bar, false);
-    made[at].note.textContent = `${name}: largest ${number(largest(field), 4)} mm; colours from 0 to ${number(high, 4)} mm${name === "Error" ? ", a scale of its own" : ""}`;
+    made[at].note.textContent = `${name}: largest ${number(largest(field), 4)} mm; colours from 0 to ${number(high, 4)} mm${name === "Error" ? ", on a separate scale" : ""}`;
   });
 }
 
-/** The rows whose patterns are most like that of a row. @param {HTMLElement} place @param {any} found @param {number} row */
+/** Shows the rows with the most similar patterns. @param {HTMLElement} place @param {any} found @param {number} row */
 export async function neighbours(place, found, row) {
-  try {
+  await attempt(place, async () => {
     const near = await json(`artifacts/${found.digest}/neighbours?row=${row}&limit=${NEAR}`);
     const rows = near.neighbours.map((/** @type {any} */ one) => one.row);
     const patterns = await patternsAt(found, rows);
     const words = (/** @type {any} */ one) => (one.distance === 0 ? "the same, or an image" : `${one.distance} cells differ (${number((100 * one.distance) / near.cells, 2)} %)`);
     const named = await Promise.all(rows.map((/** @type {number} */ one) => families(found.digest, one)));
     const cards = near.neighbours.map((/** @type {any} */ one, /** @type {number} */ at) => card(patterns[at], rowLink(found.digest, one.row), h("div", {}, `row ${one.row}${named[at] ? `, ${named[at]}` : ""}`), h("div", { class: "soft" }, words(one))));
-    replace(place, rows.length ? h("div", { class: "cards", "data-neighbours": rows.join(" ") }, cards) : h("p", { class: "soft" }, "There is no other."), near.searched < near.total ? h("p", { class: "soft small" }, `Looked for among the first ${near.searched} of ${near.total} rows.`) : null);
-  } catch (error) {
-    replace(place, problem(error));
-  }
+    replace(place, rows.length ? h("div", { class: "cards", "data-neighbours": rows.join(" ") }, cards) : h("p", { class: "soft" }, "There is no other pattern."), near.searched < near.total ? h("p", { class: "soft small" }, `Only the first ${near.searched} of ${near.total} rows were searched.`) : null);
+  });
 }
 
-/** The family and the part of a row, where the set says them. @param {string} digest @param {number} row */
+/** The family and the part of a row, if the dataset has them. @param {string} digest @param {number} row */
 async function families(digest, row) {
   const answer = await json(`artifacts/${digest}/rows?limit=1&offset=${row}`);
   const value = (/** @type {string} */ name) => answer.rows[0]?.[answer.columns.findIndex((/** @type {any} */ column) => column.name === name)];
   return ["family", "split"].map(value).filter(Boolean).join(", ");
 }
 
-/** The pattern turned by quarters, or halves where it is no square, and mirrored. @param {Pattern} pattern @param {number} k */
+/** The pattern rotated by quarters, or by halves if it is not a square, and mirrored. @param {Pattern} pattern @param {number} k */
 function image(pattern, k) {
   const { columns, rows } = pattern;
   const turned = new Pattern(columns, rows);

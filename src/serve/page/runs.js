@@ -1,13 +1,13 @@
-// Past runs: their history, one of them, and several beside each other.
+// Past runs: the list, one of them, and the comparison of several.
 
 import { json } from "./server.js";
 import { changes, h, near, number, replace, seconds, short, table, titled, when } from "./elements.js";
 
-/** Results that a row of the history shows, those first that others were made for. */
-const RESULTS = 4;
+/** Results in a row of the list, and the order of results. */
+const MAX_RESULTS = 4;
 const FIRST = [/\.displacement$/, /\.predicted$/, /\.(rmse|max_error)/, /\.value/, /\.max_displacement$/];
 
-/** The results of a run from those that matter most: how far verified designs move, then how exact what was learned is. @param {Record<string, any>} results @returns {[string, any][]} */
+/** Sorts results by importance: displacements of verified designs, then errors of models. @param {Record<string, any>} results @returns {[string, any][]} */
 function ranked(results) {
   const place = (/** @type {string} */ name) => {
     const at = FIRST.findIndex((one) => one.test(name));
@@ -16,7 +16,7 @@ function ranked(results) {
   return Object.entries(results).sort(([a], [b]) => place(a) - place(b));
 }
 
-/** Runs that are marked: they stay when one goes back. @type {Set<string>} */
+/** Marked runs; they are kept when the view changes. @type {Set<string>} */
 const CHOSEN = new Set();
 
 /** @param {HTMLElement} view @returns {Promise<() => void>} */
@@ -34,8 +34,8 @@ export async function runsView(view) {
         else chosen.delete(run.id);
         compare.disabled = chosen.size < 2;
       } });
-      const that = (/** @type {string} */ outcome) => run.stages.filter((/** @type {any} */ stage) => stage.outcome === outcome).map((/** @type {any} */ stage) => stage.name);
-      const [built, failed, stopped] = ["built", "failed", "stopped"].map(that);
+      const withOutcome = (/** @type {string} */ outcome) => run.stages.filter((/** @type {any} */ stage) => stage.outcome === outcome).map((/** @type {any} */ stage) => stage.name);
+      const [built, failed, stopped] = ["built", "failed", "stopped"].map(withOutcome);
       const results = ranked(run.results);
       return [
         mark,
@@ -45,12 +45,12 @@ export async function runsView(view) {
         seconds(run.seconds),
         h("span", {}, built.length > 5 ? `${built.length} of ${run.stages.length}` : built.join(", ") || "nothing", failed.length ? h("span", { class: "error" }, ` failed: ${failed.join(", ")}`) : null, stopped.length ? ` stopped: ${stopped.join(", ")}` : null),
         changes(run.overrides),
-        h("span", {}, results.slice(0, RESULTS).map(([name, value]) => h("div", {}, `${name} ${number(/** @type {number} */ (value))}`))),
+        h("span", {}, results.slice(0, MAX_RESULTS).map(([name, value]) => h("div", {}, `${name} ${number(/** @type {number} */ (value))}`))),
       ];
     };
-    replace(box, runs.length ? table("Runs", ["", "run", "ended", "pipeline", { title: "took", number: true }, "built", "changed", "results"], runs.map(row), true) : h("p", {}, "No run is remembered; ", h("code", {}, "deaflow run pipeline.yaml"), " makes one."), more ? h("p", { class: "soft" }, `The last ${runs.length}; deaflow log lists all.`) : null);
+    replace(box, runs.length ? table("Runs", ["", "run", "ended", "pipeline", { title: "took", number: true }, "built", "changed", "results"], runs.map(row), true) : h("p", {}, "There are no runs yet; start one with ", h("code", {}, "deaflow run pipeline.yaml"), "."), more ? h("p", { class: "soft" }, `The last ${runs.length} runs; deaflow log lists all.`) : null);
   };
-  replace(view, h("h1", {}, "Runs"), h("div", { class: "tools" }, compare, h("span", { class: "soft" }, "mark two or more")), box);
+  replace(view, h("h1", {}, "Runs"), h("div", { class: "tools" }, compare, h("span", { class: "soft" }, "mark two or more runs")), box);
   await fill();
   const listen = () => void fill().catch(() => {});
   window.addEventListener("news", listen);
@@ -75,7 +75,7 @@ export async function runView(view, id) {
     (run.warnings ?? []).map((/** @type {string} */ text) => h("p", { class: "box" }, h("b", {}, "Warning: "), text)),
     h("h2", {}, "Stages"),
     table("Stages", ["stage", "outcome", "artifact"], run.stages.map(stage)),
-    Object.keys(run.overrides).length ? [h("h2", {}, "Changed for this run"), table("Overrides", ["path", "value"], pairs(run.overrides))] : null,
+    Object.keys(run.overrides).length ? [h("h2", {}, "Changed values"), table("Overrides", ["path", "value"], pairs(run.overrides))] : null,
     h("h2", {}, "Results"),
     table("Results", ["result", { title: "value", number: true }, "unit"], ranked(run.results).map(([name, value]) => [h("span", { class: "mono" }, name), h("span", { title: String(value) }, number(value, 8)), run.units?.[name] ?? ""])),
     h("details", {}, h("summary", {}, "Parameters"), table("Parameters", ["parameter", "value"], pairs(run.parameters))),
@@ -85,12 +85,12 @@ export async function runView(view, id) {
 /** @param {HTMLElement} view @param {string[]} ids */
 export async function compareView(view, ids) {
   const runs = await Promise.all(ids.map((id) => json(`runs/${encodeURIComponent(id)}`)));
-  // What was changed by `--set` stands among the parameters, by the path that was set; other runs had what the file says there.
+  // Overrides are compared as parameters; runs without the override have the value of the file.
   const changed = new Set(runs.flatMap((run) => Object.keys(run.overrides)));
   for (const run of runs) {
-    for (const path of changed) run.parameters[path] = run.overrides[path] ?? run.parameters[path] ?? "as in the file";
+    for (const path of changed) run.parameters[path] = run.overrides[path] ?? run.parameters[path] ?? "value of the file";
   }
-  // Stages that one run has not built say nothing of what differs.
+  // Stages that are not in all runs are not compared.
   const built = (/** @type {any} */ run) => new Set(run.stages.filter((/** @type {any} */ stage) => stage.digest).map((/** @type {any} */ stage) => stage.name));
   const inAll = runs.map(built).reduce((some, own) => new Set([...some].filter((name) => own.has(name))));
   const left = [...new Set(runs.flatMap((run) => [...built(run)]))].filter((name) => !inAll.has(name));
@@ -99,7 +99,7 @@ export async function compareView(view, ids) {
     return changed.has(name) || stage === undefined || !left.includes(stage);
   };
   /** @type {Record<string, string>} */ const units = Object.assign({}, ...runs.map((run) => run.units ?? {}));
-  /** Rows of what differs, or of all. @param {"parameters"|"results"} key @param {boolean} all */
+  /** Rows of the differences, or of all values. @param {"parameters"|"results"} key @param {boolean} all */
   const rows = (key, all) => {
     const names = [...new Set(runs.flatMap((run) => Object.keys(run[key])))].sort();
     const differs = (/** @type {string} */ name) => new Set(runs.map((run) => JSON.stringify(run[key][name]))).size > 1;
@@ -112,7 +112,7 @@ export async function compareView(view, ids) {
   };
   const heads = (/** @type {string} */ first, /** @type {boolean} */ are) => [first, ...runs.map((run) => ({ title: `${run.id}, ${when(run.created)}`, number: are }))];
   const figures = runs.map((run) => {
-    // The same stage of all, or two figures would be of different things.
+    // The same stage of all runs.
     const last = run.stages.filter((/** @type {any} */ stage) => inAll.has(stage.name)).slice(-1)[0];
     return h("div", {}, h("h3", {}, `${run.id}: ${last?.name ?? ""}`), last?.digest ? h("iframe", { sandbox: "allow-same-origin", title: `Figures of ${last.name}`, src: `/api/artifacts/${last.digest}/page` }) : null);
   });
@@ -122,19 +122,19 @@ export async function compareView(view, ids) {
   const box = h("div", {});
   const fill = (/** @type {boolean} */ all) => {
     const shown = all ? rows("results", true) : results;
-    replace(box, shown.length ? table("Results", heads("result", true), shown) : h("p", {}, "All are the same."));
+    replace(box, shown.length ? table("Results", heads("result", true), shown) : h("p", {}, "All results are equal."));
   };
   fill(false);
   replace(
     view,
     h("h1", {}, `${runs.length} runs`),
-    left.length ? h("p", { class: "soft", id: "left-out" }, `Not every one of them has ${left.join(", ")}: what is known of these is left out.`) : null,
-    h("h2", {}, "Parameters that differ"),
+    left.length ? h("p", { class: "soft", id: "left-out" }, `Not compared, because not all of the runs have them: ${left.join(", ")}.`) : null,
+    h("h2", {}, "Different parameters"),
     differing.length ? table("Parameters", heads("parameter", false), differing) : h("p", {}, "None."),
     h("h2", {}, "Results"),
-    equal ? h("label", { class: "toggle" }, h("input", { type: "checkbox", name: "equal", onchange: (/** @type {any} */ event) => fill(event.target.checked) }), `Show ${equal} that are equal, too`) : null,
+    equal ? h("label", { class: "toggle" }, h("input", { type: "checkbox", name: "equal", onchange: (/** @type {any} */ event) => fill(event.target.checked) }), `Show ${equal} equal results`) : null,
     box,
-    h("h2", {}, "Figures of the last stage that all have"),
+    h("h2", {}, "Figures of the last common stage"),
     h("div", { class: "pair" }, figures),
   );
 }

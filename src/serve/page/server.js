@@ -1,15 +1,15 @@
-// What the page asks of the server that it came from.
+// Requests to the server.
 
-/** An answer that is none. */
-export class Refusal extends Error {
+/** An error response of the server. */
+export class ApiError extends Error {
   /** @param {number} status @param {{message?: string, help?: string|null, line?: number|null, column?: number|null, value?: string|null}} error */
   constructor(status, error) {
-    super(error.message ?? `the server answered ${status}`);
+    super(error.message ?? `the server responded with status ${status}`);
     this.status = status;
     this.help = error.help ?? "";
     this.line = error.line ?? null;
     this.column = error.column ?? null;
-    /** The path of the value that is refused. */
+    /** The path of the refused value. */
     this.value = error.value ?? null;
   }
 }
@@ -22,27 +22,27 @@ export class Refusal extends Error {
 export async function ask(path, options = {}) {
   const body = options.bytes ?? (options.body === undefined ? undefined : JSON.stringify(options.body));
   const method = options.method ?? (body === undefined ? "GET" : "POST");
-  const response = await answered(`/api/${path}`, { method, body, signal: options.signal, credentials: "same-origin" });
+  const response = await fetchOrExplain(`/api/${path}`, { method, body, signal: options.signal, credentials: "same-origin" });
   if (response.ok) return response;
   let error = {};
   try {
     error = (await response.json()).error ?? {};
   } catch {
-    // An answer that is no document has nothing to say.
+    // The response is not JSON.
   }
-  throw new Refusal(response.status, error);
+  throw new ApiError(response.status, error);
 }
 
-/** What is to be done where there is no answer at all. */
-export const ENDED = `it has most likely ended: start it again with --port ${location.port}, where drawings are kept, and open the address that it prints, because a new server has a new token`;
+/** Help if the server does not respond. */
+export const ENDED = `it has probably been stopped: start it again with --port ${location.port}, which keeps the drawings, and open the new URL that it prints`;
 
 /** @param {string} path @param {RequestInit} options */
-async function answered(path, options) {
+async function fetchOrExplain(path, options) {
   try {
     return await fetch(path, options);
   } catch (error) {
     if (/** @type {any} */ (error).name === "AbortError") throw error;
-    throw Object.assign(new Error(`the server does not answer (${/** @type {any} */ (error).message})`), { help: ENDED });
+    throw Object.assign(new Error(`the server does not respond (${/** @type {any} */ (error).message})`), { help: ENDED });
   }
 }
 
@@ -52,7 +52,7 @@ export async function json(path, options) {
 }
 
 /**
- * A document with arrays: its length as 32 bits, the document, the numbers.
+ * Unpacks a document with arrays: its length as 32 bits, the document, the numbers.
  * @param {ArrayBuffer} buffer
  * @returns {{document: any, arrays: Record<string, {shape: number[], data: Float32Array|Uint8Array}>}}
  */
@@ -75,7 +75,7 @@ export async function frame(path, options) {
 }
 
 /**
- * Documents, a line for each, as they come.
+ * Reads documents, one a line, as they arrive.
  * @param {string} path @param {Parameters<typeof ask>[1]} options @param {(document: any) => void} each
  */
 export async function lines(path, options, each) {
@@ -92,7 +92,7 @@ export async function lines(path, options, each) {
   }
 }
 
-/** Columns by name of all rows along an axis. @param {string} digest @param {string} axis @param {string} [more] @returns {Promise<Record<string, any[]>>} */
+/** Reads the columns of all rows along an axis, by name. @param {string} digest @param {string} axis @param {string} [more] @returns {Promise<Record<string, any[]>>} */
 export async function columnsOf(digest, axis, more = "") {
   const answer = await json(`artifacts/${digest}/rows?along=${axis}&limit=1000${more}`);
   return Object.fromEntries(answer.columns.map((/** @type {any} */ column, /** @type {number} */ at) => [column.name, answer.rows.map((/** @type {any[]} */ row) => row[at])]));

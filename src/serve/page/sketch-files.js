@@ -1,9 +1,9 @@
-// Files of the sketchpad: patterns that are opened and saved, and how a pipeline gets one with its numbers.
+// Files of the sketchpad: opens and saves patterns, and shows how to use them in a pipeline.
 
 import { copyable, h, labelled, replace } from "./elements.js";
 import { fromFile, READ, saveAs } from "./files.js";
 
-/** What stands for the name of the pattern in what the server says, which is asked once for all names. */
+/** Placeholder for the name of the pattern in responses, which are used for all names. */
 export const PLACEHOLDER = "name-of-the-pattern";
 
 export class Files {
@@ -35,7 +35,7 @@ export class Files {
       opened,
       h("div", { class: "tools" }, labelled("Name", this.name)),
       h("div", { class: "tools", role: "group", "aria-label": "Save as a file" }, h("span", { class: "soft" }, "Save as"), formats),
-      h("h3", {}, "Into a pipeline"),
+      h("h3", {}, "Use in a pipeline"),
       h("div", { class: "tools" }, this.into),
       this.stages,
       this.saved,
@@ -48,7 +48,7 @@ export class Files {
     const name = this.fileName();
     await pad.attempt(this.saved, async () => {
       await saveAs(format, { scene: pad.scene.name, pattern: pad.pattern.asRows() }, name);
-      replace(this.saved, h("p", { class: "small" }, `${name}.${format} is saved.`));
+      replace(this.saved, h("p", { class: "small" }, `Saved ${name}.${format}.`));
     });
   }
 
@@ -56,18 +56,18 @@ export class Files {
     return this.name.value.replace(/[^A-Za-z0-9_-]/g, "_") || "mine";
   }
 
-  /** What the server says, with the name that the pattern has. @param {string} text */
+  /** Inserts the name of the pattern. @param {string} text */
   named(text) {
     return text.replaceAll(PLACEHOLDER, this.fileName());
   }
 
-  /** @param {any} reproduced what `sketch/reproduce` says of what is shown */
+  /** @param {any} reproduced response of `sketch/reproduce` */
   take(reproduced) {
     this.reproduced = reproduced;
     this.show();
   }
 
-  /** The stages that put the pattern into a pipeline, and what has to be said with them. */
+  /** Shows the stages with the pattern. */
   show() {
     const name = this.fileName();
     this.into.textContent = `Save ${name}.csv`;
@@ -76,16 +76,16 @@ export class Files {
     this.pad.numbers.reproduce(found, (text) => this.named(text));
     const others = found.set.length
       ? [
-          h("p", { class: "small", "data-changed": "true" }, "What is shown here has other values than the scene of the pipeline. Stages take the scene of their pipeline, so run it with these values, which hold for all of its stages:"),
+          h("p", { class: "small", "data-changed": "true" }, "The values shown here differ from the scene of the pipeline. Run it with these values, which apply to all of its stages:"),
           copyable(found.run ? this.named(found.run) : found.set.map((/** @type {string} */ set) => `--set '${set}'`).join(" ")),
         ]
       : null;
     replace(
       this.stages,
-      h("p", { class: "small" }, `The button saves ${name}.csv. Put it beside a pipeline with the scene ${this.pad.scene.name}, and these stages into it; they have the state, the method and the mesh that are shown. A run tells the largest displacement; that of the point is told by the command below the numbers:`),
+      h("p", { class: "small" }, `Save ${name}.csv beside a pipeline with the scene ${this.pad.scene.name}, and add these stages, which have the state, method and mesh shown here. The run prints the largest displacement; the command below the numbers prints that of the point.`),
       copyable(this.named(found.stages)),
       others,
-      h("details", {}, h("summary", {}, "A pipeline of its own, with the scene as it is shown"), copyable(this.named(found.pipeline))),
+      h("details", {}, h("summary", {}, "A complete pipeline with this scene"), copyable(this.named(found.pipeline))),
     );
   }
 }

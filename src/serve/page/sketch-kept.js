@@ -1,8 +1,8 @@
-// Drawings that are kept: those of a tab with what can be taken back, and the last of all tabs, with which a new tab begins.
+// Drawings in the storage of the browser: those of a tab with undo steps, and the last one of all tabs, with which a new tab starts.
 
 import { History, Pattern } from "./pattern.js";
 
-/** Steps that can be taken back after the page is read again, and cells of all of them. */
+/** Undo steps that are stored, and cells of all of them. */
 const STEPS = 50;
 const CELLS = 500000;
 
@@ -15,18 +15,18 @@ function read(storage, key) {
   }
 }
 
-/** What another view has sent here, which is opened once. @returns {Pattern|null} */
+/** The pattern that another view has sent, which is opened once. @returns {Pattern|null} */
 function sent() {
   const found = read(sessionStorage, "deaflow drawn");
   try {
     sessionStorage.removeItem("deaflow drawn");
   } catch {
-    // A browser that keeps nothing has sent nothing.
+    // The browser has no storage, so nothing was sent.
   }
   return found ? Pattern.of(found) : null;
 }
 
-/** The drawing that goes on: what was sent here, else that of this tab, else the last of any tab. @param {any} scene @returns {Pattern|null} */
+/** The first drawing: the sent pattern, or that of this tab, or the last one of all tabs. @param {any} scene @returns {Pattern|null} */
 export function kept(scene) {
   const before = sent();
   if (before) return before;
@@ -38,7 +38,7 @@ export function kept(scene) {
   }
 }
 
-/** What can be taken back in this tab. @param {any} scene @returns {History} */
+/** The undo steps of this tab. @param {any} scene @returns {History} */
 export function keptHistory(scene) {
   const history = new History();
   const found = read(sessionStorage, `deaflow steps ${scene.name}`);
@@ -60,6 +60,6 @@ export function keep(scene, pattern, history) {
     localStorage.setItem(`deaflow ${scene.name}`, rows);
     sessionStorage.setItem(`deaflow steps ${scene.name}`, JSON.stringify(steps));
   } catch {
-    // A browser that keeps nothing draws as well.
+    // Drawing works without storage as well.
   }
 }

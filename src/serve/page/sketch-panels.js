@@ -1,19 +1,19 @@
-// Panels of the sketchpad that solve the pattern in other ways: by several methods and meshes, and with effects.
+// Panels of the sketchpad: comparison of methods and meshes, and effects.
 
 import { json } from "./server.js";
 import { h, number, replace, table } from "./elements.js";
 
-/** Settings that are compared: method, elements per cell, order. */
+/** Methods that are compared: method, elements per cell, order. */
 const COMPARED = [["linear", 1, 1], ["chord:2", 1, 1], ["newton", 1, 1], ["newton", 2, 1], ["newton", 1, 2], ["newton", 2, 2]];
 
-/** A table that belongs to what was drawn when it was asked for, and is grey once something else is. */
-class Answered {
+/** A table for a drawing, which turns grey when the drawing changes. */
+class DrawingTable {
   /** @param {any} pad */
   constructor(pad) {
     this.pad = pad;
     this.box = h("div", {});
     this.old = h("p", { class: "small warning", role: "status" });
-    this.asked = "";
+    this.drawing = "";
   }
 
   /** @param {any} content */
@@ -22,32 +22,32 @@ class Answered {
     this.check();
   }
 
-  /** What is drawn, and under what; method and mesh are none of it. */
-  question() {
+  /** Identifies the drawing and its conditions, without method and mesh. */
+  key() {
     const { pattern, voltage, state, effects, point, direction } = this.pad;
     return [pattern.cells.join(""), voltage, state, effects, point, direction].join(" ");
   }
 
-  ask() {
-    this.asked = this.question();
-    this.fill(h("p", { class: "soft" }, "Solving …"));
+  start() {
+    this.drawing = this.key();
+    this.fill(h("p", { class: "soft" }, "Computing …"));
   }
 
-  /** Whether it is of something that was drawn before. */
+  /** Marks the table if the drawing has changed. */
   check() {
-    const old = this.box.childElementCount > 0 && this.asked !== this.question();
+    const old = this.box.childElementCount > 0 && this.drawing !== this.key();
     this.box.classList.toggle("old", old);
-    this.old.textContent = old ? "This is of another pattern, voltage, state, effects or point than what is shown now." : "";
+    this.old.textContent = old ? "The pattern, voltage, state, effects or point has changed since." : "";
   }
 }
 
-export class Compare extends Answered {
+export class Compare extends DrawingTable {
   panel() {
     return h(
       "section",
       { class: "panel wide" },
-      h("h2", {}, "What accuracy costs"),
-      h("p", { class: "soft small" }, "The same pattern by several methods and meshes, each with its error against Newton’s method on a finer mesh."),
+      h("h2", {}, "Accuracy and time"),
+      h("p", { class: "soft small" }, "The same pattern with several methods and meshes, with the error against Newton’s method on a finer mesh."),
       h("button", { type: "button", onclick: () => this.run(), id: "compare" }, "Compare"),
       this.old,
       this.box,
@@ -56,31 +56,31 @@ export class Compare extends Answered {
 
   async run() {
     const { pad } = this;
-    this.ask();
-    const { asked } = this;
+    this.start();
+    const { drawing } = this;
     await pad.attempt(this.box, async () => {
       const body = pad.body(false);
       /** @type {any[]} */ const rows = [];
-      const progress = () => (rows.length < COMPARED.length ? h("p", { class: "soft" }, `Solving: ${rows.length} of ${COMPARED.length} …`) : null);
+      const progress = () => (rows.length < COMPARED.length ? h("p", { class: "soft" }, `Computing: ${rows.length} of ${COMPARED.length} …`) : null);
       const heads = ["method", { title: "elements per cell", number: true }, { title: "order", number: true }, { title: "largest, mm", number: true }, { title: "value, mm", number: true }, { title: "error, mm", number: true }, { title: "ms", number: true }, ""];
       for (const [method, elements, order] of COMPARED) {
-        if (pad.ended || this.asked !== asked) return;
+        if (pad.ended || this.drawing !== drawing) return;
         this.fill([rows.length ? table("Methods", heads, rows) : null, progress()]);
         const own = { ...body, method, elements_per_cell: elements, order, fields: [] };
-        // The first solution of a kind sets up its solver.
+        // The first solution includes the setup of the solver.
         await json("sketch", { body: { ...own, quick: true } });
         const found = await json("sketch", { body: own });
         rows.push([
           method, elements, order, number(found.max_displacement, 6), number(found.value, 6), number(found.error, 2), number(1000 * found.seconds, 3),
-          h("button", { type: "button", onclick: () => this.pad.adopt(String(method), Number(elements), Number(order)) }, "Take"),
+          h("button", { type: "button", onclick: () => this.pad.adopt(String(method), Number(elements), Number(order)) }, "Use"),
         ]);
       }
-      if (this.asked === asked) this.fill(table("Methods", heads, rows));
+      if (this.drawing === drawing) this.fill(table("Methods", heads, rows));
     });
   }
 }
 
-export class Effects extends Answered {
+export class Effects extends DrawingTable {
   panel() {
     const { pad } = this;
     const known = pad.scene.effects.filter((/** @type {any} */ effect) => effect.on !== null && !effect.in_time && !["charge_control", "rigid_inclusion"].includes(effect.name));
@@ -93,9 +93,9 @@ export class Effects extends Answered {
       "section",
       { class: "panel wide" },
       h("h2", {}, "Effects"),
-      pad.scene.auto ? h("p", { class: "soft small" }, "The scene leaves them to screening; a choice here takes their place.") : null,
+      pad.scene.auto ? h("p", { class: "soft small" }, "The scene selects the effects by screening; a choice here replaces them.") : null,
       h("div", { class: "boxes" }, boxes.map((one) => h("label", { class: "toggle" }, one.box, h("span", {}, one.name.replaceAll("_", " "), one.refused ? h("span", { class: "soft small", "data-refused": one.name }, `: ${one.refused}`) : null)))),
-      h("button", { type: "button", onclick: () => this.run(), id: "screen" }, "Which does this pattern call for?"),
+      h("button", { type: "button", onclick: () => this.run(), id: "screen" }, "Check effects"),
       this.old,
       this.box,
     );
@@ -103,9 +103,9 @@ export class Effects extends Answered {
 
   async run() {
     const { pad } = this;
-    this.ask();
+    this.start();
     await pad.attempt(this.box, async () => {
-      this.fill(h("p", { class: "soft" }, "Solving with each effect and without it …"));
+      this.fill(h("p", { class: "soft" }, "Computing with and without each effect …"));
       const found = await json("sketch/screen", { body: { ...pad.body(true), fields: [] } });
       const rows = found.effects.map((/** @type {any} */ row) => [
         row.effect.replaceAll("_", " "),
@@ -115,7 +115,7 @@ export class Effects extends Answered {
         row.status,
         row.change,
       ]);
-      this.fill(table("Screening", ["effect", { title: "number", number: true }, { title: "above", number: true }, "called for", "now", "what it changes"], rows));
+      this.fill(table("Screening", ["effect", { title: "number", number: true }, { title: "threshold", number: true }, "significant", "now", "influence"], rows));
     });
   }
 }

@@ -1,10 +1,10 @@
-// The pen of the sketchpad: tools, strokes of a pointer and keys, and what takes them back.
+// The pen of the sketchpad: tools, strokes of the pointer, keys, and undo.
 
 import { choice, h, labelled } from "./elements.js";
 import { Mirrors, Pattern } from "./pattern.js";
 import { keep, keptHistory } from "./sketch-kept.js";
 
-/** Tools that take two corners. */
+/** Tools with two corners. */
 const SHAPES = ["rectangle", "ellipse", "line"];
 
 const TOOLS = [["brush", "Brush", "b"], ["eraser", "Eraser", "e"], ["rectangle", "Rectangle", "r"], ["ellipse", "Ellipse", "o"], ["line", "Line", "l"], ["fill", "Fill", "f"]];
@@ -21,13 +21,13 @@ export class Pen {
     this.group = 1;
     /** @type {[number, number]} */ this.cursor = [Math.floor(this.scene.columns / 2), Math.floor(this.scene.rows / 2)];
     this.showCursor = false;
-    /** The first corner of a shape that is drawn by keys. @type {{from: [number, number], before: Pattern}|null} */ this.corner = null;
-    this.back = (/** @type {KeyboardEvent} */ event) => this.takeBack(event);
-    window.addEventListener("keydown", this.back);
+    /** The first corner of a shape that is drawn with keys. @type {{from: [number, number], before: Pattern}|null} */ this.corner = null;
+    this.undoKeys = (/** @type {KeyboardEvent} */ event) => this.undoOrRedo(event);
+    window.addEventListener("keydown", this.undoKeys);
   }
 
   end() {
-    window.removeEventListener("keydown", this.back);
+    window.removeEventListener("keydown", this.undoKeys);
   }
 
   get pattern() {
@@ -66,7 +66,7 @@ export class Pen {
     ];
   }
 
-  /** What can be taken back or brought again now. */
+  /** Enables undo and redo if there are steps. */
   mark() {
     this.undoButton.disabled = !this.history.past.length;
     this.redoButton.disabled = !this.history.future.length;
@@ -155,7 +155,7 @@ export class Pen {
       const [columns, rows] = [this.pattern.columns, this.pattern.rows];
       const before = this.cursor;
       this.cursor = [Math.max(0, Math.min(columns - 1, before[0] + move[0])), Math.max(0, Math.min(rows - 1, before[1] + move[1]))];
-      // With shift the pen is down.
+      // With shift, the pen is down.
       if (this.corner) {
         this.apply(this.corner.before, this.corner.from, this.cursor, value);
         this.pad.changed(true);
@@ -174,7 +174,7 @@ export class Pen {
     this.pad.soon();
   }
 
-  /** The first corner of a shape, or the second, which draws it. @param {number} value */
+  /** Sets the first corner of a shape, or the second one, which completes it. @param {number} value */
   setCorner(value) {
     if (!this.corner) {
       this.corner = { from: this.cursor, before: this.pattern.copy() };
@@ -190,7 +190,7 @@ export class Pen {
     this.pad.soon();
   }
 
-  /** Takes back a shape that has one corner alone. */
+  /** Removes a shape with only one corner. */
   drop() {
     if (!this.corner) return;
     this.pattern.cells.set(this.corner.before.cells);
@@ -198,8 +198,8 @@ export class Pen {
     this.pad.changed(true);
   }
 
-  /** Ctrl Z and Ctrl Y anywhere on the page but where text is written. @param {KeyboardEvent} event */
-  takeBack(event) {
+  /** Ctrl Z and Ctrl Y, except in text fields. @param {KeyboardEvent} event */
+  undoOrRedo(event) {
     const key = event.key.toLowerCase();
     const writes = event.target instanceof HTMLInputElement && ["text", "search"].includes(event.target.type);
     if (!(event.ctrlKey || event.metaKey) || event.altKey || !["z", "y"].includes(key) || writes) return;

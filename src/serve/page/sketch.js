@@ -1,7 +1,7 @@
 // The sketchpad: a pattern, and the membrane that moves while it is drawn.
 
 import { frame, json } from "./server.js";
-import { choice, h, labelled, near, number, numeric, problem, replace, said, settled } from "./elements.js";
+import { attempt, choice, h, labelled, near, number, numeric, problem, replace, settled, showInvalid } from "./elements.js";
 import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { range } from "./colours.js";
 import { Pattern } from "./pattern.js";
@@ -13,12 +13,12 @@ import { Improve } from "./sketch-improve.js";
 import { Files, PLACEHOLDER } from "./sketch-files.js";
 import { Compare, Effects } from "./sketch-panels.js";
 
-/** After so many milliseconds without a stroke the critical voltage and the error are asked for. */
+/** After this time without a stroke, critical voltage and error are computed, ms. */
 const STILL = 250;
-/** A solution that takes longer does not keep the next from being asked for. */
+/** A request that takes longer is dropped for the next one, ms. */
 const PATIENCE = 250;
 
-/** What the membrane is coloured by: the array, its name, its unit, what its numbers are divided by, whether its colours begin at zero, and digits of their ends. */
+/** Colourings of the membrane: label, unit, divisor of the values, whether the colours start at zero, and digits of the ends. */
 const COLOURINGS = {
   displacement: ["displacement", "mm", 1, true, 6],
   stress: ["larger principal stress", "kPa", 1e3, false, 3],
@@ -28,10 +28,10 @@ const COLOURINGS = {
   electrode: ["electrodes", "", 1, true, 3],
 };
 
-/** The highest voltage that is simulated, V. */
+/** The highest voltage, V. */
 const MOST_VOLTS = 1e6;
 
-/** @param {HTMLElement} view @param {{pattern?: number[][], scene?: string}} first @returns {Promise<() => void>} what ends it */
+/** @param {HTMLElement} view @param {{pattern?: number[][], scene?: string}} first @returns {Promise<() => void>} a function that ends it */
 export async function sketchpad(view, first = {}) {
   const { scenes, refused } = await json("scenes");
   const pad = new Sketchpad(view, scenes, first);
@@ -50,7 +50,7 @@ class Sketchpad {
     const before = kept(this.scene);
     const given = first.pattern?.length ? Pattern.of(first.pattern) : null;
     const fits = (/** @type {Pattern|null} */ found) => (found && found.columns === this.scene.columns && found.rows === this.scene.rows ? found : null);
-    /** What is drawn; what is not membrane has no electrode. */
+    /** The pattern; it has electrodes only on the membrane. */
     this.pattern = fits(given) ?? fits(before) ?? new Pattern(this.scene.columns, this.scene.rows);
     this.trim();
     this.state = this.scene.states[0] ?? null;
@@ -73,16 +73,16 @@ class Sketchpad {
     /** @type {string[]|null} */ this.effects = null;
     this.critical = null;
     /** @type {any} */ this.shown = null;
-    /** What is wanted of the point, mm; null where nothing is. @type {number|null} */ this.wanted = null;
-    /** Fields that hold something wrong: what is shown belongs to values of before. @type {Set<string>} */ this.wrong = new Set();
-    /** Whether the last question had no answer. */ this.failed = false;
+    /** The target of the point, mm; null without one. @type {number|null} */ this.target = null;
+    /** Fields with an invalid value: the numbers are for the values before. @type {Set<string>} */ this.invalid = new Set();
+    /** Whether the last request failed. */ this.failed = false;
     this.version = 0;
     this.sent = -1;
     /** @type {{controller: AbortController, began: number, version: number}|null} */ this.flight = null;
     this.latest = -1;
     this.frame = 0;
     this.fresh = false;
-    /** What has to be drawn with the next frame. */
+    /** What has to be drawn in the next frame. */
     this.stale = { pad: false, membrane: false };
     this.still = settled(() => this.refine(), STILL);
     this.ended = false;
@@ -103,9 +103,9 @@ class Sketchpad {
   }
 
   build() {
-    const label = "Drawing area. Arrow keys move the cursor, space draws, B E R O L F choose a tool, Ctrl Z takes back. Of a rectangle, an ellipse or a line, space sets the first corner and draws at the second; Escape drops it.";
+    const label = "Drawing area. Arrow keys move the cursor, space draws, B E R O L F choose a tool, Ctrl Z undoes. For a rectangle, an ellipse or a line, space sets the first and then the second corner; Escape cancels.";
     this.canvas = h("canvas", { class: "pad", tabindex: "0", role: "application", "aria-label": label, id: "pad" });
-    this.membrane = h("canvas", { class: "membrane", role: "img", "aria-label": "The membrane as it deforms", id: "membrane" });
+    this.membrane = h("canvas", { class: "membrane", role: "img", "aria-label": "Deformed membrane", id: "membrane" });
     this.bar = h("canvas", { class: "bar", "aria-hidden": "true" });
     this.legend = h("p", { class: "legend soft" });
     this.line = h("p", { class: "narrow-only sticky", id: "value-line", "aria-hidden": "true" });
@@ -129,9 +129,9 @@ class Sketchpad {
     this.changed(true);
   }
 
-  /** Scenes that cannot be drawn on, and why. */
+  /** Scenes that cannot be used, with their errors. */
   refusals() {
-    const one = (/** @type {any} */ { path, error }) => h("details", { class: "small refused", open: true }, h("summary", {}, h("span", { class: "error" }, "cannot be used: "), h("span", { class: "mono" }, near(path))), problem(error));
+    const one = (/** @type {any} */ { path, error }) => h("details", { class: "small refused", open: true }, h("summary", {}, h("span", { class: "error" }, "invalid scene: "), h("span", { class: "mono" }, near(path))), problem(error));
     return h("div", {}, this.refused.map(one));
   }
 
@@ -141,34 +141,34 @@ class Sketchpad {
     this.voltageNumber = numeric(String(this.voltage), `Voltage, ${HINTS.voltage}`, { id: "volts", title: HINTS.voltage });
     this.criticalMark = h("option", {});
     this.criticalText = h("span", { class: "soft", id: "critical-voltage" });
-    this.voltageTrouble = h("span", { class: "error", id: "voltage-trouble", role: "alert" });
+    this.voltageError = h("span", { class: "error", id: "voltage-trouble", role: "alert" });
     const changed = (/** @type {string} */ text) => {
       const { value, wrong } = quantity(text, "voltage", 0, MOST_VOLTS);
-      this.said("voltage", this.voltageNumber, this.voltageTrouble, wrong);
+      this.showInvalid("voltage", this.voltageNumber, this.voltageError, wrong);
       if (wrong) return;
       this.voltage = value;
       this.voltageRange.value = String(value);
       if (document.activeElement !== this.voltageNumber) this.voltageNumber.value = String(value);
-      this.tellGroups();
+      this.showGroupVoltages();
       this.changed(false);
     };
     this.voltageRange.addEventListener("input", () => changed(this.voltageRange.value));
     this.voltageNumber.addEventListener("input", () => changed(this.voltageNumber.value));
     this.groupText = h("span", { class: "soft", id: "group-voltages" });
-    this.tellGroups();
+    this.showGroupVoltages();
     return h(
       "div",
       { class: "controls" },
       this.scenes.length > 1 ? labelled("Scene", choice("scene", /** @type {any} */ (scenes), this.scene.name, (name) => this.reopen({ scene: name }))) : h("span", {}, "Scene ", h("b", {}, this.scene.name)),
-      this.scene.states.length ? labelled("State", choice("state", this.scene.states.map((/** @type {string} */ name) => [name, name]), this.state ?? "", (name) => this.enter(name))) : null,
+      this.scene.states.length ? labelled("State", choice("state", this.scene.states.map((/** @type {string} */ name) => [name, name]), this.state ?? "", (name) => this.setState(name))) : null,
       this.scene.driven_by_charge
         ? h("span", { class: "soft" }, "driven by a charge")
-        : h("span", { class: "control grow" }, h("span", {}, this.scene.groups > 1 ? "Largest voltage" : "Voltage"), this.voltageRange, this.voltageNumber, h("span", { class: "soft" }, "V unless it has a unit: 4 kV"), h("datalist", { id: "critical" }, this.criticalMark), this.voltageTrouble, this.criticalText),
+        : h("span", { class: "control grow" }, h("span", {}, this.scene.groups > 1 ? "Largest voltage" : "Voltage"), this.voltageRange, this.voltageNumber, h("span", { class: "soft" }, "V, or with a unit: 4 kV"), h("datalist", { id: "critical" }, this.criticalMark), this.voltageError, this.criticalText),
       this.groupText,
     );
   }
 
-  /** The voltages of the groups in the state that is shown, as the scene has them, V. @returns {number[]} */
+  /** The voltages of the groups in the present state, as in the scene, V. @returns {number[]} */
   ownVoltages() {
     return this.scene.voltages[Math.max(this.scene.states.indexOf(this.state), 0)] ?? [];
   }
@@ -183,35 +183,35 @@ class Sketchpad {
     return this.ownVoltages().flatMap((voltage, at) => (voltage > 0 ? [at + 1] : []));
   }
 
-  /** Says of several groups which voltage each has: the others follow the largest. */
-  tellGroups() {
+  /** Shows the voltage of each group; the others are proportional to the largest one. */
+  showGroupVoltages() {
     if (this.scene.groups < 2 || this.scene.driven_by_charge) return;
     const most = this.ownVoltage();
     const words = this.ownVoltages().map((voltage, at) => `group ${at + 1}: ${number(most ? (voltage * this.voltage) / most : 0, 6)} V`);
     this.groupText.textContent = words.join(", ");
   }
 
-  /** Another state of the device, with its own voltages. @param {string} name */
-  enter(name) {
+  /** Switches to another state of the device, with its own voltages. @param {string} name */
+  setState(name) {
     this.state = name;
     this.voltage = this.ownVoltage();
     this.voltageRange.value = String(this.voltage);
     this.voltageNumber.value = String(this.voltage);
-    this.said("voltage", this.voltageNumber, this.voltageTrouble, "");
+    this.showInvalid("voltage", this.voltageNumber, this.voltageError, "");
     const driven = this.driven();
     if (!driven.includes(this.pen.group)) this.pen.take(driven[0] ?? 1);
-    this.tellGroups();
+    this.showGroupVoltages();
     this.changed(false);
   }
 
-  /** Takes electrodes off what is no membrane, as designs have it. */
+  /** Removes electrodes outside of the membrane. */
   trim() {
     const { parts } = this.scene;
     if (parts) this.pattern.cells.forEach((value, at) => value && parts[at] && (this.pattern.cells[at] = 0));
   }
 
-  /** The share of the membrane that a pattern covers. @param {Pattern} pattern */
-  share(pattern) {
+  /** The area fraction of a pattern. @param {Pattern} pattern */
+  areaFraction(pattern) {
     const { parts } = this.scene;
     const free = parts ? parts.filter((/** @type {number} */ part) => !part).length : pattern.cells.length;
     return pattern.cells.reduce((sum, cell, at) => sum + (cell && !parts?.[at] ? 1 : 0), 0) / Math.max(free, 1);
@@ -234,7 +234,7 @@ class Sketchpad {
       "div",
       { class: "tools" },
       labelled("Colour", choice("colouring", /** @type {any} */ (options), this.colouring, (name) => this.take({ colouring: name }))),
-      labelled("Shown", choice("scale", /** @type {any} */ (scales), String(this.scale), (value) => {
+      labelled("Scale", choice("scale", /** @type {any} */ (scales), String(this.scale), (value) => {
         this.scale = Number(value);
         this.soon();
       })),
@@ -257,50 +257,46 @@ class Sketchpad {
   pointPanel() {
     const [width, height] = this.scene.size_mm;
     const field = (/** @type {string} */ label, /** @type {"length"|"angle"} */ dimension, /** @type {number} */ value, /** @type {number} */ least, /** @type {number} */ most, /** @type {(value: number) => void} */ set) => {
-      const trouble = h("span", { class: "error", role: "alert" });
+      const errorText = h("span", { class: "error", role: "alert" });
       const input = numeric(String(value), label, { title: HINTS[dimension], oninput: () => {
         const found = quantity(input.value, dimension, least, most);
-        this.said(label, input, trouble, found.wrong);
+        this.showInvalid(label, input, errorText, found.wrong);
         if (found.wrong) return;
         set(found.value);
         this.changed(false);
       } });
-      return labelled(label, input, trouble);
+      return labelled(label, input, errorText);
     };
-    const trouble = h("span", { class: "error", role: "alert" });
-    const wanted = numeric("", "wanted value", { name: "wanted", placeholder: "none", title: `${HINTS.length}; Improve goes towards it, up or down, and stops as near as it gets`, oninput: () => {
-      const found = wanted.value.trim() ? quantity(wanted.value, "length", -1e3, 1e3) : { value: NaN, wrong: "" };
-      said(wanted, trouble, found.wrong);
+    const errorText = h("span", { class: "error", role: "alert" });
+    const target = numeric("", "target value", { name: "wanted", placeholder: "none", title: `${HINTS.length}; Improve searches for the nearest pattern`, oninput: () => {
+      const found = target.value.trim() ? quantity(target.value, "length", -1e3, 1e3) : { value: NaN, wrong: "" };
+      showInvalid(target, errorText, found.wrong);
       if (found.wrong) return;
-      this.wanted = Number.isFinite(found.value) ? found.value : null;
+      this.target = Number.isFinite(found.value) ? found.value : null;
       if (this.shown) this.show();
     } });
     this.heatNote = h("p", { class: "soft small" });
     return h(
       "section",
       { class: "panel" },
-      h("h2", {}, "Point to pull"),
+      h("h2", {}, "Point"),
       h(
         "div",
         { class: "tools" },
         field("x, mm", "length", this.point[0], 0, width, (value) => (this.point = [value, this.point[1]])),
         field("y, mm", "length", this.point[1], 0, height, (value) => (this.point = [this.point[0], value])),
         field("direction, °", "angle", this.direction, -360, 360, (value) => (this.direction = value)),
-        labelled("wanted, mm", wanted, trouble),
+        labelled("target, mm", target, errorText),
       ),
-      h("label", { class: "toggle" }, h("input", { type: "checkbox", name: "heat", onchange: (/** @type {any} */ event) => this.take({ heat: event.target.checked }) }), "Show what each cell would add or take (adjoint)"),
+      h("label", { class: "toggle" }, h("input", { type: "checkbox", name: "heat", onchange: (/** @type {any} */ event) => this.take({ heat: event.target.checked }) }), "Show the effect of each cell (adjoint)"),
       this.heatNote,
     );
   }
 
-  /** @param {any} element @param {() => Promise<void>} act */
+  /** Clears an element, and runs an action whose error it shows. @param {any} element @param {() => Promise<void>} act */
   async attempt(element, act) {
-    try {
-      replace(element);
-      await act();
-    } catch (error) {
-      if (/** @type {any} */ (error).name !== "AbortError") replace(element, problem(error));
-    }
+    replace(element);
+    await attempt(element, act);
   }
 
   /** @param {{scene?: string}} first */
@@ -312,12 +308,12 @@ class Sketchpad {
   /** @param {Record<string, any>} values */
   take(values) {
     Object.assign(this, values);
-    // Brackets are of a mesh and of effects: those of others are not to be taken for them.
-    if (["effects", "elements", "method", "order"].some((name) => name in values)) this.criticalText.textContent = "looking for where stability is lost …";
+    // The critical voltage depends on mesh and effects.
+    if (["effects", "elements", "method", "order"].some((name) => name in values)) this.criticalText.textContent = "computing the critical voltage …";
     this.changed(false);
   }
 
-  /** What the server is told. @param {boolean} quick */
+  /** The body of a request. @param {boolean} quick */
   body(quick) {
     const fields = ["displacement"];
     if (["stress", "least_stress"].includes(this.colouring)) fields.push("stress");
@@ -339,7 +335,7 @@ class Sketchpad {
     };
   }
 
-  /** Something is not as it was. @param {boolean} drawn whether the pattern changed */
+  /** Reacts to a change. @param {boolean} drawn whether the pattern changed */
   changed(drawn) {
     if (drawn) this.trim();
     this.version += 1;
@@ -349,11 +345,11 @@ class Sketchpad {
     this.grey();
     this.still();
     this.next();
-    // The membrane follows with its answer.
+    // The membrane is drawn with the response.
     this.soon(true, drawn && !this.shown?.arrays.displacement);
   }
 
-  /** Asks for the latest: one request at a time, and a slow one is given up for it. */
+  /** Requests the latest solution: one request at a time, and a slow one is dropped for it. */
   next() {
     if (this.ended || this.sent === this.version) return;
     if (this.flight) {
@@ -379,20 +375,20 @@ class Sketchpad {
     void this.reproduce();
   }
 
-  /** Says how long the error has been looked for: with effects it takes seconds. */
+  /** Shows how long the error is being computed: with effects, it takes seconds. */
   waiting() {
     const [{ version }, began] = [this, performance.now()];
     const tick = () => {
       const place = this.view.querySelector("#error");
       if (this.ended || version !== this.version || !this.shown?.quick || this.failed || !place) return;
       const passed = Math.round((performance.now() - began) / 1000);
-      if (passed > 0) place.textContent = `looked for since ${passed} s …`;
+      if (passed > 0) place.textContent = `computing (${passed} s)`;
       setTimeout(tick, 1000);
     };
     tick();
   }
 
-  /** Asks how what is shown comes out elsewhere. */
+  /** Requests the command and the stages that reproduce the numbers. */
   async reproduce() {
     const { version } = this;
     try {
@@ -402,7 +398,7 @@ class Sketchpad {
       this.files.take(found);
       this.grey();
     } catch {
-      // The solution says what is wrong with the question, which is the same.
+      // The request of the solution reports the same error.
     }
   }
 
@@ -415,7 +411,7 @@ class Sketchpad {
     const pattern = this.pattern.copy();
     try {
       const { document, arrays } = await frame("sketch", { body: this.body(quick), signal: flight.controller.signal });
-      // An answer that was overtaken is not shown.
+      // A response that is older than the shown one is dropped.
       if (this.ended || flight.version < this.latest || (!quick && flight.version !== this.version)) return;
       this.latest = flight.version;
       this.failed = false;
@@ -425,7 +421,7 @@ class Sketchpad {
       this.soon(this.heat, true);
     } catch (error) {
       if (/** @type {any} */ (error).name === "AbortError" || this.ended) return;
-      // The failure of an older request says nothing of what is shown by now.
+      // The error of an older request does not matter any more.
       if (flight.version < this.latest || flight.version !== this.version) return;
       this.failed ||= flight.version > this.latest;
       replace(this.numbers.notice, problem(error));
@@ -438,30 +434,30 @@ class Sketchpad {
     }
   }
 
-  /** Says what is wrong beside a field; numbers are greyed until it is right. @param {string} name @param {any} input @param {HTMLElement} place @param {string} wrong */
-  said(name, input, place, wrong) {
-    said(input, place, wrong);
-    if (wrong) this.wrong.add(name);
-    else this.wrong.delete(name);
+  /** Shows an invalid value beside its field, and turns the numbers grey until it is corrected. @param {string} name @param {any} input @param {HTMLElement} place @param {string} wrong */
+  showInvalid(name, input, place, wrong) {
+    showInvalid(input, place, wrong);
+    if (wrong) this.invalid.add(name);
+    else this.invalid.delete(name);
     this.grey();
   }
 
-  /** Whether what is shown is of before: a field is wrong, or the last question had no answer. */
+  /** Turns grey what is for the values before: a field is invalid, or the last request failed. */
   grey() {
-    const old = this.failed || this.wrong.size > 0;
+    const old = this.failed || this.invalid.size > 0;
     const { results } = this.numbers;
     for (const element of [results, this.membrane, this.bar, this.legend, this.line, this.numbers.notice]) element?.classList.toggle("old", old);
-    // It is looked for once things are still.
+    // The critical voltage is computed after a pause.
     this.criticalText?.classList.toggle("old", old || results.dataset.settled !== "true");
-    // What is no longer true is not to be copied.
+    // Obsolete numbers must not be copied.
     if (this.numbers.copy) this.numbers.copy.disabled = old;
-    results.title = old ? "of the values before" : "";
-    // The command and the stages follow once things are still.
+    results.title = old ? "for the values before" : "";
+    // Command and stages follow after a pause.
     const other = old || this.reproduced !== this.version;
     for (const element of [this.numbers.command, this.files.stages]) element?.classList.toggle("old", other);
   }
 
-  /** Draws with the next frame of the screen, once, whatever has changed until then: the server works meanwhile. */
+  /** Draws in the next frame, once for all changes until then. */
   soon(pad = true, membrane = true) {
     this.stale.pad ||= pad;
     this.stale.membrane ||= membrane;
@@ -469,9 +465,9 @@ class Sketchpad {
     this.frame = requestAnimationFrame(() => {
       this.frame = 0;
       if (this.ended) return;
-      const share = this.share(this.pattern);
-      this.area.textContent = `area ${number(100 * share, 4)} %${this.scene.parts ? " of the membrane" : ""}`;
-      this.invitation.textContent = share > 0 ? "" : "Draw an electrode here, or open a file under Files.";
+      const area = this.areaFraction(this.pattern);
+      this.area.textContent = `area ${number(100 * area, 4)} %${this.scene.parts ? " of the membrane" : ""}`;
+      this.invitation.textContent = area > 0 ? "" : "Draw an electrode here, or open a file under Files.";
       this.pen.mark();
       if (this.fresh) {
         this.fresh = false;
@@ -488,14 +484,14 @@ class Sketchpad {
       this.critical = found.critical_voltage;
       this.voltageRange.max = String(Math.max(this.mostVoltage(), this.voltage));
       this.criticalMark.value = this.critical === null ? "" : String(this.critical);
-      const told = this.numbers.critical(found);
+      const critical = this.numbers.critical(found);
       const [stable, lost] = found.critical_bracket ?? [];
-      const alone = stable === undefined ? "" : `on the mesh of the page alone, as the command has it, between ${number(stable, 6)} and ${number(lost, 6)} V`;
+      const own = stable === undefined ? "" : `this mesh alone: ${number(stable, 6)} to ${number(lost, 6)} V`;
       const { critical_voltage: at, critical_voltage_error: error } = found;
-      // What the command says is not to look like a contradiction.
-      const apart = alone && error && (lost < at - error || stable > at + error);
-      this.criticalText.textContent = told === null ? "no loss of stability was found" : `stability is lost at ${told}${apart ? ` by two finer meshes; ${alone}` : ""}`;
-      this.criticalText.title = alone;
+      // The command prints the limit of the mesh: if both differ, both are shown.
+      const differs = own && error && (lost < at - error || stable > at + error);
+      this.criticalText.textContent = critical === null ? "no instability found" : `limit ${critical}${differs ? ` (${own})` : ""}`;
+      this.criticalText.title = own;
     }
     this.numbers.show();
     this.line.textContent = found.max_displacement === null ? `no stable state: ${found.outcome}` : `value ${number(found.value, 4)} mm, largest ${number(found.max_displacement, 4)} mm`;
@@ -514,8 +510,8 @@ class Sketchpad {
     const sensitivity = this.heat ? this.shown?.arrays.sensitivity?.data : null;
     this.heatNote.textContent = this.heat
       ? sensitivity
-        ? `vermillion: an electrode here adds, blue: it takes; the strongest cell changes the value by ${number(Math.max(...range(sensitivity).map(Math.abs)), 3)} mm to first order`
-        : "there is no adjoint for this method, these effects or this outcome"
+        ? `vermillion: an electrode here increases the value, blue: it decreases it; at most ${number(Math.max(...range(sensitivity).map(Math.abs)), 3)} mm for one cell, to first order`
+        : "not available for this method, these effects or this outcome"
       : "";
     drawPattern(this.canvas, this.pattern, {
       ratio: size[1] / size[0],
@@ -544,7 +540,7 @@ class Sketchpad {
     if (values) {
       drawBar(this.bar, false);
       this.legend.textContent = `${name}: ${number(low / factor, digits)} to ${number(high / factor, digits)} ${unit}`;
-    } else this.legend.textContent = this.colouring === "electrode" || !shown || displacement ? "electrodes" : "no state to be shown: the membrane at rest";
+    } else this.legend.textContent = this.colouring === "electrode" || !shown || displacement ? "electrodes" : "no stable state: the membrane is shown at rest";
     this.bar.hidden = !values;
   }
 
