@@ -1,17 +1,20 @@
-//! A window on a store, and a sketchpad, in a browser on this machine: `deaflow serve` and `deaflow sketch`.
+//! The local web server and its page, with the sketchpad: `deaflow serve` and `deaflow sketch`.
 //!
-//! The server listens on the loopback address alone, for whoever knows the token that it prints. It reads: what changes anything is `deaflow
-//! run`, which it starts only where that was allowed. `docs/serve.md` has its routes, which scripts may use as the page does. `http` speaks
-//! the protocol and lets nobody else in; `sketch` simulates what is drawn; `look` answers questions about the store and its pipelines; `held` is what
-//! stays in memory between requests; `page` holds what the browser runs, compiled in.
+//! The server listens only on the loopback address, and every request needs the token that it prints. It reads: only
+//! `deaflow run`, which it starts if that was allowed, changes anything. `docs/serve.md` describes its paths, which
+//! scripts may use as well. `http` has the protocol and access control, `sketch` simulates drawn patterns, `browse`
+//! answers queries about the store and its pipelines, `jobs` starts and watches runs, `cache` holds what stays in
+//! memory between requests, and `page` the files of the page.
 
-mod held;
+mod artifact_data;
+mod browse;
+mod cache;
 mod http;
-mod look;
+mod jobs;
 mod routes;
 mod sketch;
 mod state;
 
-pub use http::{ServeError, Served, Token};
+pub use http::{ServeError, Server, Token};
 pub use routes::Routes;
-pub use state::{Options, ServedState, Start};
+pub use state::{Options, ServerState, StartView};

@@ -1,13 +1,13 @@
-//! Which path is answered by what. Scripts may use them as the page does: `docs/serve.md` has all of them.
+//! The paths of the server; `docs/serve.md` describes them.
 
 use std::sync::Arc;
 
-use super::http::{Answer, Handler, Lane, Method, Refusal, Request, asset};
-use super::state::ServedState;
-use super::{look, sketch};
+use super::http::{ApiError, Handler, Lane, Method, Request, Response, asset};
+use super::state::ServerState;
+use super::{browse, sketch};
 
-/// Answers requests by what a server knows.
-pub struct Routes(pub Arc<ServedState>);
+/// Handles requests with the state of a server.
+pub struct Routes(pub Arc<ServerState>);
 
 impl Handler for Routes {
     fn lane(&self, path: &[String]) -> Lane {
@@ -21,12 +21,12 @@ impl Handler for Routes {
         }
     }
 
-    fn answer(&self, request: &Request) -> Result<Answer, Refusal> {
-        answer(&self.0, request)
+    fn handle(&self, request: &Request) -> Result<Response, ApiError> {
+        route(&self.0, request)
     }
 }
 
-fn answer(state: &Arc<ServedState>, request: &Request) -> Result<Answer, Refusal> {
+fn route(state: &Arc<ServerState>, request: &Request) -> Result<Response, ApiError> {
     let path: Vec<&str> = request.path.iter().map(String::as_str).collect();
     let (get, post) = (request.method == Method::Get, request.method == Method::Post);
     match path.as_slice() {
@@ -38,49 +38,51 @@ fn answer(state: &Arc<ServedState>, request: &Request) -> Result<Answer, Refusal
                 ["reproduce"] if post => sketch::reproduce(state, request),
                 ["export"] if post => sketch::export(state, request),
                 ["import"] if post => sketch::import(state, request),
-                [] | ["improve" | "screen" | "reproduce" | "export" | "import"] => Err(Refusal::not_allowed("POST")),
-                _ => Err(unknown()),
+                [] | ["improve" | "screen" | "reproduce" | "export" | "import"] => {
+                    Err(ApiError::method_not_allowed("POST"))
+                }
+                _ => Err(unknown_path()),
             },
-            ["plan"] if post => look::plan(state, request),
-            ["plan"] => Err(Refusal::not_allowed("POST")),
-            ["run"] => look::run(state, request),
-            // All that follows is read alone.
+            ["plan"] if post => browse::plan(state, request),
+            ["plan"] => Err(ApiError::method_not_allowed("POST")),
+            ["run"] => browse::run(state, request),
+            // The following paths can only be read.
             _ if !get => match is_known(rest) {
-                true => Err(Refusal::not_allowed("GET")),
-                false => Err(unknown()),
+                true => Err(ApiError::method_not_allowed("GET")),
+                false => Err(unknown_path()),
             },
-            ["start"] => Ok(state.beginning().into()),
+            ["start"] => Ok(state.start_document().into()),
             ["scenes"] => sketch::scenes(state, request),
-            ["status"] => look::status(state, request),
-            ["pipelines"] => look::pipelines(state, request),
-            ["pipelines", number] => look::pipeline(state, request, number),
-            ["runs"] => look::runs(state, request),
-            ["runs", id] => look::one_run(state, request, id),
-            ["artifacts"] => look::artifacts(state, request),
-            ["artifacts", digest] => look::artifact(state, request, digest),
-            ["artifacts", digest, "rows"] => look::rows(state, request, digest),
-            ["events"] => look::events(state, request),
-            ["artifacts", digest, "neighbours"] => look::neighbours(state, request, digest),
-            ["artifacts", digest, "again"] => look::again(state, request, digest),
-            ["artifacts", digest, "judged"] => look::judged(state, request, digest),
-            ["artifacts", digest, "prediction"] => look::prediction(state, request, digest),
-            ["artifacts", digest, "arrays"] => look::arrays(state, request, digest),
-            ["artifacts", digest, "page"] => look::page(state, request, digest),
-            _ => Err(unknown()),
+            ["status"] => browse::status(state, request),
+            ["pipelines"] => browse::pipelines(state, request),
+            ["pipelines", number] => browse::pipeline(state, request, number),
+            ["runs"] => browse::runs(state, request),
+            ["runs", id] => browse::one_run(state, request, id),
+            ["artifacts"] => browse::artifacts(state, request),
+            ["artifacts", digest] => browse::artifact(state, request, digest),
+            ["artifacts", digest, "rows"] => browse::rows(state, request, digest),
+            ["events"] => browse::events(state, request),
+            ["artifacts", digest, "neighbours"] => browse::neighbours(state, request, digest),
+            ["artifacts", digest, "again"] => browse::resimulate(state, request, digest),
+            ["artifacts", digest, "judged"] => browse::model_errors(state, request, digest),
+            ["artifacts", digest, "prediction"] => browse::prediction(state, request, digest),
+            ["artifacts", digest, "arrays"] => browse::arrays(state, request, digest),
+            ["artifacts", digest, "page"] => browse::figures(state, request, digest),
+            _ => Err(unknown_path()),
         },
         [name] if get => {
-            let (media, text) = asset(name).ok_or_else(unknown)?;
-            Ok(Answer::Bytes {
+            let (media, text) = asset(name).ok_or_else(unknown_path)?;
+            Ok(Response::Bytes {
                 media,
                 bytes: text.as_bytes().to_vec(),
                 file: None,
             })
         }
-        _ => Err(unknown()),
+        _ => Err(unknown_path()),
     }
 }
 
-/// Whether a path below `/api` is one that can be read.
+/// Whether a path below `/api` can be read.
 fn is_known(path: &[&str]) -> bool {
     matches!(
         path,
@@ -94,6 +96,6 @@ fn is_known(path: &[&str]) -> bool {
     )
 }
 
-fn unknown() -> Refusal {
-    Refusal::absent("there is nothing under this path").help("docs/serve.md lists the paths")
+fn unknown_path() -> ApiError {
+    ApiError::not_found("unknown path").help("docs/serve.md lists the paths")
 }

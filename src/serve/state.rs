@@ -1,13 +1,15 @@
-//! What a server knows: its pipelines and scenes, its store, and what it keeps in memory.
+//! The state of a server: its pipelines and scenes, its store, and its caches.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use serde_json::{Value, json};
 
-use super::held::{Benches, Critical, Kept, Runner, Setting, StoreTotals, Tables, lock};
-use super::http::Refusal;
-use super::look::Judgement;
+use super::cache::{
+    CriticalVoltage, LruCache, ModelErrors, SimulationSetup, SolverCache, StoreTotals, TableCache, lock,
+};
+use super::http::ApiError;
+use super::jobs::Runner;
 use deaflow_base::{ArtifactId, InputError};
 use deaflow_orchestrator::{Pipeline, file_of};
 use deaflow_pattern::Pattern;
@@ -17,81 +19,80 @@ use deaflow_stage::direct;
 use deaflow_store::{Artifact, Store};
 use deaflow_surrogate::Surrogate;
 
-/// Where the page opens.
+/// The view that the page opens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Start {
-    /// At the pipelines.
+pub enum StartView {
+    /// The pipelines.
     #[default]
     Overview,
-    /// At the sketchpad.
+    /// The sketchpad.
     Sketch,
 }
 
-/// What is served.
+/// Options of a server.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// The pipelines; where there are none, those of past runs.
+    /// The pipelines; by default those of past runs.
     pub pipelines: Vec<PathBuf>,
-    /// The folder of the store, which need not be there yet.
+    /// The folder of the store, which may not exist yet.
     pub store: PathBuf,
-    /// Whether pipelines may be run.
+    /// Whether the page may start runs.
     pub allow_run: bool,
-    /// The scene of the sketchpad, by its file.
+    /// The file of the scene of the sketchpad.
     pub scene: Option<PathBuf>,
-    /// What the sketchpad begins with, as an argument of `deaflow solve`.
+    /// The first pattern of the sketchpad, as an argument of `deaflow solve`.
     pub pattern: Option<String>,
 }
 
-/// A scene by its name on the page.
+/// A scene with its name on the page.
 #[derive(Clone, Debug)]
 pub struct NamedScene {
     /// The name.
     pub name: String,
     /// The scene.
     pub scene: Scene,
-    /// The file that it stands in: its own, or that of a pipeline; none of the scene that is always there.
+    /// The file of the scene or of its pipeline; `None` for the built-in scene.
     pub file: Option<PathBuf>,
 }
 
-/// What a server knows.
-pub struct ServedState {
+/// The state of a server.
+pub struct ServerState {
     store_folder: PathBuf,
-    named: Vec<PathBuf>,
+    pipelines: Vec<PathBuf>,
     allow_run: bool,
     own_scene: Option<NamedScene>,
-    first: Vec<Vec<u8>>,
+    first_pattern: Vec<Vec<u8>>,
     store: Mutex<Option<Arc<Store>>>,
     scenes: Mutex<Vec<NamedScene>>,
-    /// Solvers that are ready.
-    pub benches: Benches,
-    /// Where drawn patterns lose stability: that of a pattern is asked for at many voltages.
-    pub limits: Kept<(Setting, Pattern), Option<Critical>>,
-    /// Artifacts that were looked at last: one of many chunks has opened all of them.
-    pub opened: Kept<ArtifactId, Artifact>,
-    /// Trained networks that were asked last.
-    pub networks: Kept<ArtifactId, Surrogate>,
-    /// What they say of the rows of a part of their sets, by its name.
-    pub judgements: Kept<(ArtifactId, &'static str), Judgement>,
+    /// Solvers.
+    pub solvers: SolverCache,
+    /// Critical voltages of drawn patterns, which are asked for at many voltages.
+    pub critical_voltages: LruCache<(SimulationSetup, Pattern), Option<CriticalVoltage>>,
+    /// Open artifacts: opening one with many chunks opens all of them.
+    pub opened: LruCache<ArtifactId, Artifact>,
+    /// Trained networks.
+    pub networks: LruCache<ArtifactId, Surrogate>,
+    /// Errors of networks on the rows of a part of their datasets.
+    pub model_errors: LruCache<(ArtifactId, &'static str), ModelErrors>,
     /// Tables of artifacts.
-    pub tables: Tables,
-    /// What is in the store.
+    pub tables: TableCache,
+    /// Totals of the store.
     pub totals: StoreTotals,
-    /// The run that was begun here.
+    /// The run that the page started.
     pub runner: Runner,
 }
 
-impl ServedState {
-    /// Reads what was named.
+impl ServerState {
+    /// Reads the pipelines, the scene and the pattern of the options.
     ///
     /// # Errors
-    /// When the scene, the pattern or one of the pipelines cannot be used. Pipelines that are broken later, or that past runs name, are
-    /// shown with their problems.
+    /// If one of them cannot be used. Pipelines that break later, or that past runs name, are shown with their errors.
     pub fn new(options: Options) -> Result<Self, InputError> {
         for path in &options.pipelines {
             Pipeline::load(path, &[], &stage::registry())?;
         }
         let own_scene = options.scene.as_deref().map(named_scene).transpose()?;
-        let first = match (&options.pattern, &own_scene) {
+        let first_pattern = match (&options.pattern, &own_scene) {
             (Some(pattern), Some(own)) => {
                 let found = direct::patterns(std::slice::from_ref(pattern), own.scene.form())?;
                 let columns = own.scene.form().raster.columns();
@@ -104,18 +105,18 @@ impl ServedState {
         };
         let state = Self {
             store_folder: options.store,
-            named: options.pipelines.iter().map(|path| file_of(path)).collect(),
+            pipelines: options.pipelines.iter().map(|path| file_of(path)).collect(),
             allow_run: options.allow_run,
             own_scene,
-            first,
+            first_pattern,
             store: Mutex::default(),
             scenes: Mutex::default(),
-            benches: Benches::default(),
-            limits: Kept::new(MOST_LIMITS),
-            opened: Kept::new(MOST_OPENED),
-            networks: Kept::new(MOST_NETWORKS),
-            judgements: Kept::new(MOST_NETWORKS),
-            tables: Tables::default(),
+            solvers: SolverCache::default(),
+            critical_voltages: LruCache::new(MAX_CRITICAL_VOLTAGES),
+            opened: LruCache::new(MAX_OPENED),
+            networks: LruCache::new(MAX_NETWORKS),
+            model_errors: LruCache::new(MAX_NETWORKS),
+            tables: TableCache::default(),
             totals: StoreTotals::default(),
             runner: Runner::default(),
         };
@@ -123,26 +124,26 @@ impl ServedState {
         Ok(state)
     }
 
-    /// Whether pipelines may be run.
+    /// Whether the page may start runs.
     #[must_use]
     pub fn may_run(&self) -> bool {
         self.allow_run
     }
 
-    /// The folder of the store.
+    /// Returns the folder of the store.
     #[must_use]
     pub fn store_folder(&self) -> &Path {
         &self.store_folder
     }
 
-    /// The store; none where there is none yet.
+    /// Returns the store; `None` if there is none yet.
     ///
     /// # Errors
-    /// When something else is in its place, or it cannot be read.
-    pub fn store(&self) -> Result<Option<Arc<Store>>, Refusal> {
+    /// If its folder holds something else, or cannot be read.
+    pub fn store(&self) -> Result<Option<Arc<Store>>, ApiError> {
         let mut held = lock(&self.store);
         if held.is_none() && Store::is_at(&self.store_folder) {
-            // A page that is left open must not keep `gc` from its work.
+            // A page that stays open must not block `gc`.
             let store = match self.allow_run {
                 true => Store::open_existing(&self.store_folder)?,
                 false => Store::open_unlocked(&self.store_folder)?,
@@ -152,54 +153,54 @@ impl ServedState {
         Ok(held.clone())
     }
 
-    /// The store, for what cannot be answered without.
+    /// Returns the store.
     ///
     /// # Errors
-    /// When there is none.
-    pub fn existing_store(&self) -> Result<Arc<Store>, Refusal> {
+    /// If there is none.
+    pub fn existing_store(&self) -> Result<Arc<Store>, ApiError> {
         let none = || {
-            Refusal::absent(format!("there is no artifact store at {}", self.store_folder.display()))
-                .help("`deaflow run` makes one")
+            ApiError::not_found(format!("there is no artifact store at {}", self.store_folder.display()))
+                .help("run a pipeline to create it")
         };
         self.store()?.ok_or_else(none)
     }
 
-    /// Gives up the signs that this process is at the store.
+    /// Removes the entry of this process from the store.
     pub fn leave(&self) {
         if let Some(store) = lock(&self.store).as_ref() {
             store.leave();
         }
     }
 
-    /// The files of the pipelines: those that were named, or those of past runs, the latest first.
+    /// Returns the files of the pipelines: those of the options, or those of past runs, the latest first.
     ///
     /// # Errors
-    /// When the store cannot be read.
-    pub fn pipelines(&self) -> Result<Vec<PathBuf>, Refusal> {
-        let mut paths = self.named.clone();
+    /// If the store cannot be read.
+    pub fn pipelines(&self) -> Result<Vec<PathBuf>, ApiError> {
+        let mut paths = self.pipelines.clone();
         let Some(store) = self.store()?.filter(|_| paths.is_empty()) else {
             return Ok(paths);
         };
-        for run in store.runs()?.take(MOST_RUNS) {
+        for run in store.runs()?.take(MAX_RUNS) {
             let path = PathBuf::from(run?.path);
             if !paths.contains(&path) && path.is_file() {
                 paths.push(path);
             }
-            if paths.len() == MOST_PIPELINES {
+            if paths.len() == MAX_PIPELINES {
                 break;
             }
         }
         Ok(paths)
     }
 
-    /// The scenes that can be named, read anew.
+    /// Reads all scenes again.
     pub fn read_scenes(&self) -> Vec<NamedScene> {
         let mut found: Vec<NamedScene> = self.own_scene.clone().into_iter().collect();
         let pipelines = self.pipelines().unwrap_or_default();
-        // Those with one that has problems are told of by `refused_scenes`.
+        // `invalid_scenes` returns the errors of the others.
         found.extend(pipelines.iter().filter_map(|path| named_scene(path).ok()));
         if found.is_empty() {
-            // That of a pipeline may be broken, and is not to be taken for this one.
+            // The scene of a pipeline may be broken, and this one must not be mistaken for it.
             let name = match pipelines.is_empty() {
                 true => "vhb4910".to_owned(),
                 false => "vhb4910 (built in)".to_owned(),
@@ -212,19 +213,19 @@ impl ServedState {
         }
         let mut seen: Vec<String> = Vec::new();
         for named in &mut found {
-            let alike = seen.iter().filter(|other| **other == named.name).count();
+            let same = seen.iter().filter(|other| **other == named.name).count();
             seen.push(named.name.clone());
-            if alike > 0 {
-                named.name = format!("{} ({})", named.name, alike + 1);
+            if same > 0 {
+                named.name = format!("{} ({})", named.name, same + 1);
             }
         }
         lock(&self.scenes).clone_from(&found);
         found
     }
 
-    /// Pipelines whose scenes cannot be drawn on, with what is wrong with them; those that have none are left out.
+    /// Returns the pipelines whose scenes cannot be used, with their errors; pipelines without a scene are left out.
     #[must_use]
-    pub fn refused_scenes(&self) -> Vec<(PathBuf, Refusal)> {
+    pub fn invalid_scenes(&self) -> Vec<(PathBuf, ApiError)> {
         let all = self.pipelines().unwrap_or_default().into_iter();
         all.filter_map(|path| match direct::read_scene(&path) {
             Err(error) if direct::names_scene(&path) => Some((path, error.into())),
@@ -233,13 +234,13 @@ impl ServedState {
         .collect()
     }
 
-    /// A scene by its name; the first where none is named.
+    /// Returns the scene with a name; the first one if no name is given.
     #[must_use]
     pub fn scene(&self, name: Option<&str>) -> Option<Scene> {
         self.named_scene(name).map(|named| named.scene)
     }
 
-    /// A scene by its name, with the file that it stands in; the first where none is named.
+    /// Returns the scene with a name and its file; the first one if no name is given.
     #[must_use]
     pub fn named_scene(&self, name: Option<&str>) -> Option<NamedScene> {
         let scenes = lock(&self.scenes);
@@ -251,35 +252,35 @@ impl ServedState {
         found.cloned()
     }
 
-    /// What the page begins with.
+    /// Returns what the page needs at its start.
     #[must_use]
-    pub fn beginning(&self) -> Value {
+    pub fn start_document(&self) -> Value {
         json!({
             "version": env!("CARGO_PKG_VERSION"),
             "store": self.store_folder,
             "folder": std::env::current_dir().ok(),
             "allow_run": self.allow_run,
-            "pattern": self.first,
+            "pattern": self.first_pattern,
         })
     }
 }
 
-/// Patterns whose limits are kept.
-const MOST_LIMITS: usize = 32;
+/// Critical voltages that are kept.
+const MAX_CRITICAL_VOLTAGES: usize = 32;
 
-/// Artifacts that are kept open.
-const MOST_OPENED: usize = 8;
+/// Artifacts that stay open.
+const MAX_OPENED: usize = 8;
 
 /// Networks that are kept.
-const MOST_NETWORKS: usize = 4;
+const MAX_NETWORKS: usize = 4;
 
-/// Runs that are looked through for pipelines.
-const MOST_RUNS: usize = 500;
+/// Runs that are searched for pipelines.
+const MAX_RUNS: usize = 500;
 
 /// Pipelines of past runs that are shown.
-const MOST_PIPELINES: usize = 50;
+const MAX_PIPELINES: usize = 50;
 
-/// A scene, named after its file.
+/// Reads a scene, which is named after its file.
 fn named_scene(path: &Path) -> Result<NamedScene, InputError> {
     let name = path
         .file_stem()

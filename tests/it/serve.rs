@@ -725,7 +725,7 @@ fn strokes_on_the_sketchpad_are_solved_and_limits_are_told() {
     assert!((shown - largest).abs() < 1e-6, "{shown} and {largest}");
     // The pad says where the limit is, and beyond it what has become of the membrane.
     let told = tab.text("#critical-voltage");
-    assert!(told.starts_with("stability is lost at "), "{told}");
+    assert!(told.starts_with("limit "), "{told}");
     photographed(&mut tab, "sketchpad");
     tab.write("#volts", "9000");
     tab.until("document.querySelector('#outcome').textContent === 'pull-in' || document.querySelector('#outcome').textContent === 'not-elliptic'");
@@ -773,7 +773,7 @@ fn pipelines_rows_and_runs_are_looked_at() {
     tab.screen(1440, 900, "light");
     tab.go(&server.url);
     tab.click("a[href='#/pipelines/0']");
-    tab.until("document.querySelector('#bill').textContent.includes('are fresh')");
+    tab.until("document.querySelector('#bill').textContent.includes('up to date')");
     tab.write("input[name=find]", "voltage");
     tab.write("[data-path='scene.drive.voltage']", "4 kV");
     tab.until("document.querySelector('#bill').dataset.stale");

@@ -1,72 +1,65 @@
-//! Rows of arrays that are too wide for a table: patterns and fields, to be drawn.
-
-use std::ops::Range;
+//! Rows of arrays that are too wide for a table: patterns and fields, for drawings.
 
 use serde_json::json;
 
-use super::artifacts::named;
-use crate::http::{Answer, Array, Refusal, Request, frame};
-use crate::state::ServedState;
+use super::artifacts::find_artifact;
+use crate::artifact_data::elements;
+use crate::http::{ApiError, Array, Request, Response, frame};
+use crate::state::ServerState;
 use deaflow_store::{Artifact, Data};
 
-/// Rows in one answer.
-const MOST_ROWS: usize = 200;
+/// Rows in one response.
+const MAX_ROWS: usize = 200;
 
-/// Arrays in one answer.
-const MOST_ARRAYS: usize = 4;
+/// Arrays in one response.
+const MAX_ARRAYS: usize = 4;
 
-/// Elements of a row: a field on the most cells.
-const MOST_ELEMENTS: usize = 2 * 401 * 401;
+/// Elements of a row: the field of the largest raster.
+const MAX_ROW_ELEMENTS: usize = 2 * 401 * 401;
 
-/// Elements in one answer.
-const MOST_IN_ALL: usize = 8 << 20;
+/// Elements in one response.
+const MAX_ELEMENTS: usize = 8 << 20;
 
-/// Rows of arrays as a frame: `?paths=patterns,displacement&rows=3,5,7`.
+/// Returns rows of arrays as a frame: `?paths=patterns,displacement&rows=3,5,7`.
 ///
 /// # Errors
-/// When there is no such array or row, or it holds texts.
-pub fn arrays(state: &ServedState, request: &Request, digits: &str) -> Result<Answer, Refusal> {
+/// If an array or a row does not exist, or an array holds texts.
+pub fn arrays(state: &ServerState, request: &Request, digest: &str) -> Result<Response, ApiError> {
     request.allow(&["paths", "rows"])?;
-    let wanted = request
-        .word("rows")
-        .unwrap_or_default()
-        .split(',')
-        .filter(|row| !row.is_empty());
-    let rows: Option<Vec<usize>> = wanted.map(|row| row.trim().parse().ok()).collect();
-    let rows = rows.ok_or_else(|| Refusal::bad("`rows` are whole numbers between commas"))?;
-    let paths: Vec<&str> = request
-        .word("paths")
-        .unwrap_or_default()
-        .split(',')
-        .filter(|path| !path.is_empty())
-        .collect();
-    if rows.len() > MOST_ROWS || paths.len() > MOST_ARRAYS {
-        return Err(
-            Refusal::bad(format!("{} rows of {} arrays are too many", rows.len(), paths.len()))
-                .help(format!("allowed: {MOST_ROWS} rows of {MOST_ARRAYS} arrays")),
-        );
+    let list = |name: &str| -> Vec<&str> {
+        let words = request.parameter(name).unwrap_or_default().split(',');
+        words.filter(|word| !word.is_empty()).collect()
+    };
+    let (rows, paths) = (list("rows"), list("paths"));
+    let rows: Option<Vec<usize>> = rows.into_iter().map(|row| row.trim().parse().ok()).collect();
+    let rows = rows.ok_or_else(|| ApiError::bad_request("`rows` must be integers separated by commas"))?;
+    if rows.len() > MAX_ROWS || paths.len() > MAX_ARRAYS {
+        let message = format!("too many: {} rows of {} arrays", rows.len(), paths.len());
+        let help = format!("allowed: {MAX_ROWS} rows of {MAX_ARRAYS} arrays");
+        return Err(ApiError::bad_request(message).help(help));
     }
-    let (_, artifact) = named(state, digits)?;
+    let (_, artifact) = find_artifact(state, digest)?;
     let mut found = Vec::with_capacity(paths.len());
     for path in paths {
-        found.push((path.to_owned(), picked(&artifact, path, &rows)?));
+        found.push((path.to_owned(), read_rows(&artifact, path, &rows)?));
     }
-    Ok(Answer::frame(frame(json!({ "rows": rows }), &found)))
+    Ok(Response::frame(frame(json!({ "rows": rows }), &found)))
 }
 
-fn picked(artifact: &Artifact, path: &str, rows: &[usize]) -> Result<Array, Refusal> {
+fn read_rows(artifact: &Artifact, path: &str, rows: &[usize]) -> Result<Array, ApiError> {
     let content = artifact.content(path)?;
     let Some((&count, rest)) = content.shape.split_first() else {
-        return Err(Refusal::bad(format!("{path} has no rows")));
+        return Err(ApiError::bad_request(format!("{path} has no rows")));
     };
     let width = rest.iter().product::<usize>().max(1);
-    if width > MOST_ELEMENTS || width * rows.len() > MOST_IN_ALL {
-        return Err(Refusal::bad(format!("{path} has {width} elements in each row")).help("ask for fewer rows"));
+    if width > MAX_ROW_ELEMENTS || width * rows.len() > MAX_ELEMENTS {
+        return Err(
+            ApiError::bad_request(format!("{path} has {width} elements in each row")).help("ask for fewer rows"),
+        );
     }
     if let Some(row) = rows.iter().find(|row| **row >= count) {
-        return Err(
-            Refusal::absent(format!("{path} has no row {row}")).help(format!("rows 0 to {}", count.saturating_sub(1)))
-        );
+        let help = format!("allowed: rows 0 to {}", count.saturating_sub(1));
+        return Err(ApiError::not_found(format!("{path} has no row {row}")).help(help));
     }
     let shape: Vec<usize> = std::iter::once(rows.len()).chain(rest.iter().copied()).collect();
     let (mut bytes, mut numbers) = (Vec::new(), Vec::new());
@@ -77,57 +70,13 @@ fn picked(artifact: &Artifact, path: &str, rows: &[usize]) -> Result<Array, Refu
             Data::U64(v) => numbers.extend(v.into_iter().map(|v| v as f32)),
             Data::F32(v) => numbers.extend(v),
             Data::F64(v) => numbers.extend(v.into_iter().map(|v| v as f32)),
-            Data::Text(_) => return Err(Refusal::bad(format!("{path} holds texts")).help("the table of rows has them")),
+            Data::Text(_) => {
+                return Err(ApiError::bad_request(format!("{path} holds texts")).help("use .../rows for texts"));
+            }
         }
     }
     Ok(match numbers.is_empty() {
         true => Array::Bytes(shape, bytes),
         false => Array::Numbers(shape, numbers),
     })
-}
-
-/// Rows of an array, of a manifest from the chunks that have them.
-///
-/// # Errors
-/// When there is no such array, or it cannot be read.
-pub fn elements(artifact: &Artifact, path: &str, rows: Range<usize>) -> Result<Data, Refusal> {
-    let mut found: Option<Data> = None;
-    let mut before = 0;
-    for chunk in artifact.chunks()? {
-        let own = chunk.content(path)?.shape.first().copied().unwrap_or(0);
-        let some = rows.start.max(before)..rows.end.min(before + own);
-        if some.start < some.end {
-            let more = own_elements(chunk, path, some.start - before..some.end - before)?;
-            found = Some(match found {
-                None => more,
-                Some(data) => {
-                    joined(data, more).ok_or_else(|| Refusal::new(409, format!("the chunks differ in {path}")))?
-                }
-            });
-        }
-        before += own;
-    }
-    match found {
-        Some(data) => Ok(data),
-        None => own_elements(artifact, path, rows),
-    }
-}
-
-/// Both, one after the other, where they are of one type.
-fn joined(one: Data, other: Data) -> Option<Data> {
-    Some(match (one, other) {
-        (Data::U8(a), Data::U8(b)) => Data::U8([a, b].concat()),
-        (Data::U32(a), Data::U32(b)) => Data::U32([a, b].concat()),
-        (Data::U64(a), Data::U64(b)) => Data::U64([a, b].concat()),
-        (Data::F32(a), Data::F32(b)) => Data::F32([a, b].concat()),
-        (Data::F64(a), Data::F64(b)) => Data::F64([a, b].concat()),
-        (Data::Text(a), Data::Text(b)) => Data::Text([a, b].concat()),
-        _ => return None,
-    })
-}
-
-fn own_elements(artifact: &Artifact, path: &str, rows: Range<usize>) -> Result<Data, Refusal> {
-    // The file may have changed since the artifact was opened; a glance unless it did.
-    artifact.file_digest()?;
-    Ok(artifact.rows()?.elements(path, rows)?)
 }

@@ -1,47 +1,47 @@
-//! Artifacts: which there are, and what is known of one.
+//! Artifacts: the list, and the details of one.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use serde_json::{Value, json};
 
-use crate::http::{Answer, Refusal, Request};
-use crate::state::ServedState;
+use crate::http::{ApiError, Request, Response};
+use crate::state::ServerState;
 use deaflow_base::ArtifactId;
 use deaflow_store::{Ancestor, Artifact, Content, Store};
 
-/// Artifacts in one answer.
-const MOST: usize = 5000;
+/// Artifacts in one response.
+const MAX_ARTIFACTS: usize = 5000;
 
-/// Runs that are looked through.
-const MOST_RUNS: usize = 200;
+/// Runs that are searched.
+const MAX_RUNS: usize = 200;
 
-/// The fewest digits that name an artifact.
-const LEAST: usize = 4;
+/// The shortest abbreviation of a digest.
+const MIN_DIGITS: usize = 4;
 
-/// What the last runs made, each once, the latest first. `?limit=` and `?offset=` take some, `?kind=` those of a kind.
+/// Lists the artifacts of the last runs, each once, the latest first; parameters `limit`, `offset` and `kind`.
 ///
 /// # Errors
-/// When the store cannot be read.
-pub fn artifacts(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+/// If the store cannot be read.
+pub fn artifacts(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&["limit", "offset", "kind"])?;
     let (limit, offset) = (
-        request.number("limit", 500, MOST)?,
-        request.number("offset", 0, usize::MAX)?,
+        request.integer("limit", 500, MAX_ARTIFACTS)?,
+        request.integer("offset", 0, usize::MAX)?,
     );
     let Some(store) = state.store()? else {
         return Ok(json!({ "artifacts": [], "total": 0 }).into());
     };
     let mut seen: BTreeSet<ArtifactId> = BTreeSet::new();
     let mut found: Vec<Value> = Vec::new();
-    for run in store.runs()?.take(MOST_RUNS) {
+    for run in store.runs()?.take(MAX_RUNS) {
         let run = run?;
-        let wanted = run
+        let matching = run
             .stages
             .iter()
             .rev()
-            .filter(|stage| request.word("kind").is_none_or(|kind| stage.kind == kind));
-        for stage in wanted {
+            .filter(|stage| request.parameter("kind").is_none_or(|kind| stage.kind == kind));
+        for stage in matching {
             if seen.insert(stage.artifact) {
                 found.push(json!({
                     "digest": stage.artifact.to_string(),
@@ -56,46 +56,41 @@ pub fn artifacts(state: &ServedState, request: &Request) -> Result<Answer, Refus
         }
     }
     let total = found.len();
-    let some: Vec<Value> = found.into_iter().skip(offset).take(limit).collect();
-    Ok(json!({ "artifacts": some, "total": total }).into())
+    let page: Vec<Value> = found.into_iter().skip(offset).take(limit).collect();
+    Ok(json!({ "artifacts": page, "total": total }).into())
 }
 
-/// The artifact that digits name: all of its digest, or its beginning.
+/// Finds the artifact with a digest, or with an abbreviated one.
 ///
 /// # Errors
-/// When they name none, or several, or it is damaged.
-pub fn named(state: &ServedState, digits: &str) -> Result<(Arc<Store>, Artifact), Refusal> {
-    let is_digest = digits.len() >= LEAST && digits.len() <= 64 && digits.bytes().all(|byte| byte.is_ascii_hexdigit());
+/// If no artifact or several have it, or the artifact is damaged.
+pub fn find_artifact(state: &ServerState, digits: &str) -> Result<(Arc<Store>, Artifact), ApiError> {
+    let is_digest = (MIN_DIGITS..=64).contains(&digits.len()) && digits.bytes().all(|byte| byte.is_ascii_hexdigit());
     if !is_digest {
-        return Err(
-            Refusal::absent(format!("{digits:?} is no digest")).help(format!("{LEAST} to 64 hexadecimal digits"))
-        );
+        let help = format!("give {MIN_DIGITS} to 64 hexadecimal digits");
+        return Err(ApiError::not_found(format!("{digits:?} is not a digest")).help(help));
     }
     let store = state.existing_store()?;
     let digest = match store.find(&digits.to_ascii_lowercase())?.as_slice() {
         [one] => *one,
         [] => {
             return Err(
-                Refusal::absent(format!("no artifact has a digest that begins with {digits}"))
-                    .help("GET /api/artifacts lists those of the last runs"),
+                ApiError::not_found(format!("no artifact has a digest that begins with {digits}"))
+                    .help("GET /api/artifacts lists the artifacts of the last runs"),
             );
         }
         several => {
-            let told = format!("{} artifacts have a digest that begins with {digits}", several.len());
-            return Err(Refusal::absent(told).help("give more digits"));
+            let message = format!("{} artifacts have a digest that begins with {digits}", several.len());
+            return Err(ApiError::not_found(message).help("give more digits"));
         }
     };
-    if let Some(known) = state.opened.get(&digest) {
-        return Ok((store, known.as_ref().clone()));
-    }
-    let artifact = store.artifact(&digest)?;
-    state.opened.put(digest, &Arc::new(artifact.clone()));
-    Ok((store, artifact))
+    let artifact = state.opened.get_or_insert(&digest, || store.artifact(&digest))?;
+    Ok((store, artifact.as_ref().clone()))
 }
 
-/// The stage that made an artifact, as the last runs know it.
-fn made_by(store: &Store, artifact: &ArtifactId) -> Result<Option<String>, Refusal> {
-    for run in store.runs()?.take(MOST_RUNS) {
+/// Returns the name of the stage that built an artifact, according to the last runs.
+fn made_by(store: &Store, artifact: &ArtifactId) -> Result<Option<String>, ApiError> {
+    for run in store.runs()?.take(MAX_RUNS) {
         let made = run?.stages.into_iter().rev().find(|stage| stage.artifact == *artifact);
         if let Some(stage) = made {
             return Ok(Some(stage.name));
@@ -104,13 +99,13 @@ fn made_by(store: &Store, artifact: &ArtifactId) -> Result<Option<String>, Refus
     Ok(None)
 }
 
-/// Kind, attributes, datasets, provenance, everything that it was made from, and the stage that made it.
+/// Returns kind, attributes, datasets, provenance, ancestry and stage of an artifact.
 ///
 /// # Errors
-/// When it is not there, or damaged.
-pub fn artifact(state: &ServedState, request: &Request, digits: &str) -> Result<Answer, Refusal> {
+/// If it does not exist, or is damaged.
+pub fn artifact(state: &ServerState, request: &Request, digest: &str) -> Result<Response, ApiError> {
     request.allow(&[])?;
-    let (store, artifact) = named(state, digits)?;
+    let (store, artifact) = find_artifact(state, digest)?;
     let dataset = |content: &Content| {
         json!({
             "path": content.path,

@@ -1,4 +1,4 @@
-//! What goes on, told as it happens.
+//! A stream of the status of the store.
 
 use std::sync::Arc;
 use std::thread::sleep;
@@ -6,43 +6,40 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 
-use super::runs::standing;
-use crate::http::{Answer, Lines, Refusal, Request};
-use crate::state::ServedState;
+use super::runs::status_document;
+use crate::http::{ApiError, LineSender, Request, Response};
+use crate::state::ServerState;
 
-/// Between two looks.
-const BEAT: Duration = Duration::from_millis(500);
+/// Time between two checks.
+const INTERVAL: Duration = Duration::from_millis(500);
 
-/// After so long without news a line says that there are none: who is gone is known by that.
-const QUIET: Duration = Duration::from_secs(15);
+/// After this time without a change, the status is sent again, so that a closed connection is noticed.
+const KEEP_ALIVE: Duration = Duration::from_secs(15);
 
-/// What `/api/status` says, in a line each time that it is another.
+/// Sends the document of `/api/status`, a line each time that it changes.
 ///
 /// # Errors
-/// When the system gives no thread.
-pub fn events(state: &Arc<ServedState>, request: &Request) -> Result<Answer, Refusal> {
+/// If no thread can be started.
+pub fn events(state: &Arc<ServerState>, request: &Request) -> Result<Response, ApiError> {
     request.allow(&[])?;
-    let (lines, answer) = Lines::new();
+    let (lines, response) = LineSender::new();
     let state = Arc::clone(state);
-    let tell = move || {
+    let watch = move || {
         let mut last = json!(null);
-        let mut told = Instant::now();
+        let mut sent = Instant::now();
         while !lines.is_closed() {
-            let now = match standing(&state) {
-                Ok(now) => now,
-                // It may be there again at the next look.
-                Err(refusal) => refusal.document(),
-            };
-            if now != last || told.elapsed() > QUIET {
+            // After an error the store may be readable again at the next check.
+            let now = status_document(&state).unwrap_or_else(|error| error.document());
+            if now != last || sent.elapsed() > KEEP_ALIVE {
                 if !lines.send(&now) {
                     return;
                 }
-                (last, told) = (now, Instant::now());
+                (last, sent) = (now, Instant::now());
             }
-            sleep(BEAT);
+            sleep(INTERVAL);
         }
     };
-    let begun = std::thread::Builder::new().name("events".to_owned()).spawn(tell);
-    begun.map_err(|error| Refusal::new(503, format!("nothing can be listened to: {error}")))?;
-    Ok(answer)
+    let started = std::thread::Builder::new().name("events".to_owned()).spawn(watch);
+    started.map_err(|error| ApiError::new(503, format!("cannot start the event stream: {error}")))?;
+    Ok(response)
 }

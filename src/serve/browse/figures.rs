@@ -1,21 +1,21 @@
-//! An artifact as the report of a pipeline shows it: the same charts and tables, by the same presenters.
+//! The figures and tables of an artifact as in the report of a pipeline, by the same presenters.
 
 use std::path::Path;
 
-use super::artifacts::named;
-use crate::http::{Answer, Refusal, Request};
-use crate::state::ServedState;
-use deaflow_report::{Made, PRESENTERS, Page, RunArtifacts};
+use super::artifacts::find_artifact;
+use crate::http::{ApiError, Request, Response};
+use crate::state::ServerState;
+use deaflow_report::{PRESENTERS, Page, RunArtifacts, StageArtifact};
 
-/// The page of an artifact. What has no presenter, or nothing to show, says so.
+/// Returns the page of an artifact.
 ///
 /// # Errors
-/// When it is not there, damaged, or does not hold what its kind promises.
-pub fn page(state: &ServedState, request: &Request, digits: &str) -> Result<Answer, Refusal> {
+/// If the artifact does not exist, is damaged, or does not have the content of its kind.
+pub fn figures(state: &ServerState, request: &Request, digest: &str) -> Result<Response, ApiError> {
     request.allow(&[])?;
-    let (store, artifact) = named(state, digits)?;
+    let (store, artifact) = find_artifact(state, digest)?;
     let kind = artifact.kind().to_owned();
-    let made = [Made {
+    let stages = [StageArtifact {
         stage: format!("{kind} {}", artifact.digest().short()),
         kind: kind.clone(),
         digest: artifact.digest(),
@@ -23,10 +23,10 @@ pub fn page(state: &ServedState, request: &Request, digits: &str) -> Result<Answ
     let run = RunArtifacts {
         store: &store,
         file: Path::new(""),
-        made: &made,
+        stages: &stages,
         rounds: &[],
     };
-    let mut page = Page::new(&made[0].stage);
+    let mut page = Page::new(&stages[0].stage);
     for presenter in PRESENTERS.iter().filter(|presenter| presenter.kind() == kind) {
         for results in presenter.results(&run)? {
             results.text.iter().for_each(|text| page.add_text(text));
@@ -34,7 +34,7 @@ pub fn page(state: &ServedState, request: &Request, digits: &str) -> Result<Answ
         presenter.section(&mut page, &run)?;
     }
     if page.is_empty() {
-        page.lead(&format!("What a stage of kind {kind} makes has no figures."));
+        page.lead(&format!("Artifacts of kind {kind} have no figures."));
     }
-    Ok(Answer::Page(page.finish()))
+    Ok(Response::Html(page.finish()))
 }

@@ -1,20 +1,20 @@
-//! Which rows of a table are wanted: `max_displacement_mm > 1.5 and family = bezier`.
+//! Filters of table rows: `max_displacement_mm > 1.5 and family = bezier`.
 
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
 
-use crate::http::Refusal;
+use crate::http::ApiError;
 use deaflow_base::{Dimension, Quantity, nearest};
 use deaflow_report::RowColumn;
 use deaflow_store::Data;
 
 /// Conditions in one filter.
-const MOST: usize = 32;
+const MAX_CONDITIONS: usize = 32;
 
-/// Texts of a column that are told where one is not among them.
-const MOST_KNOWN: usize = 30;
+/// Texts of a column that are listed in a hint.
+const MAX_LISTED: usize = 30;
 
-/// Comparisons, the longer ones first, so that none is taken for another.
+/// Comparisons, the longer signs first, so that `<=` is not read as `<`.
 const COMPARISONS: [(&str, Comparison); 7] = [
     ("!=", Comparison::Differs),
     ("<=", Comparison::AtMost),
@@ -50,20 +50,20 @@ impl Comparison {
     }
 }
 
-/// The name by which the number of a row is compared, where no column has it.
+/// The name of the row number in a filter, if no column has it.
 const ROW: &str = "row";
 
-/// The rows, by their numbers, of which all conditions hold.
+/// Returns the numbers of the rows that satisfy all conditions.
 ///
 /// # Errors
-/// When a condition is malformed, or there is no column of its name.
-pub fn matching(columns: &[RowColumn], count: usize, filter: &str) -> Result<Vec<usize>, Refusal> {
+/// If a condition is malformed, or names an unknown column.
+pub fn matching(columns: &[RowColumn], count: usize, filter: &str) -> Result<Vec<usize>, ApiError> {
     let mut rows: Vec<usize> = (0..count).collect();
     let conditions = conditions(filter)?;
     for (name, comparison, value) in conditions {
         if is_row(columns, name) {
-            let wanted = wanted(name, comparison, value)?;
-            rows.retain(|&row| comparison.holds((row as f64).partial_cmp(&wanted)));
+            let number = parse_number(name, comparison, value)?;
+            rows.retain(|&row| comparison.holds((row as f64).partial_cmp(&number)));
             continue;
         }
         let column = column(columns, name)?;
@@ -71,8 +71,8 @@ pub fn matching(columns: &[RowColumn], count: usize, filter: &str) -> Result<Vec
             Data::Text(texts) if comparison == Comparison::Contains => rows.retain(|&row| texts[row].contains(value)),
             Data::Text(texts) => rows.retain(|&row| comparison.holds(Some(texts[row].as_str().cmp(value)))),
             numbers => {
-                let wanted = wanted(name, comparison, value)?;
-                rows.retain(|&row| comparison.holds(number(numbers, row).partial_cmp(&wanted)));
+                let number = parse_number(name, comparison, value)?;
+                rows.retain(|&row| comparison.holds(number_at(numbers, row).partial_cmp(&number)));
             }
         }
     }
@@ -83,46 +83,52 @@ fn is_row(columns: &[RowColumn], name: &str) -> bool {
     name == ROW && columns.iter().all(|column| column.name != ROW)
 }
 
-/// The column of the area fraction, which may be written in per cent.
+/// The column of the area fraction, which may be given in percent.
 const AREA: &str = "area";
 
-/// The number that a column is compared with; of a column in mm it may have a unit, and an area may be in per cent.
-fn wanted(name: &str, comparison: Comparison, value: &str) -> Result<f64, Refusal> {
+/// Parses the number that a column is compared with; in a column in mm it may have a unit, and an area may be in
+/// percent.
+fn parse_number(name: &str, comparison: Comparison, value: &str) -> Result<f64, ApiError> {
     if comparison == Comparison::Contains {
-        return Err(Refusal::bad(format!("{name} is a number: ~ looks into texts")));
+        return Err(ApiError::bad_request(format!(
+            "{name} has numbers; `~` works only with texts"
+        )));
     }
     let last = name.rsplit('/').next().unwrap_or(name);
-    let (found, help) = if name.ends_with("_mm") {
+    let (number, help) = if name.ends_with("_mm") {
         let length = || Some(Quantity::parse(value, Dimension::Length).ok()?.value());
         (
             value.parse().ok().or_else(length),
-            "a length, as in 1.5, 1.5 mm or 250 um",
+            "give a length: 1.5, 1.5 mm or 250 um",
         )
     } else if last == AREA {
-        let share = || Some(value.strip_suffix('%')?.trim_end().parse::<f64>().ok()? / 100.0);
-        (value.parse().ok().or_else(share), "a share, as in 0.4 or 40 %")
+        let fraction = || Some(value.strip_suffix('%')?.trim_end().parse::<f64>().ok()? / 100.0);
+        (
+            value.parse().ok().or_else(fraction),
+            "give an area fraction: 0.4 or 40 %",
+        )
     } else {
-        (value.parse().ok(), "a number without a unit")
+        (value.parse().ok(), "give a number without a unit")
     };
-    found.ok_or_else(|| Refusal::bad(format!("{name} is a number, and {value:?} is none")).help(help))
+    number.ok_or_else(|| ApiError::bad_request(format!("{name} has numbers; {value:?} is not a number")).help(help))
 }
 
-/// A text that a column is to equal, and which no row has.
+/// A text that the filter asks for and no row has.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unknown {
+pub struct UnknownText {
     /// The column.
     pub column: String,
     /// The text.
     pub value: String,
-    /// Texts that there are.
+    /// Texts of the column.
     pub known: Vec<String>,
 }
 
-/// The texts in a filter that no row has.
+/// Finds the texts in a filter that no row has.
 ///
 /// # Errors
 /// As [`matching`].
-pub fn unknown(columns: &[RowColumn], filter: &str) -> Result<Vec<Unknown>, Refusal> {
+pub fn unknown_texts(columns: &[RowColumn], filter: &str) -> Result<Vec<UnknownText>, ApiError> {
     let mut found = Vec::new();
     for (name, comparison, value) in conditions(filter)? {
         if is_row(columns, name) {
@@ -133,25 +139,25 @@ pub fn unknown(columns: &[RowColumn], filter: &str) -> Result<Vec<Unknown>, Refu
         };
         if comparison == Comparison::Equals && texts.iter().all(|text| text != value) {
             let known: BTreeSet<&String> = texts.iter().collect();
-            found.push(Unknown {
+            found.push(UnknownText {
                 column: name.to_owned(),
                 value: value.to_owned(),
-                known: known.into_iter().take(MOST_KNOWN).cloned().collect(),
+                known: known.into_iter().take(MAX_LISTED).cloned().collect(),
             });
         }
     }
     Ok(found)
 }
 
-/// The column of a name.
+/// Returns the column with a name.
 ///
 /// # Errors
-/// When there is none.
-pub fn column<'c>(columns: &'c [RowColumn], name: &str) -> Result<&'c RowColumn, Refusal> {
+/// If there is none.
+pub fn column<'c>(columns: &'c [RowColumn], name: &str) -> Result<&'c RowColumn, ApiError> {
     columns.iter().find(|column| column.name == name).ok_or_else(|| {
         let known: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
         let list = known.join(", ");
-        // Columns are named by small letters, and those of a group have its name before their own.
+        // Names are in lower case, and a column of a group has the name of the group before its own.
         let lower = name.to_ascii_lowercase();
         let last: Vec<&str> = known
             .iter()
@@ -161,16 +167,16 @@ pub fn column<'c>(columns: &'c [RowColumn], name: &str) -> Result<&'c RowColumn,
             let near = nearest(&lower, &last)?;
             last.iter().position(|name| *name == near).map(|at| known[at])
         });
-        Refusal::bad(format!("there is no column {name:?}")).help(match near {
+        ApiError::bad_request(format!("unknown column {name:?}")).help(match near {
             Some(near) => format!("did you mean {near}? columns: {list}"),
             None => format!("columns: {list}"),
         })
     })
 }
 
-/// A number in a column of numbers.
+/// Returns a number of a column; NaN for texts.
 #[must_use]
-pub fn number(data: &Data, row: usize) -> f64 {
+pub fn number_at(data: &Data, row: usize) -> f64 {
     match data {
         Data::U8(v) => f64::from(v[row]),
         Data::U32(v) => f64::from(v[row]),
@@ -181,11 +187,11 @@ pub fn number(data: &Data, row: usize) -> f64 {
     }
 }
 
-/// What joins conditions, and what a condition is, for who has written another.
-const HELP: &str = "conditions are COLUMN = VALUE, with = != < <= > >= or ~ (contains), joined by `and`; a value with such a sign or word in it \
-                    stands in quotes: family = \"this or that\"";
+/// Syntax of a filter.
+const HELP: &str = "conditions are COLUMN = VALUE, with = != < <= > >= or ~ (contains), joined by `and`; put a value \
+                    that has such a sign or word into quotes: family = \"this or that\"";
 
-fn conditions(filter: &str) -> Result<Vec<(&str, Comparison, &str)>, Refusal> {
+fn conditions(filter: &str) -> Result<Vec<(&str, Comparison, &str)>, ApiError> {
     let mut found = Vec::new();
     for condition in parts(filter)? {
         let first = COMPARISONS.iter().filter_map(|(sign, comparison)| {
@@ -194,26 +200,28 @@ fn conditions(filter: &str) -> Result<Vec<(&str, Comparison, &str)>, Refusal> {
         });
         let first = first.min_by_key(|(at, length, _, _)| (*at, *length));
         let Some((at, _, sign, comparison)) = first else {
-            return Err(Refusal::bad(format!("{condition:?} compares nothing")).help(HELP));
+            return Err(ApiError::bad_request(format!("{condition:?} has no comparison")).help(HELP));
         };
         let written = condition[at + sign.len()..].trim();
         let quoted = written.strip_prefix('"').and_then(|value| value.strip_suffix('"'));
         if quoted.is_none() && written.starts_with('"') {
-            return Err(Refusal::bad(format!("{written} has no closing quote")).help(HELP));
+            return Err(ApiError::bad_request(format!("{written} has no closing quote")).help(HELP));
         }
         if quoted.is_none() && written.contains(['=', '<', '>', '~', '&', '|']) {
-            return Err(Refusal::bad(format!("{written:?} is no value")).help(HELP));
+            return Err(ApiError::bad_request(format!("{written:?} is not a valid value")).help(HELP));
         }
         found.push((condition[..at].trim(), comparison, quoted.unwrap_or(written)));
-        if found.len() > MOST {
-            return Err(Refusal::bad(format!("a filter has at most {MOST} conditions")));
+        if found.len() > MAX_CONDITIONS {
+            return Err(ApiError::bad_request(format!(
+                "a filter has at most {MAX_CONDITIONS} conditions"
+            )));
         }
     }
     Ok(found)
 }
 
-/// The texts between the words `and`, in capitals or not; what stands in quotes is no such word.
-fn parts(filter: &str) -> Result<Vec<&str>, Refusal> {
+/// Splits a filter at the words `and`, in upper or lower case, outside of quotes.
+fn parts(filter: &str) -> Result<Vec<&str>, ApiError> {
     let (mut found, mut start) = (Vec::new(), 0);
     for (at, word) in words(filter) {
         match word.to_ascii_lowercase().as_str() {
@@ -221,7 +229,9 @@ fn parts(filter: &str) -> Result<Vec<&str>, Refusal> {
                 found.push(filter[start..at].trim());
                 start = at + word.len();
             }
-            "or" => return Err(Refusal::bad("`or` is no word of a filter: all conditions have to hold").help(HELP)),
+            "or" => {
+                return Err(ApiError::bad_request("filters do not support `or`: all conditions must hold").help(HELP));
+            }
             _ => {}
         }
     }
@@ -230,7 +240,7 @@ fn parts(filter: &str) -> Result<Vec<&str>, Refusal> {
     Ok(found)
 }
 
-/// The words outside of quotes, between white space, with their places.
+/// Returns the words outside of quotes with their positions.
 fn words(text: &str) -> Vec<(usize, &str)> {
     let (mut found, mut start, mut is_quoted) = (Vec::new(), None, false);
     for (at, character) in text.char_indices() {
@@ -278,12 +288,12 @@ mod tests {
         assert_eq!(rows("u_mm != 0.5"), [1, 2, 3]);
         assert_eq!(rows("family ~ a and units = 2"), [0, 3]);
         assert_eq!(rows("family = \"ab\""), [1]);
-        // The number of a row is no column, and a column in mm may be compared with a length.
+        // `row` is the row number, and a column in mm may be compared with a length.
         assert_eq!(rows("row >= 2"), [2, 3]);
         assert_eq!(rows("u_mm > 0.1 cm and row < 2"), [1]);
-        // An area may be in per cent, and nothing else.
+        // An area may be in percent, other columns may not.
         assert_eq!(rows("area >= 40 % and area < 50%"), [1]);
-        let refused = |filter: &str| matching(&columns(), 4, filter).unwrap_err().words();
+        let refused = |filter: &str| matching(&columns(), 4, filter).unwrap_err().message_with_help();
         assert!(refused("units = 2 %").ends_with("a number without a unit"));
         assert!(refused("u_mm > 2 V").contains("250 um"));
         assert!(refused("AREA > 0.4").contains("did you mean area?"));
@@ -292,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn the_word_that_joins_may_be_in_capitals_and_no_other_is_taken_for_a_value() {
+    fn conditions_are_joined_by_and_in_upper_or_lower_case_only() {
         let rows = |filter: &str| matching(&columns(), 4, filter).unwrap();
         for filter in [
             "u_mm > 1 and family = b",
@@ -301,12 +311,12 @@ mod tests {
         ] {
             assert_eq!(rows(filter), [2], "{filter}");
         }
-        let refused = |filter: &str| matching(&columns(), 4, filter).unwrap_err().words();
+        let refused = |filter: &str| matching(&columns(), 4, filter).unwrap_err().message_with_help();
         for filter in ["family = a or family = b", "family = a OR u_mm > 1", "u_mm > 1 or"] {
-            let told = refused(filter);
+            let message = refused(filter);
             assert!(
-                told.contains("`or` is no word") && told.contains("`and`"),
-                "{filter}: {told}"
+                message.contains("`or`") && message.contains("`and`"),
+                "{filter}: {message}"
             );
         }
         for filter in [
@@ -314,29 +324,29 @@ mod tests {
             "family = a || family = b",
             "family = a family = b",
         ] {
-            assert!(refused(filter).contains("is no value"), "{filter}");
+            assert!(refused(filter).contains("not a valid value"), "{filter}");
         }
         assert!(refused("family = \"bez").contains("no closing quote"));
-        // In quotes they are of the value.
-        let found = unknown(&columns(), "family = \"this or that and more\" and units = 2").unwrap();
+        // In quotes they belong to the value.
+        let found = unknown_texts(&columns(), "family = \"this or that and more\" and units = 2").unwrap();
         assert_eq!((found.len(), &*found[0].value), (1, "this or that and more"));
     }
 
     #[test]
-    fn a_text_that_no_row_has_is_told_with_those_that_there_are() {
-        let told = |filter: &str| unknown(&columns(), filter).unwrap();
+    fn a_text_that_no_row_has_is_reported_with_those_of_the_column() {
+        let unknown = |filter: &str| unknown_texts(&columns(), filter).unwrap();
         let known = ["a", "ab", "b"].map(str::to_owned).to_vec();
-        let found = told("family = nope and units = 2");
+        let found = unknown("family = nope and units = 2");
         assert_eq!(found.len(), 1);
         assert_eq!((&*found[0].column, &*found[0].value), ("family", "nope"));
         assert_eq!(found[0].known, known);
         for filter in ["", "family = a", "family != nope", "family ~ nope", "u_mm = 7"] {
-            assert!(told(filter).is_empty(), "{filter}");
+            assert!(unknown(filter).is_empty(), "{filter}");
         }
     }
 
     #[test]
-    fn what_is_no_condition_is_refused() {
+    fn invalid_conditions_are_refused() {
         for filter in [
             "u_mm",
             "nothing = 1",

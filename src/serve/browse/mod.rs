@@ -1,26 +1,26 @@
-//! Questions about a store and its pipelines.
+//! Queries about a store and its pipelines.
 
-mod again;
+mod arrays;
 mod artifacts;
 mod events;
+mod figures;
 mod filter;
-mod judged;
 mod neighbours;
-mod page;
-mod pick;
 mod pipelines;
+mod predictions;
+mod resimulate;
 mod rows;
 mod run;
 mod runs;
 
-pub use again::again;
+pub use arrays::arrays;
 pub use artifacts::{artifact, artifacts};
 pub use events::events;
-pub use judged::{Judgement, judged, prediction};
+pub use figures::figures;
 pub use neighbours::neighbours;
-pub use page::page;
-pub use pick::arrays;
 pub use pipelines::{pipeline, pipelines, plan};
+pub use predictions::{model_errors, prediction};
+pub use resimulate::resimulate;
 pub use rows::rows;
 pub use run::run;
 pub use runs::{one_run, runs, status};

@@ -1,4 +1,4 @@
-//! Pipelines: how they stand, and what a change would have built anew.
+//! Pipelines: the state of their stages, and what would be built after a change.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -6,25 +6,25 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use crate::http::{Answer, Refusal, Request};
-use crate::state::ServedState;
+use crate::http::{ApiError, Request, Response};
+use crate::state::ServerState;
 use deaflow_base::{Document, InputError, Node, NodeValue, Override};
 use deaflow_orchestrator::{Environment, Pipeline, plan as planned, plan_document, plan_warnings, splice_scene};
 use deaflow_report::{STAGE_HEIGHT, layout};
 use deaflow_stage as stage;
 use deaflow_store::Store;
 
-/// Bytes of a pipeline's file that are shown.
-const MOST_BYTES: u64 = 4 << 20;
+/// Bytes of a pipeline file that are shown.
+const MAX_FILE_BYTES: u64 = 4 << 20;
 
-/// Keys under which a pipeline names files. What a request changes must not name any.
-const FILES: [&str; 5] = ["files", "field", "mask", "table", "file"];
+/// Keys under which a pipeline names files. A change in a request must not name files.
+const FILE_KEYS: [&str; 5] = ["files", "field", "mask", "table", "file"];
 
-/// The pipelines, by numbers.
+/// Lists the pipelines with their numbers.
 ///
 /// # Errors
-/// When the store cannot be read.
-pub fn pipelines(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+/// If the store cannot be read.
+pub fn pipelines(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&[])?;
     let each = state.pipelines()?.into_iter().enumerate().map(|(id, path)| {
         let name = load(&path, &[]).map(|pipeline| pipeline.name).ok();
@@ -33,52 +33,41 @@ pub fn pipelines(state: &ServedState, request: &Request) -> Result<Answer, Refus
     Ok(json!({ "pipelines": each.collect::<Vec<_>>() }).into())
 }
 
-/// A pipeline: its stages as `deaflow plan` has them, what each needs and where it is drawn, every value that can be changed, and its text.
-/// One with a problem has its text, and where the problem stands.
+/// Returns a pipeline: its stages as in `deaflow plan`, their needs and positions in the drawing, all values that can
+/// be changed, and its text. A pipeline with an error has its text and the position of the error.
 ///
 /// # Errors
-/// When there is none of that number, or the store cannot be read.
-pub fn pipeline(state: &ServedState, request: &Request, number: &str) -> Result<Answer, Refusal> {
+/// If there is no pipeline with that number, or the store cannot be read.
+pub fn pipeline(state: &ServerState, request: &Request, number: &str) -> Result<Response, ApiError> {
     request.allow(&[])?;
-    let path = numbered(state, &json!(number))?;
-    let text = deaflow_base::read_bounded(&path, MOST_BYTES).unwrap_or_default();
+    let path = find_pipeline(state, &json!(number))?;
+    let text = deaflow_base::read_bounded(&path, MAX_FILE_BYTES).unwrap_or_default();
     let text = String::from_utf8_lossy(&text).into_owned();
-    let document = match load(&path, &[]) {
+    let mut document = match load(&path, &[]) {
         Ok(pipeline) => {
             let mut document = plan_of(state, &pipeline, None)?;
-            let needs: BTreeMap<&str, Value> = pipeline
-                .stages
-                .iter()
-                .map(|spec| {
-                    let names = |places: &[usize]| {
-                        places
-                            .iter()
-                            .map(|&at| pipeline.stages[at].name.as_str())
-                            .collect::<Vec<_>>()
-                    };
-                    (
-                        spec.name.as_str(),
-                        json!({ "needs": names(&spec.needs), "gates": names(&spec.gates) }),
-                    )
-                })
-                .collect();
+            let mut needs = serde_json::Map::new();
+            for spec in &pipeline.stages {
+                let names =
+                    |stages: &[usize]| -> Vec<&String> { stages.iter().map(|&at| &pipeline.stages[at].name).collect() };
+                let entry = json!({ "needs": names(&spec.needs), "gates": names(&spec.gates) });
+                needs.insert(spec.name.clone(), entry);
+            }
             document["needs"] = json!(needs);
-            document["layout"] = places(&pipeline);
+            document["layout"] = layout_document(&pipeline);
             document["values"] = json!(values(&path)?);
             document["problem"] = Value::Null;
             document
         }
-        Err(problem) => json!({ "problem": Refusal::from(problem).document()["error"] }),
+        Err(problem) => json!({ "problem": ApiError::from(problem).document()["error"] }),
     };
-    let mut document = document;
     document["path"] = json!(path);
     document["text"] = json!(text);
     Ok(document.into())
 }
 
-/// Where the stages stand as the report draws them: layers from left to right, and middles from above, in the order of the pipeline; and of
-/// each need the places that its line goes through.
-fn places(pipeline: &Pipeline) -> Value {
+/// Returns the layout of the drawing, as in the report: layer and height of each stage, and the points of each line.
+fn layout_document(pipeline: &Pipeline) -> Value {
     let needs = pipeline.stages.iter().map(|spec| {
         let all: BTreeSet<usize> = spec.needs.iter().chain(&spec.gates).copied().collect();
         all.into_iter().collect()
@@ -112,49 +101,49 @@ fn places(pipeline: &Pipeline) -> Value {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PlanRequest {
-    /// The number of a pipeline, or its file as it is listed; the first where none is named.
+    /// The number of a pipeline, or its file as listed; the first one by default.
     #[serde(default)]
     pipeline: Value,
-    /// What is changed: values by their paths, as `--set` takes them.
+    /// Changed values by path, as for `--set`.
     #[serde(default)]
     set: BTreeMap<String, Value>,
-    /// The last stage.
+    /// The last stage to be planned.
     #[serde(default)]
     until: Option<String>,
 }
 
-/// What a run with other values would build: what `deaflow plan --json` prints. Nothing is built.
+/// Returns what a run with changed values would build, as `deaflow plan --json`. Nothing is built.
 ///
 /// # Errors
-/// When the change cannot be made, or the store cannot be read.
-pub fn plan(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+/// If a change is invalid, or the store cannot be read.
+pub fn plan(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&[])?;
-    let asked: PlanRequest = request.json()?;
-    let path = numbered(state, &asked.pipeline)?;
-    let changes = overrides(&asked.set)?;
+    let plan: PlanRequest = request.json()?;
+    let path = find_pipeline(state, &plan.pipeline)?;
+    let changes = overrides(&plan.set)?;
     let pipeline = load(&path, &changes).map_err(|problem| match load(&path, &[]) {
-        // Without the changes there is none: it is one of them, whose place is none in the file.
-        Ok(_) => of_change(&path, &changes, problem),
+        // Without the changes there is no error: one of them causes it, and it has no position in the file.
+        Ok(_) => change_error(&path, &changes, problem),
         Err(own) => own.into(),
     })?;
-    Ok(plan_of(state, &pipeline, asked.until.as_deref())?.into())
+    Ok(plan_of(state, &pipeline, plan.until.as_deref())?.into())
 }
 
-/// A refusal of changed values: it names the one that is refused, where one alone is.
-fn of_change(path: &Path, changes: &[Override], problem: InputError) -> Refusal {
-    let alone = |change: &&Override| load(path, std::slice::from_ref(change)).is_err();
-    let mut refused = changes.iter().filter(alone);
-    let refusal = Refusal::from(problem).without_place();
-    match (refused.next(), refused.next()) {
-        (Some(change), None) => refusal.of_value(change.said().0),
-        _ => refusal,
+/// Converts the error of changed values; it names the value if a single one causes it.
+fn change_error(path: &Path, changes: &[Override], problem: InputError) -> ApiError {
+    let fails = |change: &&Override| load(path, std::slice::from_ref(change)).is_err();
+    let mut failing = changes.iter().filter(fails);
+    let error = ApiError::from(problem).without_position();
+    match (failing.next(), failing.next()) {
+        (Some(change), None) => error.for_parameter(change.said().0),
+        _ => error,
     }
 }
 
-/// The file of a pipeline that is served. It is found in the list of them: what a request says is no path.
-pub fn numbered(state: &ServedState, wanted: &Value) -> Result<PathBuf, Refusal> {
+/// Finds a pipeline in the list of those that are served; other paths are never opened.
+pub fn find_pipeline(state: &ServerState, requested: &Value) -> Result<PathBuf, ApiError> {
     let pipelines = state.pipelines()?;
-    let found = match wanted {
+    let found = match requested {
         Value::Null => pipelines.first(),
         Value::Number(number) => number.as_u64().and_then(|at| pipelines.get(usize::try_from(at).ok()?)),
         Value::String(text) => match text.parse::<usize>() {
@@ -163,32 +152,38 @@ pub fn numbered(state: &ServedState, wanted: &Value) -> Result<PathBuf, Refusal>
         },
         _ => None,
     };
-    let none = || Refusal::absent("no such pipeline is served").help("GET /api/pipelines lists them");
+    let none = || ApiError::not_found("this pipeline is not served").help("GET /api/pipelines lists the pipelines");
     found.cloned().ok_or_else(none)
 }
 
-/// Overrides as `--set` has them, none of which names a file.
-pub fn overrides(set: &BTreeMap<String, Value>) -> Result<Vec<Override>, Refusal> {
+/// Parses changed values; they must not name files.
+pub fn overrides(set: &BTreeMap<String, Value>) -> Result<Vec<Override>, ApiError> {
     let one = |(path, value): (&String, &Value)| {
-        let text = match value {
-            Value::String(text) => text.clone(),
-            other => other.to_string(),
-        };
-        let set = Override::parse(&format!("{path}={text}"));
-        let set = set.map_err(|problem| Refusal::from(problem).without_place().of_value(path))?;
-        if names_file(set.path(), set.node()) {
-            return Err(Refusal::bad(format!("{path}: a request names no files"))
-                .help("change the pipeline's file, or give `--set` to `deaflow plan`")
-                .of_value(path));
+        let change = Override::parse(&format!("{path}={}", value_text(value)));
+        let change = change.map_err(|problem| ApiError::from(problem).without_position().for_parameter(path))?;
+        if names_file(change.path(), change.node()) {
+            return Err(
+                ApiError::bad_request(format!("{path}: the page cannot change file names"))
+                    .help("change the file of the pipeline, or use `deaflow plan --set`")
+                    .for_parameter(path),
+            );
         }
-        Ok(set)
+        Ok(change)
     };
     set.iter().map(one).collect()
 }
 
-/// Whether a value may name a file: it stands under a key that does, has one, or is in the place of a scene.
+/// Writes a value as for `--set`.
+pub fn value_text(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    }
+}
+
+/// Whether a value may name a file: its path or one of its keys is such a key, or it replaces a scene.
 fn names_file(path: &[String], node: &Node) -> bool {
-    let is_key = |key: &str| key.split('.').any(|step| FILES.contains(&step));
+    let is_key = |key: &str| key.split('.').any(|step| FILE_KEYS.contains(&step));
     let of_scene = path.last().is_some_and(|last| last == "scene")
         && matches!(node.value(), NodeValue::Text(_) | NodeValue::List(_));
     path.iter().any(|step| is_key(step))
@@ -214,9 +209,9 @@ fn load(path: &Path, overrides: &[Override]) -> Result<Pipeline, InputError> {
     Pipeline::load(path, overrides, &stage::registry())
 }
 
-/// The plan, and the folder of the store. Where there is no store yet, an empty one elsewhere stands in for it.
-fn plan_of(state: &ServedState, pipeline: &Pipeline, until: Option<&str>) -> Result<Value, Refusal> {
-    let in_store = |store: &Store| -> Result<Value, Refusal> {
+/// Returns the plan. If there is no store yet, it is made in an empty temporary one.
+fn plan_of(state: &ServerState, pipeline: &Pipeline, until: Option<&str>) -> Result<Value, ApiError> {
+    let in_store = |store: &Store| -> Result<Value, ApiError> {
         let stages = planned(pipeline, store, until, &Environment::system())?;
         let warnings = plan_warnings(pipeline, &stages, store)?;
         Ok(plan_document(pipeline, state.store_folder(), &stages, &warnings))
@@ -225,12 +220,12 @@ fn plan_of(state: &ServedState, pipeline: &Pipeline, until: Option<&str>) -> Res
         return in_store(&store);
     }
     let scratch = tempfile::tempdir();
-    let scratch = scratch.map_err(|error| Refusal::new(503, format!("cannot make a temporary folder: {error}")))?;
+    let scratch = scratch.map_err(|error| ApiError::new(503, format!("cannot create a temporary folder: {error}")))?;
     in_store(&Store::open(scratch.path())?)
 }
 
-/// Every single value of a pipeline and its scene as it was written, by the path that `--set` takes.
-fn values(path: &Path) -> Result<Vec<Value>, Refusal> {
+/// Lists all values of a pipeline and its scene as written, by the path that `--set` takes.
+fn values(path: &Path) -> Result<Vec<Value>, ApiError> {
     let mut root = Document::load(path)?.root;
     splice_scene(&mut root, path)?;
     let mut found = Vec::new();
@@ -260,7 +255,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_names_a_file_is_refused() {
+    fn changes_that_name_files_are_refused() {
         let refused = |path: &str, value: Value| overrides(&BTreeMap::from([(path.to_owned(), value)])).is_err();
         for (path, value) in [
             ("scene", json!("../other.yaml")),

@@ -1,41 +1,37 @@
-//! A row of a dataset as it is labelled, and as an audit simulates it again: on the mesh of its label, and on a finer one.
+//! A row of a dataset with its label, simulated again on the mesh of the label and on a finer one.
 
 use serde_json::{Value, json};
 
-use super::artifacts::named;
-use super::judged::{labels, pattern, scene_of};
-use super::neighbours::{cells_of, patterns};
-use crate::http::{Answer, Array, Refusal, Request, frame};
-use crate::state::ServedState;
+use super::artifacts::find_artifact;
+use crate::artifact_data::{cells_of, field_array, labels, patterns, scene_of};
+use crate::http::{ApiError, Array, Request, Response, frame};
+use crate::state::ServerState;
 use deaflow_base::ArtifactId;
 use deaflow_field::{Field, Mesh, Simulation};
+use deaflow_pattern::Pattern;
 use deaflow_stage::audit;
 
-/// A row beside what comes out when it is simulated again, as a frame: `?row=`, and `?audit=DIGEST` of an audit that has found out the mesh of
-/// a dataset which does not say it.
+/// Returns a row and its new simulations as a frame: `?row=`, and `?audit=DIGEST` of an audit that has found the mesh
+/// of a dataset without one.
 ///
 /// # Errors
-/// When there is no such row, or it cannot be simulated.
-pub fn again(state: &ServedState, request: &Request, digits: &str) -> Result<Answer, Refusal> {
+/// If the row does not exist, or cannot be simulated.
+pub fn resimulate(state: &ServerState, request: &Request, digest: &str) -> Result<Response, ApiError> {
     request.allow(&["row", "audit"])?;
-    let (_, set) = named(state, digits)?;
+    let (_, set) = find_artifact(state, digest)?;
     let (path, [count, _, _]) = patterns(&set)?;
-    let row = request.word("row").and_then(|row| row.parse().ok());
-    let row: usize = row
-        .filter(|row| *row < count)
-        .ok_or_else(|| Refusal::absent(format!("{path} has no such row")).help(format!("rows 0 to {}", count - 1)))?;
+    let row = request.row(&path, count)?;
     let scene = scene_of(&set)?;
-    let pattern = pattern(scene.form(), &cells_of(&set, &path, row..row + 1)?)?;
-    // A sample alone has no label.
+    let pattern = Pattern::of_form(scene.form(), &cells_of(&set, &path, row..row + 1)?)?;
+    // Samples of a `sample` stage have no label.
     let label = labels(&set, &path, scene.form(), row..row + 1)
         .ok()
         .map(|mut found| found.swap_remove(0));
-    let made_by = made_by(state, request.word("audit"))?;
+    let made_by = made_by(state, request.parameter("audit"))?;
     let setting = audit::again(&set, &scene, row, made_by.as_deref());
-    let setting = setting.map_err(|error| Refusal::new(409, error.to_string()))?;
-    let failed = |error: deaflow_field::SimulatorError| Refusal::new(409, error.to_string());
-    let own = setting.as_labelled(&pattern).map_err(failed)?;
-    let finer = setting.on_finer(&pattern).map_err(failed)?;
+    let setting = setting.map_err(|error| ApiError::new(409, error.to_string()))?;
+    let own = setting.as_labelled(&pattern)?;
+    let finer = setting.on_finer(&pattern)?;
     let document = document(
         &set.digest(),
         row,
@@ -51,18 +47,17 @@ pub fn again(state: &ServedState, request: &Request, digits: &str) -> Result<Ans
     let field = |found: &Option<Simulation>| found.as_ref().and_then(|found| found.field.clone());
     for (name, field) in [("label", label), ("again", field(&own)), ("finer", field(&finer))] {
         if let Some(field) = field {
-            let values = field.values().iter().map(|value| *value as f32).collect();
-            arrays.push((name.to_owned(), Array::Numbers(vec![rows + 1, columns + 1, 2], values)));
+            arrays.push((name.to_owned(), field_array(&field)));
         }
     }
-    Ok(Answer::frame(frame(document, &arrays)))
+    Ok(Response::frame(frame(document, &arrays)))
 }
 
-/// A simulation and its mesh, each where there is one.
-type On<'a> = (&'a Option<Simulation>, Option<Mesh>);
+/// A simulation and its mesh, if known.
+type OnMesh<'a> = (&'a Option<Simulation>, Option<Mesh>);
 
-fn document(set: &ArtifactId, row: usize, label: Option<&Field>, own: On<'_>, finer: On<'_>) -> Value {
-    let told = |(found, mesh): On<'_>| {
+fn document(set: &ArtifactId, row: usize, label: Option<&Field>, own: OnMesh<'_>, finer: OnMesh<'_>) -> Value {
+    let one = |(found, mesh): OnMesh<'_>| {
         let field = found.as_ref().and_then(|found| found.field.as_ref());
         json!({
             "mesh": mesh.map(|mesh| mesh.to_string()),
@@ -75,17 +70,17 @@ fn document(set: &ArtifactId, row: usize, label: Option<&Field>, own: On<'_>, fi
         "set": set.to_string(),
         "row": row,
         "label": { "max_displacement_mm": label.map(Field::max_magnitude) },
-        "again": told(own),
-        "finer": told(finer),
+        "again": one(own),
+        "finer": one(finer),
     })
 }
 
-/// What an audit says of how the fields were found.
-fn made_by(state: &ServedState, audit: Option<&str>) -> Result<Option<String>, Refusal> {
-    let Some(digits) = audit.filter(|digits| !digits.is_empty()) else {
+/// Returns how the fields were computed, according to an audit.
+fn made_by(state: &ServerState, audit: Option<&str>) -> Result<Option<String>, ApiError> {
+    let Some(digest) = audit else {
         return Ok(None);
     };
-    let (_, audit) = named(state, digits)?;
+    let (_, audit) = find_artifact(state, digest)?;
     let summary: Option<Value> = audit
         .attribute("summary")
         .and_then(|text| serde_json::from_str(text).ok());

@@ -1,4 +1,4 @@
-//! Runs that are begun from the page, where that is allowed.
+//! Runs that are started from the page, if that is allowed.
 
 use std::collections::BTreeMap;
 use std::process::Command;
@@ -6,9 +6,9 @@ use std::process::Command;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::pipelines::{numbered, overrides};
-use crate::http::{Answer, Method, Refusal, Request};
-use crate::state::ServedState;
+use super::pipelines::{find_pipeline, overrides, value_text};
+use crate::http::{ApiError, Method, Request, Response};
+use crate::state::ServerState;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -21,52 +21,45 @@ struct RunRequest {
     until: Option<String>,
 }
 
-/// `POST` begins a run, `GET` tells of it, `DELETE` ends it.
+/// `POST` starts a run, `GET` returns its state, `DELETE` stops it.
 ///
 /// # Errors
-/// When runs are not allowed, one goes on already, or it cannot begin.
-pub fn run(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+/// If runs are not allowed, one is already running, or it cannot be started.
+pub fn run(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&[])?;
     if request.method != Method::Get && !state.may_run() {
-        return Err(Refusal::new(403, "nothing is run from here").help("`deaflow serve --allow-run` allows it"));
+        return Err(ApiError::new(403, "this server may not start runs").help("start it with `--allow-run`"));
     }
     match request.method {
         Method::Get => {}
-        Method::Post => begin(state, &request.json()?)?,
+        Method::Post => start(state, &request.json()?)?,
         Method::Delete => state.runner.stop(),
     }
-    Ok(state.runner.told().into())
+    Ok(state.runner.document().into())
 }
 
-fn begin(state: &ServedState, asked: &RunRequest) -> Result<(), Refusal> {
-    let path = numbered(state, &asked.pipeline)?;
-    // Looked through for names of files; the process reads them again.
-    overrides(&asked.set)?;
-    let failed = |error: std::io::Error| Refusal::new(503, format!("the run cannot begin: {error}"));
+fn start(state: &ServerState, run: &RunRequest) -> Result<(), ApiError> {
+    let path = find_pipeline(state, &run.pipeline)?;
+    // Only checked here: the process parses the values again.
+    overrides(&run.set)?;
+    let failed = |error: std::io::Error| ApiError::new(503, format!("cannot start the run: {error}"));
     let mut command = Command::new(std::env::current_exe().map_err(failed)?);
     command.arg("run").arg(&path).arg("--store").arg(state.store_folder());
     command.args(["--progress", "json"]);
-    let text = |value: &Value| match value {
-        Value::String(text) => text.clone(),
-        other => other.to_string(),
-    };
-    let set: BTreeMap<String, String> = asked
-        .set
-        .iter()
-        .map(|(path, value)| (path.clone(), text(value)))
-        .collect();
+    let set = run.set.iter().map(|(path, value)| (path.clone(), value_text(value)));
+    let set: BTreeMap<String, String> = set.collect();
     for (path, value) in &set {
         command.arg(format!("--set={path}={value}"));
     }
-    if let Some(until) = &asked.until {
+    if let Some(until) = &run.until {
         command.arg(format!("--until={until}"));
     }
     match state
         .runner
-        .begin(path.display().to_string(), set, command)
+        .start(path.display().to_string(), set, command)
         .map_err(failed)?
     {
         true => Ok(()),
-        false => Err(Refusal::new(409, "a run goes on already").help("stop it first, or wait for it")),
+        false => Err(ApiError::new(409, "another run is in progress").help("stop it first, or wait for its end")),
     }
 }

@@ -1,55 +1,51 @@
-//! Past runs, and what is at work in the store.
+//! Past runs, and the status of the store.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::held::at_work;
-use crate::http::{Answer, Refusal, Request};
-use crate::state::ServedState;
+use crate::http::{ApiError, Request, Response};
+use crate::jobs::running_jobs;
+use crate::state::ServerState;
 use deaflow_base::read_own;
 use deaflow_executor::workers;
-use deaflow_report::{Gone, Headline, Made, RunArtifacts, headlines, run_document};
+use deaflow_report::{Headline, RemovedArtifacts, RunArtifacts, StageArtifact, headlines, run_document};
 use deaflow_stage::result_unit;
 use deaflow_store::{Run, Store};
 
-/// Runs in one answer.
-const MOST: usize = 1000;
+/// Runs in one response.
+const MAX_RUNS: usize = 1000;
 
-/// Past runs, the latest first, as `deaflow log --json` tells them. `?limit=` and `?offset=` take some of them.
+/// Lists past runs, the latest first, as `deaflow log --json`; parameters `limit` and `offset`.
 ///
 /// # Errors
-/// When the store cannot be read.
-pub fn runs(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+/// If the store cannot be read.
+pub fn runs(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&["limit", "offset"])?;
     let (limit, offset) = (
-        request.number("limit", 100, MOST)?,
-        request.number("offset", 0, usize::MAX)?,
+        request.integer("limit", 100, MAX_RUNS)?,
+        request.integer("offset", 0, usize::MAX)?,
     );
     let Some(store) = state.store()? else {
         return Ok(json!({ "runs": [], "more": false }).into());
     };
     let mut all = store.runs()?;
-    let some: Vec<Run> = all.by_ref().skip(offset).take(limit).collect::<Result<_, _>>()?;
+    let page: Vec<Run> = all.by_ref().skip(offset).take(limit).collect::<Result<_, _>>()?;
     let more = all.next().transpose()?.is_some();
-    let gone = Gone::in_store(&store);
-    let documents: Vec<Value> = some.iter().map(|run| run_document(run, &gone)).collect();
+    let removed = RemovedArtifacts::of(&store);
+    let documents: Vec<Value> = page.iter().map(|run| run_document(run, &removed)).collect();
     Ok(json!({ "runs": documents, "more": more }).into())
 }
 
-/// Bytes of a log that is read.
-const LONGEST: u64 = 4 << 20;
+/// Bytes of a log file that are read.
+const MAX_LOG_BYTES: u64 = 4 << 20;
 
-/// How a warning begins in a log, after its time.
-const WARNING: &str = "warning: ";
-
-/// A run by its digits, with the parameters of its stages as far as their records are there, what matters most of what it found, and its
-/// warnings.
+/// Returns a run: the parameters of its stages as far as their records exist, its main results, and its warnings.
 ///
 /// # Errors
-/// When there is none, or the store cannot be read.
-pub fn one_run(state: &ServedState, request: &Request, id: &str) -> Result<Answer, Refusal> {
+/// If there is no such run, or the store cannot be read.
+pub fn one_run(state: &ServerState, request: &Request, id: &str) -> Result<Response, ApiError> {
     request.allow(&[])?;
     let store = state.existing_store()?;
     for run in store.runs()? {
@@ -62,7 +58,7 @@ pub fn one_run(state: &ServedState, request: &Request, id: &str) -> Result<Answe
         for stage in &run.stages {
             let record = store.record(&stage.key)?.record();
             if let Some(record) = record.as_ref().filter(|_| store.has(&stage.artifact)) {
-                made.push(Made {
+                made.push(StageArtifact {
                     stage: stage.name.clone(),
                     kind: record.action.kind.clone(),
                     digest: stage.artifact,
@@ -71,42 +67,42 @@ pub fn one_run(state: &ServedState, request: &Request, id: &str) -> Result<Answe
             let leaves = record.iter().flat_map(|record| record.action.parameters.leaves());
             parameters.extend(leaves.map(|(path, value)| (format!("stages.{}.{path}", stage.name), value.to_string())));
         }
-        let mut document = run_document(&run, &Gone::in_store(&store));
+        let mut document = run_document(&run, &RemovedArtifacts::of(&store));
         document["parameters"] = json!(parameters);
         document["units"] = json!(units(&run));
-        document["headlines"] = json!(found(&store, &run, &made));
+        document["headlines"] = json!(headline_texts(&store, &run, &made));
         document["warnings"] = json!(warnings(&store, &run));
         return Ok(document.into());
     }
-    Err(Refusal::absent("no run of that name is remembered").help("GET /api/runs lists them"))
+    Err(ApiError::not_found(format!("unknown run {id:?}")).help("GET /api/runs lists the runs"))
 }
 
-/// What matters most of what a run found, as the command says it; nothing where what it made cannot be read any more.
-fn found(store: &Store, run: &Run, made: &[Made]) -> Vec<String> {
+/// Returns the main results of a run; nothing if its artifacts cannot be read.
+fn headline_texts(store: &Store, run: &Run, stages: &[StageArtifact]) -> Vec<String> {
     let artifacts = RunArtifacts {
         store,
         file: Path::new(&run.path),
-        made,
+        stages,
         rounds: &[],
     };
     let (lines, _) = headlines(&artifacts).unwrap_or_default();
     lines.into_iter().map(|Headline { text, .. }| text).collect()
 }
 
-/// The warnings in the log of a run; none where it has none any more.
+/// Returns the warnings in the log of a run; none if the log is gone.
 fn warnings(store: &Store, run: &Run) -> Vec<String> {
     let Some(log) = &run.log else { return Vec::new() };
-    let Ok(text) = read_own(&store.root().join(log), LONGEST) else {
+    let Ok(text) = read_own(&store.root().join(log), MAX_LOG_BYTES) else {
         return Vec::new();
     };
     let text = String::from_utf8_lossy(&text);
     let lines = text
         .lines()
-        .filter_map(|line| line.split_once(' ')?.1.strip_prefix(WARNING));
+        .filter_map(|line| line.split_once(' ')?.1.strip_prefix("warning: "));
     lines.map(str::to_owned).collect()
 }
 
-/// The units of the results that have one, by their names, which begin with that of the stage.
+/// Returns the units of the results that have one, by name.
 fn units(run: &Run) -> BTreeMap<&str, &'static str> {
     let stage = |name: &str| {
         let own = run.stages.iter().map(|stage| stage.name.as_str());
@@ -118,20 +114,20 @@ fn units(run: &Run) -> BTreeMap<&str, &'static str> {
     all.filter(|(_, unit)| *unit != "1").collect()
 }
 
-/// What is in the store and at work in it, at this moment; `/api/events` tells it again and again.
+/// Returns the status: what is in the store, and what is running.
 ///
 /// # Errors
-/// When the store cannot be read.
-pub fn status(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+/// If the store cannot be read.
+pub fn status(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&[])?;
-    Ok(standing(state)?.into())
+    Ok(status_document(state)?.into())
 }
 
-/// What is in the store and at work in it.
+/// Returns the status as a document.
 ///
 /// # Errors
-/// When the store cannot be read.
-pub fn standing(state: &ServedState) -> Result<Value, Refusal> {
+/// If the store cannot be read.
+pub fn status_document(state: &ServerState) -> Result<Value, ApiError> {
     let begun = state.runner.progress();
     let Some(store) = state.store()? else {
         return Ok(
@@ -148,7 +144,7 @@ pub fn standing(state: &ServedState) -> Result<Value, Refusal> {
                 "host": seen.worker.owner.host,
                 "pid": seen.worker.owner.pid,
                 "pipeline": seen.worker.pipeline,
-                // A worker signs about once a minute; seconds would be news at every look.
+                // A worker reports about once a minute; seconds would change the status at every check.
                 "silent": seen.silent.as_secs() / 60 * 60,
             })
         })
@@ -162,7 +158,7 @@ pub fn standing(state: &ServedState) -> Result<Value, Refusal> {
         "quarantined": totals.quarantined,
         "last_run": last.map(|run| json!({ "id": run.id, "created": run.created, "pipeline": run.pipeline })),
         "workers": workers,
-        "runs": at_work(&store),
+        "runs": running_jobs(&store),
         "begun": begun,
     }))
 }

@@ -1,39 +1,41 @@
-//! What an evaluation says of each pattern: the errors of each predictor, and in which set the pattern stands.
+//! Columns of the table of an evaluation: the errors of each predictor, and the set that each pattern is from.
 
-use crate::http::Refusal;
+use crate::artifact_data::inputs_of;
+use crate::http::ApiError;
 use deaflow_content::SOLVED;
 use deaflow_dataset::Split;
-use deaflow_report::{RowColumn, Rows};
+use deaflow_report::{RowColumn, Rows, pick};
 use deaflow_store::{Artifact, Content, Data, Store, StoreError};
 
-/// Predictors that have columns.
-const MOST: usize = 16;
+/// Predictors that get columns.
+const MAX_PREDICTORS: usize = 16;
 
-/// Columns of the arrays that have a value for each of a few things and each row: `pattern/rms.0_mm` is that of the first predictor.
+/// Returns a column for each predictor of each array `[predictor][row]`: `pattern/rms.0_mm` is that of the first
+/// predictor.
 ///
 /// # Errors
-/// When one cannot be read.
-pub fn by_predictor(artifact: &Artifact, rows: &Rows) -> Result<Vec<RowColumn>, Refusal> {
+/// If an array cannot be read.
+pub fn by_predictor(artifact: &Artifact, rows: &Rows) -> Result<Vec<RowColumn>, ApiError> {
     let contents = artifact.contents()?;
-    let is_meant = |content: &&Content| {
+    let has_predictors = |content: &&Content| {
         matches!(content.axes.as_slice(), [first, second] if *first != rows.axis && *second == rows.axis)
             && content.shape[1] == rows.len()
-            && content.shape[0] <= MOST
+            && content.shape[0] <= MAX_PREDICTORS
     };
     let mut found = Vec::new();
-    for content in contents.iter().filter(is_meant) {
-        // Texts that name the places of the first axis have its name.
-        let of_axis = contents
+    for content in contents.iter().filter(has_predictors) {
+        // A text array with the name of the first axis holds the names of the predictors.
+        let has_names = contents
             .iter()
             .any(|other| other.path == content.axes[0] && other.shape == content.shape[..1]);
-        let names = match of_axis {
+        let names = match has_names {
             true => match artifact.read(&content.axes[0])?.data {
                 Data::Text(names) => names,
                 _ => Vec::new(),
             },
             false => Vec::new(),
         };
-        let data = artifact.read(&content.path)?.data;
+        let elements = artifact.read(&content.path)?.data;
         let unit = match content.units.as_str() {
             "" | "1" => String::new(),
             unit => format!("_{unit}"),
@@ -43,38 +45,24 @@ pub fn by_predictor(artifact: &Artifact, rows: &Rows) -> Result<Vec<RowColumn>, 
             found.push(RowColumn {
                 name: format!("{}.{at}{unit}", content.path),
                 description: format!("{}{of}", content.description),
-                values: slice(&data, at * rows.len(), rows.len()),
+                values: pick(&elements, at * rows.len()..(at + 1) * rows.len()),
             });
         }
     }
     Ok(found)
 }
 
-fn slice(data: &Data, from: usize, count: usize) -> Data {
-    let range = from..from + count;
-    match data {
-        Data::U8(v) => Data::U8(v[range].to_vec()),
-        Data::U32(v) => Data::U32(v[range].to_vec()),
-        Data::U64(v) => Data::U64(v[range].to_vec()),
-        Data::F32(v) => Data::F32(v[range].to_vec()),
-        Data::F64(v) => Data::F64(v[range].to_vec()),
-        Data::Text(v) => Data::Text(v[range].to_vec()),
-    }
-}
-
-/// The set that each pattern of an evaluation stands in, and its row there; none where that is not known.
+/// Returns the set of each pattern of an evaluation and its row in that set; no columns if they are not known.
 ///
 /// # Errors
-/// When a set is damaged.
-pub fn sources(store: &Store, artifact: &Artifact, rows: &Rows) -> Result<Vec<RowColumn>, Refusal> {
+/// If a set is damaged.
+pub fn source_rows(store: &Store, artifact: &Artifact, rows: &Rows) -> Result<Vec<RowColumn>, ApiError> {
     let families = rows.columns.iter().find(|column| column.name == "pattern/family");
     let (Some(families), "evaluate") = (families, artifact.kind()) else {
         return Ok(Vec::new());
     };
-    let (mut sets, mut places, mut known) = (Vec::new(), Vec::new(), Vec::new());
-    let provenance = artifact.provenance()?;
-    let inputs = provenance.get("inputs").map_or("", String::as_str).lines();
-    for digest in inputs.filter_map(|input| input.parse().ok()) {
+    let (mut sets, mut set_rows, mut known) = (Vec::new(), Vec::new(), Vec::new());
+    for digest in inputs_of(artifact)? {
         let input = match store.artifact(&digest) {
             Ok(input) => input,
             Err(StoreError::Missing { .. }) => return Ok(Vec::new()),
@@ -90,18 +78,18 @@ pub fn sources(store: &Store, artifact: &Artifact, rows: &Rows) -> Result<Vec<Ro
         } else {
             Vec::new()
         };
-        // Of a balanced set the rows are judged that were kept for tests.
-        let judged = own
+        // An evaluation uses only the test rows of a balanced set.
+        let used = own
             .into_iter()
             .enumerate()
             .filter(|(row, _)| !is_balanced || splits.get(*row).is_some_and(|split| split == Split::Test.name()));
-        for (row, family) in judged {
+        for (row, family) in used {
             sets.push(digest.short().to_string());
-            places.push(row as u64);
+            set_rows.push(row as u64);
             known.push(family);
         }
     }
-    // Sets are judged in their order, so that families tell whether these are they.
+    // The rows are in the order of the sets: equal families confirm that these are the sets.
     if Data::Text(known) != families.values {
         return Ok(Vec::new());
     }
@@ -111,12 +99,12 @@ pub fn sources(store: &Store, artifact: &Artifact, rows: &Rows) -> Result<Vec<Ro
         values,
     };
     Ok(vec![
-        column("set", "The set that the pattern stands in.", Data::Text(sets)),
-        column("set_row", "Its row there.", Data::U64(places)),
+        column("set", "The set that the pattern is from.", Data::Text(sets)),
+        column("set_row", "Its row in that set.", Data::U64(set_rows)),
     ])
 }
 
-fn texts(artifact: &Artifact, path: &str) -> Result<Vec<String>, Refusal> {
+fn texts(artifact: &Artifact, path: &str) -> Result<Vec<String>, ApiError> {
     match artifact.read(path)?.data {
         Data::Text(texts) => Ok(texts),
         _ => Ok(Vec::new()),

@@ -1,25 +1,25 @@
-//! What was used last, and is worth keeping for a while.
+//! A cache of the most recently used values.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Values by their keys, of which those are forgotten that were not asked for in the longest time.
-pub struct Kept<K, V> {
-    most: usize,
+/// Values by key; the least recently used ones are dropped.
+pub struct LruCache<K, V> {
+    capacity: usize,
     entries: Mutex<VecDeque<(K, Arc<V>)>>,
 }
 
-impl<K: PartialEq, V> Kept<K, V> {
-    /// Room for so many.
+impl<K: PartialEq + Clone, V> LruCache<K, V> {
+    /// Creates a cache for `capacity` values.
     #[must_use]
-    pub fn new(most: usize) -> Self {
+    pub fn new(capacity: usize) -> Self {
         Self {
-            most,
+            capacity,
             entries: Mutex::default(),
         }
     }
 
-    /// The value of a key.
+    /// Returns the value of a key.
     #[must_use]
     pub fn get(&self, key: &K) -> Option<Arc<V>> {
         let mut entries = lock(&self.entries);
@@ -30,15 +30,28 @@ impl<K: PartialEq, V> Kept<K, V> {
         Some(value)
     }
 
-    /// Keeps a value.
+    /// Returns the value of a key, which is computed if it is not in the cache.
+    ///
+    /// # Errors
+    /// If the computation fails.
+    pub fn get_or_insert<E>(&self, key: &K, compute: impl FnOnce() -> Result<V, E>) -> Result<Arc<V>, E> {
+        if let Some(known) = self.get(key) {
+            return Ok(known);
+        }
+        let value = Arc::new(compute()?);
+        self.put(key.clone(), &value);
+        Ok(value)
+    }
+
+    /// Adds a value.
     pub fn put(&self, key: K, value: &Arc<V>) {
         let mut entries = lock(&self.entries);
         entries.push_front((key, Arc::clone(value)));
-        entries.truncate(self.most);
+        entries.truncate(self.capacity);
     }
 }
 
-/// What a thread that panicked has left is as good as before: everything is pushed or replaced in one step.
+/// Locks a mutex. A poisoned one is used as well: its value is replaced in one step, never half-changed.
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -48,8 +61,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_asked_for_last_is_kept() {
-        let kept: Kept<u8, u8> = Kept::new(2);
+    fn the_least_recently_used_value_is_dropped() {
+        let kept: LruCache<u8, u8> = LruCache::new(2);
         kept.put(1, &Arc::new(10));
         kept.put(2, &Arc::new(20));
         assert_eq!(kept.get(&1).as_deref(), Some(&10));

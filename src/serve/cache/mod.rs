@@ -1,16 +1,14 @@
-//! What a server holds in memory between requests: solvers that are set up, tables of artifacts, and the run that was begun here.
+//! Values that the server keeps in memory between requests: solvers, tables, model errors and store totals.
 
-mod at_work;
-mod bench;
-mod child;
-mod judged;
-mod kept;
-mod table;
+mod evaluation_columns;
+mod lru;
+mod model_errors;
+mod solvers;
+mod tables;
 mod totals;
 
-pub use at_work::at_work;
-pub use bench::{Bench, Benches, Critical, Setting};
-pub use child::Runner;
-pub use kept::{Kept, lock};
-pub use table::Tables;
+pub use lru::{LruCache, lock};
+pub use model_errors::{ModelErrors, score_document};
+pub use solvers::{CriticalVoltage, PreparedSolver, SimulationSetup, SolverCache};
+pub use tables::TableCache;
 pub use totals::StoreTotals;

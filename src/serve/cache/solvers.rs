@@ -1,21 +1,21 @@
-//! Solvers that stay set up between two strokes of a pen.
+//! Solvers that are kept ready between two strokes of the pen.
 
 use std::sync::Arc;
 
-use super::kept::Kept;
-use crate::http::Refusal;
+use super::lru::LruCache;
+use crate::http::ApiError;
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{GradientEvaluator, Method, Solver, SolverParameters};
 use deaflow_field::Mesh;
 use deaflow_scene::Scene;
 
-/// Solvers that are kept: a slider goes through many voltages.
-const KEPT: usize = 12;
+/// Number of solvers kept: the voltage slider needs one for each voltage.
+const MAX_SOLVERS: usize = 12;
 
-/// How a pattern is simulated.
+/// Scene, method and mesh of a simulation.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Setting {
-    /// The scene at the voltage, in the state and with the effects that are asked for.
+pub struct SimulationSetup {
+    /// The scene with the requested voltage, state and effects.
     pub scene: Scene,
     /// The method.
     pub method: Method,
@@ -23,81 +23,72 @@ pub struct Setting {
     pub mesh: Mesh,
 }
 
-/// Where a pattern loses stability.
+/// The voltage at which a pattern loses stability.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Critical {
-    /// The critical voltage, V, by two meshes; by that of the setting alone where `error` is none.
+pub struct CriticalVoltage {
+    /// The critical voltage, V: from two meshes, or from the mesh of the request if `error` is `None`.
     pub voltage: f64,
-    /// How far the truth may lie on either side, V.
+    /// Half the width of the error interval, V.
     pub error: Option<f64>,
-    /// The voltages between which the mesh of the setting loses it, V.
+    /// The last stable and the first unstable voltage on the mesh of the request, V.
     pub bracket: [f64; 2],
 }
 
 /// A solver with its scene.
-pub struct Bench {
-    /// The scene with its effects decided.
+pub struct PreparedSolver {
+    /// The scene with its effects resolved.
     pub scene: Scene,
     /// The solver.
     pub solver: Solver,
 }
 
-/// Those that were used last.
-pub struct Benches {
-    solvers: Kept<Setting, Bench>,
-    gradients: Kept<Scene, GradientEvaluator>,
+/// The most recently used solvers.
+pub struct SolverCache {
+    solvers: LruCache<SimulationSetup, PreparedSolver>,
+    gradients: LruCache<Scene, GradientEvaluator>,
 }
 
-impl Default for Benches {
+impl Default for SolverCache {
     fn default() -> Self {
         Self {
-            solvers: Kept::new(KEPT),
-            gradients: Kept::new(KEPT),
+            solvers: LruCache::new(MAX_SOLVERS),
+            gradients: LruCache::new(MAX_SOLVERS),
         }
     }
 }
 
-impl Benches {
-    /// The solver of a setting.
+impl SolverCache {
+    /// Returns the solver of a setup.
     ///
     /// # Errors
-    /// When it cannot be set up.
-    pub fn solver(&self, setting: &Setting) -> Result<Arc<Bench>, Refusal> {
-        if let Some(known) = self.solvers.get(setting) {
-            return Ok(known);
-        }
-        let scene = resolve(&setting.scene)?;
-        let bench = Arc::new(Bench {
-            solver: SolverParameters::new(setting.method, setting.mesh).build(&scene)?,
-            scene,
-        });
-        self.solvers.put(setting.clone(), &bench);
-        Ok(bench)
+    /// If it cannot be set up.
+    pub fn solver(&self, setup: &SimulationSetup) -> Result<Arc<PreparedSolver>, ApiError> {
+        self.solvers.get_or_insert(setup, || {
+            let scene = resolve(&setup.scene)?;
+            let solver = SolverParameters::new(setup.method, setup.mesh).build(&scene)?;
+            Ok(PreparedSolver { scene, solver })
+        })
     }
 
-    /// Newton's method on a finer mesh, by which the error of a setting is told; `None` on the finest.
+    /// Returns Newton's method on a finer mesh, which estimates the error of a setup; `None` on the finest mesh.
     ///
     /// # Errors
-    /// When it cannot be set up.
-    pub fn finer(&self, setting: &Setting) -> Result<Option<Arc<Bench>>, Refusal> {
-        let finer = |mesh: Mesh| Setting {
+    /// If it cannot be set up.
+    pub fn finer(&self, setup: &SimulationSetup) -> Result<Option<Arc<PreparedSolver>>, ApiError> {
+        let finer = |mesh: Mesh| SimulationSetup {
             method: Method::Newton,
             mesh,
-            ..setting.clone()
+            ..setup.clone()
         };
-        setting.mesh.finer().map(|mesh| self.solver(&finer(mesh))).transpose()
+        setup.mesh.finer().map(|mesh| self.solver(&finer(mesh))).transpose()
     }
 
-    /// What says how a field changes with the pattern.
+    /// Returns the evaluator of gradients with respect to the pattern.
     ///
     /// # Errors
-    /// When it cannot be set up.
-    pub fn gradient(&self, scene: &Scene) -> Result<Arc<GradientEvaluator>, Refusal> {
-        if let Some(known) = self.gradients.get(scene) {
-            return Ok(known);
-        }
-        let evaluator = Arc::new(GradientEvaluator::new(&resolve(scene)?)?);
-        self.gradients.put(scene.clone(), &evaluator);
-        Ok(evaluator)
+    /// If it cannot be set up.
+    pub fn gradient(&self, scene: &Scene) -> Result<Arc<GradientEvaluator>, ApiError> {
+        self.gradients
+            .get_or_insert(scene, || Ok(GradientEvaluator::new(&resolve(scene)?)?))
     }
 }

@@ -1,56 +1,49 @@
-//! The tables of artifacts that were looked at last.
+//! The most recently used tables of artifacts.
 
 use std::sync::Arc;
 
-use super::judged::{by_predictor, sources};
-use super::kept::Kept;
-use crate::http::Refusal;
+use super::evaluation_columns::{by_predictor, source_rows};
+use super::lru::LruCache;
+use crate::http::ApiError;
 use deaflow_base::ArtifactId;
 use deaflow_pattern::Raster;
 use deaflow_report::{RowColumn, Rows};
 use deaflow_store::{Artifact, Content, Data, Store};
 
-/// Tables that are kept: a person looks at few artifacts at a time.
-const KEPT: usize = 6;
+/// Number of tables kept.
+const MAX_TABLES: usize = 6;
 
-/// By what a table is known: its artifact, and its axis where one was named.
-type Key = (ArtifactId, Option<String>);
+/// The artifact of a table, and its axis if the request names one.
+type TableKey = (ArtifactId, Option<String>);
 
-/// Tables that were looked at last. An artifact never changes, so neither does its table.
-pub struct Tables(Kept<Key, Rows>);
+/// The most recently used tables. An artifact never changes, so its table does not either.
+pub struct TableCache(LruCache<TableKey, Rows>);
 
-impl Default for Tables {
+impl Default for TableCache {
     fn default() -> Self {
-        Self(Kept::new(KEPT))
+        Self(LruCache::new(MAX_TABLES))
     }
 }
 
-impl Tables {
-    /// The table of an artifact, along an axis where one is named.
+impl TableCache {
+    /// Returns the table of an artifact, along an axis if one is named.
     ///
     /// # Errors
-    /// When it has none, or cannot be read.
-    pub fn of(&self, store: &Store, artifact: &Artifact, along: Option<&str>) -> Result<Arc<Rows>, Refusal> {
+    /// If it has no table, or cannot be read.
+    pub fn table(&self, store: &Store, artifact: &Artifact, along: Option<&str>) -> Result<Arc<Rows>, ApiError> {
         let key = (artifact.digest(), along.map(str::to_owned));
-        if let Some(known) = self.0.get(&key) {
-            return Ok(known);
-        }
-        let mut rows = Rows::of(artifact, along)?;
-        if let Some(area) = area(artifact, &rows)? {
-            rows.columns.push(area);
-        }
-        let judged = by_predictor(artifact, &rows)?;
-        rows.columns.extend(judged);
-        let sources = sources(store, artifact, &rows)?;
-        rows.columns.extend(sources);
-        let rows = Arc::new(rows);
-        self.0.put(key, &rows);
-        Ok(rows)
+        self.0.get_or_insert(&key, || {
+            let mut rows = Rows::of(artifact, along)?;
+            rows.columns.extend(area(artifact, &rows)?);
+            rows.columns.extend(by_predictor(artifact, &rows)?);
+            rows.columns.extend(source_rows(store, artifact, &rows)?);
+            Ok(rows)
+        })
     }
 }
 
-/// The area fraction of each pattern, where there are patterns and the artifact does not say it.
-fn area(artifact: &Artifact, rows: &Rows) -> Result<Option<RowColumn>, Refusal> {
+/// Computes the area fraction of each pattern, if there are patterns and no array has it.
+fn area(artifact: &Artifact, rows: &Rows) -> Result<Option<RowColumn>, ApiError> {
     let is_known = |column: &RowColumn| column.name == "area" || column.name.ends_with("/area");
     let is_pattern =
         |content: &&Content| content.axes.len() == 3 && content.axes[0] == rows.axis && content.axes[1..] == ["y", "x"];
@@ -64,10 +57,10 @@ fn area(artifact: &Artifact, rows: &Rows) -> Result<Option<RowColumn>, Refusal> 
     let Some(raster) = Raster::new(shape[2], shape[1]).filter(|_| shape[0] == rows.len()) else {
         return Ok(None);
     };
-    let share = |cells: &[u8]| cells.iter().filter(|&&cell| cell != 0).count() as f64 / raster.cells() as f64;
+    let fraction = |cells: &[u8]| cells.iter().filter(|&&cell| cell != 0).count() as f64 / raster.cells() as f64;
     Ok(Some(RowColumn {
         name: "area".to_owned(),
         description: "Area fraction of the electrode.".to_owned(),
-        values: Data::F64(cells.chunks(raster.cells()).map(share).collect()),
+        values: Data::F64(cells.chunks(raster.cells()).map(fraction).collect()),
     }))
 }

@@ -1,51 +1,27 @@
-//! What the browser runs, compiled in.
+//! Files of the page, compiled in.
 
-/// The page.
+/// The main page.
 pub const INDEX: &str = include_str!("../page/index.html");
 
-/// What is shown to who has not named the token.
+/// The page for a browser without the token.
 pub const LOCKED: &str = include_str!("../page/locked.html");
 
 macro_rules! assets {
-    ($($name:literal: $media:literal,)*) => {
-        const ASSETS: &[(&str, &str, &str)] = &[$(($name, $media, include_str!(concat!("../page/", $name)))),*];
+    ($($media:literal: $($name:literal)*;)*) => {
+        const ASSETS: &[(&str, &str, &str)] = &[$($(($name, $media, include_str!(concat!("../page/", $name)))),*),*];
     };
 }
 
 assets! {
-    "page.css": "text/css; charset=utf-8",
-    "main.js": "text/javascript; charset=utf-8",
-    "server.js": "text/javascript; charset=utf-8",
-    "elements.js": "text/javascript; charset=utf-8",
-    "pattern.js": "text/javascript; charset=utf-8",
-    "chart.js": "text/javascript; charset=utf-8",
-    "colours.js": "text/javascript; charset=utf-8",
-    "membrane.js": "text/javascript; charset=utf-8",
-    "files.js": "text/javascript; charset=utf-8",
-    "filter.js": "text/javascript; charset=utf-8",
-    "live.js": "text/javascript; charset=utf-8",
-    "dag.js": "text/javascript; charset=utf-8",
-    "pictures.js": "text/javascript; charset=utf-8",
-    "origin.js": "text/javascript; charset=utf-8",
-    "models.js": "text/javascript; charset=utf-8",
-    "designs.js": "text/javascript; charset=utf-8",
-    "accuracy.js": "text/javascript; charset=utf-8",
-    "quantity.js": "text/javascript; charset=utf-8",
-    "sketch.js": "text/javascript; charset=utf-8",
-    "sketch-kept.js": "text/javascript; charset=utf-8",
-    "sketch-pen.js": "text/javascript; charset=utf-8",
-    "sketch-numbers.js": "text/javascript; charset=utf-8",
-    "sketch-improve.js": "text/javascript; charset=utf-8",
-    "sketch-files.js": "text/javascript; charset=utf-8",
-    "sketch-panels.js": "text/javascript; charset=utf-8",
-    "pipelines.js": "text/javascript; charset=utf-8",
-    "runs.js": "text/javascript; charset=utf-8",
-    "artifacts.js": "text/javascript; charset=utf-8",
-    "rows.js": "text/javascript; charset=utf-8",
-    "audit.js": "text/javascript; charset=utf-8",
+    "text/css; charset=utf-8": "page.css";
+    "text/javascript; charset=utf-8":
+        "main.js" "server.js" "elements.js" "pattern.js" "chart.js" "colours.js" "membrane.js" "files.js" "filter.js"
+        "live.js" "dag.js" "pictures.js" "origin.js" "models.js" "designs.js" "accuracy.js" "quantity.js" "sketch.js"
+        "sketch-kept.js" "sketch-pen.js" "sketch-numbers.js" "sketch-improve.js" "sketch-files.js" "sketch-panels.js"
+        "pipelines.js" "runs.js" "artifacts.js" "rows.js" "audit.js";
 }
 
-/// A file of the page, with its media type.
+/// Returns the media type and the text of a file of the page.
 #[must_use]
 pub fn asset(name: &str) -> Option<(&'static str, &'static str)> {
     let found = ASSETS.iter().find(|(known, _, _)| *known == name);

@@ -1,4 +1,4 @@
-//! Why a request gets no answer, for people and for scripts.
+//! Errors of the API: a status of HTTP, a message, help, and a position in a file.
 
 use miette::{Diagnostic, SourceCode};
 use serde_json::{Value, json};
@@ -7,66 +7,68 @@ use deaflow_base::InputError;
 use deaflow_content::ContentError;
 use deaflow_design::{ConstraintError, GoalError};
 use deaflow_fem::SetupError;
-use deaflow_field::PredictError;
+use deaflow_field::{FieldError, PredictError, SimulatorError};
 use deaflow_orchestrator::RunError;
+use deaflow_pattern::PatternError;
 use deaflow_report::{ReportError, RowsError};
 use deaflow_stage::direct::DirectError;
 use deaflow_store::StoreError;
+use deaflow_surrogate::LoadError;
 
-/// Where in a file something is wrong; lines and columns count from 1.
+/// A position in a file; lines and columns count from 1.
 #[derive(Debug)]
-struct Place {
+struct SourcePosition {
     file: Option<String>,
     line: usize,
     column: usize,
 }
 
-/// A refusal: a status of HTTP, what is wrong, and what helps.
+/// An error that the server answers with.
 #[derive(Debug)]
-pub struct Refusal {
-    /// The status.
+pub struct ApiError {
+    /// The status of HTTP.
     pub status: u16,
     message: String,
     help: Option<String>,
-    place: Option<Place>,
-    /// The path of the value that is refused, where one is.
-    value: Option<String>,
-    /// What the path allows, where the method is not allowed.
+    position: Option<SourcePosition>,
+    /// The path of the parameter whose value is refused, if there is one.
+    parameter: Option<String>,
+    /// The allowed methods, if the method is not allowed.
     pub allow: Option<&'static str>,
 }
 
-impl Refusal {
-    /// With a status.
+impl ApiError {
+    /// Creates an error with a status.
     pub fn new(status: u16, message: impl Into<String>) -> Self {
         Self {
             status,
             message: message.into(),
             help: None,
-            place: None,
-            value: None,
+            position: None,
+            parameter: None,
             allow: None,
         }
     }
 
-    /// What was asked cannot be done as it was asked.
-    pub fn bad(message: impl Into<String>) -> Self {
+    /// The request is not valid.
+    pub fn bad_request(message: impl Into<String>) -> Self {
         Self::new(400, message)
     }
 
-    /// A method that the path does not take.
-    pub fn not_allowed(allow: &'static str) -> Self {
+    /// The path does not support the method.
+    pub fn method_not_allowed(allow: &'static str) -> Self {
         Self {
             allow: Some(allow),
-            ..Self::new(405, format!("this path takes {allow} alone"))
+            ..Self::new(405, format!("this path supports only {allow}"))
         }
     }
 
-    /// There is no such thing.
-    pub fn absent(message: impl Into<String>) -> Self {
+    /// Something that the request names does not exist.
+    pub fn not_found(message: impl Into<String>) -> Self {
         Self::new(404, message)
     }
 
-    /// Adds advice.
+    /// Adds help: what to do.
     #[must_use]
     pub fn help(self, help: impl Into<String>) -> Self {
         Self {
@@ -75,83 +77,84 @@ impl Refusal {
         }
     }
 
-    /// Takes its place away: it is one in a text that nobody has written.
+    /// Removes the position: it is one in a text that the user did not write.
     #[must_use]
-    pub fn without_place(self) -> Self {
-        Self { place: None, ..self }
+    pub fn without_position(self) -> Self {
+        Self { position: None, ..self }
     }
 
-    /// Names the value that is refused, by its path.
+    /// Names the parameter whose value is refused.
     #[must_use]
-    pub fn of_value(self, path: impl Into<String>) -> Self {
+    pub fn for_parameter(self, path: impl Into<String>) -> Self {
         Self {
-            value: Some(path.into()),
+            parameter: Some(path.into()),
             ..self
         }
     }
 
-    /// What is wrong and what helps, as one text.
+    /// Returns message and help as one text.
     #[must_use]
-    pub fn words(&self) -> String {
+    pub fn message_with_help(&self) -> String {
         match &self.help {
             Some(help) => format!("{}: {help}", self.message),
             None => self.message.clone(),
         }
     }
 
-    /// As a document. Lines and columns count from 1.
+    /// Returns the error as a document.
     #[must_use]
     pub fn document(&self) -> Value {
+        let position = self.position.as_ref();
         json!({
             "error": {
                 "message": self.message,
                 "help": self.help,
-                "file": self.place.as_ref().and_then(|place| place.file.as_deref()),
-                "line": self.place.as_ref().map(|place| place.line),
-                "column": self.place.as_ref().map(|place| place.column),
-                "value": self.value,
+                "file": position.and_then(|position| position.file.as_deref()),
+                "line": position.map(|position| position.line),
+                "column": position.map(|position| position.column),
+                "value": self.parameter,
             }
         })
     }
 }
 
-impl From<InputError> for Refusal {
+impl From<InputError> for ApiError {
     fn from(error: InputError) -> Self {
-        let place = || {
+        let position = || {
             let label = error.labels()?.next()?;
             let source: &dyn SourceCode = error.source_code()?;
             let read = source.read_span(label.inner(), 0, 0).ok()?;
-            Some(Place {
+            Some(SourcePosition {
                 file: read.name().map(str::to_owned),
                 line: read.line() + 1,
                 column: read.column() + 1,
             })
         };
         Self {
-            place: place(),
+            position: position(),
             help: Diagnostic::help(&error).map(|help| help.to_string()),
-            ..Self::bad(error.to_string())
+            ..Self::bad_request(error.to_string())
         }
     }
 }
 
-impl From<StoreError> for Refusal {
+impl From<StoreError> for ApiError {
     fn from(error: StoreError) -> Self {
         let status = match &error {
             StoreError::Missing { .. } | StoreError::NoDataset { .. } | StoreError::NoStore { .. } => 404,
-            // What is damaged stands in the way of an answer; nothing is wrong with the server.
+            // A damaged store prevents an answer, but the server itself works.
             error if error.is_damage() => 409,
             _ => 500,
         };
-        let refusal = Self::new(status, error.to_string());
+        let answer = Self::new(status, error.to_string());
         match status {
-            409 => refusal.help("`deaflow fsck` tells what else is damaged; `deaflow run` builds it again"),
-            _ => refusal,
+            409 => answer.help("run `deaflow fsck` to list all damaged files, and `deaflow run` to build them again"),
+            _ => answer,
         }
     }
 }
 
-impl From<ContentError> for Refusal {
+impl From<ContentError> for ApiError {
     fn from(error: ContentError) -> Self {
         match error {
             ContentError::Store(error) => error.into(),
@@ -160,7 +163,7 @@ impl From<ContentError> for Refusal {
     }
 }
 
-impl From<ReportError> for Refusal {
+impl From<ReportError> for ApiError {
     fn from(error: ReportError) -> Self {
         match error {
             ReportError::Store(error) => error.into(),
@@ -170,16 +173,16 @@ impl From<ReportError> for Refusal {
     }
 }
 
-impl From<RowsError> for Refusal {
+impl From<RowsError> for ApiError {
     fn from(error: RowsError) -> Self {
         match error {
             RowsError::Store(error) => error.into(),
-            RowsError::None { message, help } => Self::absent(message).help(help),
+            RowsError::None { message, help } => Self::not_found(message).help(help),
         }
     }
 }
 
-impl From<RunError> for Refusal {
+impl From<RunError> for ApiError {
     fn from(error: RunError) -> Self {
         match error {
             RunError::Input(error) => error.into(),
@@ -189,48 +192,40 @@ impl From<RunError> for Refusal {
     }
 }
 
-impl From<SetupError> for Refusal {
-    fn from(error: SetupError) -> Self {
-        Self::bad(error.to_string())
-    }
+/// Errors that are answered with one status and their own message.
+macro_rules! from_errors {
+    ($($status:literal: $($error:ty),+;)+) => {
+        $($(impl From<$error> for ApiError {
+            fn from(error: $error) -> Self {
+                Self::new($status, error.to_string())
+            }
+        })+)+
+    };
 }
 
-impl From<GoalError> for Refusal {
-    fn from(error: GoalError) -> Self {
-        Self::bad(error.to_string())
-    }
+from_errors! {
+    400: SetupError, GoalError, ConstraintError;
+    409: PredictError, SimulatorError, LoadError, PatternError, FieldError;
 }
 
-impl From<ConstraintError> for Refusal {
-    fn from(error: ConstraintError) -> Self {
-        Self::bad(error.to_string())
-    }
-}
-
-impl From<PredictError> for Refusal {
-    fn from(error: PredictError) -> Self {
-        Self::new(409, error.to_string())
-    }
-}
-
-impl From<DirectError> for Refusal {
+impl From<DirectError> for ApiError {
     fn from(error: DirectError) -> Self {
         match error {
             DirectError::Input(error) => error.into(),
-            DirectError::Failed(message) => Self::bad(message),
+            DirectError::Failed(message) => Self::bad_request(message),
         }
     }
 }
 
-impl From<serde_json::Error> for Refusal {
+impl From<serde_json::Error> for ApiError {
     fn from(error: serde_json::Error) -> Self {
         Self {
-            place: (error.line() > 0).then(|| Place {
+            position: (error.line() > 0).then(|| SourcePosition {
                 file: None,
                 line: error.line(),
                 column: error.column(),
             }),
-            ..Self::bad(format!("the body of the request: {error}"))
+            ..Self::bad_request(format!("invalid body of the request: {error}"))
         }
     }
 }

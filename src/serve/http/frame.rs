@@ -1,5 +1,5 @@
-//! Arrays as a browser reads them without parsing: the length of a document as 32 bits, the document, and the numbers, little-endian, each
-//! array at a multiple of four bytes.
+//! Arrays in a form that a browser reads without parsing: the length of a JSON document as 32 bits, the document, and
+//! the numbers, little-endian, each array aligned to four bytes.
 
 use serde_json::{Value, json};
 
@@ -7,11 +7,12 @@ use serde_json::{Value, json};
 pub enum Array {
     /// Numbers, as 32-bit floats.
     Numbers(Vec<usize>, Vec<f32>),
-    /// Small whole numbers.
+    /// Small integers.
     Bytes(Vec<usize>, Vec<u8>),
 }
 
-/// A document and arrays by their names. The document gets the key `arrays`: name, type, shape, and where it begins after the document.
+/// Writes a document and named arrays. The document gets the key `arrays`: name, type, shape, and start after the
+/// document.
 #[must_use]
 pub fn frame(mut document: Value, arrays: &[(String, Array)]) -> Vec<u8> {
     let mut data: Vec<u8> = Vec::new();
@@ -30,7 +31,7 @@ pub fn frame(mut document: Value, arrays: &[(String, Array)]) -> Vec<u8> {
     }
     document["arrays"] = Value::Array(listed);
     let mut text = document.to_string().into_bytes();
-    // Padded so that the numbers begin at a multiple of four.
+    // Padded, so that the numbers are aligned to four bytes.
     text.resize(text.len().next_multiple_of(4), b' ');
     let mut bytes = (text.len() as u32).to_le_bytes().to_vec();
     bytes.extend(text);
@@ -43,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn arrays_begin_where_the_document_says() {
+    fn arrays_begin_where_the_document_states() {
         let arrays = [
             ("a".to_owned(), Array::Bytes(vec![3], vec![7, 8, 9])),
             ("b".to_owned(), Array::Numbers(vec![1, 2], vec![0.5, -2.0])),

@@ -1,9 +1,11 @@
-//! Who may ask: who knows the token, from a page of this server or from a script, under this machine's own name.
+//! Access control: a request needs the token, and must come from a page of this server or from a script on this
+//! machine.
 //!
-//! The address alone keeps nobody out: any page in the browser may send requests to it, and a name that a stranger owns may be made to lead
-//! here while a page is open (DNS rebinding). So a request must name the server by its address ([`Guard::check`]: `Host`), a page that sends
-//! it must be one of the server's (`Origin`, `Sec-Fetch-Site`), and it must have the token, in a header or in a cookie that other sites
-//! cannot have sent along (`SameSite=Strict`).
+//! The loopback address alone does not protect the server: any page in the browser may send requests to it, and a host
+//! name of a stranger may be resolved to it while a page is open (DNS rebinding). So a request must name the server by
+//! its address ([`Guard::check`]: `Host`), the page that sends it must be one of the server's (`Origin`,
+//! `Sec-Fetch-Site`), and it must have the token, in a header or in a cookie that other sites cannot use
+//! (`SameSite=Strict`).
 
 use std::fmt::Write;
 
@@ -11,50 +13,50 @@ use hyper::HeaderMap;
 use hyper::header::{AUTHORIZATION, COOKIE, HOST, HeaderName, HeaderValue, ORIGIN};
 use ring::rand::{SecureRandom, SystemRandom};
 
-use super::refusal::Refusal;
+use super::error::ApiError;
 
-/// Bytes of a token: nobody guesses 256 bits.
-const BYTES: usize = 32;
+/// Bytes of a token.
+const TOKEN_BYTES: usize = 32;
 
-/// What lets in: random, and new with each server.
+/// The secret of a server: random, new with each start.
 #[derive(Clone)]
 pub struct Token(String);
 
 impl Token {
-    /// A new one; `None` where the system has no random numbers to give.
+    /// Creates a token; `None` if the system has no source of random numbers.
     #[must_use]
     pub fn random() -> Option<Self> {
-        let mut bytes = [0; BYTES];
+        let mut bytes = [0; TOKEN_BYTES];
         SystemRandom::new().fill(&mut bytes).ok()?;
-        let mut text = String::with_capacity(2 * BYTES);
+        let mut text = String::with_capacity(2 * TOKEN_BYTES);
         for byte in bytes {
-            // Writing to a text cannot fail.
+            // Writing to a string cannot fail.
             let _ = write!(text, "{byte:02x}");
         }
         Some(Self(text))
     }
 
-    /// As it stands in an address.
+    /// Returns the token as in the URL.
     #[must_use]
     pub fn text(&self) -> &str {
         &self.0
     }
 
-    /// Whether a text is the token. It takes as long whatever the text has in common with it: digests are compared, in constant time.
+    /// Whether a text is the token. Digests are compared, so that the time says nothing about the common prefix.
     #[must_use]
-    pub fn is(&self, text: &str) -> bool {
+    pub fn matches(&self, text: &str) -> bool {
         blake3::hash(self.0.as_bytes()) == blake3::hash(text.as_bytes())
     }
 }
 
-/// Lets in or refuses.
+/// Checks requests.
 pub struct Guard {
     token: Token,
     port: u16,
 }
 
 impl Guard {
-    /// For a server on a port.
+    /// Creates the guard of a server on a port.
     #[must_use]
     pub fn new(token: Token, port: u16) -> Self {
         Self { token, port }
@@ -62,43 +64,40 @@ impl Guard {
 
     /// Whether a text is the token.
     #[must_use]
-    pub fn knows(&self, text: &str) -> bool {
-        self.token.is(text)
+    pub fn is_token(&self, text: &str) -> bool {
+        self.token.matches(text)
     }
 
-    /// The names by which the server may be called.
+    /// Returns the allowed values of `Host`.
     fn hosts(&self) -> [String; 2] {
         ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port))
     }
 
-    /// Refuses a request that is none of a page of this server or of a script on this machine.
+    /// Refuses a request that comes from a page of another site, or names the server by another host.
     ///
     /// # Errors
-    /// When it is not.
-    pub fn check(&self, headers: &HeaderMap) -> Result<(), Refusal> {
+    /// If it does.
+    pub fn check(&self, headers: &HeaderMap) -> Result<(), ApiError> {
         let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or_default());
         let host = text(HOST).unwrap_or_default();
         if !self.hosts().iter().any(|known| known == host) {
-            return Err(
-                Refusal::new(403, "this server is not called so").help(format!("allowed: {}", self.hosts().join(", ")))
-            );
+            let help = format!("allowed: {}", self.hosts().join(", "));
+            return Err(ApiError::new(403, format!("the request is for another host, {host:?}")).help(help));
         }
         let is_own = |origin: &str| origin.strip_prefix("http://") == Some(host);
-        if text(ORIGIN).is_some_and(|origin| !is_own(origin)) {
-            return Err(Refusal::new(403, "a page of another site has sent this"));
-        }
         let site = text(HeaderName::from_static("sec-fetch-site")).unwrap_or("none");
-        match site {
-            "none" | "same-origin" => Ok(()),
-            _ => Err(Refusal::new(403, "a page of another site has sent this")),
+        let is_foreign = !matches!(site, "none" | "same-origin") || text(ORIGIN).is_some_and(|origin| !is_own(origin));
+        match is_foreign {
+            true => Err(ApiError::new(403, "the request comes from a page of another site")),
+            false => Ok(()),
         }
     }
 
-    /// Refuses who does not know the token.
+    /// Refuses a request without the token.
     ///
     /// # Errors
-    /// When it is neither in the header nor in the cookie.
-    pub fn admit(&self, headers: &HeaderMap) -> Result<(), Refusal> {
+    /// If it is neither in the header nor in the cookie.
+    pub fn admit(&self, headers: &HeaderMap) -> Result<(), ApiError> {
         let bearer = headers.get(AUTHORIZATION).and_then(|value| value.to_str().ok());
         let bearer = bearer.and_then(|value| value.strip_prefix("Bearer "));
         let cookies = headers.get_all(COOKIE).iter().filter_map(|value| value.to_str().ok());
@@ -108,18 +107,18 @@ impl Guard {
             .find(|(name, _)| *name == self.cookie_name());
         let given = bearer.or(cookie.map(|(_, value)| value));
         match given {
-            Some(token) if self.knows(token) => Ok(()),
-            Some(_) => Err(Refusal::new(401, "the token is not that of this server").help(ADVICE)),
-            None => Err(Refusal::new(401, "there is no token").help(ADVICE)),
+            Some(token) if self.is_token(token) => Ok(()),
+            Some(_) => Err(ApiError::new(401, "the token is not the token of this server").help(TOKEN_HELP)),
+            None => Err(ApiError::new(401, "the request has no token").help(TOKEN_HELP)),
         }
     }
 
-    /// Cookies know no ports, so each server has its own.
+    /// Returns the name of the cookie. Cookies are shared by all ports of a host, so the name has the port.
     fn cookie_name(&self) -> String {
         format!("deaflow-{}", self.port)
     }
 
-    /// The cookie of who has named the token.
+    /// Returns the cookie that holds the token.
     #[must_use]
     pub fn cookie(&self) -> Option<HeaderValue> {
         let text = format!(
@@ -131,7 +130,7 @@ impl Guard {
     }
 }
 
-const ADVICE: &str = "open the address that deaflow printed, or send the token in it as `Authorization: Bearer TOKEN`";
+const TOKEN_HELP: &str = "open the URL that deaflow printed, or send the token in it as `Authorization: Bearer TOKEN`";
 
 #[cfg(test)]
 mod tests {
@@ -145,11 +144,11 @@ mod tests {
     }
 
     #[test]
-    fn tokens_are_long_random_and_compared_whole() {
+    fn tokens_are_long_random_and_compared_as_a_whole() {
         let (one, other) = (Token::random().unwrap(), Token::random().unwrap());
         assert_eq!(one.text().len(), 64);
-        assert!(one.is(one.text()) && !one.is(other.text()));
-        assert!(!one.is(&one.text()[..63]) && !one.is(""));
+        assert!(one.matches(one.text()) && !one.matches(other.text()));
+        assert!(!one.matches(&one.text()[..63]) && !one.matches(""));
     }
 
     #[test]

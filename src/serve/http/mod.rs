@@ -1,17 +1,17 @@
-//! The protocol: connections, who may ask, what an answer is.
+//! The HTTP layer: connections, access control, requests and responses.
 
-mod answer;
 mod assets;
+mod error;
 mod frame;
 mod guard;
-mod refusal;
 mod request;
+mod response;
 mod server;
 
-pub use answer::{Answer, Lines};
 pub use assets::asset;
+pub use error::ApiError;
 pub use frame::{Array, frame};
 pub use guard::Token;
-pub use refusal::Refusal;
 pub use request::{Method, Request};
-pub use server::{Handler, Lane, ServeError, Served};
+pub use response::{LineSender, Response};
+pub use server::{Handler, Lane, ServeError, Server};

@@ -1,67 +1,84 @@
-//! What is asked: method, path, query and body.
+//! Requests: method, path, query and body.
 
 use std::collections::BTreeMap;
 
 use serde::de::DeserializeOwned;
 
-use super::refusal::Refusal;
+use super::error::ApiError;
 
-/// What is to be done.
+/// The method of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Read.
+    /// Reads.
     Get,
-    /// Ask with a body, or begin something.
+    /// Sends a body, or starts something.
     Post,
-    /// End something.
+    /// Stops something.
     Delete,
 }
 
-/// A request that was let in.
+/// A request that passed access control.
 #[derive(Clone, Debug)]
 pub struct Request {
-    /// What is to be done.
+    /// The method.
     pub method: Method,
-    /// The steps of the path.
+    /// The segments of the path.
     pub path: Vec<String>,
-    /// What stands after the question mark.
+    /// The parameters of the query.
     pub query: BTreeMap<String, String>,
     /// The body.
     pub body: Vec<u8>,
 }
 
 impl Request {
-    /// The body as JSON.
+    /// Parses the body as JSON.
     ///
     /// # Errors
-    /// When it is none, or says something else than is wanted.
-    pub fn json<T: DeserializeOwned>(&self) -> Result<T, Refusal> {
+    /// If it is not valid JSON, or has unexpected keys.
+    pub fn json<T: DeserializeOwned>(&self) -> Result<T, ApiError> {
         Ok(serde_json::from_slice(&self.body)?)
     }
 
-    /// A word of the query.
+    /// Returns a parameter of the query; `None` if it is missing or empty.
     #[must_use]
-    pub fn word(&self, name: &str) -> Option<&str> {
-        self.query.get(name).map(String::as_str)
+    pub fn parameter(&self, name: &str) -> Option<&str> {
+        self.query.get(name).map(String::as_str).filter(|text| !text.is_empty())
     }
 
-    /// A whole number of the query.
+    /// Returns an integer parameter of the query, or `default` if it is missing.
     ///
     /// # Errors
-    /// When it is none, or more than `most`.
-    pub fn number(&self, name: &str, usual: usize, most: usize) -> Result<usize, Refusal> {
-        let Some(text) = self.word(name) else {
-            return Ok(usual);
+    /// If it is not an integer, or larger than `max`.
+    pub fn integer(&self, name: &str, default: usize, max: usize) -> Result<usize, ApiError> {
+        let Some(text) = self.query.get(name) else {
+            return Ok(default);
         };
-        let number = text.parse().ok().filter(|number| *number <= most);
-        number.ok_or_else(|| Refusal::bad(format!("{name} is {text:?}")).help(format!("allowed: 0 to {most}")))
+        let number = text.parse().ok().filter(|number| *number <= max);
+        number.ok_or_else(|| {
+            ApiError::bad_request(format!("invalid `{name}`: {text:?}"))
+                .help(format!("allowed: an integer from 0 to {max}"))
+        })
     }
 
-    /// Refuses words of the query that mean nothing here.
+    /// Returns the row that the parameter `row` names, of `count` rows of an array.
     ///
     /// # Errors
-    /// When there are such.
-    pub fn allow(&self, names: &[&str]) -> Result<(), Refusal> {
+    /// If the parameter is missing, or the array has no such row.
+    pub fn row(&self, path: &str, count: usize) -> Result<usize, ApiError> {
+        let text = self
+            .parameter("row")
+            .ok_or_else(|| ApiError::bad_request("the parameter `row` is missing"))?;
+        let row = text.parse().ok().filter(|row| *row < count);
+        row.ok_or_else(|| {
+            ApiError::not_found(format!("{path} has no row {text}")).help(format!("allowed: rows 0 to {}", count - 1))
+        })
+    }
+
+    /// Refuses unknown parameters of the query.
+    ///
+    /// # Errors
+    /// If there is an unknown one.
+    pub fn allow(&self, names: &[&str]) -> Result<(), ApiError> {
         match self.query.keys().find(|name| !names.contains(&name.as_str())) {
             None => Ok(()),
             Some(other) => {
@@ -70,20 +87,20 @@ impl Request {
                 } else {
                     names.join(", ")
                 };
-                Err(Refusal::bad(format!("{other:?} means nothing in this query")).help(format!("allowed: {known}")))
+                Err(ApiError::bad_request(format!("unknown parameter {other:?}")).help(format!("allowed: {known}")))
             }
         }
     }
 }
 
-/// The steps of a path, decoded; none where it is malformed.
+/// Splits a path into decoded segments; `None` if it is malformed.
 #[must_use]
 pub fn steps(path: &str) -> Option<Vec<String>> {
     let steps = path.strip_prefix('/')?.split('/').filter(|step| !step.is_empty());
     steps.map(|step| decoded(step, false)).collect()
 }
 
-/// The words of a query, decoded; of a name that comes several times the last. None where it is malformed.
+/// Decodes the parameters of a query; of a repeated name the last value counts. `None` if it is malformed.
 #[must_use]
 pub fn words(query: &str) -> Option<BTreeMap<String, String>> {
     let pairs = query.split('&').filter(|pair| !pair.is_empty());
@@ -94,7 +111,7 @@ pub fn words(query: &str) -> Option<BTreeMap<String, String>> {
     pairs.map(pair).collect()
 }
 
-/// A text with its percent signs resolved (RFC 3986); in a query a plus is a space.
+/// Decodes percent signs (RFC 3986); in a query, plus is a space.
 fn decoded(text: &str, is_query: bool) -> Option<String> {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.bytes();
@@ -116,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn percent_signs_are_resolved_or_refused() {
+    fn percent_signs_are_decoded_or_refused() {
         assert_eq!(steps("/api/a%20b/").unwrap(), ["api", "a b"]);
         assert_eq!(steps("/%2e%2e/x").unwrap(), ["..", "x"]);
         for malformed in ["api", "/%", "/%2", "/%zz", "/%ff"] {

@@ -1,4 +1,4 @@
-//! What a request is answered with.
+//! Responses of the server.
 
 use std::convert::Infallible;
 use std::pin::Pin;
@@ -11,33 +11,33 @@ use tokio::sync::mpsc;
 
 use deaflow_base::printable_json;
 
-/// An answer.
+/// A response.
 #[derive(Debug)]
-pub enum Answer {
-    /// A document.
-    Document(Value),
-    /// Bytes of a type, and what a file of them would be called where they are to become one.
+pub enum Response {
+    /// A JSON document.
+    Json(Value),
+    /// Bytes of a media type, with a file name if the browser is to save them.
     Bytes {
         /// The media type.
         media: &'static str,
         /// The bytes.
         bytes: Vec<u8>,
-        /// The name of a file.
+        /// The file name.
         file: Option<String>,
     },
-    /// A page of this program's own making, without scripts: what it draws has its colours within.
-    Page(String),
-    /// Documents, a line for each, as they come.
-    Lines(mpsc::Receiver<Bytes>),
-    /// The page that shows everything else, and whether who asked has named the token and is to be known from now on.
-    Entrance {
-        /// Whether the token was in the address.
-        admitted: bool,
+    /// A page without scripts, with its style sheet within: figures of an artifact.
+    Html(String),
+    /// JSON documents, one a line, sent as they are produced.
+    JsonLines(mpsc::Receiver<Bytes>),
+    /// The main page.
+    Index {
+        /// Whether the token was in the URL, so that a cookie is set.
+        has_token: bool,
     },
 }
 
-impl Answer {
-    /// Bytes that a page draws.
+impl Response {
+    /// Arrays for the page, see [`super::frame`].
     pub fn frame(bytes: Vec<u8>) -> Self {
         Self::Bytes {
             media: "application/octet-stream",
@@ -47,56 +47,57 @@ impl Answer {
     }
 }
 
-impl From<Value> for Answer {
+impl From<Value> for Response {
     fn from(document: Value) -> Self {
-        Self::Document(document)
+        Self::Json(document)
     }
 }
 
-/// A document as it is sent: on one line, and without what changes the direction of text.
+/// Writes a document on one line, without characters that change the direction of text.
 #[must_use]
 pub fn line_of(document: &Value) -> Bytes {
     let text = document.to_string();
     Bytes::from(format!("{}\n", printable_json(&text)))
 }
 
-/// Where lines are sent to.
+/// The sending end of a response of [`Response::JsonLines`].
 #[derive(Clone, Debug)]
-pub struct Lines(mpsc::Sender<Bytes>);
+pub struct LineSender(mpsc::Sender<Bytes>);
 
-/// Lines that are sent and not yet read, before who sends them has to wait.
-const AHEAD: usize = 32;
+/// Lines that are sent before the sender waits for the reader.
+const BUFFERED_LINES: usize = 32;
 
-impl Lines {
-    /// A pair of ends.
+impl LineSender {
+    /// Creates a sender and its response.
     #[must_use]
-    pub fn new() -> (Self, Answer) {
-        let (sender, receiver) = mpsc::channel(AHEAD);
-        (Self(sender), Answer::Lines(receiver))
+    pub fn new() -> (Self, Response) {
+        let (sender, receiver) = mpsc::channel(BUFFERED_LINES);
+        (Self(sender), Response::JsonLines(receiver))
     }
 
-    /// Sends a document; false where nobody listens any more. It waits for a slow reader, and must not be called where others are served.
+    /// Sends a document; false if the connection is closed. Blocks while the reader is slow: never call it in async
+    /// code.
     #[must_use]
     pub fn send(&self, document: &Value) -> bool {
         self.0.blocking_send(line_of(document)).is_ok()
     }
 
-    /// Whether nobody listens any more.
+    /// Whether the connection is closed.
     #[must_use]
     pub fn is_closed(&self) -> bool {
         self.0.is_closed()
     }
 }
 
-/// A body that is sent.
-pub enum Outgoing {
-    /// All of it.
-    Whole(Full<Bytes>),
-    /// As it comes.
+/// The body of a response.
+pub enum ResponseBody {
+    /// A body that is complete.
+    Full(Full<Bytes>),
+    /// Lines that are sent as they are produced.
     Lines(mpsc::Receiver<Bytes>),
 }
 
-impl Body for Outgoing {
+impl Body for ResponseBody {
     type Data = Bytes;
     type Error = Infallible;
 
@@ -105,7 +106,7 @@ impl Body for Outgoing {
         context: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Self::Data>, Self::Error>>> {
         match self.get_mut() {
-            Self::Whole(full) => Pin::new(full).poll_frame(context),
+            Self::Full(full) => Pin::new(full).poll_frame(context),
             Self::Lines(lines) => lines
                 .poll_recv(context)
                 .map(|line| line.map(|bytes| Ok(Frame::data(bytes)))),
@@ -114,14 +115,14 @@ impl Body for Outgoing {
 
     fn is_end_stream(&self) -> bool {
         match self {
-            Self::Whole(full) => full.is_end_stream(),
+            Self::Full(full) => full.is_end_stream(),
             Self::Lines(_) => false,
         }
     }
 
     fn size_hint(&self) -> SizeHint {
         match self {
-            Self::Whole(full) => full.size_hint(),
+            Self::Full(full) => full.size_hint(),
             Self::Lines(_) => SizeHint::default(),
         }
     }

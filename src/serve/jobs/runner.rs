@@ -1,4 +1,4 @@
-//! A run of a pipeline that was begun on the page: `deaflow run` in a process of its own, which a person could have started.
+//! A run of a pipeline that the page started: `deaflow run` in a process of its own.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{self, BufRead, BufReader, Read};
@@ -9,39 +9,39 @@ use std::time::{Duration, Instant};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
-use super::kept::lock;
+use crate::cache::lock;
 
-/// Events that are kept.
-const KEPT: usize = 500;
+/// Number of events kept.
+const MAX_EVENTS: usize = 500;
 
-/// Bytes of what a run prints at its end.
-const PRINTED: u64 = 1 << 16;
+/// Bytes of the output that a run prints at its end.
+const MAX_OUTPUT: u64 = 1 << 16;
 
-/// How long a run that was asked to end may take.
+/// Time that a run has to end after an interrupt before it is killed.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Between two looks at whether it has ended.
+/// Time between two checks whether it has ended.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// The run that was begun here, if one was.
+/// The run that this server started, if any.
 #[derive(Default)]
-pub struct Runner(Mutex<Option<Begun>>);
+pub struct Runner(Mutex<Option<StartedRun>>);
 
-struct Begun {
+struct StartedRun {
     pipeline: String,
-    /// The values that it was given, by their paths.
+    /// The `--set` values, by path.
     set: BTreeMap<String, String>,
     child: Child,
-    /// When it began, and how long it took as far as it was seen to end.
+    /// Start time, and the duration once the end was seen.
     start: Instant,
     took: Option<Duration>,
-    /// Whether it was asked to end.
+    /// Whether it was interrupted by the page.
     is_stopped: bool,
-    told: Arc<Mutex<Told>>,
+    progress: Arc<Mutex<RunProgress>>,
 }
 
-impl Begun {
-    /// Whether it goes on.
+impl StartedRun {
+    /// Whether it is still running; stores the duration at the first call after its end.
     fn is_running(&mut self) -> bool {
         let is_running = matches!(self.child.try_wait(), Ok(None));
         if !is_running && self.took.is_none() {
@@ -51,39 +51,39 @@ impl Begun {
     }
 }
 
-/// What a run has told.
+/// Events and output of a run.
 #[derive(Default)]
-struct Told {
-    /// The last events but those of progress.
+struct RunProgress {
+    /// The last events, without progress events.
     events: VecDeque<Value>,
-    /// The stages that are under way.
-    stages: BTreeMap<String, Steps>,
-    /// What it has printed at its end: warnings, the results, and where they are.
+    /// The stages that are being built.
+    stages: BTreeMap<String, StageProgress>,
+    /// The output at its end: warnings, results and their paths.
     printed: String,
 }
 
-/// How far a stage has come.
+/// Progress of a stage.
 #[derive(Default)]
-struct Steps {
+struct StageProgress {
     done: u64,
-    /// The part that is done of the step that is under way.
+    /// The fraction of the current step that is done.
     part: f64,
     all: u64,
     unit: String,
     note: String,
 }
 
-impl Told {
-    fn hear(&mut self, event: Value) {
+impl RunProgress {
+    fn add_event(&mut self, event: Value) {
         let name = event["name"].as_str().unwrap_or_default().to_owned();
         let steps = event["steps"].as_u64().unwrap_or_default();
         let text = |key: &str| event[key].as_str().unwrap_or_default().to_owned();
         match event["event"].as_str().unwrap_or_default() {
             "stage-started" => {
-                let begun = Steps {
+                let begun = StageProgress {
                     all: steps,
                     unit: text("unit"),
-                    ..Steps::default()
+                    ..StageProgress::default()
                 };
                 self.stages.insert(name, begun);
             }
@@ -103,13 +103,13 @@ impl Told {
             _ => {}
         }
         self.events.push_back(event);
-        if self.events.len() > KEPT {
+        if self.events.len() > MAX_EVENTS {
             self.events.pop_front();
         }
     }
 
     fn stages(&self) -> Vec<Value> {
-        let one = |(name, steps): (&String, &Steps)| {
+        let one = |(name, steps): (&String, &StageProgress)| {
             json!({
                 "name": name,
                 "done": steps.done as f64 + steps.part,
@@ -123,13 +123,13 @@ impl Told {
 }
 
 impl Runner {
-    /// Begins a run, of which one at a time goes on: false where one does.
+    /// Starts a run. Returns false if one is already running.
     ///
     /// # Errors
-    /// When the system refuses.
-    pub fn begin(&self, pipeline: String, set: BTreeMap<String, String>, mut command: Command) -> io::Result<bool> {
-        let mut held = lock(&self.0);
-        if held.as_mut().is_some_and(Begun::is_running) {
+    /// If the process or its reader threads cannot be started.
+    pub fn start(&self, pipeline: String, set: BTreeMap<String, String>, mut command: Command) -> io::Result<bool> {
+        let mut current = lock(&self.0);
+        if current.as_mut().is_some_and(StartedRun::is_running) {
             return Ok(false);
         }
         command
@@ -137,98 +137,100 @@ impl Runner {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
         let mut child = command.spawn()?;
-        let told: Arc<Mutex<Told>> = Arc::default();
+        let progress: Arc<Mutex<RunProgress>> = Arc::default();
         if let Some(mut stdout) = child.stdout.take() {
-            let told = Arc::clone(&told);
+            let progress = Arc::clone(&progress);
             let listen = move || {
                 let mut bytes = Vec::new();
-                // What cannot be read is not shown, and what is beyond is taken from the pipe, so that nobody waits.
-                let _ = stdout.by_ref().take(PRINTED).read_to_end(&mut bytes);
+                // The rest is read and dropped, so that the process does not block on a full pipe.
+                let _ = stdout.by_ref().take(MAX_OUTPUT).read_to_end(&mut bytes);
                 let _ = io::copy(&mut stdout, &mut io::sink());
-                lock(&told).printed = String::from_utf8_lossy(&bytes).into_owned();
+                lock(&progress).printed = String::from_utf8_lossy(&bytes).into_owned();
             };
-            std::thread::Builder::new().name("printed".to_owned()).spawn(listen)?;
+            std::thread::Builder::new()
+                .name("run-output".to_owned())
+                .spawn(listen)?;
         }
         if let Some(stderr) = child.stderr.take() {
-            let told = Arc::clone(&told);
-            // It ends with the process that writes.
+            let progress = Arc::clone(&progress);
+            // The thread ends when the process closes the pipe.
             let listen = move || {
                 for line in BufReader::new(stderr).lines().map_while(Result::ok) {
                     let event =
                         serde_json::from_str(&line).unwrap_or_else(|_| json!({ "event": "line", "text": line }));
-                    lock(&told).hear(event);
+                    lock(&progress).add_event(event);
                 }
             };
-            std::thread::Builder::new().name("run".to_owned()).spawn(listen)?;
+            std::thread::Builder::new()
+                .name("run-events".to_owned())
+                .spawn(listen)?;
         }
-        *held = Some(Begun {
+        *current = Some(StartedRun {
             pipeline,
             set,
             child,
             start: Instant::now(),
             took: None,
             is_stopped: false,
-            told,
+            progress,
         });
         Ok(true)
     }
 
-    /// What has become of it.
+    /// Returns the state of the run as a document.
     #[must_use]
-    pub fn told(&self) -> Value {
-        let mut held = lock(&self.0);
-        let Some(begun) = held.as_mut() else {
+    pub fn document(&self) -> Value {
+        let mut current = lock(&self.0);
+        let Some(run) = current.as_mut() else {
             return json!({ "pipeline": null, "running": false, "exit_code": null, "stages": [], "events": [] });
         };
-        let is_running = begun.is_running();
-        let ended = begun.child.try_wait().ok().flatten();
-        let told = lock(&begun.told);
+        let is_running = run.is_running();
+        let status = run.child.try_wait().ok().flatten();
+        let progress = lock(&run.progress);
         json!({
-            "pipeline": begun.pipeline,
-            "pid": begun.child.id(),
-            "set": begun.set,
+            "pipeline": run.pipeline,
+            "pid": run.child.id(),
+            "set": run.set,
             "running": is_running,
-            "exit_code": ended.and_then(|status| status.code()),
-            "stopped": begun.is_stopped,
-            "seconds": begun.took.unwrap_or_else(|| begun.start.elapsed()).as_secs_f64(),
-            "printed": told.printed,
-            "stages": told.stages(),
-            "events": told.events.iter().collect::<Vec<_>>(),
+            "exit_code": status.and_then(|status| status.code()),
+            "stopped": run.is_stopped,
+            "seconds": run.took.unwrap_or_else(|| run.start.elapsed()).as_secs_f64(),
+            "printed": progress.printed,
+            "stages": progress.stages(),
+            "events": progress.events.iter().collect::<Vec<_>>(),
         })
     }
 
-    /// How far it has come; null where none goes on.
+    /// Returns the progress of the stages; null if nothing is running.
     #[must_use]
     pub fn progress(&self) -> Value {
-        let mut held = lock(&self.0);
-        let Some(begun) = held.as_mut() else { return Value::Null };
-        match begun.is_running() {
-            true => {
-                json!({ "pipeline": begun.pipeline, "pid": begun.child.id(), "stages": lock(&begun.told).stages() })
-            }
+        let mut current = lock(&self.0);
+        let Some(run) = current.as_mut() else { return Value::Null };
+        match run.is_running() {
+            true => json!({ "pipeline": run.pipeline, "pid": run.child.id(), "stages": lock(&run.progress).stages() }),
             false => Value::Null,
         }
     }
 
-    /// Asks it to end.
+    /// Interrupts the run.
     pub fn stop(&self) {
-        if let Some(begun) = lock(&self.0).as_mut() {
-            begun.is_stopped |= begun.is_running();
-            stop(&mut begun.child);
+        if let Some(run) = lock(&self.0).as_mut() {
+            run.is_stopped |= run.is_running();
+            interrupt(&mut run.child);
         }
     }
 
-    /// Ends it, and waits for that a while.
+    /// Interrupts the run, waits for its end, and kills it if that takes too long.
     pub fn end(&self) {
-        let mut held = lock(&self.0);
-        let Some(begun) = held.as_mut() else { return };
-        stop(&mut begun.child);
-        let asked = Instant::now();
-        while matches!(begun.child.try_wait(), Ok(None)) {
-            if asked.elapsed() > PATIENCE {
-                // What it has built stays, and nothing that is visible is half-done.
-                let _ = begun.child.kill();
-                let _ = begun.child.wait();
+        let mut current = lock(&self.0);
+        let Some(run) = current.as_mut() else { return };
+        interrupt(&mut run.child);
+        let interrupted = Instant::now();
+        while matches!(run.child.try_wait(), Ok(None)) {
+            if interrupted.elapsed() > PATIENCE {
+                // Finished artifacts stay, and unfinished files are never visible.
+                let _ = run.child.kill();
+                let _ = run.child.wait();
                 return;
             }
             std::thread::sleep(PAUSE);
@@ -236,12 +238,12 @@ impl Runner {
     }
 }
 
-/// Asks a process to end; one that has ended is asked nothing.
-fn stop(child: &mut Child) {
+/// Sends SIGINT to a process that is still running.
+fn interrupt(child: &mut Child) {
     if matches!(child.try_wait(), Ok(None))
         && let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw)
     {
-        // It may end by itself meanwhile.
+        // It may have ended meanwhile.
         let _ = kill_process(pid, Signal::INT);
     }
 }
@@ -252,7 +254,7 @@ mod tests {
 
     #[test]
     fn steps_are_added_up_until_the_stage_ends() {
-        let mut told = Told::default();
+        let mut told = RunProgress::default();
         for event in [
             json!({ "event": "stage-started", "name": "a", "kind": "solve", "steps": 8, "unit": "patterns" }),
             json!({ "event": "resumed", "name": "a", "steps": 2 }),
@@ -260,12 +262,12 @@ mod tests {
             json!({ "event": "part", "name": "a", "done": 0.5 }),
             json!({ "event": "note", "name": "a", "text": "so far" }),
         ] {
-            told.hear(event);
+            told.add_event(event);
         }
         let expected = json!({ "name": "a", "done": 5.5, "steps": 8, "unit": "patterns", "note": "so far" });
         assert_eq!(told.stages(), [expected]);
-        told.hear(json!({ "event": "stage-finished", "name": "a" }));
+        told.add_event(json!({ "event": "stage-finished", "name": "a" }));
         assert!(told.stages().is_empty());
-        assert_eq!(told.events.len(), 2, "progress is no news");
+        assert_eq!(told.events.len(), 2, "progress events are not kept");
     }
 }

@@ -1,121 +1,122 @@
-//! A wanted value between two patterns: the cells in which they differ are changed one after the other, by what each promises, and the
-//! number of them is bisected. What is missing then is looked for in single cells.
+//! The search for a target value between two patterns: the cells in which they differ are changed one after the other,
+//! in the order of their estimated effect, and the number of changed cells is bisected. The rest of the difference is
+//! made up by single cells.
 
 use deaflow_field::PredictError;
 use deaflow_pattern::Pattern;
 
-/// A wanted value counts as reached within this share of it,
-const SHARE: f64 = 0.005;
+/// A target value is reached within this fraction of it,
+const TOLERANCE: f64 = 0.005;
 
-/// and within this, mm.
-const LEAST_MM: f64 = 0.001;
+/// or within this difference, mm.
+const TOLERANCE_MM: f64 = 0.001;
 
-/// Whether a value in mm is the wanted one.
+/// Whether a value in mm is close enough to the target.
 #[must_use]
-pub fn is_reached(value: f64, wanted: f64) -> bool {
-    (value - wanted).abs() <= (SHARE * wanted.abs()).max(LEAST_MM)
+pub fn is_reached(value: f64, target: f64) -> bool {
+    (value - target).abs() <= (TOLERANCE * target.abs()).max(TOLERANCE_MM)
 }
 
 /// Single cells that are tried.
-const SINGLE: usize = 24;
+const MAX_SINGLE_CELLS: usize = 24;
 
-/// Two patterns on either side of a wanted value.
-pub struct Passed {
-    /// Below it.
+/// Two patterns whose values lie on either side of the target.
+pub struct PatternBracket {
+    /// The pattern below the target.
     pub below: Pattern,
-    /// At it or above.
+    /// The pattern at the target or above.
     pub above: Pattern,
-    /// How the value changes with the activity of each cell of the lower one, `[group][y][x]`.
+    /// Derivatives of the value with respect to the activity of each cell at the lower pattern, `[group][y][x]`.
     pub gradient: Vec<f64>,
 }
 
-/// The pattern nearest to a wanted value on the way from the one to the other, of those that `may_be`; `value` is none where a pattern has no
-/// field, which then counts as beyond.
+/// Returns the pattern nearest to the target, among those that satisfy `is_allowed`. A pattern without a value, because
+/// it has no field, counts as above the target.
 ///
 /// # Errors
-/// When `value` fails.
+/// If `value` fails.
 pub fn between(
-    passed: &Passed,
-    wanted: f64,
-    may_be: &dyn Fn(&Pattern) -> bool,
+    bracket: &PatternBracket,
+    target: f64,
+    is_allowed: &dyn Fn(&Pattern) -> bool,
     value: &dyn Fn(&Pattern) -> Result<Option<f64>, PredictError>,
 ) -> Result<Pattern, PredictError> {
-    let order = order(passed);
-    let reached = |count: usize| changed(passed, &order[..count]);
+    let order = order(bracket);
+    let with_changes = |count: usize| changed(bracket, &order[..count]);
     let mut nearest: Option<(f64, Pattern)> = None;
-    let judge = |pattern: Pattern, nearest: &mut Option<(f64, Pattern)>| -> Result<bool, PredictError> {
+    let is_below = |pattern: Pattern, nearest: &mut Option<(f64, Pattern)>| -> Result<bool, PredictError> {
         let found = value(&pattern)?;
         if let Some(found) = found
             && nearest
                 .as_ref()
-                .is_none_or(|(best, _)| (found - wanted).abs() < (best - wanted).abs())
+                .is_none_or(|(best, _)| (found - target).abs() < (best - target).abs())
         {
             *nearest = Some((found, pattern));
         }
-        Ok(found.is_some_and(|found| found < wanted))
+        Ok(found.is_some_and(|found| found < target))
     };
-    judge(passed.below.clone(), &mut nearest)?;
-    judge(passed.above.clone(), &mut nearest)?;
-    // Below the wanted value with so many changes, and not with so many.
+    is_below(bracket.below.clone(), &mut nearest)?;
+    is_below(bracket.above.clone(), &mut nearest)?;
+    // The value is below the target with `low` changes, and not with `high`.
     let (mut low, mut high) = (0, order.len());
     while high - low > 1 {
         let middle = usize::midpoint(low, high);
-        // Where the middle is none that may be, the nearest to it is tried that is.
+        // If the middle is not allowed, the nearest allowed count is tried.
         let tried = (0..high - low).find_map(|step| {
-            let places = [middle.checked_add(step), middle.checked_sub(step)];
+            let counts = [middle.checked_add(step), middle.checked_sub(step)];
             let inside = |at: &usize| (low + 1..high).contains(at);
-            places
+            counts
                 .into_iter()
                 .flatten()
                 .filter(inside)
-                .find(|at| may_be(&reached(*at)))
+                .find(|at| is_allowed(&with_changes(*at)))
         });
         let Some(count) = tried else { break };
-        match judge(reached(count), &mut nearest)? {
+        match is_below(with_changes(count), &mut nearest)? {
             true => low = count,
             false => high = count,
         }
     }
     let mut tried = Vec::new();
     while let Some((found, pattern)) = &nearest
-        && !is_reached(*found, wanted)
-        && tried.len() < SINGLE
+        && !is_reached(*found, target)
+        && tried.len() < MAX_SINGLE_CELLS
     {
-        let next = one_cell(passed, pattern, wanted - found, &tried, may_be);
+        let next = one_cell(bracket, pattern, target - found, &tried, is_allowed);
         let Some((cell, pattern)) = next else { break };
         tried.push(cell);
-        judge(pattern, &mut nearest)?;
+        is_below(pattern, &mut nearest)?;
     }
-    Ok(nearest.map_or_else(|| passed.below.clone(), |(_, pattern)| pattern))
+    Ok(nearest.map_or_else(|| bracket.below.clone(), |(_, pattern)| pattern))
 }
 
-/// The pattern with that cell changed which promises most nearly what is missing: of those in which the two patterns differ, and of those at
-/// an edge, which become as a neighbour is.
+/// Changes the cell whose estimated effect is nearest to the missing difference: one in which the two patterns differ,
+/// or one at an edge, which takes the value of a neighbour.
 fn one_cell(
-    passed: &Passed,
+    bracket: &PatternBracket,
     pattern: &Pattern,
     missing: f64,
     tried: &[usize],
-    may_be: &dyn Fn(&Pattern) -> bool,
+    is_allowed: &dyn Fn(&Pattern) -> bool,
 ) -> Option<(usize, Pattern)> {
-    let (below, above) = (passed.below.cells(), passed.above.cells());
-    let [columns, rows] = passed.below.raster().sides();
+    let (below, above) = (bracket.below.cells(), bracket.above.cells());
+    let [columns, rows] = bracket.below.raster().sides();
     let cells = pattern.cells();
     let other = |at: usize| -> Option<u8> {
         if below[at] != above[at] {
             return Some(if cells[at] == above[at] { below[at] } else { above[at] });
         }
         let (x, y) = (at % columns, at / columns);
-        let beside = [
+        let neighbours = [
             (x > 0).then(|| at - 1),
             (x + 1 < columns).then(|| at + 1),
             (y > 0).then(|| at - columns),
             (y + 1 < rows).then(|| at + columns),
         ];
-        let values = beside.into_iter().flatten().map(|beside| cells[beside]);
+        let values = neighbours.into_iter().flatten().map(|neighbour| cells[neighbour]);
         values.into_iter().find(|value| *value != cells[at])
     };
-    let left = |(at, group): &(usize, u8)| (missing - gain(passed, *at, cells[*at], *group)).abs();
+    let left = |(at, group): &(usize, u8)| (missing - effect(bracket, *at, cells[*at], *group)).abs();
     let mut changes: Vec<(usize, u8)> = (0..cells.len())
         .filter(|at| !tried.contains(at))
         .filter_map(|at| Some((at, other(at)?)))
@@ -123,41 +124,41 @@ fn one_cell(
         .collect();
     changes.sort_by(|a, b| left(a).total_cmp(&left(b)));
     let with = |(cell, group): (usize, u8)| {
-        let changed = Pattern::from_groups(passed.below.raster(), |x, y| match y * columns + x {
+        let changed = Pattern::from_groups(bracket.below.raster(), |x, y| match y * columns + x {
             at if at == cell => group,
             at => cells[at],
         });
         (cell, changed)
     };
-    changes.into_iter().map(with).find(|(_, pattern)| may_be(pattern))
+    changes.into_iter().map(with).find(|(_, pattern)| is_allowed(pattern))
 }
 
-/// What it promises that a cell changes from one group to another, by the gradient at the lower pattern.
-fn gain(passed: &Passed, at: usize, from: u8, to: u8) -> f64 {
-    let count = passed.below.cells().len();
+/// Estimates the effect of changing a cell from one group to another, by the gradient at the lower pattern.
+fn effect(bracket: &PatternBracket, at: usize, from: u8, to: u8) -> f64 {
+    let count = bracket.below.cells().len();
     let of = |group: u8| match usize::from(group) {
         0 => 0.0,
-        group => passed.gradient.get((group - 1) * count + at).copied().unwrap_or(0.0),
+        group => bracket.gradient.get((group - 1) * count + at).copied().unwrap_or(0.0),
     };
     of(to) - of(from)
 }
 
-/// The cells in which the two differ, by what their change promises; those that become electrodes and those that become none take turns, so
-/// that the area changes evenly.
-fn order(passed: &Passed) -> Vec<usize> {
-    let (below, above) = (passed.below.cells(), passed.above.cells());
-    let sorted = |wanted: &dyn Fn(usize) -> bool| {
+/// Sorts the cells in which the two patterns differ by their estimated effect. Cells that are switched on and off
+/// alternate, so that the area changes evenly.
+fn order(bracket: &PatternBracket) -> Vec<usize> {
+    let (below, above) = (bracket.below.cells(), bracket.above.cells());
+    let sorted = |is_included: &dyn Fn(usize) -> bool| {
         let mut found: Vec<usize> = (0..below.len())
-            .filter(|&at| above[at] != below[at] && wanted(at))
+            .filter(|&at| above[at] != below[at] && is_included(at))
             .collect();
-        let promised = |at: usize| gain(passed, at, below[at], above[at]);
-        found.sort_by(|&a, &b| promised(b).total_cmp(&promised(a)));
+        let effect = |at: usize| effect(bracket, at, below[at], above[at]);
+        found.sort_by(|&a, &b| effect(b).total_cmp(&effect(a)));
         found
     };
     let off = sorted(&|at| above[at] == 0);
     let on = sorted(&|at| above[at] != 0);
     let all = on.len() + off.len();
-    // After each step so large a share of either as of all.
+    // After each step, the same fraction of both lists is used.
     let place = |list: &[usize], at: usize| (2 * at + 1) as f64 / (2 * list.len()) as f64;
     let mut found: Vec<(f64, usize)> = Vec::with_capacity(all);
     for list in [&on, &off] {
@@ -167,12 +168,12 @@ fn order(passed: &Passed) -> Vec<usize> {
     found.into_iter().map(|(_, cell)| cell).collect()
 }
 
-/// The lower pattern with some cells as the upper one has them.
-fn changed(passed: &Passed, cells: &[usize]) -> Pattern {
-    let columns = passed.below.raster().columns();
-    let mut values = passed.below.cells().to_vec();
-    cells.iter().for_each(|&at| values[at] = passed.above.cells()[at]);
-    Pattern::from_groups(passed.below.raster(), |x, y| values[y * columns + x])
+/// Returns the lower pattern with some cells of the upper one.
+fn changed(bracket: &PatternBracket, cells: &[usize]) -> Pattern {
+    let columns = bracket.below.raster().columns();
+    let mut values = bracket.below.cells().to_vec();
+    cells.iter().for_each(|&at| values[at] = bracket.above.cells()[at]);
+    Pattern::from_groups(bracket.below.raster(), |x, y| values[y * columns + x])
 }
 
 #[cfg(test)]
@@ -180,9 +181,9 @@ mod tests {
     use super::*;
     use deaflow_pattern::Raster;
 
-    fn passed(below: impl Fn(usize, usize) -> bool, above: impl Fn(usize, usize) -> bool) -> Passed {
+    fn bracket(below: impl Fn(usize, usize) -> bool, above: impl Fn(usize, usize) -> bool) -> PatternBracket {
         let raster = Raster::new(10, 10).unwrap();
-        Passed {
+        PatternBracket {
             below: Pattern::from_fn(raster, below),
             above: Pattern::from_fn(raster, above),
             gradient: (0..100).map(f64::from).collect(),
@@ -191,7 +192,7 @@ mod tests {
 
     #[test]
     fn the_nearest_is_found_by_bisection_to_one_cell() {
-        let between_them = passed(|x, _| x < 2, |x, _| x < 8);
+        let between_them = bracket(|x, _| x < 2, |x, _| x < 8);
         let simulated = std::cell::Cell::new(0);
         let value = |pattern: &Pattern| {
             simulated.set(simulated.get() + 1);
@@ -206,9 +207,9 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_looked_for_in_single_cells() {
-        let between_them = passed(|x, _| x < 2, |x, _| x < 8);
-        // Cells are worth as much as they promise, by which no number of the best alone comes to what is wanted.
+    fn the_rest_of_the_difference_is_made_up_by_single_cells() {
+        let between_them = bracket(|x, _| x < 2, |x, _| x < 8);
+        // Cells are worth their gradient, so that no number of the best ones gives the target.
         let worth = |pattern: &Pattern| {
             let cells = pattern.cells().iter().enumerate();
             cells.map(|(at, cell)| f64::from(*cell) * at as f64).sum::<f64>()
@@ -220,26 +221,26 @@ mod tests {
     }
 
     #[test]
-    fn cells_that_are_turned_on_and_off_take_turns_and_what_must_not_be_is_left_out() {
-        // Of equal areas all between have the same, to one cell.
-        let exchange = passed(|x, _| x < 5, |x, _| x >= 5);
+    fn cells_switched_on_and_off_alternate_and_forbidden_patterns_are_skipped() {
+        // Between two patterns of equal area, the area is the same to one cell.
+        let exchange = bracket(|x, _| x < 5, |x, _| x >= 5);
         let way = order(&exchange);
         assert_eq!(way.len(), 100);
         for count in 0..=100 {
             let cells = changed(&exchange, &way[..count]).active_cells();
             assert!(cells.abs_diff(50) <= 1, "{count}: {cells}");
         }
-        // The most promising first.
+        // The cell with the largest effect comes first.
         assert_eq!((way[0] == 99 || way[1] == 99, way.contains(&0)), (true, true));
         let even = |pattern: &Pattern| pattern.active_cells().is_multiple_of(7);
-        let more = passed(|x, _| x < 2, |x, _| x < 8);
+        let more = bracket(|x, _| x < 2, |x, _| x < 8);
         let found = between(&more, 50.2, &even, &|pattern| Ok(Some(pattern.active_cells() as f64))).unwrap();
         assert_eq!(found.active_cells(), 49);
     }
 
     #[test]
-    fn a_pattern_without_a_field_lies_beyond() {
-        let between_them = passed(|x, _| x < 2, |x, _| x < 8);
+    fn a_pattern_without_a_field_counts_as_above() {
+        let between_them = bracket(|x, _| x < 2, |x, _| x < 8);
         let value = |pattern: &Pattern| {
             let cells = pattern.active_cells();
             Ok((cells <= 45).then_some(cells as f64))

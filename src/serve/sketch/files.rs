@@ -1,22 +1,22 @@
-//! Drawn patterns as files, in the formats that the commands read and write.
+//! Drawn patterns as files: import and export.
 
 use std::fs;
 use std::io::Write;
 
 use serde_json::json;
 
-use super::drawn::Drawn;
-use crate::http::{Answer, Refusal, Request};
-use crate::state::ServedState;
+use super::request::SketchRequest;
+use crate::http::{ApiError, Request, Response};
+use crate::state::ServerState;
 use deaflow_pattern::{Pattern, read_patterns_of};
 use deaflow_report::export::{self, mask_drawing};
 use deaflow_scene::{Mask, Size};
 
-/// Formats that are read.
-const READ: [&str; 3] = ["csv", "npy", "png"];
+/// Formats that can be imported.
+const IMPORT_FORMATS: [&str; 3] = ["csv", "npy", "png"];
 
-/// Formats that are written, with their media types.
-const WRITTEN: [(&str, &str); 6] = [
+/// Formats that can be exported, with their media types.
+const EXPORT_FORMATS: [(&str, &str); 6] = [
     ("csv", "text/csv"),
     ("npy", "application/octet-stream"),
     ("png", "image/png"),
@@ -28,64 +28,62 @@ const WRITTEN: [(&str, &str); 6] = [
 /// Pixels for each cell of an image.
 const PIXELS: usize = 8;
 
-/// The patterns of a file, which is the body: `?format=` says of which format, `?scene=` for which scene that is served.
+/// Reads the patterns of the file in the body; `?format=` is its format, `?scene=` the scene.
 ///
 /// # Errors
-/// When it holds none.
-pub fn import(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+/// If it has no pattern.
+pub fn import(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&["format", "scene"])?;
-    let format = request.word("format").unwrap_or_default();
-    if !READ.contains(&format) {
-        return Err(
-            Refusal::bad(format!("{format:?} is no format that is read here")).help(format!(
-                "allowed: {}; svg and dxf are read by the page itself",
-                READ.join(", ")
-            )),
-        );
+    let format = request.parameter("format").unwrap_or_default();
+    if !IMPORT_FORMATS.contains(&format) {
+        let allowed = IMPORT_FORMATS.join(", ");
+        return Err(ApiError::bad_request(format!("cannot read format {format:?}"))
+            .help(format!("allowed: {allowed}; the page itself reads svg and dxf")));
     }
-    let scene = state.scene(request.word("scene"));
-    let scene =
-        scene.ok_or_else(|| Refusal::absent("there is no scene of that name").help("GET /api/scenes lists them"))?;
-    let failed = |error: std::io::Error| Refusal::new(500, format!("the file cannot be laid down: {error}"));
-    // The readers take files; this one has a name of our own, in a folder of our own that goes with it.
+    let scene = state.scene(request.query.get("scene").map(String::as_str));
+    let scene = scene.ok_or_else(|| ApiError::not_found("unknown scene").help("GET /api/scenes lists the scenes"))?;
+    let failed = |error: std::io::Error| ApiError::new(500, format!("cannot write a temporary file: {error}"));
+    // The readers need a file: this one is in a temporary folder, which is removed at the end.
     let folder = tempfile::tempdir().map_err(failed)?;
     let path = folder.path().join(format!("drawn.{format}"));
     let mut file = fs::File::create_new(&path).map_err(failed)?;
     file.write_all(&request.body).map_err(failed)?;
     let form = scene.form();
     let found = read_patterns_of(&path, None, form);
-    let found = found.map_err(|refusal| Refusal::bad(refusal.to_string()).help(refusal.advice(form)))?;
+    let found = found.map_err(|error| ApiError::bad_request(error.to_string()).help(error.advice(form)))?;
     let columns = form.raster.columns();
     let rows = |pattern: &Pattern| pattern.cells().chunks(columns).map(<[u8]>::to_vec).collect::<Vec<_>>();
     Ok(json!({ "patterns": found.iter().map(rows).collect::<Vec<_>>() }).into())
 }
 
-/// The pattern as a file.
+/// Writes the pattern as a file.
 ///
 /// # Errors
-/// When the format is not known, or cannot hold it.
-pub fn export(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+/// If the format is unknown, or cannot hold the pattern.
+pub fn export(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&[])?;
-    let drawn: Drawn = request.json()?;
+    let drawn: SketchRequest = request.json()?;
     let scene = drawn.scene(state)?;
     let pattern = drawn.pattern(&scene)?;
-    let wanted = drawn.format.as_deref().unwrap_or_default();
-    let Some((format, media)) = WRITTEN.into_iter().find(|(format, _)| *format == wanted) else {
-        let all: Vec<&str> = WRITTEN.iter().map(|(format, _)| *format).collect();
-        return Err(Refusal::bad(format!("{wanted:?} is no format that is written"))
-            .help(format!("allowed: {}", all.join(", "))));
+    let format = drawn.format.as_deref().unwrap_or_default();
+    let Some((format, media)) = EXPORT_FORMATS.into_iter().find(|(known, _)| *known == format) else {
+        let all = EXPORT_FORMATS.map(|(known, _)| known).join(", ");
+        return Err(ApiError::bad_request(format!("cannot write format {format:?}")).help(format!("allowed: {all}")));
     };
     let size = match drawn.size.as_deref() {
         None | Some("prestretched") => Size::Prestretched,
         Some("undeformed") => Size::Undeformed,
         Some(other) => {
-            return Err(Refusal::bad(format!("`size` cannot be {other:?}")).help("allowed: prestretched, undeformed"));
+            return Err(
+                ApiError::bad_request(format!("invalid `size`: {other:?}")).help("allowed: prestretched, undeformed")
+            );
         }
     };
     if format == "gbr" && scene.groups() > 1 {
-        return Err(Refusal::bad(
-            "a Gerber file is one layer, and there are several groups of electrodes",
-        ));
+        return Err(
+            ApiError::bad_request("a Gerber file has one layer, but the pattern has several electrode groups")
+                .help("export svg or dxf"),
+        );
     }
     let mask = Mask::new(&pattern, &scene, size, drawn.smooth && !matches!(format, "csv" | "npy"));
     let drawing = mask_drawing(&mask, "drawn", "the sketchpad".to_owned(), Vec::new());
@@ -97,20 +95,20 @@ pub fn export(state: &ServedState, request: &Request) -> Result<Answer, Refusal>
         "dxf" => export::dxf(&drawing),
         "gbr" => export::gerber(&drawing),
         _ => export::png(&drawing, [PIXELS * columns, PIXELS * rows])
-            .map_err(|error| Refusal::new(500, format!("the image cannot be drawn: {error}")))?,
+            .map_err(|error| ApiError::new(500, format!("cannot draw the image: {error}")))?,
     };
-    Ok(Answer::Bytes {
+    Ok(Response::Bytes {
         media,
         bytes,
         file: Some(format!("drawn.{format}")),
     })
 }
 
-/// The cells as an array of NumPy, `[y][x]` from below (numpy.lib.format, version 1).
+/// Writes the cells as a NumPy array, `[y][x]` from below (numpy.lib.format, version 1).
 fn npy(pattern: &Pattern) -> Vec<u8> {
     let [columns, rows] = pattern.raster().sides();
     let header = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({rows}, {columns}), }}");
-    // Magic, version, length and header fill whole blocks of 64 bytes.
+    // The header is padded to a multiple of 64 bytes.
     let length = (10 + header.len() + 1).next_multiple_of(64) - 10;
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
     bytes.extend((length as u16).to_le_bytes());

@@ -1,8 +1,9 @@
-//! A search along the gradient from a drawn pattern, shown as it goes.
+//! Improve: a gradient search that starts at a drawn pattern and reports its steps.
 //!
-//! It is that of a design stage ([`SearchProblem::follow_gradient`]). Each step of it asks for the gradient at the pattern it has reached;
-//! there it is told, and there it ends once nobody listens, or once a wanted value has been passed: it is between the last two patterns then,
-//! and is looked for there ([`super::approach`]).
+//! The search is that of a design stage ([`SearchProblem::follow_gradient`]). Each step asks for the gradient at its
+//! pattern; the step is reported there, and the search ends there if the client has left or the target value was
+//! passed. The target then lies between the last two patterns, and [`super::bisection`] finds the pattern nearest to
+//! it.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -10,11 +11,11 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use super::approach::{Passed, between, is_reached};
-use super::drawn::{Drawn, quantity};
-use crate::held::lock;
-use crate::http::{Answer, Lines, Refusal, Request};
-use crate::state::ServedState;
+use super::bisection::{PatternBracket, between, is_reached};
+use super::request::{SketchRequest, quantity};
+use crate::cache::lock;
+use crate::http::{ApiError, LineSender, Request, Response};
+use crate::state::ServerState;
 use deaflow_base::{Dimension, Document, Stopped};
 use deaflow_design::{ConstraintParameters, Constraints, Goal, SearchProblem};
 use deaflow_fem::GradientEvaluator;
@@ -22,235 +23,235 @@ use deaflow_field::{Differentiable, Field, InStates, PredictError, Predictor, St
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
-/// By how much the area may differ from the one that is asked for: half a per cent of the membrane.
+/// Tolerance of the area fraction.
 const AREA_TOLERANCE: f64 = 0.005;
 
-/// How long a search that was told to end may take for it: until the solutions under way are found.
+/// Time that the search before has to end: it ends when its current solutions are done.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// The search that goes on: one at a time, since it takes all threads.
-static GOING: Mutex<Going> = Mutex::new(Going {
+/// The running search: one at a time, since a search uses all threads.
+static RUNNING: Mutex<RunningSearch> = Mutex::new(RunningSearch {
     last: 0,
-    is_held: false,
+    is_running: false,
 });
 
-/// Told when a search has ended.
+/// Notified when a search has ended.
 static ENDED: Condvar = Condvar::new();
 
-struct Going {
-    /// The number of the search that was begun last: all others are over, or are to end.
+struct RunningSearch {
+    /// The number of the last search. All others have ended, or are about to.
     last: u64,
-    /// Whether a search goes on.
-    is_held: bool,
+    is_running: bool,
 }
 
-/// Held while a search goes on.
-struct Turn(u64);
+/// The right to search, held while a search runs.
+struct SearchPermit(u64);
 
-impl Turn {
-    /// Tells the search that goes on to end, and waits for that: who begins another has done with it, and may not be able to stop it, since it
-    /// is that of a tab which was closed a moment ago. None where a still later one was begun, or it does not end.
-    fn take() -> Option<Self> {
-        let mut going = lock(&GOING);
-        going.last += 1;
-        let own = going.last;
-        let waits = |going: &mut Going| going.is_held && going.last == own;
-        let waited = ENDED.wait_timeout_while(going, PATIENCE, waits);
-        let (mut going, _) = waited.unwrap_or_else(PoisonError::into_inner);
-        if going.is_held || going.last != own {
+impl SearchPermit {
+    /// Stops the running search, which may be that of a closed tab, and waits for its end. `None` if a later search was
+    /// started meanwhile, or the running one does not end.
+    fn acquire() -> Option<Self> {
+        let mut running = lock(&RUNNING);
+        running.last += 1;
+        let own = running.last;
+        let waits = |running: &mut RunningSearch| running.is_running && running.last == own;
+        let waited = ENDED.wait_timeout_while(running, PATIENCE, waits);
+        let (mut running, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        if running.is_running || running.last != own {
             return None;
         }
-        going.is_held = true;
+        running.is_running = true;
         Some(Self(own))
     }
 
-    /// Whether another was begun.
-    fn is_over(&self) -> bool {
-        lock(&GOING).last != self.0
+    /// Whether another search was started.
+    fn is_superseded(&self) -> bool {
+        lock(&RUNNING).last != self.0
     }
 }
 
-impl Drop for Turn {
+impl Drop for SearchPermit {
     fn drop(&mut self) {
-        lock(&GOING).is_held = false;
+        lock(&RUNNING).is_running = false;
         ENDED.notify_all();
     }
 }
 
-/// What the last line of a search says that has ended for another, and the refusal of one that was never begun.
-const OTHER_BEGUN: &str = "another search was begun, which ends this one";
+/// The error of a search that was stopped for another one.
+const SUPERSEDED: &str = "another search was started, which stops this one";
 
-/// Begins a search. Its steps come as lines; who closes the connection ends it.
+/// Starts a search. Its steps are sent as lines; closing the connection stops it.
 ///
 /// # Errors
-/// When the request is not understood, the scene has no gradient, or yet another search was begun while this one waited.
-pub fn improve(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+/// If the request is invalid, the scene has no gradient, or another search was started meanwhile.
+pub fn improve(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&[])?;
-    let drawn: Drawn = request.json()?;
-    let setting = drawn.setting(state)?;
-    let pattern = drawn.pattern(&setting.scene)?;
+    let drawn: SketchRequest = request.json()?;
+    let setup = drawn.setup(state)?;
+    let pattern = drawn.pattern(&setup.scene)?;
     if let Some(area) = drawn.area.filter(|area| !(0.0..=1.0).contains(area)) {
-        return Err(Refusal::bad(format!("`area` cannot be {area}")).help("allowed: 0 to 1"));
+        return Err(ApiError::bad_request(format!("invalid `area`: {area}")).help("allowed: 0 to 1"));
     }
-    if setting.scene.drive.charge.is_some() {
-        return Err(Refusal::bad("under a charge there is no gradient to follow"));
+    if setup.scene.drive.charge.is_some() {
+        return Err(ApiError::bad_request("there is no gradient if the drive is a charge"));
     }
-    let wanted = drawn.wanted.as_ref();
-    let wanted = wanted.map(|wanted| quantity("wanted", wanted, Dimension::Length, -1e3..=1e3));
-    let wanted = wanted.transpose()?;
-    let constraints = constraints(&drawn, &setting.scene)?;
-    let gradient = state.benches.gradient(&setting.scene)?;
-    let (goal, sign) = followed(&drawn, &setting.scene, &gradient, &pattern, wanted)?;
-    let turn = Turn::take().ok_or_else(|| Refusal::new(409, OTHER_BEGUN))?;
-    let (lines, answer) = Lines::new();
-    let search = Searching {
+    let target = drawn.wanted.as_ref();
+    let target = target.map(|value| quantity("wanted", value, Dimension::Length, -1e3..=1e3));
+    let target = target.transpose()?;
+    let constraints = constraints(&drawn, &setup.scene)?;
+    let gradient = state.solvers.gradient(&setup.scene)?;
+    let (goal, sign) = goal_and_sign(&drawn, &setup.scene, &gradient, &pattern, target)?;
+    let permit = SearchPermit::acquire().ok_or_else(|| ApiError::new(409, SUPERSEDED))?;
+    let (lines, response) = LineSender::new();
+    let search = Improvement {
         gradient,
         goal,
         sign,
-        wanted,
+        target,
         constraints,
         area: drawn.area,
         lines,
-        turn,
+        permit,
     };
-    let begun = std::thread::Builder::new()
+    let started = std::thread::Builder::new()
         .name("improve".to_owned())
         .spawn(move || search.run(&pattern));
-    begun.map_err(|error| Refusal::new(503, format!("the search cannot begin: {error}")))?;
-    Ok(answer)
+    started.map_err(|error| ApiError::new(503, format!("cannot start the search: {error}")))?;
+    Ok(response)
 }
 
-/// What a search follows, and the sign by which its values are those along the direction that is asked for: what is wanted may lie on either
-/// side of what there is.
-fn followed(
-    drawn: &Drawn,
+/// Returns the objective of a search, and the sign of its values: if the target lies below the present value, the
+/// search goes against the requested direction.
+fn goal_and_sign(
+    drawn: &SketchRequest,
     scene: &Scene,
     gradient: &GradientEvaluator,
     pattern: &Pattern,
-    wanted: Option<f64>,
-) -> Result<(Goal, f64), Refusal> {
+    target: Option<f64>,
+) -> Result<(Goal, f64), ApiError> {
     let goal = |backwards: bool| {
         let goal = drawn.goal(scene, drawn.area, backwards)?;
-        goal.ok_or_else(|| Refusal::bad("a search needs a `point` and a `direction`"))
+        goal.ok_or_else(|| ApiError::bad_request("a search needs `point` and `direction`"))
     };
-    let ahead = goal(false)?;
-    let Some(wanted) = wanted else {
-        return Ok((ahead, 1.0));
+    let forward = goal(false)?;
+    let Some(target) = target else {
+        return Ok((forward, 1.0));
     };
-    let found = gradient.predict_some(std::slice::from_ref(pattern));
-    let found = found
-        .map_err(|error| Refusal::new(409, error.to_string()))?
-        .swap_remove(0);
-    match found.is_some_and(|field| ahead.value_mm(&[field]) > wanted) {
+    let field = gradient.predict_some(std::slice::from_ref(pattern))?.swap_remove(0);
+    match field.is_some_and(|field| forward.value_mm(&[field]) > target) {
         true => Ok((goal(true)?, -1.0)),
-        false => Ok((ahead, 1.0)),
+        false => Ok((forward, 1.0)),
     }
 }
 
-fn constraints(drawn: &Drawn, scene: &Scene) -> Result<Constraints, Refusal> {
-    let Some(wanted) = &drawn.constraints else {
+fn constraints(drawn: &SketchRequest, scene: &Scene) -> Result<Constraints, ApiError> {
+    let Some(constraints) = &drawn.constraints else {
         return Ok(ConstraintParameters::none_in(scene)?.constraints().clone());
     };
-    let document = Document::from_text(std::path::Path::new("constraints"), &wanted.to_string())?;
+    let document = Document::from_text(std::path::Path::new("constraints"), &constraints.to_string())?;
     let read = ConstraintParameters::read(&document.root, scene)?;
     if read.constraints().limits().has_margins() {
-        return Err(Refusal::bad(
-            "margins from pull-in and breakdown are kept by design stages, not here",
-        ));
+        return Err(
+            ApiError::bad_request("the page does not support margins from pull-in and breakdown")
+                .help("use a design stage"),
+        );
     }
     Ok(read.constraints().clone())
 }
 
-struct Searching {
+struct Improvement {
     gradient: Arc<GradientEvaluator>,
-    /// What is followed: the displacement along the direction that was asked for, or against it.
+    /// The displacement along the requested direction, or against it.
     goal: Goal,
-    /// By which its values are those along the direction that was asked for.
+    /// −1 if the search goes against the requested direction.
     sign: f64,
-    wanted: Option<f64>,
+    target: Option<f64>,
     constraints: Constraints,
     area: Option<f64>,
-    lines: Lines,
-    turn: Turn,
+    lines: LineSender,
+    permit: SearchPermit,
 }
 
-/// What a search has come to.
-struct Reached {
+/// A pattern with its fields.
+struct EvaluatedPattern {
     pattern: Pattern,
     fields: StateFields,
 }
 
-impl Searching {
+impl Improvement {
     fn run(&self, start: &Pattern) {
         let began = Instant::now();
-        let physics = Told {
+        let evaluator = ReportingEvaluator {
             inner: InStates::one(&*self.gradient),
             search: self,
             steps: AtomicUsize::new(0),
             best: Mutex::new(f64::NEG_INFINITY),
             last: Mutex::default(),
-            passed: Mutex::default(),
+            bracket: Mutex::default(),
         };
         let range = self.range();
         let sides = start.raster().sides();
-        let problem = SearchProblem::new(&physics, &self.goal, sides, range, &self.constraints);
+        let problem = SearchProblem::new(&evaluator, &self.goal, sides, range, &self.constraints);
         let found = problem.follow_gradient(start, &|_| ());
-        let passed = lock(&physics.passed).take();
-        let last = match (passed, found) {
-            (Some(passed), _) => match self.approach(&physics, &passed) {
+        let bracket = lock(&evaluator.bracket).take();
+        let last = match (bracket, found) {
+            (Some(bracket), _) => match self.bisect(&evaluator, &bracket) {
                 Ok(reached) => self.done(&reached, began),
                 Err(error) => failed(error.to_string()),
             },
             (None, Ok(Ok(found))) => {
                 let (pattern, fields) = (found.pattern, found.fields);
-                self.done(&Reached { pattern, fields }, began)
+                self.done(&EvaluatedPattern { pattern, fields }, began)
             }
             (None, Ok(Err(unsuited))) => failed(format!("the pattern {unsuited}")),
             (None, Err(error)) => failed(error.to_string()),
         };
-        let last = match self.turn.is_over() {
-            true => failed(OTHER_BEGUN.to_owned()),
+        let last = match self.permit.is_superseded() {
+            true => failed(SUPERSEDED.to_owned()),
             false => last,
         };
-        // Nobody may be listening any more, who then wants to know nothing.
+        // The client may be gone.
         let _ = self.lines.send(&last);
     }
 
-    /// The area fractions that are allowed.
+    /// Returns the allowed area fractions.
     fn range(&self) -> (f64, f64) {
         self.area
             .map_or((0.0, 1.0), |area| (area - AREA_TOLERANCE, area + AREA_TOLERANCE))
     }
 
-    /// The pattern nearest to what is wanted, between the two on either side of it.
-    fn approach(&self, physics: &Told<'_>, passed: &Passed) -> Result<Reached, PredictError> {
-        let wanted = self.sign * self.wanted.unwrap_or_default();
+    /// Finds the pattern nearest to the target, between two patterns on either side of it.
+    fn bisect(
+        &self,
+        evaluator: &ReportingEvaluator<'_>,
+        bracket: &PatternBracket,
+    ) -> Result<EvaluatedPattern, PredictError> {
+        let target = self.sign * self.target.unwrap_or_default();
         let (least, most) = self.range();
-        let may_be = |pattern: &Pattern| {
+        let is_allowed = |pattern: &Pattern| {
             let area = pattern.area_fraction();
             self.constraints.hold(pattern) && (least..=most).contains(&area)
         };
         let value = |pattern: &Pattern| -> Result<Option<f64>, PredictError> {
-            let found = physics.predict_some(std::slice::from_ref(pattern))?.swap_remove(0);
-            let value = found.as_ref().map(|fields| self.goal.value_mm(fields));
+            let found = evaluator.predict_some(std::slice::from_ref(pattern))?.swap_remove(0);
             if let Some(fields) = &found {
-                physics.tell(pattern, fields)?;
+                evaluator.report(pattern, fields)?;
             }
-            Ok(value)
+            Ok(found.map(|fields| self.goal.value_mm(&fields)))
         };
-        let pattern = between(passed, wanted, &may_be, &value)?;
-        let fields = physics.predict_some(std::slice::from_ref(&pattern))?.swap_remove(0);
+        let pattern = between(bracket, target, &is_allowed, &value)?;
+        let fields = evaluator.predict_some(std::slice::from_ref(&pattern))?.swap_remove(0);
         let fields = fields.ok_or_else(|| PredictError::failed(Stopped))?;
-        Ok(Reached { pattern, fields })
+        Ok(EvaluatedPattern { pattern, fields })
     }
 
-    fn done(&self, reached: &Reached, began: Instant) -> Value {
+    fn done(&self, reached: &EvaluatedPattern, began: Instant) -> Value {
         let value = self.sign * self.goal.value_mm(&reached.fields);
         json!({
             "done": true,
             "value": value,
-            "wanted": self.wanted,
-            "reached": self.wanted.map(|wanted| is_reached(value, wanted)),
+            "wanted": self.target,
+            "reached": self.target.map(|target| is_reached(value, target)),
             "max_displacement": reached.fields.first().map(Field::max_magnitude),
             "area": reached.pattern.area_fraction(),
             "pattern": rows(&reached.pattern),
@@ -267,32 +268,33 @@ fn rows(pattern: &Pattern) -> Vec<&[u8]> {
     pattern.cells().chunks(pattern.raster().columns()).collect()
 }
 
-/// Fields, and a line for each pattern that the search has reached.
-struct Told<'a> {
+/// An evaluator that reports each better pattern of the search.
+struct ReportingEvaluator<'a> {
     inner: InStates<&'a GradientEvaluator>,
-    search: &'a Searching,
+    search: &'a Improvement,
     steps: AtomicUsize,
-    /// The best score that was told: the value, or how near it is to the wanted one.
+    /// The best score that was reported: the value, or minus the distance from the target.
     best: Mutex<f64>,
-    /// The last pattern below what is wanted, with its gradient.
+    /// The last pattern below the target, with its gradient.
     last: Mutex<Option<(Pattern, Vec<f64>)>>,
-    passed: Mutex<Option<Passed>>,
+    /// The patterns on either side of the target, once it was passed.
+    bracket: Mutex<Option<PatternBracket>>,
 }
 
-impl Told<'_> {
-    fn go_on(&self) -> Result<(), PredictError> {
-        match self.search.lines.is_closed() || self.search.turn.is_over() {
+impl ReportingEvaluator<'_> {
+    fn check_stopped(&self) -> Result<(), PredictError> {
+        match self.search.lines.is_closed() || self.search.permit.is_superseded() {
             true => Err(PredictError::failed(Stopped)),
             false => Ok(()),
         }
     }
 
-    /// Tells of a pattern where it is better than all before.
-    fn tell(&self, pattern: &Pattern, fields: &StateFields) -> Result<(), PredictError> {
+    /// Sends a pattern if it is better than all before.
+    fn report(&self, pattern: &Pattern, fields: &StateFields) -> Result<(), PredictError> {
         let search = self.search;
         let value = search.sign * search.goal.value_mm(fields);
-        let score = match search.wanted {
-            Some(wanted) => -(value - wanted).abs(),
+        let score = match search.target {
+            Some(target) => -(value - target).abs(),
             None => value,
         };
         let mut best = lock(&self.best);
@@ -313,18 +315,18 @@ impl Told<'_> {
         }
     }
 
-    /// Ends the search where it has passed what is wanted, and remembers between which patterns.
-    fn watch(&self, pattern: &Pattern, fields: &StateFields, gradient: &[f64]) -> Result<(), PredictError> {
+    /// Ends the search if the target was passed, and stores the patterns on either side of it.
+    fn check_target(&self, pattern: &Pattern, fields: &StateFields, gradient: &[f64]) -> Result<(), PredictError> {
         let search = self.search;
-        let Some(wanted) = search.wanted else { return Ok(()) };
-        if search.goal.value_mm(fields) < search.sign * wanted {
+        let Some(target) = search.target else { return Ok(()) };
+        if search.goal.value_mm(fields) < search.sign * target {
             *lock(&self.last) = Some((pattern.clone(), gradient.to_vec()));
             return Ok(());
         }
         let last = lock(&self.last).take();
-        // Where nothing lies below, the start itself is what is wanted, or beyond it.
+        // Without a pattern below, the start is at the target or above it.
         let (below, gradient) = last.unwrap_or_else(|| (pattern.clone(), gradient.to_vec()));
-        *lock(&self.passed) = Some(Passed {
+        *lock(&self.bracket) = Some(PatternBracket {
             below,
             above: pattern.clone(),
             gradient,
@@ -333,30 +335,30 @@ impl Told<'_> {
     }
 }
 
-impl Predictor<StateFields> for Told<'_> {
+impl Predictor<StateFields> for ReportingEvaluator<'_> {
     fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
-        self.go_on()?;
+        self.check_stopped()?;
         self.inner.predict_some(patterns)
     }
 }
 
-impl Differentiable<StateFields> for Told<'_> {
+impl Differentiable<StateFields> for ReportingEvaluator<'_> {
     fn gradient(
         &self,
         pattern: &Pattern,
         slope: &dyn Fn(&StateFields) -> StateFields,
     ) -> Result<Option<WithGradient<StateFields>>, PredictError> {
-        self.go_on()?;
+        self.check_stopped()?;
         let found = self.inner.gradient(pattern, slope)?;
         if let Some((fields, gradient)) = &found {
-            self.tell(pattern, fields)?;
-            self.watch(pattern, fields, gradient)?;
+            self.report(pattern, fields)?;
+            self.check_target(pattern, fields, gradient)?;
         }
         Ok(found)
     }
 
     fn predict_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
-        self.go_on()?;
+        self.check_stopped()?;
         self.inner.predict_near(base, patterns)
     }
 }

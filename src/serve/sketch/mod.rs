@@ -1,17 +1,17 @@
-//! The sketchpad: what a pattern does while it is drawn.
+//! The sketchpad: simulations of a pattern while it is drawn.
 
-mod approach;
-mod drawn;
+mod bisection;
 mod files;
 mod improve;
-mod reproduced;
+mod reproduce;
+mod request;
 mod scenes;
-mod screened;
-mod solved;
+mod screen;
+mod solve;
 
 pub use files::{export, import};
 pub use improve::improve;
-pub use reproduced::reproduce;
+pub use reproduce::reproduce;
 pub use scenes::scenes;
-pub use screened::screen;
-pub use solved::solve;
+pub use screen::screen;
+pub use solve::solve;

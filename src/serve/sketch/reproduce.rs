@@ -1,74 +1,70 @@
-//! How the numbers of a drawn pattern come out elsewhere: the command that prints them, and the stages that have them.
+//! How to reproduce the numbers of a drawn pattern: the command that prints them, and the stages that compute them.
 
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::drawn::Drawn;
-use crate::held::Setting;
-use crate::http::{Answer, Refusal, Request};
-use crate::state::ServedState;
+use super::request::SketchRequest;
+use crate::cache::SimulationSetup;
+use crate::http::{ApiError, Request, Response};
+use crate::state::ServerState;
 use deaflow_base::{Canonical, is_plain_name};
 use deaflow_fem::{Method, SolverParameters};
+use deaflow_report::shell_word as quoted;
 use deaflow_scene::Scene;
 
-/// What a pattern is called unless it has a name.
-const NAME: &str = "mine";
+/// The default name of a pattern.
+const DEFAULT_NAME: &str = "mine";
 
-/// The file of a scene that has none.
-const SCENE: &str = "scene.yaml";
+/// The name of the file of a scene that has none.
+const SCENE_FILE: &str = "scene.yaml";
 
-/// Longest name of a pattern.
-const LONGEST: usize = 64;
+/// The longest name of a pattern.
+const MAX_NAME: usize = 64;
 
-/// A command, stages and a whole pipeline that simulate a drawn pattern as it was asked for: in the state, at the voltage, with the effects, by
-/// the method and on the mesh. Nothing is simulated.
+/// Returns a command, stages and a pipeline that simulate a drawn pattern with the requested state, voltage, effects,
+/// method and mesh. Nothing is simulated.
 ///
 /// # Errors
-/// When the request is not understood.
-pub fn reproduce(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+/// If the request is invalid.
+pub fn reproduce(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&[])?;
-    let drawn: Drawn = request.json()?;
-    let setting = drawn.setting(state)?;
-    let name = drawn.name.as_deref().unwrap_or(NAME);
-    if !is_plain_name(name, LONGEST) {
-        return Err(Refusal::bad(format!("`name` cannot be {name:?}"))
-            .help(format!("allowed: letters, digits, `-` and `_`, at most {LONGEST}")));
+    let drawn: SketchRequest = request.json()?;
+    let setup = drawn.setup(state)?;
+    let name = drawn.name.as_deref().unwrap_or(DEFAULT_NAME);
+    if !is_plain_name(name, MAX_NAME) {
+        return Err(ApiError::bad_request(format!("invalid `name`: {name:?}"))
+            .help(format!("allowed: letters, digits, `-` and `_`, at most {MAX_NAME}")));
     }
-    let file = file(state, &drawn);
-    let base = base(state, &drawn)?;
-    let set = changes(&drawn, &base, &setting.scene);
+    let file = scene_file(state, &drawn);
+    let base = base_scene(state, &drawn)?;
+    let set = changes(&drawn, &base, &setup.scene);
+    let set: Vec<String> = set.iter().map(|set| format!("scene.{set}")).collect();
     let of_pipeline = file.as_ref().filter(|file| {
         let all = state.pipelines().unwrap_or_default();
         all.contains(file)
     });
     let in_state = named_state(&drawn, &base);
     let run = of_pipeline.map(|file| {
-        let set = set
-            .iter()
-            .map(|set| format!(" --set {}", quoted(&format!("scene.{set}"))));
-        format!(
-            "deaflow run {} --until {name}-solved{}",
-            near(file),
-            set.collect::<String>()
-        )
+        let options: String = set.iter().map(|set| format!(" --set {}", quoted(set))).collect();
+        format!("deaflow run {} --until {name}-solved{options}", near(file))
     });
     Ok(json!({
-        "command": command(&drawn, &setting, (file.as_deref(), name), in_state.as_deref(), &set)?,
-        "set": set.iter().map(|set| format!("scene.{set}")).collect::<Vec<_>>(),
-        "stages": stages(&setting, name, in_state.as_deref()),
+        "command": command(&drawn, &setup, (file.as_deref(), name), in_state.as_deref(), &set)?,
+        "set": set,
+        "stages": stages(&setup, name, in_state.as_deref()),
         "run": run,
         "pipeline": format!(
             "version: 1\nname: {name}\nscene: {}\nstages:\n{}",
-            setting.scene.to_text(),
-            stages(&setting, name, None)
+            setup.scene.to_text(),
+            stages(&setup, name, None)
         ),
     })
     .into())
 }
 
-/// The file of the scene that is meant, where it is one that is served.
-fn file(state: &ServedState, drawn: &Drawn) -> Option<PathBuf> {
+/// Returns the file of the scene, if it is one that is served.
+fn scene_file(state: &ServerState, drawn: &SketchRequest) -> Option<PathBuf> {
     let found = match &drawn.scene {
         None => state.named_scene(None),
         Some(Value::String(name)) => state.named_scene(Some(name)),
@@ -77,23 +73,23 @@ fn file(state: &ServedState, drawn: &Drawn) -> Option<PathBuf> {
     found?.file
 }
 
-/// The scene as its file has it, with its states.
-fn base(state: &ServedState, drawn: &Drawn) -> Result<Scene, Refusal> {
-    let plain = Drawn {
+/// Returns the scene as in its file, with its states.
+fn base_scene(state: &ServerState, drawn: &SketchRequest) -> Result<Scene, ApiError> {
+    let plain = SketchRequest {
         scene: drawn.scene.clone(),
-        ..Drawn::default()
+        ..SketchRequest::default()
     };
     plain.with_states(state)
 }
 
-/// The state that is simulated, where the scene has several.
-fn named_state(drawn: &Drawn, base: &Scene) -> Option<String> {
+/// Returns the name of the simulated state, if the scene has several.
+fn named_state(drawn: &SketchRequest, base: &Scene) -> Option<String> {
     let first = || base.states.iter().next().map(|(name, _)| name.to_owned());
     drawn.state.clone().or_else(first)
 }
 
-/// What has to be changed in the scene of a file, as `deaflow solve --set` takes it.
-fn changes(drawn: &Drawn, base: &Scene, scene: &Scene) -> Vec<String> {
+/// Returns the changes of the scene of a file, as for `deaflow solve --set`.
+fn changes(drawn: &SketchRequest, base: &Scene, scene: &Scene) -> Vec<String> {
     let named = named_state(drawn, base);
     let own = named.as_ref().and_then(|name| base.in_state(name).ok());
     let own = own.unwrap_or_else(|| base.clone());
@@ -124,7 +120,7 @@ fn changes(drawn: &Drawn, base: &Scene, scene: &Scene) -> Vec<String> {
     found
 }
 
-/// The drive and the effects of a scene, as they are written.
+/// Returns the drive and the effects of a scene in canonical form.
 fn sections(scene: &Scene) -> [Option<Canonical>; 2] {
     let Canonical::Map(sections) = scene.canonical() else {
         return [None, None];
@@ -133,66 +129,46 @@ fn sections(scene: &Scene) -> [Option<Canonical>; 2] {
 }
 
 fn command(
-    drawn: &Drawn,
-    setting: &Setting,
+    drawn: &SketchRequest,
+    setup: &SimulationSetup,
     (file, name): (Option<&Path>, &str),
     state: Option<&str>,
     set: &[String],
-) -> Result<String, Refusal> {
-    let scene = file.map_or_else(|| SCENE.to_owned(), near);
+) -> Result<String, ApiError> {
+    let scene = file.map_or_else(|| SCENE_FILE.to_owned(), near);
     let mut words = vec![format!("deaflow solve {scene} {name}.csv")];
     words.extend(state.map(|state| format!("--state {}", quoted(state))));
-    words.extend(set.iter().map(|set| format!("--set {}", quoted(set))));
-    if setting.method != Method::Newton {
-        words.push(format!("--method {}", setting.method));
+    let set = set.iter().filter_map(|set| set.strip_prefix("scene."));
+    words.extend(set.map(|set| format!("--set {}", quoted(set))));
+    if setup.method != Method::Newton {
+        words.push(format!("--method {}", setup.method));
     }
-    let mesh = setting.mesh;
+    let mesh = setup.mesh;
     words.push(format!(
         "--elements-per-cell {} --order {}",
         mesh.elements_per_cell(),
         mesh.order().degree()
     ));
-    if let Some(([x, y], angle)) = drawn.place(&setting.scene)? {
+    if let Some(([x, y], angle)) = drawn.point_and_direction(&setup.scene)? {
         words.push(format!("--point '{x} mm,{y} mm' --direction '{angle} deg'"));
     }
-    // In a table they have fewer digits.
+    // The table has fewer digits.
     words.push("--json".to_owned());
     Ok(words.join(" "))
 }
 
-fn stages(setting: &Setting, name: &str, state: Option<&str>) -> String {
+fn stages(setup: &SimulationSetup, name: &str, state: Option<&str>) -> String {
     let state = state.map_or_else(String::new, |state| format!("state: {state}, "));
-    let solver = SolverParameters::new(setting.method, setting.mesh);
+    let solver = SolverParameters::new(setup.method, setup.mesh);
     format!(
-        "  {name}: {{ kind: patterns, files: [{name}.csv] }}\n  {name}-solved: {{ kind: solve, needs: [{name}], {state}{solver} }}\n"
+        "  {name}: {{ kind: patterns, files: [{name}.csv] }}\n  \
+         {name}-solved: {{ kind: solve, needs: [{name}], {state}{solver} }}\n"
     )
 }
 
-/// A path as it is named where the server was started, in a shell.
+/// Returns a path relative to the working directory of the server, quoted for a shell.
 fn near(path: &Path) -> String {
     let here = std::env::current_dir().ok();
     let near = here.and_then(|here| path.strip_prefix(here).ok().map(Path::to_owned));
     quoted(&near.unwrap_or_else(|| path.to_owned()).to_string_lossy())
-}
-
-/// A word of a shell.
-fn quoted(word: &str) -> String {
-    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_./:,=+@%".contains(&byte);
-    match !word.is_empty() && word.bytes().all(is_plain) {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', "'\\''")),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn words_of_a_shell_are_quoted_where_it_reads_more_into_them() {
-        assert_eq!(quoted("pipelines/quick-start.yaml"), "pipelines/quick-start.yaml");
-        assert_eq!(quoted("drive.voltage=4000 V"), "'drive.voltage=4000 V'");
-        assert_eq!(quoted("it's"), "'it'\\''s'");
-        assert_eq!(quoted(""), "''");
-    }
 }

@@ -1,11 +1,11 @@
-//! What stands in a request about a drawn pattern.
+//! The body of a request about a drawn pattern.
 
 use serde::Deserialize;
 use serde_json::Value;
 
-use crate::held::Setting;
-use crate::http::Refusal;
-use crate::state::ServedState;
+use crate::cache::SimulationSetup;
+use crate::http::ApiError;
+use crate::state::ServerState;
 use deaflow_base::{Dimension, Document, Quantity};
 use deaflow_design::{Goal, Objective};
 use deaflow_fem::effects::{EFFECTS, Effect, Model, Verdict};
@@ -15,104 +15,84 @@ use deaflow_pattern::Pattern;
 use deaflow_scene::{Effects, Scene};
 use deaflow_stage::direct;
 
-/// Elements along a side of the membrane, times their order, that are solved for here.
-const MOST_ALONG: usize = 1024;
+/// Elements along a side of the membrane, times their order: finer meshes take too long for the page.
+const MAX_ELEMENTS: usize = 1024;
 
-/// A pattern and how it is to be simulated. Numbers without a unit are in mm, V and degrees.
+/// A pattern and how to simulate it. Numbers without a unit are in mm, V and degrees.
 #[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Drawn {
+#[serde(default, deny_unknown_fields)]
+pub struct SketchRequest {
     /// The name of a scene that is served, or a scene as YAML or as a mapping.
-    #[serde(default)]
     pub scene: Option<Value>,
-    /// A state of the scene, where it has several; the first where none is named.
-    #[serde(default)]
+    /// A state of the scene, if it has several; the first one by default.
     pub state: Option<String>,
-    /// The cells, row by row from below: 0, or the number of a group of electrodes.
+    /// The cells, row by row from below: 0, or the number of an electrode group.
     pub pattern: Vec<Vec<u8>>,
-    /// The voltage in place of the scene's.
-    #[serde(default)]
+    /// The voltage, instead of that of the scene.
     pub voltage: Option<Value>,
     /// `newton`, `linear` or `chord:N`.
-    #[serde(default)]
     pub method: Option<String>,
     /// Elements along one side of a cell.
-    #[serde(default)]
     pub elements_per_cell: Option<u64>,
     /// Polynomial order of the elements.
-    #[serde(default)]
     pub order: Option<u64>,
-    /// The effects that are on, by their names, in place of the scene's.
-    #[serde(default)]
+    /// The names of the effects that are on, instead of those of the scene.
     pub effects: Option<Vec<String>>,
-    /// A point whose displacement is told.
-    #[serde(default)]
+    /// A point whose displacement is reported.
     pub point: Option<[Value; 2]>,
-    /// The direction along which it is told.
-    #[serde(default)]
+    /// The direction of that displacement.
     pub direction: Option<Value>,
     /// Leaves out the critical voltage and the error, which take longer than the solution.
-    #[serde(default)]
     pub quick: bool,
-    /// What is told of each corner or cell.
-    #[serde(default)]
+    /// Quantities that are reported for each corner or cell.
     pub fields: Vec<String>,
-    /// What an improvement is to reach: the displacement of the point along the direction.
-    #[serde(default)]
+    /// The target of an improvement: the displacement of the point along the direction.
     pub wanted: Option<Value>,
-    /// What an improvement may not change: the area fraction.
-    #[serde(default)]
+    /// The area fraction that an improvement keeps.
     pub area: Option<f64>,
-    /// What an improvement keeps to, as in a design stage.
-    #[serde(default)]
+    /// Constraints of an improvement, as in a design stage.
     pub constraints: Option<Value>,
     /// The format of a file.
-    #[serde(default)]
     pub format: Option<String>,
     /// The size of a mask: prestretched or undeformed.
-    #[serde(default)]
     pub size: Option<String>,
     /// Whether the outline of a mask is rounded.
-    #[serde(default)]
     pub smooth: bool,
-    /// What the pattern is called where it is a file or a stage.
-    #[serde(default)]
+    /// The name of the pattern as a file or a stage.
     pub name: Option<String>,
 }
 
-impl Drawn {
-    /// How it is to be simulated.
+impl SketchRequest {
+    /// Returns scene, method and mesh.
     ///
     /// # Errors
-    /// When something is out of range, or means nothing.
-    pub fn setting(&self, state: &ServedState) -> Result<Setting, Refusal> {
+    /// If a value is invalid.
+    pub fn setup(&self, state: &ServerState) -> Result<SimulationSetup, ApiError> {
         let scene = self.scene(state)?;
         let method = self.method.as_deref().unwrap_or("newton");
-        let method: Method = method
-            .parse()
-            .map_err(|unknown| Refusal::bad(format!("`method` cannot be {method:?}")).help(format!("{unknown}")))?;
+        let method: Method = method.parse().map_err(|unknown| {
+            ApiError::bad_request(format!("invalid `method`: {method:?}")).help(format!("{unknown}"))
+        })?;
         let (elements, order) = (self.elements_per_cell.unwrap_or(2), self.order.unwrap_or(1));
         let mesh = Mesh::from_numbers(elements, order).ok_or_else(|| {
-            Refusal::bad(format!(
-                "there is no mesh of {elements} elements per cell of order {order}"
-            ))
-            .help("allowed: elements_per_cell 1 to 8, order 1 or 2")
+            ApiError::bad_request(format!("invalid mesh: {elements} elements per cell of order {order}"))
+                .help("allowed: elements_per_cell 1 to 8, order 1 or 2")
         })?;
         let [columns, rows] = scene.membrane().raster.sides();
-        if columns.max(rows) * mesh.elements_per_cell() * order as usize > MOST_ALONG {
-            return Err(Refusal::bad(format!(
-                "a mesh of {elements} elements per cell of order {order} is too fine here"
+        if columns.max(rows) * mesh.elements_per_cell() * order as usize > MAX_ELEMENTS {
+            return Err(ApiError::bad_request(format!(
+                "a mesh of {elements} elements per cell of order {order} is too fine for the page"
             ))
-            .help("take fewer, or `deaflow solve`, which takes its time"));
+            .help("use fewer elements, or `deaflow solve`"));
         }
-        Ok(Setting { scene, method, mesh })
+        Ok(SimulationSetup { scene, method, mesh })
     }
 
-    /// The scene that is meant, with all of its states.
+    /// Returns the scene with all of its states.
     ///
     /// # Errors
-    /// When there is none of that name, or it cannot be used.
-    pub fn with_states(&self, state: &ServedState) -> Result<Scene, Refusal> {
+    /// If there is no scene with that name, or it cannot be used.
+    pub fn with_states(&self, state: &ServerState) -> Result<Scene, ApiError> {
         let scene = match &self.scene {
             None => state.scene(None),
             Some(Value::String(text)) => match state.scene(Some(text)) {
@@ -121,24 +101,24 @@ impl Drawn {
                 None => None,
             },
             Some(mapping @ Value::Object(_)) => Some(direct::scene_of_text(&mapping.to_string())?),
-            Some(_) => return Err(Refusal::bad("`scene` is neither a name, nor YAML, nor a mapping")),
+            Some(_) => return Err(ApiError::bad_request("`scene` must be a name, YAML or a mapping")),
         };
         scene.ok_or_else(|| {
-            Refusal::absent("there is no scene of that name")
-                .help("GET /api/scenes lists them; a scene may also stand here as YAML")
+            ApiError::not_found("unknown scene")
+                .help("GET /api/scenes lists the scenes; `scene` may also be YAML or a mapping")
         })
     }
 
-    /// The scene that is meant, in the state, at the voltage and with the effects that are asked for.
+    /// Returns the scene in the requested state, at the requested voltage and with the requested effects.
     ///
     /// # Errors
-    /// When there is none of that name, or it cannot be used.
-    pub fn scene(&self, state: &ServedState) -> Result<Scene, Refusal> {
+    /// If there is no scene with that name, or it cannot be used.
+    pub fn scene(&self, state: &ServerState) -> Result<Scene, ApiError> {
         let scene = self.with_states(state)?;
         let scene = match &self.state {
-            Some(wanted) => {
-                let found = scene.in_state(wanted);
-                found.map_err(|unknown| Refusal::bad(unknown.to_string()).help(unknown.help()))?
+            Some(name) => {
+                let found = scene.in_state(name);
+                found.map_err(|unknown| ApiError::bad_request(unknown.to_string()).help(unknown.help()))?
             }
             None => scene.in_states().swap_remove(0).1,
         };
@@ -152,35 +132,39 @@ impl Drawn {
         }
     }
 
-    /// The pattern on the cells of a scene.
+    /// Returns the pattern on the cells of a scene.
     ///
     /// # Errors
-    /// When it has other cells, or a value that means no group of electrodes.
-    pub fn pattern(&self, scene: &Scene) -> Result<Pattern, Refusal> {
+    /// If its size is wrong, or a value is not the number of an electrode group.
+    pub fn pattern(&self, scene: &Scene) -> Result<Pattern, ApiError> {
         let form = scene.form();
         let [columns, rows] = form.raster.sides();
         let help = || format!("allowed: {rows} rows of {columns} cells, from below");
         if self.pattern.len() != rows {
-            return Err(Refusal::bad(format!("the pattern has {} rows", self.pattern.len())).help(help()));
+            return Err(ApiError::bad_request(format!("the pattern has {} rows", self.pattern.len())).help(help()));
         }
         if let Some((y, row)) = self.pattern.iter().enumerate().find(|(_, row)| row.len() != columns) {
-            return Err(Refusal::bad(format!("row {y} of the pattern has {} cells", row.len())).help(help()));
+            return Err(ApiError::bad_request(format!("row {y} of the pattern has {} cells", row.len())).help(help()));
         }
         let pattern = Pattern::of_form(form, &self.pattern.concat());
-        let pattern = pattern.map_err(|error| Refusal::bad(error.to_string()))?;
+        let pattern = pattern.map_err(|error| ApiError::bad_request(error.to_string()))?;
         check_leads(scene.leads.as_ref(), std::slice::from_ref(&pattern))?;
         Ok(pattern)
     }
 
-    /// The point in mm and the direction in degrees, where they are named.
+    /// Returns the point in mm and the direction in degrees, if they are given.
     ///
     /// # Errors
-    /// When it lies outside, or its direction is missing.
-    pub fn place(&self, scene: &Scene) -> Result<Option<([f64; 2], f64)>, Refusal> {
+    /// If the point lies outside of the membrane, or only one of them is given.
+    pub fn point_and_direction(&self, scene: &Scene) -> Result<Option<([f64; 2], f64)>, ApiError> {
         let (point, direction) = match (&self.point, &self.direction) {
             (None, None) => return Ok(None),
             (Some(point), Some(direction)) => (point, direction),
-            _ => return Err(Refusal::bad("`point` and `direction` stand together")),
+            _ => {
+                return Err(ApiError::bad_request(
+                    "`point` and `direction` need each other: give both or none",
+                ));
+            }
         };
         let sides = scene.membrane().size_mm;
         let [x, y] = [0, 1].map(|axis| quantity("point", &point[axis], Dimension::Length, 0.0..=sides[axis]));
@@ -188,12 +172,12 @@ impl Drawn {
         Ok(Some(([x?, y?], angle)))
     }
 
-    /// What is wanted of a point, where one is named; against its direction where that is said.
+    /// Returns the objective of the point, if one is given; `backwards` reverses the direction.
     ///
     /// # Errors
-    /// When it lies outside, or its direction is missing.
-    pub fn goal(&self, scene: &Scene, area: Option<f64>, backwards: bool) -> Result<Option<Goal>, Refusal> {
-        let Some(([x, y], angle)) = self.place(scene)? else {
+    /// If the point lies outside of the membrane, or its direction is missing.
+    pub fn goal(&self, scene: &Scene, area: Option<f64>, backwards: bool) -> Result<Option<Goal>, ApiError> {
+        let Some(([x, y], angle)) = self.point_and_direction(scene)? else {
             return Ok(None);
         };
         let angle = match (backwards, angle > 0.0) {
@@ -207,20 +191,20 @@ impl Drawn {
     }
 }
 
-/// The scene with exactly the effects of these names, with the parameters that it knows of them.
+/// Returns the scene with exactly these effects, with the parameters of the scene.
 ///
 /// # Errors
-/// When one is not known, lacks what it takes, or does not go with another.
-pub fn with_effects(scene: &Scene, names: &[String]) -> Result<Scene, Refusal> {
+/// If an effect is unknown, lacks parameters, or is incompatible with another one.
+pub fn with_effects(scene: &Scene, names: &[String]) -> Result<Scene, ApiError> {
     let mut effects = Effects::default();
     for name in names {
         let known = EFFECTS.iter().find(|effect| effect.name() == name);
         let effect = known.ok_or_else(|| {
             let all: Vec<&str> = EFFECTS.iter().map(|effect| effect.name()).collect();
-            Refusal::bad(format!("there is no effect {name:?}")).help(format!("allowed: {}", all.join(", ")))
+            ApiError::bad_request(format!("unknown effect {name:?}")).help(format!("allowed: {}", all.join(", ")))
         })?;
         match effect.is_on(&scene.effects, scene) {
-            // With the parameters that it has in the scene.
+            // Keeps the parameters of the scene.
             Some(true) => {
                 let mut own = scene.effects.clone();
                 EFFECTS
@@ -237,27 +221,27 @@ pub fn with_effects(scene: &Scene, names: &[String]) -> Result<Scene, Refusal> {
     for name in names {
         let effect = EFFECTS.iter().find(|effect| effect.name() == name);
         if let Some(effect) = effect.filter(|effect| effect.is_on(&scene.effects, &scene) == Some(false)) {
-            return Err(lacking(*effect, &scene));
+            return Err(missing_parameters(*effect, &scene));
         }
     }
     Ok(scene)
 }
 
-/// Why an effect stays off: what screening says of it without its parameters.
-fn lacking(effect: &dyn Effect, scene: &Scene) -> Refusal {
+/// Explains why an effect cannot be switched on.
+fn missing_parameters(effect: &dyn Effect, scene: &Scene) -> ApiError {
     let (name, found) = (effect.name(), effect.assess(scene));
-    match found {
-        Some(found) if found.verdict != Verdict::Unknown => Refusal::bad(format!("`{name}` {}", found.change)),
-        Some(found) => {
-            let why = format!("the scene does not know what `{name}` takes ({})", found.change);
-            Refusal::bad(why).help("give its parameters under `properties` of the scene")
+    let reason = match found {
+        Some(found) if found.verdict != Verdict::Unknown => {
+            return ApiError::bad_request(format!("`{name}` {}", found.change));
         }
-        None => Refusal::bad(format!("the scene does not know what `{name}` takes"))
-            .help("give its parameters under `properties` of the scene"),
-    }
+        Some(found) => format!(": {}", found.change),
+        None => String::new(),
+    };
+    ApiError::bad_request(format!("`{name}` needs data{reason}"))
+        .help("add its parameters to `properties` of the scene")
 }
 
-/// Effects of both, those of the second where both have them.
+/// Merges two sets of effects; an effect of the second one replaces that of the first.
 fn merged(one: Effects, other: Effects) -> Effects {
     Effects {
         strain_stiffening: other.strain_stiffening.or(one.strain_stiffening),
@@ -276,21 +260,21 @@ fn merged(one: Effects, other: Effects) -> Effects {
     }
 }
 
-/// A number in its base unit, or a text with a unit.
+/// Parses a number in its base unit, or a text with a unit.
 ///
 /// # Errors
-/// When it is neither, or outside of what is allowed.
+/// If it is neither, or out of range.
 pub fn quantity(
     key: &str,
     value: &Value,
     dimension: Dimension,
     allowed: std::ops::RangeInclusive<f64>,
-) -> Result<f64, Refusal> {
+) -> Result<f64, ApiError> {
     let number = match value {
         Value::Number(number) => number.as_f64(),
         Value::String(text) => Some(
             Quantity::parse(text, dimension)
-                .map_err(|error| Refusal::bad(format!("`{key}`: {error}")))?
+                .map_err(|error| ApiError::bad_request(format!("`{key}`: {error}")))?
                 .value(),
         ),
         _ => None,
@@ -302,7 +286,7 @@ pub fn quantity(
             Dimension::Length => "mm",
             _ => "deg",
         };
-        Refusal::bad(format!("`{key}` cannot be {value}")).help(format!(
+        ApiError::bad_request(format!("invalid `{key}`: {value}")).help(format!(
             "allowed: {} {unit} to {} {unit}",
             allowed.start(),
             allowed.end()

@@ -1,23 +1,23 @@
-//! What can be drawn on.
+//! The scenes of the sketchpad.
 
 use serde_json::{Value, json};
 
-use super::drawn::with_effects;
-use crate::http::{Answer, Refusal, Request};
-use crate::state::{NamedScene, ServedState};
+use super::request::with_effects;
+use crate::http::{ApiError, Request, Response};
+use crate::state::{NamedScene, ServerState};
 use deaflow_fem::effects::EFFECTS;
 use deaflow_pattern::Part;
 use deaflow_scene::Scene;
 
-/// The scenes, the first of which is that of a sketch which names none, and the files whose scenes cannot be used, each with its problem.
+/// Lists the scenes, the default one first, and the files whose scenes cannot be used, with their errors.
 ///
 /// # Errors
-/// When the request is not understood.
-pub fn scenes(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+/// If the request is invalid.
+pub fn scenes(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&[])?;
     let scenes: Vec<Value> = state.read_scenes().iter().map(document).collect();
-    let refused = state.refused_scenes().into_iter().map(|(path, refusal)| {
-        let mut document = refusal.document();
+    let refused = state.invalid_scenes().into_iter().map(|(path, error)| {
+        let mut document = error.document();
         document["path"] = json!(path);
         document
     });
@@ -29,13 +29,13 @@ fn document(named: &NamedScene) -> Value {
     let membrane = scene.membrane();
     let [columns, rows] = membrane.raster.sides();
     let states: Vec<&str> = scene.states.iter().map(|(name, _)| name).collect();
-    // Of each state, or of the one drive, the voltage of each group of electrodes.
+    // The voltage of each electrode group, for each state or for the only drive.
     let in_states = scene.in_states().into_iter();
     let voltages: Vec<Vec<f64>> = in_states.map(|(_, own)| own.drive.voltages.in_volts()).collect();
     let first = scene.in_states().swap_remove(0).1;
     let effect = |effect: &&dyn deaflow_fem::effects::Effect| {
         let on = effect.is_on(&scene.effects, scene);
-        // Whether it could be switched on by itself; what two of them are to each other is told once both are.
+        // Whether it could be switched on by itself; conflicts of two effects are reported once both are on.
         let refused = match on {
             Some(false) => with_effects(&first, &[effect.name().to_owned()]).err(),
             _ => None,
@@ -43,7 +43,7 @@ fn document(named: &NamedScene) -> Value {
         json!({
             "name": effect.name(),
             "on": on,
-            "refused": refused.map(|refusal| refusal.words()),
+            "refused": refused.map(|error| error.message_with_help()),
             "cost": effect.cost(),
             "in_time": effect.needs_time(),
         })
@@ -65,7 +65,7 @@ fn document(named: &NamedScene) -> Value {
     })
 }
 
-/// What is not membrane, row by row from below: 1 frame, 2 rigid body, else 0; none where all is membrane.
+/// Returns what is not membrane, row by row from below: 1 frame, 2 rigid body, else 0; `None` if all is membrane.
 fn parts(scene: &Scene) -> Option<Vec<u8>> {
     let parts = scene.parts()?;
     let [columns, rows] = scene.membrane().raster.sides();

@@ -1,19 +1,19 @@
-//! Which effects a drawn pattern calls for.
+//! Screening: which effects are significant for a drawn pattern.
 
-use super::drawn::Drawn;
-use crate::http::{Answer, Refusal, Request};
-use crate::state::ServedState;
+use super::request::SketchRequest;
+use crate::http::{ApiError, Request, Response};
+use crate::state::ServerState;
 use deaflow_fem::screening::{Trial, resolve, screen as screened};
 
-/// Screens the scene with the pattern, as `deaflow screen SCENE PATTERN` does.
+/// Screens the scene with the pattern, as `deaflow screen SCENE PATTERN`.
 ///
 /// # Errors
-/// When the request is not understood, or the effects cannot be simulated.
-pub fn screen(state: &ServedState, request: &Request) -> Result<Answer, Refusal> {
+/// If the request is invalid, or the effects cannot be simulated.
+pub fn screen(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&[])?;
-    let drawn: Drawn = request.json()?;
-    let setting = drawn.setting(state)?;
-    let pattern = drawn.pattern(&setting.scene)?;
-    let scene = resolve(&setting.scene)?;
+    let drawn: SketchRequest = request.json()?;
+    let setup = drawn.setup(state)?;
+    let pattern = drawn.pattern(&setup.scene)?;
+    let scene = resolve(&setup.scene)?;
     Ok(screened(&scene, &[Trial::new("drawn", pattern)])?.document().into())
 }

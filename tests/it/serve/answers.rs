@@ -543,7 +543,7 @@ fn a_search_ends_the_one_before() {
         .filter_map(|last| Some(last["error"]["message"].as_str()?.to_owned()));
     assert_eq!(
         told.collect::<Vec<_>>(),
-        ["another search was begun, which ends this one"]
+        ["another search was started, which stops this one"]
     );
 }
 
@@ -571,7 +571,7 @@ fn what_is_looked_for_and_is_not_there_is_said() {
     // A page says so, too, where it has nothing to show.
     for digest in digests.values() {
         let page = server.get(&format!("/api/artifacts/{digest}/page")).text();
-        let shown = ["<svg", "<table", "<ul", "has no figures"];
+        let shown = ["<svg", "<table", "<ul", "have no figures"];
         assert!(shown.iter().any(|mark| page.contains(mark)), "{page}");
     }
     let wrong = server.request("POST", "/api/sketch/import?format=dxf", &[&server.bearer()], b"");

@@ -58,7 +58,7 @@ fn the_pad_keeps_to_the_membrane_and_to_its_own_drawing_and_says_what_is_old() {
     tab.until(SETTLED);
     let wanted = tab.number("#value") + 0.2;
     tab.write("input[name=wanted]", &format!("{wanted:.4}"));
-    tab.until("document.querySelector('#wanted').textContent.endsWith('mm short')");
+    tab.until("document.querySelector('#wanted').textContent.endsWith('mm too small')");
     tab.click("#improve");
     tab.until("document.querySelector('#course')?.textContent.startsWith('Reached: ')");
     tab.until("document.querySelector('#wanted').textContent.startsWith('reached')");
@@ -116,18 +116,18 @@ fn a_voltage_between_two_meshes_is_told_by_both() {
     tab.until("document.querySelector('#beyond')");
     let told = tab.text("#beyond");
     assert!(
-        told.contains("by two finer meshes") && told.contains("1 bilinear element along a cell"),
+        told.contains("two finer meshes") && told.contains("1 bilinear element along a cell"),
         "{told}"
     );
     let critical = tab.text("#critical-voltage");
-    let critical = critical.strip_prefix("stability is lost at ").unwrap();
+    let critical = critical.strip_prefix("limit ").unwrap();
     // Where the mesh of the page contradicts them, its own bracket stands beside.
-    let (critical, alone) = critical.split_once(" by two finer meshes; ").unwrap();
-    assert!(alone.starts_with("on the mesh of the page alone"), "{alone}");
+    let (critical, alone) = critical.split_once(" (this mesh alone: ").unwrap();
+    assert!(alone.contains(" to "), "{alone}");
     assert!(told.contains(critical), "{told} and {critical}");
     // Beyond both the same number is told, and that of the mesh as what it is.
     tab.write("#volts", &(stable + 1000.0).to_string());
-    let alone = "On this mesh alone (1 bilinear element along a cell) it is stable up to";
+    let alone = "With this mesh (1 bilinear element along a cell), it is stable up to";
     tab.until(&format!(
         "document.querySelector('#notice').textContent.includes({}) && document.querySelector('#notice').textContent.includes({})",
         json!(critical),

@@ -58,10 +58,10 @@ fn models_designs_and_accuracy_have_views_of_their_own() {
     let first = tab.value("document.querySelector('[data-worst] .card').innerText");
     let first = first.as_str().unwrap();
     assert!(
-        first.contains("bezier") && first.contains("it has learned from no pattern of this family"),
+        first.contains("bezier") && first.contains("the training set has no pattern of this family"),
         "{first}"
     );
-    assert!(first.contains("its nearest pattern in training differs in"), "{first}");
+    assert!(first.contains("the nearest training pattern differs in"), "{first}");
     assert!(first.contains("% of its largest displacement"), "{first}");
     photographed(&mut tab, "model");
     tab.click("[data-worst] .card");
@@ -153,7 +153,7 @@ fn the_worst_pattern_of_a_model_and_why_are_found_without_an_evaluation() {
     let first = tab.value("document.querySelector('[data-own] .card').innerText");
     let first = first.as_str().unwrap();
     assert!(
-        first.contains("small-grid") && first.contains("its nearest pattern in training differs in"),
+        first.contains("small-grid") && first.contains("the nearest training pattern differs in"),
         "{first}"
     );
     assert!(!first.contains("differs in 0 %"), "{first}");
@@ -179,8 +179,8 @@ fn the_worst_pattern_of_a_model_and_why_are_found_without_an_evaluation() {
     photographed(&mut tab, "prediction");
     // A card that says how far the nearest learned pattern is says whether that explains anything.
     assert!(
-        !first.contains("of the best predicted")
-            || first.contains("that explains nothing")
+        !first.contains("for the best predictions of")
+            || first.contains("this is not the reason")
             || first.contains("it is farther"),
         "{first}"
     );
@@ -308,8 +308,8 @@ fn a_wrong_number_is_told_beside_its_field_and_all_values_can_be_reached() {
     tab.until("document.querySelector('#outcome')");
     for (wrong, told) in [
         ("-5", "allowed: 0 to 1000000 V"),
-        ("abc", "“abc” is no number"),
-        ("", "a number is wanted"),
+        ("abc", "“abc” is not a number"),
+        ("", "enter a number"),
         ("2e9", "allowed"),
     ] {
         tab.write("#volts", wrong);
