@@ -18,11 +18,11 @@ impl TestStore {
         Self { folder, store }
     }
 
-    fn run<'a>(&'a self, made: &'a [StageArtifact]) -> RunArtifacts<'a> {
+    fn run<'a>(&'a self, stages: &'a [StageArtifact]) -> RunArtifacts<'a> {
         RunArtifacts {
             store: &self.store,
-            stages: made,
-            made,
+            file: Path::new("/p.yaml"),
+            stages,
             rounds: &[],
         }
     }
@@ -173,7 +173,7 @@ fn verified(outcomes: [&str; 4]) -> Object {
 
 #[test]
 fn two_files_with_the_same_pipeline_name_have_separate_folders() {
-    let bench = Bench::new();
+    let bench = TestStore::new();
     let made = [bench.made("solved", "solve", &solved(&[1.7, 1.8]))];
     let files = ["one.yaml", "two.yaml"].map(|name| bench.folder.path().join(name));
     files.iter().for_each(|file| std::fs::write(file, "").unwrap());
@@ -202,7 +202,7 @@ fn two_files_with_the_same_pipeline_name_have_separate_folders() {
 
 #[test]
 fn figures_are_drawn_once_and_named_by_their_artifact() {
-    let bench = Bench::new();
+    let bench = TestStore::new();
     let made = [
         bench.made("small", "sample", &Object::default().with("x", floats("1", &[1.0]))),
         bench.made("solved", "solve", &solved(&[1.7, 1.8])),
@@ -246,7 +246,7 @@ fn figures_are_drawn_once_and_named_by_their_artifact() {
 
 #[test]
 fn figures_are_drawn_in_the_background() {
-    let bench = Bench::new();
+    let bench = TestStore::new();
     let made = [
         bench.made("solved", "solve", &solved(&[1.7, 1.8])),
         bench.made("found", "solve", &solved(&[1.6, 1.8])),
@@ -283,7 +283,7 @@ fn figures_are_drawn_in_the_background() {
 
 #[test]
 fn errors_are_drawn_over_the_times_in_the_provenance() {
-    let bench = Bench::new();
+    let bench = TestStore::new();
     let texts = |t: [&str; 2]| Dataset::new("", "d", &[2], Data::Text(t.map(str::to_owned).to_vec()));
     let measured = |errors: [f64; 4]| {
         let errors = Dataset::new("mm", "d", &[2, 2], Data::F64(errors.to_vec()));
@@ -318,7 +318,7 @@ fn errors_are_drawn_over_the_times_in_the_provenance() {
 
 #[test]
 fn the_summary_has_predictions_simulations_and_gains() {
-    let bench = Bench::new();
+    let bench = TestStore::new();
     let made = [bench.made("verified", "verify", &verified(["converged"; 4]))];
     let summaries = bench.run(&made).each("verify", summary::read).unwrap();
     let text = summaries[0].to_string();
@@ -343,7 +343,7 @@ fn the_summary_has_predictions_simulations_and_gains() {
 
 #[test]
 fn an_inaccurate_evaluator_is_reported() {
-    let bench = Bench::new();
+    let bench = TestStore::new();
     let mut wrong = verified(["converged"; 4]);
     wrong
         .datasets
@@ -360,7 +360,7 @@ fn an_inaccurate_evaluator_is_reported() {
 
 #[test]
 fn a_pattern_without_a_stable_solution_shows_no_numbers() {
-    let bench = Bench::new();
+    let bench = TestStore::new();
     let outcomes = ["converged", "converged", "converged", "pull-in"];
     let made = [bench.made("verified", "verify", &verified(outcomes))];
     let summary = &bench.run(&made).each("verify", summary::read).unwrap()[0];
@@ -376,7 +376,7 @@ fn a_pattern_without_a_stable_solution_shows_no_numbers() {
 
 #[test]
 fn many_targets_are_drawn_as_a_gallery() {
-    let bench = Bench::new();
+    let bench = TestStore::new();
     let mut many = verified(["converged"; 4]);
     let object = &mut many.datasets;
     let eight: Vec<String> = (0..8).map(|k| format!("t{k}")).collect();
@@ -421,7 +421,7 @@ fn many_targets_are_drawn_as_a_gallery() {
 
 #[test]
 fn artifacts_with_missing_data_are_named() {
-    let bench = Bench::new();
+    let bench = TestStore::new();
     let mut short = verified(["converged"; 4]);
     short.datasets.insert("area".into(), floats("1", &[0.5]));
     let made = [bench.made("verified", "verify", &short)];
@@ -440,7 +440,7 @@ fn artifacts_with_missing_data_are_named() {
 
 #[test]
 fn a_training_is_described_in_a_line_with_its_warnings() {
-    let bench = Bench::new();
+    let bench = TestStore::new();
     let made = [
         bench.made("solved", "solve", &solved(&[1.7])),
         bench.made("surrogate", "train", &trained()),
@@ -514,7 +514,7 @@ fn evaluated(model: &StageArtifact) -> Object {
 
 #[test]
 fn an_evaluation_names_models_by_their_stages() {
-    let bench = Bench::new();
+    let bench = TestStore::new();
     let model = bench.made("surrogate", "train", &trained());
     let stage = bench.made("judged", "evaluate", &evaluated(&model));
     let made = [model.clone(), stage.clone()];
