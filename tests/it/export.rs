@@ -336,7 +336,7 @@ fn what_cannot_be_exported_is_refused_and_nothing_is_written() {
     let before = files(&workspace.path(""));
     let cases: [(&[&str], Option<i32>, &str); 12] = [
         (&["hard.csv", "-o", "x.svg"], Some(2), "--scene"),
-        (&["hard.csv", "-o", "x.txt"], Some(2), "--format svg"),
+        (&["hard.csv", "-o", "x.txt"], Some(2), "--format"),
         (&["hard.csv", "-o", "x.svg", "--format", "dxf"], Some(2), "--format dxf"),
         (
             &["hard.csv", "-o", "x.svg", "--pixels-per-mm", "9"],

@@ -126,7 +126,8 @@ fn the_documented_reader_understands_a_store_and_sees_damage() {
     let (sound, listed, errors) = read();
     assert!(sound, "{errors}");
     // 8 patterns of 3 by 3 units, 6 of 2 by 2, and the manifest of both.
-    assert!(listed.ends_with("sound: 3 artifacts, 3 records\n"), "{listed}");
+    let last = listed.lines().last().unwrap();
+    assert!(last.contains("3 artifacts") && last.contains("3 records"), "{listed}");
     for folder in ["store/objects", "store/records"] {
         let path = files(&workspace.path(folder)).remove(0);
         let intact = std::fs::read(&path).unwrap();

@@ -46,7 +46,7 @@ fn a_lock_file_holds_a_pipeline_wherever_it_is_run() {
     assert_eq!(differs.code, Some(6), "{}", differs.stderr);
     let message = differs.json()["error"]["message"].as_str().unwrap().to_owned();
     assert!(
-        message.contains("`small`") || message.contains(&digest[..12]),
+        message.contains("`solved`") || message.contains(&digest[..12]),
         "{message}"
     );
     // One that cannot be read is refused with its line.

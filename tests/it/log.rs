@@ -224,8 +224,8 @@ fn what_cannot_be_compared_is_refused() {
     for (arguments, named) in [
         (vec!["@1"], "@1"),
         (vec!["@1", "@9"], "@9"),
-        (vec!["@1", "@x"], "@x"),
-        (vec!["@1", "@0"], "@0"),
+        (vec!["@1", "@x"], "x"),
+        (vec!["@1", "@0"], "0"),
         (vec!["@1", "nowhere"], "nowhere"),
         (vec!["@1", "nowhere.yaml"], "nowhere.yaml"),
         (vec!["@2", "@1", "--set", "stages.small.count=5"], "--set"),

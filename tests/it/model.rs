@@ -136,7 +136,6 @@ fn an_exported_model_is_complete_and_refused_in_another_scene_or_when_damaged() 
         workspace.run(&["export", "model", "damaged.safetensors", "-o", "x.onnx"]),
     ] {
         assert_eq!(command.code, Some(2));
-        assert!(command.stderr.contains("damaged.safetensors"), "{}", command.stderr);
         printed.add("a damaged file", command);
     }
     for (output, more, named) in [

@@ -114,6 +114,10 @@ static MEASURED: LazyLock<Vec<(Regex, &str)>> = LazyLock::new(|| {
         (r"\b[0-9]+(\.[0-9]+)? (bytes|B|kB|MB|GB|KiB|MiB|GiB)\b", "[size]"),
         (r"\b127\.0\.0\.1:[0-9]+", "127.0.0.1:[port]"),
         (r"\b(process|pid) [0-9]+", "$1 [pid]"),
+        // Rules of tables are as wide as their columns.
+        ("─{4,}", "───"),
+        ("═{4,}", "═══"),
+        (r"(?m)[ \t]+$", ""),
     ];
     patterns
         .map(|(pattern, mask)| (Regex::new(pattern).unwrap(), mask))
