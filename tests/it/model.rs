@@ -141,12 +141,13 @@ fn an_exported_model_is_complete_and_refused_in_another_scene_or_when_damaged() 
     for (output, more, named) in [
         ("model.h5", &[][..], "--format"),
         ("model.onnx", &["--format", "safetensors"], "--format safetensors"),
-        ("absent/model.onnx", &[], "absent/model.onnx"),
+        ("absent/model.onnx", &[], "absent"),
     ] {
         let ended = export(output, more);
         assert!(ended.code == Some(2) || ended.code == Some(1), "{output}");
-        assert!(ended.stderr.contains(named), "{output}: {ended}");
-        printed.add(output, ended.stderr);
+        let message = ended.json()["error"].to_string();
+        assert!(message.contains(named), "{output}: {message}");
+        printed.add(output, message);
     }
     let ended = workspace.run(&["export", "model", file, "-o", file]);
     assert_eq!(ended.code, Some(2));
