@@ -18,7 +18,7 @@ use deaflow_stage::audit::{self, Audited, Finding, Request, Severity};
 use deaflow_store::{Artifact, Command, Store, StoreError};
 use report::AuditReport;
 
-/// Check a dataset: provenance, values, symmetries, leaks between parts, and labels by simulation
+/// Check a dataset: provenance, values, symmetries, leaks, and labels by simulation
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow audit pipeline.yaml:solved", "deaflow audit measured.h5 --scene scene.yaml --samples all"))]
 pub struct AuditArguments {

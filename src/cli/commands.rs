@@ -229,7 +229,7 @@ mod tests {
         command.get_subcommands().for_each(|command| all(command, found));
     }
 
-    /// All commands and their own ones, but for `help`.
+    /// Returns all commands and subcommands, without `help`.
     fn commands() -> Vec<clap::Command> {
         let mut found = Vec::new();
         all(&command_line(), &mut found);
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn every_command_says_what_it_does_in_a_line() {
+    fn every_command_has_a_short_description() {
         for command in commands().iter().skip(1) {
             let about = command.get_about().map(ToString::to_string).unwrap_or_default();
             assert!(!about.is_empty(), "{}", command.get_name());
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn every_command_stands_under_one_heading() {
+    fn every_command_has_one_heading() {
         let named: Vec<String> = GROUPS
             .iter()
             .flat_map(|group| group.1)
@@ -279,7 +279,7 @@ mod tests {
             assert!((1..=3).contains(&lines.len()), "{}: {help}", command.get_name());
             for line in lines {
                 let words = shlex::split(line).unwrap();
-                // What a shell does with the output is its own.
+                // The part that the shell handles.
                 let words = words.into_iter().take_while(|word| word != "|" && word != ">");
                 let words: Vec<OsString> = words.map(OsString::from).collect();
                 let read = Cli::read(&words, ColorChoice::Never);
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn no_help_is_wider_than_it_may_be() {
+    fn help_fits_the_largest_width() {
         for mut command in commands() {
             let help = command.render_help().to_string();
             for line in help.lines() {
@@ -311,15 +311,12 @@ mod tests {
                 words += line.trim_start();
                 words += " ";
             }
-            assert!(
-                words.contains("so that others take it instead of building it"),
-                "{words}"
-            );
+            assert!(words.contains("so that others can reuse them"), "{words}");
         }
     }
 
     #[test]
-    fn the_colours_that_are_asked_for_are_known_before_all_else() {
+    fn requested_colours_are_found_without_clap() {
         let found = |words: &str| colour_in(&words.split(' ').map(OsString::from).collect::<Vec<_>>());
         for (words, choice) in [
             ("deaflow run", ColorChoice::Auto),

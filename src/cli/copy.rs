@@ -1,23 +1,23 @@
-//! `deaflow copy`: an artifact with all that it needs, from one store into another.
+//! `deaflow copy`: copies an artifact and its inputs into another store.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
 
 use super::arguments::StoreArguments;
 use super::progress::DelayedBar;
-use super::{CliError, Exit, Output, locate, table};
+use super::{CliError, Exit, Output, locate, table, write};
 use deaflow_store::{Artifact, CopySummary, Store};
 
-/// Copy an artifact and what it was made from into another store
+/// Copy an artifact and its inputs into another store
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow copy solved --to /shared/store"))]
 pub struct CopyArguments {
-    /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
+    /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or its first digits, at least 4
     #[arg(value_name = "STAGE-OR-DIGEST")]
     pub artifact: String,
-    /// The other store; it is made where there is none
+    /// The other store; it is created if missing
     #[arg(long, value_name = "STORE")]
     pub to: PathBuf,
     #[command(flatten)]
@@ -28,22 +28,21 @@ pub fn execute(arguments: &CopyArguments, output: &Output) -> Result<Exit, CliEr
     let folder = arguments.store.folder_of_any([&arguments.artifact]);
     let store = locate::existing_store(&folder)?;
     let artifact = locate::artifact(&store, &arguments.artifact)?;
-    if is_same(&folder, &arguments.to) {
+    if write::is_same_file(&folder, &arguments.to) {
         return Err(
-            CliError::bad_input(format!("{} is the store that is copied from", arguments.to.display()))
-                .help("--to must name another one"),
+            CliError::bad_input(format!("{} is the source store", arguments.to.display()))
+                .help("name another store with --to"),
         );
     }
     let target = Store::open(&arguments.to)?;
     let copied = copy(&store, &target, &artifact)?;
-    if output.is_json() {
-        output.document(&document(arguments, &artifact, &copied))?;
-    } else {
-        output.text(text(arguments, &artifact, &copied))?;
-    }
+    output.result(
+        || document(arguments, &artifact, &copied),
+        || text(arguments, &artifact, &copied),
+    )?;
     for digest in &copied.without_record {
         output.warn(format_args!(
-            "no record speaks of artifact {}: a run there cannot reuse it",
+            "artifact {} has no record: a run there cannot reuse it",
             digest.short()
         ));
     }
@@ -55,13 +54,6 @@ fn copy(store: &Store, target: &Store, artifact: &Artifact) -> Result<CopySummar
     let copied = store.copy_to(target, artifact.digest(), &|done, total| bar.set(done, total));
     bar.clear();
     Ok(copied?)
-}
-
-fn is_same(a: &Path, b: &Path) -> bool {
-    match (a.canonicalize(), b.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => false,
-    }
 }
 
 fn document(arguments: &CopyArguments, artifact: &Artifact, copied: &CopySummary) -> serde_json::Value {
@@ -82,7 +74,7 @@ fn text(arguments: &CopyArguments, artifact: &Artifact, copied: &CopySummary) ->
     let there = match (copied.artifacts_there, copied.records_there) {
         (0, 0) => String::new(),
         (artifacts, records) => format!(
-            "; {} and {} were there",
+            "; already there: {} and {}",
             table::counted(artifacts, "artifacts"),
             table::counted(records, "records")
         ),

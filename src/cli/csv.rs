@@ -1,9 +1,9 @@
-//! Tables in CSV.
+//! Formats tables as CSV.
 
 use super::CliError;
 use deaflow_report::ResultTable;
 
-/// The table of a table stage.
+/// Formats the table of a table stage.
 ///
 /// # Errors
 /// When memory is short.
@@ -15,12 +15,12 @@ pub fn of_table(table: &ResultTable) -> Result<String, CliError> {
     text(&table.columns, rows)
 }
 
-/// A header and rows, with the last line ended.
+/// Formats a header and rows.
 ///
 /// # Errors
 /// When memory is short.
 pub fn text(header: &[String], rows: impl Iterator<Item = Vec<String>>) -> Result<String, CliError> {
-    let failed = |e: String| CliError::failure(format!("cannot write CSV: {e}"));
+    let failed = |e: String| CliError::failure(format!("cannot format CSV: {e}"));
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(header).map_err(|e| failed(e.to_string()))?;
     for row in rows {

@@ -1,4 +1,4 @@
-//! `deaflow dag`: the stages of a pipeline and what they need, for people, Mermaid or Graphviz.
+//! `deaflow dag`: the stages of a pipeline and their dependencies, as text or for Mermaid and Graphviz.
 
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -9,13 +9,16 @@ use serde_json::json;
 use super::{CliError, Exit, Output, pipeline};
 use deaflow_orchestrator::StageSpec;
 
-/// Draw the stages of a pipeline and what they need
+/// Draw the stages of a pipeline and their dependencies
 #[derive(Debug, Args)]
-#[command(after_help = examples!("deaflow dag pipeline.yaml", "deaflow dag pipeline.yaml --format dot | dot -Tsvg -o stages.svg"))]
+#[command(after_help = examples!(
+    "deaflow dag pipeline.yaml",
+    "deaflow dag pipeline.yaml --format dot | dot -Tsvg -o stages.svg",
+))]
 pub struct DagArguments {
     /// The pipeline, a YAML file
     pub pipeline: PathBuf,
-    /// How to draw
+    /// The output format
     #[arg(long, value_enum, default_value_t = DagFormat::Text)]
     pub format: DagFormat,
 }
@@ -57,7 +60,7 @@ pub fn execute(arguments: &DagArguments, output: &Output) -> Result<Exit, CliErr
     Ok(Exit::Done)
 }
 
-/// A stage; its needs are places among the stages.
+/// A stage; its needs are positions in the list of stages.
 struct Node<'a> {
     name: &'a str,
     kind: &'a str,
@@ -81,7 +84,7 @@ fn text(stages: &[Node<'_>]) -> String {
     stages.iter().map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// Stages are numbered: a stage may be named like a word of the language (`end`).
+/// Formats a Mermaid chart. Stages are numbered, since a name may be a keyword of the language (`end`).
 fn mermaid(stages: &[Node<'_>]) -> String {
     let mut out = String::from("flowchart LR\n");
     for (i, stage) in stages.iter().enumerate() {

@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn what_one_side_does_not_know_is_told_apart_and_what_none_knows_is_no_difference() {
+    fn results_of_one_side_are_counted_and_unknown_ones_ignored() {
         let from = side(&[
             ("a.x", 1.0),
             ("a.y", f64::NAN),
@@ -360,15 +360,12 @@ mod tests {
         assert_eq!(names, ["a.x", "b.x", "b.y", "c.x"]);
         let shown = text(&from, &to, &[], &found).show(Screen::default());
         assert!(shown.contains("a.x") && !shown.contains("b.x"), "{shown}");
-        assert!(shown.contains("known of `from` alone: 2 results of b\n"), "{shown}");
-        assert!(shown.ends_with("known of `to` alone: 1 result of c"), "{shown}");
-        // What differs by less than is shown is counted.
+        assert!(shown.contains("only in the first: 2 results of b\n"), "{shown}");
+        assert!(shown.ends_with("only in the second: 1 result of c"), "{shown}");
+        // Differences below the displayed digits are counted.
         let (from, to) = (side(&[("a.x", 2.154_700_1)]), side(&[("a.x", 2.154_700_2)]));
         let found = results(&from, &to);
         let shown = text(&from, &to, &[], &found).show(Screen::default());
-        assert!(
-            shown.contains("1 result differs by less than is shown here") && !shown.contains("a.x"),
-            "{shown}"
-        );
+        assert!(shown.contains("1 result differs") && !shown.contains("a.x"), "{shown}");
     }
 }

@@ -1,4 +1,4 @@
-//! `deaflow explain`: why a stage would be built, with everything that has changed.
+//! `deaflow explain`: lists the changes because of which a stage would be built.
 
 use std::path::{Path, PathBuf};
 
@@ -10,14 +10,14 @@ use super::{CliError, Exit, Output, locate, pipeline};
 use deaflow_base::{ArtifactId, Digest, readable_time};
 use deaflow_orchestrator::{Explanation, explain};
 
-/// Say why a stage would be built: every parameter and input that has changed
+/// Explain why a stage would be built: all changed parameters and inputs
 #[derive(Debug, Args)]
 #[command(allow_missing_positional = true, after_help = examples!("deaflow explain pipeline.yaml design", "deaflow explain pipeline.yaml:design"))]
 pub struct ExplainArguments {
-    /// The pipeline, a YAML file, or a folder with one alone [default: that of this folder]
+    /// The pipeline: a YAML file, or a folder with exactly one [default: the current folder]
     #[arg(value_parser = pipeline_parser())]
     pub pipeline: Option<PathBuf>,
-    /// The stage, or PIPELINE.yaml:STAGE alone
+    /// The stage, or PIPELINE.yaml:STAGE without PIPELINE
     pub stage: String,
     #[command(flatten)]
     pub store: StoreArguments,
@@ -30,39 +30,33 @@ pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, Cl
     let (path, stage) = match (both, &arguments.pipeline) {
         (Some((path, stage)), _) => (PathBuf::from(path), stage),
         (None, Some(path)) => (path.clone(), arguments.stage.as_str()),
-        (None, None) => (alone(&arguments.stage)?, arguments.stage.as_str()),
+        (None, None) => (pipeline_here(&arguments.stage)?, arguments.stage.as_str()),
     };
     let pipeline = pipeline::load_with(&path, &arguments.set)?;
     let (_scratch, store) = pipeline::store_to_read(&arguments.store.folder_of(&path))?;
     let found = explain(&pipeline, &store, stage)?;
-    if output.is_json() {
-        output.document(&document(&found))?;
-    } else {
-        output.text(text(&found))?;
-    }
-    Ok(Exit::Done)
+    output.result(|| document(&found), || text(&found))
 }
 
-/// The pipeline of this folder, for a stage that stands alone; what is no stage is said to be none.
-fn alone(stage: &str) -> Result<PathBuf, CliError> {
+/// Returns the pipeline of the current folder, for a stage without a pipeline. Refuses files and digests.
+fn pipeline_here(stage: &str) -> Result<PathBuf, CliError> {
     if Path::new(stage).is_file() {
         return Err(
-            CliError::bad_input(format!("no stage of {stage} is named")).help(format!(
-                "deaflow explain {stage} STAGE; `deaflow plan {stage}` lists the stages"
+            CliError::bad_input(format!("{stage} is a file; a stage is missing")).help(format!(
+                "deaflow explain {stage} STAGE; list the stages with `deaflow plan {stage}`"
             )),
         );
     }
-    // No name of a stage that somebody thought of looks like this.
+    // Names of stages do not look like this.
     if stage.len() >= Digest::SHORT && stage.bytes().all(|byte| byte.is_ascii_hexdigit()) {
-        return Err(CliError::bad_input(format!(
-            "{stage} is the digest of an artifact, and stages are explained"
-        ))
-        .help(format!(
-            "deaflow explain PIPELINE.yaml STAGE; `deaflow show {stage}` tells of the artifact"
-        )));
+        return Err(
+            CliError::bad_input(format!("{stage} is a digest, not a stage")).help(format!(
+                "deaflow explain PIPELINE.yaml STAGE; show the artifact with `deaflow show {stage}`"
+            )),
+        );
     }
     pipeline_in(PathBuf::from(".")).map_err(|why| {
-        let help = "deaflow explain PIPELINE.yaml STAGE; `deaflow show DIGEST` tells of an artifact";
+        let help = "deaflow explain PIPELINE.yaml STAGE; show an artifact with `deaflow show DIGEST`";
         CliError::bad_input(format!("{stage}: {why}")).help(help)
     })
 }
@@ -103,14 +97,14 @@ fn text(found: &Explanation) -> String {
             lines.push(format!("  because of {name}: {}", reasons.join("; ")));
         }
         lines.push(format!(
-            "chunks: {} to build, {} there",
+            "chunks: {} to build, {} built",
             report.chunks_built, report.chunks_reused
         ));
     }
     if !found.inputs.is_empty() {
         lines.push("inputs:".to_owned());
         let known =
-            |digest: &Option<ArtifactId>| digest.map_or_else(|| "yet to be built".to_owned(), |digest| digest.short());
+            |digest: &Option<ArtifactId>| digest.map_or_else(|| "not built".to_owned(), |digest| digest.short());
         lines.extend(
             found
                 .inputs
@@ -121,8 +115,8 @@ fn text(found: &Explanation) -> String {
     lines.push(match &found.last {
         Some(last) => {
             let what = match last.is_same {
-                true => "last run that had it",
-                false => "last run that had a stage of this name, with other parameters or inputs",
+                true => "last run with this action",
+                false => "last run with this stage, with other parameters or inputs",
             };
             format!(
                 "{what}: {}, artifact {}",
@@ -130,7 +124,7 @@ fn text(found: &Explanation) -> String {
                 last.artifact.short()
             )
         }
-        None => "no run has had it".to_owned(),
+        None => "no run has built it".to_owned(),
     });
     lines.join("\n")
 }

@@ -24,7 +24,7 @@ pub enum Exported {
     Artifact(artifact::ExportArtifactArguments),
     /// Export a pipeline with all its results as a research object (Workflow Run RO-Crate)
     Crate(research_object::ExportCrateArguments),
-    /// Export a design as a mask (svg, dxf, gerber, png, csv) or as a deformed membrane (vtkhdf)
+    /// Export a design as a mask (svg, dxf, gerber, png, csv) or a deformed membrane
     Design(design::ExportDesignArguments),
     /// Export a trained model as a safetensors or ONNX file
     Model(model::ExportModelArguments),

@@ -16,7 +16,7 @@ use deaflow_store::{Report, Store};
 pub struct FsckArguments {
     #[command(flatten)]
     pub store: StoreArguments,
-    /// Make the store sound: also remove records of what is missing, manifests that lack chunks, and strays
+    /// Repair the store: also remove records of missing artifacts, incomplete manifests, and foreign files
     #[arg(long)]
     pub repair: bool,
 }
@@ -38,11 +38,7 @@ pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliEr
     };
     report.damaged.splice(..0, marker);
     bar.clear();
-    if output.is_json() {
-        output.document(&document(&report))?;
-    } else {
-        output.text(text(&report, arguments.repair))?;
-    }
+    output.result(|| document(&report), || text(&report, arguments.repair))?;
     Ok(
         if report.is_sound() || (arguments.repair && report.unreadable.is_empty()) {
             Exit::Done
@@ -80,10 +76,7 @@ fn document(report: &Report) -> serde_json::Value {
     })
 }
 
-/// What is to be known of files in the quarantine.
-pub const ASIDE: &str = "Nothing reads what was set aside in `quarantine/`: it may be deleted";
-
-/// A path as text, also where its bytes are none: a file may have any name.
+/// Formats a path, even if it is not valid UTF-8.
 fn shown(path: &Path) -> String {
     path.display().to_string()
 }
@@ -100,28 +93,28 @@ fn text(report: &Report, repaired: bool) -> String {
         let aside = aside.map_or(String::new(), |path| format!("; moved to {}", path.display()));
         lines.push(format!("damaged: {}: {}{aside}", damage.path.display(), damage.reason));
     }
-    for trouble in &report.unreadable {
-        lines.push(format!("unreadable: {}", trouble.reason));
+    for file in &report.unreadable {
+        lines.push(format!("unreadable: {}", file.reason));
     }
     for absence in &report.missing {
         lines.push(format!(
-            "missing: artifact {}, wanted by {}",
+            "missing: artifact {}, needed by {}",
             absence.digest.short(),
             absence.needed_by
         ));
     }
     for digest in &report.rewritten {
         lines.push(format!(
-            "written again since its record: artifact {} (its content is right)",
+            "rewritten after its record: artifact {} (its content is correct)",
             digest.short()
         ));
     }
     for stray in &report.strays {
-        lines.push(format!("stray: {} does not belong here", stray.display()));
+        lines.push(format!("foreign file: {}", stray.display()));
     }
     if report.unfinished > 0 {
         lines.push(format!(
-            "{} files are being written, or were left by a process that died",
+            "{} incomplete files: being written, or left by a dead process",
             report.unfinished
         ));
     }
@@ -131,15 +124,15 @@ fn text(report: &Report, repaired: bool) -> String {
     lines.push(if report.is_sound() {
         "the store is sound".to_owned()
     } else if !report.unreadable.is_empty() {
-        "nothing is known of what cannot be read; it stays where it is".to_owned()
+        "unreadable files were not checked".to_owned()
     } else if repaired {
         format!(
-            "the store is sound again; what is gone is built again by `deaflow run` with the pipeline and the `--set` that had made it. {}",
-            ASIDE
+            "repaired; build missing artifacts again with `deaflow run` and the same `--set`. Files in `quarantine/` are not used \
+             and can be deleted"
         )
     } else {
-        "the store is damaged: `deaflow fsck --repair` makes it sound; what is missing is built again by `deaflow run` with the pipeline and the \
-         `--set` that had made it (`deaflow log` lists them)"
+        "the store is damaged: repair it with `deaflow fsck --repair`, then build missing artifacts again with `deaflow run` \
+         and the same `--set` (see `deaflow log`)"
             .to_owned()
     });
     lines.join("\n")

@@ -1,4 +1,4 @@
-//! `deaflow gc`: removes artifacts that no run and no pin needs.
+//! `deaflow gc`: removes artifacts that neither a recent run nor a pin needs.
 
 use std::time::Duration;
 
@@ -15,26 +15,26 @@ use deaflow_orchestrator::Environment;
 use deaflow_report::{FigureFile, figures_of, remove_figures};
 use deaflow_store::{AGE, AGE_OF_NEED, GcArtifact, GcCount, GcGroup, GcPlan, Retention, Store};
 
-/// Remove artifacts that neither the last runs nor a pin nor a lock file need
+/// Remove artifacts that no recent run, pin or lock file needs
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow gc -n", "deaflow gc --keep-runs 3 --grace 0"))]
 pub struct GcArguments {
     #[command(flatten)]
     pub store: StoreArguments,
-    /// Say of each stage what would go, how large it is and what holds the rest; remove nothing
+    /// Print what would be removed for each stage, its size, and what protects the rest; remove nothing
     #[arg(short = 'n', long)]
     pub dry_run: bool,
-    /// Keep what the last N runs made and needed
+    /// Keep the artifacts that the last N runs made and needed
     #[arg(long, value_name = "N", default_value_t = 10, allow_negative_numbers = true)]
     pub keep_runs: usize,
-    /// Keep what was written less than so many hours ago
+    /// Keep what was written less than this many hours ago
     #[arg(long, value_name = "HOURS", default_value_t = 24.0, value_parser = number(0.0..=1e6, "0 to 1e6 hours"))]
     pub grace: f64,
 }
 
 pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliError> {
     let folder = arguments.store.folder();
-    // To look needs no store to itself.
+    // A dry run does not need exclusive access.
     let store = locate::of_folder(match arguments.dry_run {
         true => Store::open_existing(&folder),
         false => Store::open_exclusive(&folder),
@@ -43,66 +43,64 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
         runs: arguments.keep_runs,
         grace: Duration::from_secs_f64(3600.0 * arguments.grace),
     };
-    let collection = store.plan_gc(&retention, store.now())?;
-    let figures = figures_of(&store, &collection.removed.iter().map(|judged| judged.digest).collect());
+    let plan = store.plan_gc(&retention, store.now())?;
+    let figures = figures_of(&store, &plan.removed.iter().map(|artifact| artifact.digest).collect());
     if !arguments.dry_run {
         let bar = DelayedBar::new("gc", "artifacts");
         let at = Environment::system().now();
-        store.remove(&collection, &at, &|done, total| bar.set(done, total))?;
+        store.remove(&plan, &at, &|done, total| bar.set(done, total))?;
         remove_figures(&figures)?;
         bar.clear();
     }
-    if output.is_json() {
-        output.document(&document(&collection, &figures, arguments.dry_run))?;
-    } else {
-        output.text(text(&collection, &figures, arguments.dry_run))?;
-    }
-    Ok(Exit::Done)
+    output.result(
+        || document(&plan, &figures, arguments.dry_run),
+        || text(&plan, &figures, arguments.dry_run),
+    )
 }
 
-fn document(collection: &GcPlan, figures: &[FigureFile], dry_run: bool) -> Value {
-    let tally = |tally: GcCount| json!({ "artifacts": tally.artifacts, "bytes": tally.bytes });
+fn document(plan: &GcPlan, figures: &[FigureFile], dry_run: bool) -> Value {
+    let count = |count: GcCount| json!({ "artifacts": count.artifacts, "bytes": count.bytes });
     let group = |group: &GcGroup| {
         json!({
             "pipeline": group.stage.as_ref().map(|name| &name.pipeline),
             "stage": group.stage.as_ref().map(|name| &name.stage),
             "kind": group.kind,
-            "removed": tally(group.removed),
-            "kept": tally(group.kept),
+            "removed": count(group.removed),
+            "kept": count(group.kept),
             "held_by": group.held_by,
         })
     };
-    let judged = |judged: &GcArtifact| {
+    let artifact = |artifact: &GcArtifact| {
         json!({
-            "digest": judged.digest.to_string(),
-            "size": judged.size,
-            "kind": judged.kind,
-            "pipeline": judged.stage.as_ref().map(|name| &name.pipeline),
-            "stage": judged.stage.as_ref().map(|name| &name.stage),
-            "held_by": judged.held_by,
+            "digest": artifact.digest.to_string(),
+            "size": artifact.size,
+            "kind": artifact.kind,
+            "pipeline": artifact.stage.as_ref().map(|name| &name.pipeline),
+            "stage": artifact.stage.as_ref().map(|name| &name.stage),
+            "held_by": artifact.held_by,
         })
     };
     json!({
         "dry_run": dry_run,
-        "stages": collection.by_stage().iter().map(group).collect::<Vec<_>>(),
-        "kept": collection.kept.iter().map(judged).collect::<Vec<_>>(),
-        "removed": collection.removed.iter().map(judged).collect::<Vec<_>>(),
-        "records_removed": collection.records,
-        "checkpoints_removed": collection.checkpoints.len(),
+        "stages": plan.by_stage().iter().map(group).collect::<Vec<_>>(),
+        "kept": plan.kept.iter().map(artifact).collect::<Vec<_>>(),
+        "removed": plan.removed.iter().map(artifact).collect::<Vec<_>>(),
+        "records_removed": plan.records,
+        "checkpoints_removed": plan.checkpoints.len(),
         "figures_removed": figures.iter().map(|figure| &figure.path).collect::<Vec<_>>(),
-        "bytes_kept": collection.bytes_kept(),
-        "bytes_removed": collection.bytes_removed(),
+        "bytes_kept": plan.bytes_kept(),
+        "bytes_removed": plan.bytes_removed(),
     })
 }
 
-fn text(collection: &GcPlan, figures: &[FigureFile], dry_run: bool) -> Text {
+fn text(plan: &GcPlan, figures: &[FigureFile], dry_run: bool) -> Text {
     let mut text = Text::new();
     if dry_run {
-        let header = ["stage", "kind", "goes", "size", "stays", "size", "held by"];
-        let mut rows = table::table(&header, &["goes", "size", "stays"])
-            .flowing(&["held by"])
+        let header = ["stage", "kind", "removed", "size", "kept", "size", "protected by"];
+        let mut rows = table::table(&header, &["removed", "size", "kept"])
+            .flowing(&["protected by"])
             .dispensable(&["kind"]);
-        for group in collection.by_stage() {
+        for group in plan.by_stage() {
             let stage = group.stage.as_ref();
             let name = stage.map_or_else(|| "-".to_owned(), |name| format!("{}:{}", name.pipeline, name.stage));
             let held_by: Vec<String> = group.held_by.iter().cloned().collect();
@@ -122,28 +120,28 @@ fn text(collection: &GcPlan, figures: &[FigureFile], dry_run: bool) -> Text {
     let verb = if dry_run { "would remove" } else { "removed" };
     text.line(format!(
         "{verb} {} ({}) and {}; kept: {} ({})",
-        table::counted(collection.removed.len() as u64, "artifacts"),
-        table::bytes(collection.bytes_removed()),
-        table::counted(collection.records, "records"),
-        table::counted(collection.kept.len() as u64, "artifacts"),
-        table::bytes(collection.bytes_kept()),
+        table::counted(plan.removed.len() as u64, "artifacts"),
+        table::bytes(plan.bytes_removed()),
+        table::counted(plan.records, "records"),
+        table::counted(plan.kept.len() as u64, "artifacts"),
+        table::bytes(plan.bytes_kept()),
     ));
-    if collection.removed.is_empty()
-        && let Some(advice) = advice(collection)
+    if plan.removed.is_empty()
+        && let Some(advice) = advice(plan)
     {
         text.line(advice);
     }
-    if !collection.checkpoints.is_empty() {
+    if !plan.checkpoints.is_empty() {
         text.line(format!(
-            "{verb} what {} had come to ({})",
-            table::counted(collection.checkpoints.len() as u64, "unfinished actions"),
-            table::bytes(collection.checkpoint_bytes())
+            "{verb} the checkpoints of {} ({})",
+            table::counted(plan.checkpoints.len() as u64, "unfinished actions"),
+            table::bytes(plan.checkpoint_bytes())
         ));
     }
     if !figures.is_empty() {
         let size = figures.iter().map(|figure| figure.bytes).sum();
         text.line(format!(
-            "{verb} {} of them ({})",
+            "{verb} {} ({})",
             table::counted(figures.len() as u64, "figures"),
             table::bytes(size)
         ));
@@ -151,40 +149,40 @@ fn text(collection: &GcPlan, figures: &[FigureFile], dry_run: bool) -> Text {
     text
 }
 
-/// What would have a collection that removes nothing remove something; none where nothing would but to unpin.
-fn advice(collection: &GcPlan) -> Option<String> {
-    let of_age = |judged: &&GcArtifact| {
-        judged
+/// Suggests options with which something would be removed; none if everything is pinned or locked.
+fn advice(plan: &GcPlan) -> Option<String> {
+    let of_age = |artifact: &&GcArtifact| {
+        artifact
             .held_by
             .iter()
             .any(|holder| holder == AGE || holder == AGE_OF_NEED)
     };
-    let young = collection.kept.iter().filter(of_age).map(|judged| judged.size);
+    let young = plan.kept.iter().filter(of_age).map(|artifact| artifact.size);
     if let n @ 1.. = young.clone().count() {
         let artifacts = table::counted(n as u64, "artifacts");
         return Some(format!(
-            "{artifacts} ({}) are held by their age alone: --grace 0 would remove them",
+            "{artifacts} ({}) protected by age only: remove with --grace 0",
             table::bytes(young.sum())
         ));
     }
-    let of_runs = collection.kept.iter().filter(|judged| judged.by_runs_alone).count();
+    let of_runs = plan.kept.iter().filter(|artifact| artifact.by_runs_alone).count();
     (of_runs > 0).then(|| {
         let artifacts = table::counted(of_runs as u64, "artifacts");
         format!(
-            "{artifacts} are held by runs alone: a smaller --keep-runs holds fewer, with --grace 0 those of today too"
+            "{artifacts} protected by runs only: remove with a smaller --keep-runs, and --grace 0 for those of today"
         )
     })
 }
 
-/// How many, and their size; nothing where there are none.
-fn cells(tally: GcCount) -> Vec<String> {
-    match tally.artifacts {
+/// Formats a number of artifacts and their size.
+fn cells(count: GcCount) -> Vec<String> {
+    match count.artifacts {
         0 => vec!["-".to_owned(), "-".to_owned()],
-        n => vec![n.to_string(), table::bytes(tally.bytes)],
+        n => vec![n.to_string(), table::bytes(count.bytes)],
     }
 }
 
-/// The first holder, and how many more there are.
+/// Names the first reason for keeping an artifact, and the number of the others.
 fn holders(held_by: &[String]) -> String {
     match held_by {
         [] => "nothing".to_owned(),

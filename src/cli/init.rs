@@ -1,4 +1,4 @@
-//! `deaflow init`: a small pipeline to begin with.
+//! `deaflow init`: writes a small pipeline to start with.
 
 use std::fs::OpenOptions;
 use std::io::{ErrorKind, Write};
@@ -13,26 +13,26 @@ use deaflow_orchestrator::{pipeline_schema, scene_schema};
 use deaflow_stage as stage;
 use deaflow_store::Store;
 
-/// The pipeline, with the name that [`NAME`] holds the place of.
+/// The pipeline, with [`NAME`] in place of its name.
 const PIPELINE: &str = include_str!("init/pipeline.yaml");
 
-/// The scene that it names.
+/// Its scene.
 const SCENE: &str = include_str!("init/scene.yaml");
 
-/// The line of the pipeline that names it.
+/// The line of the pipeline with its name.
 const NAME: &str = "name: \"demo\"";
 
-/// What is made anew from the pipeline is no part of a project's history.
+/// The patterns of `.gitignore`: artifacts can be built again.
 const IGNORED: &str = "/store/\n";
 
-/// Characters in the name of a pipeline.
-const LONGEST: usize = 200;
+/// The largest length of the name of a pipeline.
+const MAX_NAME: usize = 200;
 
-/// Write a small pipeline to begin with, with comments that explain it
+/// Write a small, commented pipeline to start with
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow init demo", "deaflow run demo/pipeline.yaml"))]
 pub struct InitArguments {
-    /// The folder, which is made where there is none [default: this one]
+    /// The folder; it is created if missing [default: the current folder]
     #[arg(value_name = "NAME")]
     pub folder: Option<PathBuf>,
 }
@@ -46,46 +46,42 @@ pub fn execute(arguments: &InitArguments, output: &Output) -> Result<Exit, CliEr
             .filter(|parent| !parent.as_os_str().is_empty())
             .unwrap_or(Path::new("NAME"));
         return Err(
-            CliError::bad_input(format!("{} is a file, and a folder is wanted", folder.display()))
+            CliError::bad_input(format!("{} is a file, not a folder", folder.display()))
                 .help(format!("deaflow init {}", name.display())),
         );
     }
-    // The folder itself may be yet to be made.
+    // The folder itself may not exist yet.
     let there = folder.ancestors().find(|folder| folder.is_dir()).unwrap_or(here);
     write::outside(&there.join("pipeline.yaml"))?;
     let files: Vec<(PathBuf, String)> = files(folder)
         .into_iter()
         .map(|(name, text)| (folder.join(name), text))
         .collect();
-    // Before the first is written.
+    // Checked before the first is written.
     if let Some((taken, _)) = files.iter().find(|(file, _)| file.symlink_metadata().is_ok()) {
-        return Err(is_there(taken));
+        return Err(exists_error(taken));
     }
     write::folder(&folder.join("schema"))?;
     for (file, text) in &files {
         create(file, text)?;
     }
-    // Commands then find it from all folders of the project.
+    // With a store, commands find it from all folders of the project.
     let store = folder.join("store");
     Store::open(&store)?;
     let paths: Vec<&Path> = files.iter().map(|(file, _)| file.as_path()).collect();
     let next = next(folder);
-    if output.is_json() {
-        output.document(&json!({ "files": paths, "store": store, "next": next }))?;
-    } else {
-        let lines = paths.iter().copied().chain([store.as_path()]);
-        let lines = lines.map(|path| format!("wrote {}\n", path.display()));
-        let next = next.iter().map(|command| format!("  {command}\n"));
-        output.text(format!(
-            "{}\nnext:\n{}",
-            lines.collect::<String>(),
-            next.collect::<String>()
-        ))?;
-    }
-    Ok(Exit::Done)
+    output.result(
+        || json!({ "files": paths, "store": store, "next": next }),
+        || {
+            let files = paths.iter().copied().chain([store.as_path()]);
+            let files: String = files.map(|path| format!("wrote {}\n", path.display())).collect();
+            let next: String = next.iter().map(|command| format!("  {command}\n")).collect();
+            format!("{files}\nnext:\n{next}")
+        },
+    )
 }
 
-/// Names and texts of the files.
+/// Returns the names and contents of the files.
 fn files(folder: &Path) -> Vec<(&'static str, String)> {
     let registry = stage::registry();
     vec![
@@ -100,38 +96,37 @@ fn files(folder: &Path) -> Vec<(&'static str, String)> {
     ]
 }
 
-/// As `deaflow schema` prints it.
+/// Formats a schema as `deaflow schema` does.
 fn schema(schema: &Value) -> String {
     format!("{schema:#}\n")
 }
 
-/// The pipeline is named like its folder, where that is a plain name.
+/// Returns the name of the pipeline: that of its folder, if it is a valid name.
 fn name(folder: &Path) -> String {
     let path = Path::new(".").join(folder).canonicalize();
     let path = path.unwrap_or_else(|_| folder.to_owned());
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    match is_plain_name(name, LONGEST) {
+    match is_plain_name(name, MAX_NAME) {
         true => name.to_owned(),
         false => "demo".to_owned(),
     }
 }
 
-/// Writes a file where there is none yet.
+/// Writes a new file.
 fn create(path: &Path, text: &str) -> Result<(), CliError> {
     let made = OpenOptions::new().write(true).create_new(true).open(path);
     let written = made.and_then(|mut file| file.write_all(text.as_bytes()));
     written.map_err(|error| match error.kind() {
-        ErrorKind::AlreadyExists => is_there(path),
+        ErrorKind::AlreadyExists => exists_error(path),
         _ => CliError::failure(format!("cannot write {}: {error}", path.display())),
     })
 }
 
-fn is_there(path: &Path) -> CliError {
-    CliError::bad_input(format!("{} is there already: nothing is replaced", path.display()))
-        .help("name another folder: deaflow init NAME")
+fn exists_error(path: &Path) -> CliError {
+    CliError::bad_input(format!("{} already exists", path.display())).help("name another folder: deaflow init NAME")
 }
 
-/// The commands that a person would give now.
+/// Suggests the next commands.
 fn next(folder: &Path) -> Vec<String> {
     let pipeline = folder.join("pipeline.yaml").to_string_lossy().into_owned();
     let pipeline = shlex::try_quote(&pipeline).map_or_else(|_| pipeline.clone(), |quoted| quoted.into_owned());

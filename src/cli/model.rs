@@ -1,4 +1,4 @@
-//! Finds the model that somebody means: a stage of kind `train`, its artifact, or a file.
+//! Finds a model: a stage of kind `train`, its artifact, or a file.
 
 use std::path::Path;
 
@@ -7,13 +7,13 @@ use deaflow_base::read_bounded;
 use deaflow_content::Training;
 use deaflow_store::Artifact;
 
-/// A model is some hundred megabytes at most; more is another kind of file.
+/// The largest model, bytes. Larger files are not models.
 const MAX_BYTES: u64 = 4 << 30;
 
-/// The bytes of the safetensors file, which an artifact of kind `train` holds as a dataset.
+/// Returns the bytes of the safetensors file, which an artifact of kind `train` contains as a dataset.
 ///
 /// # Errors
-/// When there is none of that name, it cannot be read, or it holds no model.
+/// When it does not exist, cannot be read, or is not a model.
 pub fn weights(model: &str, store: &Path) -> Result<Vec<u8>, CliError> {
     if extension(model) == Some("safetensors") {
         return read(Path::new(model));
@@ -22,7 +22,7 @@ pub fn weights(model: &str, store: &Path) -> Result<Vec<u8>, CliError> {
     Ok(Training::unchecked(&artifact).weights().read()?)
 }
 
-/// Whether a file is meant, and not what a store has.
+/// Whether a reference names a file instead of an artifact of a store.
 pub fn is_file(reference: &str) -> bool {
     matches!(extension(reference), Some("safetensors" | "h5"))
 }
@@ -31,16 +31,16 @@ fn extension(reference: &str) -> Option<&str> {
     Path::new(reference).extension()?.to_str()
 }
 
-/// The artifact of a kind in a file or in the store.
+/// Opens an artifact of a kind, in a file or in the store; `what` describes it.
 ///
 /// # Errors
-/// When there is none of that name, it cannot be read, or it is of another kind.
+/// When it does not exist, cannot be read, or is of another kind.
 pub fn of_kind(reference: &str, store: &Path, kind: &str, what: &str) -> Result<Artifact, CliError> {
     locate::check_stage_is_named(reference, Some(kind))?;
     let path = Path::new(reference);
     let artifact = match extension(reference) {
         Some("h5") if path.is_file() => Artifact::open(path)?,
-        Some("h5") => return Err(CliError::bad_input(format!("no file {}", path.display()))),
+        Some("h5") => return Err(CliError::bad_input(format!("there is no file {}", path.display()))),
         _ => locate::artifact(&locate::existing_store(store)?, reference)?,
     };
     if artifact.kind() == kind {
@@ -48,8 +48,8 @@ pub fn of_kind(reference: &str, store: &Path, kind: &str, what: &str) -> Result<
     }
     let (digest, found) = (artifact.digest().short(), artifact.kind());
     Err(
-        CliError::bad_input(format!("artifact {digest} is no {what}: it is of kind `{found}`"))
-            .help(format!("a {what} is what a stage of kind `{kind}` makes")),
+        CliError::bad_input(format!("artifact {digest} of kind `{found}` is not a {what}"))
+            .help(format!("name a stage of kind `{kind}`")),
     )
 }
 

@@ -1,4 +1,4 @@
-//! `deaflow pin`: artifacts that `gc` keeps whatever the runs say.
+//! `deaflow pin`: protects artifacts from `gc`.
 
 use clap::Args;
 use serde_json::json;
@@ -10,17 +10,17 @@ use deaflow_base::readable_time;
 use deaflow_orchestrator::Environment;
 use deaflow_store::{Pin, Store};
 
-/// Keep an artifact and what it was made from through every gc, or list the pins
+/// Protect an artifact and its inputs from gc, or list the pins
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow pin pipeline.yaml:verified --label \"figure 3\"", "deaflow pin"))]
 pub struct PinArguments {
-    /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or at least its first 4 digits
+    /// A stage of the last run, PIPELINE.yaml:STAGE, or a digest or its first digits, at least 4
     #[arg(value_name = "STAGE-OR-DIGEST")]
     pub artifact: Option<String>,
-    /// Why it is kept
+    /// The reason
     #[arg(long, value_name = "TEXT", requires = "artifact")]
     pub label: Option<String>,
-    /// Keep the artifact alone: what it was made from may go
+    /// Protect only the artifact, not its inputs
     #[arg(long, requires = "artifact")]
     pub result_only: bool,
     #[command(flatten)]
@@ -42,9 +42,12 @@ pub fn execute(arguments: &PinArguments, output: &Output) -> Result<Exit, CliErr
 }
 
 /// Lists the pins.
+///
+/// # Errors
+/// When the store cannot be read.
 pub fn list(store: &Store, output: &Output) -> Result<Exit, CliError> {
     let pins = store.pins()?;
-    if output.is_json() {
+    let document = || {
         let pin = |pin: &Pin| {
             json!({
                 "digest": pin.digest.to_string(),
@@ -53,27 +56,27 @@ pub fn list(store: &Store, output: &Output) -> Result<Exit, CliError> {
                 "result_only": pin.result_only,
             })
         };
-        output.document(&json!({ "pins": pins.iter().map(pin).collect::<Vec<_>>() }))?;
-        return Ok(Exit::Done);
-    }
+        json!({ "pins": pins.iter().map(pin).collect::<Vec<_>>() })
+    };
+    output.result(document, || text(&pins, store))
+}
+
+fn text(pins: &[Pin], store: &Store) -> Text {
     if pins.is_empty() {
-        output.text(format!("no pins in {}", store.root().display()))?;
-        return Ok(Exit::Done);
+        return Text::from(format!("no pins in {}", store.root().display()));
     }
     let mut table = table::table(&["artifact", "pinned", "keeps", "label"], &[]).flowing(&["label"]);
     for pin in pins {
-        let keeps = if pin.result_only {
-            "it alone"
-        } else {
-            "it and its inputs"
+        let keeps = match pin.result_only {
+            true => "only it",
+            false => "it and its inputs",
         };
         table.add_row([
             pin.digest.short(),
             readable_time(&pin.created),
             keeps.to_owned(),
-            pin.label,
+            pin.label.clone(),
         ]);
     }
-    output.text(Text::of(table))?;
-    Ok(Exit::Done)
+    Text::of(table)
 }

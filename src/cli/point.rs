@@ -1,4 +1,4 @@
-//! What a point moves along a direction, beside the largest displacement.
+//! The displacement of a point along a direction.
 
 use clap::Args;
 use serde_json::{Value, json};
@@ -11,10 +11,10 @@ use deaflow_scene::Scene;
 /// A point of the membrane and a direction.
 #[derive(Clone, Debug, Args)]
 pub struct PointArguments {
-    /// Say how far this point moves too, along --direction or in all, from the lower left corner, as in "25 mm, 25 mm"
+    /// Also report the displacement of this point, measured from the lower left corner, as in "25 mm, 25 mm"
     #[arg(long = "point", value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
     point: Option<Coordinates>,
-    /// The direction of --point, from the x axis counter-clockwise, as in "90 deg"
+    /// Report the component along this direction, counter-clockwise from the x axis, as in "90 deg"
     #[arg(long, value_name = "ANGLE", value_parser = direction, requires = "point", allow_hyphen_values = true)]
     direction: Option<Quantity>,
 }
@@ -26,7 +26,7 @@ fn point(text: &str) -> Result<Coordinates, String> {
     let (x, y) = text
         .trim_matches(['[', ']'])
         .split_once(',')
-        .ok_or("a point is X,Y, as in \"25 mm, 25 mm\"")?;
+        .ok_or("expected X,Y, as in \"25 mm, 25 mm\"")?;
     let length = |text: &str| Quantity::parse(text.trim(), Dimension::Length).map_err(|error| error.to_string());
     Ok(Coordinates([length(x)?, length(y)?]))
 }
@@ -35,23 +35,23 @@ fn direction(text: &str) -> Result<Quantity, String> {
     Quantity::parse(text.trim(), Dimension::Angle).map_err(|error| error.to_string())
 }
 
-/// A point and a direction on a membrane.
+/// A point of a membrane and a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
     /// In mm from the lower left corner.
     point_mm: [f64; 2],
-    /// In degrees from the x axis; none where the size of the displacement is asked for.
+    /// In degrees from the x axis; none for the magnitude of the displacement.
     degrees: Option<f64>,
     cell_mm: [f64; 2],
 }
 
 impl PointArguments {
-    /// Whether a point is asked about.
+    /// Whether a point is given.
     pub fn is_given(&self) -> bool {
         self.point.is_some()
     }
 
-    /// What is asked about on the membrane of a scene; none where nothing is.
+    /// Returns the point on the membrane of a scene, if one is given.
     ///
     /// # Errors
     /// When the point is outside.
@@ -79,7 +79,7 @@ impl PointArguments {
 }
 
 impl Probe {
-    /// The displacement there along the direction, or its size without one, mm.
+    /// Returns the displacement there along the direction, or its magnitude without one, mm.
     pub fn of(&self, field: &Field) -> f64 {
         let [x, y] = field.at(std::array::from_fn(|k| self.point_mm[k] / self.cell_mm[k]));
         match self.degrees {
@@ -91,7 +91,7 @@ impl Probe {
         }
     }
 
-    /// The displacements of patterns, NaN where there is none, and what is asked about in words, for a file.
+    /// Returns the displacements of patterns, NaN for missing ones, and a description of the point, for a file.
     pub fn of_all(self, along_mm: impl Iterator<Item = Option<f64>>) -> (Vec<f64>, String) {
         let values = along_mm.map(|mm| mm.unwrap_or(f64::NAN)).collect();
         let [x, y] = self.point_mm;
@@ -101,7 +101,7 @@ impl Probe {
         (values, format!("{x} mm, {y} mm{along}"))
     }
 
-    /// The title of a column.
+    /// Returns the title of a column.
     pub fn title(&self) -> String {
         let [x, y] = self.point_mm;
         match self.degrees {
@@ -110,7 +110,7 @@ impl Probe {
         }
     }
 
-    /// For programs.
+    /// Describes the point for programs.
     pub fn document(&self) -> Value {
         json!({ "point_mm": self.point_mm, "direction_deg": self.degrees })
     }

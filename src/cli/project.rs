@@ -1,4 +1,4 @@
-//! Finds the store of a project, in whatever folder of it a command is given.
+//! Finds the store of a project from any of its folders.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -10,14 +10,15 @@ use deaflow_store::Store;
 /// The name of a project's store.
 const STORE: &str = "store";
 
-/// What stands at the top of a project.
+/// The entry that marks the top of a project.
 const MARK: &str = ".git";
 
-/// A folder in which everybody may put what they like, as in `/tmp`: what is found there is nobody's project.
+/// The permissions of a public folder such as `/tmp`, whose contents are not a project.
 const PUBLIC: u32 = 0o1002;
 
-/// The folder of the store for a pipeline, or without one for the folder at hand: that of the nearest folder above which has a store or
-/// is the top of a Git repository. Where there is none, it is beside the pipeline, or here if the pipeline is in a folder of this one.
+/// Returns the folder of the store for a pipeline, or for the current folder: in the nearest folder at or above it that has a
+/// store or is the top of a Git repository. If there is none, it is next to the pipeline, or in the current folder if the
+/// pipeline is below that.
 #[must_use]
 pub fn store(pipeline: Option<&Path>) -> PathBuf {
     let here = std::env::current_dir().and_then(|here| here.canonicalize());
@@ -28,10 +29,10 @@ pub fn store(pipeline: Option<&Path>) -> PathBuf {
     let from = from.unwrap_or_else(|| here.clone());
     let is_inside = from.starts_with(&here);
     let root = root_above(&from).unwrap_or(if is_inside { here.clone() } else { from });
-    as_seen_from(&here, &root).join(STORE)
+    relative_to(&here, &root).join(STORE)
 }
 
-/// The nearest folder with a store, at or above `folder`, up to the top of the project; or that top.
+/// Returns the nearest folder at or above `folder` with a store, or the top of the project.
 fn root_above(folder: &Path) -> Option<PathBuf> {
     let own = folder.ancestors().take_while(|folder| !is_public(folder));
     for folder in own {
@@ -46,8 +47,8 @@ fn is_public(folder: &Path) -> bool {
     fs::metadata(folder).is_ok_and(|metadata| metadata.permissions().mode() & PUBLIC == PUBLIC)
 }
 
-/// A folder as people would name it: from here if it is above or below, and else from the root. Both are without links.
-fn as_seen_from(here: &Path, folder: &Path) -> PathBuf {
+/// Returns a folder relative to `here` if it is above or below, otherwise absolute. Both paths are without links.
+fn relative_to(here: &Path, folder: &Path) -> PathBuf {
     if let Ok(below) = folder.strip_prefix(here) {
         return below.to_owned();
     }
@@ -63,7 +64,7 @@ mod tests {
 
     #[test]
     fn folders_are_named_as_seen_from_here() {
-        let seen = |folder: &str| as_seen_from(Path::new("/a/b"), Path::new(folder)).join("store");
+        let seen = |folder: &str| relative_to(Path::new("/a/b"), Path::new(folder)).join("store");
         for (folder, name) in [
             ("/a/b", "store"),
             ("/a/b/c", "c/store"),

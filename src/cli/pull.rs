@@ -1,4 +1,4 @@
-//! `deaflow pull`: brings what a remote has into a store.
+//! `deaflow pull`: fetches artifacts and records from a remote.
 
 use std::path::PathBuf;
 
@@ -14,17 +14,17 @@ use deaflow_orchestrator::built_stages;
 use deaflow_remote::{IgnoredRecords, PullReport, Remote, pull_all, pull_some};
 use deaflow_store::Store;
 
-/// Bring what a remote has into a store; all of it is verified
+/// Fetch artifacts and records from a remote, and verify them
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow pull", "deaflow pull pipeline.yaml --remote lab"))]
 pub struct PullArguments {
-    /// Bring only what this pipeline makes [default: all that trusted keys have signed]
+    /// Fetch only the artifacts of this pipeline [default: all that trusted keys have signed]
     #[arg(conflicts_with = "records_only")]
     pub pipeline: Option<PathBuf>,
     /// The remote [default: $DEAFLOW_REMOTE, or the only one]
     #[arg(long, value_name = "NAME")]
     pub remote: Option<String>,
-    /// Bring no artifacts: a run with --remote brings those that it needs
+    /// Fetch only records: a run with --remote fetches the artifacts that it needs
     #[arg(long)]
     pub records_only: bool,
     #[command(flatten)]
@@ -60,7 +60,7 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
         }),
         None => pull_all(&store, &remote, &progress),
         Some((pipeline, selection)) => {
-            let wanted: Vec<&str> = selection
+            let selected: Vec<&str> = selection
                 .iter()
                 .map(|&index| pipeline.stages[index].name.as_str())
                 .collect();
@@ -68,12 +68,12 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
             let stages = built
                 .stages
                 .iter()
-                .filter(|stage| wanted.contains(&stage.name.as_str()));
+                .filter(|stage| selected.contains(&stage.name.as_str()));
             let artifacts: Vec<ArtifactId> = stages.map(|stage| stage.record.artifact).collect();
             missing = built
                 .missing
                 .into_iter()
-                .filter(|name| wanted.contains(&name.as_str()))
+                .filter(|name| selected.contains(&name.as_str()))
                 .collect();
             pull_some(&store, &remote, &artifacts, &progress)
         }
@@ -81,11 +81,10 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
     bar.clear();
     let pulled = done?;
     upstream::report_problems(&remote, output);
-    if output.is_json() {
-        output.document(&document(&remote, &pulled, &missing, &foreign))?;
-    } else {
-        output.text(text(arguments, remote.name(), &pulled, &missing))?;
-    }
+    output.result(
+        || document(&remote, &pulled, &missing, &foreign),
+        || text(arguments, remote.name(), &pulled, &missing),
+    )?;
     Ok(match pulled.failed.is_empty() {
         true => Exit::Done,
         false if remote.is_disabled() => Exit::TryAgain,
@@ -109,19 +108,19 @@ fn document(remote: &Remote, pulled: &PullReport, missing: &[String], foreign: &
 
 fn text(arguments: &PullArguments, name: &str, pulled: &PullReport, missing: &[String]) -> String {
     if arguments.records_only {
-        return format!("from {name}: {} records are known", pulled.records);
+        return format!("from {name}: {} records", pulled.records);
     }
     let mut text = format!(
-        "from {name}: {} ({}) brought; {} here before",
+        "from {name}: fetched {} ({}); already here: {}",
         table::counted(pulled.artifacts, "artifacts"),
         table::bytes(pulled.bytes),
         pulled.artifacts_here
     );
     if !pulled.failed.is_empty() {
-        text += &format!("; {} could not be had", pulled.failed.len());
+        text += &format!("; not fetched: {}", pulled.failed.len());
     }
     if !missing.is_empty() {
-        text += &format!("\nneither here nor there: {}", missing.join(", "));
+        text += &format!("\nnot built: {}", missing.join(", "));
     }
     text
 }

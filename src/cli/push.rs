@@ -1,4 +1,4 @@
-//! `deaflow push`: sends what a store has to a remote, signed.
+//! `deaflow push`: sends artifacts and signed records to a remote.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -14,16 +14,16 @@ use deaflow_orchestrator::{Pipeline, built_stages};
 use deaflow_remote::{Configuration, Push, PushReport, Remote, SigningKey, push};
 use deaflow_store::Store;
 
-/// Send what a store has to a remote, so that others take it instead of building it
+/// Send artifacts and signed records to a remote, so that others can reuse them
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow push", "deaflow push pipeline.yaml --remote lab"))]
 pub struct PushArguments {
-    /// Send only what is built of this pipeline, and what that was made from [default: all that the store has]
+    /// Send only the artifacts of this pipeline, and those that they were made from [default: all of the store]
     pub pipeline: Option<PathBuf>,
     /// The remote [default: $DEAFLOW_REMOTE, or the only one]
     #[arg(long, value_name = "NAME")]
     pub remote: Option<String>,
-    /// Send objects and records although the remote has them: those there may be damaged, or near the end of their age
+    /// Also send objects and records that the remote has: they may be damaged, or about to expire
     #[arg(long)]
     pub again: bool,
     #[command(flatten)]
@@ -41,8 +41,8 @@ pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliEr
         .transpose()?;
     let configuration = Configuration::of_user()?;
     let key = SigningKey::read(&configuration.signing_key())?.ok_or_else(|| {
-        CliError::bad_input("there is no key of yours to sign records with")
-            .help("`deaflow remote key` makes one, and prints the line by which others trust it")
+        CliError::bad_input("no signing key")
+            .help("create one with `deaflow remote key`, which prints the public key for others to trust")
     })?;
     let (remote, foreign) = upstream::open_fresh(arguments.remote.as_deref(), &store, output)?;
     let remote = Arc::new(remote);
@@ -63,8 +63,8 @@ pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliEr
     let pushed = done?;
     store.save_index();
     upstream::report_problems(&remote, output);
-    if output.is_json() {
-        output.document(&json!({
+    let document = || {
+        json!({
             "remote": remote.name(),
             "place": remote.place(),
             "key": key.public().to_string(),
@@ -76,12 +76,11 @@ pub fn execute(arguments: &PushArguments, output: &Output) -> Result<Exit, CliEr
             "records_of_others": pushed.records_of_others,
             "left": left(&pushed.failed),
             "passed_over": upstream::ignored_document(&remote, &foreign),
-        }))?;
-    } else {
-        output.text(text(remote.name(), &pushed))?;
-    }
+        })
+    };
+    output.result(document, || text(remote.name(), &pushed))?;
     for (artifact, why) in &pushed.failed {
-        output.warn(format_args!("artifact {} was not sent: {why}", artifact.short()));
+        output.warn(format_args!("artifact {} not sent: {why}", artifact.short()));
     }
     Ok(match pushed.failed.is_empty() {
         true => Exit::Done,
@@ -94,14 +93,15 @@ fn left(left: &[(ArtifactId, String)]) -> Vec<serde_json::Value> {
     left.iter().map(document).collect()
 }
 
-/// The artifacts of the stages that are built and here; others may be there.
+/// Returns the artifacts of built stages that are in the store; others may be on the remote.
 fn roots(pipeline: &Pipeline, store: &Store, remote: &Arc<Remote>) -> Result<Vec<ArtifactId>, CliError> {
     let built = built_stages(pipeline, &store.clone().with_upstream(remote.clone()))?;
     let artifacts = built.stages.iter().map(|stage| stage.record.artifact);
     let here: Vec<ArtifactId> = artifacts.filter(|artifact| store.has(artifact)).collect();
     match here.is_empty() {
         true => Err(
-            CliError::bad_input(format!("nothing of {} is built here", pipeline.name)).help("deaflow run builds it"),
+            CliError::bad_input(format!("no stage of {} is built here", pipeline.name))
+                .help("build it with deaflow run"),
         ),
         false => Ok(here),
     }
@@ -111,14 +111,14 @@ fn text(name: &str, pushed: &PushReport) -> String {
     let there = match (pushed.objects_there, pushed.records_there) {
         (0, 0) => String::new(),
         (objects, records) => format!(
-            "; {} and {} were there",
+            "; already there: {} and {}",
             table::counted(objects, "artifacts"),
             table::counted(records, "records")
         ),
     };
     let others = match pushed.records_of_others {
         0 => String::new(),
-        n => format!("; {n} records were brought here and are not yours to sign"),
+        n => format!("; not sent: {n} records that others have signed"),
     };
     format!(
         "to {name}: sent {} ({}) and {}{there}{others}",

@@ -1,5 +1,4 @@
-//! `deaflow read-hdf5`: the process that reads HDF5 files of others. Only this program starts it, and it is in no list of
-//! commands.
+//! `deaflow read-hdf5`: a process that reads foreign HDF5 files. Only this program starts it; it is not in the list of commands.
 
 use std::path::Path;
 use std::process::Command;
@@ -7,10 +6,10 @@ use std::process::Command;
 use super::Exit;
 use deaflow_hdf as hdf;
 
-/// Where the system shows the running program, even when its file has been replaced by another build.
+/// The path of the running program, which is valid even after its file was replaced.
 const SELF: &str = "/proc/self/exe";
 
-/// This program, to be run as that process.
+/// Returns the command that starts this process.
 pub fn command() -> Command {
     let own = match Path::new(SELF).exists() {
         true => SELF.into(),
@@ -21,7 +20,7 @@ pub fn command() -> Command {
     command
 }
 
-/// Serves until the process that has started this one is done.
+/// Serves until the parent process is done.
 pub fn execute() -> Exit {
     match hdf::serve() {
         Ok(()) => Exit::Done,

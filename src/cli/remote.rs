@@ -1,4 +1,4 @@
-//! `deaflow remote`: where others' stores are, whose records count there, and one's own key.
+//! `deaflow remote`: manages remotes, trusted keys and the signing key.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -9,30 +9,30 @@ use serde_json::{Value, json};
 use super::arguments::{StoreArguments, duration};
 use super::progress::DelayedBar;
 use super::text::Text;
-use super::{CliError, Exit, Output, locate, table, upstream};
+use super::{CliError, Exit, Output, pipeline, table, upstream};
 use deaflow_base::host_name;
 use deaflow_remote::{Address, Configuration, GarbageReport, Retention, SigningKey, collect_garbage, read_public_keys};
 
-/// Say where others' stores are and whose records count there
+/// Manage remotes and trusted keys
 #[derive(Debug, Args)]
 pub struct RemoteCommand {
     #[command(subcommand)]
-    what: What,
+    action: RemoteAction,
 }
 
 #[derive(Debug, Subcommand)]
-enum What {
-    /// Add a remote: a place in S3-compatible storage, and the keys that count there
+enum RemoteAction {
+    /// Add a remote: an S3-compatible bucket, and its trusted keys
     Add(AddArguments),
     /// List the remotes
     #[command(after_help = examples!("deaflow remote list"))]
     List,
-    /// Forget a remote; nothing there is touched
+    /// Remove a remote from the configuration; its contents stay
     Remove(RemoveArguments),
-    /// Print the line by which others trust you; your key is made where there is none
+    /// Print your public key for others to trust; the key is created if missing
     #[command(after_help = examples!("deaflow remote key > me.pub"))]
     Key,
-    /// Remove from a remote what no record names, and what is older than it is to be
+    /// Remove unreferenced and expired objects from a remote
     Gc(GcArguments),
 }
 
@@ -41,16 +41,16 @@ enum What {
 struct AddArguments {
     /// Its name
     name: String,
-    /// Where it is
+    /// Its URL
     #[arg(value_name = "s3://BUCKET/PREFIX")]
     url: String,
-    /// A file of public keys, a line for each, as `deaflow remote key` prints them; may be given more than once
+    /// A file of trusted public keys, one per line, as printed by `deaflow remote key`; can be repeated
     #[arg(long = "key", value_name = "FILE", required = true)]
     keys: Vec<PathBuf>,
-    /// The server [default: $AWS_ENDPOINT_URL_S3, $AWS_ENDPOINT_URL, or that of Amazon]
+    /// The server [default: $AWS_ENDPOINT_URL_S3, $AWS_ENDPOINT_URL, or Amazon]
     #[arg(long, value_name = "URL")]
     endpoint: Option<String>,
-    /// The region [default: $AWS_REGION, that of ~/.aws/config, or us-east-1]
+    /// The region [default: $AWS_REGION, from ~/.aws/config, or us-east-1]
     #[arg(long)]
     region: Option<String>,
 }
@@ -67,13 +67,13 @@ struct RemoveArguments {
 struct GcArguments {
     /// The remote [default: $DEAFLOW_REMOTE, or the only one]
     name: Option<String>,
-    /// Say what would go; remove nothing
+    /// Print what would be removed; remove nothing
     #[arg(short = 'n', long)]
     dry_run: bool,
-    /// Keep objects that nothing names as long: a push may be at work
+    /// Keep unreferenced objects for this time: a push may be running
     #[arg(long, value_name = "TIME", default_value = "7days", value_parser = duration)]
     grace: Duration,
-    /// Remove records that were pushed longer ago than this, and what nothing else names
+    /// Also remove records that were pushed longer ago than this, and their objects
     #[arg(long, value_name = "TIME", value_parser = duration)]
     older: Option<Duration>,
     #[command(flatten)]
@@ -82,12 +82,12 @@ struct GcArguments {
 
 pub fn execute(command: &RemoteCommand, output: &Output) -> Result<Exit, CliError> {
     let configuration = Configuration::of_user()?;
-    match &command.what {
-        What::Add(arguments) => add(&configuration, arguments, output),
-        What::List => list(&configuration, output),
-        What::Remove(arguments) => remove(&configuration, &arguments.name, output),
-        What::Key => key(&configuration, output),
-        What::Gc(arguments) => gc(&configuration, arguments, output),
+    match &command.action {
+        RemoteAction::Add(arguments) => add(&configuration, arguments, output),
+        RemoteAction::List => list(&configuration, output),
+        RemoteAction::Remove(arguments) => remove(&configuration, &arguments.name, output),
+        RemoteAction::Key => key(&configuration, output),
+        RemoteAction::Gc(arguments) => gc(&configuration, arguments, output),
     }
 }
 
@@ -113,9 +113,7 @@ fn add(configuration: &Configuration, arguments: &AddArguments, output: &Output)
         .iter()
         .map(|named| json!({ "key": named.key.to_string(), "whose": named.owner }))
         .collect();
-    if output.is_json() {
-        output.document(&json!({ "name": arguments.name, "url": address.url(), "keys": keys }))?;
-    } else {
+    let text = || {
         let whose: Vec<String> = trusted
             .iter()
             .map(|named| match named.owner.as_str() {
@@ -123,16 +121,17 @@ fn add(configuration: &Configuration, arguments: &AddArguments, output: &Output)
                 whose => whose.to_owned(),
             })
             .collect();
-        output.text(format!(
-            "{}: {}, trusting {}\n{} and {} say so",
+        format!(
+            "{}: {}, trusted keys: {}\nwrote {} and {}",
             arguments.name,
             address.url(),
             whose.join(", "),
             configuration.file(&arguments.name).display(),
             configuration.keys(&arguments.name).display(),
-        ))?;
-    }
-    Ok(Exit::Done)
+        )
+    };
+    let document = || json!({ "name": arguments.name, "url": address.url(), "keys": keys });
+    output.result(document, text)
 }
 
 fn list(configuration: &Configuration, output: &Output) -> Result<Exit, CliError> {
@@ -166,7 +165,7 @@ fn list(configuration: &Configuration, output: &Output) -> Result<Exit, CliError
     if output.is_json() {
         output.document(&json!({ "remotes": documents }))?;
     } else if documents.is_empty() {
-        output.text(format!("there is no remote; {}", upstream::HOW_TO_ADD))?;
+        output.text(format!("no remotes; add one with: {}", upstream::HOW_TO_ADD))?;
     } else {
         output.text(Text::of(table))?;
     }
@@ -190,12 +189,10 @@ fn remove(configuration: &Configuration, name: &str, output: &Output) -> Result<
             )),
         );
     }
-    if output.is_json() {
-        output.document(&json!({ "removed": name }))?;
-    } else {
-        output.text(format!("{name} is forgotten; nothing there was touched"))?;
-    }
-    Ok(Exit::Done)
+    output.result(
+        || json!({ "removed": name }),
+        || format!("removed {name} from the configuration; its contents stay"),
+    )
 }
 
 fn key(configuration: &Configuration, output: &Output) -> Result<Exit, CliError> {
@@ -205,7 +202,7 @@ fn key(configuration: &Configuration, output: &Output) -> Result<Exit, CliError>
         None => {
             configuration.create_folder()?;
             let key = SigningKey::create(&path)?;
-            output.note(&format!("made {}: keep it to yourself", path.display()));
+            output.note(&format!("created {}: keep it secret", path.display()));
             key
         }
     };
@@ -214,23 +211,15 @@ fn key(configuration: &Configuration, output: &Output) -> Result<Exit, CliError>
         true => host_name(),
         false => format!("{user}@{}", host_name()),
     };
-    if output.is_json() {
-        output.document(&json!({ "key": key.public().to_string(), "whose": whose, "file": path }))?;
-    } else {
-        output.plain(key.public().line(&whose).trim_end())?;
+    match output.is_json() {
+        true => output.document(&json!({ "key": key.public().to_string(), "whose": whose, "file": path }))?,
+        false => output.plain(key.public().line(&whose).trim_end())?,
     }
     Ok(Exit::Done)
 }
 
 fn gc(configuration: &Configuration, arguments: &GcArguments, output: &Output) -> Result<Exit, CliError> {
-    // What was read of the remote is kept in a store; without one, for as long as this takes.
-    let folder = arguments.store.folder();
-    let scratch = (!folder.exists()).then(tempfile::tempdir).transpose();
-    let scratch = scratch.map_err(|error| CliError::failure(format!("cannot make a temporary folder: {error}")))?;
-    let store = match &scratch {
-        Some(scratch) => deaflow_store::Store::open(scratch.path())?,
-        None => locate::existing_store(&folder)?,
-    };
+    let (_scratch, store) = pipeline::store_to_read(&arguments.store.folder())?;
     let (remote, _) = upstream::open_fresh(arguments.name.as_deref(), &store, output)?;
     let key = SigningKey::read(&configuration.signing_key())?;
     let retention = Retention {
@@ -243,8 +232,8 @@ fn gc(configuration: &Configuration, arguments: &GcArguments, output: &Output) -
     });
     bar.clear();
     let swept = done?;
-    if output.is_json() {
-        output.document(&json!({
+    let document = || {
+        json!({
             "remote": remote.name(),
             "dry_run": arguments.dry_run,
             "objects_removed": swept.objects,
@@ -255,30 +244,28 @@ fn gc(configuration: &Configuration, arguments: &GcArguments, output: &Output) -
             "objects_kept": swept.objects_kept,
             "bytes_kept": swept.bytes_kept,
             "not_ours": swept.foreign,
-        }))?;
-    } else {
-        output.text(text(remote.name(), arguments.dry_run, &swept))?;
-    }
-    Ok(Exit::Done)
+        })
+    };
+    output.result(document, || text(remote.name(), arguments.dry_run, &swept))
 }
 
 fn text(name: &str, dry_run: bool, swept: &GarbageReport) -> String {
     let mut text = format!(
-        "{name}: {} {} artifacts ({}) and {} records; {} artifacts ({}) stay",
+        "{name}: {} {} ({}) and {}; kept: {} ({})",
         if dry_run { "would remove" } else { "removed" },
-        swept.objects,
+        table::counted(swept.objects, "artifacts"),
         table::bytes(swept.bytes),
-        swept.records,
-        swept.objects_kept,
+        table::counted(swept.records, "records"),
+        table::counted(swept.objects_kept, "artifacts"),
         table::bytes(swept.bytes_kept),
     );
     if swept.merged > 0 {
-        text += &format!("\n{} files of your records were put together", swept.merged);
+        text += &format!("\nmerged {} of your records", table::counted(swept.merged, "files"));
     }
     if swept.foreign > 0 {
         text += &format!(
-            "\n{} objects there are none of deaflow's and were not touched",
-            swept.foreign
+            "\nnot touched: {} of other programs",
+            table::counted(swept.foreign, "objects")
         );
     }
     text

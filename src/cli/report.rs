@@ -1,4 +1,4 @@
-//! `deaflow report`: one page that tells what a pipeline found, and its designs as files.
+//! `deaflow report`: a page with the results of a pipeline, and its designs as files.
 
 use std::path::PathBuf;
 
@@ -12,11 +12,11 @@ use super::{CliError, Exit, Output, pipeline, write};
 use deaflow_orchestrator::{Environment, plan, plan_warnings};
 use deaflow_report::{PipelineHistory, StageRecord, write_report};
 
-/// Write a report of a pipeline: a page with every design, and the designs as files
+/// Write a report of a pipeline: a page with all designs, and the designs as files
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow report pipeline.yaml -o report"))]
 pub struct ReportArguments {
-    /// The pipeline, a YAML file, or a folder with one alone [default: that of this folder]
+    /// The pipeline: a YAML file, or a folder with exactly one [default: the current folder]
     #[arg(default_value = ".", hide_default_value = true, value_parser = pipeline_parser())]
     pub pipeline: PathBuf,
     /// Folder for index.html, data/designs.csv, data/patterns/*.csv and data/masks/*.dxf
@@ -24,12 +24,12 @@ pub struct ReportArguments {
     pub output: PathBuf,
     #[command(flatten)]
     pub store: StoreArguments,
-    /// Report this stage and what it needs [default: all stages]
+    /// Report only this stage and the stages that it needs [default: all stages]
     #[arg(long, value_name = "STAGE")]
     pub until: Option<String>,
     #[command(flatten)]
     pub set: SetArguments,
-    /// Report what is there, and say on the page what is not built
+    /// Report the built stages, and list the others on the page
     #[arg(long)]
     pub partial: bool,
 }
@@ -46,12 +46,15 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
         .model_warnings
         .extend(neglected_effects(&pipeline, &names, &store)?);
     check(&history, arguments)?;
-    // What cannot be written is found before the report is made.
+    // Checked before the report is made.
     write::folder(&arguments.output)?;
     let written = write_report(&store, &history, &arguments.output)?;
     let missing: Vec<&str> = history.missing().iter().map(|stage| stage.name.as_str()).collect();
-    if output.is_json() {
-        output.document(&json!({
+    if !missing.is_empty() && !output.is_json() {
+        output.warn(format_args!("not built and not in the report: {}", missing.join(", ")));
+    }
+    let document = || {
+        json!({
             "pipeline": history.pipeline,
             "store": store.root(),
             "page": written.page,
@@ -60,20 +63,12 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
             "masks": written.masks,
             "not_built": missing,
             "found": written.found,
-        }))?;
-        return Ok(Exit::Done);
-    }
-    if !missing.is_empty() {
-        output.warn(format_args!(
-            "not built, and so not in the report: {}",
-            missing.join(", ")
-        ));
-    }
-    output.text(written.text())?;
-    Ok(Exit::Done)
+        })
+    };
+    output.result(document, || written.text())
 }
 
-/// A report of half a pipeline is one only where that was asked for.
+/// Refuses missing stages, unless a partial report was requested.
 fn check(history: &PipelineHistory, arguments: &ReportArguments) -> Result<(), CliError> {
     let named = |stage: &&StageRecord| match &stage.why {
         Some(why) if why.starts_with("artifact") || why.starts_with("removed") => format!("{} ({why})", stage.name),
@@ -89,20 +84,23 @@ fn check(history: &PipelineHistory, arguments: &ReportArguments) -> Result<(), C
         .as_ref()
         .map_or_else(String::new, |stage| format!(" --until {stage}"));
     let sets: String = arguments.set.sets.iter().map(|set| format!(" --set '{set}'")).collect();
-    let build = format!("build them: deaflow run {}{until}{sets}", arguments.pipeline.display());
+    let build = format!(
+        "build them with: deaflow run {}{until}{sets}",
+        arguments.pipeline.display()
+    );
     let path = arguments.pipeline.display();
     let message = match of == all {
         true if missing.iter().any(|name| name.contains("removed by gc")) => {
-            format!("no stage of {path} is built as it stands now: {}", missing.join(", "))
+            format!("no stage of {path} is up to date: {}", missing.join(", "))
         }
-        true => format!("no stage of {path} is built as it stands now"),
+        true => format!("no stage of {path} is up to date"),
         false => format!(
-            "{of} of {all} stages of {path} are not built as they stand now: {}",
+            "{of} of {all} stages of {path} are not up to date: {}",
             missing.join(", ")
         ),
     };
     Err(CliError::bad_input(message).help(match of == all {
         true => build,
-        false => format!("{build}; `--partial` reports what is there"),
+        false => format!("{build}; or report the built stages with --partial"),
     }))
 }

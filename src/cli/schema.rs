@@ -1,4 +1,4 @@
-//! `deaflow schema`: the JSON Schema of pipelines or scenes, with which editors complete and check files; and the arrays of
+//! `deaflow schema`: the JSON Schema of pipelines or scenes, for completion and checks in editors; and the arrays of
 //! artifacts.
 
 use clap::{Args, ValueEnum};
@@ -13,7 +13,7 @@ use deaflow_stage as stage;
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow schema > schema/pipeline.json", "deaflow schema scene > schema/scene.json"))]
 pub struct SchemaArguments {
-    /// Of what
+    /// What to describe
     #[arg(value_enum, default_value_t = SchemaOf::Pipeline)]
     pub of: SchemaOf,
 }
@@ -22,7 +22,7 @@ pub struct SchemaArguments {
 pub enum SchemaOf {
     /// Pipelines
     Pipeline,
-    /// Scenes in files of their own
+    /// Scenes in separate files
     Scene,
     /// Arrays and attributes of artifacts
     Artifacts,
@@ -47,7 +47,7 @@ fn of_kind(kind: &ContentOfKind) -> Value {
     })
 }
 
-/// The extents of an array are those of its last axes; the others differ from artifact to artifact.
+/// Describes an array. Extents are those of the last axes; the others differ between artifacts.
 fn of_array(array: &Declared) -> Value {
     json!({
         "path": array.path,

@@ -1,4 +1,4 @@
-//! `deaflow screen`: which effects a scene calls for.
+//! `deaflow screen`: lists the significant effects of a scene.
 
 use std::path::PathBuf;
 
@@ -16,19 +16,19 @@ use deaflow_scene::Scene;
 use deaflow_stage as stage;
 use deaflow_stage::direct;
 
-/// Say which effects a scene calls for, by number, threshold and cost
+/// Show which effects are significant in a scene, with thresholds and costs
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow screen scene.yaml", "deaflow screen scene.yaml mine.csv"))]
 pub struct ScreenArguments {
-    /// A scene, or a pipeline whose scene is meant; a YAML file
+    /// The scene: a YAML file of a scene, or of a pipeline that has one
     pub scene: PathBuf,
-    /// Patterns to judge by, FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset [default: extreme patterns]
+    /// Patterns to evaluate: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset [default: extreme patterns]
     #[arg(value_name = "PATTERN")]
     pub patterns: Vec<String>,
     /// Screen at this voltage instead of the scene's, as in "4 kV"
     #[arg(long, value_name = "VOLTAGE", allow_hyphen_values = true)]
     voltage: Option<String>,
-    /// Change a value of the scene for this call, such as drive.voltage="4 kV"
+    /// Override a value of the scene, such as drive.voltage="4 kV"
     #[arg(long = "set", value_name = "PATH=VALUE")]
     sets: Vec<String>,
     #[command(flatten)]
@@ -49,23 +49,18 @@ pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, Cli
         output.warn(format_args!("{faint}"));
     }
     let screening = screen(scene, &arguments.patterns, arguments.time.work_limit())?;
-    if output.is_json() {
-        output.document(&screening.document())?;
-    } else {
-        output.text(text(&screening))?;
-    }
-    Ok(Exit::Done)
+    output.result(|| screening.document(), || text(&screening))
 }
 
-/// Two lines for each effect, so that the table stays narrow.
+/// Formats the table: two lines per effect, so that it stays narrow.
 fn text(screening: &Screening) -> Text {
     let header = [
-        "effect and its number",
+        "effect and number",
         "value",
         "above",
-        "called for",
+        "significant",
         "now",
-        "what it would change; cost",
+        "change if switched on; cost",
     ];
     let mut table = table::table(&header, &["value", "above"]).flowing(&[header[0], header[5]]);
     for row in &screening.rows {
@@ -96,8 +91,8 @@ fn text(screening: &Screening) -> Text {
     let simulated = format!("simulated: effects: {}", screening.scene.effects.to_text());
     let is_missing = |row: &Row| row.status == Status::NotAvailable;
     let legend = match screening.rows.iter().any(is_missing) {
-        true => "now: on or off as the scene has it; – cannot be simulated yet".to_owned(),
-        false => "now: on or off as the scene has it".to_owned(),
+        true => "now: on or off in the scene; –: cannot be simulated".to_owned(),
+        false => "now: on or off in the scene".to_owned(),
     };
     let warnings = screening
         .warnings()
@@ -109,8 +104,8 @@ fn text(screening: &Screening) -> Text {
     text
 }
 
-/// Screens a scene, of a device in several states at the largest voltages that its groups of electrodes have in any, with the patterns that the
-/// arguments name or, where there are none, with reference patterns.
+/// Screens a scene at the largest voltages of all its states, with the patterns of the command line, or else with reference
+/// patterns.
 ///
 /// # Errors
 /// When a pattern cannot be read, or the effects cannot be simulated.
@@ -121,7 +116,7 @@ fn screen(scene: Scene, patterns: &[String], limit: WorkLimit) -> Result<Screeni
         true => named(patterns, scene.form())?,
         false => screening::reference_patterns(&scene),
     };
-    // `auto` is decided by reference patterns and with the usual limit, whatever else is looked at.
+    // `auto` always depends on the reference patterns and the default limit.
     let scene = match own || limit != WorkLimit::default() {
         true => screening::resolve(&scene)?,
         false => scene,
@@ -129,7 +124,7 @@ fn screen(scene: Scene, patterns: &[String], limit: WorkLimit) -> Result<Screeni
     Ok(screening::screen_within(&scene, &patterns, limit)?)
 }
 
-/// The patterns of each argument, named after it.
+/// Reads the patterns of each argument, and names them after it.
 fn named(arguments: &[String], form: PatternForm) -> Result<Vec<Trial>, InputError> {
     let mut all = Vec::new();
     for argument in arguments {

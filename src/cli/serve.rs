@@ -1,4 +1,4 @@
-//! `deaflow serve` and `deaflow sketch`: the store and the sketchpad in a browser on this machine.
+//! `deaflow serve` and `deaflow sketch`: a local server for a browser.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,19 +12,19 @@ use super::arguments::StoreArguments;
 use super::{CliError, Exit, Output, signals};
 use deaflow_serve::{Options, Routes, Server, ServerState, StartView};
 
-/// Look at pipelines, runs and artifacts in a browser, and draw patterns
+/// Show pipelines, runs and artifacts in a browser, and draw patterns
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow serve pipeline.yaml", "deaflow serve --store store --port 8080"))]
 pub struct ServeArguments {
-    /// Pipelines to look at [default: those of the last runs]
+    /// The pipelines [default: those of the last runs]
     #[arg(value_name = "PIPELINE")]
     pipelines: Vec<PathBuf>,
     #[command(flatten)]
     store: StoreArguments,
-    /// The port; 0 takes one that is free
+    /// The port; 0 chooses a free one
     #[arg(long, value_name = "N", default_value_t = 0)]
     port: u16,
-    /// Let the page run pipelines; without this nothing is changed from there
+    /// Allow the page to run pipelines; without this, the server is read-only
     #[arg(long)]
     allow_run: bool,
 }
@@ -41,7 +41,10 @@ pub fn execute(arguments: &ServeArguments, output: &Output) -> Result<Exit, CliE
     serve(options, StartView::Overview, arguments.port, output)
 }
 
-/// Serves until a signal ends it.
+/// Serves until a signal.
+///
+/// # Errors
+/// When the store cannot be read, or the port is taken.
 pub fn serve(options: Options, start: StartView, port: u16, output: &Output) -> Result<Exit, CliError> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
@@ -55,23 +58,16 @@ pub fn serve(options: Options, start: StartView, port: u16, output: &Output) -> 
         StartView::Sketch => "#/sketch",
     };
     let url = format!("{}{view}", served.url());
-    if output.is_json() {
-        output.document(&json!({
-            "url": url,
-            "address": served.base(),
-            "token": served.token().text(),
-            "store": store,
-        }))?;
-    } else {
-        let may = if allow_run {
-            "look at everything that is served, and run and stop its pipelines with any values"
-        } else {
-            "look at everything that is served"
+    let document = || json!({ "url": url, "address": served.base(), "token": served.token().text(), "store": store });
+    output.result(document, || {
+        let may = match allow_run {
+            true => "see all its content, and run and stop pipelines with any values",
+            false => "see all its content",
         };
-        output.text(format!(
-            "{url}\nopen this address in a browser on this machine; whoever has it can {may}. Ctrl-C ends it"
-        ))?;
-    }
+        format!(
+            "{url}\nopen this URL in a browser on this machine; anyone with the URL can {may}. Press Ctrl-C to stop"
+        )
+    })?;
     let ended = served.run(Arc::new(Routes(state.clone())), &stop);
     state.runner.end();
     state.leave();

@@ -1,4 +1,4 @@
-//! `deaflow show`: what is in an artifact.
+//! `deaflow show`: the content of an artifact or a result file.
 
 mod corners;
 mod file;
@@ -17,34 +17,34 @@ use deaflow_content::Table;
 use deaflow_report::{ResultTable, Rows};
 use deaflow_store::{Artifact, Content, Lookup, Store, StoreError};
 
-/// Show what is in an artifact or a file of results: datasets, statistics, provenance
+/// Show the content of an artifact or a result file: datasets, statistics, provenance
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow show solved", "deaflow show pipeline.yaml:design --csv", "deaflow show simulated.h5"))]
 pub struct ShowArguments {
-    /// A stage of the last run, PIPELINE.yaml:STAGE, a digest or at least its first 4 digits; or an HDF5 file, be it an artifact or
-    /// what `solve` or `predict` wrote
+    /// A stage of the last run, PIPELINE.yaml:STAGE, a digest or its first digits, at least 4; or an HDF5 file: an artifact,
+    /// or the output of `solve` or `predict`
     #[arg(value_name = "STAGE|DIGEST|FILE.h5")]
     pub artifact: String,
-    /// Print what it has for each row as a table in CSV
+    /// Print the values of each row as a CSV table
     #[arg(long)]
     pub csv: bool,
-    /// Print the displacement of each corner of the cells as a table in CSV, in the columns that an `import` stage reads
+    /// Print the displacement of each corner of the cells as a CSV table, in the columns that an `import` stage reads
     #[arg(long, conflicts_with_all = ["csv", "along"])]
     pub corners: bool,
-    /// The axis of which each place is a row [default: the one that most arrays have]
+    /// The axis of the rows [default: the one that most arrays have]
     #[arg(long, value_name = "AXIS", requires = "csv")]
     pub along: Option<String>,
     #[command(flatten)]
     pub store: StoreArguments,
 }
 
-/// Texts that are counted one by one; of more kinds only the number is told to people.
-const SHOWN_TEXTS: usize = 6;
+/// Up to this many different texts are listed with their counts.
+const MAX_TEXTS: usize = 6;
 
 pub fn execute(arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
     let file = Path::new(&arguments.artifact);
     let (artifact, record) = if has_hdf5_extension(file) {
-        check_is_there(file)?;
+        check_exists(file)?;
         if !Artifact::is_at(file) {
             return file::execute(file, arguments, output);
         }
@@ -63,25 +63,25 @@ pub fn execute(arguments: &ShowArguments, output: &Output) -> Result<Exit, CliEr
     if arguments.csv && !output.is_json() {
         return show_rows(&artifact, arguments, output);
     }
-    print(&Shown::of(&artifact, record)?, output)
+    print(&Summary::of(&artifact, record)?, output)
 }
 
-/// An artifact by its file. One of chunks is found with them in a store, and nowhere else.
+/// Opens an artifact by its file. The chunks of an artifact are next to it only in a store.
 fn of_file(file: &Path) -> Result<Artifact, CliError> {
     let artifact = Artifact::open(file)?;
     match artifact.chunks() {
         Err(StoreError::Missing { .. }) => {
             let (file, parts) = (file.display(), artifact.parts().len());
-            let message = format!("{file} is the list of an artifact's {parts} chunks, which are not beside it");
+            let message = format!("{file} lists the {parts} chunks of an artifact, which are missing");
             Err(CliError::bad_input(message)
-                .help("one file that needs no others is what writes: deaflow export artifact STAGE -o FILE.h5"))
+                .help("write a standalone file with: deaflow export artifact STAGE -o FILE.h5"))
         }
         Err(error) => Err(error.into()),
         Ok(_) => Ok(artifact),
     }
 }
 
-/// A drawn pattern is no artifact.
+/// Refuses a pattern or a table.
 fn refuse_pattern(file: &Path) -> Result<(), CliError> {
     let is_pattern = file
         .extension()
@@ -89,14 +89,13 @@ fn refuse_pattern(file: &Path) -> Result<(), CliError> {
     match is_pattern && file.is_file() {
         false => Ok(()),
         true => Err(
-            CliError::bad_input(format!("{} is a pattern or a table, and no artifact", file.display())).help(
-                "`deaflow solve SCENE.yaml PATTERN` simulates a pattern, `deaflow screen` says what it calls for",
-            ),
+            CliError::bad_input(format!("{} is a pattern or a table, not an artifact", file.display()))
+                .help("simulate a pattern with `deaflow solve SCENE.yaml PATTERN`"),
         ),
     }
 }
 
-fn check_is_there(file: &Path) -> Result<(), CliError> {
+fn check_exists(file: &Path) -> Result<(), CliError> {
     match file.is_file() {
         true => Ok(()),
         false => Err(CliError::bad_input(format!("there is no file {}", file.display()))
@@ -104,13 +103,8 @@ fn check_is_there(file: &Path) -> Result<(), CliError> {
     }
 }
 
-fn print(shown: &Shown, output: &Output) -> Result<Exit, CliError> {
-    if output.is_json() {
-        output.document(shown)?;
-    } else {
-        output.text(shown.text())?;
-    }
-    Ok(Exit::Done)
+fn print(summary: &Summary, output: &Output) -> Result<Exit, CliError> {
+    output.result(|| summary, || summary.text())
 }
 
 fn show_rows(artifact: &Artifact, arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
@@ -126,40 +120,41 @@ fn print_rows(rows: &Rows, output: &Output) -> Result<Exit, CliError> {
     output.plain(&csv::text(&rows.header(), rows.texts())?)?;
     if !rows.left_out.is_empty() {
         let list = rows.left_out.join(", ");
-        output.note(&format!("no columns of `{}`, left out: {list}", rows.axis));
+        output.note(&format!("omitted, without the axis `{}`: {list}", rows.axis));
     }
     Ok(Exit::Done)
 }
 
+/// The description of an artifact or a result file.
 #[derive(Serialize)]
-struct Shown {
-    /// None of a file that is no artifact.
+struct Summary {
+    /// None for a file that is not an artifact.
     digest: Option<String>,
     path: String,
     attributes: BTreeMap<String, String>,
     parts: Vec<String>,
-    datasets: Vec<ShownDataset>,
+    datasets: Vec<DatasetSummary>,
     provenance: BTreeMap<String, String>,
-    /// What the record of the action that its provenance names says of it; none where no store was asked.
+    /// The state of the record of the action that made it; none without a store.
     record: Option<String>,
 }
 
-/// What the record of the action that made an artifact says of it.
+/// Describes the record of the action that made an artifact.
 fn record(store: &Store, artifact: &Artifact) -> Result<String, CliError> {
     let provenance = artifact.provenance()?;
     let Some(key) = provenance.get("action").and_then(|key| key.parse().ok()) else {
-        return Ok("no action made it".to_owned());
+        return Ok("not made by an action".to_owned());
     };
     Ok(match store.record(&key)? {
-        Lookup::Absent => "there is none".to_owned(),
-        Lookup::Damaged(why) => format!("it does not count: {why}"),
-        Lookup::Found(record, _) if record.artifact == artifact.digest() => "the action made this".to_owned(),
-        Lookup::Found(record, _) => format!("the action made {}", record.artifact.short()),
+        Lookup::Absent => "missing".to_owned(),
+        Lookup::Damaged(why) => format!("invalid: {why}"),
+        Lookup::Found(record, _) if record.artifact == artifact.digest() => "valid".to_owned(),
+        Lookup::Found(record, _) => format!("names another artifact: {}", record.artifact.short()),
     })
 }
 
 #[derive(Serialize)]
-struct ShownDataset {
+struct DatasetSummary {
     path: String,
     #[serde(rename = "type")]
     kind: &'static str,
@@ -169,10 +164,10 @@ struct ShownDataset {
     statistics: Statistics,
 }
 
-impl Shown {
+impl Summary {
     fn of(artifact: &Artifact, record: Option<String>) -> Result<Self, CliError> {
-        let dataset = |content: &Content| -> Result<ShownDataset, CliError> {
-            Ok(ShownDataset {
+        let dataset = |content: &Content| -> Result<DatasetSummary, CliError> {
+            Ok(DatasetSummary {
                 path: content.path.clone(),
                 kind: content.kind.name(),
                 shape: content.shape.clone(),
@@ -199,7 +194,7 @@ impl Shown {
         });
         if !self.parts.is_empty() {
             text.line(format!(
-                "  a manifest of {}, shown as one",
+                "  combined from {}",
                 table::counted(self.parts.len() as u64, "chunks")
             ));
         }
@@ -225,7 +220,7 @@ impl Shown {
         if !self.provenance.is_empty() {
             let mut provenance = self.provenance.clone();
             if let Some(seconds) = provenance.get_mut("seconds").filter(|_| !self.parts.is_empty()) {
-                *seconds += " (the work of all chunks, several of which may have run at a time)";
+                *seconds += " (sum over all chunks, which may have run in parallel)";
             }
             text.line(list("provenance", &provenance));
         }
@@ -268,18 +263,18 @@ impl Shown {
 }
 
 fn counts_line(path: &str, counts: &BTreeMap<String, u64>) -> String {
-    if counts.len() > SHOWN_TEXTS {
+    if counts.len() > MAX_TEXTS {
         return format!("  {path}: {} different texts", counts.len());
     }
-    let said = |text: &String| match text.is_empty() {
-        true => "(no text)".to_owned(),
+    let shown = |text: &String| match text.is_empty() {
+        true => "(empty)".to_owned(),
         false => text.clone(),
     };
-    let counts: Vec<String> = counts.iter().map(|(text, n)| format!("{} {n}", said(text))).collect();
+    let counts: Vec<String> = counts.iter().map(|(text, n)| format!("{} {n}", shown(text))).collect();
     format!("  {path}: {}", counts.join(", "))
 }
 
-/// Five digits are enough to recognise a number by.
+/// Formats a number with five digits.
 fn number(value: f64) -> String {
     let magnitude = value.abs();
     if value == 0.0 || (magnitude < 1e9 && value.fract() == 0.0) {

@@ -1,4 +1,4 @@
-//! `deaflow sketch`: draws a pattern and shows what it does.
+//! `deaflow sketch`: draws patterns and simulates them in a browser.
 
 use std::path::PathBuf;
 
@@ -9,16 +9,16 @@ use super::serve::serve;
 use super::{CliError, Exit, Output};
 use deaflow_serve::{Options, StartView};
 
-/// Draw a pattern in a browser on this machine, and see the membrane move meanwhile
+/// Draw a pattern in a browser and see the simulated displacement
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow sketch scene.yaml", "deaflow sketch scene.yaml mine.csv"))]
 pub struct SketchArguments {
-    /// A scene, or a pipeline whose scene is meant; a YAML file
+    /// The scene: a YAML file of a scene, or of a pipeline that has one
     scene: PathBuf,
-    /// What to begin with: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset, of which the first pattern is taken [default: nothing]
+    /// The first pattern: that of FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset [default: an empty one]
     #[arg(value_name = "PATTERN")]
     pattern: Option<String>,
-    /// The port; 0 takes one that is free
+    /// The port; 0 chooses a free one
     #[arg(long, value_name = "N", default_value_t = 0)]
     port: u16,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! Statistics of a dataset, gathered chunk by chunk so that no more than a chunk is in memory.
+//! Statistics of a dataset, computed chunk by chunk to save memory.
 
 use std::collections::BTreeMap;
 
@@ -6,61 +6,61 @@ use serde::Serialize;
 
 use deaflow_store::{Artifact, Data, StoreError};
 
-/// What the elements of a dataset are like.
+/// Statistics of the elements of a dataset.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Statistics {
-    /// Of numbers.
+    /// Statistics of numbers.
     Numbers {
-        /// The least.
+        /// The smallest.
         min: f64,
         /// The arithmetic mean.
         mean: f64,
         /// The largest.
         max: f64,
     },
-    /// Of texts: how often each occurs.
+    /// Statistics of texts.
     Texts {
-        /// Count by text.
+        /// The number of occurrences of each text.
         counts: BTreeMap<String, u64>,
     },
-    /// Of no elements.
+    /// There are no elements.
     None {},
 }
 
 #[derive(Default)]
-struct Gathered {
+struct Accumulator {
     count: u64,
     sum: f64,
     range: Option<(f64, f64)>,
     texts: BTreeMap<String, u64>,
 }
 
-/// Statistics of one dataset of an artifact.
+/// Computes the statistics of a dataset of an artifact.
 ///
 /// # Errors
 /// When a file is missing or damaged.
 pub fn of_dataset(artifact: &Artifact, path: &str) -> Result<Statistics, StoreError> {
-    let mut gathered = Gathered::default();
+    let mut statistics = Accumulator::default();
     if artifact.is_manifest() {
         for chunk in artifact.chunks()? {
-            gathered.add(&chunk.read(path)?.data);
+            statistics.add(&chunk.read(path)?.data);
         }
     } else {
-        gathered.add(&artifact.read(path)?.data);
+        statistics.add(&artifact.read(path)?.data);
     }
-    Ok(gathered.finish())
+    Ok(statistics.finish())
 }
 
-/// Statistics of elements that are at hand.
+/// Computes the statistics of elements.
 #[must_use]
 pub fn of_data(data: &Data) -> Statistics {
-    let mut gathered = Gathered::default();
-    gathered.add(data);
-    gathered.finish()
+    let mut statistics = Accumulator::default();
+    statistics.add(data);
+    statistics.finish()
 }
 
-impl Gathered {
+impl Accumulator {
     fn add(&mut self, data: &Data) {
         match data {
             Data::U8(values) => self.numbers(values.iter().map(|&v| f64::from(v))),
@@ -77,7 +77,7 @@ impl Gathered {
     }
 
     fn numbers(&mut self, values: impl Iterator<Item = f64>) {
-        // Files that are no artifacts have NaN in the place of what was not found.
+        // Result files, unlike artifacts, contain NaN for missing values.
         for value in values.filter(|value| !value.is_nan()) {
             self.count += 1;
             self.sum += value;

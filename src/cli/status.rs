@@ -1,4 +1,4 @@
-//! `deaflow status`: what is in a store, what is at work in it, and what of pipelines would be built.
+//! `deaflow status`: the contents of a store, running jobs, and stale stages.
 
 use std::path::PathBuf;
 
@@ -16,23 +16,23 @@ use deaflow_executor::{SILENT, Seen, workers};
 use deaflow_orchestrator::{Environment, Outcome, PriceTotal, StageReport, Staleness, file_of, plan};
 use deaflow_store::{CheckpointProgress, Checkpoints, Command, LockFile, Run, Store, Totals};
 
-/// Say what is in a store, what is at work in it, and what of pipelines would be built
+/// Show store contents, running jobs and stale stages
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow status", "deaflow status pipeline.yaml"))]
 pub struct StatusArguments {
-    /// Pipelines to look at [default: those of the last runs]
+    /// The pipelines [default: those of the last runs]
     #[arg(value_name = "PIPELINE", value_parser = pipeline_parser())]
     pub pipelines: Vec<PathBuf>,
     #[command(flatten)]
     pub store: StoreArguments,
 }
 
-/// How a pipeline stands.
-struct Standing {
+/// The status of a pipeline.
+struct PipelineStatus {
     path: PathBuf,
-    /// The stages as in a plan, or why the pipeline cannot be read.
+    /// The stages as in a plan, or the error of reading the pipeline.
     stages: Result<Vec<StageReport>, String>,
-    /// The run that it was last part of.
+    /// Its last run.
     last: Option<Run>,
     locked: bool,
 }
@@ -53,23 +53,23 @@ pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, Cli
             }
         }
     }
-    let mut standings = Vec::new();
+    let mut pipelines = Vec::new();
     for path in paths {
-        standings.push(standing(&store, &runs, path, !arguments.pipelines.is_empty())?);
+        pipelines.push(status(&store, &runs, path, !arguments.pipelines.is_empty())?);
     }
-    let totals = store.totals()?;
-    let kept = store.checkpoints()?;
-    let workers = workers(&store)?;
-    if output.is_json() {
-        output.document(&document(&store, &totals, &kept, runs.len(), &workers, &standings))?;
-    } else {
-        output.text(text(&store, &totals, &kept, runs.len(), &workers, &standings))?;
-    }
-    Ok(Exit::Done)
+    let status = StoreStatus {
+        totals: store.totals()?,
+        checkpoints: store.checkpoints()?,
+        runs: runs.len(),
+        workers: workers(&store)?,
+        pipelines,
+        store,
+    };
+    output.result(|| status.document(), || status.text())
 }
 
-/// A pipeline that somebody names must be there; one that only a run remembers may be gone.
-fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<Standing, CliError> {
+/// Plans a pipeline. One of the command line must be readable; one that only a run names may be gone.
+fn status(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<PipelineStatus, CliError> {
     let last = |name: Option<&str>| {
         let all = runs.iter().filter(|run| run.command == Command::Run).cloned().map(Ok);
         let mut own = store.runs_of(all, &path, name.unwrap_or_default());
@@ -83,10 +83,10 @@ fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<S
         Err(error) if named => return Err(error),
         Err(error) => (Err(error.message().to_owned()), last(None)),
     };
-    // As it would be named here.
+    // Relative to the current folder.
     let here = std::env::current_dir().ok();
     let near = here.and_then(|here| Some(path.strip_prefix(here).ok()?.to_owned()));
-    Ok(Standing {
+    Ok(PipelineStatus {
         locked: LockFile::path_for(&path).is_file(),
         path: near.unwrap_or(path),
         stages,
@@ -94,67 +94,155 @@ fn standing(store: &Store, runs: &[Run], path: PathBuf, named: bool) -> Result<S
     })
 }
 
-fn document(
-    store: &Store,
-    totals: &Totals,
-    kept: &[Checkpoints],
+/// The status of a store.
+struct StoreStatus {
+    store: Store,
+    totals: Totals,
+    checkpoints: Vec<Checkpoints>,
+    /// Number of runs.
     runs: usize,
-    workers: &[Seen],
-    standings: &[Standing],
-) -> Value {
-    let unfinished = kept.iter().filter(|kept| kept.size > 0);
-    let unfinished = unfinished.map(|kept| {
+    workers: Vec<Seen>,
+    pipelines: Vec<PipelineStatus>,
+}
+
+impl StoreStatus {
+    fn document(&self) -> Value {
+        let unfinished = self.checkpoints.iter().filter(|kept| kept.size > 0);
+        let unfinished = unfinished.map(|kept| {
         let reached = kept.progress.clone().unwrap_or_default();
         json!({ "key": kept.key.to_string(), "stage": reached.stage, "steps": reached.steps, "unit": reached.unit, "bytes": kept.size })
     });
-    let workers = workers.iter().map(|seen| {
+        let workers = self.workers.iter().map(|seen| {
+            json!({
+                "host": seen.worker.owner.host,
+                "pid": seen.worker.owner.pid,
+                "pipeline": seen.worker.pipeline,
+                "array": seen.worker.array,
+                "since": seen.worker.owner.since,
+                "silent": seen.silent.as_secs(),
+            })
+        });
+        let pipelines = self.pipelines.iter().map(|pipeline| {
+            json!({
+                "path": pipeline.path.display().to_string(),
+                "last_run": pipeline.last.as_ref().map(|run| &run.created),
+                "last_failed": pipeline.last.as_ref().map(|run| &run.failures),
+                "last_overrides": pipeline.last.as_ref().map(|run| &run.overrides),
+                "locked": pipeline.locked,
+                "stages": pipeline.stages.as_ref().ok(),
+                "error": pipeline.stages.as_ref().err(),
+            })
+        });
         json!({
-            "host": seen.worker.owner.host,
-            "pid": seen.worker.owner.pid,
-            "pipeline": seen.worker.pipeline,
-            "array": seen.worker.array,
-            "since": seen.worker.owner.since,
-            "silent": seen.silent.as_secs(),
+            "store": self.store.root(),
+            "objects": self.totals.objects,
+            "bytes": self.totals.bytes,
+            "records": self.totals.records,
+            "runs": self.runs,
+            "pins": self.totals.pins,
+            "lock_files": self.totals.lock_files,
+            "checkpoints": self.totals.checkpoints,
+            "checkpoint_bytes": self.totals.checkpoint_bytes,
+            "unfinished": unfinished.collect::<Vec<_>>(),
+            "quarantined": self.totals.quarantined,
+            "in_flight": self.totals.in_flight,
+            "workers": workers.collect::<Vec<_>>(),
+            "pipelines": pipelines.collect::<Vec<_>>(),
         })
-    });
-    let pipelines = standings.iter().map(|standing| {
-        json!({
-            "path": standing.path.display().to_string(),
-            "last_run": standing.last.as_ref().map(|run| &run.created),
-            "last_failed": standing.last.as_ref().map(|run| &run.failures),
-            "last_overrides": standing.last.as_ref().map(|run| &run.overrides),
-            "locked": standing.locked,
-            "stages": standing.stages.as_ref().ok(),
-            "error": standing.stages.as_ref().err(),
-        })
-    });
-    json!({
-        "store": store.root(),
-        "objects": totals.objects,
-        "bytes": totals.bytes,
-        "records": totals.records,
-        "runs": runs,
-        "pins": totals.pins,
-        "lock_files": totals.lock_files,
-        "checkpoints": totals.checkpoints,
-        "checkpoint_bytes": totals.checkpoint_bytes,
-        "unfinished": unfinished.collect::<Vec<_>>(),
-        "quarantined": totals.quarantined,
-        "in_flight": totals.in_flight,
-        "workers": workers.collect::<Vec<_>>(),
-        "pipelines": pipelines.collect::<Vec<_>>(),
-    })
+    }
+
+    fn text(&self) -> Text {
+        let mut text = Text::from(format!(
+            "{}: {} ({}), {}, {}, {}, {}",
+            self.store.root().display(),
+            table::counted(self.totals.objects, "artifacts"),
+            table::bytes(self.totals.bytes),
+            table::counted(self.totals.records, "records"),
+            table::counted(self.runs as u64, "runs"),
+            table::counted(self.totals.pins, "pins"),
+            table::counted(self.totals.lock_files, "lock files"),
+        ));
+        if self.totals.quarantined > 0 {
+            let folder = self.store.root().join("quarantine");
+            let damaged = format!(
+                "{} in {}: damaged, or with missing inputs; they are not used and can be deleted",
+                table::counted(self.totals.quarantined, "files"),
+                folder.display()
+            );
+            text.toned(Tone::Bad, damaged);
+        }
+        if self.totals.checkpoints > 0 {
+            text.line(format!(
+                "unfinished, to be continued: {} ({}){}",
+                table::counted(self.totals.checkpoints, "actions"),
+                table::bytes(self.totals.checkpoint_bytes),
+                unfinished(&self.checkpoints)
+            ));
+        }
+        text.line(match self.totals.in_flight {
+            0 => "nothing is being built".to_owned(),
+            n => format!("being built: {}", table::counted(n, "actions")),
+        });
+        if !self.workers.is_empty() {
+            let mut rows = table::table(&["worker", "pipeline", "array", "since", "last heartbeat"], &[])
+                .flowing(&["last heartbeat"])
+                .dispensable(&["array", "since"]);
+            for Seen { worker, silent } in &self.workers {
+                let last = match *silent < SILENT {
+                    true => Cell::from(format!("{} s ago", silent.as_secs())),
+                    false => {
+                        let silent = table::seconds(silent.as_secs_f64());
+                        Cell::toned(&format!("{silent} ago: may be dead"), Tone::Caution)
+                    }
+                };
+                rows.add_row([
+                    Cell::from(format!("{} on {}", worker.owner.pid, worker.owner.host)),
+                    Cell::from(&worker.pipeline),
+                    Cell::from(worker.array.as_deref().unwrap_or("-")),
+                    Cell::from(&worker.owner.since),
+                    last,
+                ]);
+            }
+            text.line("").table(rows);
+        }
+        if !self.pipelines.is_empty() {
+            let mut rows = table::table(&["pipeline", "last run", "lock", "state"], &[]).flowing(&["state"]);
+            for pipeline in &self.pipelines {
+                let last = pipeline
+                    .last
+                    .as_ref()
+                    .map_or_else(|| "-".to_owned(), |run| readable_time(&run.created));
+                let lock = if pipeline.locked { "yes" } else { "-" };
+                let is_stale = |stage: &StageReport| stage.outcome == Outcome::Stale;
+                let failed = pipeline.last.as_ref().and_then(failed);
+                let tone = match &pipeline.stages {
+                    _ if failed.is_some() => Tone::Bad,
+                    Err(_) => Tone::Bad,
+                    Ok(stages) if stages.iter().any(is_stale) => Tone::Caution,
+                    Ok(_) => Tone::Dim,
+                };
+                rows.add_row([
+                    Cell::from(pipeline.path.display()),
+                    Cell::from(last),
+                    Cell::from(lock),
+                    Cell::toned(&(state(&pipeline.stages) + &failed.unwrap_or_default()), tone),
+                ]);
+            }
+            text.line("").table(rows);
+        }
+        text
+    }
 }
 
-/// Unfinished actions that are named.
-const NAMED: usize = 5;
+/// The most unfinished actions that are named.
+const MAX_NAMED: usize = 5;
 
-/// Which stages what is kept is of, and how far each has come.
+/// Names the stages of checkpoints, and their progress.
 fn unfinished(kept: &[Checkpoints]) -> String {
     let reached: Vec<&CheckpointProgress> = kept.iter().filter_map(|kept| kept.progress.as_ref()).collect();
     let named = reached
         .iter()
-        .take(NAMED)
+        .take(MAX_NAMED)
         .map(|CheckpointProgress { stage, steps, unit }| match steps {
             0 => stage.clone(),
             _ => format!("{stage} after {}", table::counted(*steps, unit)),
@@ -162,102 +250,12 @@ fn unfinished(kept: &[Checkpoints]) -> String {
     let named = named.collect::<Vec<_>>().join(", ");
     match reached.len() {
         0 => String::new(),
-        n if n > NAMED => format!(": {named} and {} more", n - NAMED),
+        n if n > MAX_NAMED => format!(": {named} and {} more", n - MAX_NAMED),
         _ => format!(": {named}"),
     }
 }
 
-fn text(
-    store: &Store,
-    totals: &Totals,
-    kept: &[Checkpoints],
-    runs: usize,
-    workers: &[Seen],
-    standings: &[Standing],
-) -> Text {
-    let mut text = Text::from(format!(
-        "{}: {} ({}), {}, {}, {}, {}",
-        store.root().display(),
-        table::counted(totals.objects, "artifacts"),
-        table::bytes(totals.bytes),
-        table::counted(totals.records, "records"),
-        table::counted(runs as u64, "runs"),
-        table::counted(totals.pins, "pins"),
-        table::counted(totals.lock_files, "lock files"),
-    ));
-    if totals.quarantined > 0 {
-        let folder = store.root().join("quarantine");
-        let damaged = format!(
-            "{} lie in {}, set aside as damaged or for want of what they name; nothing reads them, and they may be deleted",
-            table::counted(totals.quarantined, "files"),
-            folder.display()
-        );
-        text.toned(Tone::Bad, damaged);
-    }
-    if totals.checkpoints > 0 {
-        text.line(format!(
-            "unfinished and to be gone on with: {} ({}){}",
-            table::counted(totals.checkpoints, "actions"),
-            table::bytes(totals.checkpoint_bytes),
-            unfinished(kept)
-        ));
-    }
-    text.line(match totals.in_flight {
-        0 => "nothing is being built".to_owned(),
-        1 => "one action is being built".to_owned(),
-        n => format!("{n} actions are being built"),
-    });
-    if !workers.is_empty() {
-        let mut rows = table::table(&["worker", "pipeline", "array", "since", "last sign of life"], &[])
-            .flowing(&["last sign of life"])
-            .dispensable(&["array", "since"]);
-        for Seen { worker, silent } in workers {
-            let last = match *silent < SILENT {
-                true => Cell::from(format!("{} s ago", silent.as_secs())),
-                false => {
-                    let silent = table::seconds(silent.as_secs_f64());
-                    Cell::toned(&format!("{silent} ago: perhaps dead"), Tone::Caution)
-                }
-            };
-            rows.add_row([
-                Cell::from(format!("{} on {}", worker.owner.pid, worker.owner.host)),
-                Cell::from(&worker.pipeline),
-                Cell::from(worker.array.as_deref().unwrap_or("-")),
-                Cell::from(&worker.owner.since),
-                last,
-            ]);
-        }
-        text.line("").table(rows);
-    }
-    if !standings.is_empty() {
-        let mut rows = table::table(&["pipeline", "last run", "lock", "state"], &[]).flowing(&["state"]);
-        for standing in standings {
-            let last = standing
-                .last
-                .as_ref()
-                .map_or_else(|| "-".to_owned(), |run| readable_time(&run.created));
-            let lock = if standing.locked { "yes" } else { "-" };
-            let is_stale = |stage: &StageReport| stage.outcome == Outcome::Stale;
-            let failed = standing.last.as_ref().and_then(failed);
-            let tone = match &standing.stages {
-                _ if failed.is_some() => Tone::Bad,
-                Err(_) => Tone::Bad,
-                Ok(stages) if stages.iter().any(is_stale) => Tone::Caution,
-                Ok(_) => Tone::Dim,
-            };
-            rows.add_row([
-                Cell::from(standing.path.display()),
-                Cell::from(last),
-                Cell::from(lock),
-                Cell::toned(&(state(&standing.stages) + &failed.unwrap_or_default()), tone),
-            ]);
-        }
-        text.line("").table(rows);
-    }
-    text
-}
-
-/// How the last run failed, or was stopped, and by which values, as a line; none where it did not.
+/// Describes how the last run failed or was stopped, with its overrides; none if it did not.
 fn failed(run: &Run) -> Option<String> {
     let what = match (run.failures.as_slice(), run.stopped.as_slice()) {
         ([], []) => return None,
@@ -278,10 +276,7 @@ fn state(stages: &Result<Vec<StageReport>, String>) -> String {
     };
     let stale: Vec<&StageReport> = stages.iter().filter(|s| s.outcome == Outcome::Stale).collect();
     if stale.is_empty() {
-        return format!(
-            "nothing to build: {} reused",
-            table::counted(stages.len() as u64, "stages")
-        );
+        return format!("up to date ({})", table::counted(stages.len() as u64, "stages"));
     }
     let named = |stage: &&StageReport| match &stage.staleness {
         Some(why @ (Staleness::ArtifactDamaged | Staleness::ArtifactMissing)) => format!("{}: {why}", stage.name),

@@ -1,4 +1,4 @@
-//! `deaflow unpin`: lets `gc` take an artifact again.
+//! `deaflow unpin`: allows `gc` to remove an artifact again.
 
 use clap::Args;
 
@@ -7,18 +7,18 @@ use super::{CliError, Exit, Output, locate, pin};
 use deaflow_base::ArtifactId;
 use deaflow_store::{Pin, Store};
 
-/// Let gc take an artifact again
+/// Allow gc to remove an artifact again
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow unpin pipeline.yaml:verified"))]
 pub struct UnpinArguments {
-    /// A stage of the last run, PIPELINE.yaml:STAGE, a digest or at least its first 4 digits, or a label
+    /// A stage of the last run, PIPELINE.yaml:STAGE, a digest or its first digits, at least 4, or a label
     #[arg(value_name = "STAGE-OR-DIGEST")]
     artifact: String,
     #[command(flatten)]
     store: StoreArguments,
 }
 
-/// Of a stage of past runs the pinned artifact is meant, whatever the last run made; else what the name means elsewhere.
+/// Finds a pinned artifact by the stage of a past run, or by its label; otherwise the artifact of the reference.
 fn of_stage(store: &Store, pins: &[Pin], reference: &str) -> Result<ArtifactId, CliError> {
     let is_pinned = |digest: &ArtifactId| pins.iter().any(|pin| pin.digest == *digest);
     let located = locate::artifact(store, reference).map(|artifact| artifact.digest());
@@ -27,7 +27,7 @@ fn of_stage(store: &Store, pins: &[Pin], reference: &str) -> Result<ArtifactId, 
     {
         return Ok(*digest);
     }
-    // An artifact that is gone, or is not the last, may be pinned: its name is that of its stage in the run that had it.
+    // The pinned artifact may be gone, or from an older run.
     let mut named: Vec<ArtifactId> = Vec::new();
     for run in store.runs()? {
         let run = run?;
@@ -46,30 +46,30 @@ fn of_stage(store: &Store, pins: &[Pin], reference: &str) -> Result<ArtifactId, 
         [] => of_label(pins, reference).map_or(located, Ok),
         several => {
             let list: Vec<String> = several.iter().map(ArtifactId::short).collect();
-            let message = format!("{} pinned artifacts are of a stage `{reference}`", several.len());
-            Err(CliError::bad_input(message).help(format!("name one: {}", list.join(", "))))
+            let message = format!("{} pinned artifacts belong to a stage `{reference}`", several.len());
+            Err(CliError::bad_input(message).help(format!("choose one: {}", list.join(", "))))
         }
     }
 }
 
-/// The one pinned artifact with a label.
+/// Returns the only pinned artifact with a label.
 fn of_label(pins: &[Pin], label: &str) -> Option<ArtifactId> {
     let mut labelled = pins.iter().filter(|pin| pin.label == label);
     let found = labelled.next()?.digest;
     labelled.next().is_none().then_some(found)
 }
 
-/// The artifact may be gone: pins are found by their own digests first.
 pub fn execute(arguments: &UnpinArguments, output: &Output) -> Result<Exit, CliError> {
     let store = locate::existing_store(&arguments.store.folder_of_any([&arguments.artifact]))?;
-    let wanted = arguments.artifact.to_ascii_lowercase();
+    let digits = arguments.artifact.to_ascii_lowercase();
+    // The artifact may be gone: pins are searched first.
     let pins = store.pins()?;
     let pinned: Vec<_> = pins
         .iter()
-        .filter(|pin| pin.digest.to_string().starts_with(&wanted))
+        .filter(|pin| pin.digest.to_string().starts_with(&digits))
         .collect();
     let digest = match pinned.as_slice() {
-        [one] if wanted.len() >= 4 => one.digest,
+        [one] if digits.len() >= locate::MIN_DIGITS => one.digest,
         _ => of_stage(&store, &pins, &arguments.artifact)?,
     };
     let label = |pin: &Pin| match pin.label.as_str() {
@@ -84,7 +84,7 @@ pub fn execute(arguments: &UnpinArguments, output: &Output) -> Result<Exit, CliE
     if !store.unpin(&digest)? {
         return Err(
             CliError::bad_input(format!("artifact {} is not pinned", digest.short()))
-                .help("`deaflow pin` without an artifact lists the pins"),
+                .help("list the pins with `deaflow pin`"),
         );
     }
     if !output.is_json() {

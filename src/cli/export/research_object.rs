@@ -384,14 +384,14 @@ mod tests {
         std::os::unix::fs::symlink("nothing", at("dangling")).unwrap();
         assert_eq!(empty_folder(&at("new")).unwrap(), at("new"));
         assert!(empty_folder(&at("empty")).is_ok());
-        for (name, said) in [
+        for (name, found) in [
             ("full", "not empty"),
             ("file", "a regular file"),
-            ("dangling", "leads nowhere"),
+            ("dangling", "broken link"),
             ("none/new", "no folder"),
         ] {
             let error = empty_folder(&at(name)).unwrap_err();
-            assert!(error.message().contains(said), "{name}: {}", error.message());
+            assert!(error.message().contains(found), "{name}: {}", error.message());
         }
     }
 }

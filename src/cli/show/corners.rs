@@ -7,15 +7,17 @@ use deaflow_report::RowSource;
 use deaflow_scene::Scene;
 use deaflow_store::Data;
 
-/// As an `import` stage asks for them.
+/// The columns that an `import` stage reads.
 const COLUMNS: &str = "sample,x_mm,y_mm,ux_mm,uy_mm,electrode";
 
-/// Prints the fields of a file or an artifact, whose scene is this text, sample after sample. Samples without a field have no lines.
+/// Prints the fields of a file or an artifact with this scene. Samples without a field have no lines.
+///
+/// # Errors
+/// When the scene, the displacement or the patterns are missing.
 pub fn print(source: &dyn RowSource, scene: Option<&str>, output: &Output) -> Result<Exit, CliError> {
     let lacks = |what: &str| {
-        CliError::bad_input(format!("{} has no {what}", source.title())).help(
-            "corners are shown of what `solve` and `predict` wrote, and of stages of kind solve, import and balance",
-        )
+        CliError::bad_input(format!("{} has no {what}", source.title()))
+            .help("--corners needs the output of `solve` or `predict`, or a stage of kind solve, import or balance")
     };
     let scene = scene.and_then(|text| Scene::from_text(text).ok());
     let membrane = scene.ok_or_else(|| lacks("scene"))?.membrane();
@@ -54,7 +56,7 @@ pub fn print(source: &dyn RowSource, scene: Option<&str>, output: &Output) -> Re
                 false => String::new(),
             };
             let place = [x as f64 * width, y as f64 * height];
-            // Writing into a text does not fail.
+            // Writing to a string cannot fail.
             let _ = writeln!(
                 lines,
                 "{sample},{},{},{:?},{:?},{electrode}",
@@ -64,9 +66,7 @@ pub fn print(source: &dyn RowSource, scene: Option<&str>, output: &Output) -> Re
         output.plain(&lines)?;
     }
     if without > 0 {
-        output.note(&format!(
-            "no lines of {without} of {samples} samples, which have no field"
-        ));
+        output.note(&format!("omitted: {without} of {samples} samples, without a field"));
     }
     Ok(Exit::Done)
 }

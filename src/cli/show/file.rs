@@ -1,14 +1,14 @@
-//! What is in an HDF5 file that is no artifact: what `solve`, `predict` or `export artifact` wrote.
+//! The content of an HDF5 file that is not an artifact: the output of `solve`, `predict` or `export artifact`.
 
 use std::path::Path;
 
-use super::{ShowArguments, Shown, ShownDataset, corners, print, print_rows, statistics};
+use super::{DatasetSummary, ShowArguments, Summary, corners, print, print_rows, statistics};
 use crate::{CliError, Exit, Output};
 use deaflow_hdf::{Array, HdfFile, Tree};
 use deaflow_report::{RowSource, Rows, RowsError};
 use deaflow_store::{Content, Data, ElementType, StoreError, long_texts};
 
-/// A file, and what it says about itself.
+/// A file, and the tree of its objects.
 struct ResultFile<'a> {
     path: &'a Path,
     file: HdfFile,
@@ -26,14 +26,14 @@ pub fn execute(path: &Path, arguments: &ShowArguments, output: &Output) -> Resul
     if arguments.csv && !output.is_json() {
         return print_rows(&Rows::of(&file, arguments.along.as_deref())?, output);
     }
-    print(&file.shown()?, output)
+    print(&file.summary()?, output)
 }
 
 impl ResultFile<'_> {
-    fn shown(&self) -> Result<Shown, CliError> {
-        let dataset = |array: &Array| -> Result<ShownDataset, CliError> {
+    fn summary(&self) -> Result<Summary, CliError> {
+        let dataset = |array: &Array| -> Result<DatasetSummary, CliError> {
             let elements = self.elements(&array.path)?;
-            Ok(ShownDataset {
+            Ok(DatasetSummary {
                 path: array.path.clone(),
                 kind: ElementType::of(&elements).name(),
                 shape: array.shape.clone(),
@@ -42,7 +42,7 @@ impl ResultFile<'_> {
                 statistics: statistics::of_data(&elements),
             })
         };
-        Ok(Shown {
+        Ok(Summary {
             digest: None,
             path: self.path.display().to_string(),
             attributes: self.tree.attributes.clone(),
@@ -81,8 +81,8 @@ impl RowSource for ResultFile<'_> {
         texts.ok_or_else(|| {
             let file = self.path.display();
             RowsError::None {
-                message: format!("{file}: the texts of `{path}` are not as long as it says"),
-                help: "the file is damaged, or another program wrote it".to_owned(),
+                message: format!("{file}: the lengths of the texts of `{path}` are wrong"),
+                help: "the file is damaged, or was written by another program".to_owned(),
             }
         })
     }

@@ -205,7 +205,9 @@ impl Runner {
     #[must_use]
     pub fn progress(&self) -> Value {
         let mut current = lock(&self.0);
-        let Some(run) = current.as_mut() else { return Value::Null };
+        let Some(run) = current.as_mut() else {
+            return Value::Null;
+        };
         match run.is_running() {
             true => json!({ "pipeline": run.pipeline, "pid": run.child.id(), "stages": lock(&run.progress).stages() }),
             false => Value::Null,
