@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use super::bucket::BucketObject;
+use super::bucket::{Bucket, BucketObject};
 use super::error::RemoteError;
 use super::key::{PublicKey, SigningKey};
 use super::pack::{self, MOST_RECORDS, PackError, RECORDS};
@@ -69,21 +69,13 @@ pub fn collect_garbage(
     let bucket = remote.bucket();
     let mut report = GarbageReport::default();
     // Records are listed before objects, so that objects pushed meanwhile are named or within the grace period.
-    let listed = bucket.list(RECORDS)?;
+    let (listed, foreign) = list_packs(bucket)?;
+    report.foreign = foreign;
     let now = bucket.now();
     let is_old =
         |entry: &BucketObject, age: Duration| now.duration_since(entry.modified).is_ok_and(|since| since > age);
-    let (mut named, mut packs) = (Vec::new(), Vec::new());
-    for entry in listed {
-        match pack::parse_name(&entry.name) {
-            Some(name) if entry.size <= pack::MAX_PACK => named.push((entry, name)),
-            _ => report.foreign += 1,
-        }
-    }
-    let known: BTreeSet<String> = named.iter().map(|(entry, _)| entry.name.clone()).collect();
-    for pack in side_by_side(&named, |(entry, name)| read(remote, entry, *name).map(Some))? {
-        packs.extend(pack);
-    }
+    let known: BTreeSet<&str> = listed.iter().map(|(entry, _)| entry.name.as_str()).collect();
+    let packs = side_by_side(&listed, |(entry, name)| read(remote, entry, *name))?;
     let (old, kept): (Vec<PackContents>, Vec<PackContents>) = packs
         .into_iter()
         .partition(|pack| retention.age.is_some_and(|age| is_old(&pack.entry, age)));
@@ -122,10 +114,8 @@ pub fn collect_garbage(
     remove(&old_packs)?;
     // Objects that were recorded meanwhile are kept.
     let mut late = BTreeSet::new();
-    for entry in bucket.list(RECORDS)? {
-        if let Some(name) = pack::parse_name(&entry.name).filter(|_| entry.size <= pack::MAX_PACK)
-            && !known.contains(&entry.name)
-        {
+    for (entry, name) in list_packs(bucket)?.0 {
+        if !known.contains(entry.name.as_str()) {
             late.extend(read(remote, &entry, name)?.into_iter().flat_map(|pack| pack.names));
         }
     }
@@ -136,6 +126,22 @@ pub fn collect_garbage(
         report.merged = merge(remote, &kept, key)?;
     }
     Ok(report)
+}
+
+/// A pack in the list of a remote, with its parsed name.
+type ListedPack = (BucketObject, (PublicKey, Digest));
+
+/// Lists the packs of a remote, and counts other names.
+fn list_packs(bucket: &dyn Bucket) -> Result<(Vec<ListedPack>, u64), RemoteError> {
+    let mut packs = Vec::new();
+    let mut foreign = 0;
+    for entry in bucket.list(RECORDS)? {
+        match pack::parse_name(&entry.name) {
+            Some(name) if entry.size <= pack::MAX_PACK => packs.push((entry, name)),
+            _ => foreign += 1,
+        }
+    }
+    Ok((packs, foreign))
 }
 
 /// Reads a file of records; `None` if it was removed meanwhile.

@@ -152,7 +152,11 @@ impl Person {
 
     fn remote(&self, memory: &Arc<Memory>, trusted: &[&Self]) -> Remote {
         let all = trusted.iter().chain([&self]);
-        let trusted = all.map(|person| (person.key.public(), String::new())).collect();
+        let trusted = all.map(|person| TrustedKey {
+            key: person.key.public(),
+            owner: String::new(),
+        });
+        let trusted = trusted.collect();
         Remote::new(
             "lab",
             Box::new(memory.clone()),

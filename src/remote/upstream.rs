@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError, RwLock};
 use super::bucket::Bucket;
 use super::config::RemoteConfiguration;
 use super::error::RemoteError;
-use super::key::{PublicKey, SigningKey};
+use super::key::{PublicKey, SigningKey, TrustedKey};
 use super::pack::{self, PackError, RECORDS, Statement};
 use super::s3::S3;
 use super::trusted_records::{Disagreement, IgnoredRecords, TrustedRecords};
@@ -60,7 +60,7 @@ pub struct Downloads {
 pub struct Remote {
     name: String,
     bucket: Box<dyn Bucket>,
-    trusted: Vec<(PublicKey, String)>,
+    trusted: Vec<TrustedKey>,
     /// Folder of cached packs and notes on uploads.
     folder: PathBuf,
     records: RwLock<TrustedRecords>,
@@ -89,14 +89,11 @@ impl Remote {
         store: &Store,
     ) -> Result<Self, RemoteError> {
         let bucket = Box::new(S3::open(&configured.address)?);
-        let mut trusted: Vec<(PublicKey, String)> = configured
-            .trusted
-            .iter()
-            .map(|trusted| (trusted.key, trusted.owner.clone()))
-            .collect();
+        let mut trusted = configured.trusted.clone();
         let own = own.map(SigningKey::public);
-        if let Some(own) = own.filter(|own| !trusted.iter().any(|(key, _)| key == own)) {
-            trusted.push((own, "you".to_owned()));
+        if let Some(key) = own.filter(|own| !trusted.iter().any(|trusted| trusted.key == *own)) {
+            let owner = "you".to_owned();
+            trusted.push(TrustedKey { key, owner });
         }
         let place = configured.address.digest();
         Ok(Self::new(&configured.name, bucket, trusted, &place, store))
@@ -104,13 +101,7 @@ impl Remote {
 
     /// Creates a remote on any storage. `place` identifies its location and names the folder of the cache.
     #[must_use]
-    pub fn new(
-        name: &str,
-        bucket: Box<dyn Bucket>,
-        trusted: Vec<(PublicKey, String)>,
-        place: &Digest,
-        store: &Store,
-    ) -> Self {
+    pub fn new(name: &str, bucket: Box<dyn Bucket>, trusted: Vec<TrustedKey>, place: &Digest, store: &Store) -> Self {
         Self {
             name: name.to_owned(),
             bucket,
@@ -149,8 +140,8 @@ impl Remote {
     /// Returns the owner of a key for messages.
     #[must_use]
     pub fn owner(&self, key: &PublicKey) -> String {
-        let named = self.trusted.iter().find(|(trusted, _)| trusted == key);
-        match named.map(|(_, owner)| owner.as_str()) {
+        let trusted = self.trusted.iter().find(|trusted| trusted.key == *key);
+        match trusted.map(|trusted| trusted.owner.as_str()) {
             // The digits distinguish owners of the same name.
             Some(owner) if !owner.is_empty() => format!("{owner} ({})", key.short()),
             _ => key.short(),
@@ -179,17 +170,16 @@ impl Remote {
         packs.sort_unstable();
         let mut records = TrustedRecords::default();
         for batch in packs.chunks(BATCH) {
-            let mut read = side_by_side(batch, |pack| Ok::<_, RemoteError>(Some((*pack, self.read(pack)?))))?;
+            let mut read = side_by_side(batch, |pack| {
+                Ok::<_, RemoteError>(self.read(pack)?.map(|content| (*pack, content)))
+            })?;
             read.sort_unstable_by_key(|(pack, _)| *pack);
             for ((signer, digest), content) in read {
                 match content {
-                    None => {}
-                    Some(Ok(statements)) => {
-                        statements
-                            .into_iter()
-                            .for_each(|statement| records.add(signer, statement));
-                    }
-                    Some(Err(why)) => ignored.rejected.push((pack::name(&signer, &digest), why)),
+                    Ok(statements) => statements
+                        .into_iter()
+                        .for_each(|statement| records.add(signer, statement)),
+                    Err(why) => ignored.rejected.push((pack::name(&signer, &digest), why)),
                 }
             }
         }
@@ -222,7 +212,7 @@ impl Remote {
     }
 
     fn trusts(&self, signer: &PublicKey) -> bool {
-        self.trusted.iter().any(|(key, _)| key == signer)
+        self.trusted.iter().any(|trusted| trusted.key == *signer)
     }
 
     /// Checks the marker. An empty location is a remote to which nothing was pushed yet.
@@ -263,10 +253,10 @@ impl Remote {
     /// Returns the cached packs of trusted signers.
     fn cached_packs(&self) -> BTreeSet<(PublicKey, Digest)> {
         let mut cached = BTreeSet::new();
-        for (signer, _) in &self.trusted {
-            let entries = fs::read_dir(self.folder.join(signer.to_string())).into_iter().flatten();
+        for TrustedKey { key, .. } in &self.trusted {
+            let entries = fs::read_dir(self.folder.join(key.to_string())).into_iter().flatten();
             let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-            cached.extend(names.filter_map(|name| Some((*signer, name.parse().ok()?))));
+            cached.extend(names.filter_map(|name| Some((*key, name.parse().ok()?))));
         }
         cached
     }
