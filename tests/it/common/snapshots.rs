@@ -86,7 +86,7 @@ pub fn check(here: &str, suffix: &str, printed: &dyn Display) {
 /// Replaces numbers by `#`, for results of trained networks and others that differ between kinds of processors.
 pub fn without_numbers(text: &str) -> String {
     static NUMBERS: LazyLock<Regex> = LazyLock::new(|| Regex::new(r"[+-]?[0-9]+(\.[0-9]+)?(e-?[0-9]+)?").unwrap());
-    NUMBERS.replace_all(text, "#").into_owned()
+    NUMBERS.replace_all(&masked(text), "#").into_owned()
 }
 
 struct SameOutput;
@@ -110,7 +110,7 @@ static MEASURED: LazyLock<Vec<(Regex, &str)>> = LazyLock::new(|| {
     let patterns = [
         (r"[0-9]{4}-[0-9]{2}-[0-9]{2}([T ][0-9:.]+Z?)?( UTC)?", "[time]"),
         (r"\b[0-9]{1,2}:[0-9]{2}(:[0-9]{2})?\b", "[time]"),
-        (r"\b[0-9]+(\.[0-9]+)? (ms|s|min|h)( [0-9]+ (s|min))?\b", "[time]"),
+        (r"\b[0-9]+(\.[0-9]+)? (µs|ms|s|min|h)( [0-9]+ (s|min))?\b", "[time]"),
         (r"\b[0-9]+(\.[0-9]+)? (bytes|B|kB|MB|GB|KiB|MiB|GiB)\b", "[size]"),
         (r"\b127\.0\.0\.1:[0-9]+", "127.0.0.1:[port]"),
         (r"\b(process|pid) [0-9]+", "$1 [pid]"),
