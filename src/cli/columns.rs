@@ -1,5 +1,5 @@
-//! A table as it fits where it is shown. Without a terminal every column is as wide as it needs. On one that is too narrow texts flow
-//! within their columns, or below the line that they belong to; columns that can be done without leave; what is still too wide is cut.
+//! Layout of tables. Without a terminal every column has its natural width. On a narrow terminal texts wrap within their columns or
+//! below their row, dispensable columns are dropped, and what is still too wide is truncated.
 
 use textwrap::core::{Word, display_width};
 use textwrap::{WordSeparator, WordSplitter};
@@ -13,10 +13,10 @@ const LEAST: usize = 24;
 /// The least width to which a column is cut.
 const LEAST_CUT: usize = 6;
 
-/// Columns by which what flows below a line is indented.
+/// The indentation of text below a row.
 const INDENT: usize = 4;
 
-/// Between columns; less where that is not enough.
+/// The gaps between columns: default, and in narrow tables.
 const GAPS: [usize; 2] = [3, 2];
 
 /// A table.
@@ -49,7 +49,7 @@ impl<T: ToString> From<T> for Cell {
 }
 
 impl Cell {
-    /// With a tone. What would change a terminal is taken out of the text.
+    /// Makes a cell with a tone; control characters are removed from the text.
     pub fn toned(text: &str, tone: Tone) -> Self {
         Self {
             text: printable(text).replace('\t', " "),
@@ -58,7 +58,7 @@ impl Cell {
     }
 }
 
-/// An empty table with a header; the columns named in `numbers` are flush right.
+/// Makes an empty table with a header; the columns in `numbers` are aligned to the right.
 pub fn table(header: &[&str], numbers: &[&str]) -> Table {
     let column = |title: &&str| Column {
         title: printable(title).into_owned(),
@@ -72,7 +72,7 @@ pub fn table(header: &[&str], numbers: &[&str]) -> Table {
     }
 }
 
-/// Which columns stand in a line, how wide, and which below it.
+/// The columns within a row with their widths, and those below it.
 struct Layout {
     inline: Vec<(usize, usize)>,
     below: Vec<usize>,
@@ -80,7 +80,7 @@ struct Layout {
 }
 
 impl Table {
-    /// With columns of texts that may flow.
+    /// Marks columns whose text may wrap.
     pub fn flowing(mut self, titles: &[&str]) -> Self {
         for column in &mut self.columns {
             column.flows |= titles.contains(&column.title.as_str());
@@ -88,7 +88,7 @@ impl Table {
         self
     }
 
-    /// With columns that can be done without, in the order in which they leave.
+    /// Marks columns that may be dropped, in this order.
     pub fn dispensable(mut self, titles: &[&str]) -> Self {
         for column in &mut self.columns {
             column.leaves = titles.iter().position(|title| *title == column.title);
@@ -96,12 +96,12 @@ impl Table {
         self
     }
 
-    /// Adds a line.
+    /// Adds a row.
     pub fn add_row<C: Into<Cell>>(&mut self, cells: impl IntoIterator<Item = C>) {
         self.rows.push(cells.into_iter().map(Into::into).collect());
     }
 
-    /// As it is shown, its last line without a break. Without a terminal each row is one line, as scripts read them.
+    /// Formats the table, without a final line break. Without a terminal each row is one line, for scripts.
     pub fn show(&self, screen: Screen) -> String {
         match screen.width {
             None => self.unbroken().shown(screen),
@@ -109,7 +109,7 @@ impl Table {
         }
     }
 
-    /// With the lines of each cell in one.
+    /// Joins the lines of each cell.
     fn unbroken(&self) -> Self {
         let cell = |cell: &Cell| Cell {
             text: cell.text.lines().collect::<Vec<_>>().join("; "),
@@ -215,7 +215,7 @@ impl Table {
         }
     }
 
-    /// The lines of a row.
+    /// Formats the lines of a row.
     fn lines(&self, row: &[Cell], layout: &Layout, screen: Screen) -> Vec<String> {
         let cells: Vec<(usize, Vec<String>)> = layout
             .inline
@@ -232,7 +232,7 @@ impl Table {
                 let gap = if place == 0 { 0 } else { layout.gap };
                 let before = gap + if self.columns[at].is_number { room } else { 0 };
                 let tone = row.get(at).map_or(Tone::Plain, |cell| cell.tone);
-                // What is still too wide, numbers alone, ends where the terminal does.
+                // Numbers that are still too wide end at the edge of the terminal.
                 let left = screen
                     .width
                     .map_or(usize::MAX, |most| most.saturating_sub(used + before));
@@ -247,7 +247,7 @@ impl Table {
         (0..height).map(line).collect()
     }
 
-    /// The lines of a cell in a column of this width.
+    /// Formats the lines of a cell in a column of this width.
     fn cell(&self, row: &[Cell], at: usize, width: usize) -> Vec<String> {
         let text = row.get(at).map_or("", |cell| cell.text.as_str());
         if !self.columns[at].flows {
@@ -264,11 +264,11 @@ impl Table {
         lines.collect()
     }
 
-    /// What flows below a row.
+    /// Formats the text below a row.
     fn below(&self, row: &[Cell], layout: &Layout, most: usize, screen: Screen) -> Vec<String> {
         let indents = [INDENT, INDENT + 2].map(|indent| " ".repeat(indent));
         let options = words(most).initial_indent(&indents[0]).subsequent_indent(&indents[1]);
-        // A title stands before the first line, the others are of it.
+        // The first line has the title; the others are indented further.
         let others = options.clone().initial_indent(&indents[1]);
         let mut lines = Vec::new();
         for &at in layout.below.iter().filter(|at| **at > 0) {
@@ -286,7 +286,7 @@ impl Table {
     }
 }
 
-/// What stands before a row whose first column has no room in its line: it is what the row is called.
+/// Formats the first column above its row, if it does not fit within.
 fn above(row: &[Cell], layout: &Layout, most: usize, screen: Screen) -> Vec<String> {
     let Some(cell) = row.first().filter(|_| layout.below.first() == Some(&0)) else {
         return Vec::new();
@@ -296,20 +296,20 @@ fn above(row: &[Cell], layout: &Layout, most: usize, screen: Screen) -> Vec<Stri
     wrapped.map(|line| cell.tone.paint(&line, screen.is_coloured)).collect()
 }
 
-/// Columns that a line takes.
+/// Returns the width of a row.
 fn length(columns: &[(usize, usize)], gap: usize) -> usize {
     let widths: usize = columns.iter().map(|(_, width)| width).sum();
     widths + gap * columns.len().saturating_sub(1) + gap - 1
 }
 
-/// How texts are broken: at spaces, and at nothing else. A path is one word.
+/// Returns the wrapping options: only at spaces, so that paths stay whole.
 pub fn words(width: usize) -> textwrap::Options<'static> {
     textwrap::Options::new(width)
         .word_separator(WordSeparator::AsciiSpace)
         .word_splitter(WordSplitter::NoHyphenation)
 }
 
-/// Words, and the parts of dotted paths and of names of several words: a path that is longer than its column is broken between them.
+/// Splits a line into words and the parts of dotted paths and long names, for columns that are narrower than a word.
 fn parts(line: &str) -> Box<dyn Iterator<Item = Word<'_>> + '_> {
     let mut ends = Vec::new();
     let mut before = ' ';
@@ -329,14 +329,14 @@ fn parts(line: &str) -> Box<dyn Iterator<Item = Word<'_>> + '_> {
     }))
 }
 
-/// A line in as many as it takes. A number is not parted from its unit, nor from how far it may be off.
+/// Wraps a line. A number stays with its unit and its error.
 pub fn broken(line: &str, options: &textwrap::Options<'_>) -> Vec<String> {
     let unbroken = unbroken(line);
     let lines = textwrap::wrap(&unbroken, options).into_iter();
     lines.map(|line| line.replace(NO_BREAK, " ")).collect()
 }
 
-/// A text of no more than so many columns.
+/// Truncates a text to at most this many columns.
 pub fn cut(text: &str, most: usize) -> String {
     if display_width(text) <= most {
         return text.to_owned();

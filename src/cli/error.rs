@@ -1,6 +1,6 @@
-//! One error type for all commands: what went wrong, where, what helps, and the exit code.
+//! The error type of all commands: message, position in a file, help, and exit code.
 //!
-//! Domain errors carry their own context; only here are they given exit codes and a form to be printed in.
+//! Errors of other crates are mapped to exit codes and formatted only here.
 
 use std::io::{self, ErrorKind};
 
@@ -23,7 +23,7 @@ use deaflow_serve::ServeError;
 use deaflow_stage::direct::DirectError;
 use deaflow_store::StoreError;
 
-/// Why a command did not do what was asked.
+/// The error of a command.
 #[derive(Debug)]
 pub struct CliError {
     exit: Exit,
@@ -31,7 +31,7 @@ pub struct CliError {
     help: Option<String>,
     input: Option<Box<InputError>>,
     closed_pipe: bool,
-    /// Whether another machine, or this one later, may succeed.
+    /// Whether another machine, or a later attempt, may succeed.
     may_pass: bool,
 }
 
@@ -61,17 +61,17 @@ impl CliError {
         }
     }
 
-    /// Something failed.
+    /// An error with the exit code of a failure.
     pub fn failure(message: impl Into<String>) -> Self {
         Self::new(Exit::Failure, message)
     }
 
-    /// What was given cannot be used.
+    /// An error of invalid input.
     pub fn bad_input(message: impl Into<String>) -> Self {
         Self::new(Exit::BadInput, message)
     }
 
-    /// It was stopped.
+    /// The error of work that was stopped.
     pub fn stopped(message: impl Into<String>) -> Self {
         Self::new(Exit::TryAgain, message)
     }
@@ -80,13 +80,13 @@ impl CliError {
         Self::new(Exit::Locked, message).help("`deaflow run --lock` writes the lock file anew")
     }
 
-    /// Adds advice.
+    /// Adds a help text.
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
     }
 
-    /// Puts a word before the message: the stage that failed, or that is there and stops the pipeline.
+    /// Adds the stage that failed, or that stops the pipeline, to the message.
     pub fn of_stage(mut self, stage: &str) -> Self {
         let what = match self.exit {
             Exit::Findings => "stops the pipeline",
@@ -115,32 +115,32 @@ impl CliError {
         }
     }
 
-    /// Whether another machine, or this one later, may succeed.
+    /// Whether another machine, or a later attempt, may succeed.
     pub fn is_transient(&self) -> bool {
         self.may_pass
     }
 
-    /// Whether the work was asked to stop, and nothing is wrong.
+    /// Whether the work was only asked to stop.
     pub fn is_stop(&self) -> bool {
         self.exit == Exit::TryAgain && !self.may_pass
     }
 
-    /// What went wrong, in one line.
+    /// Returns the message, one line.
     pub fn message(&self) -> &str {
         &self.message
     }
 
-    /// The exit code that it calls for.
+    /// Returns the exit code.
     pub fn exit(&self) -> Exit {
         self.exit
     }
 
-    /// Whether it is only that nobody reads stdout any more.
+    /// Whether stdout was closed by its reader.
     pub fn is_closed_pipe(&self) -> bool {
         self.closed_pipe
     }
 
-    /// For people, as it fits where it is shown: with the words of the file and a caret under them where there is a place.
+    /// Formats the error for a terminal; quotes the file if there is a position.
     pub fn render(&self, screen: Screen) -> String {
         let width = screen.width.unwrap_or(USUAL);
         let quoted = self.quoted(ThemeStyles::none(), width);
@@ -162,7 +162,7 @@ impl CliError {
         lines(&printable(&text), Tone::Plain, screen)
     }
 
-    /// With the lines around the place; none where there is no place, or the lines are not fit for a terminal.
+    /// Formats the error with the lines around its position; none without a position, or if they contain control characters.
     fn quoted(&self, styles: ThemeStyles, width: usize) -> Option<String> {
         let input = self.input.as_ref().filter(|_| self.can_be_quoted())?;
         let characters = ThemeCharacters {
@@ -174,12 +174,12 @@ impl CliError {
         let handler = GraphicalReportHandler::new_themed(theme).with_width(width);
         let mut text = String::new();
         handler.render_report(&mut text, input.as_ref()).ok()?;
-        // Lines may end as those of other systems.
+        // Files may have CR LF line ends.
         Some(text.trim_start().replace('\r', ""))
     }
 
-    /// Whether the message and the lines around the place are fit for a terminal. A line of megabytes would bury the message (and
-    /// miette counts columns in 16 bits); control characters could do anything.
+    /// Whether message and lines can be printed: no control characters, and no lines of megabytes (miette counts columns in
+    /// 16 bits).
     fn can_be_quoted(&self) -> bool {
         let shown = self.input.as_ref().and_then(|input| {
             let label = input.labels()?.next()?;
@@ -190,12 +190,12 @@ impl CliError {
         });
         let (lines, words) = shown.unwrap_or_default();
         let help = self.help.as_deref().unwrap_or_default();
-        // The ends of lines of other systems are not among what is shown.
+        // CR LF line ends are not printed.
         let shown: [&str; 4] = [&lines.replace("\r\n", "\n"), &words, help, &self.message];
         lines.lines().all(|line| line.len() <= LONGEST_LINE) && !shown.iter().any(|text| text.contains(is_unprintable))
     }
 
-    /// For programs.
+    /// Formats the error for programs.
     pub fn to_json(&self) -> Value {
         let place = self.place();
         json!({

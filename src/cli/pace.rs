@@ -1,7 +1,6 @@
-//! How fast work goes and how long it still takes. Measured is what this process has done since its first sign of progress: what an earlier
-//! one had come to says nothing of it, and neither does the time that it takes to begin, nor that in which others had the processors: it is
-//! what the last half a minute to a minute did, where that is some steps. Within the first step what was foretold counts, the less the more
-//! of the step is done.
+//! The rate of work and the remaining time. The rate is measured from the first progress of this process, without the steps of an
+//! earlier process, the time to start, and pauses in which other work had the processors: it is that of the last half to whole
+//! minute, if that contains some steps. During the first step, the estimate of the plan is mixed in, with decreasing weight.
 
 use super::table;
 
@@ -14,37 +13,37 @@ const USUAL: f64 = 1.0;
 /// The part of a step that has to be done for the rest to be estimated from it alone.
 const LEAST: f64 = 0.05;
 
-/// Rates are those since the last but one of marks that are so far apart, s, where so many steps were done since.
+/// The rate is that since the last mark but one, if there were enough steps since. Marks are this far apart, s.
 const WINDOW: f64 = 30.0;
 const SOME: f64 = 5.0;
 
 /// A pause of this part of all the time is no pace of any work: others had the processors.
 const WAITED: f64 = 0.8;
 
-/// How far a piece of work has come. Times are in seconds from when it was begun.
+/// The progress of a piece of work. Times are in seconds since its start.
 #[derive(Clone, Debug, Default)]
 pub struct Pace {
-    /// Steps that are done.
+    /// Finished steps.
     pub done: u64,
-    /// Of the step under way.
+    /// The finished part of the current step.
     pub part: f64,
-    /// Of all steps.
+    /// Number of steps.
     pub length: u64,
     /// What is left of it was foretold to take, apart from steps of an earlier process.
     foretold: Option<f64>,
     /// Steps that were done before this process began.
     before: u64,
-    /// When progress was first told of, and how much this process had done by then.
+    /// The time of the first progress, and the steps of this process until then.
     first: Option<(f64, f64)>,
-    /// When it was last told of.
+    /// The time of the last progress.
     last: f64,
-    /// The longest time between two tellings.
+    /// The longest time between two reports of progress.
     longest: f64,
-    /// The same without that before the first, and without those in which half of all that is done was done.
+    /// The same without the time before the first one, and without those in which half of all steps were done.
     pause: f64,
-    /// What this process had done when progress was last told of.
+    /// The steps of this process at the last progress.
     had: f64,
-    /// When marks were set, and how much this process had done by then: the last but one, and the last.
+    /// The times of the last two marks, and the steps of this process until then.
     marks: [(f64, f64); 2],
 }
 
@@ -58,33 +57,33 @@ impl Pace {
         }
     }
 
-    /// Sets how much of how much is done.
+    /// Sets the number of finished steps, and of all.
     pub fn set(&mut self, at: f64, done: u64, length: u64) {
         (self.done, self.part, self.length) = (done, 0.0, length);
         self.told(at);
     }
 
-    /// `steps` more are done.
+    /// Adds finished steps.
     pub fn advance(&mut self, at: f64, steps: u64) {
         self.done += steps;
         self.part = 0.0;
         self.told(at);
     }
 
-    /// Of the step under way this part is done.
+    /// Sets the finished part of the current step.
     pub fn set_part(&mut self, at: f64, part: f64) {
         self.part = part.clamp(0.0, 1.0);
         self.told(at);
     }
 
-    /// `steps` were done before this process began.
+    /// Adds steps of an earlier process.
     pub fn resume(&mut self, at: f64, steps: u64) {
         self.done += steps;
         self.before += steps;
         self.told(at);
     }
 
-    /// All that is done, in steps.
+    /// Returns the finished steps, with the part of the current one.
     pub fn position(&self) -> f64 {
         self.done as f64 + self.part
     }
@@ -107,8 +106,7 @@ impl Pace {
         self.first.get_or_insert(first);
     }
 
-    /// For how long nothing has been heard, s, where that is longer than ever: what is under way is heavier than what was measured, which
-    /// says nothing of how long it takes.
+    /// Returns the time since the last progress, s, if it is unusually long: the current step takes longer than earlier ones.
     fn overdue(&self, at: f64) -> Option<f64> {
         let silent = at - self.last;
         let is_last_of_all = self.position() >= self.length as f64;
@@ -116,12 +114,12 @@ impl Pace {
         (is_measured && silent > LATE * self.longest.max(USUAL)).then_some(silent)
     }
 
-    /// Steps of this process.
+    /// Returns the steps of this process.
     fn own(&self) -> f64 {
         self.position() - self.before as f64
     }
 
-    /// Steps per second; none before any has been measured.
+    /// Returns the steps per second; none before the first measurement.
     fn rate(&self, at: f64) -> Option<f64> {
         let (from, had) = self.first?;
         let since = |(from, had): (f64, f64)| (at - from, self.own() - had);
@@ -139,7 +137,7 @@ impl Pace {
         self.foretold.map(|all| all - at).filter(|left| *left > 0.0)
     }
 
-    /// How long it still takes, s; none where nothing is known.
+    /// Returns the remaining time, s, if it is known.
     fn left(&self, at: f64) -> Option<f64> {
         let steps = (self.length as f64 - self.position()).max(0.0);
         // Of a small part of the first step nobody can tell.
@@ -164,7 +162,7 @@ impl Pace {
                 let silent = at - self.last;
                 format!("{}, {} in this one so far", rate(per_second), table::seconds(silent))
             }
-            // All steps are done, and what they made is put together.
+            // All steps are finished; their results are being combined.
             (Some(per_second), None) => rate(per_second),
             (None, Some(left)) => format!("about {left} left"),
             (None, None) => String::new(),
@@ -172,7 +170,7 @@ impl Pace {
     }
 }
 
-/// Steps that take longer than a second are counted by the minute.
+/// Formats a rate: steps longer than a second are counted per minute.
 fn rate(per_second: f64) -> String {
     if per_second > 0.0 && per_second < 1.0 {
         format!("{:.1}/min", 60.0 * per_second)

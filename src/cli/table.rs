@@ -1,4 +1,4 @@
-//! Tables and the way numbers are written for people.
+//! Tables of stages, and formats of numbers.
 
 pub use super::columns::{Cell, Table, table};
 pub use deaflow_report::{bytes, number, seconds};
@@ -10,7 +10,7 @@ use deaflow_orchestrator::{Estimate, Outcome, Price, PriceTotal, StageReport};
 /// What parts of the time are, beside times.
 const PARTS: &str = "part: what a stage has of the time of the run, which stages that are built at once share; it is the part that is foretold";
 
-/// The stages of a finished run; what was built with what was foretold beside it, where anything was.
+/// Formats the stages of a finished run, with estimates if there were any.
 pub fn of_run(stages: &[StageReport]) -> Text {
     let mut text = Text::of(table_of_run(stages));
     if is_shared(stages) {
@@ -19,7 +19,7 @@ pub fn of_run(stages: &[StageReport]) -> Text {
     text
 }
 
-/// Whether stages may have been built at once: how much their times differ from their parts is a matter of chance.
+/// Whether stages may have run in parallel.
 fn is_shared(stages: &[StageReport]) -> bool {
     stages.iter().filter(|stage| stage.part.is_some()).count() > 1
 }
@@ -67,7 +67,7 @@ fn table_of_run(stages: &[StageReport]) -> Table {
     table
 }
 
-/// The stages of a plan.
+/// Formats the stages of a plan.
 pub fn of_plan(stages: &[StageReport]) -> Table {
     let header = ["stage", "kind", "outcome", "chunks", "time", "disk", "why"];
     let mut table = table(&header, &["time", "disk"])
@@ -112,7 +112,7 @@ const MOST_LINES: usize = 12;
 /// Reasons that are told of several stages together.
 const MOST_REASONS: usize = 10;
 
-/// The stages line by line: each alone, but for those of one large sweep that follow each other.
+/// Groups the stages by lines: one each, but those of a large sweep together.
 fn lines(stages: &[StageReport]) -> Vec<&[StageReport]> {
     let sweep = |stage: &StageReport| stage.name.split_once('@').map(|(sweep, _)| sweep.to_owned());
     let together = stages.chunk_by(|a, b| sweep(a).is_some() && sweep(a) == sweep(b));
@@ -136,7 +136,7 @@ fn name(lines: &[StageReport]) -> String {
     }
 }
 
-/// How the stages of a line ended; of several outcomes the gravest has its colour.
+/// Formats the outcomes of the stages of a line, in the colour of the most severe one.
 fn outcomes(lines: &[StageReport]) -> Cell {
     let mut counts: Vec<(Outcome, usize)> = Vec::new();
     for stage in lines {
@@ -164,7 +164,7 @@ fn outcomes(lines: &[StageReport]) -> Cell {
     }
 }
 
-/// A foretold duration with its range.
+/// Formats an estimated time with its range.
 pub fn time(estimate: &Estimate) -> String {
     format!(
         "{} ({} to {})",
@@ -174,7 +174,7 @@ pub fn time(estimate: &Estimate) -> String {
     )
 }
 
-/// What stale stages will take together, and how many of them nothing is known of.
+/// Formats the estimated cost of stale stages, and the number of those without an estimate.
 pub fn price(price: Option<&Price>, unpriced: usize) -> String {
     let known = price.map(|price| {
         let disk = bytes(price.bytes.likely as u64);
@@ -187,7 +187,7 @@ pub fn price(price: Option<&Price>, unpriced: usize) -> String {
     }
 }
 
-/// The word for an outcome, as in JSON.
+/// Returns the name of an outcome, as in JSON.
 pub fn outcome(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Built => "built",
@@ -210,9 +210,8 @@ fn chunks(lines: &[StageReport], built: &str, reused: &str) -> String {
     }
 }
 
-/// So many of what has this name in the plural: `1 step`, `2 searches`.
+/// Formats a number with a noun, given in the plural: `1 step`, `2 searches`.
 pub fn counted(n: u64, many: &str) -> String {
-    // The last word is that of one: `unfinished actions`.
     let one = match many.strip_suffix("ches") {
         Some(stem) => format!("{stem}ch"),
         None => many.strip_suffix('s').unwrap_or(many).to_owned(),

@@ -1,4 +1,4 @@
-//! What is said to people: lines and tables, laid out once it is known where they go.
+//! Text for people: lines and tables, which are laid out for a terminal when they are printed.
 
 use textwrap::core::display_width;
 
@@ -15,20 +15,20 @@ pub struct Text {
 #[derive(Debug)]
 enum Block {
     Lines(Tone, String),
-    /// A line that is not broken.
+    /// A line that is not wrapped.
     Whole(String),
-    /// A command to be copied.
+    /// A command to copy.
     Command(String),
     Table(Table),
 }
 
 impl Text {
-    /// Nothing yet.
+    /// Makes an empty text.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// A table alone.
+    /// Makes a text of a table.
     pub fn of(table: Table) -> Self {
         Self {
             blocks: vec![Block::Table(table)],
@@ -46,13 +46,13 @@ impl Text {
         self
     }
 
-    /// Adds a command, which is broken where a shell goes on in the next line, so that it can be copied.
+    /// Adds a command, which is wrapped with `\\` so that it can be copied.
     pub fn command(&mut self, text: impl Into<String>) -> &mut Self {
         self.blocks.push(Block::Command(text.into()));
         self
     }
 
-    /// Adds a line that is never broken.
+    /// Adds a line that is never wrapped.
     pub fn whole(&mut self, text: impl Into<String>) -> &mut Self {
         self.blocks.push(Block::Whole(text.into()));
         self
@@ -64,20 +64,20 @@ impl Text {
         self
     }
 
-    /// Adds what another text says.
+    /// Adds another text.
     pub fn append(&mut self, other: Self) -> &mut Self {
         self.blocks.extend(other.blocks);
         self
     }
 
-    /// Whether nothing is said.
+    /// Whether the text is empty.
     pub fn is_empty(&self) -> bool {
         let is_empty = |block: &Block| matches!(block, Block::Lines(_, text) if text.is_empty());
         self.blocks.iter().all(is_empty)
     }
 
-    /// As it is shown. What would change a terminal is taken out, but for our own colours; lines that are too long for it are broken
-    /// between words, and go on indented. A word that is too long alone, such as a path, stays whole: it can be copied.
+    /// Formats the text for a terminal. Control characters are removed; long lines are wrapped between words, with an indent. A
+    /// single long word, such as a path, stays whole, so that it can be copied.
     pub fn show(&self, screen: Screen) -> String {
         let block = |block: &Block| match block {
             Block::Lines(tone, text) => lines(&printable(text), *tone, screen),
@@ -97,7 +97,7 @@ impl<T: AsRef<str>> From<T> for Text {
     }
 }
 
-/// Words that a line may begin with, and their colours.
+/// Coloured words at the beginning of a line.
 const FIRST_WORDS: [(&str, Tone); 4] = [
     ("warning:", Tone::Caution),
     ("model warning:", Tone::Caution),
@@ -105,13 +105,13 @@ const FIRST_WORDS: [(&str, Tone); 4] = [
     ("error:", Tone::Bad),
 ];
 
-/// Lines of a text that is fit for a terminal, as they are shown. In lines without a tone the words "warning" and "error" have their colours.
+/// Formats lines without control characters for a terminal. In lines without a tone, "warning" and "error" are coloured.
 pub fn lines(text: &str, tone: Tone, screen: Screen) -> String {
     let mut in_table = false;
     let mut shown: Vec<String> = Vec::new();
     for line in text.split('\n') {
         let is_rule = !line.is_empty() && line.chars().all(|c| matches!(c, '─' | '═'));
-        // Its lines are indented; what comes after its last rule is not.
+        // Lines of a table are indented; text after its last rule is not.
         in_table = is_rule || (in_table && line.starts_with(' '));
         match screen.width {
             Some(width) if in_table => shown.push(painted(&cut(line, width), tone, screen)),
@@ -130,13 +130,13 @@ fn painted(line: &str, tone: Tone, screen: Screen) -> String {
     }
 }
 
-/// A line in as many as it takes.
+/// Wraps a line.
 fn wrapped(line: &str, width: usize) -> Vec<String> {
     if display_width(line) <= width {
         return vec![line.to_owned()];
     }
     let words = line.trim_start();
-    // An indentation that leaves no room is none.
+    // A large indent would leave too little space.
     let indent = (line.len() - words.len()).min(width / 2);
     let indents = [indent, indent + 2].map(|indent| " ".repeat(indent));
     let options = words_of(width)
@@ -146,7 +146,7 @@ fn wrapped(line: &str, width: usize) -> Vec<String> {
     broken(words, &options)
 }
 
-/// A command in as many lines as it takes, each but the last with the sign that it goes on. What is quoted stays together.
+/// Wraps a command with `\\` at the end of lines. Quoted text stays together.
 fn command(line: &str, screen: Screen) -> String {
     let room = screen.width.unwrap_or(usize::MAX).saturating_sub(2);
     if display_width(line) <= room.saturating_add(2) {

@@ -1,4 +1,4 @@
-//! Colours by what is said. None stands alone: a word beside it, or it itself, says the same.
+//! Colours of words by their meaning. A colour is never the only carrier of a meaning.
 
 use std::io::{self, IsTerminal};
 use std::os::fd::AsFd;
@@ -12,24 +12,24 @@ use deaflow_orchestrator::Outcome;
 /// Columns of a terminal that does not say how many it has.
 const USUAL_WIDTH: usize = 80;
 
-/// What a word says.
+/// The meaning of a word.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tone {
-    /// What is.
+    /// Neutral.
     #[default]
     Plain,
     /// Converged, or built.
     Good,
-    /// Nothing new.
+    /// Unchanged.
     Dim,
-    /// To be heeded: stale, stopped, a warning.
+    /// Attention: stale, stopped, a warning.
     Caution,
     /// Failed: no stable solution, an error.
     Bad,
 }
 
 impl Tone {
-    /// Of what became of a stage, or would.
+    /// Returns the tone of the outcome of a stage.
     pub fn of(outcome: Outcome) -> Self {
         match outcome {
             Outcome::Built => Self::Good,
@@ -39,7 +39,7 @@ impl Tone {
         }
     }
 
-    /// Of how a solve ended, by the name of its outcome.
+    /// Returns the tone of the outcome of a solution, by its name.
     pub fn of_solve(outcome: &str) -> Self {
         match outcome {
             "converged" => Self::Good,
@@ -48,7 +48,7 @@ impl Tone {
         }
     }
 
-    /// A text that is fit for a terminal, in its colour where colours are shown.
+    /// Colours a text, if colours are shown.
     pub fn paint(self, text: &str, is_coloured: bool) -> String {
         let style = match self {
             Self::Good => AnsiColor::Green.on_default(),
@@ -64,17 +64,17 @@ impl Tone {
     }
 }
 
-/// What something is shown on.
+/// A terminal or another output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Screen {
-    /// Columns of the terminal; none where it is no terminal, and lines are as long as they are.
+    /// The width of the terminal; none for another output, where lines are not wrapped.
     pub width: Option<usize>,
     /// Whether colours are shown.
     pub is_coloured: bool,
 }
 
 impl Screen {
-    /// That of a stream, with the colours that are asked for.
+    /// Describes a stream, with the requested colours.
     pub fn of(stream: &(impl AsFd + IsTerminal + anstream::stream::RawStream), colour: ColorChoice) -> Self {
         Self {
             width: width(stream),
@@ -87,7 +87,7 @@ impl Screen {
     }
 }
 
-/// Columns of the terminal that a stream goes to; none where it goes elsewhere.
+/// Returns the width of the terminal of a stream; none for another output.
 fn width(stream: &(impl AsFd + IsTerminal)) -> Option<usize> {
     stream
         .is_terminal()
@@ -97,12 +97,12 @@ fn width(stream: &(impl AsFd + IsTerminal)) -> Option<usize> {
         })
 }
 
-/// Columns of the terminal that results are shown on; none where it is none.
+/// Returns the width of the terminal of stdout, if it is one.
 pub fn width_of_stdout() -> Option<usize> {
     width(&io::stdout())
 }
 
-/// Columns of the terminal that progress is shown on; none where it is none.
+/// Returns the width of the terminal of stderr, if it is one.
 pub fn width_of_stderr() -> Option<usize> {
     width(&io::stderr())
 }
