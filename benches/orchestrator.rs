@@ -239,7 +239,7 @@ impl Stage for ToyStage {
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let chunk = job.chunk.ok_or_else(|| StageError::Failed("a toy has chunks".into()))?;
+        let chunk = job.chunk.ok_or_else(|| StageError::failed("a toy has chunks"))?;
         // Whatever tells the chunks apart is a seed of their numbers.
         let seed = chunk.parameters.to_string().bytes().fold(self.salt, |seed, byte| {
             seed.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(u64::from(byte))

@@ -16,7 +16,7 @@
 //! executor     → orchestrator, store
 //! orchestrator → store
 //! remote       → store
-//! content      → orchestrator, store, pattern, field, scene
+//! content      → store, pattern, field, scene
 //! store        → hdf
 //!
 //! design       → pattern, field, scene

@@ -11,7 +11,6 @@ use super::Exit;
 use super::text::lines;
 use super::tone::{Screen, Tone};
 use deaflow_base::{InputError, OutputError, is_unprintable, printable};
-use deaflow_content::ContentError;
 use deaflow_executor::SubmitError;
 use deaflow_fem::SetupError;
 use deaflow_field::PredictError;
@@ -265,15 +264,6 @@ impl From<StoreError> for CliError {
     }
 }
 
-impl From<ContentError> for CliError {
-    fn from(error: ContentError) -> Self {
-        match error {
-            ContentError::Store(error) => error.into(),
-            fault => Self::failure(fault.to_string()),
-        }
-    }
-}
-
 impl From<StageError> for CliError {
     fn from(error: StageError) -> Self {
         match error {
@@ -282,7 +272,7 @@ impl From<StageError> for CliError {
             StageError::Locked(difference) => Self::locked(difference.to_string()),
             StageError::Blocked(why) => Self::new(Exit::Findings, why)
                 .help("`deaflow show STAGE` of the audit tells what the last run found; with `fail_on: never` the pipeline goes on"),
-            StageError::Advised { message, help } => Self::failure(message).help(help),
+            StageError::Advised { source, help } => Self::failure(source.to_string()).help(help),
             other => Self::failure(other.to_string()),
         }
     }
@@ -452,6 +442,6 @@ mod tests {
         };
         assert_eq!(CliError::from(StageError::Store(damaged)).exit(), Exit::Damaged);
         assert_eq!(CliError::from(StoreError::NotAStore { path }).exit(), Exit::BadInput);
-        assert_eq!(CliError::from(StageError::Failed("f".into())).exit(), Exit::Failure);
+        assert_eq!(CliError::from(StageError::failed("f")).exit(), Exit::Failure);
     }
 }

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::element::RASTER_AXES;
-use super::error::{ContentError, Fault};
-use deaflow_store::{Artifact, Content, ElementType};
+use super::error::Fault;
+use deaflow_store::{Artifact, Content, ElementType, StoreError};
 
 /// One array of a kind of artifact.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,7 +50,7 @@ impl Declared {
 ///
 /// # Errors
 /// When an array has other axes or another length than others, or a chunk is missing or damaged.
-pub fn check(artifact: &Artifact, declared: &[Declared]) -> Result<(), ContentError> {
+pub fn check(artifact: &Artifact, declared: &[Declared]) -> Result<(), StoreError> {
     let contents = artifact.contents()?;
     check_axes(contents, declared).map_err(|fault| fault.of(artifact.digest()))
 }

@@ -1,7 +1,7 @@
 //! The artifacts of design and verify stages: a row for each pattern.
 
 use super::element::{Packed, PerUnit};
-use super::error::{ContentError, Fault};
+use super::error::Fault;
 use super::intervals::{DesignInterval, DesignIntervals};
 use super::macros::arrays;
 use super::part::LongTexts;
@@ -9,6 +9,7 @@ use super::solutions::SolvedHistories;
 use deaflow_field::{Field, Outcome};
 use deaflow_pattern::{CELLS, Pattern, Role};
 use deaflow_scene::Scene;
+use deaflow_store::StoreError;
 
 /// Units along a side of the membrane that a genome of the genetic algorithm has.
 pub const GENOME_UNITS: usize = 20;
@@ -290,7 +291,7 @@ impl VerificationView<'_> {
     ///
     /// # Errors
     /// When they do not have a row for each pattern with a field.
-    pub fn simulated_rows(&self) -> Result<Vec<Option<usize>>, ContentError> {
+    pub fn simulated_rows(&self) -> Result<Vec<Option<usize>>, StoreError> {
         let mut next = 0;
         let row = |outcome: &String| {
             let row = Outcome::names_field(outcome).then_some(next);

@@ -2,34 +2,8 @@
 
 use deaflow_base::{ArtifactId, InputError};
 use deaflow_field::FieldError;
-use deaflow_orchestrator::StageError;
 use deaflow_pattern::PatternError;
 use deaflow_store::StoreError;
-
-/// An artifact that cannot be read as what it should be.
-#[derive(Debug, thiserror::Error)]
-pub enum ContentError {
-    /// The store refuses it: a file is missing or damaged, or has no such dataset.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    /// It does not hold what its kind promises.
-    #[error("artifact {digest}: {fault}", digest = digest.short())]
-    Fault {
-        /// Which artifact.
-        digest: ArtifactId,
-        /// What is wrong.
-        fault: Fault,
-    },
-}
-
-impl From<ContentError> for StageError {
-    fn from(error: ContentError) -> Self {
-        match error {
-            ContentError::Store(error) => Self::Store(error),
-            fault => Self::Input(fault.to_string()),
-        }
-    }
-}
 
 /// What is wrong with an artifact.
 #[derive(Debug, thiserror::Error)]
@@ -86,10 +60,11 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// The same with the artifact that has it.
+    /// Returns the error of the store for the artifact that has this fault.
     #[must_use]
-    pub fn of(self, digest: ArtifactId) -> ContentError {
-        ContentError::Fault { digest, fault: self }
+    pub fn of(self, digest: ArtifactId) -> StoreError {
+        let source = self.into();
+        StoreError::Content { digest, source }
     }
 }
 

@@ -4,10 +4,9 @@ use std::ops::Range;
 
 use super::balanced::{Balanced, BalancedView};
 use super::designs::{Verification, VerificationView};
-use super::error::ContentError;
 use super::solutions::{SOLVED, Solutions, SolutionsView};
 use deaflow_pattern::Pattern;
-use deaflow_store::Artifact;
+use deaflow_store::{Artifact, StoreError};
 
 /// Rows with fields, by the kind of stage that made them.
 pub enum Labelled<'a> {
@@ -24,7 +23,7 @@ impl<'a> Labelled<'a> {
     ///
     /// # Errors
     /// When its arrays do not fit together.
-    pub fn open(artifact: &'a Artifact) -> Result<Option<Self>, ContentError> {
+    pub fn open(artifact: &'a Artifact) -> Result<Option<Self>, StoreError> {
         Ok(match artifact.kind() {
             kind if SOLVED.contains(&kind) => Some(Self::Solved(Solutions::open(artifact)?)),
             "balance" => Some(Self::Balanced(Balanced::open(artifact)?)),
@@ -37,7 +36,7 @@ impl<'a> Labelled<'a> {
     ///
     /// # Errors
     /// When they cannot be read.
-    pub fn patterns(&self) -> Result<Vec<Pattern>, ContentError> {
+    pub fn patterns(&self) -> Result<Vec<Pattern>, StoreError> {
         match self {
             Self::Solved(view) => view.rows().patterns().read(),
             Self::Balanced(view) => view.patterns().read(),
@@ -49,7 +48,7 @@ impl<'a> Labelled<'a> {
     ///
     /// # Errors
     /// When they cannot be read.
-    pub fn families(&self) -> Result<Option<Vec<String>>, ContentError> {
+    pub fn families(&self) -> Result<Option<Vec<String>>, StoreError> {
         match self {
             Self::Solved(view) => view.rows().family().read().map(Some),
             Self::Balanced(view) => view.family().read().map(Some),
@@ -61,7 +60,7 @@ impl<'a> Labelled<'a> {
     ///
     /// # Errors
     /// When there are no fields.
-    pub fn fields(&self) -> Result<usize, ContentError> {
+    pub fn fields(&self) -> Result<usize, StoreError> {
         match self {
             Self::Solved(view) => view.displacement().rows(),
             Self::Balanced(view) => view.displacement().rows(),
@@ -73,7 +72,7 @@ impl<'a> Labelled<'a> {
     ///
     /// # Errors
     /// When they cannot be read.
-    pub fn displacement(&self, fields: Range<usize>) -> Result<Vec<f64>, ContentError> {
+    pub fn displacement(&self, fields: Range<usize>) -> Result<Vec<f64>, StoreError> {
         match self {
             Self::Solved(view) => view.displacement().numbers(fields),
             Self::Balanced(view) => view.displacement().numbers(fields),

@@ -48,7 +48,7 @@ pub use designs::{
     PredictedStates, SimulatedStates, Verification, VerificationView, predicted_rows,
 };
 pub use element::{Packed, PerCell, PerUnit, Row, SingleField};
-pub use error::{AttributeError, ContentError, ElementError, Fault};
+pub use error::{AttributeError, ElementError, Fault};
 pub use evaluation::{Coverage, CoverageView, Evaluation, PatternScores, Scores};
 pub use frequency_responses::FrequencyResponses;
 pub use histories::Histories;

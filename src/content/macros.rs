@@ -37,7 +37,7 @@ macro_rules! arrays {
             ///
             /// # Errors
             /// When an array has other axes, or two differ in length along one.
-            pub fn open(artifact: &deaflow_store::Artifact) -> Result<$view<'_>, $crate::ContentError> {
+            pub fn open(artifact: &deaflow_store::Artifact) -> Result<$view<'_>, deaflow_store::StoreError> {
                 $crate::view::open::<Self>(artifact)
             }
 
@@ -51,7 +51,7 @@ macro_rules! arrays {
             ///
             /// # Errors
             /// When something is missing, or not what it should be.
-            pub fn read(artifact: &deaflow_store::Artifact) -> Result<Self, $crate::ContentError> {
+            pub fn read(artifact: &deaflow_store::Artifact) -> Result<Self, deaflow_store::StoreError> {
                 Self::open(artifact)?.read()
             }
 
@@ -94,7 +94,7 @@ macro_rules! arrays {
             fn get(
                 at: &$crate::part::At,
                 artifact: &deaflow_store::Artifact,
-            ) -> Result<Self, $crate::ContentError> {
+            ) -> Result<Self, deaflow_store::StoreError> {
                 Ok(Self {
                     $( $field: $crate::macros::field!(get $kind $args, $type, at, artifact, concat!($doc $(, $more)*)), )*
                 })
@@ -130,7 +130,7 @@ macro_rules! arrays {
             ///
             /// # Errors
             /// When something is missing, or not what it should be.
-            pub fn read(&self) -> Result<$name, $crate::ContentError> {
+            pub fn read(&self) -> Result<$name, deaflow_store::StoreError> {
                 $crate::part::Part::get(&self.at, self.artifact)
             }
 
@@ -144,7 +144,7 @@ macro_rules! arrays {
             ///
             /// # Errors
             /// When a chunk is missing or damaged.
-            pub fn is_there(&self) -> Result<bool, $crate::ContentError> {
+            pub fn is_there(&self) -> Result<bool, deaflow_store::StoreError> {
                 <$name as $crate::part::Part>::is_in(&self.at, self.artifact)
             }
         }

@@ -2,10 +2,10 @@
 
 use super::declared::Declared;
 use super::element::{Element, Packed, Places, Row, Value};
-use super::error::{ContentError, ElementError, Fault};
+use super::error::{ElementError, Fault};
 use super::writer::Writer;
 use deaflow_pattern::Raster;
-use deaflow_store::Artifact;
+use deaflow_store::{Artifact, StoreError};
 
 /// Where an array or a group stands, and what is declared of it.
 #[derive(Clone, Debug, Default)]
@@ -93,13 +93,13 @@ pub trait Part: Sized {
     ///
     /// # Errors
     /// When it is missing, or does not hold what it should.
-    fn get(at: &At, artifact: &Artifact) -> Result<Self, ContentError>;
+    fn get(at: &At, artifact: &Artifact) -> Result<Self, StoreError>;
 
     /// Whether an artifact has any of it.
     ///
     /// # Errors
     /// When a chunk is missing or damaged.
-    fn is_in(at: &At, artifact: &Artifact) -> Result<bool, ContentError> {
+    fn is_in(at: &At, artifact: &Artifact) -> Result<bool, StoreError> {
         let mut declared = Vec::new();
         Self::declare(at, &mut declared);
         let contents = artifact.contents()?;
@@ -109,7 +109,7 @@ pub trait Part: Sized {
 }
 
 /// The values of all rows, and what they stand on.
-fn values<R: Row>(at: &At, artifact: &Artifact) -> Result<(Vec<R::Value>, Raster), ContentError> {
+fn values<R: Row>(at: &At, artifact: &Artifact) -> Result<(Vec<R::Value>, Raster), StoreError> {
     let shape = &artifact.content(&at.path)?.shape;
     let Some(raster) = raster_of::<R>(shape) else {
         let fault = Fault::Shape {
@@ -132,7 +132,7 @@ fn raster_of<R: Row>(shape: &[usize]) -> Option<Raster> {
     }
 }
 
-fn element_fault(at: &At, artifact: &Artifact, source: ElementError) -> ContentError {
+fn element_fault(at: &At, artifact: &Artifact, source: ElementError) -> StoreError {
     let path = at.path.clone();
     Fault::Element { path, source }.of(artifact.digest())
 }
@@ -149,7 +149,7 @@ impl<T: Element> Part for Vec<T> {
         writer.array(at.declared::<T>(), T::Value::into_data(T::pack(self)));
     }
 
-    fn get(at: &At, artifact: &Artifact) -> Result<Self, ContentError> {
+    fn get(at: &At, artifact: &Artifact) -> Result<Self, StoreError> {
         let (values, raster) = values::<T>(at, artifact)?;
         T::unpack(values, raster).map_err(|e| element_fault(at, artifact, e))
     }
@@ -164,7 +164,7 @@ impl<R: Row> Part for Packed<R> {
         writer.array(at.declared::<R>(), R::Value::into_data(self.0));
     }
 
-    fn get(at: &At, artifact: &Artifact) -> Result<Self, ContentError> {
+    fn get(at: &At, artifact: &Artifact) -> Result<Self, StoreError> {
         Ok(Self(values::<R>(at, artifact)?.0))
     }
 }
@@ -179,7 +179,7 @@ impl<V: Value + Copy, const N: usize> Part for [V; N] {
         writer.array(at.declared::<Self>(), V::into_data(self.to_vec()));
     }
 
-    fn get(at: &At, artifact: &Artifact) -> Result<Self, ContentError> {
+    fn get(at: &At, artifact: &Artifact) -> Result<Self, StoreError> {
         let (values, _) = values::<Self>(at, artifact)?;
         let found = vec![values.len()];
         Self::try_from(values).map_err(|_| {
@@ -200,7 +200,7 @@ impl<P: Part> Part for Option<P> {
         }
     }
 
-    fn get(at: &At, artifact: &Artifact) -> Result<Self, ContentError> {
+    fn get(at: &At, artifact: &Artifact) -> Result<Self, StoreError> {
         P::is_in(at, artifact)?.then(|| P::get(at, artifact)).transpose()
     }
 }
@@ -239,7 +239,7 @@ impl Part for LongTexts {
         writer.array(lengths, u64::into_data(each));
     }
 
-    fn get(at: &At, artifact: &Artifact) -> Result<Self, ContentError> {
+    fn get(at: &At, artifact: &Artifact) -> Result<Self, StoreError> {
         Ok(Self(artifact.long_texts(&at.path)?))
     }
 }

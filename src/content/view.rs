@@ -5,9 +5,8 @@ use std::ops::Range;
 
 use super::attribute::Attribute;
 use super::declared::{Declared, check};
-use super::error::ContentError;
 use super::part::{At, Part};
-use deaflow_store::Artifact;
+use deaflow_store::{Artifact, StoreError};
 
 /// A struct whose fields are arrays, and the view that reads them one by one.
 pub trait Group: Part {
@@ -30,7 +29,7 @@ impl<G: Group> Group for Option<G> {
 ///
 /// # Errors
 /// When an array has other axes than declared, or two differ in length along one.
-pub fn open<G: Group>(artifact: &Artifact) -> Result<G::View<'_>, ContentError> {
+pub fn open<G: Group>(artifact: &Artifact) -> Result<G::View<'_>, StoreError> {
     let mut declared: Vec<Declared> = Vec::new();
     G::declare(&At::default(), &mut declared);
     check(artifact, &declared)?;
@@ -41,7 +40,7 @@ pub fn open<G: Group>(artifact: &Artifact) -> Result<G::View<'_>, ContentError> 
 ///
 /// # Errors
 /// When a chunk is missing or damaged.
-pub fn files(artifact: &Artifact) -> Result<&[Artifact], ContentError> {
+pub fn files(artifact: &Artifact) -> Result<&[Artifact], StoreError> {
     Ok(match artifact.is_manifest() {
         true => artifact.chunks()?,
         false => std::slice::from_ref(artifact),
@@ -70,7 +69,7 @@ impl<'a, P: Part> Stored<'a, P> {
     ///
     /// # Errors
     /// When it is missing, a file is damaged, or it does not hold what it should.
-    pub fn read(&self) -> Result<P, ContentError> {
+    pub fn read(&self) -> Result<P, StoreError> {
         P::get(&self.at, self.artifact)
     }
 
@@ -78,7 +77,7 @@ impl<'a, P: Part> Stored<'a, P> {
     ///
     /// # Errors
     /// As [`Stored::read`].
-    pub fn read_if_there(&self) -> Result<Option<P>, ContentError> {
+    pub fn read_if_there(&self) -> Result<Option<P>, StoreError> {
         Option::get(&self.at, self.artifact)
     }
 
@@ -86,7 +85,7 @@ impl<'a, P: Part> Stored<'a, P> {
     ///
     /// # Errors
     /// When a chunk is missing or damaged.
-    pub fn is_there(&self) -> Result<bool, ContentError> {
+    pub fn is_there(&self) -> Result<bool, StoreError> {
         P::is_in(&self.at, self.artifact)
     }
 
@@ -100,7 +99,7 @@ impl<'a, P: Part> Stored<'a, P> {
     ///
     /// # Errors
     /// When it is missing, or a chunk is missing or damaged.
-    pub fn rows(&self) -> Result<usize, ContentError> {
+    pub fn rows(&self) -> Result<usize, StoreError> {
         Ok(self
             .artifact
             .content(self.path())?
@@ -114,7 +113,7 @@ impl<'a, P: Part> Stored<'a, P> {
     ///
     /// # Errors
     /// When they cannot be read.
-    pub fn numbers(&self, rows: Range<usize>) -> Result<Vec<f64>, ContentError> {
+    pub fn numbers(&self, rows: Range<usize>) -> Result<Vec<f64>, StoreError> {
         Ok(self.artifact.rows()?.numbers(self.path(), rows)?)
     }
 }
@@ -141,7 +140,7 @@ impl<'a, A: Attribute> StoredAttribute<'a, A> {
     ///
     /// # Errors
     /// When it is missing although it is needed, or cannot be read.
-    pub fn read(&self) -> Result<A, ContentError> {
+    pub fn read(&self) -> Result<A, StoreError> {
         let text = self.text()?;
         A::from_text(self.name, text.as_deref()).map_err(|fault| fault.of(self.artifact.digest()))
     }
@@ -150,7 +149,7 @@ impl<'a, A: Attribute> StoredAttribute<'a, A> {
     ///
     /// # Errors
     /// When the first chunk is missing or damaged.
-    pub fn text(&self) -> Result<Option<String>, ContentError> {
+    pub fn text(&self) -> Result<Option<String>, StoreError> {
         if let Some(own) = self.artifact.attribute(self.name) {
             return Ok(Some(own.to_owned()));
         }

@@ -152,14 +152,12 @@ impl Builder<'_> {
         waited: Waited<'_>,
     ) -> Result<Chunks, StageError> {
         if chunks.is_empty() {
-            return Err(StageError::Failed(
-                "its inputs hold no samples: there is nothing to do".into(),
-            ));
+            return Err(StageError::failed("its inputs hold no samples: there is nothing to do"));
         }
         let some = self.only.filter(|(stage, _)| *stage == work.index);
         let (first, last) = some.map_or((0, usize::MAX), |(_, chunks)| chunks);
         if first >= chunks.len() {
-            return Err(StageError::Failed(format!(
+            return Err(StageError::failed(format!(
                 "there is no chunk {first}: there are {}, counted from 0",
                 chunks.len()
             )));
@@ -337,9 +335,7 @@ impl Builder<'_> {
     /// When such are asked for.
     pub fn refuse_some_of_one(&self, index: usize) -> Result<(), StageError> {
         match self.only {
-            Some((stage, _)) if stage == index => {
-                Err(StageError::Failed("it is one piece of work: it has no chunks".into()))
-            }
+            Some((stage, _)) if stage == index => Err(StageError::failed("it is one piece of work: it has no chunks")),
             _ => Ok(()),
         }
     }
@@ -594,7 +590,7 @@ struct Ours<'a> {
 
 fn piece<'a>(spec: &'a StageSpec, chunk: (usize, &'a Chunk), state: &'a ChunkState) -> Result<Piece<'a>, StageError> {
     let Some((action, key)) = &state.action else {
-        return Err(StageError::Failed(format!(
+        return Err(StageError::failed(format!(
             "an input of chunk {} was not built",
             chunk.0
         )));

@@ -446,7 +446,7 @@ impl<'a> Execution<'a> {
                                 Ok(_) => continue,
                                 Err(error) => {
                                     at_work.end(index, builder.environment);
-                                    Err(StageError::Failed(format!("cannot start a thread: {error}")))
+                                    Err(StageError::failed(format!("cannot start a thread: {error}")))
                                 }
                             }
                         }

@@ -301,23 +301,34 @@ impl Job<'_> {
     }
 }
 
+/// An error of any type, or a message.
+pub type Cause = Box<dyn std::error::Error + Send + Sync>;
+
 /// Why a stage could not be built.
 #[derive(Debug, thiserror::Error)]
 pub enum StageError {
     /// An input artifact lacks what the stage needs, or holds what it cannot use.
-    #[error("{0}")]
-    Input(String),
-    /// The inputs are sound, and nothing can be made of them; what helps.
-    #[error("{message}")]
+    #[error(transparent)]
+    Input(Cause),
+    /// An input artifact cannot be used.
+    #[error("artifact {}: {source}", artifact.short())]
+    Artifact {
+        /// The artifact.
+        artifact: ArtifactId,
+        /// Why it cannot be used.
+        source: Cause,
+    },
+    /// The inputs are valid, but the stage cannot make anything from them.
+    #[error("{source}")]
     Advised {
         /// What is wrong.
-        message: String,
+        source: Cause,
         /// What the user can do.
         help: String,
     },
     /// The work itself failed.
-    #[error("{0}")]
-    Failed(String),
+    #[error(transparent)]
+    Failed(Cause),
     /// It made something else than the lock file says.
     #[error(transparent)]
     Locked(#[from] LockDifference),
@@ -333,4 +344,24 @@ pub enum StageError {
     /// The result cannot be an artifact.
     #[error("the result is not a valid artifact: {0}")]
     Object(#[from] ObjectError),
+}
+
+impl StageError {
+    /// Returns the error for inputs that the stage cannot use.
+    pub fn input(cause: impl Into<Cause>) -> Self {
+        Self::Input(cause.into())
+    }
+
+    /// Returns the error for an input artifact that the stage cannot use.
+    pub fn in_artifact(artifact: &Artifact, source: impl Into<Cause>) -> Self {
+        Self::Artifact {
+            artifact: artifact.digest(),
+            source: source.into(),
+        }
+    }
+
+    /// Returns the error for work that failed.
+    pub fn failed(cause: impl Into<Cause>) -> Self {
+        Self::Failed(cause.into())
+    }
 }

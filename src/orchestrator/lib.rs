@@ -33,7 +33,8 @@ pub use event::{Event, Listener, Outcome, StageReport};
 pub use execute::{Failure, RunError, RunOptions, RunOutcome, check_locked, run};
 pub use explain::{Explanation, LastRun, explain};
 pub use kind::{
-    Chunk, Expectation, Input, Job, Kind, Needs, Plan, ResultSource, Stage, StageCheck, StageDeclaration, StageError,
+    Cause, Chunk, Expectation, Input, Job, Kind, Needs, Plan, ResultSource, Stage, StageCheck, StageDeclaration,
+    StageError,
 };
 pub use lock_difference::LockDifference;
 pub use plan::{plan, plan_document, price_total};

@@ -67,7 +67,7 @@ impl Work {
     fn build(&self, builder: &Builder<'_>, spec: &StageSpec, waited: Waited<'_>) -> Result<Made, StageError> {
         let (Some((action, key)), State::Stale { chunks: states, .. }) = (&self.status.action, &self.status.state)
         else {
-            return Err(StageError::Failed("the stage is not ready to be built".into()));
+            return Err(StageError::failed("the stage is not ready to be built"));
         };
         let Plan::Chunks(chunks) = &self.status.work else {
             builder.refuse_some_of_one(self.index)?;

@@ -5,9 +5,8 @@ use std::path::Path;
 use super::drawing::FigureError;
 use super::error::ReportError;
 use deaflow_base::ArtifactId;
-use deaflow_content::ContentError;
 use deaflow_orchestrator::Rounds;
-use deaflow_store::{Artifact, Store};
+use deaflow_store::{Artifact, Store, StoreError};
 
 /// The artifact of a stage.
 #[derive(Clone, Debug)]
@@ -80,10 +79,10 @@ impl ArtifactReader<'_> {
     ///
     /// # Errors
     /// The error of reading.
-    pub fn of<T>(&self, read: Result<T, ContentError>) -> Result<T, ReportError> {
+    pub fn of<T>(&self, read: Result<T, StoreError>) -> Result<T, ReportError> {
         read.map_err(|error| match error {
-            ContentError::Store(error) => ReportError::Store(error),
-            ContentError::Fault { fault, .. } => self.wrong(fault.to_string()),
+            StoreError::Content { source, .. } => self.wrong(source.to_string()),
+            error => ReportError::Store(error),
         })
     }
 

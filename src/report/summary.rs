@@ -12,10 +12,10 @@ use super::error::ReportError;
 use super::format::{change, counted, percents, three, uncertainty};
 use super::intervals::{self, NetworkInterval};
 use super::presenter::Headline;
-use deaflow_content::{ContentError, Verification, predicted_rows};
+use deaflow_content::{Verification, predicted_rows};
 use deaflow_field::NO_FIELD;
 use deaflow_pattern::Role;
-use deaflow_store::Artifact;
+use deaflow_store::{Artifact, StoreError};
 
 /// Above this relative difference between prediction and simulation, the evaluator is reported as inaccurate.
 pub(super) const TRUSTED: f64 = 0.05;
@@ -261,7 +261,7 @@ impl VerificationSummary {
     }
 }
 
-fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, ContentError> {
+fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, StoreError> {
     let view = Verification::open(artifact)?;
     let (rows, component) = (view.rows(), view.component().read()?);
     let (cases, names, roles) = (rows.case().read()?, rows.name().read()?, rows.role().read()?);

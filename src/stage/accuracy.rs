@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 
 use super::model;
 use super::results::most;
-use deaflow_accuracy::{AccuracyError, Benchmark, Candidate, Network, Reference};
+use deaflow_accuracy::{Benchmark, Candidate, Network, Reference};
 use deaflow_base::{Canonical, Fields, InputError, Node};
 use deaflow_content::{Accuracy, Solutions};
 use deaflow_field::Field;
@@ -98,7 +98,7 @@ impl Stage for AccuracyStage {
         let (mut references, mut networks) = (Vec::new(), Vec::new());
         for input in job.inputs {
             if model::is_in(input) {
-                let wrong = |e| StageError::Input(format!("artifact {}: {e}", input.digest().short()));
+                let wrong = |e| StageError::in_artifact(input, e);
                 networks.push(Network::from_bytes(&model::weights(input)?).map_err(wrong)?);
             } else {
                 references.push(input);
@@ -107,9 +107,9 @@ impl Stage for AccuracyStage {
         let [reference] = references[..] else {
             let found = references.len();
             let why = format!("an accuracy stage needs one solve stage as its reference, and this one has {found}");
-            return Err(StageError::Input(why));
+            return Err(StageError::input(why));
         };
-        let failed = |e: AccuracyError| StageError::Failed(e.to_string());
+        let failed = StageError::failed;
         let benchmark = benchmark(reference)?;
         let networks = Network::named(networks);
         let candidates: Vec<&Candidate> = self.candidates.iter().chain(&networks).collect();
@@ -123,7 +123,7 @@ impl Stage for AccuracyStage {
 
 /// The samples of a solve stage, stable or not, with what was found.
 fn benchmark(solved: &Artifact) -> Result<Benchmark, StageError> {
-    let wrong = |e: InputError| StageError::Input(format!("artifact {}: {e}", solved.digest().short()));
+    let wrong = |e: InputError| StageError::in_artifact(solved, e);
     let view = Solutions::open(solved)?;
     let scene = view.scene().read()?;
     let solver = view.solver().read()?.unwrap_or_default();
@@ -143,7 +143,7 @@ fn benchmark(solved: &Artifact) -> Result<Benchmark, StageError> {
         }
         None => reference
             .errors(&scene, &patterns, &fields)
-            .map_err(|e| StageError::Failed(e.to_string()))?,
+            .map_err(StageError::failed)?,
     };
     let families: BTreeSet<String> = names.iter().cloned().collect();
     let families: Vec<String> = families.into_iter().collect();

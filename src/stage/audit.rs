@@ -24,7 +24,7 @@ use deaflow_base::{
     Canonical, Declared as _, Fields, InputError, Length, Node, NodeValue, Parameter, Progress, Quantity, Schema, Seed,
     open_regular, parameters, words,
 };
-use deaflow_content::{Audit, ContentError, FROM_FILE, SOLVED, StoredAttribute};
+use deaflow_content::{Audit, FROM_FILE, SOLVED, StoredAttribute};
 use deaflow_dataset::audit::{AuditError, Dataset, Families, Options, Report, RowSource, audit};
 use deaflow_fem::{SceneSimulators, SetupError};
 use deaflow_field::SimulatorError;
@@ -78,7 +78,7 @@ impl Kind for AuditKind {
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
         let view = Audit::open(artifact)?;
         let findings = view.findings().read()?.value::<Vec<Finding>>();
-        let findings = findings.map_err(|e| StageError::Input(e.to_string()))?;
+        let findings = findings.map_err(StageError::input)?;
         let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count() as f64;
         Ok(named([
             ("rows", view.max_displacement().rows()? as f64),
@@ -217,9 +217,9 @@ impl Stage for AuditStage {
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let [artifact] = job.inputs else {
-            return Err(StageError::Failed("an audit stage audits one dataset".to_owned()));
+            return Err(StageError::failed("an audit stage audits one dataset"));
         };
-        let wrong = |why: String| StageError::Input(format!("artifact {}: {why}", artifact.digest().short()));
+        let wrong = |why: String| StageError::in_artifact(artifact, why);
         let scene: Option<Scene> = StoredAttribute::new(artifact, "scene").read()?;
         let scene = scene.ok_or_else(|| wrong("it does not say which scene it was made with".to_owned()))?;
         let mut source = Source::of_artifact(artifact, scene.membrane().raster)?;
@@ -228,15 +228,15 @@ impl Stage for AuditStage {
         let start = Instant::now();
         source
             .findings
-            .extend(other_effects(&source, &scene).map_err(|e| StageError::Failed(e.to_string()))?);
+            .extend(other_effects(&source, &scene).map_err(StageError::failed)?);
         let terms = Terms {
             trust: Trust::Pipeline,
             repeats_are_usual: is_drawn,
         };
-        let report = carry_out(&source, &scene, &self.parameters.request(), terms, job.progress)
-            .map_err(|e| StageError::Failed(e.to_string()))?;
+        let report =
+            carry_out(&source, &scene, &self.parameters.request(), terms, job.progress).map_err(StageError::failed)?;
         job.measure("audit", start.elapsed().as_secs_f64());
-        let audit = content::content(report, scene).map_err(|e| StageError::Failed(e.to_string()))?;
+        let audit = content::content(report, scene).map_err(StageError::failed)?;
         Ok(audit.object())
     }
 
@@ -250,7 +250,7 @@ impl Stage for AuditStage {
         }
         let artifact = open()?;
         let findings = Audit::open(&artifact)?.findings().read()?.value::<Vec<Finding>>();
-        let unreadable = |e| StageError::Failed(format!("this is no audit: {e}"));
+        let unreadable = |e| StageError::failed(format!("this is no audit: {e}"));
         Ok(objection(&findings.map_err(unreadable)?))
     }
 }
@@ -262,7 +262,7 @@ impl Stage for AuditStage {
 /// When one of the files cannot be read, or a simulator not be set up.
 pub fn audit_file(file: &Path, scene: &Path, request: &Request, progress: &dyn Progress) -> Result<Audit, DirectError> {
     let scene = read_scene(scene)?;
-    let unreadable = |e: ContentError| {
+    let unreadable = |e: StoreError| {
         let help = "the arrays must stand in the file itself; or name the stage: deaflow audit PIPELINE.yaml:STAGE";
         InputError::new(e.to_string()).help(help)
     };
@@ -304,7 +304,7 @@ impl SourceRows {
 ///
 /// # Errors
 /// When they cannot be read.
-pub fn rows(dataset: Audited<'_>, audit: &Audit) -> Result<SourceRows, ContentError> {
+pub fn rows(dataset: Audited<'_>, audit: &Audit) -> Result<SourceRows, StoreError> {
     let raster = audit.scene.membrane().raster;
     let source = match dataset {
         Audited::File(path) => Source::of_file(path, raster),

@@ -126,7 +126,7 @@ impl Stage for BalanceStage {
             solved.unstable += view.unstable().outcome().rows()? as u64;
         }
         if solved.patterns.is_empty() {
-            return Err(StageError::Input(format!(
+            return Err(StageError::input(format!(
                 "none of {} samples has a stable solution: there is nothing to learn from. A lower voltage, a thicker or a \
                  stiffer membrane stays stable",
                 solved.unstable
@@ -141,9 +141,9 @@ impl Stage for BalanceStage {
                 max_displacement: Some(peak),
             })
             .collect();
-        let balanced = balance(&candidates, &self.options(&scene)).map_err(|e| StageError::Failed(e.to_string()))?;
+        let balanced = balance(&candidates, &self.options(&scene)).map_err(StageError::failed)?;
         if balanced.rows.is_empty() {
-            return Err(StageError::Input(format!(
+            return Err(StageError::input(format!(
                 "none of {} solved samples lies within the range of the histogram",
                 solved.patterns.len()
             )));

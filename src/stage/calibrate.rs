@@ -89,7 +89,7 @@ impl Stage for CalibrateStage {
                 labelled::check_unseen(input, &[&surrogate])?;
                 labelled::for_each(input, job.progress, &mut |batch| {
                     let predicted = surrogate.predict(&batch.patterns);
-                    let predicted = predicted.map_err(|e| StageError::Failed(e.to_string()))?;
+                    let predicted = predicted.map_err(StageError::failed)?;
                     for (at, field) in predicted.iter().enumerate() {
                         let familiar = trained.contains(&batch.families[at]);
                         observed.push(Observed::new(&batch.patterns[at], field, &batch.fields[at], familiar));
@@ -100,7 +100,7 @@ impl Stage for CalibrateStage {
             }
             job.progress.advance(1);
         }
-        let calibration = Calibration::fit(observed, self.seed.0).map_err(|e| refused(&e, &trained))?;
+        let calibration = Calibration::fit(observed, self.seed.0).map_err(|e| refused(e, &trained))?;
         let origin = Origin {
             families: &families,
             trained: &trained,
@@ -113,11 +113,11 @@ impl Stage for CalibrateStage {
     }
 }
 
-fn refused(error: &CalibrationError, trained: &BTreeSet<String>) -> StageError {
+fn refused(error: CalibrationError, trained: &BTreeSet<String>) -> StageError {
     let families: Vec<&str> = trained.iter().map(String::as_str).collect();
     match error {
-        CalibrationError::FewFamiliar(_) => StageError::Input(format!("{error}; these are: {}", families.join(", "))),
-        other => StageError::Input(other.to_string()),
+        CalibrationError::FewFamiliar(_) => StageError::input(format!("{error}; these are: {}", families.join(", "))),
+        other => StageError::input(other),
     }
 }
 
@@ -130,7 +130,7 @@ fn the_model(inputs: &[Artifact]) -> Result<(&Artifact, Surrogate), StageError> 
         }
     }
     let [artifact] = &found[..] else {
-        return Err(StageError::Input(format!(
+        return Err(StageError::input(format!(
             "a calibrate stage needs one model, and `needs` names {}",
             found.len()
         )));

@@ -485,8 +485,8 @@ impl DesignStage {
     fn networks(&self, inputs: &[Artifact], scene: &Scene) -> Result<Option<Vec<Surrogate>>, StageError> {
         let models: Vec<&Artifact> = inputs.iter().filter(|input| model::is_in(input)).collect();
         match &models[..] {
-            [] if self.evaluator == EvaluatorChoice::Surrogate => Err(StageError::Input(
-                "`evaluator: surrogate` judges by a network, and `needs` names no stage of kind `train`".to_owned(),
+            [] if self.evaluator == EvaluatorChoice::Surrogate => Err(StageError::input(
+                "`evaluator: surrogate` judges by a network, and `needs` names no stage of kind `train`",
             )),
             [] => Ok(None),
             models => model::in_states(models, scene).map(Some),
@@ -559,7 +559,7 @@ impl Stage for DesignStage {
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let wanted = job.chunk.map(|chunk| &chunk.parameters);
         let target = self.targets.iter().find(|target| Some(&self.chunk(target)) == wanted);
-        let target = target.ok_or_else(|| StageError::Failed("a chunk of a design stage has one target".to_owned()))?;
+        let target = target.ok_or_else(|| StageError::failed("a chunk of a design stage has one target"))?;
         let start = Instant::now();
         let scene = self.scene_of(target);
         let moment = target.objective.moment();
@@ -583,10 +583,10 @@ impl Stage for DesignStage {
         let found = found.map_err(|error| match error {
             SearchError::Stopped(stopped) => stopped.into(),
             error if error.is_of_stability() => StageError::Advised {
-                message: error.to_string(),
+                source: error.into(),
                 help: foresight::advice(&scene),
             },
-            error => StageError::Failed(error.to_string()),
+            error => StageError::failed(error),
         })?;
         job.measure(format!("search; {}", target.name), start.elapsed().as_secs_f64());
         let method = self.options.method.name();

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use super::direct::{self, read_scene};
 use deaflow_base::InputError;
-use deaflow_content::{ContentError, DesignRows, StoredAttribute, Verification, VerificationView};
+use deaflow_content::{DesignRows, StoredAttribute, Verification, VerificationView};
 use deaflow_design::{DesignFilter, DesignLabel, Merit};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
-use deaflow_store::Artifact;
+use deaflow_store::{Artifact, StoreError};
 
 /// A design with all that is needed to make or simulate it.
 #[derive(Clone, Debug)]
@@ -49,7 +49,7 @@ impl Designs {
     ///
     /// # Errors
     /// When it cannot be read.
-    pub fn read(artifact: &Artifact) -> Result<Option<Self>, ContentError> {
+    pub fn read(artifact: &Artifact) -> Result<Option<Self>, StoreError> {
         if !matches!(artifact.kind(), "design" | "verify") {
             return Ok(None);
         }
@@ -94,7 +94,7 @@ impl Designs {
 }
 
 /// How good the designs of a `verify` stage are; none of those without a field.
-fn merits(view: &VerificationView<'_>) -> Result<Vec<Option<Merit>>, ContentError> {
+fn merits(view: &VerificationView<'_>) -> Result<Vec<Option<Merit>>, StoreError> {
     let (distance, along) = (
         view.component().distance().read()?,
         view.component().simulated().read()?,

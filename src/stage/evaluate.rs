@@ -156,8 +156,8 @@ impl Stage for EvaluateStage {
         let scene = super::scene_of_inputs(job.inputs)?;
         let predictors = self.predictors(job.inputs, &scene)?;
         if predictors.is_empty() {
-            return Err(StageError::Input(
-                "there is nothing to evaluate: `needs` names no model, and there are no `estimates`".to_owned(),
+            return Err(StageError::input(
+                "there is nothing to evaluate: `needs` names no model, and there are no `estimates`",
             ));
         }
         let calibrated = calibrations(job.inputs, &predictors)?;
@@ -177,8 +177,8 @@ impl Stage for EvaluateStage {
             job.progress.advance(1);
         }
         if rows.is_empty() {
-            return Err(StageError::Input(
-                "there is nothing to evaluate on: `needs` names no solved samples and no test rows".to_owned(),
+            return Err(StageError::input(
+                "there is nothing to evaluate on: `needs` names no solved samples and no test rows",
             ));
         }
         Ok(content::evaluation(&predictors, &calibrated, &rows, scene).object())
@@ -213,7 +213,7 @@ fn calibrations(inputs: &[Artifact], predictors: &[NamedPredictor]) -> Result<Ve
         found.push(Calibrated {
             digest: input.digest().to_string(),
             predictor: place.ok_or_else(|| {
-                StageError::Input(format!(
+                StageError::input(format!(
                     "the calibration {} is of the model {:.12}, which is not among the models here",
                     input.digest().short(),
                     model.model
@@ -227,7 +227,7 @@ fn calibrations(inputs: &[Artifact], predictors: &[NamedPredictor]) -> Result<Ve
 
 fn judged(judge: &Judge<'_>, batch: labelled::Batch) -> Result<impl Iterator<Item = Row>, StageError> {
     let judged = judge.judge(&batch.patterns, &batch.fields);
-    let judged = judged.map_err(|e| StageError::Failed(e.to_string()))?;
+    let judged = judged.map_err(StageError::failed)?;
     let described = batch.families.into_iter().zip(batch.patterns);
     Ok(described.zip(judged).map(|((family, pattern), judged)| Row {
         family,

@@ -204,7 +204,7 @@ impl Stage for ImportStage {
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let own = |chunk: &Chunk| (0..self.digests.len()).find(|&at| self.chunk(at) == chunk.parameters);
         let at = job.chunk.and_then(own);
-        let at = at.ok_or_else(|| StageError::Failed("the chunk is not one of this stage's".to_owned()))?;
+        let at = at.ok_or_else(|| StageError::failed("the chunk is not one of this stage's"))?;
         let range = self.range(at);
         let rows = gather(self.files.iter(), range.clone()).map_err(|(_, why)| changed(&format!(": {why}")))?;
         if rows.digest() != self.digests[at] {
@@ -221,7 +221,7 @@ impl Stage for ImportStage {
 
 /// Every row has been read before: that it is another now is what happened since.
 fn changed(why: &str) -> StageError {
-    StageError::Input(format!("a file has changed since the run began{why}; run again"))
+    StageError::input(format!("a file has changed since the run began{why}; run again"))
 }
 
 fn solutions(rows: Rows, range: Range<usize>, scene: &Scene) -> Solutions {

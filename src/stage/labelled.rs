@@ -43,7 +43,7 @@ pub fn check_unseen(artifact: &Artifact, models: &[&Surrogate]) -> Result<(), St
     if records.into_iter().all(|record| !record.inputs.contains(&digest)) || is_balanced(artifact) {
         return Ok(());
     }
-    Err(StageError::Input(format!(
+    Err(StageError::input(format!(
         "the samples {} are those that a model was trained on; draw others, with another seed",
         artifact.digest().short()
     )))
@@ -72,7 +72,7 @@ fn of_chunk(
     part: &dyn Fn(f64),
     each: &mut dyn FnMut(Batch) -> Result<(), StageError>,
 ) -> Result<usize, StageError> {
-    let wrong = |why: &str| StageError::Input(format!("artifact {}: {why}", chunk.digest().short()));
+    let wrong = |why: &str| StageError::in_artifact(chunk, why);
     let labelled = Labelled::open(chunk)?.ok_or_else(|| wrong("it holds no labelled patterns"))?;
     let (patterns, families) = (labelled.patterns()?, labelled.families()?.unwrap_or_default());
     let rows = match &labelled {

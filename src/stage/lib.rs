@@ -157,7 +157,7 @@ fn scene_of_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
     for input in inputs {
         let missing = || {
             let digest = input.digest().short();
-            StageError::Input(format!("artifact {digest} does not say which scene it was made with"))
+            StageError::input(format!("artifact {digest} does not say which scene it was made with"))
         };
         let scene: Option<Scene> = StoredAttribute::new(input, "scene").read()?;
         let scene = scene.ok_or_else(missing)?;
@@ -166,7 +166,7 @@ fn scene_of_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
             _ => found = Some(scene),
         }
     }
-    found.ok_or_else(|| StageError::Input("the stage has no inputs".to_owned()))
+    found.ok_or_else(|| StageError::input("the stage has no inputs"))
 }
 
 /// What is said of inputs of different scenes.
@@ -175,5 +175,5 @@ fn differ(one: &Scene, other: &Scene) -> StageError {
         differences if differences.is_empty() => String::new(),
         differences => format!(": {}", Difference::listed(&differences)),
     };
-    StageError::Input(format!("the inputs were made with different scenes{list}"))
+    StageError::input(format!("the inputs were made with different scenes{list}"))
 }

@@ -28,8 +28,7 @@ pub fn weights(artifact: &Artifact) -> Result<Vec<u8>, StageError> {
 /// # Errors
 /// When the artifact holds no model of this program.
 pub fn of_artifact(artifact: &Artifact) -> Result<Surrogate, StageError> {
-    Surrogate::load(&weights(artifact)?)
-        .map_err(|e| StageError::Input(format!("artifact {}: {e}", artifact.digest().short())))
+    Surrogate::load(&weights(artifact)?).map_err(|e| StageError::in_artifact(artifact, e))
 }
 
 /// The network of a train stage, for use in a scene.
@@ -40,7 +39,7 @@ pub fn in_scene(artifact: &Artifact, scene: &Scene) -> Result<Surrogate, StageEr
     let surrogate = of_artifact(artifact)?;
     surrogate
         .check_scene(scene)
-        .map_err(|why| StageError::Input(format!("artifact {}: {why}", artifact.digest().short())))?;
+        .map_err(|why| StageError::in_artifact(artifact, why))?;
     Ok(surrogate)
 }
 
@@ -63,7 +62,7 @@ pub fn in_states(artifacts: &[&Artifact], scene: &Scene) -> Result<Vec<Surrogate
         let Some(place) = place else {
             let why = left.first().and_then(|(_, network)| network.check_scene(&scene).err());
             let why = why.map_or(String::new(), |why| format!("; {why}"));
-            return Err(StageError::Input(format!(
+            return Err(StageError::input(format!(
                 "`needs` names no model that was trained in state `{name}`: a design judged by networks needs one for each state{why}"
             )));
         };
@@ -71,7 +70,7 @@ pub fn in_states(artifacts: &[&Artifact], scene: &Scene) -> Result<Vec<Surrogate
     }
     match left.first() {
         None => Ok(found),
-        Some((digest, _)) => Err(StageError::Input(format!(
+        Some((digest, _)) => Err(StageError::input(format!(
             "artifact {digest}: the model is one more than there are states to judge in"
         ))),
     }

@@ -143,7 +143,7 @@ impl Stage for PatternsStage {
                 .position(|parameters| *parameters == chunk.parameters)
         };
         let index = job.chunk.and_then(own);
-        let index = index.ok_or_else(|| StageError::Failed("the chunk is not one of this stage's".to_owned()))?;
+        let index = index.ok_or_else(|| StageError::failed("the chunk is not one of this stage's"))?;
         let first = index * CHUNK as usize;
         let patterns: Vec<Pattern> = self.patterns.iter().skip(first).take(CHUNK as usize).cloned().collect();
         job.progress.advance(patterns.len() as u64);

@@ -216,10 +216,10 @@ impl Stage for SampleStage {
         let (group, range) = job
             .chunk
             .and_then(|chunk| self.find(&chunk.parameters))
-            .ok_or_else(|| StageError::Failed("the chunk is not one of this stage's".to_owned()))?;
+            .ok_or_else(|| StageError::failed("the chunk is not one of this stage's"))?;
         let draw = |i| {
             let drawn = self.electrodes.draw(&*group.family, self.seed, i);
-            drawn.map_err(|e| StageError::Failed(e.to_string()))
+            drawn.map_err(StageError::failed)
         };
         let patterns = range
             .clone()

@@ -139,12 +139,12 @@ impl Stage for SolveStage {
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let [samples] = job.inputs else {
-            return Err(StageError::Failed(
-                "a chunk of a solve stage reads one chunk of samples".to_owned(),
+            return Err(StageError::failed(
+                "a chunk of a solve stage reads one chunk of samples",
             ));
         };
         let rows = Samples::open(samples)?.rows().read()?;
-        let failed = |e: SetupError| StageError::Failed(e.to_string());
+        let failed = StageError::failed;
         let Ready { effects, solver } = self.ready().map_err(failed)?;
         let mut simulations = Vec::with_capacity(rows.patterns.len());
         let mut histories = Vec::new();

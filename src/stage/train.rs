@@ -187,7 +187,7 @@ impl Stage for TrainStage {
         };
         let mut trained = trained.map_err(|error| match error {
             TrainError::Stopped(stopped) => stopped.into(),
-            error => StageError::Failed(error.to_string()),
+            error => StageError::failed(error),
         })?;
         let inputs = job.inputs.iter().map(|input| input.digest().to_string()).collect();
         let annotated = annotated(
@@ -195,7 +195,7 @@ impl Stage for TrainStage {
             &scene.to_text(),
             Record::of(&trained, self.parameters.seed.0, inputs),
         );
-        trained.weights = annotated.map_err(|e| StageError::Failed(e.to_string()))?;
+        trained.weights = annotated.map_err(StageError::failed)?;
         Ok(content::training(trained, &found, self.parameters.network, scene).object())
     }
 }
@@ -206,7 +206,7 @@ fn start(inputs: &[Artifact]) -> Result<Option<Vec<u8>>, StageError> {
     for input in inputs {
         if model::is_in(input) && start.replace(model::weights(input)?).is_some() {
             let message = "a training begins with one other at most, and two are among its inputs";
-            return Err(StageError::Input(message.to_owned()));
+            return Err(StageError::input(message));
         }
     }
     Ok(start)
@@ -215,7 +215,7 @@ fn start(inputs: &[Artifact]) -> Result<Option<Vec<u8>>, StageError> {
 /// The linear response of a scene, by one biquadratic element per cell: on finer meshes it differs by less than what
 /// the network learns anyway.
 fn constants(scene: &Scene) -> Result<Constants, StageError> {
-    let failed = |e: &dyn std::fmt::Display| StageError::Failed(format!("no linear response: {e}"));
+    let failed = |e: &dyn std::fmt::Display| StageError::failed(format!("no linear response: {e}"));
     let response = LinearResponse::new(scene, Mesh::biquadratic(1)).map_err(|e| failed(&e))?;
-    Constants::new(&response, scene).map_err(|e| StageError::Failed(e.to_string()))
+    Constants::new(&response, scene).map_err(StageError::failed)
 }

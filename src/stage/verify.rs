@@ -261,7 +261,7 @@ impl Stage for VerifyStage {
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let failed = |e: SetupError| StageError::Failed(e.to_string());
+        let failed = StageError::failed;
         let states = decided_states(&self.scene).map_err(failed)?;
         let solvers = Solvers::new(&self.solver, &states).map_err(failed)?;
         let (own, designs): (Vec<&Artifact>, Vec<&Artifact>) =
@@ -308,7 +308,7 @@ impl VerifyStage {
         for design in designs {
             let rows = Designs::open(design)?.rows().read()?;
             for row in 0..rows.len() {
-                let wrong = |why: String| StageError::Input(format!("artifact {}: {why}", design.digest().short()));
+                let wrong = |why: String| StageError::in_artifact(design, why);
                 let text = &rows.objective.0[row];
                 if !known.contains_key(text) {
                     known.insert(text.clone(), self.goal(text, states).map_err(wrong)?);
@@ -407,7 +407,7 @@ impl Cases {
         let differs =
             |k: usize| own.objective.0[k] != others.objective.0[row] || own.area_target[k] != others.area_target[row];
         if of_target().next().is_some_and(differs) {
-            return Err(StageError::Input(format!(
+            return Err(StageError::input(format!(
                 "two stages design `{name}` of the case {label:?} for different objectives or areas, which cannot be \
                  compared: tell them apart by `case` or by the names of targets"
             )));
@@ -417,7 +417,7 @@ impl Cases {
             return Ok(of_role.any(|k| own.patterns[k] == others.patterns[row]));
         }
         if of_role.any(|k| own.member[k] == others.member[row] && own.units[k] == others.units[row]) {
-            return Err(StageError::Input(format!(
+            return Err(StageError::input(format!(
                 "two stages have a design `{name}` of role {}, {} units and the case {label:?}: \
                  tell them apart by `case` or by the names of targets",
                 role.name(),

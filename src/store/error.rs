@@ -159,6 +159,14 @@ pub enum StoreError {
         /// The difference.
         reason: String,
     },
+    /// The artifact does not have the content of its kind.
+    #[error("artifact {digest}: {source}", digest = digest.short())]
+    Content {
+        /// The artifact.
+        digest: ArtifactId,
+        /// What is wrong with it.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// An output file that the user named cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),

@@ -103,7 +103,7 @@ impl Stage for CountStage {
         };
         let first: u64 = parameters["first"].to_string().parse().unwrap();
         if self.fails.load(Ordering::SeqCst) == first / CHUNK {
-            return Err(StageError::Failed(format!("chunk {} was told to fail", first / CHUNK)));
+            return Err(StageError::failed(format!("chunk {} was told to fail", first / CHUNK)));
         }
         job.progress.advance(chunk.samples);
         Ok(numbers(

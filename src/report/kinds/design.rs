@@ -10,7 +10,8 @@ use crate::format::{mm, three};
 use crate::html::{Column, Page};
 use crate::intervals::{StageIntervals, of_stage};
 use crate::presenter::{Figures, Headline, Presenter, Results};
-use deaflow_content::{ContentError, Designs, DesignsView};
+use deaflow_content::{Designs, DesignsView};
+use deaflow_store::StoreError;
 
 /// Presents design stages.
 pub struct DesignPresenter;
@@ -161,7 +162,7 @@ fn evaluators_table(page: &mut Page, evaluators: &[Evaluators]) {
 }
 
 /// Returns the displacement of the best pattern of each generation.
-fn generations(view: &DesignsView<'_>) -> Result<Vec<SearchCurve>, ContentError> {
+fn generations(view: &DesignsView<'_>) -> Result<Vec<SearchCurve>, StoreError> {
     let history = view.history();
     let labels = history.name().read()?;
     Ok(searches(
@@ -172,7 +173,7 @@ fn generations(view: &DesignsView<'_>) -> Result<Vec<SearchCurve>, ContentError>
 }
 
 /// Returns the displacement after each step along the gradient.
-fn steps(view: &DesignsView<'_>) -> Result<Vec<SearchCurve>, ContentError> {
+fn steps(view: &DesignsView<'_>) -> Result<Vec<SearchCurve>, StoreError> {
     let steps = view.steps();
     let (mut labels, members) = (steps.name().read()?, steps.member().read()?);
     // A single design needs no number.

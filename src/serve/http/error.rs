@@ -4,7 +4,6 @@ use miette::{Diagnostic, SourceCode};
 use serde_json::{Value, json};
 
 use deaflow_base::InputError;
-use deaflow_content::ContentError;
 use deaflow_design::{ConstraintError, GoalError};
 use deaflow_fem::SetupError;
 use deaflow_field::{FieldError, PredictError, SimulatorError};
@@ -142,23 +141,15 @@ impl From<StoreError> for ApiError {
     fn from(error: StoreError) -> Self {
         let status = match &error {
             StoreError::Missing { .. } | StoreError::NoDataset { .. } | StoreError::NoStore { .. } => 404,
+            StoreError::Content { .. } => 409,
             // A damaged store prevents an answer, but the server itself works.
             error if error.is_damage() => 409,
             _ => 500,
         };
         let answer = Self::new(status, error.to_string());
-        match status {
-            409 => answer.help("run `deaflow fsck` to list all damaged files, and `deaflow run` to build them again"),
-            _ => answer,
-        }
-    }
-}
-
-impl From<ContentError> for ApiError {
-    fn from(error: ContentError) -> Self {
-        match error {
-            ContentError::Store(error) => error.into(),
-            fault => Self::new(409, fault.to_string()),
+        match error.is_damage() {
+            true => answer.help("run `deaflow fsck` to list all damaged files, and `deaflow run` to build them again"),
+            false => answer,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::source::Source;
 use deaflow_dataset::audit::{Discretisation, REFERENCE};
-use deaflow_fem::{Method, SceneSimulators, SetupError, SolveOptions, SolverParameters};
+use deaflow_fem::{Method, SceneSimulators, SolveOptions, SolverParameters};
 use deaflow_field::{Mesh, Simulation, SimulatorError, SimulatorKind, Simulators};
 use deaflow_orchestrator::StageError;
 use deaflow_pattern::Pattern;
@@ -59,7 +59,7 @@ pub fn again(artifact: &Artifact, scene: &Scene, row: usize, made_by: Option<&st
     let solver = source.solver.as_ref();
     let method = solver.map_or(Method::Newton, SolverParameters::method);
     let tolerance = solver.map_or(SolveOptions::default().tolerance, SolverParameters::tolerance);
-    let failed = |error: SetupError| StageError::Failed(error.to_string());
+    let failed = StageError::failed;
     let simulators = SceneSimulators::new(scene, method, tolerance).map_err(failed)?;
     Ok(Again {
         mesh,

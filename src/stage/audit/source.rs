@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use deaflow_base::Digest;
-use deaflow_content::{BalancedView, ContentError, Labelled, StoredAttribute, files};
+use deaflow_content::{BalancedView, Labelled, StoredAttribute, files};
 use deaflow_dataset::audit::{
     AuditError, Batch, Columns, Discretisation, Finding, Level, NO_NUMBER, Origin, RowSource, Severity,
 };
@@ -156,7 +156,7 @@ impl Source {
     ///
     /// # Errors
     /// When it is no HDF5 file, or a column cannot be read.
-    pub fn of_file(path: &Path, raster: Raster) -> Result<Self, ContentError> {
+    pub fn of_file(path: &Path, raster: Raster) -> Result<Self, StoreError> {
         if Artifact::is_at(path) {
             return Self::of_artifact(&Artifact::open(path)?, raster);
         }
@@ -184,7 +184,7 @@ impl Source {
     ///
     /// # Errors
     /// When it, or one of its chunks, is missing or damaged, or a column cannot be read.
-    pub fn of_artifact(artifact: &Artifact, raster: Raster) -> Result<Self, ContentError> {
+    pub fn of_artifact(artifact: &Artifact, raster: Raster) -> Result<Self, StoreError> {
         let files = files(artifact)?;
         // Every byte is verified before the library reads it.
         files.iter().try_for_each(|file| file.file_digest().map(drop))?;
@@ -252,7 +252,7 @@ impl Source {
 
     /// A balanced dataset does not repeat how its samples were solved: they stand beside it in the store. Where they do not
     /// any more, the mesh is found out as for a file from elsewhere.
-    fn inherit(&mut self, balanced: &BalancedView<'_>) -> Result<(), ContentError> {
+    fn inherit(&mut self, balanced: &BalancedView<'_>) -> Result<(), StoreError> {
         let from = balanced.source().read()?;
         let (mut meshes, mut errors) = (Vec::new(), Vec::new());
         let (mut estimates, mut solvers) = (Vec::new(), Vec::new());
@@ -291,7 +291,7 @@ impl Source {
     }
 
     /// Its rows, as what others are made from.
-    fn as_origins(&self) -> Result<Vec<Origin>, ContentError> {
+    fn as_origins(&self) -> Result<Vec<Origin>, StoreError> {
         let mut origins = Vec::with_capacity(self.len());
         for segment in &self.segments {
             let file = segment.file.open()?;

@@ -3,11 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use deaflow_content as content;
-use deaflow_content::{ContentError, Difficulty, Novelty, SingleField};
+use deaflow_content::{Difficulty, Novelty, SingleField};
 use deaflow_orchestrator::StageError;
 use deaflow_pattern::Raster;
 use deaflow_scene::Scene;
-use deaflow_store::Artifact;
+use deaflow_store::{Artifact, StoreError};
 use deaflow_surrogate::{COVERAGE, Calibration, CalibrationParts, DifficultyParts, FALSE_ALARM, NoveltyParts};
 
 /// What a calibration is of.
@@ -133,7 +133,7 @@ pub fn read(artifact: &Artifact) -> Result<Option<CalibratedModel>, StageError> 
         samples,
         familiar: familiar == 1,
     };
-    let wrong = |e| StageError::Input(format!("artifact {}: {e}", artifact.digest().short()));
+    let wrong = |e| StageError::in_artifact(artifact, e);
     Ok(Some(CalibratedModel {
         model: view.model().read()?,
         weights: view.weights().read()?,
@@ -144,7 +144,7 @@ pub fn read(artifact: &Artifact) -> Result<Option<CalibratedModel>, StageError> 
 }
 
 /// The arrays of the calibration itself.
-fn parts(view: &content::CalibrationView<'_>) -> Result<CalibrationParts, ContentError> {
+fn parts(view: &content::CalibrationView<'_>) -> Result<CalibrationParts, StoreError> {
     let (difficulty, novelty) = (view.difficulty().read()?, view.novelty().read()?);
     let [threshold] = novelty.threshold;
     let residuals = view.residuals().read()?;

@@ -31,7 +31,7 @@ impl Calibrated {
             };
             let own = |other: &&Artifact| other.digest().to_string() == calibration.model;
             let network = inputs.iter().find(own).ok_or_else(|| {
-                StageError::Input(format!(
+                StageError::input(format!(
                     "the calibration {} is of the model {:.12}, which `needs` does not name",
                     input.digest().short(),
                     calibration.model
@@ -39,10 +39,10 @@ impl Calibrated {
             })?;
             if !scene.states.is_empty() {
                 let message = "a calibration is of one drive, and designs of a device in several states have none";
-                return Err(StageError::Input(message.to_owned()));
+                return Err(StageError::input(message));
             }
             if found.is_some() {
-                return Err(StageError::Input("a design stage takes one calibration".to_owned()));
+                return Err(StageError::input("a design stage takes one calibration"));
             }
             found = Some(Self {
                 surrogate: model::in_scene(network, scene)?,
@@ -58,7 +58,7 @@ impl Calibrated {
     /// When the network cannot be evaluated.
     pub fn intervals(&self, goal: &Goal, patterns: &[Pattern]) -> Result<DesignIntervals, StageError> {
         let fields = self.surrogate.predict(patterns);
-        let fields = fields.map_err(|e| StageError::Failed(e.to_string()))?;
+        let fields = fields.map_err(StageError::failed)?;
         let calibration = &self.calibration.calibration;
         let half_widths = calibration.objective(&|field| goal.value_mm(std::slice::from_ref(field)));
         let basis = self.calibration.basis();

@@ -47,7 +47,7 @@ impl NamedPredictor {
     /// When there is none in this scene.
     pub fn estimate(method: Method, scene: &Scene) -> Result<Self, StageError> {
         let parameters = SolverParameters::new(method, Mesh::bilinear(1));
-        let solver = parameters.build(scene).map_err(|e| StageError::Failed(e.to_string()))?;
+        let solver = parameters.build(scene).map_err(StageError::failed)?;
         Ok(Self {
             name: method.to_string(),
             families: BTreeSet::new(),

@@ -133,7 +133,7 @@ impl Cells {
             let mut values = places.iter().filter_map(|&place| results.get(place)?.get(result));
             let value = values.next();
             if values.next().is_some() {
-                return Err(StageError::Input(format!(
+                return Err(StageError::input(format!(
                     "`{}` is a result of several stages that the table needs: write STAGE.{result}",
                     column.name
                 )));
@@ -157,7 +157,7 @@ impl Cells {
             .flat_map(|results| results.keys().map(String::as_str))
             .collect();
         let names: Vec<&str> = names.into_iter().take(40).collect();
-        StageError::Input(format!(
+        StageError::input(format!(
             "no stage that the table needs has a result `{}`, and there is no such axis; results are {}",
             column.name,
             names.join(", ")
@@ -181,7 +181,7 @@ fn typed(name: &str, texts: &[&str]) -> Result<(Vec<Typed>, &'static str), Stage
         }
     }
     if let Some(long) = texts.iter().find(|text| text.len() > LONGEST) {
-        return Err(StageError::Input(format!(
+        return Err(StageError::input(format!(
             "the column `{name}`: {long:?} is longer than {LONGEST} bytes; zip the axis with one of short words, and name that"
         )));
     }

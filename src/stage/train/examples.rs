@@ -44,10 +44,10 @@ pub fn read(inputs: &[Artifact], scene: &Scene, verified_weight: u32) -> Result<
         .finish(longer_side_mm, verified_weight)
         .map_err(|none| match none.all_unstable {
             true => StageError::Advised {
-                message: none.to_string(),
+                source: none.into(),
                 help: foresight::advice(scene),
             },
-            false => StageError::Input(none.to_string()),
+            false => StageError::input(none),
         })
 }
 
@@ -164,7 +164,7 @@ fn for_each_label(
 }
 
 fn wrong(artifact: &Artifact, reason: &str) -> StageError {
-    StageError::Input(format!("artifact {}: {reason}", artifact.digest().short()))
+    StageError::in_artifact(artifact, reason)
 }
 
 #[cfg(test)]

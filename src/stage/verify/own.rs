@@ -56,7 +56,7 @@ impl OwnPatterns {
         let mut added = Vec::new();
         for target in (0..designs.len()).filter(is_first) {
             for (number, pattern) in self.0.iter().enumerate() {
-                let status = status(&designs, target, pattern, scene).map_err(StageError::Input)?;
+                let status = status(&designs, target, pattern, scene).map_err(StageError::input)?;
                 rows.push_own((&designs, target), (number as u64, pattern), status);
                 added.push(OwnCase {
                     target,

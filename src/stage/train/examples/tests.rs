@@ -235,10 +235,13 @@ fn inputs_without_any_label_to_learn_from_are_refused_with_the_reason() {
     );
     let unstable = bench.manifest(&[solved(&[], &[], &["pull-in", "slack"])]);
     let error = read(&[unstable], &Scene::vhb4910().at_voltage(12e3), 8).err().unwrap();
-    let StageError::Advised { message, help } = error else {
+    let StageError::Advised { source, help } = error else {
         panic!("what helps is said: {error}");
     };
-    assert!(message.ends_with("2 samples have no stable solution"), "{message}");
+    assert!(
+        source.to_string().ends_with("2 samples have no stable solution"),
+        "{source}"
+    );
     assert!(help.contains("covered everywhere above 10.98 kV"), "{help}");
     let mut torn = balanced(&[pattern(0)], &[field(1.0)], &[Split::Train]);
     torn.datasets.remove("split");
