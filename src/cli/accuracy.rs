@@ -36,7 +36,8 @@ pub struct AccuracyArguments {
     /// The same, as for `solve` and `screen`
     #[arg(value_name = "PATTERN", conflicts_with_all = ["patterns", "families", "count", "seed"], help_heading = PATTERNS)]
     pub own: Vec<String>,
-    /// Measure on patterns of the families small and large grids, Bézier curves, stripes, blobs, checkers, dithers, mazes,
+    /// Measure on patterns of the families small and large grids, Bézier curves, stripes, blobs, checkers, dithers,
+    /// mazes,
     /// diagonals, spirals, glyphs and single cells; the default
     #[arg(long, help_heading = PATTERNS)]
     pub families: bool,
@@ -61,7 +62,8 @@ pub struct AccuracyArguments {
     pub model: Vec<String>,
     #[command(flatten)]
     pub store: StoreArguments,
-    /// The reference; with `history: { at: [10 s] }` in it, the state at that time is compared, which the methods `history`
+    /// The reference; with `history: { at: [10 s] }` in it, the state at that time is compared, which the methods
+    /// `history`
     /// and `creep:3` find too
     #[arg(long, value_name = "YAML", default_value = "{ elements_per_cell: 8, order: 2 }")]
     pub reference: String,

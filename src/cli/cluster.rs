@@ -69,7 +69,8 @@ pub struct ClusterBuild<'a> {
     pub mode: ProgressMode,
 }
 
-/// Lets workers build, if requested. Returns none if not, or when everything is built: this process then reports as any run.
+/// Lets workers build, if requested. Returns none if not, or when everything is built: this process then reports as any
+/// run.
 ///
 /// # Errors
 /// When the workers cannot be submitted, or fail.
@@ -263,7 +264,8 @@ impl ClusterBuild<'_> {
         Ok((profile, kind))
     }
 
-    /// The command line of a worker, without its stages and its array. Paths are absolute: workers start in other folders.
+    /// The command line of a worker, without its stages and its array. Paths are absolute: workers start in other
+    /// folders.
     fn worker(&self, profile: &Profile) -> Result<Vec<String>, CliError> {
         let own =
             std::env::current_exe().map_err(|error| CliError::failure(format!("cannot find this program: {error}")))?;

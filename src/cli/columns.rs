@@ -1,4 +1,5 @@
-//! Layout of tables. Without a terminal every column has its natural width. On a narrow terminal texts wrap within their columns or
+//! Layout of tables. Without a terminal every column has its natural width. On a narrow terminal texts wrap within
+//! their columns or
 //! below their row, dispensable columns are dropped, and what is still too wide is truncated.
 
 use textwrap::core::{Word, display_width};

@@ -80,7 +80,8 @@ pub fn jobs(text: &str) -> Result<u16, String> {
     number.ok_or_else(|| format!("allowed: {} to {}", ALLOWED_JOBS.start(), ALLOWED_JOBS.end()))
 }
 
-/// Declares the commands in the order of `deaflow --help`, under headings. The comment on its arguments describes a command.
+/// Declares the commands in the order of `deaflow --help`, under headings. The comment on its arguments describes a
+/// command.
 macro_rules! commands {
     ($($heading:literal: $($command:ident => $file:ident::$arguments:ident,)*)*) => {
         #[derive(Debug, Subcommand)]

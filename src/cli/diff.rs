@@ -20,7 +20,8 @@ use deaflow_orchestrator::is_filled;
     "deaflow diff pipeline.yaml --set stages.design.generations=60",
 ))]
 pub struct DiffArguments {
-    /// A run (@1 is the last in `deaflow log`, @2 the one before it, PIPELINE.yaml@1 the last of a pipeline, or its digits),
+    /// A run (@1 is the last in `deaflow log`, @2 the one before it, PIPELINE.yaml@1 the last of a pipeline, or its
+    /// digits),
     /// a pipeline, a lock file, or an artifact by its digits [default: compare the last two runs]
     #[arg(value_name = "A")]
     pub from: Option<String>,
@@ -82,7 +83,8 @@ pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliEr
     )
 }
 
-/// Returns the parameters that differ, by the paths of `--set`. Parameters of the scene that are the same for all stages appear once.
+/// Returns the parameters that differ, by the paths of `--set`. Parameters of the scene that are the same for all
+/// stages appear once.
 pub fn parameters(from: &Snapshot, to: &Snapshot) -> Vec<Change<Canonical>> {
     let (before, after) = (from.parameters(), to.parameters());
     let names = before
@@ -240,7 +242,8 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
     text
 }
 
-/// Combines equal changes of several entries of a list, such as several `units`, into one, named after the field of the pipeline.
+/// Combines equal changes of several entries of a list, such as several `units`, into one, named after the field of the
+/// pipeline.
 pub fn together(changes: &[Change<Canonical>]) -> Vec<(String, &Change<Canonical>)> {
     /// The path before and after the number, the numbers, and the first change.
     type Combined<'a> = (Option<[&'a str; 2]>, Vec<&'a str>, &'a Change<Canonical>);

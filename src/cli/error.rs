@@ -161,7 +161,8 @@ impl CliError {
         lines(&printable(&text), Tone::Plain, screen)
     }
 
-    /// Formats the error with the lines around its position; none without a position, or if they contain control characters.
+    /// Formats the error with the lines around its position; none without a position, or if they contain control
+    /// characters.
     fn quoted(&self, styles: ThemeStyles, width: usize) -> Option<String> {
         let input = self.input.as_ref().filter(|_| self.can_be_quoted())?;
         let characters = ThemeCharacters {
@@ -177,7 +178,8 @@ impl CliError {
         Some(text.trim_start().replace('\r', ""))
     }
 
-    /// Whether message and lines can be printed: no control characters, and no lines of megabytes (miette counts columns in
+    /// Whether message and lines can be printed: no control characters, and no lines of megabytes (miette counts
+    /// columns in
     /// 16 bits).
     fn can_be_quoted(&self) -> bool {
         let shown = self.input.as_ref().and_then(|input| {

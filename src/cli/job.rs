@@ -1,4 +1,5 @@
-//! A computation on patterns that writes an HDF5 file and reports: the part that `solve` in all its forms and `predict` share.
+//! A computation on patterns that writes an HDF5 file and reports: the part that `solve` in all its forms and `predict`
+//! share.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;

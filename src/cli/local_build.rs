@@ -309,7 +309,8 @@ impl Build<'_> {
     }
 }
 
-/// Prepares the report while stages run: from the first one that is built, since a run that builds nothing has all figures.
+/// Prepares the report while stages run: from the first one that is built, since a run that builds nothing has all
+/// figures.
 #[derive(Default)]
 struct Preparation {
     /// Stages that were reused before that.

@@ -240,7 +240,8 @@ fn text(runs: &[Run], changed: &[Vec<String>], more: bool, of_all: bool, removed
     text
 }
 
-/// Describes how the files of each run differ from those of the run before it, of the same pipeline. Overrides are left out, and
+/// Describes how the files of each run differ from those of the run before it, of the same pipeline. Overrides are left
+/// out, and
 /// so is the last listed run.
 fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
     let reader = SnapshotReader::new(store);
@@ -279,7 +280,8 @@ fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
     Ok((0..runs.len()).map(of).collect())
 }
 
-/// Names the stages of two runs that differ in parameters which are not recorded any more; none if overrides explain it.
+/// Names the stages of two runs that differ in parameters which are not recorded any more; none if overrides explain
+/// it.
 fn unknown_changes(runs: [&Run; 2], snapshots: [&Snapshot; 2]) -> Option<String> {
     let differs = |name: &&str| {
         let keys = runs.map(|run| run.stage(name).map(|stage| stage.key));

@@ -11,7 +11,8 @@ use deaflow_orchestrator::{Pipeline, StageSpec};
 use deaflow_scene::Scene;
 use deaflow_store::Store;
 
-/// Returns a warning for each significant effect that simulating stages neglect, after the names of those stages. It depends on
+/// Returns a warning for each significant effect that simulating stages neglect, after the names of those stages. It
+/// depends on
 /// parts of the scene that affect no result (the drive in time, known material data), so artifacts do not contain it.
 ///
 /// # Errors
@@ -80,7 +81,8 @@ fn scenes<'a>(pipeline: &'a Pipeline, stages: &[&str]) -> Vec<(SimulatedScene, V
     scenes
 }
 
-/// Returns the warnings of a scene. They depend only on the scene and this program and take the time of some solutions, so the
+/// Returns the warnings of a scene. They depend only on the scene and this program and take the time of some solutions,
+/// so the
 /// store caches them.
 fn screened((scene, in_time): &SimulatedScene, store: &Store) -> Result<Vec<String>, CliError> {
     let sort = if *in_time { "warnings in time" } else { "warnings" };

@@ -61,7 +61,8 @@ pub fn read_lock(path: &Path) -> Result<LockFile, CliError> {
     Ok(LockFile::read(path)?)
 }
 
-/// Opens a store for a command that writes nothing to it. If there is none, opens an empty store in a temporary folder, which is
+/// Opens a store for a command that writes nothing to it. If there is none, opens an empty store in a temporary folder,
+/// which is
 /// deleted when it is dropped.
 ///
 /// # Errors

@@ -33,14 +33,16 @@ pub struct PredictArguments {
     pub model: String,
     #[command(flatten)]
     pub patterns: PatternArguments,
-    /// Refuse a model that was trained for another scene than that of this YAML file: a scene, or a pipeline that has one
+    /// Refuse a model that was trained for another scene than that of this YAML file: a scene, or a pipeline that has
+    /// one
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
     #[command(flatten)]
     pub point: PointArguments,
     #[command(flatten)]
     pub state: StateArguments,
-    /// The result of a stage of kind `calibrate`, named like a model [default: for a model in the store, the calibration
+    /// The result of a stage of kind `calibrate`, named like a model [default: for a model in the store, the
+    /// calibration
     /// of the last run, from the most patterns]; intervals are also written to OUT.csv next to OUT.h5
     #[arg(long, value_name = "CALIBRATION")]
     pub calibration: Option<String>,

@@ -1,4 +1,5 @@
-//! Progress on stderr: on a terminal one line per running stage with rate and remaining time; elsewhere a plain line when a
+//! Progress on stderr: on a terminal one line per running stage with rate and remaining time; elsewhere a plain line
+//! when a
 //! stage begins, every ten seconds, and when it ends; for programs one line of JSON per event.
 
 use std::collections::BTreeMap;

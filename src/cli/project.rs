@@ -16,8 +16,10 @@ const MARK: &str = ".git";
 /// The permissions of a public folder such as `/tmp`, whose contents are not a project.
 const PUBLIC: u32 = 0o1002;
 
-/// Returns the folder of the store for a pipeline, or for the current folder: in the nearest folder at or above it that has a
-/// store or is the top of a Git repository. If there is none, it is next to the pipeline, or in the current folder if the
+/// Returns the folder of the store for a pipeline, or for the current folder: in the nearest folder at or above it that
+/// has a
+/// store or is the top of a Git repository. If there is none, it is next to the pipeline, or in the current folder if
+/// the
 /// pipeline is below that.
 #[must_use]
 pub fn store(pipeline: Option<&Path>) -> PathBuf {

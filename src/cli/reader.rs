@@ -1,4 +1,5 @@
-//! `deaflow read-hdf5`: a process that reads foreign HDF5 files. Only this program starts it; it is not in the list of commands.
+//! `deaflow read-hdf5`: a process that reads foreign HDF5 files. Only this program starts it; it is not in the list of
+//! commands.
 
 use std::path::Path;
 use std::process::Command;

@@ -223,7 +223,8 @@ fn counts(results: &[SampleResult]) -> BTreeMap<&str, usize> {
     counts
 }
 
-/// The smallest, the median and the largest of the peak displacements in mm, with their patterns; none without a solution.
+/// The smallest, the median and the largest of the peak displacements in mm, with their patterns; none without a
+/// solution.
 fn range(results: &[SampleResult]) -> Option<[(f64, &SampleResult); 3]> {
     let mut peaks: Vec<(f64, &SampleResult)> = results
         .iter()

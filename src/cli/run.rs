@@ -27,7 +27,8 @@ pub struct RunArguments {
     /// Write a lock file next to the pipeline, with the digest of everything that was built or reused
     #[arg(long, conflicts_with_all = ["until", "sets", "locked"])]
     lock: bool,
-    /// Fail if the pipeline or a result differs from the lock file; differences are found before building where possible
+    /// Fail if the pipeline or a result differs from the lock file; differences are found before building where
+    /// possible
     #[arg(long)]
     locked: bool,
     #[command(flatten)]

@@ -1,4 +1,5 @@
-//! The log file of a run: one line per event, with its time. A run that builds nothing writes none. The first line names the
+//! The log file of a run: one line per event, with its time. A run that builds nothing writes none. The first line
+//! names the
 //! file of the pipeline, the last one marks the end of the run; without it, the run was killed or is still running.
 
 use std::collections::BTreeMap;

@@ -104,7 +104,8 @@ fn text(screening: &Screening) -> Text {
     text
 }
 
-/// Screens a scene at the largest voltages of all its states, with the patterns of the command line, or else with reference
+/// Screens a scene at the largest voltages of all its states, with the patterns of the command line, or else with
+/// reference
 /// patterns.
 ///
 /// # Errors

@@ -21,7 +21,8 @@ use deaflow_store::{Artifact, Content, Lookup, Store, StoreError};
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow show solved", "deaflow show pipeline.yaml:design --csv", "deaflow show simulated.h5"))]
 pub struct ShowArguments {
-    /// A stage of the last run, PIPELINE.yaml:STAGE, a digest or its first digits, at least 4; or an HDF5 file: an artifact,
+    /// A stage of the last run, PIPELINE.yaml:STAGE, a digest or its first digits, at least 4; or an HDF5 file: an
+    /// artifact,
     /// or the output of `solve` or `predict`
     #[arg(value_name = "STAGE|DIGEST|FILE.h5")]
     pub artifact: String,

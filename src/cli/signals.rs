@@ -11,7 +11,8 @@ use signal_hook::flag;
 use super::{CliError, Exit};
 use deaflow_base::{Background, Pauses};
 
-/// Makes a file that exceeds a size limit an error of its write, as on a full disk, and ends the process with the exit code
+/// Makes a file that exceeds a size limit an error of its write, as on a full disk, and ends the process with the exit
+/// code
 /// of a failure when memory is exhausted. If the system refuses, the defaults remain.
 pub fn prepare() {
     // With any handler, the write that raised the signal fails instead of ending the process.

@@ -59,7 +59,8 @@ impl Snapshot {
         self.without_parameters().any(of_stage)
     }
 
-    /// Returns all parameters by the paths of `--set`: `scene.drive.voltage` if it is the same for all stages that have it,
+    /// Returns all parameters by the paths of `--set`: `scene.drive.voltage` if it is the same for all stages that have
+    /// it,
     /// otherwise `stages.NAME.scene.drive.voltage`.
     pub fn parameters(&self) -> BTreeMap<String, Canonical> {
         let mut all = BTreeMap::new();

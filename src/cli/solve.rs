@@ -1,4 +1,5 @@
-//! `deaflow solve`: simulates patterns. Each form of it (equilibria, load paths, histories, modes, responses) is a child module.
+//! `deaflow solve`: simulates patterns. Each form of it (equilibria, load paths, histories, modes, responses) is a
+//! child module.
 
 mod cells;
 mod equilibrium;
@@ -58,10 +59,12 @@ pub struct SolveArguments {
     /// Elements along one side of a cell [default: 2; 1 for a path]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=8), help_heading = METHOD)]
     elements_per_cell: Option<u64>,
-    /// Polynomial order of the elements [default: 1; 2 for a path, because bilinear elements overestimate critical voltages]
+    /// Polynomial order of the elements [default: 1; 2 for a path, because bilinear elements overestimate critical
+    /// voltages]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=2), help_heading = METHOD)]
     order: Option<u64>,
-    /// Choose mesh and order for each pattern so that the displacement is this accurate, as in "0.005 mm"; the estimated
+    /// Choose mesh and order for each pattern so that the displacement is this accurate, as in "0.005 mm"; the
+    /// estimated
     /// error of each pattern is written too
     #[arg(
         long,
@@ -86,7 +89,8 @@ pub struct SolveArguments {
     /// Also write stretches, electric field, stresses and tension state of every cell
     #[arg(long, conflicts_with_all = ["accuracy", "path"])]
     pub cells: bool,
-    /// Follow the load path of each pattern from rest past its critical voltage; the voltage of the scene is ignored, and
+    /// Follow the load path of each pattern from rest past its critical voltage; the voltage of the scene is ignored,
+    /// and
     /// OUT.csv and OUT.png are written next to OUT.h5
     #[arg(long, conflicts_with_all = ["accuracy", "time_limit"])]
     pub path: bool,

@@ -30,7 +30,8 @@ const TABLE: &str = "sweep";
 pub struct SweepArguments {
     /// The pipeline, a YAML file
     pub pipeline: PathBuf,
-    /// Comma-separated values of a field, such as scene.drive.voltage="3 kV, 4 kV"; values of several fields are combined.
+    /// Comma-separated values of a field, such as scene.drive.voltage="3 kV, 4 kV"; values of several fields are
+    /// combined.
     /// A single value overrides as in `run`
     #[arg(long = "set", value_name = "PATH=VALUES", required = true, help_heading = PIPELINE)]
     pub sets: Vec<String>,

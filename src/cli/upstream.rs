@@ -47,7 +47,8 @@ fn open(name: Option<&str>, store: &Store) -> Result<Remote, CliError> {
 /// The command that adds a remote.
 pub const HOW_TO_ADD: &str = "deaflow remote add NAME s3://BUCKET/PREFIX --key FILE.pub";
 
-/// Opens a remote (the named one, that of the environment, or the only one), reads its index and reports what is ignored.
+/// Opens a remote (the named one, that of the environment, or the only one), reads its index and reports what is
+/// ignored.
 pub fn open_fresh(name: Option<&str>, store: &Store, output: &Output) -> Result<(Remote, IgnoredRecords), CliError> {
     let remote = open(remote_name(name).as_deref(), store)?;
     let foreign = remote.refresh()?;

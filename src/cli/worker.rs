@@ -1,4 +1,5 @@
-//! `deaflow worker`: builds the ready stages of a pipeline next to other workers, until everything is built or it is stopped.
+//! `deaflow worker`: builds the ready stages of a pipeline next to other workers, until everything is built or it is
+//! stopped.
 //! Batch systems start any number of them.
 
 use std::collections::BTreeSet;
@@ -291,7 +292,8 @@ fn left(time: Option<Duration>, before: Duration) -> Result<Duration, CliError> 
     Ok(left.saturating_sub(before))
 }
 
-/// Stops the worker when its time is over, and ends the process if the running work does not stop: only its last piece is lost.
+/// Stops the worker when its time is over, and ends the process if the running work does not stop: only its last piece
+/// is lost.
 fn watch(
     stop: &Arc<AtomicBool>,
     left: Option<Duration>,

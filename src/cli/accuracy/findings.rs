@@ -24,7 +24,8 @@ const MIN_PATTERNS: usize = 5;
 /// An equilibrium is preferred to an estimate if it takes at most this times as long: its stability is known.
 const EQUILIBRIUM_FACTOR: f64 = 1.1;
 
-/// Returns the fastest setting of `solve` whose bound is at most the target, and that agrees with the reference on stability.
+/// Returns the fastest setting of `solve` whose bound is at most the target, and that agrees with the reference on
+/// stability.
 /// An equilibrium that takes a little longer is preferred to an estimate.
 fn cheapest(measured: &[Measured], target_mm: f64) -> Option<&Measured> {
     let fit = || {

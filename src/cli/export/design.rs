@@ -37,7 +37,8 @@ const MEMBRANE: &str = "Deformed membranes";
     "deaflow export design mine.csv --scene scene.yaml -o membrane.vtkhdf",
 ))]
 pub struct ExportDesignArguments {
-    /// A stage of kind design or verify: PIPELINE.yaml:STAGE, a stage of the last run, a digest or its first digits, or a
+    /// A stage of kind design or verify: PIPELINE.yaml:STAGE, a stage of the last run, a digest or its first digits, or
+    /// a
     /// file; with --scene a pattern: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
     pub source: String,
     /// The output: a file, which is replaced, or a folder
@@ -60,7 +61,8 @@ pub struct ExportDesignArguments {
         help_heading = WHICH
     )]
     pub role: Option<String>,
-    /// The number of the design among those of the target, from 1 as in runs and reports [default: the best by simulation,
+    /// The number of the design among those of the target, from 1 as in runs and reports [default: the best by
+    /// simulation,
     /// or the first]
     #[arg(
         long,
