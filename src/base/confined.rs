@@ -11,7 +11,7 @@ pub enum ConfinedError {
     #[error("it does not exist")]
     Missing,
     /// It is somewhere else.
-    #[error("it lies outside the folder of the pipeline")]
+    #[error("it is outside the folder of the pipeline")]
     Outside,
 }
 

@@ -14,7 +14,7 @@ pub enum EncodingError {
     #[error("cannot decode: {0}")]
     Decode(#[from] bincode::error::DecodeError),
     /// Bytes remain after the value.
-    #[error("{0} bytes follow the encoded value")]
+    #[error("{0} unexpected bytes after the encoded value")]
     Trailing(usize),
 }
 

@@ -66,7 +66,7 @@ fn read_all(file: File, limit: u64) -> Result<Vec<u8>> {
     let too_large = |size: u64| {
         Error::new(
             ErrorKind::FileTooLarge,
-            format!("{size} bytes; at most {limit} are read"),
+            format!("the file has {size} bytes; at most {limit} are allowed"),
         )
     };
     if size > limit {

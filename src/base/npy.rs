@@ -44,22 +44,22 @@ pub enum NpyError {
     #[error("the file ends inside its header")]
     Short,
     /// Its format is from the future.
-    #[error("NumPy file version {0}.{1} is not known")]
+    #[error("unknown NumPy file version {0}.{1}")]
     Version(u8, u8),
     /// Its header is longer than any of an array.
-    #[error("its header has {0} bytes")]
+    #[error("the header is too long: {0} bytes")]
     Long(u32),
     /// Its header is no text.
     #[error("the header is not text")]
     NotText,
     /// Its elements have several parts.
-    #[error("a structured array")]
+    #[error("structured arrays are not supported")]
     Structured,
     /// A key of the header.
-    #[error("the header has no readable `{0}`")]
+    #[error("cannot read `{0}` in the header")]
     Key(&'static str),
     /// Elements that are no numbers.
-    #[error("elements of type {0:?}")]
+    #[error("elements of type {0:?} are not supported")]
     Element(String),
     /// The system refused.
     #[error("{0}")]

@@ -13,7 +13,7 @@ use tempfile::NamedTempFile;
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
     /// Something that is no regular file is there.
-    #[error("{path} is {found}: only a regular file is replaced", path = path.display())]
+    #[error("{path} is {found}; only a regular file can be replaced", path = path.display())]
     Occupied {
         /// The path as it was given.
         path: PathBuf,
@@ -21,13 +21,13 @@ pub enum OutputError {
         found: &'static str,
     },
     /// A link that leads to no file.
-    #[error("{path} is a link that leads nowhere: it is neither replaced nor followed", path = path.display())]
+    #[error("{path} is a dangling symbolic link; remove it or choose another name", path = path.display())]
     LeadsNowhere {
         /// The link.
         path: PathBuf,
     },
     /// The folder of the file is not there.
-    #[error("cannot write in {folder}: there is no folder of that name", folder = folder.display())]
+    #[error("cannot write in {folder}: the folder does not exist", folder = folder.display())]
     NoFolder {
         /// The folder.
         folder: PathBuf,

@@ -2,7 +2,7 @@
 
 /// A piece of work was asked to stop, and what it has come to is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("stopped; what it had come to is kept")]
+#[error("stopped; its progress is saved")]
 pub struct Stopped;
 
 /// Receives the progress of a piece of work.

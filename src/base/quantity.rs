@@ -19,7 +19,7 @@ pub struct Decimal {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum QuantityError {
     /// Not a decimal number.
-    #[error("{0:?} is not a decimal number of at most 18 digits, with a point before its decimals")]
+    #[error("{0:?} is not a decimal number with at most 18 digits and a decimal point")]
     NotANumber(String),
     /// A unit of another dimension, or none that is known.
     #[error("unknown unit {found:?} for {}; allowed: {allowed}", .dimension.with_article())]

@@ -9,7 +9,7 @@ use deaflow_store::StoreError;
 #[derive(Debug, thiserror::Error)]
 pub enum Fault {
     /// Two arrays along one axis have different lengths.
-    #[error("its arrays differ in length: `{path}` has {found} along `{axis}`, and `{other}` has {wanted}")]
+    #[error("arrays differ in length: `{path}` has {found} along `{axis}`, `{other}` has {wanted}")]
     Length {
         /// The array that differs.
         path: String,
@@ -23,7 +23,7 @@ pub enum Fault {
         wanted: usize,
     },
     /// An array does not have the axes that are declared.
-    #[error("`{path}` has shape {found:?}, wanted {wanted}")]
+    #[error("`{path}` has shape {found:?}, expected {wanted}")]
     Shape {
         /// Which array.
         path: String,
@@ -33,13 +33,13 @@ pub enum Fault {
         wanted: String,
     },
     /// An attribute is missing.
-    #[error("no attribute `{name}`")]
+    #[error("attribute `{name}` is missing")]
     NoAttribute {
         /// Which.
         name: &'static str,
     },
     /// An attribute cannot be read.
-    #[error("its attribute `{name}` cannot be read: {source}")]
+    #[error("cannot read attribute `{name}`: {source}")]
     Attribute {
         /// Which.
         name: &'static str,
@@ -55,7 +55,7 @@ pub enum Fault {
         source: ElementError,
     },
     /// What was simulated does not belong to the patterns.
-    #[error("its arrays differ in length: those of simulations do not have a row for each pattern with a field")]
+    #[error("arrays differ in length: the arrays of simulations need one row for each pattern with a field")]
     Simulated,
 }
 
@@ -89,6 +89,6 @@ pub enum ElementError {
     #[error(transparent)]
     Field(#[from] FieldError),
     /// A word without a meaning here.
-    #[error("unknown word {0:?}")]
+    #[error("unknown value {0:?}")]
     Word(String),
 }

@@ -114,7 +114,7 @@ pub fn ask(program: &str, arguments: &[String], input: &str) -> Result<String, E
                 // It may have ended meanwhile.
                 let _ = child.kill();
                 let _ = child.wait();
-                return Err(failed(format!("no answer within {} s", PATIENCE.as_secs())));
+                return Err(failed(format!("no response within {} s", PATIENCE.as_secs())));
             }
         }
     };

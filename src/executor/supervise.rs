@@ -535,7 +535,7 @@ impl Supervisor<'_> {
             let since = humantime::parse_rfc3339(&array.since).ok();
             let waited = since.and_then(|since| SystemTime::now().duration_since(since).ok());
             if begun == 0 && waited.is_some_and(|waited| waited > WAITING) {
-                self.trouble = Some(format!("no worker of {} has begun since {}", array.name, array.since));
+                self.trouble = Some(format!("no worker of {} has started since {}", array.name, array.since));
             }
             living.insert(
                 array.name.clone(),

@@ -34,7 +34,7 @@ pub fn serve() -> io::Result<()> {
 fn tell(socket: &mut impl Write, reply: &Reply, bytes: &[u8]) -> io::Result<()> {
     match message::send(socket, reply, bytes) {
         Err(error) if error.kind() == ErrorKind::InvalidData => {
-            let refused: Reply = Err(Failure::Refused("it says more about itself than is read".into()));
+            let refused: Reply = Err(Failure::Refused("its description is too long".into()));
             message::send(socket, &refused, &[])
         }
         sent => sent,

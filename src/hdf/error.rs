@@ -58,7 +58,7 @@ pub enum HdfError {
         source: io::Error,
     },
     /// A program that uses this library has not named the process that reads files of others.
-    #[error("cannot read {path}: this program has not said which process reads HDF5 files of others (hdf::set_reader)",
+    #[error("cannot read {path}: no reader process for foreign HDF5 files is set (hdf::set_reader)",
         path = path.display())]
     NoReader {
         /// The file.
@@ -84,16 +84,16 @@ impl HdfError {
         match self {
             Self::Failed { failure, .. } => match failure {
                 Failure::Unopened(words) => format!("not a readable HDF5 file ({words})"),
-                Failure::Library(words) => format!("it cannot be read (HDF5: {words})"),
+                Failure::Library(words) => format!("cannot be read (HDF5: {words})"),
                 Failure::Refused(why) => why.clone(),
             },
             Self::Broken { how, .. } => {
-                format!("the HDF5 library broke down on it ({how}): it is damaged, or made to do harm")
+                format!("the HDF5 library crashed on this file ({how}); the file is damaged or malicious")
             }
             Self::Endless { .. } => {
-                format!("the HDF5 library did not end within {SECONDS} s: it is damaged, or made to do harm")
+                format!("the HDF5 library did not finish within {SECONDS} s; the file is damaged or malicious")
             }
-            Self::Process { source, .. } => format!("the process that reads it cannot be started: {source}"),
+            Self::Process { source, .. } => format!("cannot start the reader process: {source}"),
             Self::NoReader { .. } => "no process is named that reads HDF5 files of others".to_owned(),
         }
     }
@@ -109,7 +109,7 @@ impl HdfError {
 pub(super) fn how(status: std::process::ExitStatus) -> String {
     use std::os::unix::process::ExitStatusExt;
     match status.signal() {
-        Some(signal) => format!("signal {signal}; it may use {} MiB", MEMORY >> 20),
+        Some(signal) => format!("signal {signal}; memory limit {} MiB", MEMORY >> 20),
         None => status.to_string(),
     }
 }

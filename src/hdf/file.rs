@@ -231,14 +231,14 @@ impl HdfFile {
         let width = width(found, form);
         let row = found.shape.iter().skip(1).fold(width, |row, &n| row.saturating_mul(n));
         if row > ROW {
-            return Err(refused(format!("a row has more than {} MiB", ROW >> 20)));
+            return Err(refused(format!("a row is larger than {} MiB", ROW >> 20)));
         }
         let count = rows.end.saturating_sub(rows.start);
         let length = std::fs::metadata(&self.path).map_or(0, |found| found.len());
         // Elements of artifacts stand in their file as they are.
         let most = if form == Form::Own { most.min(length) } else { most };
         if row.saturating_mul(count) > most {
-            return Err(refused(format!("{count} rows have more than {} MiB", most >> 20)));
+            return Err(refused(format!("{count} rows are larger than {} MiB", most >> 20)));
         }
         let step = match (form, &found.element) {
             (Form::Texts | Form::Words, _) | (_, Element::Text(_)) => TEXTS,
@@ -254,7 +254,7 @@ impl HdfFile {
                 texts += part.iter().map(|text| text.len() as u64).sum::<u64>();
             }
             if texts > CALL {
-                return Err(refused(format!("its texts have more than {} MiB", CALL >> 20)));
+                return Err(refused(format!("its texts are larger than {} MiB", CALL >> 20)));
             }
             let appended = match &mut all {
                 Some(all) => all.append(part),

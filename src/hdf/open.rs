@@ -141,14 +141,14 @@ fn own(found: &Dataset, name: &str, rows: Range<u64>) -> Result<Elements, Failur
         Element::F32 => Elements::F32(storage::rows(found, rows)?),
         Element::F64 => Elements::F64(storage::rows(found, rows)?),
         Element::Text(_) => return texts(found, name, rows),
-        other => return Err(Failure::Refused(format!("`{name}` holds {other:?}"))),
+        other => return Err(Failure::Refused(format!("`{name}` has the unsupported type {other:?}"))),
     })
 }
 
 fn numbers(found: &Dataset, name: &str, rows: Range<u64>) -> Result<Elements, Failure> {
     match storage::element(found)?.is_number() {
         true => Ok(Elements::F64(storage::rows(found, rows)?)),
-        false => Err(Failure::Refused(format!("`{name}` does not hold numbers"))),
+        false => Err(Failure::Refused(format!("`{name}` does not contain numbers"))),
     }
 }
 
@@ -165,7 +165,7 @@ fn texts(found: &Dataset, name: &str, rows: Range<u64>) -> Result<Elements, Fail
         TypeDescriptor::FixedAscii(n) if n <= WIDTH => {
             owned(storage::rows::<FixedAscii<WIDTH>>(found, rows)?, |t| t.as_bytes())
         }
-        other => return Err(Failure::Refused(format!("`{name}` holds {other}, not texts"))),
+        other => return Err(Failure::Refused(format!("`{name}` contains {other}, not text"))),
     };
     Ok(Elements::Text(texts?))
 }

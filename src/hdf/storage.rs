@@ -23,11 +23,11 @@ const SOURCES: usize = 500_000;
 /// A dataset that lies in the file itself; none where there is none. The library would follow a link into any other file, and wait
 /// for a pipe there.
 pub(super) fn find(file: &File, dataset: &str) -> Result<Option<Dataset>, Failure> {
-    let broken = |e: hdf5::Error| Failure::Refused(format!("{dataset:?} cannot be opened ({e})"));
+    let broken = |e: hdf5::Error| Failure::Refused(format!("cannot open {dataset:?} ({e})"));
     let mut steps: Vec<&str> = dataset.split('/').filter(|step| !step.is_empty()).collect();
     let Some(last) = steps.pop() else { return Ok(None) };
     if steps.len() >= DEEPEST {
-        return Err(Failure::Refused(format!("{} groups inside each other", steps.len())));
+        return Err(Failure::Refused(format!("groups are nested {} deep", steps.len())));
     }
     let mut group = file.as_group().map_err(broken)?;
     for step in steps {
@@ -56,7 +56,7 @@ fn is_here(group: &Group, name: &str) -> Result<bool, Failure> {
     });
     match found? {
         Some(LinkType::Hard) => Ok(true),
-        Some(_) => Err(Failure::Refused(format!("{name:?} is a link to another place"))),
+        Some(_) => Err(Failure::Refused(format!("{name:?} is a soft or external link"))),
         None => Ok(false),
     }
 }
@@ -70,7 +70,7 @@ pub(super) fn check(path: &Path, dataset: &Dataset) -> Result<(), Failure> {
     };
     let bytes = bytes(dataset)?;
     if bytes > inside {
-        let why = format!("it claims {bytes} bytes of elements, and the file has room for {inside}");
+        let why = format!("it declares {bytes} bytes of elements; the file has space for {inside}");
         return Err(Failure::Refused(why));
     }
     Ok(())
@@ -106,7 +106,7 @@ fn inside(path: &Path, dataset: &Dataset) -> Result<u64, Failure> {
     let chunk = dataset.chunk().unwrap_or_default();
     if chunk.iter().fold(size, |bytes, &n| bytes.saturating_mul(n as u64)) > CHUNK {
         let most = CHUNK >> 20;
-        return Err(Failure::Refused(format!("its chunks have more than {most} MiB")));
+        return Err(Failure::Refused(format!("its chunks are larger than {most} MiB")));
     }
     if let Some(Filter::User(number, _)) = list.get_filters()?.iter().find(|f| matches!(f, Filter::User(..))) {
         let why = format!(
@@ -126,7 +126,7 @@ fn sources(path: &Path, dataset: &Dataset) -> Result<u64, Failure> {
     };
     let map = dataset.create_plist()?.get_virtual_map().map_err(untold)?;
     if map.len() > SOURCES {
-        return Err(Failure::Refused(format!("it is made of {} parts", map.len())));
+        return Err(Failure::Refused(format!("it has {} parts, too many", map.len())));
     }
     let mut known: BTreeMap<(String, String), u64> = BTreeMap::new();
     let mut inside = 0_u64;
@@ -148,13 +148,13 @@ fn source(path: &Path, name: &str, dataset: &str) -> Result<u64, Failure> {
         "." => path.to_owned(),
         _ => path.parent().unwrap_or(Path::new("")).join(name),
     };
-    let missing = |why: &str| Failure::Refused(format!("it shows what stands in {}, which {why}", source.display()));
+    let missing = |why: &str| Failure::Refused(format!("it refers to {}, which {why}", source.display()));
     if !source.is_file() {
         return Err(missing("is missing"));
     }
     let file = File::open(&source).map_err(|e| missing(&format!("is not a readable HDF5 file ({e})")))?;
     let found = find(&file, dataset).ok().flatten();
-    let found = found.ok_or_else(|| missing(&format!("has no dataset {dataset:?} of its own")))?;
+    let found = found.ok_or_else(|| missing(&format!("has no stored dataset {dataset:?}")))?;
     if found.layout() == Layout::Virtual {
         return Err(Failure::Refused("it is a virtual dataset of virtual datasets".into()));
     }

@@ -86,7 +86,7 @@ fn links(group: &Group) -> Result<Vec<String>, Failure> {
     group.iter_visit_default(|name, link| {
         match link.link_type {
             LinkType::Hard => names.push(name.to_owned()),
-            LinkType::Soft | LinkType::External => elsewhere = Some(format!("`{name}` is a link to another place")),
+            LinkType::Soft | LinkType::External => elsewhere = Some(format!("`{name}` is a soft or external link")),
         }
         Ok(())
     })?;
@@ -104,7 +104,7 @@ fn list(
     arrays: &mut Vec<Array>,
 ) -> Result<(), Failure> {
     if depth > DEEPEST {
-        let why = format!("its groups are nested more than {DEEPEST} deep");
+        let why = format!("groups are nested more than {DEEPEST} deep");
         return Err(Failure::Refused(why));
     }
     match group.dataset(name) {
@@ -127,7 +127,7 @@ fn describe(dataset: &Dataset, path: &str, length: u64) -> Result<Option<Array>,
         return Ok(None);
     }
     if !storage::is_inside(dataset, length)? {
-        let why = format!("the elements of `{path}` are not in the file");
+        let why = format!("the elements of `{path}` are stored outside the file");
         return Err(Failure::Refused(why));
     }
     let text = |name: &str| match has(name) {

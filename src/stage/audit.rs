@@ -250,7 +250,7 @@ impl Stage for AuditStage {
         }
         let artifact = open()?;
         let findings = Audit::open(&artifact)?.findings().read()?.value::<Vec<Finding>>();
-        let unreadable = |e| StageError::failed(format!("this is no audit: {e}"));
+        let unreadable = |e| StageError::failed(format!("not an audit: {e}"));
         Ok(objection(&findings.map_err(unreadable)?))
     }
 }
@@ -263,7 +263,7 @@ impl Stage for AuditStage {
 pub fn audit_file(file: &Path, scene: &Path, request: &Request, progress: &dyn Progress) -> Result<Audit, DirectError> {
     let scene = read_scene(scene)?;
     let unreadable = |e: StoreError| {
-        let help = "the arrays must stand in the file itself; or name the stage: deaflow audit PIPELINE.yaml:STAGE";
+        let help = "the arrays must be in the file itself; or give the stage: deaflow audit PIPELINE.yaml:STAGE";
         InputError::new(e.to_string()).help(help)
     };
     // A pipe would keep who opens it waiting, and a device may have no end.

@@ -144,7 +144,7 @@ impl Stage for BalanceStage {
         let balanced = balance(&candidates, &self.options(&scene)).map_err(StageError::failed)?;
         if balanced.rows.is_empty() {
             return Err(StageError::input(format!(
-                "none of {} solved samples lies within the range of the histogram",
+                "none of the {} solved samples is within the range of the histogram",
                 solved.patterns.len()
             )));
         }

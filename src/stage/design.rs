@@ -76,12 +76,12 @@ impl DesignParameters {
         let network = map.optional("needs");
         if self.evaluator == EvaluatorChoice::Surrogate && network.is_none() {
             return Err(map
-                .error("`evaluator: surrogate` judges by a network, and the stage needs none")
+                .error("`evaluator: surrogate` needs a network: add a train stage to `needs`")
                 .help("add `needs: [STAGE]` with a stage of kind `train`, or take another evaluator"));
         }
         match network.filter(|_| self.options.method == Method::Adjoint) {
             Some(node) => Err(node
-                .error("`method: adjoint` uses finite elements alone, and the stage needs a network")
+                .error("`method: adjoint` uses finite elements only; remove the network from `needs`")
                 .help("leave `needs` out")),
             None => Ok(()),
         }
@@ -102,7 +102,7 @@ impl Parameter for Case {
         match label.len() {
             1..=60 if !label.contains('\n') && matches!(node.value(), NodeValue::Text(_)) => Ok(Self(label.to_owned())),
             _ => Err(node
-                .error(format!("`{key}` is no label"))
+                .error(format!("`{key}` is not a valid label"))
                 .help("allowed: 1 to 60 letters on one line; a number in quotes")),
         }
     }
@@ -288,7 +288,7 @@ fn refuse_held_points(target: &Target, scene: &Scene, node: &Node) -> Result<(),
     match cells.find(|[x, y]| parts.at(*x, *y) == Part::Frame) {
         None => Ok(()),
         Some([x, y]) => Err(node.error(format!(
-            "a point of `{}` lies on the frame, in cell [{x}, {y}], where nothing moves",
+            "a point of `{}` is on the frame, in cell [{x}, {y}], which does not move",
             target.name
         ))),
     }
@@ -316,7 +316,7 @@ fn refuse_evaluator_of_swing(map: &Map<'_>, evaluator: EvaluatorChoice) -> Resul
     let other = match evaluator {
         EvaluatorChoice::Auto | EvaluatorChoice::Elements(Evaluation::Newton) => None,
         other => map.optional("evaluator").map(|node| {
-            let message = format!("`evaluator: {other}` knows no amplitudes");
+            let message = format!("`evaluator: {other}` cannot predict amplitudes");
             (node, message, "allowed: auto, newton")
         }),
     };
@@ -350,7 +350,9 @@ fn read_constraints(node: &Node, scene: &Scene) -> Result<ConstraintParameters, 
     if margin.is_some() && breakdown_strength(scene).is_none() {
         let at = node.peek("breakdown_margin").unwrap_or(node);
         return Err(at
-            .error("a margin from breakdown is asked for, and the scene does not know at which field the elastomer breaks down")
+            .error(
+                "`breakdown_margin` needs the breakdown strength of the elastomer: add it to `properties` of the scene",
+            )
             .help("add `dielectric_breakdown` to the scene's `properties`"));
     }
     Ok(constraints)

@@ -121,7 +121,7 @@ pub fn of_file(file: &str, scene: &Path) -> Result<Design, InputError> {
     let patterns = direct::patterns(&[file.to_owned()], scene.form())?;
     let [pattern] = patterns.as_slice() else {
         let message = format!(
-            "{file} holds {} patterns, and one is exported at a time",
+            "{file} contains {} patterns; only one can be exported at a time",
             patterns.len()
         );
         return Err(InputError::new(message).help("write the one that is meant into a file of its own"));

@@ -130,7 +130,7 @@ pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<Scene, Input
     }
     if root.peek("stages").is_some() && root.peek("scene").is_none() {
         return Err(root
-            .error("this file is a pipeline without a scene of its own, and a scene is wanted")
+            .error("this pipeline has no scene; give a scene file or a pipeline with a scene")
             .help("name the file of the scene"));
     }
     super::checked_scene(root.peek("scene").unwrap_or(&root))

@@ -90,7 +90,7 @@ impl Parameter for Estimates {
             let method = Method::read(node, "method", &())?;
             if method == Method::Newton {
                 return Err(node
-                    .error("`newton` is no estimate")
+                    .error("`newton` is not an estimate")
                     .help("allowed: linear, chord:N with N from 1 to 50"));
             }
             if estimates.contains(&method) {
@@ -157,7 +157,7 @@ impl Stage for EvaluateStage {
         let predictors = self.predictors(job.inputs, &scene)?;
         if predictors.is_empty() {
             return Err(StageError::input(
-                "there is nothing to evaluate: `needs` names no model, and there are no `estimates`",
+                "nothing to evaluate: add a model to `needs`, or `estimates`",
             ));
         }
         let calibrated = calibrations(job.inputs, &predictors)?;
@@ -178,7 +178,7 @@ impl Stage for EvaluateStage {
         }
         if rows.is_empty() {
             return Err(StageError::input(
-                "there is nothing to evaluate on: `needs` names no solved samples and no test rows",
+                "no data to evaluate on: add solved samples or a balanced dataset to `needs`",
             ));
         }
         Ok(content::evaluation(&predictors, &calibrated, &rows, scene).object())
@@ -214,7 +214,7 @@ fn calibrations(inputs: &[Artifact], predictors: &[NamedPredictor]) -> Result<Ve
             digest: input.digest().to_string(),
             predictor: place.ok_or_else(|| {
                 StageError::input(format!(
-                    "the calibration {} is of the model {:.12}, which is not among the models here",
+                    "calibration {} belongs to model {:.12}, which is not among the models of this stage",
                     input.digest().short(),
                     model.model
                 ))

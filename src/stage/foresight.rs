@@ -51,7 +51,7 @@ fn of_no_drive(scene: &Scene) -> Option<String> {
         scene.voltage_v() > 0.0 || drive.charge.is_some() || drive.waveform.is_some() || drive.source.is_some();
     let moves = is_driven || scene.geometry.has_forces();
     (!moves).then(|| {
-        "at 0 V nothing moves: no network can learn from that, and no design is better than another".to_owned()
+        "the voltage is 0 V: nothing moves, so networks cannot be trained and designs cannot be compared".to_owned()
     })
 }
 
@@ -61,7 +61,7 @@ pub fn of_faint_drive(scene: &Scene) -> Option<String> {
     let limit = covered_limit(scene, FAR).ok().flatten()?;
     (volts < FAINT * limit).then(|| {
         format!(
-            "{volts} V moves next to nothing, where a membrane that is covered everywhere bears {}; a number without a unit is in V",
+            "{volts} V causes almost no displacement; a fully covered membrane is stable up to {}. A number without a unit is in V",
             kilovolts(limit)
         )
     })

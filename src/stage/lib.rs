@@ -64,7 +64,7 @@ pub fn registry() -> Registry {
 fn scene_in_states_of(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
     let missing = || {
         stage
-            .error("this stage needs a scene, and the pipeline has none")
+            .error("this stage needs a scene, but the pipeline has none")
             .help("add `scene: FILE` or an inline mapping")
     };
     checked_scene(scene.ok_or_else(missing)?)
@@ -77,7 +77,7 @@ fn with_state(fields: Fields) -> Fields {
     let schema = Schema::matching(&States::name_pattern());
     fields.optional(
         STATE,
-        schema.description("The state of the device that it simulates, where the scene has several."),
+        schema.description("The state of the device to simulate, if the scene has several."),
     )
 }
 

@@ -63,16 +63,14 @@ pub fn in_states(artifacts: &[&Artifact], scene: &Scene) -> Result<Vec<Surrogate
             let why = left.first().and_then(|(_, network)| network.check_scene(&scene).err());
             let why = why.map_or(String::new(), |why| format!("; {why}"));
             return Err(StageError::input(format!(
-                "`needs` names no model that was trained in state `{name}`: a design judged by networks needs one for each state{why}"
+                "`needs` has no model trained in state `{name}`; a design evaluated by networks needs one for each state{why}"
             )));
         };
         found.push(left.swap_remove(place).1);
     }
     match left.first() {
         None => Ok(found),
-        Some((digest, _)) => Err(StageError::input(format!(
-            "artifact {digest}: the model is one more than there are states to judge in"
-        ))),
+        Some((digest, _)) => Err(StageError::input(format!("artifact {digest}: more models than states"))),
     }
 }
 

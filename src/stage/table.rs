@@ -67,7 +67,7 @@ impl Kind for TableKind {
             .required("y", Schema::text().description("The column from below."))
             .optional(
                 "series",
-                Schema::text().description("The column that tells curves apart."),
+                Schema::text().description("The column whose values give separate curves."),
             );
         let columns = Schema::list(Schema::text(), 1, MOST_COLUMNS).distinct();
         vec![

@@ -161,7 +161,7 @@ fn moment_in(moment: Moment, solver: &SolverParameters) -> Result<usize, (String
     match moment {
         Moment::Equilibrium => Ok(times.len().saturating_sub(1)),
         Moment::After(time) => times.iter().position(|of| *of == time.value()).ok_or_else(|| {
-            let what = format!("is meant after {time}, and this stage simulates none then");
+            let what = format!("needs the time {time}, which this stage does not simulate");
             let help = format!("`history` in the verify stage must have it, as in {{ at: [{time}] }}");
             (what, help)
         }),

@@ -61,7 +61,7 @@ impl Override {
     /// Reads a path of so many steps at least.
     fn read(text: &str, (least, form): (usize, &str)) -> Result<Self, InputError> {
         let Some((path, value)) = text.split_once('=') else {
-            return Err(InputError::new(format!("--set {text}: no '=' in it")).help(form));
+            return Err(InputError::new(format!("--set {text}: '=' is missing")).help(form));
         };
         let path: Vec<String> = path.split('.').map(|step| step.trim().to_owned()).collect();
         let is_whole = matches!(path.as_slice(), [one] if WHOLE.contains(&one.as_str()));
@@ -72,8 +72,8 @@ impl Override {
         let before = text.len() - value.len();
         let said = value.trim().to_owned();
         if said.is_empty() {
-            return Err(InputError::new(format!("--set {text}: no value behind the '='"))
-                .help("`null` takes out what the file has; `\"\"` is an empty text"));
+            return Err(InputError::new(format!("--set {text}: no value after '='"))
+                .help("`null` removes the key of the file; `\"\"` is an empty text"));
         }
         let value = Node::parse(&name, value.to_owned())?;
         let value = match before <= LONGEST {

@@ -224,7 +224,7 @@ impl<'a> Map<'a> {
         match self.optional(key) {
             Some(node) => Ok(node.quantity_in(key, Dimension::Number, low, high)?.base()),
             None => Decimal::from_f64(default)
-                .ok_or_else(|| InputError::new(format!("the default of `{key}` is {default}, which is no number"))),
+                .ok_or_else(|| InputError::new(format!("the default of `{key}` is {default}, which is not a number"))),
         }
     }
 }

@@ -83,7 +83,7 @@ impl EvaluatorChoice {
             Self::Surrogate => {
                 let networks = needs.iter().filter(|need| need.kind == "train");
                 let of = |need: &StageDeclaration<'_>| {
-                    let measured = "its root mean square error is {value} mm on samples that were held back";
+                    let measured = "its root mean square error on held-out samples is {value} mm";
                     expected(
                         ResultSource::Stage(need.name.to_owned()),
                         "rmse.test".to_owned(),

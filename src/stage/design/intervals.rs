@@ -32,7 +32,7 @@ impl Calibrated {
             let own = |other: &&Artifact| other.digest().to_string() == calibration.model;
             let network = inputs.iter().find(own).ok_or_else(|| {
                 StageError::input(format!(
-                    "the calibration {} is of the model {:.12}, which `needs` does not name",
+                    "calibration {} belongs to model {:.12}, which is not in `needs`",
                     input.digest().short(),
                     calibration.model
                 ))

@@ -158,7 +158,7 @@ impl Cells {
             .collect();
         let names: Vec<&str> = names.into_iter().take(40).collect();
         StageError::input(format!(
-            "no stage that the table needs has a result `{}`, and there is no such axis; results are {}",
+            "`{}` is neither an axis nor a result of a needed stage; results: {}",
             column.name,
             names.join(", ")
         ))

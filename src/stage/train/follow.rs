@@ -56,9 +56,9 @@ impl Monitor for Follow<'_, '_> {
 
     fn resumed(&self, epochs: u32) {
         self.job.progress.resume(u64::from(epochs));
-        self.job.progress.note(&format!(
-            "goes on after epoch {epochs}, where an earlier run was stopped"
-        ));
+        self.job
+            .progress
+            .note(&format!("resumes after epoch {epochs} of an earlier run"));
     }
 
     fn kept(&self) -> Option<Vec<u8>> {

@@ -12,7 +12,7 @@ use deaflow_design::Method;
 /// # Errors
 /// Where there are such.
 pub fn refuse(designs: &[PlannedDesign], needs: &Node) -> Result<(), InputError> {
-    let help = "tell them apart by `case` or by the names of targets";
+    let help = "give them different `case` labels or target names";
     for group in groups(designs) {
         let (first, mut rows) = (group[0], Vec::<((Method, usize), &PlannedDesign)>::new());
         for design in group {
@@ -28,7 +28,7 @@ pub fn refuse(designs: &[PlannedDesign], needs: &Node) -> Result<(), InputError>
             match rows.iter().find(|(row, _)| *row == design.row()) {
                 Some((_, known)) => {
                     let message = format!(
-                        "{} are searched in one way and could not be told apart",
+                        "{} have the same settings and cannot be distinguished",
                         both(known, design)
                     );
                     return Err(needs.error(message).help(help));
