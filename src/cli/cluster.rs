@@ -181,7 +181,7 @@ impl ClusterBuild<'_> {
                 }))
             }
             Ending::Failed(failures) => Ok(Some(failed(&failures, output)?)),
-            Ending::Cancelled(None) => Err(CliError::failure("cancelled; finished work is kept").elsewhere()),
+            Ending::Cancelled(None) => Err(CliError::failure("cancelled; finished work is kept").transient()),
             Ending::Cancelled(Some(error)) => Err(CliError::failure(format!("cannot cancel all workers: {error}"))
                 .help("try again: deaflow attach PIPELINE --cancel")),
             Ending::GivenUp(stages, problem) => {
@@ -192,7 +192,7 @@ impl ClusterBuild<'_> {
                     stages.join(", ")
                 ))
                 .help(format!("see their logs in {}", logs.display()))
-                .elsewhere())
+                .transient())
             }
         }
     }

@@ -1,5 +1,4 @@
-//! Layout of tables. Without a terminal every column has its natural width. On a narrow terminal texts wrap within
-//! their columns or
+//! Layout of tables. Without a terminal every column has its natural width. On a narrow terminal texts wrap within their columns or
 //! below their row, dispensable columns are dropped, and what is still too wide is truncated.
 
 use textwrap::core::{Word, display_width};
@@ -8,11 +7,11 @@ use textwrap::{WordSeparator, WordSplitter};
 use super::tone::{Screen, Tone};
 use deaflow_base::{NO_BREAK, printable, unbroken};
 
-/// The least width of a column in which a text flows; on less it flows below.
-const LEAST: usize = 24;
+/// The smallest width of a column with wrapped text; narrower text is placed below its row.
+const MIN_WRAPPED: usize = 24;
 
-/// The least width to which a column is cut.
-const LEAST_CUT: usize = 6;
+/// The smallest width to which a column is truncated.
+const MIN_TRUNCATED: usize = 6;
 
 /// The indentation of text below a row.
 const INDENT: usize = 4;
@@ -31,9 +30,9 @@ pub struct Table {
 struct Column {
     title: String,
     is_number: bool,
-    flows: bool,
-    /// When it leaves a table that is too wide, if it may.
-    leaves: Option<usize>,
+    is_wrapped: bool,
+    /// Its position among the columns that may be dropped, if it may.
+    drop_order: Option<usize>,
 }
 
 /// A cell: lines of text.
@@ -64,8 +63,8 @@ pub fn table(header: &[&str], numbers: &[&str]) -> Table {
     let column = |title: &&str| Column {
         title: printable(title).into_owned(),
         is_number: numbers.contains(title),
-        flows: false,
-        leaves: None,
+        is_wrapped: false,
+        drop_order: None,
     };
     Table {
         columns: header.iter().map(column).collect(),
@@ -84,7 +83,7 @@ impl Table {
     /// Marks columns whose text may wrap.
     pub fn flowing(mut self, titles: &[&str]) -> Self {
         for column in &mut self.columns {
-            column.flows |= titles.contains(&column.title.as_str());
+            column.is_wrapped |= titles.contains(&column.title.as_str());
         }
         self
     }
@@ -92,7 +91,7 @@ impl Table {
     /// Marks columns that may be dropped, in this order.
     pub fn dispensable(mut self, titles: &[&str]) -> Self {
         for column in &mut self.columns {
-            column.leaves = titles.iter().position(|title| *title == column.title);
+            column.drop_order = titles.iter().position(|title| *title == column.title);
         }
         self
     }
@@ -160,56 +159,58 @@ impl Table {
             gap,
         };
         let Some(most) = width else { return all(GAPS[0]) };
-        let flows = |at: usize| self.columns[at].flows;
-        let leaving = self.columns.iter().filter(|column| column.leaves.is_some()).count();
-        let without = |gone: usize, flowing: bool| -> Vec<(usize, usize)> {
-            let stays = |at: usize| self.columns[at].leaves.is_none_or(|order| order >= gone);
-            let columns = natural.iter().filter(|(at, _)| stays(*at) && (flowing || !flows(*at)));
+        let is_wrapped = |at: usize| self.columns[at].is_wrapped;
+        let droppable = self.columns.iter().filter(|column| column.drop_order.is_some()).count();
+        let without = |dropped: usize, with_wrapped: bool| -> Vec<(usize, usize)> {
+            let stays = |at: usize| self.columns[at].drop_order.is_none_or(|order| order >= dropped);
+            let columns = natural
+                .iter()
+                .filter(|(at, _)| stays(*at) && (with_wrapped || !is_wrapped(*at)));
             columns.copied().collect()
         };
-        let below = || (0..self.columns.len()).filter(|at| flows(*at)).collect::<Vec<_>>();
+        let below = || (0..self.columns.len()).filter(|at| is_wrapped(*at)).collect::<Vec<_>>();
         let gap = GAPS[1];
-        for gone in 0..=leaving {
-            let inline = without(gone, true);
+        for dropped in 0..=droppable {
+            let inline = without(dropped, true);
             for gap in GAPS {
                 if length(&inline, gap) <= most {
                     let (inline, below) = (inline, Vec::new());
                     return Layout { inline, below, gap };
                 }
             }
-            if let Some(inline) = self.flowed(&inline, most) {
+            if let Some(inline) = self.wrapped_widths(&inline, most) {
                 let (below, gap) = (Vec::new(), GAPS[1]);
                 return Layout { inline, below, gap };
             }
-            // Rather below than without a column.
-            let inline = without(gone, false);
+            // Text below its row is better than a dropped column.
+            let inline = without(dropped, false);
             if length(&inline, gap) <= most {
                 let below = below();
                 return Layout { inline, below, gap };
             }
         }
         let below = below();
-        let mut inline = without(leaving, false);
+        let mut inline = without(droppable, false);
         while length(&inline, gap) > most {
             let widest = inline.iter_mut().filter(|(at, _)| !self.columns[*at].is_number);
             match widest.max_by_key(|(_, width)| *width) {
-                Some((_, width)) if *width > LEAST_CUT => *width -= 1,
+                Some((_, width)) if *width > MIN_TRUNCATED => *width -= 1,
                 _ => break,
             }
         }
         Layout { inline, below, gap }
     }
 
-    /// The widths with which columns fit where texts flow; none where they would have too little.
-    fn flowed(&self, columns: &[(usize, usize)], most: usize) -> Option<Vec<(usize, usize)>> {
+    /// Returns the widths with which columns fit when their text wraps; none if they would be too narrow.
+    fn wrapped_widths(&self, columns: &[(usize, usize)], most: usize) -> Option<Vec<(usize, usize)>> {
         let mut columns = columns.to_vec();
         loop {
             if length(&columns, GAPS[1]) <= most {
                 return Some(columns);
             }
-            let flowing = columns.iter_mut().filter(|(at, _)| self.columns[*at].flows);
-            let (_, width) = flowing.max_by_key(|(_, width)| *width)?;
-            if *width <= LEAST {
+            let wrapped = columns.iter_mut().filter(|(at, _)| self.columns[*at].is_wrapped);
+            let (_, width) = wrapped.max_by_key(|(_, width)| *width)?;
+            if *width <= MIN_WRAPPED {
                 return None;
             }
             *width -= 1;
@@ -229,9 +230,9 @@ impl Table {
             let mut used = 1;
             for (place, (&(at, _), (width, lines))) in layout.inline.iter().zip(&cells).enumerate() {
                 let words = lines.get(of_row).map_or("", String::as_str);
-                let room = width.saturating_sub(display_width(words));
+                let space = width.saturating_sub(display_width(words));
                 let gap = if place == 0 { 0 } else { layout.gap };
-                let before = gap + if self.columns[at].is_number { room } else { 0 };
+                let before = gap + if self.columns[at].is_number { space } else { 0 };
                 let tone = row.get(at).map_or(Tone::Plain, |cell| cell.tone);
                 // Numbers that are still too wide end at the edge of the terminal.
                 let left = screen
@@ -240,7 +241,7 @@ impl Table {
                 let words = cut(words, left);
                 text += &" ".repeat(before);
                 text += &tone.paint(&words, screen.is_coloured);
-                text += &" ".repeat(if self.columns[at].is_number { 0 } else { room });
+                text += &" ".repeat(if self.columns[at].is_number { 0 } else { space });
                 used += gap + width;
             }
             text.trim_end().to_owned()
@@ -251,7 +252,7 @@ impl Table {
     /// Formats the lines of a cell in a column of this width.
     fn cell(&self, row: &[Cell], at: usize, width: usize) -> Vec<String> {
         let text = row.get(at).map_or("", |cell| cell.text.as_str());
-        if !self.columns[at].flows {
+        if !self.columns[at].is_wrapped {
             return text.lines().map(|line| cut(line, width)).collect();
         }
         let options = words(width).subsequent_indent("  ");
@@ -391,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn no_line_is_longer_than_the_terminal_and_nothing_that_flows_is_lost() {
+    fn no_line_exceeds_the_terminal_and_wrapped_text_is_complete() {
         let table = plan();
         for width in 20..200 {
             let shown = table.show(on(width));
@@ -409,7 +410,7 @@ mod tests {
     }
 
     #[test]
-    fn reasons_flow_below_their_line_where_a_column_is_too_narrow() {
+    fn text_is_placed_below_its_row_if_its_column_is_too_narrow() {
         let shown = plan().show(on(80));
         let lines: Vec<&str> = shown.lines().collect();
         assert!(lines[1].contains("kind") && !lines[1].contains("why"), "{shown}");
@@ -420,7 +421,7 @@ mod tests {
     }
 
     #[test]
-    fn the_name_of_a_row_stands_before_its_numbers_wherever_it_has_room() {
+    fn the_name_of_a_row_precedes_its_numbers() {
         let mut table = table(&["effect", "value", "cost"], &["value"]).flowing(&["effect", "cost"]);
         table.add_row([
             "strain stiffening of the law",
@@ -435,7 +436,7 @@ mod tests {
     }
 
     #[test]
-    fn tones_colour_words_and_not_the_room_beside_them() {
+    fn tones_colour_words_but_not_spaces() {
         let mut table = table(&["stage", "outcome", "time"], &["time"]);
         table.add_row([Cell::from("a"), Cell::toned("built", Tone::Good), Cell::from("1 s")]);
         let screen = Screen {
@@ -448,7 +449,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_is_longer_than_its_column_is_broken_between_its_parts() {
+    fn a_long_path_is_wrapped_between_its_parts() {
         let mut table = table(&["parameter", "from"], &[]).flowing(&["parameter", "from"]);
         table.add_row([
             "stages.design.constraints.min_feature",
@@ -464,7 +465,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_is_not_parted_from_its_unit() {
+    fn a_number_stays_with_its_unit() {
         let of = |text: &str, width| broken(text, &words(width));
         assert_eq!(
             of("simulated 2.155 mm ± < 0.0001, more", 19),
@@ -476,7 +477,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_says_so() {
+    fn truncated_text_is_marked() {
         assert_eq!(cut("abcdef", 4), "abc…");
         assert_eq!(cut("abcd", 4), "abcd");
         assert_eq!(cut("漢字漢字", 5), "漢字…");

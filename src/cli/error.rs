@@ -34,14 +34,14 @@ pub struct CliError {
     may_pass: bool,
 }
 
-/// Columns of a message with a place where there is no terminal to say how many it has.
-const USUAL: usize = 120;
+/// The width of a message with a position, without a terminal.
+const DEFAULT_WIDTH: usize = 120;
 
-/// The longest line of a file, in bytes, that is quoted in a message.
-const LONGEST_LINE: usize = 1000;
+/// The longest line of a file that a message quotes, in bytes.
+const MAX_LINE: usize = 1000;
 
-/// Where in a file the mistake is.
-struct Place {
+/// The position of an error in a file.
+struct SourcePosition {
     file: String,
     line: usize,
     column: usize,
@@ -76,7 +76,7 @@ impl CliError {
     }
 
     fn locked(message: String) -> Self {
-        Self::new(Exit::Locked, message).help("`deaflow run --lock` writes the lock file anew")
+        Self::new(Exit::Locked, message).help("update the lock file with `deaflow run --lock`")
     }
 
     /// Adds a help text.
@@ -89,24 +89,23 @@ impl CliError {
     pub fn of_stage(mut self, stage: &str) -> Self {
         let what = match self.exit {
             Exit::Findings => "stops the pipeline",
-            // That the work was asked to stop is all there is to say.
-            Exit::TryAgain if self.is_stop() => "did not end",
+            Exit::TryAgain if self.is_stop() => "did not finish",
             _ => "failed",
         };
         self.message = format!("stage `{stage}` {what}: {}", self.message);
         self
     }
 
-    /// With the exit code that has a worker started again, where that may help.
-    pub fn tried_again(mut self) -> Self {
+    /// Sets the exit code for trying again, if that may help.
+    pub fn for_worker(mut self) -> Self {
         if self.may_pass {
             self.exit = Exit::TryAgain;
         }
         self
     }
 
-    /// Another machine may succeed.
-    pub fn elsewhere(self) -> Self {
+    /// Marks that another machine may succeed.
+    pub fn transient(self) -> Self {
         Self {
             exit: Exit::TryAgain,
             may_pass: true,
@@ -141,7 +140,7 @@ impl CliError {
 
     /// Formats the error for a terminal; quotes the file if there is a position.
     pub fn render(&self, screen: Screen) -> String {
-        let width = screen.width.unwrap_or(USUAL);
+        let width = screen.width.unwrap_or(DEFAULT_WIDTH);
         let quoted = self.quoted(ThemeStyles::none(), width);
         if let Some(text) = quoted.filter(|text| !text.contains(is_unprintable)) {
             let colours = screen
@@ -193,7 +192,7 @@ impl CliError {
         let help = self.help.as_deref().unwrap_or_default();
         // CR LF line ends are not printed.
         let shown: [&str; 4] = [&lines.replace("\r\n", "\n"), &words, help, &self.message];
-        lines.lines().all(|line| line.len() <= LONGEST_LINE) && !shown.iter().any(|text| text.contains(is_unprintable))
+        lines.lines().all(|line| line.len() <= MAX_LINE) && !shown.iter().any(|text| text.contains(is_unprintable))
     }
 
     /// Formats the error for programs.
@@ -210,11 +209,11 @@ impl CliError {
         })
     }
 
-    fn place(&self) -> Option<Place> {
+    fn place(&self) -> Option<SourcePosition> {
         let input = self.input.as_ref()?;
         let label = input.labels()?.next()?;
         let contents = input.source_code()?.read_span(label.inner(), 0, 0).ok()?;
-        Some(Place {
+        Some(SourcePosition {
             file: contents.name()?.to_owned(),
             line: contents.line() + 1,
             column: contents.column() + 1,
@@ -247,9 +246,9 @@ impl From<StoreError> for CliError {
         let error = match error {
             StoreError::Output(error) => error.into(),
             e if e.is_damage() => Self::new(Exit::Damaged, message)
-                .help("`deaflow fsck` tells what else is damaged; `deaflow run` builds it again"),
+                .help("find other damage with `deaflow fsck`; build it again with `deaflow run`"),
             StoreError::Marker { .. } => Self::new(Exit::Damaged, message)
-                .help("`deaflow fsck --repair` writes it anew and keeps all else as it is"),
+                .help("rewrite it with `deaflow fsck --repair`, which keeps everything else"),
             StoreError::Hdf(error) if error.is_of_the_file() => Self::bad_input(message),
             StoreError::Format { .. }
             | StoreError::Foreign { .. }
@@ -257,9 +256,9 @@ impl From<StoreError> for CliError {
             | StoreError::NoStore { .. }
             | StoreError::PathNotUtf8 { .. } => Self::bad_input(message),
             StoreError::IncompleteInputs { .. } => Self::bad_input(message)
-                .help("build it again with `deaflow run`, or pin the artifact alone: --result-only"),
+                .help("build it again with `deaflow run`, or pin only the artifact: --result-only"),
             StoreError::Unreachable { .. } => Self::new(Exit::Damaged, message)
-                .help("build it again with `deaflow run`, or let it go: `deaflow unpin`, or remove the lock file"),
+                .help("build it again with `deaflow run`, or remove the pin (`deaflow unpin`) or the lock file"),
             _ => Self::failure(message),
         };
         Self { may_pass, ..error }
@@ -273,7 +272,7 @@ impl From<StageError> for CliError {
             StageError::Stopped(stopped) => Self::new(Exit::TryAgain, stopped.to_string()),
             StageError::Locked(difference) => Self::locked(difference.to_string()),
             StageError::Blocked(why) => Self::new(Exit::Findings, why)
-                .help("`deaflow show STAGE` of the audit tells what the last run found; with `fail_on: never` the pipeline goes on"),
+                .help("show the findings with `deaflow show STAGE`; with `fail_on: never`, the pipeline continues"),
             StageError::Advised { source, help } => Self::failure(source.to_string()).help(help),
             other => Self::failure(other.to_string()),
         }
@@ -296,8 +295,8 @@ impl From<RemoteError> for CliError {
         let error = match error {
             RemoteError::Input(error) => return error.into(),
             RemoteError::Store(error) => return error.into(),
-            RemoteError::Unreachable { .. } => Self::failure(message).elsewhere(),
-            RemoteError::Refused { .. } if may_pass => Self::failure(message).elsewhere(),
+            RemoteError::Unreachable { .. } => Self::failure(message).transient(),
+            RemoteError::Refused { .. } if may_pass => Self::failure(message).transient(),
             RemoteError::Format { .. } => Self::bad_input(message),
             _ => Self::failure(message),
         };
@@ -323,7 +322,7 @@ impl From<ReportError> for CliError {
             ReportError::Store(error) => error.into(),
             ReportError::Output(error) => error.into(),
             ReportError::Other { .. } => {
-                Self::bad_input(error.to_string()).help("-o names another folder; or remove that report first")
+                Self::bad_input(error.to_string()).help("choose another folder with -o, or remove that report")
             }
             other => Self::failure(other.to_string()),
         }
@@ -346,7 +345,7 @@ impl From<ServeError> for CliError {
     fn from(error: ServeError) -> Self {
         let message = error.to_string();
         match error {
-            ServeError::Listen { .. } => Self::bad_input(message).help("--port 0 takes a port that is free"),
+            ServeError::Listen { .. } => Self::bad_input(message).help("choose a free port with --port 0"),
             _ => Self::failure(message),
         }
     }
@@ -357,8 +356,7 @@ impl From<OutputError> for CliError {
         match error {
             OutputError::Io { .. } => Self::failure(error.to_string()),
             OutputError::NoFolder { .. } => Self::bad_input(error.to_string()),
-            _ => Self::bad_input(error.to_string())
-                .help("-o names a new file, a regular one to be replaced, or a link to one"),
+            _ => Self::bad_input(error.to_string()).help("name a new file, or a regular file to replace, with -o"),
         }
     }
 }

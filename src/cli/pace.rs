@@ -1,28 +1,24 @@
-//! The rate of work and the remaining time. The rate is measured from the first progress of this process, without the
-//! steps of an
-//! earlier process, the time to start, and pauses in which other work had the processors: it is that of the last half
-//! to whole
-//! minute, if that contains some steps. During the first step, the estimate of the plan is mixed in, with decreasing
-//! weight.
+//! The rate of work and the remaining time. The rate is measured from the first progress of this process, without the steps of an
+//! earlier process, the time to start, and pauses in which other work had the processors: it is that of the last half to whole
+//! minute, if that contains some steps. During the first step, the estimate of the plan is mixed in, with decreasing weight.
 
 use super::table;
 
-/// What is under way is heavier than what was before where it takes so many times as long as the longest time without a
-/// sign of progress.
-const LATE: f64 = 1.5;
+/// A step is overdue after this multiple of the longest time without progress.
+const OVERDUE_FACTOR: f64 = 1.5;
 
-/// A time without a sign of progress that says nothing, s.
-const USUAL: f64 = 1.0;
+/// Times without progress up to this are normal, s.
+const NORMAL_PAUSE: f64 = 1.0;
 
-/// The part of a step that has to be done for the rest to be estimated from it alone.
-const LEAST: f64 = 0.05;
+/// The part of a step from which the rest is estimated without a plan.
+const MIN_PART: f64 = 0.05;
 
 /// The rate is that since the last mark but one, if there were enough steps since. Marks are this far apart, s.
 const WINDOW: f64 = 30.0;
-const SOME: f64 = 5.0;
+const MIN_STEPS: f64 = 5.0;
 
-/// A pause of this part of all the time is no pace of any work: others had the processors.
-const WAITED: f64 = 0.8;
+/// A pause longer than this part of the total time was spent waiting for processors.
+const WAITING_PART: f64 = 0.8;
 
 /// The progress of a piece of work. Times are in seconds since its start.
 #[derive(Clone, Debug, Default)]
@@ -33,9 +29,9 @@ pub struct Pace {
     pub part: f64,
     /// Number of steps.
     pub length: u64,
-    /// What is left of it was foretold to take, apart from steps of an earlier process.
-    foretold: Option<f64>,
-    /// Steps that were done before this process began.
+    /// The estimated time of the plan, without steps of an earlier process.
+    estimate: Option<f64>,
+    /// Steps of an earlier process.
     before: u64,
     /// The time of the first progress, and the steps of this process until then.
     first: Option<(f64, f64)>,
@@ -52,11 +48,11 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Of so many steps, which are to take so long.
-    pub fn new(length: u64, foretold: Option<f64>) -> Self {
+    /// Starts work of `length` steps with an estimated time.
+    pub fn new(length: u64, estimate: Option<f64>) -> Self {
         Self {
             length,
-            foretold,
+            estimate,
             ..Self::default()
         }
     }
@@ -64,27 +60,27 @@ impl Pace {
     /// Sets the number of finished steps, and of all.
     pub fn set(&mut self, at: f64, done: u64, length: u64) {
         (self.done, self.part, self.length) = (done, 0.0, length);
-        self.told(at);
+        self.record(at);
     }
 
     /// Adds finished steps.
     pub fn advance(&mut self, at: f64, steps: u64) {
         self.done += steps;
         self.part = 0.0;
-        self.told(at);
+        self.record(at);
     }
 
     /// Sets the finished part of the current step.
     pub fn set_part(&mut self, at: f64, part: f64) {
         self.part = part.clamp(0.0, 1.0);
-        self.told(at);
+        self.record(at);
     }
 
     /// Adds steps of an earlier process.
     pub fn resume(&mut self, at: f64, steps: u64) {
         self.done += steps;
         self.before += steps;
-        self.told(at);
+        self.record(at);
     }
 
     /// Returns the finished steps, with the part of the current one.
@@ -92,8 +88,8 @@ impl Pace {
         self.done as f64 + self.part
     }
 
-    /// Where a whole step is the first that is heard of, nothing tells it from what it takes to begin.
-    fn told(&mut self, at: f64) {
+    /// Records progress. If the first progress is a whole step, its time includes the start of the process.
+    fn record(&mut self, at: f64) {
         let own = self.own();
         let first = if own < 1.0 { (at, own) } else { (0.0, 0.0) };
         if self.first.is_some() || own >= 1.0 {
@@ -110,13 +106,12 @@ impl Pace {
         self.first.get_or_insert(first);
     }
 
-    /// Returns the time since the last progress, s, if it is unusually long: the current step takes longer than earlier
-    /// ones.
+    /// Returns the time since the last progress, s, if it is unusually long: the current step takes longer than earlier ones.
     fn overdue(&self, at: f64) -> Option<f64> {
         let silent = at - self.last;
         let is_last_of_all = self.position() >= self.length as f64;
         let is_measured = self.rate(at).is_some() && !is_last_of_all;
-        (is_measured && silent > LATE * self.longest.max(USUAL)).then_some(silent)
+        (is_measured && silent > OVERDUE_FACTOR * self.longest.max(NORMAL_PAUSE)).then_some(silent)
     }
 
     /// Returns the steps of this process.
@@ -129,43 +124,43 @@ impl Pace {
         let (from, had) = self.first?;
         let since = |(from, had): (f64, f64)| (at - from, self.own() - had);
         let (recently, did) = since(self.marks[0]);
-        if self.marks[0].0 > from && did >= SOME {
+        if self.marks[0].0 > from && did >= MIN_STEPS {
             return Some(did / recently);
         }
         let (took, did) = since((from, had));
-        let waited = did >= 2.0 && self.pause > WAITED * took;
-        (took > 0.0 && did > 0.0 && !waited).then(|| did / took)
+        let is_waiting = did >= 2.0 && self.pause > WAITING_PART * took;
+        (took > 0.0 && did > 0.0 && !is_waiting).then(|| did / took)
     }
 
-    /// What is left of the time that was foretold, s; none once it is over.
-    fn foretold_left(&self, at: f64) -> Option<f64> {
-        self.foretold.map(|all| all - at).filter(|left| *left > 0.0)
+    /// Returns the rest of the estimated time, s; none once it is over.
+    fn estimate_left(&self, at: f64) -> Option<f64> {
+        self.estimate.map(|all| all - at).filter(|left| *left > 0.0)
     }
 
     /// Returns the remaining time, s, if it is known.
     fn left(&self, at: f64) -> Option<f64> {
         let steps = (self.length as f64 - self.position()).max(0.0);
-        // Of a small part of the first step nobody can tell.
-        let is_told = |_: &f64| self.foretold.is_some() || self.own() >= LEAST;
-        let measured = self.rate(at).map(|rate| steps / rate).filter(is_told);
-        match (measured, self.foretold_left(at)) {
+        // A small part of the first step is not representative.
+        let is_known = |_: &f64| self.estimate.is_some() || self.own() >= MIN_PART;
+        let measured = self.rate(at).map(|rate| steps / rate).filter(is_known);
+        match (measured, self.estimate_left(at)) {
             _ if self.overdue(at).is_some() => None,
-            (Some(measured), Some(foretold)) => {
+            (Some(measured), Some(estimate)) => {
                 let weight = self.own().min(1.0);
-                Some(weight * measured + (1.0 - weight) * foretold)
+                Some(weight * measured + (1.0 - weight) * estimate)
             }
             (one, other) => one.or(other),
         }
     }
 
-    /// In words: how fast, in steps per second or minute, and the time left; empty where nothing is known.
-    pub fn words(&self, at: f64) -> String {
+    /// Describes the rate in steps per second or minute, and the remaining time; empty if nothing is known.
+    pub fn describe(&self, at: f64) -> String {
         let left = self.left(at).filter(|left| *left > 0.0).map(table::seconds);
         match (self.rate(at), left) {
             (Some(per_second), Some(left)) => format!("{}, {left} left", rate(per_second)),
             (Some(per_second), None) if self.overdue(at).is_some() => {
                 let silent = at - self.last;
-                format!("{}, {} in this one so far", rate(per_second), table::seconds(silent))
+                format!("{}, current step: {}", rate(per_second), table::seconds(silent))
             }
             // All steps are finished; their results are being combined.
             (Some(per_second), None) => rate(per_second),
@@ -200,10 +195,10 @@ mod tests {
     fn steps_of_an_earlier_process_are_no_part_of_the_rate() {
         let mut pace = Pace::new(40, None);
         pace.resume(5.0, 30);
-        assert_eq!((pace.position(), pace.words(6.0)), (30.0, String::new()));
+        assert_eq!((pace.position(), pace.describe(6.0)), (30.0, String::new()));
         // One step takes 4 s, 9 are left; that 31 of 40 are done after 9 s says otherwise.
         pace.advance(9.0, 1);
-        assert_eq!(pace.words(9.0), "15.0/min, 36.0 s left");
+        assert_eq!(pace.describe(9.0), "15.0/min, 36.0 s left");
     }
 
     #[test]
@@ -212,11 +207,11 @@ mod tests {
         // After 20 s of reading, steps of 2 s.
         pace.set_part(20.0, 0.0);
         pace.set_part(21.0, 0.5);
-        assert_eq!(pace.words(21.0), "30.0/min, 19.0 s left");
+        assert_eq!(pace.describe(21.0), "30.0/min, 19.0 s left");
         // Where the first that is heard of is a whole step, it began at the beginning.
         let mut pace = Pace::new(10, None);
         pace.advance(2.0, 1);
-        assert_eq!(pace.words(2.0), "30.0/min, 18.0 s left");
+        assert_eq!(pace.describe(2.0), "30.0/min, 18.0 s left");
     }
 
     #[test]
@@ -225,16 +220,16 @@ mod tests {
         for step in 1..=40 {
             pace.advance(0.25 * f64::from(step), 1);
         }
-        assert_eq!(pace.words(10.0), "4.0/s, 0.25 s left");
-        assert_eq!(pace.words(10.5), "3.8/s, 0.26 s left", "half a second says nothing");
-        assert_eq!(pace.words(14.0), "2.9/s, 4.00 s in this one so far");
+        assert_eq!(pace.describe(10.0), "4.0/s, 0.25 s left");
+        assert_eq!(pace.describe(10.5), "3.8/s, 0.26 s left", "half a second says nothing");
+        assert_eq!(pace.describe(14.0), "2.9/s, 4.00 s in this one so far");
         pace.advance(15.0, 1);
-        assert_eq!(pace.words(20.5), "2.0/s", "all steps are done");
+        assert_eq!(pace.describe(20.5), "2.0/s", "all steps are done");
         // Where steps are long, nothing is heard for as long.
         let mut pace = Pace::new(4, None);
         pace.advance(20.0, 1);
-        assert_eq!(pace.words(45.0), "1.3/min, 2 min 15 s left");
-        assert_eq!(pace.words(55.0), "1.1/min, 35.0 s in this one so far");
+        assert_eq!(pace.describe(45.0), "1.3/min, 2 min 15 s left");
+        assert_eq!(pace.describe(55.0), "1.1/min, 35.0 s in this one so far");
     }
 
     #[test]
@@ -242,14 +237,14 @@ mod tests {
         let mut pace = Pace::new(4000, None);
         pace.advance(1.0, 1);
         pace.advance(2.0, 1);
-        assert!(pace.words(2.0).starts_with("1.0/s, 1 h 0"), "{}", pace.words(2.0));
+        assert!(pace.describe(2.0).starts_with("1.0/s, 1 h 0"), "{}", pace.describe(2.0));
         // For minutes others have the processors.
         pace.advance(240.0, 1);
-        assert_eq!(pace.words(240.0), "");
+        assert_eq!(pace.describe(240.0), "");
         for second in 241..=300 {
             pace.advance(f64::from(second), 10);
         }
-        assert_eq!(pace.words(300.0), "10.0/s, 5 min 40 s left");
+        assert_eq!(pace.describe(300.0), "10.0/s, 5 min 40 s left");
     }
 
     #[test]
@@ -257,21 +252,21 @@ mod tests {
         let mut pace = Pace::new(7, None);
         pace.set_part(1.0, 0.0);
         pace.set_part(3.0, 0.01);
-        assert_eq!(pace.words(3.0), "0.3/min");
+        assert_eq!(pace.describe(3.0), "0.3/min");
         pace.set_part(5.0, 0.5);
-        assert_eq!(pace.words(5.0), "7.5/min, 52.0 s left");
+        assert_eq!(pace.describe(5.0), "7.5/min, 52.0 s left");
     }
 
     #[test]
     fn what_was_foretold_counts_within_the_first_step_alone() {
         let mut pace = Pace::new(10, Some(100.0));
-        assert_eq!(pace.words(10.0), "about 1 min 30 s left");
+        assert_eq!(pace.describe(10.0), "about 1 min 30 s left");
         pace.set_part(10.0, 0.0);
         pace.set_part(20.0, 0.5);
         // Measured 0.05 steps a second, so that 190 s are left; foretold 80 s: half of each.
-        assert_eq!(pace.words(20.0), "3.0/min, 2 min 15 s left");
+        assert_eq!(pace.describe(20.0), "3.0/min, 2 min 15 s left");
         pace.advance(30.0, 1);
-        assert_eq!(pace.words(30.0), "3.0/min, 3 min 00 s left");
+        assert_eq!(pace.describe(30.0), "3.0/min, 3 min 00 s left");
         // What has taken longer than foretold is not foretold any more.
         let late = Pace::new(10, Some(5.0));
         assert_eq!(late.words(6.0), "");

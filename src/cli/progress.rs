@@ -195,7 +195,7 @@ impl BarState {
     /// Formats all of it in a line.
     fn plain(&self, at: f64) -> String {
         let mut text = format!("{}: {}", self.name, self.steps());
-        let pace = self.pace.words(at);
+        let pace = self.pace.describe(at);
         for more in [pace.as_str(), self.note.as_str()]
             .iter()
             .filter(|more| !more.is_empty())
@@ -210,7 +210,7 @@ impl BarState {
         let (name_width, bar) = if width < WIDE { (12, 8) } else { (30, 20) };
         let name = cut(&self.name, name_width);
         let name = name.clone() + &" ".repeat(12_usize.saturating_sub(display_width(&name)));
-        let pace = self.pace.words(at);
+        let pace = self.pace.describe(at);
         let pace = match pace.is_empty() {
             true => format!("{} so far", table::seconds(at)),
             false => pace,

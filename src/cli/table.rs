@@ -7,14 +7,15 @@ use super::text::Text;
 use super::tone::Tone;
 use deaflow_orchestrator::{Estimate, Outcome, Price, PriceTotal, StageReport};
 
-/// What parts of the time are, beside times.
-const PARTS: &str = "part: what a stage has of the time of the run, which stages that are built at once share; it is the part that is foretold";
+/// The explanation of the column `share`.
+const SHARES: &str =
+    "share: part of the time of the run, which stages that run in parallel divide; estimates are of this share";
 
 /// Formats the stages of a finished run, with estimates if there were any.
 pub fn of_run(stages: &[StageReport]) -> Text {
     let mut text = Text::of(table_of_run(stages));
     if is_shared(stages) {
-        text.toned(Tone::Dim, PARTS);
+        text.toned(Tone::Dim, SHARES);
     }
     text
 }
@@ -26,17 +27,17 @@ fn is_shared(stages: &[StageReport]) -> bool {
 
 fn table_of_run(stages: &[StageReport]) -> Table {
     let mut header = vec![
-        "stage", "kind", "outcome", "chunks", "time", "part", "foretold", "digest", "size",
+        "stage", "kind", "outcome", "chunks", "time", "share", "estimate", "digest", "size",
     ];
-    let foretold = stages.iter().any(|stage| stage.price.is_some());
-    if !foretold {
-        header.retain(|title| *title != "foretold");
+    let is_estimated = stages.iter().any(|stage| stage.price.is_some());
+    if !is_estimated {
+        header.retain(|title| *title != "estimate");
     }
     let shared = is_shared(stages);
     if !shared {
-        header.retain(|title| *title != "part");
+        header.retain(|title| *title != "share");
     }
-    let mut table = table(&header, &["time", "part", "foretold", "size"]).dispensable(&["kind", "digest", "chunks"]);
+    let mut table = table(&header, &["time", "share", "estimate", "size"]).dispensable(&["kind", "digest", "chunks"]);
     for lines in lines(stages) {
         let mut row: Vec<Cell> = vec![
             name(lines).into(),
@@ -49,7 +50,7 @@ fn table_of_run(stages: &[StageReport]) -> Table {
             let parts = lines.iter().map(|stage| stage.part.unwrap_or(stage.seconds));
             row.push(seconds(parts.sum()).into());
         }
-        if foretold {
+        if is_estimated {
             let price = PriceTotal::of(lines.iter().map(|stage| stage.price)).price;
             row.push(price.map_or_else(String::new, |price| time(&price.seconds)).into());
         }
@@ -85,7 +86,7 @@ pub fn of_plan(stages: &[StageReport]) -> Table {
         };
         let mut reasons: Vec<&str> = Vec::new();
         for reason in lines.iter().flat_map(|stage| &stage.reasons) {
-            if !reasons.contains(&reason.as_str()) && reasons.len() < MOST_REASONS {
+            if !reasons.contains(&reason.as_str()) && reasons.len() < MAX_REASONS {
                 reasons.push(reason);
             }
         }
@@ -93,7 +94,7 @@ pub fn of_plan(stages: &[StageReport]) -> Table {
             Cell::from(name(lines)),
             Cell::from(&lines[0].kind),
             outcomes(lines),
-            Cell::from(chunks(lines, "to build", "there")),
+            Cell::from(chunks(lines, "to build", "built")),
             Cell::from(time),
             Cell::from(disk),
             Cell::from(reasons.join("\n")),
@@ -106,25 +107,19 @@ fn is_stale(stage: &StageReport) -> bool {
     stage.outcome == Outcome::Stale
 }
 
-/// Stages of a sweep that stand on lines of their own; more of them stand on one together.
-const MOST_LINES: usize = 12;
+/// Up to this many stages of a sweep have a line each; more are combined in one.
+const MAX_LINES: usize = 12;
 
-/// Reasons that are told of several stages together.
-const MOST_REASONS: usize = 10;
+/// The most reasons that are listed for a line.
+const MAX_REASONS: usize = 10;
 
 /// Groups the stages by lines: one each, but those of a large sweep together.
 fn lines(stages: &[StageReport]) -> Vec<&[StageReport]> {
     let sweep = |stage: &StageReport| stage.name.split_once('@').map(|(sweep, _)| sweep.to_owned());
     let together = stages.chunk_by(|a, b| sweep(a).is_some() && sweep(a) == sweep(b));
-    let one_or_all = |lines: &'_ [StageReport]| lines.len() > MOST_LINES;
+    let combine = |stages: &'_ [StageReport]| stages.len() > MAX_LINES;
     together
-        .flat_map(|own| {
-            if one_or_all(own) {
-                vec![own]
-            } else {
-                own.chunks(1).collect()
-            }
-        })
+        .flat_map(|stages| stages.chunks(if combine(stages) { stages.len() } else { 1 }))
         .collect()
 }
 
@@ -146,7 +141,7 @@ fn outcomes(lines: &[StageReport]) -> Cell {
         }
     }
     match counts[..] {
-        [(Outcome::Skipped, _)] if lines[0].missing.is_none() => Cell::toned("not begun", Tone::of(Outcome::Skipped)),
+        [(Outcome::Skipped, _)] if lines[0].missing.is_none() => Cell::toned("not started", Tone::of(Outcome::Skipped)),
         [(Outcome::Skipped, _)] => {
             let missing = lines[0].missing.as_deref().unwrap_or_default();
             Cell::toned(&format!("skipped (needs {missing})"), Tone::of(Outcome::Skipped))
@@ -182,8 +177,8 @@ pub fn price(price: Option<&Price>, unpriced: usize) -> String {
     });
     match (known, unpriced) {
         (Some(known), 0) => known,
-        (Some(known), n) => format!("{known}, and {n} of which nothing is foretold"),
-        (None, _) => "no costs of such stages are recorded".to_owned(),
+        (Some(known), n) => format!("{known}, and {n} without an estimate"),
+        (None, _) => "no estimate: costs of these stages are not recorded".to_owned(),
     }
 }
 

@@ -76,8 +76,7 @@ impl Text {
         self.blocks.iter().all(is_empty)
     }
 
-    /// Formats the text for a terminal. Control characters are removed; long lines are wrapped between words, with an
-    /// indent. A
+    /// Formats the text for a terminal. Control characters are removed; long lines are wrapped between words, with an indent. A
     /// single long word, such as a path, stays whole, so that it can be copied.
     pub fn show(&self, screen: Screen) -> String {
         let block = |block: &Block| match block {
@@ -106,8 +105,7 @@ const FIRST_WORDS: [(&str, Tone); 4] = [
     ("error:", Tone::Bad),
 ];
 
-/// Formats lines without control characters for a terminal. In lines without a tone, "warning" and "error" are
-/// coloured.
+/// Formats lines without control characters for a terminal. In lines without a tone, "warning" and "error" are coloured.
 pub fn lines(text: &str, tone: Tone, screen: Screen) -> String {
     let mut in_table = false;
     let mut shown: Vec<String> = Vec::new();
@@ -150,8 +148,8 @@ fn wrapped(line: &str, width: usize) -> Vec<String> {
 
 /// Wraps a command with `\\` at the end of lines. Quoted text stays together.
 fn command(line: &str, screen: Screen) -> String {
-    let room = screen.width.unwrap_or(usize::MAX).saturating_sub(2);
-    if display_width(line) <= room.saturating_add(2) {
+    let width = screen.width.unwrap_or(usize::MAX).saturating_sub(2);
+    if display_width(line) <= width.saturating_add(2) {
         return line.to_owned();
     }
     let whole = line.trim_start();
@@ -169,7 +167,7 @@ fn command(line: &str, screen: Screen) -> String {
         let at = lines.last_mut().expect("there is a line");
         if at.trim_start().is_empty() {
             at.push_str(&word);
-        } else if display_width(at) + 1 + display_width(&word) <= room {
+        } else if display_width(at) + 1 + display_width(&word) <= width {
             *at = format!("{at} {word}");
         } else {
             *at += " \\";

@@ -9,8 +9,8 @@ use clap::builder::styling::{AnsiColor, Style};
 
 use deaflow_orchestrator::Outcome;
 
-/// Columns of a terminal that does not say how many it has.
-const USUAL_WIDTH: usize = 80;
+/// The width of a terminal that does not report it.
+const DEFAULT_WIDTH: usize = 80;
 
 /// The meaning of a word.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -93,7 +93,7 @@ fn width(stream: &(impl AsFd + IsTerminal)) -> Option<usize> {
         .is_terminal()
         .then(|| match rustix::termios::tcgetwinsize(stream) {
             Ok(size) if size.ws_col > 0 => usize::from(size.ws_col),
-            _ => USUAL_WIDTH,
+            _ => DEFAULT_WIDTH,
         })
 }
 

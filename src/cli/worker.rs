@@ -153,12 +153,12 @@ fn build(
         progress.show(event);
     });
     access.end(output, arguments.progress.quiet);
-    let outcome = outcome.map_err(|error| CliError::from(error).tried_again())?;
+    let outcome = outcome.map_err(|error| CliError::from(error).for_worker())?;
     let errors: Vec<(String, CliError)> = outcome
         .failures
         .into_iter()
         .map(|failure| {
-            let error = CliError::from(failure.error).tried_again().of_stage(&failure.stage);
+            let error = CliError::from(failure.error).for_worker().of_stage(&failure.stage);
             (failure.stage, error)
         })
         .collect();
@@ -223,7 +223,7 @@ impl Submitter<'_> {
 
 /// An error of the store after which another worker may succeed.
 fn again(error: StoreError) -> CliError {
-    CliError::from(error).tried_again()
+    CliError::from(error).for_worker()
 }
 
 fn check_processor(required: Option<CpuLevel>) -> Result<(), CliError> {
@@ -235,7 +235,7 @@ fn check_processor(required: Option<CpuLevel>) -> Result<(), CliError> {
             required.word()
         ))
         .help("`cpu` of the profile sets the level that all workers need")
-        .elsewhere()),
+        .transient()),
         _ => Ok(()),
     }
 }
