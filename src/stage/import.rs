@@ -11,7 +11,7 @@ use super::results;
 use deaflow_base::{Canonical, Declared, Digest, DigestWriter, Fields, InputError, Node, parameters};
 use deaflow_content::{FROM_FILE, SampleRows, Solutions, Unstable};
 use deaflow_dataset::Device;
-use deaflow_dataset::import::{ImportError, ImportFile, MOST, Rows};
+use deaflow_dataset::import::{ImportError, ImportFile, MAX_ROWS, Rows};
 use deaflow_field::{Field, Outcome};
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use deaflow_pattern::Raster;
@@ -74,11 +74,11 @@ impl Kind for ImportKind {
         for named in NamedFile::of_stage(stage)? {
             let file = open(&named, &scene, &device)?;
             rows += file.len();
-            if rows > MOST {
+            if rows > MAX_ROWS {
                 let why = format!("with it the stage has {rows} rows");
                 return Err(named.refused(
                     &why,
-                    &format!("allowed: at most {MOST}; use another stage for the others"),
+                    &format!("allowed: at most {MAX_ROWS}; use another stage for the others"),
                 ));
             }
             files.push((named, file));

@@ -1,4 +1,4 @@
-//! Rows whose numbers are a pattern and a field of a clamped membrane each.
+//! Imported rows: each is a valid pattern with a field of a clamped membrane.
 
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ use deaflow_base::{Digest, DigestWriter};
 use deaflow_field::Field;
 use deaflow_pattern::Pattern;
 
-/// What the frame may seem to move, mm: rounding of whoever wrote it.
+/// Largest displacement on the frame in mm that counts as rounding.
 const ROUNDING_MM: f64 = 1e-6;
 
 /// Patterns with their fields.
@@ -23,11 +23,12 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// Rows from their numbers, `[row][y][x]` and `[row][y][x][component]`, the first of which has that number in its file.
+    /// Checks rows of cells `[row][y][x]` and displacements `[row][y][x][component]`.
+    /// `first` is the number of the first row in its file.
     ///
     /// # Errors
-    /// When a cell is neither 0 nor a group of electrodes, a displacement is no number or longer than the longer side, or the frame
-    /// moves.
+    /// When a cell is neither 0 nor an electrode group, a displacement is not finite or exceeds the longer side, or the
+    /// frame moves.
     pub fn new(cells: &[f64], displacement: Vec<f64>, first: usize, device: &Device) -> Result<Self, ImportError> {
         let rows = cells
             .par_chunks(device.raster().cells())
@@ -44,19 +45,19 @@ impl Rows {
         Ok(Self { patterns, fields })
     }
 
-    /// How many there are.
+    /// Returns the number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.patterns.len()
     }
 
-    /// Whether there are none.
+    /// Returns whether there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.patterns.is_empty()
     }
 
-    /// Some of them.
+    /// Returns a range of the rows.
     #[must_use]
     pub fn part(&self, range: Range<usize>) -> Self {
         Self {
@@ -65,13 +66,13 @@ impl Rows {
         }
     }
 
-    /// Adds others after them.
+    /// Appends other rows.
     pub fn append(&mut self, mut others: Self) {
         self.patterns.append(&mut others.patterns);
         self.fields.append(&mut others.fields);
     }
 
-    /// What they are known by, whatever file they come from.
+    /// Returns the digest of the rows. It does not depend on the format of the file.
     #[must_use]
     pub fn digest(&self) -> Digest {
         let rows = self.patterns.par_iter().zip(&self.fields);
@@ -103,7 +104,7 @@ fn pattern(cells: &[f64], row: usize, device: &Device) -> Result<Pattern, Import
     }))
 }
 
-/// The frame of what is kept stands still: rounding is no displacement.
+/// Checks the values of a field. Displacements on the frame become exactly 0.
 fn field(values: &[f64], row: usize, device: &Device) -> Result<Field, ImportError> {
     let columns = device.raster().corner_sides()[0];
     let side_mm = device.membrane.size_mm.into_iter().fold(0.0, f64::max);
@@ -128,7 +129,7 @@ fn field(values: &[f64], row: usize, device: &Device) -> Result<Field, ImportErr
         if on_frame && found_mm > ROUNDING_MM {
             return Err(ImportError::Frame { row, y, x, found_mm });
         }
-        // Adding zero makes one number of the two zeros.
+        // Adding zero turns -0 into 0.
         kept.extend(u.iter().map(|value| if on_frame { 0.0 } else { value + 0.0 }));
     }
     Field::from_values(device.raster(), kept).map_err(|e| ImportError::Unreadable(e.to_string()))
