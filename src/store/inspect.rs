@@ -53,7 +53,7 @@ impl Store {
     /// Looks in the upstream store for what is missing or damaged here.
     fn or_elsewhere(&self, looked: Condition, digest: &ArtifactId, effort: Effort) -> Result<Condition, StoreError> {
         match looked {
-            Condition::Missing | Condition::Damaged(_) => Ok(self.look_elsewhere(digest, effort)?.unwrap_or(looked)),
+            Condition::Missing | Condition::Damaged(_) => Ok(self.inspect_upstream(digest, effort)?.unwrap_or(looked)),
             looked => Ok(looked),
         }
     }
@@ -108,7 +108,7 @@ impl Store {
             Ok::<_, StoreError>(structure.parts.to_vec())
         };
         match here() {
-            Err(error) if error.is_damage() && self.upstream.is_some() => match self.parts_elsewhere(digest) {
+            Err(error) if error.is_damage() && self.upstream.is_some() => match self.upstream_parts(digest) {
                 Some(parts) => Ok(parts),
                 None => self.fetch(digest).and_then(|_| here()),
             },

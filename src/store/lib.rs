@@ -2,6 +2,7 @@
 //! that made them, locks, integrity checks and garbage collection.
 
 mod action;
+mod action_lock;
 mod ancestry;
 mod artifact;
 mod atomic;
@@ -16,6 +17,7 @@ mod dependencies;
 mod element_type;
 mod entries;
 mod error;
+mod fetch;
 mod file_system_check;
 mod file_system_time;
 mod fsck;
@@ -46,6 +48,7 @@ mod quarantine;
 mod read;
 mod record;
 mod record_index;
+mod records;
 mod removed;
 mod row_file;
 mod scales;
