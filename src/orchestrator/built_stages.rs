@@ -1,6 +1,6 @@
-//! What stands of a pipeline in a store, for those who give it away.
+//! The stages of a pipeline that are built in a store, for export and upload.
 
-use super::planner::{Planner, State};
+use super::planner::{Planner, StageState};
 use super::spec::Pipeline;
 use deaflow_store::{LockFile, LockedStage, Record, Store, StoreError};
 
@@ -12,22 +12,22 @@ pub struct BuiltStage {
     pub kind: &'static str,
     /// Names of the stages that it reads.
     pub needs: Vec<String>,
-    /// What says that it is built.
+    /// Its record.
     pub record: Record,
 }
 
-/// The stages of a pipeline.
+/// The built stages of a pipeline.
 pub struct BuiltStages {
-    /// Those that are built, in topological order.
+    /// The built stages, in topological order.
     pub stages: Vec<BuiltStage>,
-    /// Names of those that are not.
+    /// Names of the other stages.
     pub missing: Vec<String>,
 }
 
-/// Looks which stages of a pipeline are built.
+/// Determines which stages of a pipeline are built.
 ///
 /// # Errors
-/// When the store cannot be read.
+/// If the store cannot be read.
 pub fn built_stages(pipeline: &Pipeline, store: &Store) -> Result<BuiltStages, StoreError> {
     let selection: Vec<usize> = (0..pipeline.stages.len()).collect();
     let statuses = Planner::new(pipeline, store).statuses(&selection)?;
@@ -36,7 +36,7 @@ pub fn built_stages(pipeline: &Pipeline, store: &Store) -> Result<BuiltStages, S
         missing: Vec::new(),
     };
     for (spec, status) in pipeline.stages.iter().zip(statuses) {
-        let State::Fresh { record, .. } = status.state else {
+        let StageState::Fresh { record, .. } = status.state else {
             built.missing.push(spec.name.clone());
             continue;
         };
@@ -52,7 +52,7 @@ pub fn built_stages(pipeline: &Pipeline, store: &Store) -> Result<BuiltStages, S
 }
 
 impl BuiltStages {
-    /// The lock file of what is built, on the machine that made the last of it.
+    /// Returns the lock file of the built stages, with the target of the newest.
     #[must_use]
     pub fn lock_file(&self, pipeline: &str) -> LockFile {
         let last = self

@@ -1,27 +1,27 @@
-//! Prices for the stages of a pipeline, and the costs that later prices are made of.
+//! Estimates prices for the stages of a pipeline, and returns costs from which later prices are estimated.
 
 use super::event::StageReport;
 use super::kind::{Chunk, Plan};
-use super::planner::{ChunkState, MANY, StageStatus, State};
-use super::price::{Leaves, Price, Work, leaves, price};
+use super::planner::{ChunkState, MANY, StageState, StageStatus};
+use super::price::{CostQuery, Leaves, Price, leaves, price};
 use super::provenance::Environment;
 use super::spec::{Pipeline, StageSpec};
 use deaflow_store::{Cost, Store, StoreError};
 
-/// What is foretold of a stage: a price, or why there is none; neither where it is there.
-pub type Foretold = (Option<Price>, Option<String>);
+/// The price of a stage, or why there is none; neither if the stage is up to date.
+pub type PriceOrReason = (Option<Price>, Option<String>);
 
-/// A price for every stale stage of a selection, as far as one can be named.
+/// Estimates a price for every stale stage of a selection.
 ///
 /// # Errors
-/// When the store cannot be read.
+/// If the store cannot be read.
 pub fn prices(
     pipeline: &Pipeline,
     selection: &[usize],
     statuses: &[StageStatus],
     store: &Store,
     environment: &Environment,
-) -> Result<Vec<Foretold>, StoreError> {
+) -> Result<Vec<PriceOrReason>, StoreError> {
     if !statuses.iter().any(StageStatus::is_stale) {
         return Ok(vec![(None, None); selection.len()]);
     }
@@ -31,11 +31,11 @@ pub fn prices(
     for (&index, status) in selection.iter().zip(statuses) {
         let spec = &pipeline.stages[index];
         let input_bytes = spec.needs.iter().map(|&need| lengths[need]).sum();
-        let foretold = match status.is_stale() {
+        let price = match status.is_stale() {
             true => {
                 let mut work = work(spec, status, input_bytes, environment);
-                // What an earlier run has done is not done again; to end it takes a step at least.
-                let kept = kept(status, store, &environment.build_of_checkpoints());
+                // Steps of an earlier run are not repeated; finishing takes at least one step.
+                let kept = resumable_steps(status, store, &environment.build_of_checkpoints());
                 work.steps = work.steps.saturating_sub(kept).max(work.steps.min(1));
                 match price(&costs, &work) {
                     Ok(price) => (Some(price), None),
@@ -44,15 +44,15 @@ pub fn prices(
             }
             false => (None, None),
         };
-        lengths[index] = length(status, foretold.0.as_ref());
-        prices.push(foretold);
+        lengths[index] = length(status, price.0.as_ref());
+        prices.push(price);
     }
     Ok(prices)
 }
 
-/// What building a stale stage takes. `input_bytes` is the length of its inputs, where that is known.
-fn work(spec: &StageSpec, status: &StageStatus, input_bytes: Option<u64>, environment: &Environment) -> Work {
-    Work {
+/// Describes the work of building a stale stage. `input_bytes` is the length of its inputs, if known.
+fn work(spec: &StageSpec, status: &StageStatus, input_bytes: Option<u64>, environment: &Environment) -> CostQuery {
+    CostQuery {
         kind: spec.kind.name().to_owned(),
         recipe: spec.recipe(),
         parameters: parameters(spec, &status.work),
@@ -64,7 +64,7 @@ fn work(spec: &StageSpec, status: &StageStatus, input_bytes: Option<u64>, enviro
         time_scales_with_inputs: spec.stage.time_scales_with_inputs(),
         size_parameter: spec.stage.size_parameter(),
         mostly_unstable: spec.check.mostly_unstable,
-        apart: spec.kind.separate_cost_parameters(),
+        separate_parameters: spec.kind.separate_cost_parameters(),
         chunks: match &status.work {
             Plan::Chunks(_) => Some(missing(status).count() as u64),
             Plan::Whole { .. } => None,
@@ -73,7 +73,7 @@ fn work(spec: &StageSpec, status: &StageStatus, input_bytes: Option<u64>, enviro
     }
 }
 
-/// How many steps building takes: samples in the chunks that are not there, or the stage's own measure.
+/// Returns the number of steps to build: samples in missing chunks, or the steps of a stage in one piece.
 pub fn steps(status: &StageStatus) -> u64 {
     match &status.work {
         Plan::Chunks(_) => missing(status).map(|chunk| chunk.samples).sum(),
@@ -81,24 +81,24 @@ pub fn steps(status: &StageStatus) -> u64 {
     }
 }
 
-/// That an earlier run has done some steps of a stage that is stale, in words; none where it has not.
-pub fn gone_on_with(
+/// Returns a text with the number of steps that are resumed from an earlier run, if any.
+pub fn resumed_text(
     spec: &StageSpec,
     status: &StageStatus,
     store: &Store,
     environment: &Environment,
 ) -> Option<String> {
-    let kept = kept(status, store, &environment.build_of_checkpoints());
-    (kept > 0).then(|| format!("goes on after {kept} of {} {}", steps(status), spec.stage.unit()))
+    let kept = resumable_steps(status, store, &environment.build_of_checkpoints());
+    (kept > 0).then(|| format!("resumes after {kept} of {} {}", steps(status), spec.stage.unit()))
 }
 
-/// Steps that an earlier run has done of what is to be built, and that can be gone on with.
-fn kept(status: &StageStatus, store: &Store, build: &str) -> u64 {
-    let State::Stale { chunks, .. } = &status.state else {
+/// Returns the number of steps that can be resumed from checkpoints.
+fn resumable_steps(status: &StageStatus, store: &Store, build: &str) -> u64 {
+    let StageState::Stale { chunks, .. } = &status.state else {
         return 0;
     };
     let actions = match &status.work {
-        // So many are each small, and so is what is kept of them.
+        // So many chunks are small, and so are their checkpoints.
         Plan::Chunks(all) if all.len() >= MANY => return 0,
         Plan::Chunks(_) => chunks
             .iter()
@@ -114,8 +114,7 @@ fn kept(status: &StageStatus, store: &Store, build: &str) -> u64 {
     kept.map(|reached| reached.steps).sum()
 }
 
-/// The cost of a stage that was built here and now, for the memory of the store, with how many of its samples have no stable solution; `None`
-/// where another process had a share.
+/// Returns the cost of a stage that was built here, with its number of unstable samples; `None` if another process built a part.
 pub fn cost(
     spec: &StageSpec,
     status: &StageStatus,
@@ -150,15 +149,15 @@ pub fn cost(
 
 fn missing(status: &StageStatus) -> impl Iterator<Item = &Chunk> {
     let (chunks, states) = match (&status.work, &status.state) {
-        (Plan::Chunks(chunks), State::Stale { chunks: states, .. }) => (chunks.as_slice(), states.as_slice()),
+        (Plan::Chunks(chunks), StageState::Stale { chunks: states, .. }) => (chunks.as_slice(), states.as_slice()),
         _ => (&[][..], &[][..]),
     };
     let pairs = chunks.iter().zip(states);
     pairs.filter(|(_, state)| !state.intact).map(|(chunk, _)| chunk)
 }
 
-/// What the work depends on. Of a chunked stage it is what all its chunks have in common, so that a stage of more samples
-/// is the same work, only more of it; and no work depends on a seed.
+/// Returns the parameters on which the cost depends. For a chunked stage those are the ones common to all chunks, so that a
+/// stage with more samples is the same work, only more of it. Seeds are left out.
 fn parameters(spec: &StageSpec, work: &Plan) -> Leaves {
     let mut common = match work {
         Plan::Chunks(chunks) => {
@@ -174,14 +173,14 @@ fn parameters(spec: &StageSpec, work: &Plan) -> Leaves {
     common
 }
 
-/// The length of a stage's files, now or once it has been built.
+/// Returns the length of the files of a stage, now or after it has been built.
 fn length(status: &StageStatus, price: Option<&Price>) -> Option<u64> {
     match &status.state {
-        State::Fresh { size, .. } => Some(*size),
-        State::Stale { chunks, .. } => {
+        StageState::Fresh { size, .. } => Some(*size),
+        StageState::Stale { chunks, .. } => {
             let there = chunks.iter().filter(|chunk| chunk.intact);
             let there: u64 = there.filter_map(|chunk| Some(chunk.record.as_ref()?.size)).sum();
-            // Chunks of which only the name is known are as long as those that are built.
+            // Assume that chunks whose records were not read are as long as those to be built.
             let [listed, missing] = [ChunkState::is_listed, |chunk: &ChunkState| !chunk.intact]
                 .map(|is| chunks.iter().filter(|chunk| is(chunk)).count());
             let share = 1.0 + listed as f64 / missing.max(1) as f64;

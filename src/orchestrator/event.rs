@@ -1,4 +1,4 @@
-//! What a run tells while it goes on, and what it and a plan say of each stage.
+//! Events of a run, and the reports on stages of runs and plans.
 
 use serde::{Serialize, Serializer};
 
@@ -6,65 +6,65 @@ use super::price::Price;
 use super::staleness::Staleness;
 use deaflow_base::ArtifactId;
 
-/// What became of a stage, or would.
+/// The outcome of a stage in a run or a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
     /// It was built.
     Built,
-    /// Its artifact was there.
+    /// Its artifact existed already.
     Reused,
     /// It could not be built.
     Failed,
-    /// It was asked to stop, and what it had come to is kept.
+    /// It was stopped; its checkpoint is kept.
     Stopped,
-    /// What is left of it others are building.
+    /// Other processes are building the rest of it.
     Left,
-    /// It was not begun, because a stage that it needs was not built.
+    /// It was not started, because a stage that it needs was not built.
     Skipped,
     /// In a plan: it would be built.
     Stale,
 }
 
-/// One stage of a run or a plan.
+/// The report on a stage of a run or a plan.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StageReport {
     /// Its name in the pipeline.
     pub name: String,
     /// Its kind.
     pub kind: String,
-    /// What became of it.
+    /// Its outcome.
     pub outcome: Outcome,
-    /// How many chunks were built, or would be; 1 or 0 where the stage is not chunked.
+    /// Number of chunks that were or would be built; 1 or 0 for a stage without chunks.
     pub chunks_built: u64,
-    /// How many chunks were there; 1 or 0 where the stage is not chunked.
+    /// Number of chunks that existed already; 1 or 0 for a stage without chunks.
     pub chunks_reused: u64,
-    /// Its artifact, where it is known.
+    /// Its artifact, if known.
     #[serde(serialize_with = "hexadecimal")]
     pub digest: Option<ArtifactId>,
-    /// From its beginning in this run to its end, s.
+    /// From its start in this run to its end, s.
     pub seconds: f64,
-    /// Its part of the time of the run, s, where others may have been built beside it: of what went by while it was at work, divided by the stages
-    /// that were. Parts add up to the time of the run, and a price foretells a part.
+    /// Its share of the time of the run, s, if stages are built in parallel: the time is divided equally among the stages that are
+    /// running. The shares add up to the time of the run, and a price estimates a share.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<f64>,
-    /// Length of its files together, bytes; 0 where they have yet to be built.
+    /// Length of all its files, bytes; 0 if they are not built yet.
     pub size: u64,
-    /// Of these, what this run wrote, bytes.
+    /// Length of those that this run wrote, bytes.
     pub size_built: u64,
-    /// Steps that an earlier run had done before it was stopped, and that this one went on from.
-    #[serde(skip_serializing_if = "is_none")]
+    /// Steps of an earlier run that were resumed.
+    #[serde(skip_serializing_if = "is_zero")]
     pub resumed: u64,
-    /// Of a skipped stage the one that was not built: that which failed, or else one that it needs.
+    /// For a skipped stage, the stage that failed, or one that it needs and that was not built.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub missing: Option<String>,
-    /// What building was foretold to take; none where nothing like it has been built in this store, or nothing is to be built.
+    /// Estimated cost; `None` if no similar stage has been built in this store, or nothing is to be built.
     pub price: Option<Price>,
-    /// Why there is no price, as in `never measured for network qin2024`; none where there is one, or nothing is to be built.
+    /// Why a stale stage has no price, such as `never measured for network qin2024`.
     pub unmeasured: Option<String>,
-    /// Why it was stale, or failed, in words: the first reason.
+    /// Why it was stale or failed: the first reason.
     pub why: Option<String>,
-    /// Everything that makes it stale, in words.
+    /// All reasons why it is stale.
     pub reasons: Vec<String>,
     /// Why it was stale.
     #[serde(skip)]
@@ -72,7 +72,7 @@ pub struct StageReport {
 }
 
 impl StageReport {
-    /// Of a stage of which nothing is known but how it ended.
+    /// Creates a report with only an outcome.
     #[must_use]
     pub fn new(name: &str, kind: &str, outcome: Outcome) -> Self {
         Self {
@@ -97,8 +97,7 @@ impl StageReport {
     }
 }
 
-/// A number is written where there is something to count.
-fn is_none(number: &u64) -> bool {
+fn is_zero(number: &u64) -> bool {
     *number == 0
 }
 
@@ -109,25 +108,25 @@ fn hexadecimal<S: Serializer>(digest: &Option<ArtifactId>, serializer: S) -> Res
     }
 }
 
-/// One thing that happened: all that a run has to say goes through here, so that a terminal, a program that reads JSON and a
-/// test see the same. Events of one stage's chunks may come from several threads.
+/// An event of a run. Terminal output, JSON output and tests all use these events. Events of the chunks of a stage may come from
+/// several threads.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
 pub enum Event {
-    /// A run begins.
+    /// A run starts.
     RunStarted {
         /// Name of the pipeline.
         pipeline: String,
-        /// How many stages it looks at.
+        /// Number of stages that it checks.
         stages: usize,
-        /// How many of them are stale.
+        /// Number of stale stages.
         stale: usize,
-        /// What building these was foretold to take, as far as something can be foretold.
+        /// Estimated cost of building these, as far as known.
         price: Option<Price>,
-        /// How many of them have no price.
+        /// Number of stale stages without a price.
         unpriced: usize,
     },
-    /// A stage's artifact is there.
+    /// The artifact of a stage exists already.
     StageReused(StageReport),
     /// A stage is being built.
     StageStarted {
@@ -135,71 +134,71 @@ pub enum Event {
         name: String,
         /// Its kind.
         kind: String,
-        /// Length of its progress bar: samples in the chunks to build, or the stage's own measure.
+        /// Number of steps: samples in the chunks to build, or the steps of a stage in one piece.
         steps: u64,
-        /// What its steps are: "patterns", "epochs".
+        /// Unit of the steps: "patterns", "epochs".
         unit: &'static str,
         /// Why it is stale.
-        #[serde(serialize_with = "words")]
+        #[serde(serialize_with = "as_text")]
         why: Staleness,
-        /// Everything that makes it stale, in words.
+        /// All reasons why it is stale.
         reasons: Vec<String>,
-        /// What building it was foretold to take.
+        /// Estimated cost.
         price: Option<Price>,
     },
-    /// Part of a stage's steps are done.
+    /// Steps of a stage are done.
     Progress {
         /// Name of the stage.
         name: String,
-        /// How many more steps are done.
+        /// Number of further steps.
         steps: u64,
     },
-    /// Of the step of a stage that is under way a part is done.
+    /// A part of the current step of a stage is done.
     Part {
         /// Name of the stage.
         name: String,
-        /// Which part, between 0 and 1.
+        /// The part, between 0 and 1.
         done: f64,
     },
-    /// Part of a stage's steps were done by an earlier run that was killed.
+    /// Steps of a stage are resumed from an earlier run that was killed.
     Resumed {
         /// Name of the stage.
         name: String,
-        /// How many.
+        /// Number of steps.
         steps: u64,
-        /// What its steps are: "patterns", "epochs".
+        /// Unit of the steps: "patterns", "epochs".
         unit: &'static str,
     },
-    /// A short text to show beside the progress.
+    /// A short text to show with the progress.
     Note {
         /// Name of the stage.
         name: String,
         /// The text.
         text: String,
     },
-    /// A chunk is built and recorded: it will not be lost.
+    /// A chunk is built and recorded, so it will not be lost.
     ChunkBuilt {
         /// Name of the stage.
         name: String,
-        /// Its place among the stage's chunks, from 0.
+        /// Its index in the stage, from 0.
         chunk: usize,
     },
     /// A stage has been built.
     StageFinished(StageReport),
-    /// A stage could not be built; the run ends, unless it is to keep going.
+    /// A stage could not be built; the run ends, unless it keeps going.
     StageFailed(StageReport),
-    /// A stage was not begun, because one that it needs was not built.
+    /// A stage was not started, because one that it needs was not built.
     StageSkipped(StageReport),
-    /// Something that whoever runs this should know, and that is no failure.
+    /// A warning for the user.
     Warning {
-        /// What.
+        /// The text.
         text: String,
     },
 }
 
-fn words<S: Serializer>(why: &Staleness, serializer: S) -> Result<S::Ok, S::Error> {
+fn as_text<S: Serializer>(why: &Staleness, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(why)
 }
 
-/// Who is told. Called from several threads.
+/// Receives events, from several threads.
 pub type Listener<'a> = &'a (dyn Fn(&Event) + Sync);

@@ -1,50 +1,50 @@
-//! Why a stage would be built: everything that has changed since it was last built or reused, not only the first thing.
+//! Explains why a stage would be built: all changes since it was last built or reused, not only the first.
 
 use std::collections::BTreeSet;
 
 use super::event::StageReport;
-use super::execute::RunError;
 use super::plan::{digests_of, reasons, report};
 use super::planner::Planner;
+use super::run_error::RunError;
 use super::spec::Pipeline;
 use super::staleness::Staleness;
 use deaflow_base::{ActionKey, ArtifactId};
 use deaflow_store::Store;
 
-/// All that is known of one stage.
+/// Explanation of the status of a stage.
 #[derive(Clone, Debug)]
 pub struct Explanation {
-    /// The stage as in a plan.
+    /// The report of the stage, as in a plan.
     pub report: StageReport,
-    /// Its action key; unknown while an input has yet to be built.
+    /// Its action key; unknown until all inputs are built.
     pub key: Option<ActionKey>,
-    /// Why it is stale; empty where it is not.
+    /// Why it is stale; empty if it is not.
     pub reasons: Vec<Staleness>,
-    /// The stages that it needs, with what they made, as far as that is known.
+    /// The stages that it needs, with their artifacts as far as known.
     pub inputs: Vec<(String, Option<ArtifactId>)>,
-    /// What its inputs would be built for, directly or not: each of these stages with its own reasons, in topological order.
+    /// The stages that would be built before it, directly or indirectly, with their own reasons, in topological order.
     pub causes: Vec<(String, Vec<Staleness>)>,
-    /// The last run that did the same; or else the last one that had a stage of its name.
+    /// The last run with the same action, otherwise the last with a stage of its name.
     pub last: Option<LastRun>,
 }
 
-/// The last run that had a stage.
+/// The last run of a stage.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LastRun {
-    /// Whether it did the same: the stage as it stands, with its parameters and inputs.
+    /// Whether it did the same action, with the same parameters and inputs.
     pub is_same: bool,
-    /// When it ended.
+    /// When it ended, in UTC, RFC 3339.
     pub created: String,
-    /// The action key then.
+    /// The action key in that run.
     pub key: ActionKey,
-    /// The artifact then.
+    /// The artifact in that run.
     pub artifact: ArtifactId,
 }
 
 /// Explains a stage.
 ///
 /// # Errors
-/// When there is no such stage, or the store cannot be read.
+/// If there is no such stage, or the store cannot be read.
 pub fn explain(pipeline: &Pipeline, store: &Store, stage: &str) -> Result<Explanation, RunError> {
     let selection = pipeline.selection(Some(stage))?;
     let planner = Planner::new(pipeline, store);
@@ -55,19 +55,19 @@ pub fn explain(pipeline: &Pipeline, store: &Store, stage: &str) -> Result<Explan
     let digests = digests_of(spec, &selection, &statuses);
     let reasons = reasons(&planner, spec, status, &digests)?;
     let mut causes = Vec::new();
-    // From the stage back, through what would be built: what is reused hides what lies before it.
-    let mut sought: BTreeSet<usize> = BTreeSet::new();
+    // Goes back through stages that would be built; stages before a reused one do not matter.
+    let mut to_explain: BTreeSet<usize> = BTreeSet::new();
     if !reasons.is_empty() {
-        sought.extend(&spec.needs);
+        to_explain.extend(&spec.needs);
         for (&index, status) in selection.iter().zip(&statuses).take(at).rev() {
-            if !sought.contains(&index) {
+            if !to_explain.contains(&index) {
                 continue;
             }
             let spec = &pipeline.stages[index];
             let digests = digests_of(spec, &selection, &statuses);
             let mut own = self::reasons(&planner, spec, status, &digests)?;
             if !own.is_empty() {
-                sought.extend(&spec.needs);
+                to_explain.extend(&spec.needs);
             }
             own.retain(|reason| !matches!(reason, Staleness::InputChanged { .. }));
             if !own.is_empty() {
@@ -78,13 +78,13 @@ pub fn explain(pipeline: &Pipeline, store: &Store, stage: &str) -> Result<Explan
     }
     let key = status.action.as_ref().map(|(_, key)| *key);
     let same = match &key {
-        Some(key) => planner.remembered_by(key)?,
+        Some(key) => planner.last_run_with(key)?,
         None => None,
     };
     let is_same = same.is_some();
     let last = match same {
         Some(same) => Some(same),
-        None => planner.remembered(spec)?,
+        None => planner.last_run_of(spec)?,
     };
     let names = spec.needs.iter().map(|&need| pipeline.stages[need].name.clone());
     Ok(Explanation {

@@ -1,11 +1,12 @@
-//! Knows stages, keys and chunks, and no physics: reads a pipeline, decides what is stale, builds that and no more.
+//! Reads a pipeline, determines which stages are stale, and builds only those. Knows stages, keys and chunks, but no physics.
 
 mod build;
+mod build_chunks;
 mod built_stages;
 mod cost_estimate;
 mod entry;
 mod event;
-mod execute;
+mod execution;
 mod explain;
 mod graph;
 mod kind;
@@ -18,19 +19,23 @@ mod price;
 mod provenance;
 mod reserve;
 mod rounds;
+mod run;
+mod run_error;
+mod run_history;
+mod scheduler;
 mod schema;
 mod scratch;
-mod shares;
 mod spec;
 mod stage_progress;
+mod stage_work;
 mod staleness;
 mod sweep;
-mod work;
+mod time_shares;
 
 pub use built_stages::{BuiltStage, BuiltStages, built_stages};
 pub use entry::{Registry, suggestion};
 pub use event::{Event, Listener, Outcome, StageReport};
-pub use execute::{Failure, RunError, RunOptions, RunOutcome, check_locked, run};
+pub use execution::Failure;
 pub use explain::{Explanation, LastRun, explain};
 pub use kind::{
     Cause, Chunk, Expectation, Input, Job, Kind, Needs, Plan, ResultSource, Stage, StageCheck, StageDeclaration,
@@ -42,6 +47,8 @@ pub use plan_warnings::plan_warnings;
 pub use price::{Estimate, Price, PriceTotal};
 pub use provenance::Environment;
 pub use rounds::Rounds;
+pub use run::{RunOptions, RunOutcome, check_locked, run};
+pub use run_error::RunError;
 pub use schema::{pipeline_schema, scene_schema};
 pub use scratch::Scratch;
 pub use spec::{Pipeline, StageSpec, file_of, splice_scene};

@@ -1,32 +1,32 @@
-//! How a pipeline, or what it made, differs from its lock file.
+//! Differences between a pipeline and its lock file.
 
-/// One way in which a pipeline, or what it made, is not what its lock file says.
+/// A difference between a pipeline, or its artifacts, and its lock file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LockDifference {
-    /// The lock file does not have the stage.
+    /// A stage is not in the lock file.
     #[error("stage `{0}` is not in the lock file")]
     Added(String),
-    /// The pipeline does not have the stage.
-    #[error("stage `{0}` is in the lock file only")]
+    /// A stage is not in the pipeline.
+    #[error("stage `{0}` is in the lock file, but not in the pipeline")]
     Dropped(String),
-    /// The stage would do something else.
-    #[error("stage `{stage}` is another action than the lock file's: {why}")]
+    /// The action of a stage differs.
+    #[error("stage `{stage}` differs from the lock file: {why}")]
     Key {
         /// The stage.
         stage: String,
-        /// What has changed, as far as it is known.
+        /// What has changed, as far as known.
         why: String,
     },
-    /// The stage did the same and made something else.
-    #[error("stage `{stage}` made {found}, the lock file says {locked}{why}")]
+    /// The artifact of a stage differs although its action is the same.
+    #[error("stage `{stage}` made artifact {found}, but the lock file has {locked}{why}")]
     Artifact {
         /// The stage.
         stage: String,
-        /// What it made.
+        /// Its artifact.
         found: String,
-        /// What the lock file says.
+        /// The artifact in the lock file.
         locked: String,
-        /// A likely reason.
+        /// A possible reason.
         why: String,
     },
 }

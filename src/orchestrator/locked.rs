@@ -1,7 +1,7 @@
-//! Holds a pipeline to its lock file: before any work every stage's key is compared, and after each stage what it made.
+//! Compares a pipeline with its lock file: the keys of all stages before any work, and the artifact of each stage after it.
 //!
-//! Keys are made of recipe, parameters and the digests of inputs, and the lock file says those digests: so all keys are
-//! known before anything is built, and a difference costs no work.
+//! Keys are computed from recipe, parameters and the digests of inputs. The lock file has those digests, so all keys are known
+//! before anything is built.
 
 use super::lock_difference::LockDifference;
 use super::spec::{Pipeline, StageSpec};
@@ -9,10 +9,10 @@ use super::staleness::{Current, Staleness};
 use deaflow_base::ArtifactId;
 use deaflow_store::{Action, LockFile, LockedStage, Record, Store, StoreError};
 
-/// All differences that can be seen before any work. `selection` gives the stages to look at by their places.
+/// Returns all differences that are visible before any work. `selection` has the indices of the stages to compare.
 ///
 /// # Errors
-/// When the store cannot be read.
+/// If the store cannot be read.
 pub fn differences(
     pipeline: &Pipeline,
     selection: &[usize],
@@ -31,7 +31,7 @@ pub fn differences(
     Ok(found)
 }
 
-/// The difference in a stage's key, its inputs being what the lock file says.
+/// Returns the difference in the key of a stage, assuming the inputs of the lock file.
 fn other_key(
     pipeline: &Pipeline,
     spec: &StageSpec,
@@ -47,7 +47,7 @@ fn other_key(
     let parameters = spec.stage.parameters();
     let action = Action::of_stage(spec.kind.name(), spec.recipe(), &parameters, &digests);
     let Some(key) = action.map(|action| action.key()).transpose()? else {
-        // An input is not in the lock file: that is told of the input.
+        // An input is not in the lock file, which is reported for that input.
         return Ok(None);
     };
     if key == locked.key {
@@ -72,7 +72,7 @@ fn other_key(
     }))
 }
 
-/// The difference in what a stage made.
+/// Returns the difference in the artifact of a stage.
 #[must_use]
 pub fn other_artifact(spec: &StageSpec, lock: &LockFile, record: &Record) -> Option<LockDifference> {
     let locked = lock.stages.get(&spec.name)?;
@@ -83,7 +83,7 @@ pub fn other_artifact(spec: &StageSpec, lock: &LockFile, record: &Record) -> Opt
         String::new()
     } else {
         format!(
-            "; it was made on {} and the lock file on {}: last bits may differ between kinds of processors",
+            "; it was made on {}, the lock file on {}: the last bits can differ between processors",
             record.target, lock.target
         )
     };

@@ -6,11 +6,11 @@ use serde_json::{Value, json};
 
 use super::cost_estimate;
 use super::event::{Outcome, StageReport};
-use super::execute::RunError;
 use super::kind::Plan;
-use super::planner::{Planner, StageStatus, State};
+use super::planner::{Planner, StageState, StageStatus};
 use super::price::PriceTotal;
 use super::provenance::Environment;
+use super::run_error::RunError;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
 use deaflow_base::ArtifactId;
@@ -39,8 +39,9 @@ pub fn plan(
         let reasons = reasons(&planner, spec, status, &inputs)?;
         report.reasons = reasons.iter().map(ToString::to_string).collect();
         if status.is_stale() {
-            let gone_on_with = cost_estimate::gone_on_with(spec, status, store, environment);
-            report.reasons.extend(gone_on_with);
+            report
+                .reasons
+                .extend(cost_estimate::resumed_text(spec, status, store, environment));
         }
         (report.price, report.unmeasured) = price;
         reports.push(report);
@@ -89,8 +90,8 @@ pub fn reasons(
     inputs: &[Option<ArtifactId>],
 ) -> Result<Vec<Staleness>, StoreError> {
     match &status.state {
-        State::Fresh { .. } => Ok(Vec::new()),
-        State::Stale { why, .. } => match why {
+        StageState::Fresh { .. } => Ok(Vec::new()),
+        StageState::Stale { why, .. } => match why {
             Staleness::ArtifactMissing | Staleness::ArtifactDamaged | Staleness::Removed { .. } => {
                 Ok(vec![why.clone()])
             }
@@ -106,8 +107,8 @@ pub fn report(spec: &StageSpec, status: &StageStatus) -> StageReport {
         Plan::Chunks(chunks) => chunks.len() as u64,
     };
     let (outcome, reused, digest, size, staleness) = match &status.state {
-        State::Fresh { record, size, .. } => (Outcome::Reused, total, Some(record.artifact), *size, None),
-        State::Stale { why, chunks, expected } => {
+        StageState::Fresh { record, size, .. } => (Outcome::Reused, total, Some(record.artifact), *size, None),
+        StageState::Stale { why, chunks, expected } => {
             let reused = chunks.iter().filter(|chunk| chunk.intact).count() as u64;
             (Outcome::Stale, reused, *expected, 0, Some(why.clone()))
         }

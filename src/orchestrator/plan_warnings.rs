@@ -1,4 +1,4 @@
-//! What is said of a pipeline before any work: what its stages foresee, and what earlier runs measured.
+//! Warnings about a pipeline before any work: from the checks of its stages, and from results of earlier runs.
 
 use std::collections::BTreeMap;
 
@@ -8,16 +8,16 @@ use super::spec::Pipeline;
 use deaflow_base::ArtifactId;
 use deaflow_store::{Run, Store, StoreError};
 
-/// Runs that are looked through for results.
-const LOOKED_THROUGH: usize = 100;
+/// Number of runs that are searched for results.
+const SEARCHED_RUNS: usize = 100;
 
-/// Names in a warning.
-const NAMED: usize = 4;
+/// Maximum number of stage names in a warning.
+const MAX_NAMES: usize = 4;
 
-/// Warnings of the stages of a plan or of a run to be, each after the names of those that it is of.
+/// Returns the warnings about the stages of a plan, each preceded by the names of its stages.
 ///
 /// # Errors
-/// When the store cannot be read.
+/// If the store cannot be read.
 pub fn plan_warnings(pipeline: &Pipeline, stages: &[StageReport], store: &Store) -> Result<Vec<String>, StoreError> {
     let mut warnings: Vec<(String, Vec<&str>)> = Vec::new();
     let mut results = Results::new(pipeline, stages, store);
@@ -36,20 +36,20 @@ pub fn plan_warnings(pipeline: &Pipeline, stages: &[StageReport], store: &Store)
             }
         }
     }
-    let line = |(text, names): &(String, Vec<&str>)| format!("{}: {text}", listed(names));
+    let line = |(text, names): &(String, Vec<&str>)| format!("{}: {text}", joined(names));
     Ok(warnings.iter().map(line).collect())
 }
 
-/// Some names of many.
-fn listed(names: &[&str]) -> String {
-    let some = names.iter().take(NAMED).copied().collect::<Vec<_>>().join(", ");
+/// Joins names, and counts those beyond the maximum.
+fn joined(names: &[&str]) -> String {
+    let some = names.iter().take(MAX_NAMES).copied().collect::<Vec<_>>().join(", ");
     match names.len() {
-        n if n > NAMED => format!("{some} and {} more", n - NAMED),
+        n if n > MAX_NAMES => format!("{some} and {} more", n - MAX_NAMES),
         _ => some,
     }
 }
 
-/// A number with two digits that tell.
+/// Formats a number with two significant digits.
 fn two_digits(value: f64) -> String {
     let decimals = match value.abs() {
         size if size.is_normal() => (1.0 - size.log10().floor()).clamp(0.0, 12.0) as usize,
@@ -58,12 +58,12 @@ fn two_digits(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
-/// What artifacts were worth when they were built, as the history of runs has it.
+/// Results of artifacts, from the history of runs.
 struct Results<'a> {
     pipeline: &'a Pipeline,
     stages: &'a [StageReport],
     store: &'a Store,
-    /// By artifact, where somebody has asked: names and values.
+    /// Values by artifact and name; read on first use.
     known: Option<BTreeMap<ArtifactId, BTreeMap<String, f64>>>,
 }
 
@@ -77,7 +77,7 @@ impl<'a> Results<'a> {
         }
     }
 
-    /// A warning for each stage whose artifact, or the one that it will have again, is known to exceed what is expected.
+    /// Returns a warning for each stage whose artifact, present or expected, exceeds the limit.
     fn compare(&mut self, expectation: &Expectation) -> Result<Vec<String>, StoreError> {
         let of = self.stages.iter().filter(|stage| match &expectation.source {
             ResultSource::Stage(name) => stage.name == *name,
@@ -97,7 +97,7 @@ impl<'a> Results<'a> {
     fn known(&mut self) -> Result<&BTreeMap<ArtifactId, BTreeMap<String, f64>>, StoreError> {
         if self.known.is_none() {
             let mut known = BTreeMap::new();
-            let runs = self.store.runs()?.take(LOOKED_THROUGH);
+            let runs = self.store.runs()?.take(SEARCHED_RUNS);
             for run in self.store.runs_of(runs, &self.pipeline.file(), &self.pipeline.name) {
                 add(&run?, &mut known);
             }
@@ -107,7 +107,7 @@ impl<'a> Results<'a> {
     }
 }
 
-/// Adds the results of a run to those of later ones.
+/// Adds the results of a run, without replacing those of later runs.
 fn add(run: &Run, known: &mut BTreeMap<ArtifactId, BTreeMap<String, f64>>) {
     for stage in &run.stages {
         let results = known.entry(stage.artifact).or_default();
@@ -128,7 +128,7 @@ mod tests {
     fn numbers_have_two_digits_and_lists_are_short() {
         let written = [0.0, 0.491_5, 0.001_42, 12.7, 4321.0].map(two_digits);
         assert_eq!(written, ["0", "0.49", "0.0014", "13", "4321"]);
-        assert_eq!(listed(&["a", "b"]), "a, b");
-        assert_eq!(listed(&["a", "b", "c", "d", "e", "f"]), "a, b, c, d and 2 more");
+        assert_eq!(joined(&["a", "b"]), "a, b");
+        assert_eq!(joined(&["a", "b", "c", "d", "e", "f"]), "a, b, c, d and 2 more");
     }
 }

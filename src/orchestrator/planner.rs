@@ -1,8 +1,8 @@
-//! Finds out what each stage and each chunk would take: which are there, which are not, and why.
+//! Determines the status of stages and chunks: which exist, which have to be built, and why.
 //!
-//! A plan and a run both stand on this, so that a plan cannot promise what a run would not do. Digests of what has yet to
-//! be built are unknown; but where a record says what an action made, building it again makes the same, so that a lost
-//! artifact does not make everything after it stale.
+//! Plans and runs both use this, so that a run does what its plan shows. The digests of artifacts that are not built yet are
+//! unknown, except if a record has one: building the action again makes the same artifact, so a lost artifact does not make all
+//! later stages stale.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -17,30 +17,30 @@ use deaflow_store::{
     Action, Condition, Effort, Lookup, Object, Record, RecordIndex, Run, RunStage, Runs, RunsOf, Store, StoreError,
 };
 
-/// Files that one thread looks at sooner than another could be woken.
-const FEW: usize = 64;
+/// Minimum number of files for each thread: for fewer, waking another thread takes longer.
+const FILES_PER_THREAD: usize = 64;
 
-/// From so many chunks on a stage's records are listed, and not each asked for.
+/// From this number of chunks on, the index of records is used instead of looking up each record.
 #[cfg(not(test))]
 pub const MANY: usize = 10_000;
 #[cfg(test)]
 pub const MANY: usize = 20;
 
-/// How a stage stands and what it would take.
+/// The status of a stage.
 pub struct StageStatus {
-    /// Its action and key; unknown while an input has yet to be built.
+    /// Its action and key; unknown until all inputs are built.
     pub action: Option<(Action, ActionKey)>,
-    /// How its work divides.
+    /// How its work is divided.
     pub work: Plan,
-    /// Whether its artifact is there.
-    pub state: State,
+    /// Whether its artifact exists.
+    pub state: StageState,
 }
 
-/// Whether a stage's artifact is there.
-pub enum State {
-    /// It is.
+/// Whether the artifact of a stage exists.
+pub enum StageState {
+    /// It exists.
     Fresh {
-        /// The record that says so.
+        /// Its record.
         record: Box<Record>,
         /// Its chunks, if it is a manifest.
         parts: Vec<ArtifactId>,
@@ -49,97 +49,97 @@ pub enum State {
     },
     /// It has to be built.
     Stale {
-        /// Why.
+        /// The reason.
         why: Staleness,
         /// The chunks, if the stage is chunked.
         chunks: Vec<ChunkState>,
-        /// What building will make, where that is known.
+        /// The artifact that building will make, if known.
         expected: Option<ArtifactId>,
     },
 }
 
-/// Whether a chunk is there.
+/// Whether a chunk exists.
 pub struct ChunkState {
-    /// Its action and key; unknown while an input has yet to be built.
+    /// Its action and key; unknown until all inputs are built.
     pub action: Option<(Action, ActionKey)>,
-    /// Its record, if it has been built before; none either where only the name of the record was seen.
+    /// Its record, if it has been built before; `None` also if only the name of the record is known.
     pub record: Option<Record>,
-    /// Whether what the record names is there and whole, here or elsewhere; where only its name was seen, that is believed until the stage
-    /// is put together.
+    /// Whether the artifact of the record exists and is intact, here or upstream. If only the name of the record is known, this is
+    /// assumed until the stage is assembled.
     pub intact: bool,
-    /// Whether it is elsewhere, and has yet to be brought.
+    /// Whether it is in the upstream store only, and has to be downloaded.
     pub elsewhere: bool,
 }
 
-/// Looks at the stages of one pipeline in one store.
+/// Determines the statuses of the stages of a pipeline in a store.
 pub struct Planner<'a> {
     pipeline: &'a Pipeline,
     store: &'a Store,
     runs: Mutex<PastRuns>,
-    /// When collections removed what, where somebody has asked.
+    /// When artifacts were removed by garbage collections; read on first use.
     removed: OnceLock<BTreeMap<ArtifactId, String>>,
-    /// Whether of very many chunks only the names of their records are looked at.
-    by_names: bool,
+    /// Whether for very many chunks only the names of their records are checked.
+    only_record_names: bool,
 }
 
-/// The past runs of a pipeline, read as far back as somebody asked.
+/// The past runs of a pipeline, read as far back as needed.
 #[derive(Default)]
 struct PastRuns {
-    /// None before anybody asked.
+    /// `None` before the first use.
     unread: Option<RunsOf<std::iter::Take<Runs>>>,
     read: Vec<Arc<Run>>,
 }
 
-/// How many of the last runs of a pipeline a stage is compared with.
+/// Number of runs of the pipeline with which a stage is compared.
 const COMPARED_WITH: usize = 30;
 
-/// How many of the last runs of a store are looked through for those of a pipeline.
-const LOOKED_THROUGH: usize = 1000;
+/// Number of runs of the store that are searched for those of the pipeline.
+const SEARCHED_RUNS: usize = 1000;
 
 impl StageStatus {
-    /// What later stages can know of this one.
+    /// Returns the stage as an input of later stages.
     #[must_use]
     pub fn as_input(&self) -> Input {
         match &self.state {
-            State::Fresh { record, parts, .. } => {
+            StageState::Fresh { record, parts, .. } => {
                 let parts: Vec<Option<ArtifactId>> = parts.iter().copied().map(Some).collect();
-                known(&self.work, Some(record.artifact), &parts)
+                as_input(&self.work, Some(record.artifact), &parts)
             }
-            State::Stale { chunks, expected, .. } => {
+            StageState::Stale { chunks, expected, .. } => {
                 let parts: Vec<Option<ArtifactId>> = chunks.iter().map(ChunkState::artifact).collect();
-                known(&self.work, *expected, &parts)
+                as_input(&self.work, *expected, &parts)
             }
         }
     }
 
-    /// Its artifact, where that is known.
+    /// Returns its artifact, if known.
     #[must_use]
     pub fn artifact(&self) -> Option<ArtifactId> {
         match &self.state {
-            State::Fresh { record, .. } => Some(record.artifact),
-            State::Stale { expected, .. } => *expected,
+            StageState::Fresh { record, .. } => Some(record.artifact),
+            StageState::Stale { expected, .. } => *expected,
         }
     }
 
     /// Whether the stage has to be built.
     #[must_use]
     pub fn is_stale(&self) -> bool {
-        matches!(self.state, State::Stale { .. })
+        matches!(self.state, StageState::Stale { .. })
     }
 }
 
 impl ChunkState {
-    /// Whether there is a record that has not been opened.
+    /// Whether only the name of its record is known.
     pub fn is_listed(&self) -> bool {
         self.intact && self.record.is_none()
     }
 
-    /// Whether it is among what has been recorded.
+    /// Whether the index has its record.
     pub fn is_in(&self, recorded: &RecordIndex) -> bool {
         self.action.as_ref().is_some_and(|(_, key)| recorded.contains(key))
     }
 
-    /// A chunk of whose record only the name is looked at.
+    /// Creates the state of a chunk from the index, without opening its record.
     fn listed(action: Option<(Action, ActionKey)>, recorded: &RecordIndex) -> Self {
         let unseen = Self {
             action,
@@ -153,14 +153,14 @@ impl ChunkState {
         }
     }
 
-    /// What the chunk is, or will be once it has been built again.
+    /// Returns the artifact of the chunk, also if it has to be built again.
     fn artifact(&self) -> Option<ArtifactId> {
         self.record.as_ref().map(|record| record.artifact)
     }
 }
 
-/// What is known of a stage whose work divides so.
-pub fn known(work: &Plan, digest: Option<ArtifactId>, parts: &[Option<ArtifactId>]) -> Input {
+/// Returns a stage as an input of later stages.
+pub fn as_input(work: &Plan, digest: Option<ArtifactId>, parts: &[Option<ArtifactId>]) -> Input {
     let parts = match work {
         Plan::Whole { .. } => vec![(digest, 1)],
         Plan::Chunks(chunks) => parts
@@ -173,38 +173,37 @@ pub fn known(work: &Plan, digest: Option<ArtifactId>, parts: &[Option<ArtifactId
 }
 
 impl<'a> Planner<'a> {
-    /// A planner that looks past runs up where it needs them.
+    /// Creates a planner.
     pub fn new(pipeline: &'a Pipeline, store: &'a Store) -> Self {
         Self {
             pipeline,
             store,
             runs: Mutex::default(),
             removed: OnceLock::new(),
-            by_names: false,
+            only_record_names: false,
         }
     }
 
-    /// One for a process that builds beside many others: of a stage of very many chunks it opens no record, so that what comes of a stage
-    /// that is built in part is not known beforehand.
+    /// Creates a planner for a process that builds in parallel to many others: for a stage with very many chunks it opens no
+    /// record, so the artifact of a partly built stage is not known in advance.
     pub fn beside_others(pipeline: &'a Pipeline, store: &'a Store) -> Self {
         Self {
-            by_names: store.process_name().is_some(),
+            only_record_names: store.process_name().is_some(),
             ..Self::new(pipeline, store)
         }
     }
 
-    /// The status of stages, given by their places in topological order.
+    /// Returns the statuses of stages, given by their indices in topological order.
     ///
     /// # Errors
-    /// When the store cannot be read.
+    /// If the store cannot be read.
     pub fn statuses(&self, selection: &[usize]) -> Result<Vec<StageStatus>, StoreError> {
         let mut inputs: BTreeMap<usize, Input> = BTreeMap::new();
         let mut out = Vec::with_capacity(selection.len());
-        let effort = Effort::Quick;
         for &index in selection {
             let needs = &self.pipeline.stages[index].needs;
             let given: Vec<Input> = needs.iter().filter_map(|need| inputs.get(need).cloned()).collect();
-            let status = self.status(index, &given, effort)?;
+            let status = self.status(index, &given, Effort::Quick)?;
             inputs.insert(index, status.as_input());
             out.push(status);
         }
@@ -212,10 +211,10 @@ impl<'a> Planner<'a> {
         Ok(out)
     }
 
-    /// The status of one stage, given what is known of the stages that it needs.
+    /// Returns the status of one stage, given the stages that it needs.
     ///
     /// # Errors
-    /// When the store cannot be read.
+    /// If the store cannot be read.
     pub fn status(&self, index: usize, inputs: &[Input], effort: Effort) -> Result<StageStatus, StoreError> {
         let spec = &self.pipeline.stages[index];
         let digests: Vec<Option<ArtifactId>> = inputs.iter().map(|input| input.digest).collect();
@@ -229,7 +228,7 @@ impl<'a> Planner<'a> {
         let (why, expected) = match self.made(action.as_ref(), effort)? {
             Some((record, condition)) => match self.examine(&record, &condition, &work, effort)? {
                 Ok((parts, size)) => {
-                    let state = State::Fresh { record, parts, size };
+                    let state = StageState::Fresh { record, parts, size };
                     return Ok(StageStatus { action, work, state });
                 }
                 Err(why) => (why, Some(record.artifact)),
@@ -244,11 +243,11 @@ impl<'a> Planner<'a> {
             None => expected_manifest(spec, &chunks)?,
             some => some,
         };
-        let state = State::Stale { why, chunks, expected };
+        let state = StageState::Stale { why, chunks, expected };
         Ok(StageStatus { action, work, state })
     }
 
-    /// The record of an action, and the condition of what it made. A record that names an artifact of another kind is none.
+    /// Returns the record of an action and the condition of its artifact; `None` also if that is of another kind.
     fn made(
         &self,
         action: Option<&(Action, ActionKey)>,
@@ -263,7 +262,7 @@ impl<'a> Planner<'a> {
         Ok(is_of_its_kind.then_some((record, condition)))
     }
 
-    /// The chunks and the total size of an intact artifact, or why it is not.
+    /// Returns the chunks and the total size of an intact artifact, or why it is not intact.
     fn examine(
         &self,
         record: &Record,
@@ -280,10 +279,10 @@ impl<'a> Planner<'a> {
         };
         let parts = self.store.parts(&record.artifact)?;
         if parts.len() != chunks.len() {
-            // Made by a program that divided the work otherwise under the same RECIPE: of no use to this one.
+            // Another version divided the work differently under the same RECIPE.
             return Ok(Err(Staleness::ArtifactDamaged));
         }
-        let looked = parts.par_iter().with_min_len(FEW);
+        let looked = parts.par_iter().with_min_len(FILES_PER_THREAD);
         let looked: Vec<Result<u64, Staleness>> = looked
             .map(|part| Ok(size_of(&self.store.inspect(part, effort)?)))
             .collect::<Result<_, StoreError>>()?;
@@ -300,10 +299,10 @@ impl<'a> Planner<'a> {
         Ok(self.reasons(spec, parameters, digests)?.remove(0))
     }
 
-    /// All that makes a stage without a record stale, in comparison with that of the last runs which is nearest to it; never empty.
+    /// Returns all reasons why a stage without a record is stale, compared with the most similar of the last runs; never empty.
     ///
     /// # Errors
-    /// When the store cannot be read.
+    /// If the store cannot be read.
     pub fn reasons(
         &self,
         spec: &StageSpec,
@@ -317,7 +316,7 @@ impl<'a> Planner<'a> {
             parameters,
             inputs: &inputs,
         };
-        let Some((run, stage)) = self.remembered(spec)? else {
+        let Some((run, stage)) = self.last_run_of(spec)? else {
             return Ok(Staleness::all_since(&current, None, None));
         };
         let previous = self.store.record(&stage.key)?.record();
@@ -336,7 +335,7 @@ impl<'a> Planner<'a> {
                 continue;
             };
             let since = Staleness::all_since(&current, Some(&record), Some(&run));
-            // Of those that are as near the latest counts.
+            // Of equally similar runs, the latest is used.
             if !is_known || since.len() < nearest.len() {
                 (nearest, is_known) = (since, true);
             }
@@ -344,7 +343,7 @@ impl<'a> Planner<'a> {
         Ok(nearest)
     }
 
-    /// The last runs of the pipeline that a stage is compared with, newest first.
+    /// Returns the last runs of the pipeline with which a stage is compared, newest first.
     fn last_runs(&self) -> Result<Vec<Arc<Run>>, StoreError> {
         let mut left = COMPARED_WITH;
         let is_beyond = |_: &Run| {
@@ -356,7 +355,7 @@ impl<'a> Planner<'a> {
         Ok(runs.read.iter().take(COMPARED_WITH).cloned().collect())
     }
 
-    /// When a collection removed what a stage made in an earlier run, if it would make the same now, as far as that is known.
+    /// Returns when a garbage collection removed the artifact of a stage in an earlier run, if the stage would make the same again.
     fn removal(
         &self,
         spec: &StageSpec,
@@ -371,13 +370,13 @@ impl<'a> Planner<'a> {
         Ok(self.removed().get(&stage.artifact).cloned())
     }
 
-    /// What an action made in an earlier run and a collection has removed since with its record, and when. To do the same again makes the
-    /// same, whatever other parameters the last run had.
+    /// Returns the artifact that an action made in an earlier run and a garbage collection has removed with its record, and when.
+    /// The action makes the same again, whatever parameters the last run had.
     fn collected(&self, action: Option<&(Action, ActionKey)>) -> Result<Option<(String, ArtifactId)>, StoreError> {
         let Some((_, key)) = action.filter(|_| !self.removed().is_empty()) else {
             return Ok(None);
         };
-        let found = self.remembered_by(key)?;
+        let found = self.last_run_with(key)?;
         let Some((_, stage)) = found.filter(|(_, stage)| !self.store.has(&stage.artifact)) else {
             return Ok(None);
         };
@@ -392,31 +391,26 @@ impl<'a> Planner<'a> {
         })
     }
 
-    /// The last run that had the stage.
+    /// Returns the last run that had the stage.
     ///
     /// # Errors
-    /// When the store cannot be read.
-    pub fn remembered(&self, spec: &StageSpec) -> Result<Option<(Arc<Run>, RunStage)>, StoreError> {
-        self.run_with(|run| run.stage(&spec.name).cloned())
+    /// If the store cannot be read.
+    pub fn last_run_of(&self, spec: &StageSpec) -> Result<Option<(Arc<Run>, RunStage)>, StoreError> {
+        self.read_runs(|run| run.stage(&spec.name).cloned())
     }
 
-    /// The last run in which an action was done, or its artifact reused.
+    /// Returns the last run that did an action or reused its artifact.
     ///
     /// # Errors
-    /// When the store cannot be read.
-    pub fn remembered_by(&self, key: &ActionKey) -> Result<Option<(Arc<Run>, RunStage)>, StoreError> {
-        self.run_with(|run| run.stages.iter().find(|stage| stage.key == *key).cloned())
+    /// If the store cannot be read.
+    pub fn last_run_with(&self, key: &ActionKey) -> Result<Option<(Arc<Run>, RunStage)>, StoreError> {
+        self.read_runs(|run| run.stages.iter().find(|stage| stage.key == *key).cloned())
     }
 
-    /// The last run of the pipeline that has a stage of some sort.
-    fn run_with(&self, stage: impl Fn(&Run) -> Option<RunStage>) -> Result<Option<(Arc<Run>, RunStage)>, StoreError> {
-        self.read_runs(stage)
-    }
-
-    /// Reads runs of the pipeline, newest first, as far as one in which something is found.
+    /// Reads runs of the pipeline, newest first, up to the first for which `found` returns a value.
     fn read_runs<T>(&self, mut found: impl FnMut(&Run) -> Option<T>) -> Result<Option<(Arc<Run>, T)>, StoreError> {
         let mut with_stage = |run: &Arc<Run>| Some((run.clone(), found(run)?));
-        // A run is pushed in one step: a panic elsewhere leaves a list that is right.
+        // Runs are pushed one by one, so the list is valid even after a panic.
         let mut runs = self.runs.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = runs.read.iter().find_map(&mut with_stage) {
             return Ok(Some(found));
@@ -426,7 +420,7 @@ impl<'a> Planner<'a> {
         let unread = match unread {
             Some(unread) => unread,
             None => {
-                let runs = self.store.runs()?.take(LOOKED_THROUGH);
+                let runs = self.store.runs()?.take(SEARCHED_RUNS);
                 unread.insert(self.store.runs_of(runs, &file, &self.pipeline.name))
             }
         };
@@ -440,24 +434,24 @@ impl<'a> Planner<'a> {
         Ok(None)
     }
 
-    /// Looks at each chunk of a stale stage. Those that are there go into its manifest by what is known of them.
+    /// Returns the state of each chunk of a stale stage.
     fn chunks(&self, spec: &StageSpec, work: &Plan, effort: Effort) -> Result<Vec<ChunkState>, StoreError> {
         let Plan::Chunks(chunks) = work else {
             return Ok(Vec::new());
         };
         let (kind, recipe) = (spec.kind.name(), spec.recipe());
-        let chunks = chunks.par_iter().with_min_len(FEW);
+        let chunks = chunks.par_iter().with_min_len(FILES_PER_THREAD);
         let keyed = |chunk: &Chunk| keyed(Action::of_chunk(kind, recipe, &chunk.parameters, &chunk.inputs));
         let actions: Vec<Option<(Action, ActionKey)>> = chunks.map(keyed).collect::<Result<_, _>>()?;
         let listed = self.listed(&actions)?;
-        let states = actions.into_par_iter().with_min_len(FEW);
+        let states = actions.into_par_iter().with_min_len(FILES_PER_THREAD);
         states
             .map(|action| {
                 let Some(listed) = &listed else {
                     return self.chunk(action, effort);
                 };
                 let state = ChunkState::listed(action, listed);
-                match state.is_listed() && !self.by_names {
+                match state.is_listed() && !self.only_record_names {
                     true => self.chunk(state.action, effort),
                     false => Ok(state),
                 }
@@ -465,9 +459,9 @@ impl<'a> Planner<'a> {
             .collect()
     }
 
-    /// The records in the store, where a stage has very many chunks.
+    /// Returns the index of records, if a stage has very many chunks.
     fn listed(&self, actions: &[Option<(Action, ActionKey)>]) -> Result<Option<RecordIndex>, StoreError> {
-        let is_worth_it = are_listed(self.store, actions.len()) && actions.iter().any(Option::is_some);
+        let is_worth_it = uses_record_index(self.store, actions.len()) && actions.iter().any(Option::is_some);
         is_worth_it.then(|| self.store.record_index()).transpose()
     }
 
@@ -482,12 +476,12 @@ impl<'a> Planner<'a> {
     }
 }
 
-/// Whether names of records are looked at where a stage has so many chunks.
-pub fn are_listed(store: &Store, chunks: usize) -> bool {
+/// Whether the index of records is used for a stage with this number of chunks.
+pub fn uses_record_index(store: &Store, chunks: usize) -> bool {
     chunks >= MANY && !store.has_upstream()
 }
 
-/// Length of an intact file in bytes, or why there is none.
+/// Returns the length of an intact file in bytes, or why it is not intact.
 pub fn size_of(condition: &Condition) -> Result<u64, Staleness> {
     match (condition, Staleness::of_artifact(condition)) {
         (_, Some(why)) => Err(why),
@@ -505,7 +499,7 @@ fn keyed(action: Option<Action>) -> Result<Option<(Action, ActionKey)>, StoreErr
         .transpose()
 }
 
-/// The manifest of chunks that have all been built before, though not under this key.
+/// Returns the manifest of a stage whose chunks have all been built before, but not under this key.
 fn expected_manifest(spec: &StageSpec, chunks: &[ChunkState]) -> Result<Option<ArtifactId>, StoreError> {
     let parts: Option<Vec<ArtifactId>> = chunks.iter().map(ChunkState::artifact).collect();
     match parts {
@@ -514,7 +508,7 @@ fn expected_manifest(spec: &StageSpec, chunks: &[ChunkState]) -> Result<Option<A
     }
 }
 
-/// The artifact of a chunked stage.
+/// Creates the artifact of a chunked stage.
 pub fn manifest(spec: &StageSpec, parts: Vec<ArtifactId>) -> Object {
     let attributes = spec.stage.attributes().into_iter().collect();
     Object::manifest(attributes, parts).of_kind(spec.kind.name())

@@ -1,10 +1,10 @@
-//! What building a stage will take, foretold from what such stages have taken in this store.
+//! Estimates the time and disk space that building a stage takes, from the costs of similar stages in this store.
 //!
-//! Of all recorded costs of the kind, those count whose parameters, RECIPE and machine differ least, and of these the ones of about as much
-//! work. Work is measured in steps, each by its weight (elements, individuals); a stage that is one piece of work takes as long as its inputs
-//! are, in each step where a step goes through all of them. What was measured of another sort of work, such as another network, is not taken
-//! for this one's. The range spans what was measured, widened the more the stages differ; `docs/tools/prices.py` measures how often it
-//! holds what a stage then takes.
+//! The estimate uses those recorded costs of the kind whose parameters, RECIPE and machine differ least, and of these the ones
+//! with about the same amount of work. Work is the number of steps times their weight (elements, individuals); for a stage in
+//! one piece it is proportional to the size of its inputs, in each step if each step reads all of them. Costs of another class,
+//! such as another network, are not used. The range spans the measured costs and is widened the more the stages differ;
+//! `docs/tools/prices.py` measures how often the actual cost lies within.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -14,55 +14,55 @@ use serde::Serialize;
 use deaflow_base::Canonical;
 use deaflow_store::Cost;
 
-/// How many of the nearest costs count: the latest.
+/// Maximum number of costs that are used: the latest of the nearest.
 const LATEST: usize = 8;
 
-/// What beginning and ending a stage may take beside its work, s.
-const SLACK: f64 = 0.05;
+/// Time for starting and ending a stage, s.
+const OVERHEAD: f64 = 0.05;
 
-/// So many times more or less work is about as much.
-const ALIKE: f64 = 3.0;
+/// Amounts of work up to this ratio count as about the same.
+const SIMILAR_RATIO: f64 = 3.0;
 
-/// By this power of how many times more or less work there is the range widens: not all of it grows with the work.
-const UNLIKE: f64 = 0.25;
+/// The range is widened by the ratio of work to this power: not all of the cost grows with the work.
+const RATIO_EXPONENT: f64 = 0.25;
 
 /// Parameters by dotted path.
 pub type Leaves = BTreeMap<String, String>;
 
-/// A range with its likely value.
+/// A range and the most likely value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
-    /// It will hardly be less.
+    /// Probable minimum.
     pub low: f64,
-    /// The most likely.
+    /// Most likely value.
     pub likely: f64,
-    /// It will hardly be more.
+    /// Probable maximum.
     pub high: f64,
 }
 
-/// What building will take.
+/// The estimated cost of building a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Price {
-    /// The part that the stage has of the time of the run, s: what it takes alone. Of stages that are built at once each is at work for longer;
-    /// their parts add up to the time of the run.
+    /// Its share of the time of the run, s: the time that it takes alone. Stages that are built in parallel run longer than this; their
+    /// shares add up to the time of the run.
     pub seconds: Estimate,
     /// Length of the files to be written, bytes.
     pub bytes: Estimate,
 }
 
-/// What stale stages take together.
+/// The estimated cost of all stale stages.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PriceTotal {
-    /// How many stages are stale.
+    /// Number of stale stages.
     pub stale: usize,
-    /// What building them takes, as far as something can be foretold.
+    /// Sum of the known prices.
     pub price: Option<Price>,
-    /// How many of them have no price.
+    /// Number of stale stages without a price.
     pub unpriced: usize,
 }
 
 impl PriceTotal {
-    /// The bill of stale stages by their prices.
+    /// Adds the prices of stale stages.
     #[must_use]
     pub fn of(prices: impl Iterator<Item = Option<Price>> + Clone) -> Self {
         Self {
@@ -73,36 +73,36 @@ impl PriceTotal {
     }
 }
 
-/// Work to be foretold.
+/// The work whose cost is estimated.
 #[derive(Clone, Debug)]
-pub struct Work {
+pub struct CostQuery {
     /// Kind of the stage.
     pub kind: String,
     /// RECIPE number of the kind.
     pub recipe: u32,
-    /// Its parameters.
+    /// Parameters.
     pub parameters: Leaves,
     /// Name of the machine.
     pub host: String,
-    /// Threads.
+    /// Number of threads.
     pub jobs: u64,
     /// Steps to do.
     pub steps: u64,
-    /// How much work a step is, in comparison with the same kind at other parameters.
+    /// Amount of work of a step, relative to the same kind with other parameters.
     pub weight: f64,
-    /// Whether each step goes through all inputs.
+    /// Whether each step reads all inputs.
     pub repeats_inputs: bool,
-    /// Whether, in one piece, it takes as long as its inputs are.
+    /// Whether the duration of a stage in one piece is proportional to the size of its inputs.
     pub time_scales_with_inputs: bool,
-    /// The parameter with which its files grow, where it is one piece of work.
+    /// The parameter to which the file size of a stage in one piece is proportional.
     pub size_parameter: Option<&'static str>,
     /// Whether most samples are likely to have no stable solution.
     pub mostly_unstable: bool,
-    /// Parameters whose values make it another sort of work.
-    pub apart: &'static [&'static str],
-    /// Chunks to build, or `None` where the stage is one piece of work.
+    /// Parameters whose values have unrelated costs.
+    pub separate_parameters: &'static [&'static str],
+    /// Number of chunks to build; `None` for a stage in one piece.
     pub chunks: Option<u64>,
-    /// Length of all inputs, bytes; `None` where it is not known.
+    /// Length of all inputs, bytes; `None` if unknown.
     pub input_bytes: Option<u64>,
 }
 
@@ -123,7 +123,7 @@ impl Estimate {
         }
     }
 
-    /// The same with so many s more or less.
+    /// Widens the range by a number of seconds.
     fn give_or_take(self, slack: f64) -> Self {
         Self {
             low: (self.low - slack).max(0.0),
@@ -132,8 +132,8 @@ impl Estimate {
         }
     }
 
-    /// The range and the median of some times, widened by a factor. Of an even number the lower one in the middle: other work on the
-    /// machine makes a stage slower and never faster.
+    /// Returns the range of some times, widened by a factor, and their lower median: other work on the machine can only make a
+    /// stage slower.
     fn of_times(mut values: Vec<f64>, widening: f64) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let likely = *values.get(values.len().checked_sub(1)? / 2)?;
@@ -141,7 +141,7 @@ impl Estimate {
         Some(Self { likely, ..range })
     }
 
-    /// The range and the median of some values, widened by a factor.
+    /// Returns the range of some values, widened by a factor, and their median.
     fn of(mut values: Vec<f64>, widening: f64) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let (low, high) = (values.first()?, values.last()?);
@@ -155,7 +155,7 @@ impl Estimate {
 }
 
 impl Price {
-    /// Both together, one after the other.
+    /// Adds another price.
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
         Self {
@@ -165,7 +165,7 @@ impl Price {
     }
 }
 
-/// The leaves of canonical parameters as texts.
+/// Returns the leaves of canonical parameters as texts.
 #[must_use]
 pub fn leaves(parameters: &Canonical) -> Leaves {
     let leaves = parameters.leaves().into_iter();
@@ -175,17 +175,17 @@ pub fn leaves(parameters: &Canonical) -> Leaves {
 /// Why there is no price.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Unmeasured {
-    /// Nothing of the kind has been built in this store.
+    /// No stage of the kind has been built in this store.
     Kind,
-    /// Nothing with this value of a parameter.
+    /// No stage with this value of a parameter has been built.
     Parameter {
         /// The last part of its path.
         name: String,
         /// Its value.
         value: String,
     },
-    /// Nothing of which most had no stable solution, as most of this is likely to have none.
-    Lost,
+    /// Most samples are likely to be unstable, and no such stage has been built.
+    Unstable,
 }
 
 impl fmt::Display for Unmeasured {
@@ -193,49 +193,51 @@ impl fmt::Display for Unmeasured {
         match self {
             Self::Kind => f.write_str("never measured"),
             Self::Parameter { name, value } => write!(f, "never measured for {name} {value}"),
-            Self::Lost => f.write_str("not known: unstable ones take many times as long"),
+            Self::Unstable => f.write_str("unknown: unstable samples take many times longer"),
         }
     }
 }
 
-/// What the work will take.
+/// Estimates the cost of work.
 ///
 /// # Errors
-/// When nothing like it has been built in this store.
-pub fn price(costs: &[Cost], work: &Work) -> Result<Price, Unmeasured> {
+/// If no similar stage has been built in this store.
+pub fn price(costs: &[Cost], work: &CostQuery) -> Result<Price, Unmeasured> {
     let mut known: Vec<(usize, &Cost)> = costs
         .iter()
-        .filter(|cost| cost.kind == work.kind && apart(cost, work).is_none())
+        .filter(|cost| cost.kind == work.kind && differing_class(cost, work).is_none())
         .map(|cost| (distance(cost, work), cost))
         .collect();
     let Some(nearest) = known.iter().map(|(distance, _)| *distance).min() else {
         let latest = costs.iter().rfind(|cost| cost.kind == work.kind);
-        return Err(latest.and_then(|cost| apart(cost, work)).unwrap_or(Unmeasured::Kind));
+        return Err(latest
+            .and_then(|cost| differing_class(cost, work))
+            .unwrap_or(Unmeasured::Kind));
     };
-    // What stable ones took says nothing of others, unless they were so with these very parameters.
+    // Costs of stable stages do not predict those of unstable ones, unless they have the same parameters.
     if work.mostly_unstable && nearest > 0 {
-        known.retain(|(_, cost)| mostly_unstable(cost));
+        known.retain(|(_, cost)| was_unstable(cost));
     }
     let nearest = known
         .iter()
         .map(|(distance, _)| *distance)
         .min()
-        .ok_or(Unmeasured::Lost)?;
+        .ok_or(Unmeasured::Unstable)?;
     known.retain(|(distance, _)| *distance == nearest);
-    // Where membranes are lost at other parameters says nothing of these.
-    if nearest > 0 && !work.mostly_unstable && !known.iter().all(|(_, cost)| mostly_unstable(cost)) {
-        known.retain(|(_, cost)| !mostly_unstable(cost));
+    // Costs of unstable stages with other parameters do not predict those of stable ones.
+    if nearest > 0 && !work.mostly_unstable && !known.iter().all(|(_, cost)| was_unstable(cost)) {
+        known.retain(|(_, cost)| !was_unstable(cost));
     }
-    let known = alike(known.into_iter().map(|(_, cost)| cost).collect(), work);
+    let known = similar(known.into_iter().map(|(_, cost)| cost).collect(), work);
     let latest: Vec<&Cost> = known.iter().rev().take(LATEST).copied().collect();
     let by_input =
         latest.iter().all(|cost| cost.input_bytes > 0) && work.chunks.is_none() && work.time_scales_with_inputs;
     let by_input = work.input_bytes.filter(|_| by_input);
     let ratio = latest
         .iter()
-        .map(|cost| unlike(cost, work))
+        .map(|cost| work_ratio(cost, work))
         .fold(f64::INFINITY, f64::min);
-    let widening = widening(nearest, latest.len()) * ratio.powf(UNLIKE);
+    let widening = widening(nearest, latest.len()) * ratio.powf(RATIO_EXPONENT);
     let each = |cost: &Cost| cost.steps as f64 * cost.weight;
     let seconds = latest.iter().map(|cost| {
         let threads = (cost.jobs.min(cost.chunks.max(1))) as f64;
@@ -254,7 +256,7 @@ pub fn price(costs: &[Cost], work: &Work) -> Result<Price, Unmeasured> {
         Some(bytes) if work.repeats_inputs => steps * work.weight * bytes as f64,
         Some(bytes) => work.weight * bytes as f64,
     };
-    // Of a chunked stage files grow with the samples; what the steps of any other leave behind does not grow with them, but perhaps with a
+    // The files of a chunked stage grow with the samples; those of other stages do not grow with the steps, but possibly with a
     // parameter.
     let bytes = latest.iter().map(|cost| match work.chunks {
         Some(_) => cost.bytes as f64 / cost.steps as f64 * steps,
@@ -262,24 +264,24 @@ pub fn price(costs: &[Cost], work: &Work) -> Result<Price, Unmeasured> {
     });
     let of_bytes = if nearest == 0 { 1.0 } else { widening };
     Ok(Price {
-        seconds: seconds.scaled(amount).give_or_take(SLACK),
+        seconds: seconds.scaled(amount).give_or_take(OVERHEAD),
         bytes: Estimate::of(bytes.collect(), of_bytes).ok_or(Unmeasured::Kind)?,
     })
 }
 
-/// The parameter that makes a cost one of another sort of work.
-fn apart(cost: &Cost, work: &Work) -> Option<Unmeasured> {
-    let differs = |path: &&&str| sort_at(&cost.parameters, path) != sort_at(&work.parameters, path);
-    let path = work.apart.iter().find(differs)?;
+/// Returns the parameter by which a cost belongs to another class.
+fn differing_class(cost: &Cost, work: &CostQuery) -> Option<Unmeasured> {
+    let differs = |path: &&&str| class_at(&cost.parameters, path) != class_at(&work.parameters, path);
+    let path = work.separate_parameters.iter().find(differs)?;
     let name = path.rsplit('.').next().unwrap_or(path);
     Some(Unmeasured::Parameter {
         name: name.replace('_', " "),
-        value: sort_at(&work.parameters, path),
+        value: class_at(&work.parameters, path),
     })
 }
 
-/// Of a value itself; of a mapping the keys, each with the model that it names.
-fn sort_at(parameters: &Leaves, path: &str) -> String {
+/// Returns the class that a parameter defines: its value; for a mapping the keys, each with its `model`.
+fn class_at(parameters: &Leaves, path: &str) -> String {
     let none = || "none".to_owned();
     if let Some(value) = parameters.get(path) {
         return if value == "{}" { none() } else { value.clone() };
@@ -288,25 +290,25 @@ fn sort_at(parameters: &Leaves, path: &str) -> String {
     let within = parameters
         .range(below.clone()..)
         .map_while(|(key, value)| Some((key.strip_prefix(&below)?, value)));
-    let mut sorts: BTreeMap<&str, &str> = BTreeMap::new();
+    let mut classes: BTreeMap<&str, &str> = BTreeMap::new();
     for (key, value) in within {
         let (name, rest) = key.split_once('.').unwrap_or((key, ""));
-        let model = sorts.entry(name).or_default();
+        let model = classes.entry(name).or_default();
         if rest == "model" {
             *model = value;
         }
     }
-    if sorts.is_empty() {
+    if classes.is_empty() {
         return none();
     }
-    let words = sorts
+    let words = classes
         .iter()
         .map(|(name, model)| format!("{} {model}", name.replace('_', " ")).trim_end().to_owned());
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// How many times as long the files of a stage in one piece will be as those that were written: by the parameter with which they grow.
-fn size_ratio(cost: &Cost, work: &Work) -> f64 {
+/// Returns the ratio of file sizes of a stage in one piece, by the parameter to which they are proportional.
+fn size_ratio(cost: &Cost, work: &CostQuery) -> f64 {
     let number = |leaves: &Leaves| leaves.get(work.size_parameter?)?.parse::<f64>().ok();
     let (then, now) = (number(&cost.parameters), number(&work.parameters));
     match then.zip(now) {
@@ -315,23 +317,23 @@ fn size_ratio(cost: &Cost, work: &Work) -> f64 {
     }
 }
 
-/// Whether most of what was solved has no stable solution.
-fn mostly_unstable(cost: &Cost) -> bool {
+/// Whether most samples had no stable solution.
+fn was_unstable(cost: &Cost) -> bool {
     2 * cost.unstable > cost.steps
 }
 
-/// Of some costs those of about as much work, or all where there are none.
-fn alike<'a>(costs: Vec<&'a Cost>, work: &Work) -> Vec<&'a Cost> {
-    let alike: Vec<&Cost> = costs
+/// Returns the costs with about the same amount of work; all if there are none.
+fn similar<'a>(costs: Vec<&'a Cost>, work: &CostQuery) -> Vec<&'a Cost> {
+    let similar: Vec<&Cost> = costs
         .iter()
-        .filter(|cost| unlike(cost, work) <= ALIKE)
+        .filter(|cost| work_ratio(cost, work) <= SIMILAR_RATIO)
         .copied()
         .collect();
-    if alike.is_empty() { costs } else { alike }
+    if similar.is_empty() { costs } else { similar }
 }
 
-/// How many times more or less work a cost was of, 1 or more. To put together what is there is none.
-fn unlike(cost: &Cost, work: &Work) -> f64 {
+/// Returns the ratio of the amounts of work, 1 or more. Assembling existing chunks counts as 1.
+fn work_ratio(cost: &Cost, work: &CostQuery) -> f64 {
     if work.steps == 0 {
         return 1.0;
     }
@@ -349,9 +351,9 @@ fn unlike(cost: &Cost, work: &Work) -> f64 {
     ratio.max(1.0 / ratio)
 }
 
-/// How many things differ.
-fn distance(cost: &Cost, work: &Work) -> usize {
-    // Chunks that are all of one length have that in common, others do not: what only one side says is no difference.
+/// Returns the number of differences.
+fn distance(cost: &Cost, work: &CostQuery) -> usize {
+    // A parameter on one side only is not a difference: chunks of equal length have it in common, others do not.
     let differing = work.parameters.iter().filter(|(path, value)| {
         let then = cost.parameters.get(*path);
         then.is_some_and(|then| then != *value)
@@ -359,13 +361,13 @@ fn distance(cost: &Cost, work: &Work) -> usize {
     let others = [
         cost.recipe != work.recipe,
         cost.host != work.host,
-        // The threads of a stage in one piece share its work in a way that is its own.
+        // The speed-up of a stage in one piece by threads is not known.
         work.chunks.is_none() && cost.jobs != work.jobs,
     ];
     differing.count() + others.iter().filter(|other| **other).count()
 }
 
-/// How many times what was measured a stage may take, or what part of it: the more things differ, and the fewer were measured.
+/// Returns the factor that widens the range: larger for more differences and fewer measurements.
 fn widening(distance: usize, measured: usize) -> f64 {
     match (distance, measured) {
         (0, 0..=2) => 1.6,
@@ -403,8 +405,8 @@ mod tests {
         }
     }
 
-    fn work(chunks: Option<u64>, steps: u64) -> Work {
-        Work {
+    fn work(chunks: Option<u64>, steps: u64) -> CostQuery {
+        CostQuery {
             kind: "solve".into(),
             recipe: 1,
             parameters: parameters("1"),
@@ -416,7 +418,7 @@ mod tests {
             time_scales_with_inputs: true,
             size_parameter: None,
             mostly_unstable: false,
-            apart: &["order"],
+            separate_parameters: &["order"],
             chunks,
             input_bytes: Some(2000),
         }
@@ -439,9 +441,9 @@ mod tests {
         let found = price(&costs, &work(Some(5), 200)).unwrap();
         assert!((found.seconds.likely - 200.0 * 0.03 / 2.0).abs() < 1e-12);
         // 1.4 for what was measured three times, and twice the work.
-        let widening = 1.4 * 2.0_f64.powf(UNLIKE);
-        assert!((found.seconds.low - (200.0 * 0.02 / 2.0 / widening - SLACK)).abs() < 1e-12);
-        assert!((found.seconds.high - (200.0 * 0.04 / 2.0 * widening + SLACK)).abs() < 1e-12);
+        let widening = 1.4 * 2.0_f64.powf(RATIO_EXPONENT);
+        assert!((found.seconds.low - (200.0 * 0.02 / 2.0 / widening - OVERHEAD)).abs() < 1e-12);
+        assert!((found.seconds.high - (200.0 * 0.04 / 2.0 * widening + OVERHEAD)).abs() < 1e-12);
         assert_eq!(found.bytes.likely, 10_000.0);
         // One chunk is no faster with two threads.
         let one = price(&costs, &work(Some(1), 200)).unwrap();
@@ -458,13 +460,13 @@ mod tests {
         assert!((found.seconds.likely - 16.0).abs() < 1e-12, "{found:?}");
         assert_eq!(found.bytes.likely, 400.0);
         // As long as the length of the inputs is not known, they are taken to be as they were.
-        let unknown = Work {
+        let unknown = CostQuery {
             input_bytes: None,
             ..work(None, 16)
         };
         assert!((price(&costs, &unknown).unwrap().seconds.likely - 8.0).abs() < 1e-12);
         // Steps that do not go through the inputs again are counted by these alone.
-        let once = Work {
+        let once = CostQuery {
             repeats_inputs: false,
             ..work(None, 16)
         };
@@ -484,7 +486,7 @@ mod tests {
         let together = price(&[cost(100, 1.0)], &work(Some(0), 0)).unwrap();
         assert_eq!(
             (together.seconds.low, together.seconds.likely, together.seconds.high),
-            (0.0, 0.0, SLACK)
+            (0.0, 0.0, OVERHEAD)
         );
     }
 
@@ -515,9 +517,9 @@ mod tests {
                 parameters: then.clone(),
                 ..cost(100, 1.0)
             };
-            let here = Work {
+            let here = CostQuery {
                 parameters: now.clone(),
-                apart,
+                separate_parameters: apart,
                 ..work(Some(10), 100)
             };
             price(&[known], &here).map_err(|why| why.to_string())
@@ -557,13 +559,13 @@ mod tests {
 
     #[test]
     fn where_membranes_are_likely_to_be_lost_what_stable_ones_took_says_nothing() {
-        let mut here = Work {
+        let mut here = CostQuery {
             mostly_unstable: true,
             ..work(Some(10), 100)
         };
         here.parameters.insert("voltage".into(), "12".into());
         let why = price(&[at("5", 0, 1.0)], &here).unwrap_err();
-        assert_eq!(why.to_string(), "not known: unstable ones take many times as long");
+        assert_eq!(why.to_string(), "unknown: unstable samples take many times longer");
         // What others that were lost took is near enough, and what was stable with these parameters will be so again.
         let likely = |costs: &[Cost]| price(costs, &here).unwrap().seconds.likely;
         assert!((likely(&[at("5", 0, 1.0), at("11", 90, 40.0)]) - 40.0).abs() < 1e-12);
@@ -577,15 +579,15 @@ mod tests {
             ..cost(8, 4.0)
         }];
         // Inputs twice as long, such as searches of twice as many generations.
-        let verify = Work {
+        let verify = CostQuery {
             repeats_inputs: false,
             time_scales_with_inputs: false,
             ..work(None, 8)
         };
         assert!((price(&costs, &verify).unwrap().seconds.likely - 4.0).abs() < 1e-12);
-        let twice = Work { steps: 16, ..verify };
+        let twice = CostQuery { steps: 16, ..verify };
         assert!((price(&costs, &twice).unwrap().seconds.likely - 8.0).abs() < 1e-12);
-        let mut balance = Work {
+        let mut balance = CostQuery {
             size_parameter: Some("target"),
             ..work(None, 8)
         };
@@ -604,15 +606,15 @@ mod tests {
         let found = price(&[other.clone(), cost(100, 1.0)], &work(Some(10), 100)).unwrap();
         assert!((found.seconds.likely - 1.0).abs() < 1e-12);
         let found = price(&[other], &work(Some(10), 100)).unwrap();
-        assert!((found.seconds.likely - 50.0).abs() < 1e-12 && (found.seconds.high - 100.0 - SLACK).abs() < 1e-12);
+        assert!((found.seconds.likely - 50.0).abs() < 1e-12 && (found.seconds.high - 100.0 - OVERHEAD).abs() < 1e-12);
         // Four times the elements, four times the time.
-        let finer = Work {
+        let finer = CostQuery {
             weight: 4.0,
             ..work(Some(10), 100)
         };
         let found = price(&[cost(100, 1.0)], &finer).unwrap();
         assert!((found.seconds.likely - 4.0).abs() < 1e-12);
-        let train = Work {
+        let train = CostQuery {
             kind: "train".into(),
             ..work(None, 1)
         };

@@ -1,36 +1,36 @@
-//! The circumstances of a run: they enter here, as values, and reach artifacts only as their provenance.
+//! Host, clock and program of a run. They reach artifacts only as their provenance.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use deaflow_base::{ActionKey, VERSION, build, host_name};
 use deaflow_store::{Action, Provenance};
 
-/// Where and when a run takes place.
+/// The environment of a run.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    /// Name of the machine.
+    /// Host name of the machine.
     pub host: String,
-    /// Version of this crate.
+    /// Version of the program.
     pub version: String,
-    /// BLAKE3 of the sources, the lock file and the features of this program.
+    /// BLAKE3 digest of the sources, the Cargo lock file and the features of the program.
     pub build: String,
     /// Architecture, operating system and processor.
     pub target: String,
-    /// The time of day.
+    /// Returns the current time.
     pub clock: fn() -> SystemTime,
 }
 
-/// What a piece of work took.
+/// The duration of a piece of work.
 #[derive(Clone, Debug, Default)]
-pub struct Took {
-    /// From its beginning to its end, s.
+pub struct Timing {
+    /// From start to end, s.
     pub seconds: f64,
-    /// What it measured by name, s.
+    /// Measured times by name, s.
     pub measurements: Vec<(String, f64)>,
 }
 
 impl Environment {
-    /// This machine, now.
+    /// Returns the environment of this process.
     #[must_use]
     pub fn system() -> Self {
         let read = |path| std::fs::read_to_string(path).unwrap_or_default();
@@ -48,19 +48,19 @@ impl Environment {
         }
     }
 
-    /// Which build can go on with what this one keeps of unfinished work.
+    /// Returns the text that identifies builds which can resume each other's checkpoints.
     #[must_use]
     pub fn build_of_checkpoints(&self) -> String {
         format!("build {}, {}", self.build, self.target)
     }
 
-    /// The time in UTC, RFC 3339 with milliseconds.
+    /// Returns the time in UTC, RFC 3339 with milliseconds.
     #[must_use]
     pub fn now(&self) -> String {
         rfc3339((self.clock)())
     }
 
-    /// Seconds since an earlier reading of the clock; none where the clock was set back.
+    /// Returns the seconds since an earlier reading of the clock; 0 if the clock was set back.
     #[must_use]
     pub fn seconds_since(&self, start: SystemTime) -> f64 {
         (self.clock)()
@@ -69,27 +69,27 @@ impl Environment {
             .as_secs_f64()
     }
 
-    /// The provenance of what an action made in some seconds, with what it measured.
+    /// Returns the provenance of the artifact of an action.
     #[must_use]
-    pub fn provenance(&self, action: &Action, key: ActionKey, took: Took) -> Provenance {
+    pub fn provenance(&self, action: &Action, key: ActionKey, timing: Timing) -> Provenance {
         Provenance {
             created: self.now(),
             host: self.host.clone(),
             version: self.version.clone(),
             build: self.build.clone(),
             target: self.target.clone(),
-            seconds: took.seconds,
+            seconds: timing.seconds,
             action: Some(key),
             kind: action.kind.clone(),
             recipe: action.recipe,
             parameters: action.parameters.to_string(),
             inputs: action.inputs.clone(),
-            measurements: took.measurements,
+            measurements: timing.measurements,
         }
     }
 }
 
-/// The time in UTC; what lies before 1970 counts as its beginning.
+/// Formats a time in UTC; times before 1970 become 1970-01-01.
 fn rfc3339(time: SystemTime) -> String {
     humantime::format_rfc3339_millis(time.max(UNIX_EPOCH)).to_string()
 }

@@ -1,6 +1,6 @@
-//! Blocks of chunks that a process asks others to pass over, so that a thousand of them do not try each other's chunks one by one.
+//! Blocks of chunks that a process reserves, so that a thousand processes do not try the same chunks.
 //!
-//! It is a wish and no right: each chunk is claimed all the same, and what was passed over is tried once everything else has been.
+//! A reservation is only a hint: each chunk is still claimed on its own, and reserved chunks are tried after all others.
 
 use std::sync::OnceLock;
 
@@ -8,7 +8,7 @@ use super::planner::ChunkState;
 use deaflow_base::Digest;
 use deaflow_store::{Guard, LockingMethod, Store};
 
-/// Blocks of a stage at most. A stage of fewer than twice as many chunks has none: there each is tried.
+/// Maximum number of blocks of a stage. A stage with fewer than twice as many chunks has none.
 #[cfg(not(test))]
 pub const BLOCKS: usize = 10_000;
 #[cfg(test)]
@@ -17,16 +17,16 @@ pub const BLOCKS: usize = 8;
 /// The blocks of a stage.
 pub struct Reserve<'a> {
     store: &'a Store,
-    /// A name for each, none where its first chunk has none yet.
+    /// A name for each; `None` if the key of its first chunk is unknown.
     names: Vec<Option<String>>,
-    /// What came of asking for each; they are kept until this is dropped.
+    /// The results of reserving each; reservations are held until this is dropped.
     asked: Vec<OnceLock<Option<Guard>>>,
     length: usize,
 }
 
 impl<'a> Reserve<'a> {
-    /// The blocks of these chunks, of which there are at most so many; none where there are few, or locks keep processes apart: to try one of
-    /// those costs nothing.
+    /// Divides chunks into at most `most` blocks; returns `None` if there are few chunks, or processes use file locks, which are
+    /// cheap to try.
     pub fn of(store: &'a Store, chunks: &[ChunkState], most: usize) -> Option<Self> {
         let length = chunks.len() / most.max(1);
         if length < 2 || store.locking().method == LockingMethod::Locks {
@@ -45,7 +45,7 @@ impl<'a> Reserve<'a> {
         })
     }
 
-    /// The chunk at which this process begins: another begins elsewhere.
+    /// Returns the chunk with which this process begins; it differs between processes.
     pub fn begin(&self) -> usize {
         let process = self.store.process_name().unwrap_or_default();
         let digest = Digest::of(process.as_bytes());
@@ -57,13 +57,13 @@ impl<'a> Reserve<'a> {
         number % self.names.len() * self.length
     }
 
-    /// Whether a chunk is in a block that nobody else has asked for.
+    /// Whether a chunk is in a block that no other process has reserved.
     pub fn is_free(&self, chunk: usize) -> bool {
         let block = chunk / self.length;
         let (Some(Some(name)), Some(asked)) = (self.names.get(block), self.asked.get(block)) else {
             return true;
         };
-        // What the store refuses here it refuses with the chunk too, which tells of it.
+        // An error of the store occurs again for the chunk itself and is reported then.
         let ask = || self.store.try_reserve(name).ok().flatten();
         asked.get_or_init(ask).is_some()
     }

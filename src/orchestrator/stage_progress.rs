@@ -1,52 +1,52 @@
-//! How far a pipeline has come, for who watches others build it.
+//! Progress of the stages of a pipeline that other processes build.
 
 use std::collections::BTreeSet;
 
-use super::execute::RunError;
 use super::kind::Plan;
-use super::planner::{Planner, StageStatus, State};
+use super::planner::{Planner, StageState, StageStatus};
+use super::run_error::RunError;
 use super::spec::Pipeline;
 use deaflow_store::Store;
 
-/// How a stage readiness.
+/// Progress of a stage.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StageProgress {
     /// Its name.
     pub name: String,
     /// Its kind.
     pub kind: &'static str,
-    /// Whether it is there, or could be built.
+    /// Whether it is built, or could be built now.
     pub readiness: Readiness,
-    /// Pieces of work: its chunks, or 1.
+    /// Number of pieces of work: its chunks, or 1.
     pub pieces: u64,
-    /// How many of them are there.
+    /// Number of pieces that are built.
     pub done: u64,
 }
 
-/// Whether a stage is there, or could be built.
+/// Whether a stage is built, or could be built now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Readiness {
-    /// It is there.
+    /// It is built.
     Built,
-    /// All that it needs is there.
+    /// All its needs are built.
     Ready,
-    /// It needs what is not there.
+    /// A stage that it needs is not built.
     Waiting,
 }
 
 impl StageProgress {
-    /// Pieces that could be built now.
+    /// Returns the number of pieces that could be built now.
     #[must_use]
     pub fn ready(&self) -> u64 {
         match self.readiness {
-            // A stage whose chunks are all there has yet to be put together.
+            // A stage with all its chunks still has to be assembled.
             Readiness::Ready => (self.pieces - self.done).max(1),
             Readiness::Built | Readiness::Waiting => 0,
         }
     }
 }
 
-/// How each stage readiness, in topological order. `until` names the last stage.
+/// Returns the progress of each stage, in topological order. `until` names the last stage.
 ///
 /// # Errors
 /// When there is no such stage, or the store cannot be read.
@@ -62,8 +62,8 @@ pub fn stage_progress(pipeline: &Pipeline, store: &Store, until: Option<&str>) -
             Plan::Chunks(chunks) => chunks.len() as u64,
         };
         let (readiness, done) = match &status.state {
-            State::Fresh { .. } => (Readiness::Built, pieces),
-            State::Stale { chunks, .. } => {
+            StageState::Fresh { .. } => (Readiness::Built, pieces),
+            StageState::Stale { chunks, .. } => {
                 let waits = spec.waits_for().iter().any(|need| stale.contains(need));
                 let done = chunks.iter().filter(|chunk| chunk.intact).count() as u64;
                 (if waits { Readiness::Waiting } else { Readiness::Ready }, done)

@@ -280,7 +280,7 @@ fn a_run_that_is_stopped_neither_waits_for_its_turn_nor_reads_what_others_built(
     let _chosen = store.try_reserve(&format!("whole-{whole}")).unwrap().unwrap();
     let stop = AtomicBool::new(false);
     let listener = |event: &Event| {
-        if matches!(event, Event::Note { text, .. } if text.contains("puts this together")) {
+        if matches!(event, Event::Note { text, .. } if text.contains("assembling this")) {
             stop.store(true, Ordering::SeqCst);
         }
     };

@@ -86,7 +86,7 @@ fn a_failed_run_lists_what_was_not_begun_because_of_the_failure() {
     ];
     assert_eq!(missing, expected);
     let why = outcome.stages[1].why.as_deref().unwrap_or_default();
-    assert_eq!(why, "the run ended with the failure of `one` before it was begun");
+    assert!(why.contains("`one` failed"), "{why}");
     let run = lab.store().runs().unwrap().next().unwrap().unwrap();
     assert_eq!((run.stages.len(), run.failures.len()), (0, 1));
     assert_eq!(run.not_begun, ["two", "sum", "squared", "other"]);
@@ -117,11 +117,8 @@ fn a_pipeline_is_held_to_its_lock_file_before_any_work() {
         assert_eq!(log, [""; 0], "something ran before the difference was seen");
         outcome.unwrap_err().to_string()
     };
-    assert_eq!(
-        error(&["stages.halved.by=3"]),
-        "the pipeline is not what its lock file says: stage `halved` is another action than the lock file's: \
-         parameter changed: by from 2 to 3"
-    );
+    let one = error(&["stages.halved.by=3"]);
+    assert!(one.contains("`halved`") && one.contains("by from 2 to 3"), "{one}");
     let two = error(&["stages.small.count=36", "stages.total.power=2"]);
     assert!(
         two.contains("count from 35 to 36") && two.contains("power from 1 to 2"),

@@ -220,7 +220,7 @@ fn a_record_copied_under_another_key_is_not_believed() {
         key: sound.key,
         ..other
     };
-    is_not_believed(&lab, &forged, &sets, "not the key of the action", sound.artifact);
+    is_not_believed(&lab, &forged, &sets, "not the key of its action", sound.artifact);
 }
 
 #[test]

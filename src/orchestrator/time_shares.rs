@@ -1,46 +1,46 @@
-//! Parts of the time of stages that are built at once, so that together they took as long as the run.
+//! Divides the time of a run among stages that are built in parallel, so that their shares add up to it.
 
 use std::collections::BTreeMap;
 use std::time::SystemTime;
 
 use super::provenance::Environment;
 
-/// The stages at work, with their parts of the time so far, s.
+/// The running stages with their shares of the time so far, s.
 #[derive(Default)]
-pub struct Shares {
+pub struct TimeShares {
     shares: BTreeMap<usize, f64>,
     last: Option<SystemTime>,
 }
 
-impl Shares {
-    /// How many stages are at work.
+impl TimeShares {
+    /// Returns the number of running stages.
     pub fn len(&self) -> usize {
         self.shares.len()
     }
 
-    /// Whether a stage is at work.
+    /// Whether a stage is running.
     pub fn contains(&self, index: usize) -> bool {
         self.shares.contains_key(&index)
     }
 
-    /// Those at work.
+    /// Returns the running stages.
     pub fn stages(&self) -> impl Iterator<Item = usize> + '_ {
         self.shares.keys().copied()
     }
 
-    /// A stage begins.
+    /// Starts a stage.
     pub fn begin(&mut self, index: usize, environment: &Environment) {
-        self.pass(environment);
+        self.divide_elapsed(environment);
         self.shares.insert(index, 0.0);
     }
 
-    /// A stage ends; gives its part.
+    /// Ends a stage and returns its share.
     pub fn end(&mut self, index: usize, environment: &Environment) -> f64 {
-        self.pass(environment);
+        self.divide_elapsed(environment);
         self.shares.remove(&index).unwrap_or_default()
     }
 
-    fn pass(&mut self, environment: &Environment) {
+    fn divide_elapsed(&mut self, environment: &Environment) {
         let now = (environment.clock)();
         let passed = self.last.and_then(|last| now.duration_since(last).ok());
         let each = passed.unwrap_or_default().as_secs_f64() / self.shares.len().max(1) as f64;
@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn parts_add_up_to_the_time_that_went_by() {
-        let (mut shares, environment) = (Shares::default(), environment());
+        let (mut shares, environment) = (TimeShares::default(), environment());
         let pass = |seconds| NOW.fetch_add(seconds, Ordering::SeqCst);
         shares.begin(0, &environment);
         pass(10);
