@@ -1,7 +1,7 @@
 //! Texts of attributes.
 //!
-//! This program writes them at a fixed length: a text of variable length stands in the global heap of a file, on which libhdf5
-//! is easily led astray. Readers of files of others, and of earlier files of ours, take both.
+//! This program writes them at a fixed length: a text of variable length stands in the global heap of a file, on which
+//! libhdf5 is easily led astray. Readers of files of others, and of earlier files of ours, take both.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! The process that reads files of others: `deaflow read-hdf5`, which only this program starts.
+//! The process that reads untrusted files: `deaflow read-hdf5`, which only this program starts.
 
 use std::io::{self, ErrorKind, Write};
 use std::os::fd::AsFd;
@@ -9,32 +9,34 @@ use super::error::Failure;
 use super::limits;
 use super::message::{self, Question, Reply};
 
-/// The word on the command line that starts it. It is no command for people.
+/// The command that starts it. It is not for users.
 pub const COMMAND: &str = "read-hdf5";
 
-/// Answers what comes over the socket on standard input until the other side ends.
+/// Answers requests from the socket on standard input until the other side closes it.
 ///
 /// # Errors
-/// When standard input is no socket of this program, or the system refuses limits.
+/// If standard input is not a connected socket, or the limits cannot be set.
 pub fn serve() -> io::Result<()> {
     let mut socket = UnixStream::from(io::stdin().as_fd().try_clone_to_owned()?);
-    // Whoever starts it by hand has no socket there, and is told while writing is still allowed.
+    // Fails without a socket, while an error can still be printed.
     socket.peer_addr()?;
     limits::apply()?;
     let mut answers = Answers::default();
     while let Some(question) = message::receive::<Question>(&mut socket)? {
         limits::allow_seconds()?;
         let (reply, bytes) = answers.answer(&question);
-        tell(&mut socket, &reply, &bytes)?;
+        send_reply(&mut socket, &reply, &bytes)?;
     }
     Ok(())
 }
 
-/// An answer too long for a message is refused: it is encoded before a byte of it is sent.
-fn tell(socket: &mut impl Write, reply: &Reply, bytes: &[u8]) -> io::Result<()> {
+/// Sends a reply. If it is too long for a message, which is known before anything is sent, sends a failure instead.
+fn send_reply(socket: &mut impl Write, reply: &Reply, bytes: &[u8]) -> io::Result<()> {
     match message::send(socket, reply, bytes) {
         Err(error) if error.kind() == ErrorKind::InvalidData => {
-            let refused: Reply = Err(Failure::Refused("its description is too long".into()));
+            let refused: Reply = Err(Failure::Refused(
+                "its names and attributes are longer than allowed".into(),
+            ));
             message::send(socket, &refused, &[])
         }
         sent => sent,

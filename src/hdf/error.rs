@@ -1,4 +1,4 @@
-//! What can go wrong with a file that is read.
+//! Errors in reading HDF5 files.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 
 use super::limits::{MEMORY, SECONDS};
 
-/// Why something was not read: what the process that reads says of it.
+/// Why a file was not read, as reported by the process that reads it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Failure {
-    /// It is no file that the library opens; its words.
+    /// The library cannot open it; with its message.
     Unopened(String),
-    /// The library could not read it; its words.
+    /// The library cannot read it; with its message.
     Library(String),
-    /// What stands there is not read; why.
+    /// The content is not allowed; with the reason.
     Refused(String),
 }
 
@@ -24,18 +24,18 @@ impl From<hdf5::Error> for Failure {
     }
 }
 
-/// A file that was not read.
+/// A file could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum HdfError {
-    /// The library or our own checks refuse it.
+    /// The library or our own checks refused it.
     #[error("{path}: {}", self.reason(), path = path.display())]
     Failed {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         failure: Failure,
     },
-    /// The process that read it broke down.
+    /// The process that read it crashed.
     #[error("{path}: {}", self.reason(), path = path.display())]
     Broken {
         /// The file.
@@ -43,22 +43,22 @@ pub enum HdfError {
         /// How the process ended.
         how: String,
     },
-    /// The process that read it did not come to an end.
+    /// The process that read it did not finish.
     #[error("{path}: {}", self.reason(), path = path.display())]
     Endless {
         /// The file.
         path: PathBuf,
     },
-    /// The system does not let a process start, or talk.
+    /// The process cannot be started or reached.
     #[error("cannot start the process that reads {path}: {source}", path = path.display())]
     Process {
         /// The file.
         path: PathBuf,
-        /// The system's own message.
+        /// The error of the system.
         source: io::Error,
     },
-    /// A program that uses this library has not named the process that reads files of others.
-    #[error("cannot read {path}: no reader process for foreign HDF5 files is set (hdf::set_reader)",
+    /// The program has not set the process that reads untrusted files.
+    #[error("cannot read {path}: the program has not set the process that reads untrusted HDF5 files (hdf::set_reader)",
         path = path.display())]
     NoReader {
         /// The file.
@@ -78,34 +78,34 @@ impl HdfError {
         Self::failed(path, Failure::Refused(why.into()))
     }
 
-    /// What is wrong, without the name of the file.
+    /// Returns what is wrong, without the name of the file.
     #[must_use]
     pub fn reason(&self) -> String {
         match self {
             Self::Failed { failure, .. } => match failure {
-                Failure::Unopened(words) => format!("not a readable HDF5 file ({words})"),
-                Failure::Library(words) => format!("cannot be read (HDF5: {words})"),
+                Failure::Unopened(message) => format!("not a readable HDF5 file ({message})"),
+                Failure::Library(message) => format!("it cannot be read (HDF5: {message})"),
                 Failure::Refused(why) => why.clone(),
             },
             Self::Broken { how, .. } => {
-                format!("the HDF5 library crashed on this file ({how}); the file is damaged or malicious")
+                format!("the HDF5 library crashed while reading it ({how}): the file is damaged or malicious")
             }
             Self::Endless { .. } => {
-                format!("the HDF5 library did not finish within {SECONDS} s; the file is damaged or malicious")
+                format!("the HDF5 library did not finish within {SECONDS} s: the file is damaged or malicious")
             }
-            Self::Process { source, .. } => format!("cannot start the reader process: {source}"),
-            Self::NoReader { .. } => "no process is named that reads HDF5 files of others".to_owned(),
+            Self::Process { source, .. } => format!("cannot start the process that reads it: {source}"),
+            Self::NoReader { .. } => "the process that reads untrusted HDF5 files is not set".to_owned(),
         }
     }
 
-    /// Whether the file is to blame, and not the system.
+    /// Whether the file is the cause, not the system.
     #[must_use]
     pub fn is_of_the_file(&self) -> bool {
         !matches!(self, Self::Process { .. } | Self::NoReader { .. })
     }
 }
 
-/// How a process ended that was to read a file.
+/// Describes how a process ended.
 pub(super) fn how(status: std::process::ExitStatus) -> String {
     use std::os::unix::process::ExitStatusExt;
     match status.signal() {

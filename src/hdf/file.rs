@@ -1,4 +1,4 @@
-//! An HDF5 file that is read, here or apart.
+//! An HDF5 file that is read in this process or in a child process.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -24,10 +24,10 @@ enum Place {
 }
 
 impl HdfFile {
-    /// Opens a file of ours, whose bytes have been compared with a checksum, in this process.
+    /// Opens a trusted file, whose checksum has been verified, in this process.
     ///
     /// # Errors
-    /// When the library cannot open it.
+    /// If the library cannot open it.
     pub fn here(path: &Path) -> Result<Self, HdfError> {
         let open = OpenFile::open(path).map_err(|failure| HdfError::failed(path, failure))?;
         Ok(Self {
@@ -36,23 +36,23 @@ impl HdfFile {
         })
     }
 
-    /// Opens a file of others, in a process of its own.
+    /// Opens an untrusted file in its own child process.
     ///
     /// # Errors
-    /// When it cannot be opened, or the process breaks down or does not end.
+    /// If it cannot be opened, or the process crashes or does not finish.
     pub fn apart(path: &Path) -> Result<Self, HdfError> {
         let file = Self::keyed(path, Key::File(path.to_owned()));
         match file.told(Request::Open)? {
             Told::Plain(Answer::Opened) => Ok(file),
-            _ => Err(file.nonsense()),
+            _ => Err(file.invalid_answer()),
         }
     }
 
-    /// Opens a file of a store in a process that serves for all of them: a checksum does not say who wrote it. A program that
-    /// has named no such process opens it in this one.
+    /// Opens a file of a store in a child process that is shared by all of them: a checksum does not show who wrote a
+    /// file. If the program has not set that process, opens it in this one.
     ///
     /// # Errors
-    /// When the library cannot open it.
+    /// If the library cannot open it.
     pub fn guarded(path: &Path) -> Result<Self, HdfError> {
         match has_reader() {
             true => Ok(Self::keyed(path, Key::Stores)),
@@ -67,10 +67,10 @@ impl HdfFile {
         }
     }
 
-    /// What stands at the top of the file: at most 1000 names.
+    /// Returns the names in the root group, at most 1000.
     ///
     /// # Errors
-    /// When the file cannot be read.
+    /// If the file cannot be read.
     pub fn names(&self) -> Result<Vec<String>, HdfError> {
         self.plain(
             |open| open.names(),
@@ -82,10 +82,10 @@ impl HdfFile {
         )
     }
 
-    /// A dataset without its elements; none where there is none of that path.
+    /// Returns type and shape of a dataset, if it exists.
     ///
     /// # Errors
-    /// When it lies elsewhere, or cannot be read.
+    /// If it is behind a link, or cannot be read.
     pub fn find(&self, dataset: &str) -> Result<Option<Found>, HdfError> {
         self.plain(
             |open| open.find(dataset),
@@ -97,10 +97,10 @@ impl HdfFile {
         )
     }
 
-    /// Everything but elements.
+    /// Reads everything except elements.
     ///
     /// # Errors
-    /// When the file is not as this program writes it.
+    /// If the file does not have the format that this program writes.
     pub fn tree(&self) -> Result<Tree, HdfError> {
         self.plain(
             |open| open.tree(),
@@ -112,10 +112,10 @@ impl HdfFile {
         )
     }
 
-    /// A text attribute of the file; none where there is none of that name, or it is no text.
+    /// Returns a text attribute of the file; `None` if it does not exist or is not a text.
     ///
     /// # Errors
-    /// When the file cannot be read.
+    /// If the file cannot be read.
     pub fn attribute(&self, name: &str) -> Result<Option<String>, HdfError> {
         self.plain(
             |open| open.attribute(name),
@@ -127,10 +127,10 @@ impl HdfFile {
         )
     }
 
-    /// The unit of a dataset; none where it names none, or not by a text.
+    /// Returns the unit of a dataset; `None` if it has none, or it is not a text.
     ///
     /// # Errors
-    /// When the file cannot be read.
+    /// If the file cannot be read.
     pub fn units(&self, dataset: &str) -> Result<Option<String>, HdfError> {
         self.plain(
             |open| open.units(dataset),
@@ -142,66 +142,66 @@ impl HdfFile {
         )
     }
 
-    /// All elements of a dataset, as artifacts hold them.
+    /// Reads all elements of a dataset, which must have a type of artifacts.
     ///
     /// # Errors
-    /// When there is none of that path, they are of another kind, or they are not in the file.
+    /// If there is no such dataset, they are of another kind, or they are not in the file.
     pub fn elements(&self, dataset: &str) -> Result<Elements, HdfError> {
-        let found = self.wanted(dataset)?;
+        let found = self.existing(dataset)?;
         let rows = found.shape.first().copied().unwrap_or(1);
         self.read(dataset, &found, 0..rows, Form::Own, u64::MAX)
     }
 
-    /// Some rows of a dataset, as artifacts hold them.
+    /// Reads rows of a dataset, which must have a type of artifacts.
     ///
     /// # Errors
     /// As [`HdfFile::elements`], or when it has no such rows.
     pub fn rows(&self, dataset: &str, rows: Range<usize>) -> Result<Elements, HdfError> {
-        let found = self.wanted(dataset)?;
+        let found = self.existing(dataset)?;
         self.read(dataset, &found, rows.start as u64..rows.end as u64, Form::Own, u64::MAX)
     }
 
-    /// Some rows of a dataset of numbers, whatever their type; of a file of others at most 256 MiB of them.
+    /// Reads rows of numbers of any type; at most 256 MiB from an untrusted file.
     ///
     /// # Errors
-    /// When there is none of that path, it does not hold numbers, or the rows cannot be read.
+    /// If there is no such dataset, it does not hold numbers, or the rows cannot be read.
     pub fn numbers(&self, dataset: &str, rows: Range<usize>) -> Result<Vec<f64>, HdfError> {
-        let found = self.wanted(dataset)?;
+        let found = self.existing(dataset)?;
         let rows = rows.start as u64..rows.end as u64;
         match self.read(dataset, &found, rows, Form::Numbers, CALL)? {
             Elements::F64(numbers) => Ok(numbers),
-            _ => Err(self.nonsense()),
+            _ => Err(self.invalid_answer()),
         }
     }
 
-    /// A whole dataset of texts; of a file of others at most 256 MiB of them.
+    /// Reads a dataset of texts; at most 256 MiB from an untrusted file.
     ///
     /// # Errors
-    /// When there is none of that path, or it does not hold texts.
+    /// If there is no such dataset, or it does not hold texts.
     pub fn texts(&self, dataset: &str) -> Result<Vec<String>, HdfError> {
         self.all_texts(dataset, Form::Texts)
     }
 
-    /// A whole dataset of texts, or of whole numbers, which are given as decimal texts.
+    /// Reads a dataset of texts, or of integers as decimal texts.
     ///
     /// # Errors
-    /// When there is none of that path, or it holds neither.
+    /// If there is no such dataset, or it holds neither.
     pub fn words(&self, dataset: &str) -> Result<Vec<String>, HdfError> {
         self.all_texts(dataset, Form::Words)
     }
 
     fn all_texts(&self, dataset: &str, form: Form) -> Result<Vec<String>, HdfError> {
-        let found = self.wanted(dataset)?;
+        let found = self.existing(dataset)?;
         let rows = found.shape.first().copied().unwrap_or(1);
         match self.read(dataset, &found, 0..rows, form, CALL)? {
             Elements::Text(texts) => Ok(texts),
-            _ => Err(self.nonsense()),
+            _ => Err(self.invalid_answer()),
         }
     }
 
-    fn wanted(&self, dataset: &str) -> Result<Found, HdfError> {
+    fn existing(&self, dataset: &str) -> Result<Found, HdfError> {
         let found = self.find(dataset)?;
-        found.ok_or_else(|| HdfError::refused(&self.path, format!("no dataset {dataset:?} in the file")))
+        found.ok_or_else(|| HdfError::refused(&self.path, format!("the file has no dataset {dataset:?}")))
     }
 
     fn read(
@@ -218,7 +218,7 @@ impl HdfFile {
         }
     }
 
-    /// Rows are asked for a few at a time, so that what comes is bounded whatever the file claims.
+    /// Requests some rows at a time, so that answers are limited whatever the file claims.
     fn slices(
         &self,
         dataset: &str,
@@ -235,7 +235,7 @@ impl HdfFile {
         }
         let count = rows.end.saturating_sub(rows.start);
         let length = std::fs::metadata(&self.path).map_or(0, |found| found.len());
-        // Elements of artifacts stand in their file as they are.
+        // Elements of artifacts are not compressed.
         let most = if form == Form::Own { most.min(length) } else { most };
         if row.saturating_mul(count) > most {
             return Err(refused(format!("{count} rows are larger than {} MiB", most >> 20)));
@@ -261,13 +261,13 @@ impl HdfFile {
                 None => all.replace(part).is_none(),
             };
             if !appended {
-                return Err(self.nonsense());
+                return Err(self.invalid_answer());
             }
         }
-        all.ok_or_else(|| self.nonsense())
+        all.ok_or_else(|| self.invalid_answer())
     }
 
-    /// As many elements as the rows have, or none.
+    /// Requests rows, and checks the number of elements.
     fn slice(&self, dataset: &str, rows: Range<u64>, (form, per_row): (Form, u64)) -> Result<Elements, HdfError> {
         let count = (rows.end - rows.start) * per_row;
         let request = Request::Rows {
@@ -277,11 +277,11 @@ impl HdfFile {
         };
         match self.told(request)? {
             Told::Elements(elements) if elements.len() as u64 == count => Ok(elements),
-            _ => Err(self.nonsense()),
+            _ => Err(self.invalid_answer()),
         }
     }
 
-    /// What the file says without elements: read here, or picked from the answer of the other process.
+    /// Reads something without elements in this process, or takes it from the answer of the child process.
     fn plain<T>(
         &self,
         here: impl FnOnce(&OpenFile) -> Result<T, Failure>,
@@ -291,8 +291,8 @@ impl HdfFile {
         match &self.place {
             Place::Here(open) => here(open).map_err(self.failed()),
             Place::Apart(_) => match self.told(request())? {
-                Told::Plain(answer) => pick(answer).ok_or_else(|| self.nonsense()),
-                Told::Elements(_) => Err(self.nonsense()),
+                Told::Plain(answer) => pick(answer).ok_or_else(|| self.invalid_answer()),
+                Told::Elements(_) => Err(self.invalid_answer()),
             },
         }
     }
@@ -300,7 +300,7 @@ impl HdfFile {
     fn told(&self, request: Request) -> Result<Told, HdfError> {
         match &self.place {
             Place::Apart(key) => pool::ask(key, &self.path, request),
-            Place::Here(_) => Err(self.nonsense()),
+            Place::Here(_) => Err(self.invalid_answer()),
         }
     }
 
@@ -308,15 +308,15 @@ impl HdfFile {
         |failure| HdfError::failed(&self.path, failure)
     }
 
-    fn nonsense(&self) -> HdfError {
+    fn invalid_answer(&self) -> HdfError {
         HdfError::Broken {
             path: self.path.clone(),
-            how: "its answer makes no sense".to_owned(),
+            how: "its answer is not valid".to_owned(),
         }
     }
 }
 
-/// Bytes of one element as it comes.
+/// Returns the number of bytes of an element in an answer.
 fn width(found: &Found, form: Form) -> u64 {
     match (form, &found.element) {
         (Form::Numbers, _) => 8,
@@ -324,7 +324,7 @@ fn width(found: &Found, form: Form) -> u64 {
         (Form::Own, Element::U32 | Element::F32) => 4,
         (Form::Own, Element::Text(width)) => (*width).max(1),
         (Form::Own, _) => 8,
-        // A text in memory, whatever its length.
+        // A text in memory without its bytes.
         (Form::Texts | Form::Words, _) => 32,
     }
 }

@@ -1,9 +1,9 @@
-//! Reads HDF5 files: those of this program here, those of others in a process apart.
+//! Reads HDF5 files: trusted ones in this process, untrusted ones in a child process.
 //!
-//! libhdf5 is not made for files that were damaged or made to do harm: a few changed bytes let it hang, crash or ask for all memory.
-//! So a file that is not known to be ours is opened by a child process of this program, with little memory, against the clock and
-//! without plugins ([`HdfFile::apart`]); what comes back is bounded and checked. Files whose every byte has been compared with
-//! a checksum of our own are read in this process ([`HdfFile::here`]), by the same code.
+//! libhdf5 is not robust against damaged or malicious files: a few changed bytes make it hang, crash or allocate all
+//! memory. So untrusted files are opened by a child process of this program with limits on memory and time and without
+//! plugins ([`HdfFile::apart`]), and its answers are limited and checked. Files whose bytes have been verified with our
+//! own checksum are read in this process ([`HdfFile::here`]), by the same code.
 
 mod answer;
 mod attributes;

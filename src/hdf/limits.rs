@@ -1,38 +1,38 @@
-//! What a process that reads a file of others may use.
+//! Limits of a process that reads an untrusted file.
 
 use std::io;
 
 use rustix::process::{Resource, Rlimit, setrlimit};
 use rustix::time::{ClockId, clock_gettime};
 
-/// Address space, bytes: the program itself, the largest chunk of a dataset twice, and one answer.
+/// Address space, bytes: for the program, the largest chunk of a dataset twice, and one answer.
 pub const MEMORY: u64 = 1 << 30;
 
-/// The longest that one answer may take, s: on the clock, and on a core.
+/// Maximum duration of an answer, s: elapsed time and processor time.
 pub const SECONDS: u64 = 8;
 
 /// The largest chunk of a dataset, bytes.
 pub(super) const CHUNK: u64 = 256 << 20;
 
-/// Elements that are asked for at a time, bytes.
+/// Elements that are requested at a time, bytes.
 pub(super) const SLICE: u64 = 8 << 20;
 
-/// One row of a dataset, bytes; also the largest answer.
+/// Maximum length of a row of a dataset and of an answer, bytes.
 pub(super) const ROW: u64 = 128 << 20;
 
-/// What one call gives of a file of others, bytes.
+/// Maximum result of one call for an untrusted file, bytes.
 pub(super) const CALL: u64 = 256 << 20;
 
-/// Texts that are asked for at a time.
+/// Texts that are requested at a time.
 pub(super) const TEXTS: u64 = 4096;
 
-/// How often the elements of a dataset may fill its place in the file: deflate packs zeros a thousandfold.
+/// Maximum compression ratio: deflate reaches 1000 for zeros.
 pub(super) const PACKED: u64 = 1100;
 
-/// Limits this process. Files may be open a few at a time: sources of virtual datasets.
+/// Sets the limits of this process. Some open files are needed for sources of virtual datasets.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
 pub(super) fn apply() -> io::Result<()> {
     for (resource, most) in [
         (Resource::As, MEMORY),
@@ -57,10 +57,11 @@ fn set(resource: Resource, most: u64) -> io::Result<()> {
     )?)
 }
 
-/// Allows this process some seconds on a core from now on; then the system ends it, also when nobody waits for it any more.
+/// Allows this process some more seconds of processor time, after which the system ends it, even if no process waits
+/// for it.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
 pub(super) fn allow_seconds() -> io::Result<()> {
     let used = clock_gettime(ClockId::ProcessCPUTime).tv_sec.unsigned_abs();
     let maximum = rustix::process::getrlimit(Resource::Cpu).maximum;

@@ -1,7 +1,7 @@
-//! What this process asks of the one that reads a file, and what it answers.
+//! Messages between this process and the one that reads a file.
 //!
-//! A message is a length of four bytes, so many bytes in the encoding of records, which bounds every length in them, and, of an
-//! answer, so many bytes of elements as it says. Nothing is allocated for a length that is not allowed.
+//! A message has a length of four bytes, that many bytes in the encoding of records, which limits all lengths in them,
+//! and, for an answer, the bytes of elements that it announces. Lengths are checked before memory is allocated.
 
 use std::io::{Error, ErrorKind, Read, Result, Write};
 use std::ops::Range;
@@ -14,28 +14,28 @@ use super::limits::ROW;
 use super::tree::Tree;
 use deaflow_base::{decode, encode};
 
-/// The longest message without its elements, bytes.
+/// Maximum length of a message without elements, bytes.
 const MOST: u32 = 16 << 20;
 
-/// What is asked of one file.
+/// A request for a file.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Question {
     /// The file.
     pub path: String,
-    /// What is asked.
+    /// The request.
     pub request: Request,
 }
 
-/// What can be asked.
+/// A request.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Request {
-    /// Whether it can be opened.
+    /// Opens the file.
     Open,
-    /// What stands at the top.
+    /// The names in the root group.
     Names,
-    /// A dataset without its elements.
+    /// Type and shape of a dataset.
     Find(String),
-    /// All but elements.
+    /// Everything except the elements.
     Tree,
     /// A text attribute of the file.
     Attribute(String),
@@ -49,20 +49,20 @@ pub(super) enum Request {
     },
 }
 
-/// How elements are wanted.
+/// The form in which elements are returned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Form {
-    /// As artifacts hold them.
+    /// Their own type, one of those of artifacts.
     Own,
-    /// Any numbers, as double precision.
+    /// Numbers of any type, as double precision.
     Numbers,
-    /// Texts of any form.
+    /// Texts of any type.
     Texts,
-    /// Texts of any form, or whole numbers as decimal texts.
+    /// Texts of any type, or integers as decimal texts.
     Words,
 }
 
-/// What is answered.
+/// An answer.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Answer {
     Opened,
@@ -71,11 +71,11 @@ pub(super) enum Answer {
     Tree(Box<Tree>),
     Attribute(Option<String>),
     Texts(Vec<String>),
-    /// Numbers of this kind, in so many bytes, which follow.
+    /// Numbers of this type; the number of bytes, which follow.
     Numbers(Element, u64),
 }
 
-/// An answer, or why there is none.
+/// An answer or a failure.
 pub(super) type Reply = std::result::Result<Answer, Failure>;
 
 /// A dataset without its elements.
@@ -83,11 +83,11 @@ pub(super) type Reply = std::result::Result<Answer, Failure>;
 pub struct Found {
     /// Extents, slowest first.
     pub shape: Vec<u64>,
-    /// What its elements are.
+    /// Type of the elements.
     pub element: Element,
 }
 
-/// Sends a message, and the bytes that belong to it.
+/// Sends a message and its bytes.
 pub(super) fn send<T: Serialize>(to: &mut impl Write, message: &T, bytes: &[u8]) -> Result<()> {
     let encoded = encode(message).map_err(|e| Error::new(ErrorKind::InvalidData, e))?;
     let length = u32::try_from(encoded.len()).map_err(|e| Error::new(ErrorKind::InvalidData, e))?;
@@ -97,7 +97,7 @@ pub(super) fn send<T: Serialize>(to: &mut impl Write, message: &T, bytes: &[u8])
     to.write_all(bytes)
 }
 
-/// Receives a message; none where the other side has ended.
+/// Receives a message; `None` if the other side has closed the connection.
 pub(super) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> Result<Option<T>> {
     let mut length = [0; 4];
     match from.read_exact(&mut length) {
@@ -108,7 +108,7 @@ pub(super) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> Result<Optio
     if length > MOST {
         return Err(Error::new(
             ErrorKind::InvalidData,
-            format!("a message of {length} bytes"),
+            format!("a message has {length} bytes, allowed are {MOST}"),
         ));
     }
     let encoded = bytes(from, u64::from(length))?;
@@ -116,10 +116,13 @@ pub(super) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> Result<Optio
     Ok(Some(message))
 }
 
-/// Receives so many bytes.
+/// Receives a number of bytes.
 pub(super) fn bytes(from: &mut impl Read, count: u64) -> Result<Vec<u8>> {
     if count > ROW {
-        return Err(Error::new(ErrorKind::InvalidData, format!("{count} bytes of elements")));
+        return Err(Error::new(
+            ErrorKind::InvalidData,
+            format!("{count} bytes of elements, allowed are {ROW}"),
+        ));
     }
     let mut received = Vec::new();
     from.take(count).read_to_end(&mut received)?;

@@ -1,4 +1,4 @@
-//! An open file, in whichever process.
+//! An open file, in this or in the child process.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -16,31 +16,31 @@ use super::message::{Form, Found};
 use super::storage;
 use super::tree::{self, Tree};
 
-/// Longest texts of fixed length that are read, bytes.
+/// Maximum width of texts of fixed length, bytes.
 const WIDTH: usize = 1024;
 
-/// The attribute of a dataset that names its unit.
+/// The attribute of a dataset with its unit.
 const UNITS: &str = "units";
 
-/// Names at the top of a file that are told.
+/// Maximum number of names that are listed.
 const NAMES: usize = 1000;
 
 /// An open HDF5 file.
 pub(super) struct OpenFile {
     path: PathBuf,
     file: File,
-    /// Datasets whose elements are known to be in the file.
+    /// Datasets that have been checked.
     checked: Mutex<BTreeSet<String>>,
 }
 
 impl OpenFile {
-    /// Opens a file. A chunk that is read in slices is unpacked once, where it fits.
+    /// Opens a file. The cache holds a chunk, so that one that is read in slices is decompressed once.
     pub fn open(path: &Path) -> Result<Self, Failure> {
         let words = |words: String| Failure::Unopened(words);
-        // A pipe or a device would block or never end.
+        // Reading a pipe or a device could block.
         deaflow_base::open_regular(path).map_err(|e| words(e.to_string()))?;
         let mut builder = File::with_options();
-        // Files of a store are never changed, and a lock may be refused or waited for on a network.
+        // Files of a store never change, and locks may fail or block on network file systems.
         builder.with_fapl(|access| access.file_locking(false).chunk_cache(521, CHUNK as usize, 0.75));
         Ok(Self {
             file: builder.open(path).map_err(|e| words(e.to_string()))?,
@@ -49,14 +49,14 @@ impl OpenFile {
         })
     }
 
-    /// What stands at the top, as far as it is told.
+    /// Returns the names in the root group, up to the maximum.
     pub fn names(&self) -> Result<Vec<String>, Failure> {
         let mut names = self.file.member_names()?;
         names.truncate(NAMES);
         Ok(names)
     }
 
-    /// A dataset without its elements; none where there is none.
+    /// Returns type and shape of a dataset, if it exists.
     pub fn find(&self, dataset: &str) -> Result<Option<Found>, Failure> {
         let Some(found) = storage::find(&self.file, dataset)? else {
             return Ok(None);
@@ -67,12 +67,12 @@ impl OpenFile {
         }))
     }
 
-    /// All but elements.
+    /// Reads everything except the elements.
     pub fn tree(&self) -> Result<Tree, Failure> {
         tree::read(&self.path, &self.file)
     }
 
-    /// A text attribute of the file; none where there is none of that name, or it is no text.
+    /// Returns a text attribute of the file; `None` if it does not exist or is not a text.
     pub fn attribute(&self, name: &str) -> Result<Option<String>, Failure> {
         if self.file.attr_names()?.iter().any(|other| other == name) {
             return Ok(attributes::one(&self.file, name).ok());
@@ -83,7 +83,7 @@ impl OpenFile {
         Ok(storage::whole(&long).and_then(|bytes| utf8(bytes, name)).ok())
     }
 
-    /// The unit of a dataset; none where it names none, or not by a text.
+    /// Returns the unit of a dataset; `None` if it has none, or it is not a text.
     pub fn units(&self, dataset: &str) -> Result<Option<String>, Failure> {
         let Some(found) = storage::find(&self.file, dataset)? else {
             return Ok(None);
@@ -94,15 +94,15 @@ impl OpenFile {
         }
     }
 
-    /// Some rows of a dataset.
+    /// Reads rows of a dataset.
     pub fn rows(&self, dataset: &str, rows: Range<u64>, form: Form) -> Result<Elements, Failure> {
         let found = storage::find(&self.file, dataset)?;
-        let found = found.ok_or_else(|| Failure::Refused(format!("no dataset {dataset:?} in the file")))?;
+        let found = found.ok_or_else(|| Failure::Refused(format!("the file has no dataset {dataset:?}")))?;
         self.check(dataset, &found)?;
         let extent = found.get_shape()?.first().map_or(1, |&n| n as u64);
         if rows.start > rows.end || rows.end > extent {
             let why = format!(
-                "`{dataset}` has {extent} rows, and {} to {} are asked for",
+                "`{dataset}` has {extent} rows, requested were {} to {}",
                 rows.start, rows.end
             );
             return Err(Failure::Refused(why));
@@ -120,7 +120,7 @@ impl OpenFile {
     }
 
     fn check(&self, name: &str, dataset: &Dataset) -> Result<(), Failure> {
-        // Names are inserted in one step: a panic elsewhere leaves a set that is right.
+        // Names are inserted in one step, so the set is valid even after a panic.
         let mut checked = self.checked.lock().unwrap_or_else(PoisonError::into_inner);
         if !checked.contains(name) {
             storage::check(&self.path, dataset).map_err(|failure| match failure {
@@ -141,14 +141,14 @@ fn own(found: &Dataset, name: &str, rows: Range<u64>) -> Result<Elements, Failur
         Element::F32 => Elements::F32(storage::rows(found, rows)?),
         Element::F64 => Elements::F64(storage::rows(found, rows)?),
         Element::Text(_) => return texts(found, name, rows),
-        other => return Err(Failure::Refused(format!("`{name}` has the unsupported type {other:?}"))),
+        other => return Err(Failure::Refused(format!("`{name}` has elements of type {other:?}"))),
     })
 }
 
 fn numbers(found: &Dataset, name: &str, rows: Range<u64>) -> Result<Elements, Failure> {
     match storage::element(found)?.is_number() {
         true => Ok(Elements::F64(storage::rows(found, rows)?)),
-        false => Err(Failure::Refused(format!("`{name}` does not contain numbers"))),
+        false => Err(Failure::Refused(format!("the elements of `{name}` are not numbers"))),
     }
 }
 
@@ -165,7 +165,11 @@ fn texts(found: &Dataset, name: &str, rows: Range<u64>) -> Result<Elements, Fail
         TypeDescriptor::FixedAscii(n) if n <= WIDTH => {
             owned(storage::rows::<FixedAscii<WIDTH>>(found, rows)?, |t| t.as_bytes())
         }
-        other => return Err(Failure::Refused(format!("`{name}` contains {other}, not text"))),
+        other => {
+            return Err(Failure::Refused(format!(
+                "`{name}` has elements of type {other}, not texts"
+            )));
+        }
     };
     Ok(Elements::Text(texts?))
 }
@@ -184,11 +188,11 @@ fn decimal<T: ToString>(numbers: &[T]) -> Elements {
     Elements::Text(numbers.iter().map(ToString::to_string).collect())
 }
 
-/// Texts of variable length may be as long as the file, however often.
+/// Copies texts. Their total length is limited: each may be as long as the file.
 fn owned<T>(texts: Vec<T>, bytes: fn(&T) -> &[u8]) -> hdf5::Result<Vec<String>> {
     let length: usize = texts.iter().map(|text| bytes(text).len()).sum();
     if length as u64 > ROW {
-        return Err(format!("texts of {length} bytes").into());
+        return Err(format!("the texts have {length} bytes, more than allowed").into());
     }
     texts.iter().map(|text| utf8(bytes(text).to_vec(), "text")).collect()
 }

@@ -1,5 +1,5 @@
-//! The processes that read files of others: one for each file, and a few at a time, so that a file which has got the better of
-//! its process has got nothing of another file.
+//! The processes that read files of others: one for each file, and a few at a time, so that a file which has got the
+//! better of its process has got nothing of another file.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};

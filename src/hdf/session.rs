@@ -13,15 +13,15 @@ use super::error::{HdfError, how};
 use super::limits::SECONDS;
 use super::message::{self, Answer, Question, Reply};
 
-/// What each answer, and each MiB of elements, adds to the time that a session may still take, up to [`SECONDS`]. So a file
-/// that takes long time and again is given up, and a large one is not.
+/// What each answer, and each MiB of elements, adds to the time that a session may still take, up to [`SECONDS`]. So a
+/// file that takes long time and again is given up, and a large one is not.
 const PER_ANSWER: Duration = Duration::from_millis(50);
 const PER_MEBIBYTE: Duration = Duration::from_millis(250);
 
 static READER: OnceLock<fn() -> Command> = OnceLock::new();
 
-/// Names the command that runs [`super::serve`]. The binary of this program does so as it begins; another program that reads
-/// HDF5 files of others through this library must as well. The first call counts.
+/// Names the command that runs [`super::serve`]. The binary of this program does so as it begins; another program that
+/// reads HDF5 files of others through this library must as well. The first call counts.
 pub fn set_reader(command: fn() -> Command) {
     READER.get_or_init(|| command);
 }
@@ -31,8 +31,8 @@ pub(super) fn has_reader() -> bool {
     READER.get().is_some()
 }
 
-/// Has the unit tests of a room read files of others by a test of their own program, `the_process_that_other_tests_start`, which
-/// is to call [`super::serve`].
+/// Has the unit tests of a room read files of others by a test of their own program,
+/// `the_process_that_other_tests_start`, which is to call [`super::serve`].
 #[doc(hidden)]
 pub fn read_by_test() {
     set_reader(|| {
@@ -82,8 +82,8 @@ impl Session {
     /// Asks and waits for the answer, as long as there is time.
     ///
     /// # Errors
-    /// When the process refuses ([`HdfError::Failed`]), after which it can be asked on; or when it breaks down or takes too long,
-    /// after which it is gone.
+    /// If the process refuses ([`HdfError::Failed`]), after which it can be asked on; or when it breaks down or takes
+    /// too long, after which it is gone.
     pub fn ask(&mut self, path: &Path, question: &Question) -> Result<Told, HdfError> {
         let start = Instant::now();
         let told = self.exchange(question, start + self.left);

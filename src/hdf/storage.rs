@@ -1,4 +1,4 @@
-//! Where the elements of a dataset stand: in its own file, as many as it says, packed by nothing unknown.
+//! Checks that the elements of a dataset are in its file, as many as it claims, and packed by known filters.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -14,20 +14,20 @@ use super::elements::Element;
 use super::error::Failure;
 use super::limits::{CHUNK, PACKED};
 
-/// Groups inside each other on the way to a dataset.
+/// Maximum depth of groups above a dataset.
 const DEEPEST: usize = 100;
 
-/// Sources of a virtual dataset.
+/// Maximum number of sources of a virtual dataset.
 const SOURCES: usize = 500_000;
 
-/// A dataset that lies in the file itself; none where there is none. The library would follow a link into any other file, and wait
-/// for a pipe there.
+/// Returns a dataset of the file itself, if it exists. Links are refused: the library would follow them into any file,
+/// even a pipe.
 pub(super) fn find(file: &File, dataset: &str) -> Result<Option<Dataset>, Failure> {
-    let broken = |e: hdf5::Error| Failure::Refused(format!("cannot open {dataset:?} ({e})"));
+    let broken = |e: hdf5::Error| Failure::Refused(format!("{dataset:?} cannot be opened ({e})"));
     let mut steps: Vec<&str> = dataset.split('/').filter(|step| !step.is_empty()).collect();
     let Some(last) = steps.pop() else { return Ok(None) };
     if steps.len() >= DEEPEST {
-        return Err(Failure::Refused(format!("groups are nested {} deep", steps.len())));
+        return Err(Failure::Refused(format!("its groups are nested {} deep", steps.len())));
     }
     let mut group = file.as_group().map_err(broken)?;
     for step in steps {
@@ -42,27 +42,27 @@ pub(super) fn find(file: &File, dataset: &str) -> Result<Option<Dataset>, Failur
     if !is_here(&group, last)? {
         return Ok(None);
     }
-    // A group of that name is no dataset; a dataset that needs a format which is not there is one.
+    // A group is not a dataset. A dataset with a missing plugin is an error.
     match group.dataset(last) {
         Err(_) if group.group(last).is_ok() => Ok(None),
         opened => opened.map(Some).map_err(broken),
     }
 }
 
-/// Whether something of that name lies in a group.
+/// Whether a group has an object of that name.
 fn is_here(group: &Group, name: &str) -> Result<bool, Failure> {
     let found = group.find_link(IndexType::Name, IterationOrder::Native, |other, info| {
         Ok((other == name).then_some(info.link_type))
     });
     match found? {
         Some(LinkType::Hard) => Ok(true),
-        Some(_) => Err(Failure::Refused(format!("{name:?} is a soft or external link"))),
+        Some(_) => Err(Failure::Refused(format!("{name:?} is a link"))),
         None => Ok(false),
     }
 }
 
-/// Refuses elements that stand in files which are not HDF5, that are not in the file, or that cannot be unpacked here. A virtual
-/// dataset shows fill values where its sources are missing, so they are looked for; sources are not virtual themselves.
+/// Refuses elements that are in other files, are missing, or cannot be decompressed. The sources of a virtual dataset
+/// must exist, because it would show fill values otherwise, and must not be virtual.
 pub(super) fn check(path: &Path, dataset: &Dataset) -> Result<(), Failure> {
     let inside = match dataset.layout() {
         Layout::Virtual => sources(path, dataset)?,
@@ -70,31 +70,31 @@ pub(super) fn check(path: &Path, dataset: &Dataset) -> Result<(), Failure> {
     };
     let bytes = bytes(dataset)?;
     if bytes > inside {
-        let why = format!("it declares {bytes} bytes of elements; the file has space for {inside}");
+        let why = format!("it claims {bytes} bytes of elements, but the file can contain only {inside}");
         return Err(Failure::Refused(why));
     }
     Ok(())
 }
 
-/// Whether all elements stand in a file of that length as they are: neither in chunks nor elsewhere.
+/// Whether all elements are in a file of that length, neither in chunks nor in other files.
 pub(super) fn is_inside(dataset: &Dataset, length: u64) -> Result<bool, Failure> {
     let bytes = bytes(dataset)?;
     let plain = matches!(dataset.layout(), Layout::Contiguous | Layout::Compact) && bytes <= length;
     Ok(bytes == 0 || (plain && dataset.create_plist()?.get_external()?.is_empty()))
 }
 
-/// The bytes of all elements, as far as they can be counted.
+/// Returns the number of bytes of all elements.
 pub(super) fn bytes(dataset: &Dataset) -> Result<u64, Failure> {
     let size = dataset.dtype()?.size() as u64;
     let shape = dataset.get_shape()?;
     Ok(shape.iter().fold(size, |bytes, &n| bytes.saturating_mul(n as u64)))
 }
 
-/// How many bytes of elements a dataset that is not virtual can hold.
+/// Returns how many bytes of elements a dataset that is not virtual can contain.
 fn inside(path: &Path, dataset: &Dataset) -> Result<u64, Failure> {
     let list = dataset.create_plist()?;
     if !list.get_external()?.is_empty() {
-        return Err(Failure::Refused("its elements stand in another file".into()));
+        return Err(Failure::Refused("its elements are in another file".into()));
     }
     let length = std::fs::metadata(path)
         .map_err(|e| Failure::Refused(e.to_string()))?
@@ -110,23 +110,24 @@ fn inside(path: &Path, dataset: &Dataset) -> Result<u64, Failure> {
     }
     if let Some(Filter::User(number, _)) = list.get_filters()?.iter().find(|f| matches!(f, Filter::User(..))) {
         let why = format!(
-            "its elements are packed by filter {number}; allowed: deflate, shuffle, fletcher32, szip, nbit, scaleoffset"
+            "its elements are compressed with filter {number}; allowed: deflate, shuffle, fletcher32, szip, nbit, \
+             scaleoffset"
         );
         return Err(Failure::Refused(why));
     }
     Ok(dataset.storage_size().min(length).saturating_mul(PACKED))
 }
 
-/// How many bytes of elements the sources of a virtual dataset hold.
+/// Returns how many bytes of elements the sources of a virtual dataset contain.
 fn sources(path: &Path, dataset: &Dataset) -> Result<u64, Failure> {
-    let untold = |e: hdf5::Error| {
-        Failure::Refused(format!(
-            "it shows what stands in other files, and its parts cannot be told ({e})"
-        ))
-    };
-    let map = dataset.create_plist()?.get_virtual_map().map_err(untold)?;
+    let unreadable =
+        |e: hdf5::Error| Failure::Refused(format!("it is a virtual dataset whose sources cannot be read ({e})"));
+    let map = dataset.create_plist()?.get_virtual_map().map_err(unreadable)?;
     if map.len() > SOURCES {
-        return Err(Failure::Refused(format!("it has {} parts, too many", map.len())));
+        return Err(Failure::Refused(format!(
+            "it is a virtual dataset with {} sources, more than allowed",
+            map.len()
+        )));
     }
     let mut known: BTreeMap<(String, String), u64> = BTreeMap::new();
     let mut inside = 0_u64;
@@ -142,27 +143,27 @@ fn sources(path: &Path, dataset: &Dataset) -> Result<u64, Failure> {
     Ok(inside)
 }
 
-/// The bytes in one source of a virtual dataset in the file at `path`; "." is that file.
+/// Returns the bytes in one source of a virtual dataset in the file at `path`; "." is that file.
 fn source(path: &Path, name: &str, dataset: &str) -> Result<u64, Failure> {
     let source: PathBuf = match name {
         "." => path.to_owned(),
         _ => path.parent().unwrap_or(Path::new("")).join(name),
     };
-    let missing = |why: &str| Failure::Refused(format!("it refers to {}, which {why}", source.display()));
+    let missing = |why: &str| Failure::Refused(format!("its source {} {why}", source.display()));
     if !source.is_file() {
         return Err(missing("is missing"));
     }
     let file = File::open(&source).map_err(|e| missing(&format!("is not a readable HDF5 file ({e})")))?;
     let found = find(&file, dataset).ok().flatten();
-    let found = found.ok_or_else(|| missing(&format!("has no stored dataset {dataset:?}")))?;
+    let found = found.ok_or_else(|| missing(&format!("has no dataset {dataset:?}")))?;
     if found.layout() == Layout::Virtual {
-        return Err(Failure::Refused("it is a virtual dataset of virtual datasets".into()));
+        return Err(Failure::Refused("it is a virtual dataset with virtual sources".into()));
     }
     check(&source, &found)?;
     bytes(&found)
 }
 
-/// What the elements of a dataset are. The size is looked at first: the library describes enumerations of wider integers wrongly.
+/// Returns the element type. The size is checked first: the library describes enumerations of wide integers wrongly.
 pub(super) fn element(dataset: &Dataset) -> Result<Element, Failure> {
     let element = dataset.dtype()?;
     let described = match element.to_descriptor() {
@@ -185,7 +186,7 @@ pub(super) fn element(dataset: &Dataset) -> Result<Element, Failure> {
     })
 }
 
-/// All elements. An array without any has no place in a file, and nothing is read.
+/// Reads all elements. An empty array has no storage in the file.
 pub(super) fn whole<T: H5Type>(dataset: &Dataset) -> hdf5::Result<Vec<T>> {
     match dataset.size() {
         0 => Ok(Vec::new()),
@@ -193,7 +194,7 @@ pub(super) fn whole<T: H5Type>(dataset: &Dataset) -> hdf5::Result<Vec<T>> {
     }
 }
 
-/// Some rows.
+/// Reads rows.
 pub(super) fn rows<T: H5Type>(dataset: &Dataset, rows: Range<u64>) -> hdf5::Result<Vec<T>> {
     let shape = dataset.get_shape()?;
     let rows = rows.start as usize..rows.end as usize;
@@ -209,6 +210,6 @@ pub(super) fn rows<T: H5Type>(dataset: &Dataset, rows: Range<u64>) -> hdf5::Resu
         .map(|(axis, &extent)| if axis == 0 { rows.clone() } else { 0..extent }.into())
         .collect();
     let slice = dataset.read_slice::<T, _, IxDyn>(Hyperslab::new(slab))?;
-    // Read into a fresh array, row by row: its memory is the answer.
+    // The array is contiguous, so its memory has the elements in order.
     Ok(slice.into_raw_vec_and_offset().0)
 }

@@ -1,4 +1,4 @@
-//! Everything in a file but elements, as far as this program writes such things.
+//! Reads everything in a file except elements, as far as this program writes it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,27 +11,27 @@ use super::elements::Element;
 use super::error::Failure;
 use super::storage;
 
-/// Groups inside each other.
+/// Maximum depth of groups.
 const DEEPEST: u32 = 16;
 
-/// The dataset that makes a file a manifest. What else stands there is shown to others and never opened here: the parts of a
-/// virtual dataset stand in the global heap.
+/// The dataset that makes a file a manifest. The other datasets of a manifest are virtual and never opened here: their
+/// sources are in the global heap.
 const PARTS: &str = "parts";
 
-/// Where a file says how it was made.
+/// The group with the provenance.
 const PROVENANCE: &str = "provenance";
 
-/// The attribute that makes a dataset a scale of an axis, which holds nothing.
+/// The attribute of dimension scales, which are skipped.
 const SCALE: &str = "CLASS";
 
-/// What a file says about itself, without the elements of its datasets.
+/// The content of a file without the elements of its datasets.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tree {
     /// The attributes of the file.
     pub attributes: BTreeMap<String, String>,
-    /// Those of `/provenance`; none where there is no such group.
+    /// Those of `/provenance`, if there is such a group.
     pub provenance: Option<BTreeMap<String, String>>,
-    /// The datasets, in the order of their paths; of a manifest, `parts` alone.
+    /// The datasets, in the order of their paths; for a manifest only `parts`.
     pub arrays: Vec<Array>,
 }
 
@@ -40,20 +40,20 @@ pub struct Tree {
 pub struct Array {
     /// Its path.
     pub path: String,
-    /// What its elements are.
+    /// Type of the elements.
     pub element: Element,
     /// Extents, slowest first.
     pub shape: Vec<usize>,
     /// Its unit.
     pub units: String,
-    /// What it is.
+    /// Its description.
     pub description: String,
-    /// Names of its axes; none where they have none.
+    /// Names of its axes; may be empty.
     pub axes: Vec<String>,
 }
 
-/// Reads all but elements. Refuses what this program never writes and what could hold a reader up: links to elsewhere, groups
-/// without end, and elements that are not in the file.
+/// Reads everything except elements. Refuses what this program never writes: links, deeply nested groups, and elements
+/// that are not in the file.
 pub(super) fn read(path: &Path, file: &File) -> Result<Tree, Failure> {
     let mut arrays = Vec::new();
     let length = std::fs::metadata(path)
@@ -79,14 +79,14 @@ pub(super) fn read(path: &Path, file: &File) -> Result<Tree, Failure> {
     })
 }
 
-/// What lies in a group, and in it alone.
+/// Returns the names in a group; refuses links.
 fn links(group: &Group) -> Result<Vec<String>, Failure> {
     let mut names = Vec::new();
     let mut elsewhere = None;
     group.iter_visit_default(|name, link| {
         match link.link_type {
             LinkType::Hard => names.push(name.to_owned()),
-            LinkType::Soft | LinkType::External => elsewhere = Some(format!("`{name}` is a soft or external link")),
+            LinkType::Soft | LinkType::External => elsewhere = Some(format!("`{name}` is a link")),
         }
         Ok(())
     })?;
@@ -104,7 +104,7 @@ fn list(
     arrays: &mut Vec<Array>,
 ) -> Result<(), Failure> {
     if depth > DEEPEST {
-        let why = format!("groups are nested more than {DEEPEST} deep");
+        let why = format!("its groups are nested more than {DEEPEST} deep");
         return Err(Failure::Refused(why));
     }
     match group.dataset(name) {
@@ -119,7 +119,7 @@ fn list(
     Ok(())
 }
 
-/// A dataset, unless it is a scale.
+/// Describes a dataset, unless it is a dimension scale.
 fn describe(dataset: &Dataset, path: &str, length: u64) -> Result<Option<Array>, Failure> {
     let names = dataset.attr_names()?;
     let has = |name: &str| names.iter().any(|other| other == name);
@@ -127,7 +127,7 @@ fn describe(dataset: &Dataset, path: &str, length: u64) -> Result<Option<Array>,
         return Ok(None);
     }
     if !storage::is_inside(dataset, length)? {
-        let why = format!("the elements of `{path}` are stored outside the file");
+        let why = format!("the elements of `{path}` are not in the file");
         return Err(Failure::Refused(why));
     }
     let text = |name: &str| match has(name) {

@@ -65,8 +65,8 @@ pub struct Piece<'a> {
 }
 
 impl Builder<'_> {
-    /// Builds a stage that is one piece of work; returns `None` if it is left to another process. `waits`: whether to wait for a
-    /// process that is building it.
+    /// Builds a stage that is one piece of work; returns `None` if it is left to another process. `waits`: whether to
+    /// wait for a process that is building it.
     ///
     /// # Errors
     /// If the work fails or the store reports an error.
@@ -181,8 +181,8 @@ impl Builder<'_> {
         })
     }
 
-    /// Returns the record of an action that another process has built meanwhile. A damaged artifact is moved to quarantine, in
-    /// case the rebuilt one has another digest and does not replace it.
+    /// Returns the record of an action that another process has built meanwhile. A damaged artifact is moved to
+    /// quarantine, in case the rebuilt one has another digest and does not replace it.
     ///
     /// # Errors
     /// If the store cannot be read.

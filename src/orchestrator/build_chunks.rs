@@ -1,5 +1,5 @@
-//! Builds the missing chunks of a stage in parallel. Each is recorded as it finishes, so that a killed run loses only the
-//! chunks in progress.
+//! Builds the missing chunks of a stage in parallel. Each is recorded as it finishes, so that a killed run loses only
+//! the chunks in progress.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -82,7 +82,7 @@ impl<'a> ChunkRange<'a> {
     fn piece(self, at: usize) -> Result<Piece<'a>, StageError> {
         let index = self.first + at;
         let Some((action, key)) = &self.states[at].action else {
-            return Err(StageError::Failed(format!("an input of chunk {index} was not built")));
+            return Err(StageError::failed(format!("an input of chunk {index} was not built")));
         };
         Ok(Piece {
             spec: self.spec,
@@ -111,9 +111,9 @@ impl Builder<'_> {
             uses_record_index: uses_record_index(self.store, chunks.len()),
         };
         let mut pieces: Vec<Option<BuiltPiece>> = ours.chunks.iter().map(|_| None).collect();
-        // A chunk that another process is building is postponed, not waited for: a waiting thread of the pool could block, by
-        // work stealing, the very chunk that the other process waits for. The other may only share a lock file, so the rest
-        // is tried again as long as there is progress.
+        // A chunk that another process is building is postponed, not waited for: a waiting thread of the pool could
+        // block, by work stealing, the very chunk that the other process waits for. The other may only share a lock
+        // file, so the rest is tried again as long as there is progress.
         let mut reserve = Reserve::of(self.store, ours.states, BLOCKS);
         let mut recorded = None;
         loop {
@@ -158,14 +158,14 @@ impl Builder<'_> {
     fn selected_chunks(&self, stage: ChunkedStage<'_>) -> Result<Range<usize>, StageError> {
         let count = stage.chunks.len();
         if count == 0 {
-            return Err(StageError::Failed(
+            return Err(StageError::failed(
                 "its inputs contain no samples, so there is nothing to do".into(),
             ));
         }
         let (first, last) = self.chunk_limits(stage.index).unwrap_or((0, usize::MAX));
         if first >= count {
             let message = format!("there is no chunk {first}: the stage has {count}, counted from 0");
-            return Err(StageError::Failed(message));
+            return Err(StageError::failed(message));
         }
         Ok(first..last.saturating_add(1).min(count))
     }
@@ -176,7 +176,7 @@ impl Builder<'_> {
     /// If chunks of this stage are selected.
     pub fn refuse_chunk_selection(&self, index: usize) -> Result<(), StageError> {
         match self.chunk_limits(index) {
-            Some(_) => Err(StageError::Failed("it is one piece of work without chunks".into())),
+            Some(_) => Err(StageError::failed("it is one piece of work without chunks")),
             None => Ok(()),
         }
     }
@@ -186,8 +186,8 @@ impl Builder<'_> {
         ours.uses_record_index.then(|| self.store.record_index()).transpose()
     }
 
-    /// Decides which process assembles a stage. If processes use claims, one does, and the others need not check all chunks: a
-    /// thousand processes that read a million records each would block the file system.
+    /// Decides which process assembles a stage. If processes use claims, one does, and the others need not check all
+    /// chunks: a thousand processes that read a million records each would block the file system.
     fn begin_assembly(&self, stage: ChunkedStage<'_>, waited: &AtomicBool) -> Result<Assembly, StageError> {
         if self.store.process_name().is_none() {
             return Ok(Assembly::Ours(None));
@@ -303,8 +303,8 @@ impl Builder<'_> {
             .then(|| BuiltPiece::existing(*record)))
     }
 
-    /// Tries to build the chunks that are neither done nor recorded, in parallel. Returns whether some were done and some are
-    /// left.
+    /// Tries to build the chunks that are neither done nor recorded, in parallel. Returns whether some were done and
+    /// some are left.
     fn pass(
         &self,
         ours: ChunkRange<'_>,
@@ -348,7 +348,8 @@ impl Builder<'_> {
         Ok(0 < after && after < before)
     }
 
-    /// Returns a chunk that exists or can be built now; `None` if another process is building it, or another chunk has failed.
+    /// Returns a chunk that exists or can be built now; `None` if another process is building it, or another chunk has
+    /// failed.
     fn attempt(&self, ours: ChunkRange<'_>, at: usize, failed: &AtomicBool) -> Result<Option<BuiltPiece>, StageError> {
         let state = &ours.states[at];
         if let (Some(record), true, false) = (&state.record, state.intact, state.elsewhere) {

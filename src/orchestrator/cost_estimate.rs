@@ -114,7 +114,8 @@ fn resumable_steps(status: &StageStatus, store: &Store, build: &str) -> u64 {
     kept.map(|reached| reached.steps).sum()
 }
 
-/// Returns the cost of a stage that was built here, with its number of unstable samples; `None` if another process built a part.
+/// Returns the cost of a stage that was built here, with its number of unstable samples; `None` if another process
+/// built a part.
 pub fn cost(
     spec: &StageSpec,
     status: &StageStatus,
@@ -156,8 +157,8 @@ fn missing(status: &StageStatus) -> impl Iterator<Item = &Chunk> {
     pairs.filter(|(_, state)| !state.intact).map(|(chunk, _)| chunk)
 }
 
-/// Returns the parameters on which the cost depends. For a chunked stage those are the ones common to all chunks, so that a
-/// stage with more samples is the same work, only more of it. Seeds are left out.
+/// Returns the parameters on which the cost depends. For a chunked stage those are the ones common to all chunks, so
+/// that a stage with more samples is the same work, only more of it. Seeds are left out.
 fn parameters(spec: &StageSpec, work: &Plan) -> Leaves {
     let mut common = match work {
         Plan::Chunks(chunks) => {

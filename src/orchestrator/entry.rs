@@ -1,22 +1,22 @@
-//! The stages of a pipeline as they stand in the file: name, kind and needs, before their own keys are read.
+//! Reads name, kind and needs of the stages of a pipeline, before their other keys.
 
 use std::collections::{HashMap, HashSet};
 
 use super::kind::Kind;
 use deaflow_base::{InputError, Node, Schema, is_plain_name, nearest};
 
-/// Characters in the name of a pipeline or stage.
+/// Maximum length of the name of a pipeline or stage.
 const LONGEST_NAME: usize = 200;
 
-/// What a pipeline may be made of.
+/// The available kinds of stages, and the scene format.
 pub struct Registry {
     /// The kinds of stages.
     pub kinds: Vec<&'static dyn Kind>,
-    /// Checks a scene, so that a wrong one is refused even where no stage uses it.
+    /// Checks a scene, also if no stage uses it.
     pub check_scene: fn(&Node) -> Result<(), InputError>,
-    /// What a scene may look like.
+    /// Returns the schema of scenes.
     pub scene_schema: fn() -> Schema,
-    /// Stages that a pipeline with sweeps may have.
+    /// Maximum number of stages of a pipeline with sweeps.
     pub most_stages: usize,
 }
 
@@ -24,41 +24,41 @@ pub struct Registry {
 pub struct Entry<'a> {
     /// Its name.
     pub name: &'a str,
-    /// Where that stands.
+    /// The node of its name.
     pub key: &'a Node,
     /// Its mapping.
     pub node: &'a Node,
     /// Its kind.
     pub kind: &'static dyn Kind,
-    /// The stages that it needs, by their places in the file.
+    /// The stages that it needs, as indices in the file.
     pub needs: Vec<(usize, &'a Node)>,
 }
 
 impl Entry<'_> {
-    /// Whether a stage that it needs is one that it only waits for.
+    /// Whether it only waits for a stage that it needs.
     pub fn is_gate(&self, other: &Entry<'_>) -> bool {
         other.kind.gates() && !self.needs_kind_of(other) && !self.optional_needs(other)
     }
 
-    /// Whether a stage is one of those of which it needs so many.
+    /// Whether a stage is of a kind whose number is checked.
     fn needs_kind_of(&self, other: &Entry<'_>) -> bool {
         self.kind.needs().kinds.contains(&other.kind.name())
     }
 
-    /// Whether a stage is one that it reads beside these.
+    /// Whether a stage is of an optional kind.
     fn optional_needs(&self, other: &Entry<'_>) -> bool {
         self.kind.optional_needs().contains(&other.kind.name())
     }
 }
 
-/// The stages by name, in the order of the file.
+/// Reads the stages, in the order of the file.
 ///
 /// # Errors
-/// When a name, a kind or a need cannot be accepted, with the place.
+/// If a name, a kind or a need is not valid, with the position.
 pub fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Entry<'a>>, InputError> {
     let entries = stages.entries("stages")?;
     if entries.is_empty() {
-        return Err(stages.error("a pipeline has at least one stage"));
+        return Err(stages.error("the pipeline has no stages"));
     }
     let mut names = Vec::with_capacity(entries.len());
     for (key, _) in entries {
@@ -74,11 +74,11 @@ pub fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Ent
         let Some(kind) = node.peek("kind") else {
             let message = format!("`kind` is missing in stage `{name}`");
             let allowed = format!("allowed: {}", kinds.join(", "));
-            return Err(key.error_labelled(message, "no `kind` in it").help(allowed));
+            return Err(key.error_labelled(message, "has no `kind`").help(allowed));
         };
         let word = kind.word("kind", &kinds)?;
         let Some(kind) = registry.kinds.iter().find(|kind| kind.name() == word) else {
-            return Err(kind.error(format!("no kind `{word}`")));
+            return Err(kind.error(format!("unknown kind `{word}`")));
         };
         let needs = read_needs(node, &names, &places)?;
         out.push(Entry {
@@ -92,10 +92,10 @@ pub fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Ent
     Ok(out)
 }
 
-/// Refuses names that a stage cannot have in a file.
+/// Checks the names of stages.
 ///
 /// # Errors
-/// With the place.
+/// If a name is not valid, with the position.
 pub fn check_names(stages: &Node) -> Result<(), InputError> {
     for (key, _) in stages.entries("stages")? {
         let name = key.text("a stage's name")?;
@@ -108,10 +108,10 @@ pub fn check_names(stages: &Node) -> Result<(), InputError> {
     Ok(())
 }
 
-/// Refuses needs that the kind of a stage does not allow.
+/// Checks the needs of a stage against its kind.
 ///
 /// # Errors
-/// With the place and the stages that fit.
+/// If they are not allowed, with the position and the stages that are.
 pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), InputError> {
     let (name, kind, needs) = (entry.name, entry.kind.name(), entry.kind.needs());
     let article = if kind.starts_with(['a', 'e', 'i', 'o', 'u']) {
@@ -122,8 +122,8 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
     let fitting = || {
         let names = entries.iter().filter(|other| needs.kinds.contains(&other.kind.name()));
         match names.map(|other| other.name).collect::<Vec<_>>() {
-            none if none.is_empty() => "no stage of this pipeline fits".to_owned(),
-            names => format!("stages that fit: {}", names.join(", ")),
+            none if none.is_empty() => "no stage of this pipeline is allowed here".to_owned(),
+            names => format!("allowed: {}", names.join(", ")),
         }
     };
     for (index, node) in &entry.needs {
@@ -131,9 +131,9 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
         let other = &entries[*index];
         if !entry.needs_kind_of(other) && !entry.optional_needs(other) && !entry.is_gate(other) {
             let message = match needs.kinds {
-                [] => format!("{article} `{kind}` stage needs nothing"),
+                [] => format!("{article} `{kind}` stage has no `needs`"),
                 kinds => format!(
-                    "{article} `{kind}` stage needs {}, and `{}` is {found}",
+                    "{article} `{kind}` stage needs {}, but `{}` is of kind {found}",
                     kinds.join(" or "),
                     other.name
                 ),
@@ -146,24 +146,24 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
     if (needs.least..=needs.most).contains(&count) {
         return Ok(());
     }
-    let wanted = match (needs.least, needs.most) {
+    let expected = match (needs.least, needs.most) {
         (least, most) if least == most => format!("{least}"),
         (least, usize::MAX) => format!("at least {least}"),
         (least, most) => format!("{least} to {most}"),
     };
     let message = format!(
-        "stage `{name}` needs {wanted} of kind {}, found {count}",
+        "stage `{name}` needs {expected} of kind {}, found {count}",
         needs.kinds.join(" or ")
     );
     let node = entry.node.peek("needs").unwrap_or(entry.key);
-    let beside = entry
+    let optional = entry
         .needs
         .iter()
         .find(|(index, _)| entry.optional_needs(&entries[*index]));
-    let advice = match beside {
+    let advice = match optional {
         None => fitting(),
         Some((index, _)) => format!(
-            "`{}` ({}) is taken beside them and not alone; {}",
+            "`{}` ({}) is only allowed in addition to them; {}",
             entries[*index].name,
             entries[*index].kind.name(),
             fitting()
@@ -189,16 +189,16 @@ fn read_needs<'a>(
             return Err(item.error(message).help(suggestion(name, names)));
         };
         if !seen.insert(index) {
-            return Err(item.error(format!("`{name}` is needed twice")));
+            return Err(item.error(format!("`{name}` is listed twice")));
         }
         out.push((index, item));
     }
     Ok(out)
 }
 
-/// A refusal of stages that need each other in a circle, each the next and the last the first.
+/// Returns the error for stages that need each other in a cycle, each the next and the last the first.
 pub fn refuse_cycle_of(cycle: &[(&str, &Node)]) -> InputError {
-    let mut message = "the stages need each other in a circle:".to_owned();
+    let mut message = "the stages need each other in a cycle:".to_owned();
     let Some(((first, place), others)) = cycle.split_first() else {
         return InputError::new(message);
     };
@@ -209,30 +209,30 @@ pub fn refuse_cycle_of(cycle: &[(&str, &Node)]) -> InputError {
     place.error(message + &format!(" needs `{first}`"))
 }
 
-/// Refuses a name that is too long.
+/// Checks the length of a name.
 ///
 /// # Errors
-/// With the place.
+/// If it is too long, with the position.
 pub fn check_length(node: &Node, name: &str) -> Result<(), InputError> {
     match name.chars().count() {
         length if length > LONGEST_NAME => Err(node
-            .error(format!("a name of {length} characters"))
+            .error(format!("the name has {length} characters"))
             .help(format!("allowed: at most {LONGEST_NAME}"))),
         _ => Ok(()),
     }
 }
 
-/// Names that are listed in advice.
+/// Maximum number of names in a suggestion.
 const LISTED: usize = 30;
 
-/// What to write instead of a name that is not there.
+/// Returns a suggestion for an unknown name.
 pub fn suggestion(word: &str, allowed: &[&str]) -> String {
     let mut list = allowed.iter().take(LISTED).copied().collect::<Vec<_>>().join(", ");
     if allowed.len() > LISTED {
         list += &format!(", and {} more", allowed.len() - LISTED);
     }
     match nearest(word, allowed) {
-        Some(near) => format!("did you mean `{near}`? there are: {list}"),
-        None => format!("there are: {list}"),
+        Some(near) => format!("did you mean `{near}`? available: {list}"),
+        None => format!("available: {list}"),
     }
 }

@@ -44,8 +44,8 @@ pub struct StageReport {
     pub digest: Option<ArtifactId>,
     /// From its start in this run to its end, s.
     pub seconds: f64,
-    /// Its share of the time of the run, s, if stages are built in parallel: the time is divided equally among the stages that are
-    /// running. The shares add up to the time of the run, and a price estimates a share.
+    /// Its share of the time of the run, s, if stages are built in parallel: the time is divided equally among the
+    /// stages that are running. The shares add up to the time of the run, and a price estimates a share.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<f64>,
     /// Length of all its files, bytes; 0 if they are not built yet.
@@ -108,8 +108,8 @@ fn hexadecimal<S: Serializer>(digest: &Option<ArtifactId>, serializer: S) -> Res
     }
 }
 
-/// An event of a run. Terminal output, JSON output and tests all use these events. Events of the chunks of a stage may come from
-/// several threads.
+/// An event of a run. Terminal output, JSON output and tests all use these events. Events of the chunks of a stage may
+/// come from several threads.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
 pub enum Event {

@@ -82,8 +82,8 @@ pub enum Started {
 }
 
 impl Execution<'_> {
-    /// Determines what has to be done for a stage whose needs all exist. `waits`: whether it is started although another process
-    /// is building it.
+    /// Determines what has to be done for a stage whose needs all exist. `waits`: whether it is started although
+    /// another process is building it.
     pub fn start(&mut self, index: usize, start: SystemTime, waits: bool) -> Result<Started, StageError> {
         let spec = &self.pipeline.stages[index];
         let status = match self.known_statuses.remove(&index) {
@@ -153,7 +153,8 @@ impl Execution<'_> {
         again
     }
 
-    /// Returns the needs of a stage that are in the upstream store only and cannot be downloaded, so that they have to be built.
+    /// Returns the needs of a stage that are in the upstream store only and cannot be downloaded, so that they have to
+    /// be built.
     fn lost_inputs(&mut self, index: usize) -> Result<Vec<usize>, StoreError> {
         let mut lost = Vec::new();
         if !self.builder.store.has_upstream() {
@@ -196,7 +197,8 @@ impl Execution<'_> {
         });
     }
 
-    /// Adds a stage that has been built. `share` is its share of the time of the run in s, if stages are built in parallel.
+    /// Adds a stage that has been built. `share` is its share of the time of the run in s, if stages are built in
+    /// parallel.
     pub fn finish(&mut self, done: FinishedWork, share: Option<f64>) -> Result<StageReport, StageError> {
         let FinishedWork { work, result, waited } = done;
         let StageWork {
@@ -338,8 +340,8 @@ impl Execution<'_> {
         }
     }
 
-    /// Adds reports of the stages that were not started after a failure: because they need the failed stage, or because the run
-    /// ended.
+    /// Adds reports of the stages that were not started after a failure: because they need the failed stage, or because
+    /// the run ended.
     pub fn report_not_started(&self, selection: &[usize], ended: &mut EndedStages) {
         let failed = ended.failures.values().find(|failure| !failure.is_stop());
         let first = failed.map_or_else(String::new, |failure| failure.stage.clone());

@@ -1,5 +1,5 @@
-//! The order in which stages run: what is needed comes first, and among those that are ready the order of the file, so
-//! that a pipeline runs the same way every time.
+//! The topological order of stages. Among ready stages the order of the file is kept, so that a pipeline always runs in
+//! the same order.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -7,7 +7,7 @@ use std::collections::BinaryHeap;
 /// Orders the nodes `0..needs.len()`, where node `i` needs the nodes `needs[i]`.
 ///
 /// # Errors
-/// The nodes of a cycle, each needing the next and the last the first, where there is one.
+/// The nodes of a cycle, each needing the next and the last the first, if there is one.
 pub fn order(needs: &[Vec<usize>]) -> Result<Vec<usize>, Vec<usize>> {
     let mut users = vec![Vec::new(); needs.len()];
     let mut open: Vec<usize> = needs.iter().map(Vec::len).collect();
@@ -34,7 +34,7 @@ pub fn order(needs: &[Vec<usize>]) -> Result<Vec<usize>, Vec<usize>> {
     }
 }
 
-/// Every node that is not placed needs another such node: following them must come back somewhere.
+/// Finds a cycle: every node that is not placed needs another such node, so following them leads into one.
 fn cycle(needs: &[Vec<usize>], placed: &[bool]) -> Vec<usize> {
     let mut path: Vec<usize> = Vec::new();
     let mut at = placed.iter().position(|done| !done);
@@ -48,16 +48,16 @@ fn cycle(needs: &[Vec<usize>], placed: &[bool]) -> Vec<usize> {
     path
 }
 
-/// Some nodes and everything that they need, directly or not, in the order of `needs`, which must be topological.
+/// Returns nodes and everything that they need, in the order of `needs`, which must be topological.
 pub fn closure(needs: &[&[usize]], targets: &[usize]) -> Vec<usize> {
-    let mut wanted = vec![false; needs.len()];
-    targets.iter().for_each(|&target| wanted[target] = true);
+    let mut included = vec![false; needs.len()];
+    targets.iter().for_each(|&target| included[target] = true);
     for node in (0..needs.len()).rev() {
-        if wanted[node] {
-            needs[node].iter().for_each(|&n| wanted[n] = true);
+        if included[node] {
+            needs[node].iter().for_each(|&n| included[n] = true);
         }
     }
-    (0..needs.len()).filter(|&node| wanted[node]).collect()
+    (0..needs.len()).filter(|&node| included[node]).collect()
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! The interface between the orchestrator and the kinds of stages.
 //!
-//! A [`Kind`] reads the mapping of a stage into a [`Stage`]. A stage defines its canonical parameters (its key is computed
-//! from these and the digests of its inputs), how its work is divided into chunks, and how to do one piece of work.
+//! A [`Kind`] reads the mapping of a stage into a [`Stage`]. A stage defines its canonical parameters (its key is
+//! computed from these and the digests of its inputs), how its work is divided into chunks, and how to do one piece of
+//! work.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -26,12 +27,12 @@ pub trait Kind: Sync {
         &[]
     }
 
-    /// Returns the keys that [`Kind::read`] accepts besides `kind` and `needs`: one mapping, or one for each family that has its
-    /// own keys.
+    /// Returns the keys that [`Kind::read`] accepts besides `kind` and `needs`: one mapping, or one for each family
+    /// that has its own keys.
     fn schema(&self) -> Vec<Fields>;
 
-    /// Whether stages of any kind may list stages of this kind in `needs` only to wait for them. Those are neither inputs nor
-    /// part of the key.
+    /// Whether stages of any kind may list stages of this kind in `needs` only to wait for them. Those are neither
+    /// inputs nor part of the key.
     fn gates(&self) -> bool {
         false
     }
@@ -41,15 +42,15 @@ pub trait Kind: Sync {
         false
     }
 
-    /// Whether its stages collect the results of all stages of sweeps. [`Kind::read`] then finds under `rows` which needs belong
-    /// together: a list of pairs of the axis values by axis name, and the indices of needs by stage name.
+    /// Whether its stages collect the results of all stages of sweeps. [`Kind::read`] then finds under `rows` which
+    /// needs belong together: a list of pairs of the axis values by axis name, and the indices of needs by stage name.
     fn collects(&self) -> bool {
         false
     }
 
-    /// Returns the kind that receives the results of this kind as feedback, if its stages may be repeated in rounds; see
-    /// `orchestrator/rounds.rs`. [`Kind::read`] of this kind must then accept and ignore the keys `rounds` and `update`, and the
-    /// target must accept stages of this kind and of its own kind as needs.
+    /// Returns the kind that receives the results of this kind as feedback, if its stages may be repeated in rounds;
+    /// see `orchestrator/rounds.rs`. [`Kind::read`] of this kind must then accept and ignore the keys `rounds` and
+    /// `update`, and the target must accept stages of this kind and of its own kind as needs.
     fn feedback_target(&self) -> Option<&'static str> {
         None
     }
@@ -63,14 +64,14 @@ pub trait Kind: Sync {
         Ok(Vec::new())
     }
 
-    /// Returns the parameters, as dotted paths in the key of a stage or chunk, whose values have unrelated costs: the cost with one
-    /// value does not predict the cost with another.
+    /// Returns the parameters, as dotted paths in the key of a stage or chunk, whose values have unrelated costs: the
+    /// cost with one value does not predict the cost with another.
     fn separate_cost_parameters(&self) -> &'static [&'static str] {
         &[]
     }
 
-    /// Returns the results of a finished artifact as numbers by name, such as `max_displacement` or `rmse.physics`. They are
-    /// written into the history of runs, compared between runs and collected in tables.
+    /// Returns the results of a finished artifact as numbers by name, such as `max_displacement` or `rmse.physics`.
+    /// They are written into the history of runs, compared between runs and collected in tables.
     ///
     /// # Errors
     /// If the artifact cannot be read.
@@ -85,8 +86,8 @@ pub trait Kind: Sync {
         Vec::new()
     }
 
-    /// Checks a stage and its needs before any work, after all stages have been read. It must be fast. Returns warnings of likely
-    /// problems.
+    /// Checks a stage and its needs before any work, after all stages have been read. It must be fast. Returns warnings
+    /// of likely problems.
     ///
     /// # Errors
     /// If the stage would certainly fail.
@@ -95,8 +96,8 @@ pub trait Kind: Sync {
         Ok(StageCheck::default())
     }
 
-    /// Reads a stage from its mapping, which includes `kind` and `needs`, and from the scene of the pipeline, which has been
-    /// loaded if the pipeline names a file.
+    /// Reads a stage from its mapping, which includes `kind` and `needs`, and from the scene of the pipeline, which has
+    /// been loaded if the pipeline names a file.
     ///
     /// # Errors
     /// If a key is unknown or missing, or a value is out of range.
@@ -123,7 +124,8 @@ pub struct StageCheck {
     pub warnings: Vec<String>,
     /// Limits for results of earlier runs.
     pub expectations: Vec<Expectation>,
-    /// Whether most of its samples are likely to have no stable solution. Costs of stable stages do not predict its cost then.
+    /// Whether most of its samples are likely to have no stable solution. Costs of stable stages do not predict its
+    /// cost then.
     pub mostly_unstable: bool,
 }
 
@@ -162,22 +164,22 @@ pub struct Needs {
 
 /// A stage that has been read and is valid.
 pub trait Stage: Send + Sync {
-    /// Returns everything besides the inputs that the output depends on, including defaults and the parts of the scene that
-    /// this kind reads.
+    /// Returns everything besides the inputs that the output depends on, including defaults and the parts of the scene
+    /// that this kind reads.
     fn parameters(&self) -> Canonical;
 
     /// Divides the work, given what is known of the inputs.
     fn plan(&self, inputs: &[Input]) -> Plan;
 
-    /// Returns the number of pieces that [`Stage::plan`] will return, given the total number of pieces of the inputs. It is used
-    /// to refuse plans that are too large.
+    /// Returns the number of pieces that [`Stage::plan`] will return, given the total number of pieces of the inputs.
+    /// It is used to refuse plans that are too large.
     fn pieces(&self, inputs: u64) -> u64 {
         let _ = inputs;
         1
     }
 
-    /// Does one piece of work: a chunk, or the whole stage if the plan is [`Plan::Whole`]. The result must depend only on the
-    /// stage, the chunk and the inputs, not on the number of threads.
+    /// Does one piece of work: a chunk, or the whole stage if the plan is [`Plan::Whole`]. The result must depend only
+    /// on the stage, the chunk and the inputs, not on the number of threads.
     ///
     /// # Errors
     /// If an input is not suitable, or the work fails.
@@ -188,8 +190,8 @@ pub trait Stage: Send + Sync {
         Vec::new()
     }
 
-    /// Returns how much work one step is, relative to the same kind with other parameters: elements of a mesh, individuals of a
-    /// generation. Used only for cost estimates.
+    /// Returns how much work one step is, relative to the same kind with other parameters: elements of a mesh,
+    /// individuals of a generation. Used only for cost estimates.
     fn weight(&self) -> f64 {
         1.0
     }
@@ -199,19 +201,20 @@ pub trait Stage: Send + Sync {
         false
     }
 
-    /// Whether the duration of a stage in one piece is proportional to the size of its inputs, not to its steps. Used only for cost
-    /// estimates.
+    /// Whether the duration of a stage in one piece is proportional to the size of its inputs, not to its steps. Used
+    /// only for cost estimates.
     fn time_scales_with_inputs(&self) -> bool {
         true
     }
 
-    /// Returns the parameter to which the file size of a stage in one piece is proportional, such as the requested number of rows.
-    /// Used only for cost estimates.
+    /// Returns the parameter to which the file size of a stage in one piece is proportional, such as the requested
+    /// number of rows. Used only for cost estimates.
     fn size_parameter(&self) -> Option<&'static str> {
         None
     }
 
-    /// Returns a number to add to the RECIPE of its kind: more than 0 if only results with certain parameters have changed.
+    /// Returns a number to add to the RECIPE of its kind: more than 0 if only results with certain parameters have
+    /// changed.
     fn revision(&self) -> u32 {
         0
     }
@@ -221,7 +224,8 @@ pub trait Stage: Send + Sync {
         "steps"
     }
 
-    /// Returns the number of samples of a finished artifact without a stable solution; the run then ends with exit code 3.
+    /// Returns the number of samples of a finished artifact without a stable solution; the run then ends with exit code
+    /// 3.
     ///
     /// # Errors
     /// If the artifact cannot be read.
@@ -235,7 +239,8 @@ pub trait Stage: Send + Sync {
         false
     }
 
-    /// Returns why stages that need this one must not run although its artifact exists, if so; `open` opens the artifact.
+    /// Returns why stages that need this one must not run although its artifact exists, if so; `open` opens the
+    /// artifact.
     ///
     /// # Errors
     /// If the artifact cannot be read.
@@ -250,8 +255,8 @@ pub trait Stage: Send + Sync {
 pub struct Input {
     /// Digest of the artifact.
     pub digest: Option<ArtifactId>,
-    /// Digests of its chunks with their numbers of samples; for a stage without chunks the artifact itself, counted as one
-    /// sample.
+    /// Digests of its chunks with their numbers of samples; for a stage without chunks the artifact itself, counted as
+    /// one sample.
     pub parts: Vec<(Option<ArtifactId>, u64)>,
 }
 
@@ -293,8 +298,8 @@ pub struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// Adds a measured time in s under a name on one line. It is written into the provenance of the artifact, never into its
-    /// content, because it differs between runs.
+    /// Adds a measured time in s under a name on one line. It is written into the provenance of the artifact, never
+    /// into its content, because it differs between runs.
     pub fn measure(&self, name: impl Into<String>, seconds: f64) {
         let mut measured = self.measured.lock().unwrap_or_else(PoisonError::into_inner);
         measured.push((name.into(), seconds));

@@ -1,4 +1,5 @@
-//! Reads a pipeline, determines which stages are stale, and builds only those. Knows stages, keys and chunks, but no physics.
+//! Reads a pipeline, determines which stages are stale, and builds only those. Knows stages, keys and chunks, but no
+//! physics.
 
 mod build;
 mod build_chunks;

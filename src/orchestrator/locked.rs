@@ -1,7 +1,8 @@
-//! Compares a pipeline with its lock file: the keys of all stages before any work, and the artifact of each stage after it.
+//! Compares a pipeline with its lock file: the keys of all stages before any work, and the artifact of each stage after
+//! it.
 //!
-//! Keys are computed from recipe, parameters and the digests of inputs. The lock file has those digests, so all keys are known
-//! before anything is built.
+//! Keys are computed from recipe, parameters and the digests of inputs. The lock file has those digests, so all keys
+//! are known before anything is built.
 
 use super::lock_difference::LockDifference;
 use super::spec::{Pipeline, StageSpec};

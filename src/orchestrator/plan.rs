@@ -1,4 +1,4 @@
-//! What a run would build and why, without building anything.
+//! Plans: what a run would build, why, and at what cost.
 
 use std::path::Path;
 
@@ -16,11 +16,11 @@ use super::staleness::Staleness;
 use deaflow_base::ArtifactId;
 use deaflow_store::{Store, StoreError};
 
-/// Says of each stage, in topological order, whether it would be built, why, and what that would take. `until` names the
-/// last stage.
+/// Returns a report on each stage, in topological order: whether it would be built, why, and at what cost. `until`
+/// names the last stage.
 ///
 /// # Errors
-/// When there is no such stage, or the store cannot be read.
+/// If there is no such stage, or the store cannot be read.
 pub fn plan(
     pipeline: &Pipeline,
     store: &Store,
@@ -49,14 +49,14 @@ pub fn plan(
     Ok(reports)
 }
 
-/// What building those of some stages that are stale takes together.
+/// Adds the prices of the stale stages.
 #[must_use]
 pub fn price_total(stages: &[StageReport]) -> PriceTotal {
     let stale = stages.iter().filter(|stage| stage.outcome == Outcome::Stale);
     PriceTotal::of(stale.map(|stage| stage.price))
 }
 
-/// A plan as `deaflow plan --json` prints it: its stages, what building those that are stale takes together, and what is foreseen of it.
+/// Returns the JSON document of `deaflow plan --json`: stages, total price and warnings.
 #[must_use]
 pub fn plan_document(pipeline: &Pipeline, store: &Path, stages: &[StageReport], warnings: &[String]) -> Value {
     let total = price_total(stages);
@@ -70,7 +70,7 @@ pub fn plan_document(pipeline: &Pipeline, store: &Path, stages: &[StageReport], 
     })
 }
 
-/// What is known of the artifacts that a stage needs.
+/// Returns the artifacts that a stage needs, as far as known.
 pub fn digests_of(spec: &StageSpec, selection: &[usize], statuses: &[StageStatus]) -> Vec<Option<ArtifactId>> {
     let digest = |need: &usize| {
         let at = selection.iter().position(|index| index == need);
@@ -79,10 +79,10 @@ pub fn digests_of(spec: &StageSpec, selection: &[usize], statuses: &[StageStatus
     spec.needs.iter().map(digest).collect()
 }
 
-/// All that makes a stage stale; nothing where it is not.
+/// Returns all reasons why a stage is stale.
 ///
 /// # Errors
-/// When the store cannot be read.
+/// If the store cannot be read.
 pub fn reasons(
     planner: &Planner<'_>,
     spec: &StageSpec,
@@ -100,7 +100,7 @@ pub fn reasons(
     }
 }
 
-/// What is known of a stage before anything is built.
+/// Returns the report on a stage before anything is built.
 pub fn report(spec: &StageSpec, status: &StageStatus) -> StageReport {
     let total = match &status.work {
         Plan::Whole { .. } => 1,

@@ -1,8 +1,8 @@
 //! Determines the status of stages and chunks: which exist, which have to be built, and why.
 //!
-//! Plans and runs both use this, so that a run does what its plan shows. The digests of artifacts that are not built yet are
-//! unknown, except if a record has one: building the action again makes the same artifact, so a lost artifact does not make all
-//! later stages stale.
+//! Plans and runs both use this, so that a run does what its plan shows. The digests of artifacts that are not built
+//! yet are unknown, except if a record has one: building the action again makes the same artifact, so a lost artifact
+//! does not make all later stages stale.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -64,8 +64,8 @@ pub struct ChunkState {
     pub action: Option<(Action, ActionKey)>,
     /// Its record, if it has been built before; `None` also if only the name of the record is known.
     pub record: Option<Record>,
-    /// Whether the artifact of the record exists and is intact, here or upstream. If only the name of the record is known, this is
-    /// assumed until the stage is assembled.
+    /// Whether the artifact of the record exists and is intact, here or upstream. If only the name of the record is
+    /// known, this is assumed until the stage is assembled.
     pub intact: bool,
     /// Whether it is in the upstream store only, and has to be downloaded.
     pub elsewhere: bool,
@@ -184,8 +184,8 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// Creates a planner for a process that builds in parallel to many others: for a stage with very many chunks it opens no
-    /// record, so the artifact of a partly built stage is not known in advance.
+    /// Creates a planner for a process that builds in parallel to many others: for a stage with very many chunks it
+    /// opens no record, so the artifact of a partly built stage is not known in advance.
     pub fn beside_others(pipeline: &'a Pipeline, store: &'a Store) -> Self {
         Self {
             only_record_names: store.process_name().is_some(),
@@ -299,7 +299,8 @@ impl<'a> Planner<'a> {
         Ok(self.reasons(spec, parameters, digests)?.remove(0))
     }
 
-    /// Returns all reasons why a stage without a record is stale, compared with the most similar of the last runs; never empty.
+    /// Returns all reasons why a stage without a record is stale, compared with the most similar of the last runs;
+    /// never empty.
     ///
     /// # Errors
     /// If the store cannot be read.
@@ -355,7 +356,8 @@ impl<'a> Planner<'a> {
         Ok(runs.read.iter().take(COMPARED_WITH).cloned().collect())
     }
 
-    /// Returns when a garbage collection removed the artifact of a stage in an earlier run, if the stage would make the same again.
+    /// Returns when a garbage collection removed the artifact of a stage in an earlier run, if the stage would make the
+    /// same again.
     fn removal(
         &self,
         spec: &StageSpec,
@@ -370,8 +372,8 @@ impl<'a> Planner<'a> {
         Ok(self.removed().get(&stage.artifact).cloned())
     }
 
-    /// Returns the artifact that an action made in an earlier run and a garbage collection has removed with its record, and when.
-    /// The action makes the same again, whatever parameters the last run had.
+    /// Returns the artifact that an action made in an earlier run and a garbage collection has removed with its record,
+    /// and when. The action makes the same again, whatever parameters the last run had.
     fn collected(&self, action: Option<&(Action, ActionKey)>) -> Result<Option<(String, ArtifactId)>, StoreError> {
         let Some((_, key)) = action.filter(|_| !self.removed().is_empty()) else {
             return Ok(None);

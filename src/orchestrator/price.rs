@@ -1,10 +1,10 @@
 //! Estimates the time and disk space that building a stage takes, from the costs of similar stages in this store.
 //!
-//! The estimate uses those recorded costs of the kind whose parameters, RECIPE and machine differ least, and of these the ones
-//! with about the same amount of work. Work is the number of steps times their weight (elements, individuals); for a stage in
-//! one piece it is proportional to the size of its inputs, in each step if each step reads all of them. Costs of another class,
-//! such as another network, are not used. The range spans the measured costs and is widened the more the stages differ;
-//! `docs/tools/prices.py` measures how often the actual cost lies within.
+//! The estimate uses those recorded costs of the kind whose parameters, RECIPE and machine differ least, and of these
+//! the ones with about the same amount of work. Work is the number of steps times their weight (elements, individuals);
+//! for a stage in one piece it is proportional to the size of its inputs, in each step if each step reads all of them.
+//! Costs of another class, such as another network, are not used. The range spans the measured costs and is widened the
+//! more the stages differ; `docs/tools/prices.py` measures how often the actual cost lies within.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -43,8 +43,8 @@ pub struct Estimate {
 /// The estimated cost of building a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Price {
-    /// Its share of the time of the run, s: the time that it takes alone. Stages that are built in parallel run longer than this; their
-    /// shares add up to the time of the run.
+    /// Its share of the time of the run, s: the time that it takes alone. Stages that are built in parallel run longer
+    /// than this; their shares add up to the time of the run.
     pub seconds: Estimate,
     /// Length of the files to be written, bytes.
     pub bytes: Estimate,
@@ -132,8 +132,8 @@ impl Estimate {
         }
     }
 
-    /// Returns the range of some times, widened by a factor, and their lower median: other work on the machine can only make a
-    /// stage slower.
+    /// Returns the range of some times, widened by a factor, and their lower median: other work on the machine can only
+    /// make a stage slower.
     fn of_times(mut values: Vec<f64>, widening: f64) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let likely = *values.get(values.len().checked_sub(1)? / 2)?;
@@ -256,8 +256,8 @@ pub fn price(costs: &[Cost], work: &CostQuery) -> Result<Price, Unmeasured> {
         Some(bytes) if work.repeats_inputs => steps * work.weight * bytes as f64,
         Some(bytes) => work.weight * bytes as f64,
     };
-    // The files of a chunked stage grow with the samples; those of other stages do not grow with the steps, but possibly with a
-    // parameter.
+    // The files of a chunked stage grow with the samples; those of other stages do not grow with the steps, but
+    // possibly with a parameter.
     let bytes = latest.iter().map(|cost| match work.chunks {
         Some(_) => cost.bytes as f64 / cost.steps as f64 * steps,
         None => cost.bytes as f64 * size_ratio(cost, work),

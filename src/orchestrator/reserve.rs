@@ -1,6 +1,7 @@
 //! Blocks of chunks that a process reserves, so that a thousand processes do not try the same chunks.
 //!
-//! A reservation is only a hint: each chunk is still claimed on its own, and reserved chunks are tried after all others.
+//! A reservation is only a hint: each chunk is still claimed on its own, and reserved chunks are tried after all
+//! others.
 
 use std::sync::OnceLock;
 
@@ -25,8 +26,8 @@ pub struct Reserve<'a> {
 }
 
 impl<'a> Reserve<'a> {
-    /// Divides chunks into at most `most` blocks; returns `None` if there are few chunks, or processes use file locks, which are
-    /// cheap to try.
+    /// Divides chunks into at most `most` blocks; returns `None` if there are few chunks, or processes use file locks,
+    /// which are cheap to try.
     pub fn of(store: &'a Store, chunks: &[ChunkState], most: usize) -> Option<Self> {
         let length = chunks.len() / most.max(1);
         if length < 2 || store.locking().method == LockingMethod::Locks {

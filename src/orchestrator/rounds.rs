@@ -1,14 +1,16 @@
-//! Unrolls stages that are repeated in rounds, before anything else is read: what such a stage made is fed back to stages that it was
-//! made from, and these do their work again.
+//! Unrolls stages that are repeated in rounds, before anything else is read: what such a stage made is fed back to
+//! stages that it was made from, and these do their work again.
 //!
-//! A stage V with `rounds: N` needs, directly or not, stages of the kind that [`Kind::feedback_target`] names: its targets. Round 1 is
-//! the pipeline as it is written. Round r has a stage `NAME-r` for each target, for V, and for each stage between them:
+//! A stage V with `rounds: N` needs, directly or not, stages of the kind that [`Kind::feedback_target`] names: its
+//! targets. Round 1 is the pipeline as it is written. Round r has a stage `NAME-r` for each target, for V, and for each
+//! stage between them:
 //!
 //! - a target needs what it needs in round 1, itself of round r − 1, and V of all earlier rounds; it has the same keys but
 //!   for those of [`Kind::feedback_overrides`] and, before these, of `update` beside `rounds`;
 //! - the others have the same keys and need the stages of their round where there are such, and else those of round 1.
 //!
-//! So no round changes one before it, and each stage of a round is a stage like any other: cached, planned, explained, locked.
+//! So no round changes one before it, and each stage of a round is a stage like any other: cached, planned, explained,
+//! locked.
 
 use super::entry::{Entry, Registry, read_entries};
 use super::graph;
@@ -34,7 +36,7 @@ pub struct Rounds {
 /// Puts overrides into the tree, and gives back those of stages that are not there: rounds may bring them.
 ///
 /// # Errors
-/// When an override has no place.
+/// If an override has no place.
 pub fn apply<'o>(root: &mut Node, overrides: &'o [Override]) -> Result<Vec<&'o Override>, InputError> {
     let mut late = Vec::new();
     for set in overrides {
@@ -49,7 +51,7 @@ pub fn apply<'o>(root: &mut Node, overrides: &'o [Override]) -> Result<Vec<&'o O
 /// Unrolls the rounds of all stages, and then applies what was left of the overrides.
 ///
 /// # Errors
-/// When a stage cannot be read so far, the rounds cannot be unrolled, or an override has no place.
+/// If a stage cannot be read so far, the rounds cannot be unrolled, or an override has no place.
 pub fn unroll(root: &mut Node, late: &[&Override], registry: &Registry) -> Result<Vec<Rounds>, InputError> {
     let rounds = unroll_stages(root, registry)?;
     for set in late {

@@ -35,7 +35,8 @@ pub struct RunOptions<'a> {
     pub log: Option<&'a str>,
     /// How many stages that do not need each other may be built in parallel; 0 means 1.
     pub parallel_stages: usize,
-    /// Builds only these chunks of the last stage, from first to last; other processes build the rest and assemble the stage.
+    /// Builds only these chunks of the last stage, from first to last; other processes build the rest and assemble the
+    /// stage.
     pub chunks: Option<(usize, usize)>,
     /// Builds only these stages and leaves the others to other processes.
     pub stages: Option<&'a BTreeSet<usize>>,
@@ -73,12 +74,12 @@ pub struct RunOutcome {
     pub seconds: f64,
 }
 
-/// Runs a pipeline. A stage that fails ends the run, or with `keep_going` only skips the stages that need it. What was built
-/// stays.
+/// Runs a pipeline. A stage that fails ends the run, or with `keep_going` only skips the stages that need it. What was
+/// built stays.
 ///
 /// # Errors
-/// If there is no stage of the name in `until`, the pipeline differs from its lock file, or the store cannot be read or written.
-/// The failure of a stage is in the outcome.
+/// If there is no stage of the name in `until`, the pipeline differs from its lock file, or the store cannot be read or
+/// written. The failure of a stage is in the outcome.
 pub fn run(
     pipeline: &Pipeline,
     store: &Store,
@@ -222,8 +223,8 @@ fn reports(pipeline: &Pipeline, selection: &[usize], statuses: &[StageStatus]) -
         .collect()
 }
 
-/// Returns the stages whose artifacts will be read. They are verified completely before, so that damage is found while they can
-/// still be rebuilt, not by the stage that reads them.
+/// Returns the stages whose artifacts will be read. They are verified completely before, so that damage is found while
+/// they can still be rebuilt, not by the stage that reads them.
 fn needed(pipeline: &Pipeline, selection: &[usize], statuses: &[StageStatus]) -> BTreeSet<usize> {
     let stale = selection.iter().zip(statuses).filter(|(_, status)| status.is_stale());
     stale

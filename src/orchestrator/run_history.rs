@@ -47,8 +47,8 @@ impl Execution<'_> {
         self.builder.store.put_run(&Run { results, ..run })
     }
 
-    /// Returns the results of a stage: those in the history if the last run had the same artifact, otherwise those in the
-    /// artifact. If that is damaged, the next run finds out; this run is written without them.
+    /// Returns the results of a stage: those in the history if the last run had the same artifact, otherwise those in
+    /// the artifact. If that is damaged, the next run finds out; this run is written without them.
     fn results(&self, stage: &RunStage) -> Result<Vec<(String, f64)>, StoreError> {
         let Some(spec) = self.pipeline.stage(&stage.name) else {
             return Ok(Vec::new());

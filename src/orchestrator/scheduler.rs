@@ -172,7 +172,7 @@ impl<'a> Execution<'a> {
         let thread = std::thread::Builder::new().name(spec.name.clone()).stack_size(STACK);
         match thread.spawn_scoped(scope, build) {
             Ok(_) => Ok(()),
-            Err(error) => Err(StageError::Failed(format!("cannot start a thread: {error}"))),
+            Err(error) => Err(StageError::failed(format!("cannot start a thread: {error}"))),
         }
     }
 

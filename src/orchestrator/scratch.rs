@@ -1,6 +1,6 @@
-//! Where a piece of work keeps what it has come to, so that the next run goes on with it where this one is killed.
+//! Saves checkpoints of a piece of work, so that the next run can resume it.
 //!
-//! It is a convenience: what cannot be kept or read costs time and nothing else, so it is told and never stops the work.
+//! A checkpoint that cannot be written or read only costs time, so it leads to a warning and never stops the work.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 use deaflow_base::{ActionKey, Stopped};
 use deaflow_store::{CheckpointProgress, Store, StoreError};
 
-/// Keeping may take this part of the time at most.
-const SHARE: u32 = 20;
+/// Saving may take at most one part in this number of the time.
+const SAVE_TIME_DIVISOR: u32 = 20;
 
-/// The scratch of one action.
+/// The checkpoints of one action.
 pub struct Scratch<'a> {
     store: &'a Store,
     key: ActionKey,
@@ -21,21 +21,21 @@ pub struct Scratch<'a> {
     steps: &'a AtomicU64,
     warn: &'a (dyn Fn(String) + Sync),
     stop: Option<&'a AtomicBool>,
-    kept: Mutex<Kept>,
+    last_save: Mutex<LastSave>,
 }
 
-/// When something was last kept, and what that took.
+/// When a checkpoint was last saved, and how long that took.
 #[derive(Clone, Copy)]
-enum Kept {
-    NotYet,
+enum LastSave {
+    Never,
     At(Instant, Duration),
-    /// It was refused: it is not tried again.
-    Refused,
+    /// Saving failed and is not tried again.
+    Failed,
 }
 
 impl<'a> Scratch<'a> {
-    /// The scratch of an action; `build` says which program can go on from what is kept. `of`: its stage and what the steps of that
-    /// are, of which `steps` are done.
+    /// Creates the scratch of an action. `build` identifies the builds that can resume it; `of` is the stage and the
+    /// unit of its steps, of which `steps` are done.
     pub(super) fn new(
         store: &'a Store,
         (key, build): (ActionKey, String),
@@ -52,11 +52,11 @@ impl<'a> Scratch<'a> {
             steps,
             warn,
             stop,
-            kept: Mutex::new(Kept::NotYet),
+            last_save: Mutex::new(LastSave::Never),
         }
     }
 
-    /// What an earlier run kept under a name. What is damaged, or was written by another build, is told and not used.
+    /// Loads the checkpoint of an earlier run. If it is damaged or was written by another build, it leads to a warning.
     #[must_use]
     pub fn load(&self, name: &str) -> Option<Vec<u8>> {
         match self.store.checkpoint(&self.key, name, &self.build) {
@@ -72,11 +72,11 @@ impl<'a> Scratch<'a> {
         }
     }
 
-    /// Keeps what the work has come to under a name, in place of what was kept before, unless something was kept so lately that
-    /// keeping would take more than a twentieth of the time. `content` makes it when it is to be kept.
+    /// Saves a checkpoint, replacing the previous one, unless saving would take more than a twentieth of the time.
+    /// `content` is called if it is saved.
     ///
     /// # Errors
-    /// When the work is to stop.
+    /// If the work has to stop.
     pub fn save(&self, name: &str, content: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
         let stops = self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed));
         self.save_when_due(name, content, stops);
@@ -84,11 +84,11 @@ impl<'a> Scratch<'a> {
     }
 
     fn save_when_due(&self, name: &str, content: &dyn Fn() -> Option<Vec<u8>>, stops: bool) {
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let due = match *kept {
-            Kept::NotYet => true,
-            Kept::At(when, took) => stops || when.elapsed() >= took * (SHARE - 1),
-            Kept::Refused => false,
+        let mut last_save = self.last_save.lock().unwrap_or_else(PoisonError::into_inner);
+        let due = match *last_save {
+            LastSave::Never => true,
+            LastSave::At(when, took) => stops || when.elapsed() >= took * (SAVE_TIME_DIVISOR - 1),
+            LastSave::Failed => false,
         };
         if !due {
             return;
@@ -103,21 +103,25 @@ impl<'a> Scratch<'a> {
         let put = self
             .store
             .put_checkpoint(&self.key, name, &self.build, &reached, &content);
-        *kept = match put {
-            Ok(()) => Kept::At(Instant::now(), start.elapsed()),
+        *last_save = match put {
+            Ok(()) => LastSave::At(Instant::now(), start.elapsed()),
             Err(error) => {
-                (self.warn)(format!("if this run is killed it will begin again: {error}"));
-                Kept::Refused
+                (self.warn)(format!(
+                    "cannot save a checkpoint, so this run cannot be resumed: {error}"
+                ));
+                LastSave::Failed
             }
         };
     }
 
-    /// Tells that what an earlier run kept is not used.
+    /// Warns that the checkpoint of an earlier run is not used.
     pub fn report_unused(&self, reason: &str) {
-        (self.warn)(format!("what an earlier run had come to is not used: {reason}"));
+        (self.warn)(format!(
+            "the checkpoint of an earlier run cannot be used, starting anew: {reason}"
+        ));
     }
 
-    /// Removes all that was kept: the work is recorded.
+    /// Removes all checkpoints after the work has been recorded.
     pub(super) fn clear(&self) {
         if let Err(error) = self.store.remove_checkpoints(&self.key) {
             (self.warn)(error.to_string());
@@ -209,6 +213,6 @@ mod tests {
             scratch.save("state", &|| Some(vec![1])).unwrap();
         }
         let told = warnings.lock().unwrap().clone();
-        assert!(told.len() == 1 && told[0].contains("will begin again"), "{told:?}");
+        assert!(told.len() == 1 && told[0].contains("cannot be resumed"), "{told:?}");
     }
 }

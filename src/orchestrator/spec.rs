@@ -1,4 +1,4 @@
-//! Reads a pipeline from YAML, refusing what cannot run before any work is done.
+//! Reads and validates a pipeline in YAML.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ const WHAT: &str = "the pipeline";
 
 const KEYS: [&str; 4] = ["version", "name", "scene", "stages"];
 
-/// Pieces of work in a pipeline: some 25 million samples. A plan holds all of them.
+/// Maximum number of chunks in a pipeline (about 25 million samples), because a plan holds all of them in memory.
 const MOST_PIECES: u64 = 500_000;
 
 /// A valid pipeline.
@@ -26,15 +26,15 @@ pub struct Pipeline {
     pub name: String,
     /// Its file.
     pub path: PathBuf,
-    /// Its scene, already one mapping even where the file names another file.
+    /// Its scene, loaded if the pipeline names a file.
     pub scene: Option<Node>,
     /// Its stages in topological order.
     pub stages: Vec<StageSpec>,
-    /// Those that stand for several, in the order of the file.
+    /// The sweeps, in the order of the file.
     pub sweeps: Vec<Sweep>,
-    /// Those that are done in more than one round, in the order of the file.
+    /// The stages with more than one round, in the order of the file.
     pub rounds: Vec<Rounds>,
-    /// What stood on the command line in place of the file's: values in YAML by their dotted paths.
+    /// Overrides from the command line: values in YAML by dotted path.
     pub overrides: BTreeMap<String, String>,
 }
 
@@ -44,50 +44,50 @@ pub struct StageSpec {
     pub name: String,
     /// Its kind.
     pub kind: &'static dyn Kind,
-    /// The stages that it needs, by their places in [`Pipeline::stages`], in the order of the file.
+    /// The stages that it needs, as indices in [`Pipeline::stages`], in the order of the file.
     pub needs: Vec<usize>,
-    /// The stages that it waits for and does not read, likewise.
+    /// The stages that it only waits for, likewise.
     pub gates: Vec<usize>,
-    /// Its scene, where that is not the one of all stages.
+    /// Its own scene, if it differs from that of the pipeline.
     pub scene: Option<Node>,
-    /// The files that it names, relative to that of the pipeline.
+    /// The files that it names, relative to the file of the pipeline.
     pub files: Vec<String>,
-    /// What is foreseen of it.
+    /// The result of checking it before a run.
     pub check: StageCheck,
-    /// What it does.
+    /// The validated stage.
     pub stage: Box<dyn Stage>,
 }
 
 impl StageSpec {
-    /// The RECIPE number of its results.
+    /// Returns the RECIPE number of its results.
     #[must_use]
     pub fn recipe(&self) -> u32 {
         self.kind.recipe() + self.stage.revision()
     }
 
-    /// The stages that have to be done before this one, whether it reads them or not.
+    /// Returns the stages that have to be built before this one.
     #[must_use]
     pub fn waits_for(&self) -> Vec<usize> {
         self.needs.iter().chain(&self.gates).copied().collect()
     }
 }
 
-/// A scene in the place of a pipeline is told as such: each of its keys would be one that a pipeline does not have.
+/// Refuses a scene in place of a pipeline, instead of reporting unknown keys.
 fn refuse_scene(root: &Node) -> Result<(), InputError> {
     let has = |key| root.peek(key).is_some();
     match !has("stages") && ["geometry", "material", "drive"].into_iter().any(has) {
         true => Err(root
-            .error("this file is a scene, and a pipeline is wanted")
-            .help("a pipeline has `stages` and names its scene: `scene: FILE.yaml`; scenes are what `solve`, `screen` and `sketch` take")),
+            .error("this file is a scene, not a pipeline")
+            .help("a pipeline has `stages` and `scene: FILE.yaml`; `solve`, `screen` and `sketch` take scenes")),
         false => Ok(()),
     }
 }
 
 impl Pipeline {
-    /// Reads a pipeline from its file, with `--set` overrides applied after the scene's file has been read.
+    /// Reads a pipeline from its file, and applies `--set` overrides after loading the scene.
     ///
     /// # Errors
-    /// When the file or anything in it cannot be accepted, with the place.
+    /// If the file or anything in it is not valid, with the position.
     pub fn load(path: &Path, overrides: &[Override], registry: &Registry) -> Result<Self, InputError> {
         Self::read(Document::load(path)?, overrides, registry)
     }
@@ -123,44 +123,44 @@ impl Pipeline {
         })
     }
 
-    /// Its file, wherever the next command is given: by this path its runs are known.
+    /// Returns the absolute path of its file, by which the history finds its runs.
     #[must_use]
     pub fn file(&self) -> PathBuf {
         file_of(&self.path)
     }
 
-    /// The stage of that name.
+    /// Returns the stage of that name.
     #[must_use]
     pub fn stage(&self, name: &str) -> Option<&StageSpec> {
         self.stages.iter().find(|stage| stage.name == name)
     }
 
-    /// The sweep of that name; none where that is the name of one stage.
+    /// Returns the sweep of that name, unless that is the name of a single stage.
     #[must_use]
     pub fn sweep(&self, name: &str) -> Option<&Sweep> {
         let mut named = self.sweeps.iter().filter(|sweep| sweep.name == name);
         named.find(|sweep| sweep.stages != [name])
     }
 
-    /// The scene of a stage: its own, or that of all.
+    /// Returns the scene of a stage: its own, or that of the pipeline.
     #[must_use]
     pub fn scene_of<'a>(&'a self, stage: &'a StageSpec) -> Option<&'a Node> {
         stage.scene.as_ref().or(self.scene.as_ref())
     }
 
-    /// Places of the stages to look at, in topological order: all, or `until` and what it needs. The name of a sweep means all its
-    /// stages.
+    /// Returns the indices of the selected stages in topological order: all, or `until` and what it needs. The name of
+    /// a sweep selects all its stages.
     ///
     /// # Errors
-    /// When there is no stage of that name.
+    /// If there is no stage of that name.
     pub fn selection(&self, until: Option<&str>) -> Result<Vec<usize>, InputError> {
         let Some(until) = until else {
             return Ok((0..self.stages.len()).collect());
         };
         let sweep = self.sweep(until);
-        let wanted = |name: &String| sweep.map_or(name == until, |sweep| sweep.stages.contains(name));
+        let is_target = |name: &String| sweep.map_or(name == until, |sweep| sweep.stages.contains(name));
         let targets: Vec<usize> = (0..self.stages.len())
-            .filter(|&at| wanted(&self.stages[at].name))
+            .filter(|&at| is_target(&self.stages[at].name))
             .collect();
         if targets.is_empty() {
             let names: Vec<&str> = self.stages.iter().map(|stage| stage.name.as_str()).collect();
@@ -173,8 +173,8 @@ impl Pipeline {
     }
 }
 
-/// A file wherever the next command is given, by the folder that it is in: links to that are followed, since what it names is found from
-/// there; a link in its own place is another pipeline.
+/// Returns the absolute path of a file. Links in the path of its folder are resolved, but a link at the file itself is
+/// not: it is another pipeline.
 #[must_use]
 pub fn file_of(path: &Path) -> PathBuf {
     match (folder_of(path).canonicalize(), path.file_name()) {
@@ -183,10 +183,10 @@ pub fn file_of(path: &Path) -> PathBuf {
     }
 }
 
-/// Puts a scene that the document at `path` gives by its file into the place of the file's name.
+/// Replaces the name of a scene file in the document at `path` by the scene.
 ///
 /// # Errors
-/// When the file does not exist, lies outside the folder of the document (links followed), or is not a document.
+/// If the file does not exist, is outside the folder of the document (after resolving links), or is not valid.
 pub fn splice_scene(root: &mut Node, path: &Path) -> Result<(), InputError> {
     let Some(node) = root.peek("scene") else {
         return Ok(());
@@ -197,28 +197,30 @@ pub fn splice_scene(root: &mut Node, path: &Path) -> Result<(), InputError> {
     let parent = path.parent().unwrap_or(Path::new(""));
     let named = Path::new(node.text("scene")?);
     let file = parent.join(named);
-    // A bare name has an empty parent, which the system does not open.
+    // A bare name has an empty parent, which cannot be opened.
     let (Ok(within), Ok(found)) = (Path::new(".").join(parent).canonicalize(), file.canonicalize()) else {
-        let message = format!("the scene's file {} does not exist", file.display());
-        return Err(node.error(message).help("it is named relative to the pipeline's file"));
+        let message = format!("the scene file {} does not exist", file.display());
+        return Err(node
+            .error(message)
+            .help("its path is relative to the file of the pipeline"));
     };
-    // Whoever runs a pipeline of somebody else's must not be made to read what lies elsewhere.
+    // The pipeline of another person must not read files elsewhere.
     if named.is_absolute() || !found.starts_with(&within) {
         let message = format!(
-            "the scene's file {} lies outside the folder of the pipeline",
+            "the scene file {} is outside the folder of the pipeline",
             named.display()
         );
         return Err(node
             .error(message)
-            .help("put it beside the pipeline or in a folder below, without a link that leads out"));
+            .help("put it into the folder of the pipeline or a subfolder, not behind a link"));
     }
     let scene = Document::load(&file)?;
     root.replace("scene", scene.root);
     Ok(())
 }
 
-/// An override that names the file of another scene, with what stands in that file. Whoever gives the command has named it, so it may lie
-/// anywhere; its name is relative to the folder at hand.
+/// Replaces the name of a scene file in an override by the scene. The user has named the file, so it may be anywhere;
+/// its path is relative to the current folder.
 fn with_scene_file(set: &Override) -> Result<Override, InputError> {
     let NodeValue::Text(file) = set.value() else {
         return Ok(set.clone());
@@ -228,16 +230,16 @@ fn with_scene_file(set: &Override) -> Result<Override, InputError> {
     }
     let file = Path::new(file);
     if !file.is_file() {
-        let message = format!("there is no file {} with a scene", file.display());
+        let message = format!("the scene file {} does not exist", file.display());
         return Err(set
             .node()
             .error(message)
-            .help("here it is named relative to the current folder"));
+            .help("in --set its path is relative to the current folder"));
     }
     Ok(set.with_node(Document::load(file)?.root))
 }
 
-/// Checks all but the stages, and gives the name.
+/// Checks everything except the stages, and returns the name.
 fn read_frame(root: &Node, registry: &Registry) -> Result<String, InputError> {
     let map = root.fields(WHAT, &KEYS)?;
     let version = map.required(WHAT, "version")?;
@@ -267,15 +269,15 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
         place[index] = at;
     }
     let mut stages = Vec::with_capacity(order.len());
-    // In the order of the file, so that of several mistakes the first is named.
+    // In the order of the file, so that the first of several errors is reported.
     for entry in entries {
         check_needs(entry, entries)?;
         let places = |gates: bool| {
-            let wanted = entry
+            let selected = entry
                 .needs
                 .iter()
                 .filter(|(index, _)| entry.is_gate(&entries[*index]) == gates);
-            wanted.map(|(index, _)| place[*index]).collect()
+            selected.map(|(index, _)| place[*index]).collect()
         };
         let own_scene = entry.node.peek(sweep::SCENE).filter(|_| swept);
         let stage = match own_scene {
@@ -303,7 +305,7 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
     Ok(stages)
 }
 
-/// What is foreseen of each stage, in the order of the file.
+/// Checks each stage, in the order of the file.
 fn check_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Result<Vec<StageCheck>, InputError> {
     let own_scene = |entry: &Entry<'_>| entry.node.peek(sweep::SCENE).filter(|_| swept).cloned();
     let scenes: Vec<Option<Node>> = entries.iter().map(own_scene).collect();
@@ -328,7 +330,7 @@ fn check_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Res
     each.collect()
 }
 
-/// Refuses what is too large to be planned, before anybody tries.
+/// Refuses a pipeline that is too large to be planned.
 fn check_pieces(stages: &[StageSpec], order: &[usize], entries: &[Entry<'_>]) -> Result<(), InputError> {
     let mut pieces: Vec<u64> = Vec::with_capacity(stages.len());
     let mut total = 0u64;

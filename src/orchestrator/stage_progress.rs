@@ -49,7 +49,7 @@ impl StageProgress {
 /// Returns the progress of each stage, in topological order. `until` names the last stage.
 ///
 /// # Errors
-/// When there is no such stage, or the store cannot be read.
+/// If there is no such stage, or the store cannot be read.
 pub fn stage_progress(pipeline: &Pipeline, store: &Store, until: Option<&str>) -> Result<Vec<StageProgress>, RunError> {
     let selection = pipeline.selection(until)?;
     let statuses = Planner::beside_others(pipeline, store).statuses(&selection)?;

@@ -73,7 +73,7 @@ impl StageWork {
             },
         ) = (&self.status.action, &self.status.state)
         else {
-            return Err(StageError::Failed("the stage is not ready to be built".into()));
+            return Err(StageError::failed("the stage is not ready to be built"));
         };
         let Plan::Chunks(chunks) = &self.status.work else {
             builder.refuse_chunk_selection(self.index)?;
@@ -116,7 +116,8 @@ impl StageWork {
         let parts: Vec<ArtifactId> = pieces.iter().map(|piece| piece.record.artifact).collect();
         let all = parts.iter().copied().map(Some).collect();
         let new = pieces.iter().filter(|piece| piece.is_new);
-        // Other processes may have built everything; if they have another version, they may have divided it differently.
+        // Other processes may have built everything; if they have another version, they may have divided it
+        // differently.
         if new.clone().next().is_none()
             && let Some(record) = builder.built_meanwhile(key)?
             && record.artifact == planner::manifest(spec, parts.clone()).digest()?

@@ -1,4 +1,4 @@
-//! Why a stage has to be built: a closed list, each reason decided by a predicate of its own.
+//! The reasons why a stage has to be built.
 
 use std::fmt;
 
@@ -8,37 +8,38 @@ use deaflow_store::{Condition, Record, Run};
 /// Why a stage is stale.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Staleness {
-    /// It has not been built here, as far as is remembered.
+    /// It has not been built in this store, as far as the history shows.
     NoRecord,
-    /// A parameter differs from that of the nearest of the last runs.
+    /// A parameter differs from the most similar of the last runs.
     ParameterChanged {
-        /// Dotted path of the first parameter that differs, as `--set` takes it: after `stages.NAME.`, or from `scene.` on.
+        /// Dotted path of the first parameter that differs, as `--set` takes it: after `stages.NAME.`, or from `scene.`
+        /// on.
         which: String,
-        /// Its value then.
+        /// Its earlier value.
         from: String,
-        /// Its value now.
+        /// Its present value.
         to: String,
     },
-    /// An input differs from that of the nearest of the last runs, or has yet to be built.
+    /// An input differs from the most similar of the last runs, or is not built yet.
     InputChanged {
         /// Name of the first stage whose artifact differs.
         which: String,
     },
-    /// The kind's RECIPE differs from that of the last run.
+    /// The RECIPE of the kind has changed.
     RecipeChanged {
-        /// Then.
+        /// Earlier number.
         from: u32,
-        /// Now.
+        /// Present number.
         to: u32,
     },
-    /// What the last run had of it has been collected since.
+    /// Its artifact was removed by a garbage collection.
     Removed {
         /// When, in UTC, RFC 3339.
         at: String,
     },
-    /// Its artifact, or a chunk of it, is gone.
+    /// Its artifact or a chunk of it is missing.
     ArtifactMissing,
-    /// Its artifact, or a chunk of it, is not what was written.
+    /// Its artifact or a chunk of it is damaged.
     ArtifactDamaged,
 }
 
@@ -58,24 +59,24 @@ impl fmt::Display for Staleness {
     }
 }
 
-/// A stage as it is now, to be compared with what it was.
+/// The present state of a stage, to compare with an earlier one.
 pub struct Current<'a> {
     /// RECIPE number of its kind.
     pub recipe: u32,
     /// Canonical parameters.
     pub parameters: &'a Canonical,
-    /// Names of the stages that it needs, with their digests as far as they are known.
+    /// Names of the stages that it needs, with their digests as far as known.
     pub inputs: &'a [(&'a str, Option<ArtifactId>)],
 }
 
 impl Staleness {
-    /// Why a stage without a record of its own key is stale, given the record that it had in an earlier run.
+    /// Returns the first reason why a stage without a record is stale, compared with its record in an earlier run.
     #[must_use]
     pub fn since(current: &Current<'_>, previous: Option<&Record>, run: Option<&Run>) -> Self {
         Self::all_since(current, previous, run).remove(0)
     }
 
-    /// All that makes a stage without a record of its own key stale, the parameters first; never empty.
+    /// Returns all reasons why a stage without a record is stale, parameters first; never empty.
     #[must_use]
     pub fn all_since(current: &Current<'_>, previous: Option<&Record>, run: Option<&Run>) -> Vec<Self> {
         let Some(previous) = previous else {
@@ -90,7 +91,7 @@ impl Staleness {
         all
     }
 
-    /// Why a stage with a record is stale, if the condition of its artifact, or of one of its chunks, makes it so.
+    /// Returns why a stage with a record is stale, given the condition of its artifact or of one of its chunks.
     #[must_use]
     pub fn of_artifact(condition: &Condition) -> Option<Self> {
         artifact_missing(condition).or_else(|| artifact_damaged(condition))
@@ -121,16 +122,16 @@ fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
         .collect()
 }
 
-/// Part of the key of a design stage, which follows from its constraints and its scene and which nobody sets.
+/// A parameter of design stages that follows from others, and that users do not set.
 const NOT_SET: &str = "devices";
 
-/// Whether a mapping without entries has some on the other side, which has values at these paths: they tell of the change.
+/// Whether a value is an empty mapping that has entries on the other side, whose paths show the change.
 pub fn is_filled<'a>(path: &str, value: &Canonical, mut others: impl Iterator<Item = &'a String>) -> bool {
     let is_within = |other: &String| other.strip_prefix(path).is_some_and(|rest| rest.starts_with('.'));
     matches!(value, Canonical::Map(map) if map.is_empty()) && others.any(is_within)
 }
 
-/// The path of a canonical parameter as `--set` takes it: chunked stages keep what all their chunks have in common under `stage`.
+/// Returns the path of a canonical parameter for `--set`: chunked stages have common parameters under `stage`.
 #[must_use]
 pub fn as_set(path: &str) -> &str {
     path.strip_prefix("stage.").unwrap_or(path)
@@ -144,7 +145,7 @@ fn inputs_changed(now: &[(&str, Option<ArtifactId>)], then: &[ArtifactId], run: 
     let differing = now.iter().enumerate();
     let differing = differing.filter(|(i, (_, digest))| *digest != then.get(*i).copied() || digest.is_none());
     let differing = differing.map(|(_, (name, _))| (*name).to_owned());
-    // An input that has been taken away: its name is remembered only by the run.
+    // An input that was removed from the pipeline: only the run has its name.
     let gone = then.iter().skip(now.len()).map(|gone| {
         let named = run.and_then(|run| run.stages.iter().find(|stage| stage.artifact == *gone));
         named.map_or_else(|| gone.short(), |stage| stage.name.clone())

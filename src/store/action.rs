@@ -1,13 +1,13 @@
-//! Actions and their keys: the identity of work, made of what it is a function of and of nothing else.
+//! Actions and their keys. The key of an action is computed from everything that determines its result.
 
 use serde::{Deserialize, Serialize};
 
 use deaflow_base::{ActionKey, ArtifactId, Canonical, EncodingError, encode};
 
-/// What the kind of a chunk's action ends with.
+/// Suffix of the kind of the action of a chunk.
 const CHUNK: &str = " chunk";
 
-/// The kind of the stage whose action, or whose chunk's action, is of this kind.
+/// Returns the kind of the stage for the kind of its action or of the action of one of its chunks.
 #[must_use]
 pub fn stage_kind(action_kind: &str) -> &str {
     action_kind.strip_suffix(CHUNK).unwrap_or(action_kind)
@@ -16,18 +16,18 @@ pub fn stage_kind(action_kind: &str) -> &str {
 /// One piece of work: a stage, or a chunk of one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Action {
-    /// Kind of the stage; a chunk's has a word more, so that a chunk is never taken for its stage.
+    /// Kind of the stage; that of a chunk has a suffix, so that both have different keys.
     pub kind: String,
     /// RECIPE number of the kind.
     pub recipe: u32,
     /// Canonical parameters.
     pub parameters: Canonical,
-    /// The artifacts to read, in order.
+    /// The input artifacts, in order.
     pub inputs: Vec<ArtifactId>,
 }
 
 impl Action {
-    /// The action of a whole stage, or `None` while an input has yet to be built.
+    /// Returns the action of a stage; `None` if an input is not built yet.
     #[must_use]
     pub fn of_stage(kind: &str, recipe: u32, parameters: &Canonical, inputs: &[Option<ArtifactId>]) -> Option<Self> {
         Some(Self {
@@ -38,16 +38,16 @@ impl Action {
         })
     }
 
-    /// The action of a chunk, or `None` while an input has yet to be built.
+    /// Returns the action of a chunk; `None` if an input is not built yet.
     #[must_use]
     pub fn of_chunk(kind: &str, recipe: u32, parameters: &Canonical, inputs: &[Option<ArtifactId>]) -> Option<Self> {
         Self::of_stage(&format!("{kind}{CHUNK}"), recipe, parameters, inputs)
     }
 
-    /// The action key: BLAKE3 of the canonical encoding.
+    /// Returns the action key: the BLAKE3 digest of the canonical encoding.
     ///
     /// # Errors
-    /// When the parameters are larger than an encoding may be.
+    /// If the parameters are too large to be encoded.
     pub fn key(&self) -> Result<ActionKey, EncodingError> {
         Ok(ActionKey::of(&encode(self)?))
     }

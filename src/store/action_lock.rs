@@ -26,8 +26,8 @@ impl Store {
         }
     }
 
-    /// Whether another process or thread is running this action, or one that shares its lock file. That may have changed
-    /// when this returns.
+    /// Whether another process or thread is running this action, or one that shares its lock file. That may have
+    /// changed when this returns.
     ///
     /// # Errors
     /// If the lock file cannot be opened.

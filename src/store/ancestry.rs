@@ -1,4 +1,4 @@
-//! The actions that an artifact goes back to, as records and provenance tell them.
+//! The actions from which an artifact originates, from records and provenance.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -9,26 +9,26 @@ use super::open::Store;
 use super::record::{Lookup, Record};
 use deaflow_base::ArtifactId;
 
-/// One action, and the artifact that it made.
+/// An action and the artifact that it made.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ancestor {
-    /// What it made.
+    /// The artifact.
     pub artifact: ArtifactId,
-    /// What it made that from.
+    /// Its inputs.
     pub inputs: Vec<ArtifactId>,
-    /// Kind, recipe, parameters, inputs, when, where and how long, by the names of `/provenance`; of an artifact that is not in the
-    /// store nothing.
+    /// Kind, recipe, parameters, inputs, when, where and how long, by the names of `/provenance`; of an artifact that
+    /// is not in the store nothing.
     pub entries: BTreeMap<String, String>,
 }
 
 impl Ancestor {
-    /// One of its entries; empty where it is not known.
+    /// Returns one of its entries; empty if unknown.
     #[must_use]
     pub fn entry(&self, name: &str) -> &str {
         self.entries.get(name).map_or("", String::as_str)
     }
 
-    /// Kind and digest, which name it among others.
+    /// Returns a name of kind and digest.
     #[must_use]
     pub fn name(&self) -> String {
         match self.entry("kind") {
@@ -39,11 +39,11 @@ impl Ancestor {
 }
 
 impl Store {
-    /// The action that made an artifact, then those that made what it was made from, back to the samples: each before its inputs. What
-    /// is not in the store is among them, with nothing known of it.
+    /// The action that made an artifact, then those that made what it was made from, back to the samples: each before
+    /// its inputs. What is not in the store is among them, with nothing known of it.
     ///
     /// # Errors
-    /// When one of the artifacts is damaged, or the system refuses.
+    /// If one of the artifacts is damaged, or the system reports an error.
     pub fn ancestry(&self, artifact: &Artifact) -> Result<Vec<Ancestor>, StoreError> {
         let mut found = BTreeMap::new();
         let mut open = vec![artifact.digest()];
@@ -69,7 +69,7 @@ impl Store {
             && let Lookup::Found(record, _) = self.record(&key)?
             && record.artifact == digest
         {
-            entries.extend(told_by(&record));
+            entries.extend(entries_of(&record));
         }
         let inputs = entries.get("inputs").map_or("", String::as_str).lines();
         Ok(Ancestor {
@@ -80,8 +80,8 @@ impl Store {
     }
 }
 
-/// What a record says of its action: its key vouches for that, and nothing for what stands in a file.
-fn told_by(record: &Record) -> [(String, String); 5] {
+/// Returns the entries of a record. Its key confirms them, unlike those in a file.
+fn entries_of(record: &Record) -> [(String, String); 5] {
     let inputs: Vec<String> = record.action.inputs.iter().map(ArtifactId::to_string).collect();
     [
         ("kind", record.action.kind.clone()),
@@ -93,7 +93,7 @@ fn told_by(record: &Record) -> [(String, String); 5] {
     .map(|(name, value)| (name.to_owned(), value))
 }
 
-/// A topological order by depth-first search, without recursion: a pipeline may be long.
+/// Returns the artifacts in topological order by depth-first search, without recursion because a pipeline may be long.
 fn inputs_last(first: ArtifactId, found: &BTreeMap<ArtifactId, Ancestor>) -> Vec<ArtifactId> {
     let mut done = BTreeSet::new();
     let mut order = Vec::new();

@@ -31,8 +31,8 @@ struct Inner {
 }
 
 impl Artifact {
-    /// Opens the file of an artifact at any path; the chunks of a manifest are expected beside it as in a store. The file is
-    /// untrusted, so another process reads it.
+    /// Opens the file of an artifact at any path; the chunks of a manifest are expected beside it as in a store. The
+    /// file is untrusted, so another process reads it.
     ///
     /// # Errors
     /// If it is not an artifact, or is damaged.
@@ -184,7 +184,8 @@ impl Artifact {
         folder.join(&name[..2]).join(format!("{name}.h5"))
     }
 
-    /// Returns the listing of each chunk, in order. In a store, files are opened only if the index does not have the listing.
+    /// Returns the listing of each chunk, in order. In a store, files are opened only if the index does not have the
+    /// listing.
     fn listings(&self) -> Result<Vec<Arc<Listing>>, StoreError> {
         if self.0.access == Access::Apart {
             let listings = self.chunks()?.iter().map(|chunk| chunk.0.overview.listing.clone());
@@ -261,7 +262,8 @@ impl Artifact {
         Ok(whole)
     }
 
-    /// Reads one dataset of a chunk whose listing is known, so that the file is opened once. Every byte of it is verified.
+    /// Reads one dataset of a chunk whose listing is known, so that the file is opened once. Every byte of it is
+    /// verified.
     fn read_part(&self, digest: &ArtifactId, listing: &Listing, path: &str) -> Result<Dataset, StoreError> {
         let file = self.sibling_path(digest);
         let Some(content) = listing.contents.iter().find(|content| content.path == path) else {
@@ -276,7 +278,8 @@ impl Artifact {
         read::dataset(access, &file, content)
     }
 
-    /// Reads a dataset of this file, which is verified again in case it changed; without a change that is only a look at its stamp.
+    /// Reads a dataset of this file, which is verified again in case it changed; without a change that is only a look
+    /// at its stamp.
     fn read_own(&self, content: &Content) -> Result<Dataset, StoreError> {
         self.0.verified.verify(&self.0.path, &self.0.digest)?;
         read::dataset(self.0.access, &self.0.path, content)

@@ -1,7 +1,7 @@
-//! Files appear whole or not at all: written aside, synced, renamed into place, and their folder synced.
+//! Writes files atomically: to a temporary file, which is synced and renamed, and then syncs the folder.
 //!
-//! The order is that of the usual crash-consistency argument (Pillai et al., OSDI 2014): without the first sync a name
-//! may point to missing bytes after a crash, without the second the name itself may be lost.
+//! For the order of these steps see Pillai et al., OSDI 2014: without the first sync a name may refer to missing bytes
+//! after a crash, without the second the name itself may be lost.
 
 use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
@@ -11,16 +11,16 @@ use super::delayed_names;
 use super::error::StoreError;
 use deaflow_base::folder_of;
 
-/// Writes `bytes` as `target`, by way of the file `temporary` in the same filesystem.
+/// Writes `bytes` to `target` by way of `temporary` in the same file system.
 ///
 /// # Errors
-/// When the system refuses; nothing is visible as `target` then.
+/// If the system reports an error; `target` is unchanged then.
 pub fn write(temporary: &Path, target: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     write_unsettled(temporary, target, bytes)?;
     sync_folder(folder_of(target))
 }
 
-/// As [`write()`], but a crash of the machine may yet lose the name: the folder has still to be synced.
+/// As [`write()`] without syncing the folder: a crash of the machine may lose the name.
 ///
 /// # Errors
 /// As [`write()`].
@@ -28,26 +28,25 @@ pub fn write_unsettled(temporary: &Path, target: &Path, bytes: &[u8]) -> Result<
     let refused = |error| StoreError::io("write", target)(error);
     let mut file = File::create(temporary).map_err(refused)?;
     file.write_all(bytes).map_err(refused)?;
-    // Bytes and length; the times of the file may be lost.
+    // Syncs bytes and length, but not the times of the file.
     file.sync_data().map_err(refused)?;
     drop(file);
     place(temporary, target)
 }
 
-/// Gives a synced file its name, creating the folder, unless something of that name is there; says whether it was given. It keeps no
-/// other name.
+/// Gives a synced file its name and creates the folder, unless the name exists. Returns whether it was given.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
 pub fn link(temporary: &Path, target: &Path) -> Result<bool, StoreError> {
     make_folder_of(target)?;
     match delayed_names::until_seen(|| fs::hard_link(temporary, target)) {
         Ok(()) => {
-            // What is left under the other name goes with its folder.
+            // If this fails, the other name is removed with its folder.
             let _ = fs::remove_file(temporary);
         }
         Err(error) if error.kind() == ErrorKind::AlreadyExists => return Ok(false),
-        // No file system of two names: then none where the locks are not to be trusted either.
+        // The file system has no hard links.
         Err(error) if is_unknown(&error) => {
             if fs::symlink_metadata(target).is_ok() {
                 return Ok(false);
@@ -60,15 +59,15 @@ pub fn link(temporary: &Path, target: &Path) -> Result<bool, StoreError> {
     Ok(true)
 }
 
-/// Whether the system does not know how to give a file two names here (FAT, some FUSE file systems).
+/// Whether the file system does not support hard links (FAT, some FUSE file systems).
 fn is_unknown(error: &std::io::Error) -> bool {
     matches!(error.kind(), ErrorKind::Unsupported | ErrorKind::PermissionDenied)
 }
 
-/// Moves a synced file into place, creating its folder.
+/// Moves a synced file into place and creates its folder.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
 pub fn rename(temporary: &Path, target: &Path) -> Result<(), StoreError> {
     place(temporary, target)?;
     sync_folder(folder_of(target))
@@ -88,10 +87,10 @@ fn make_folder_of(target: &Path) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Makes the names in a folder survive a crash of the machine.
+/// Syncs a folder, so that a crash of the machine does not lose names in it.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
 pub fn sync_folder(folder: &Path) -> Result<(), StoreError> {
     File::open(folder)
         .and_then(|f| f.sync_all())

@@ -1,6 +1,6 @@
-//! Notes that processes of several machines leave for each other: `cluster/<topic>/<name>`.
+//! Notes between processes on several machines: `cluster/<topic>/<name>`.
 //!
-//! They are no truth of their own: no key, no artifact and no record depends on one, and any may be deleted at any time.
+//! No key, artifact or record depends on a note, and each may be deleted at any time.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -13,17 +13,17 @@ use serde::de::DeserializeOwned;
 
 use super::atomic;
 use super::delayed_names;
-use super::entries::{files_in_optional, is_file};
+use super::entries::{files_in_optional, is_file, remove_file};
 use super::error::StoreError;
 use super::layout::CLUSTER;
 use super::lock::Guard;
 use super::open::Store;
 use deaflow_base::{folder_of, read_own};
 
-/// A note is shorter, bytes.
+/// Maximum length of a note, bytes.
 const LONGEST: u64 = 16 << 20;
 
-/// The file that who leads holds.
+/// The file that the leading process locks.
 const LEAD: &str = "lead";
 
 /// The notes on one topic.
@@ -35,7 +35,7 @@ pub struct Board {
 }
 
 impl Store {
-    /// The notes on a topic: letters, digits, `-` and `_`. Nothing is made before something is written.
+    /// Returns the notes on a topic (letters, digits, `-` and `_`). Folders are created on the first write.
     #[must_use]
     pub fn board(&self, topic: &str) -> Board {
         Board {
@@ -57,10 +57,10 @@ impl Board {
         self.make(&self.folder)
     }
 
-    /// The folder of logs beside the notes, which is made where there is none.
+    /// Returns the folder for logs, which is created if missing.
     ///
     /// # Errors
-    /// When it cannot be made.
+    /// If it cannot be created.
     pub fn logs(&self) -> Result<PathBuf, StoreError> {
         self.make_folder()?;
         let logs = self.folder.join("logs");
@@ -68,10 +68,10 @@ impl Board {
         Ok(logs)
     }
 
-    /// Writes a note in place of the one of that name.
+    /// Writes a note, replacing one of the same name.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn write<T: Serialize>(&self, name: &str, note: &T) -> Result<(), StoreError> {
         let text = serde_json::to_vec(note)?;
         self.make_folder()?;
@@ -79,10 +79,10 @@ impl Board {
         atomic::write(&temporary, &self.folder.join(name), &text)
     }
 
-    /// Reads a note; none where there is none.
+    /// Reads a note; returns `None` if there is none.
     ///
     /// # Errors
-    /// When the system refuses, or it is not understood: another version may have written it.
+    /// If the system reports an error, or the note is not valid: another version may have written it.
     pub fn read<T: DeserializeOwned>(&self, name: &str) -> Result<Option<T>, StoreError> {
         let path = self.folder.join(name);
         let bytes = match read_own(&path, LONGEST) {
@@ -91,39 +91,35 @@ impl Board {
         };
         let note = serde_json::from_slice(&bytes);
         note.map(Some)
-            .map_err(|error| StoreError::damaged(&path, format!("it is no note of this version: {error}")))
+            .map_err(|error| StoreError::damaged(&path, format!("it is not a valid note of this version: {error}")))
     }
 
-    /// Whether a note is there and was written by the user of this process.
+    /// Whether a note exists and was written by the user of this process.
     #[must_use]
     pub fn is_own(&self, name: &str) -> bool {
         let written = fs::symlink_metadata(self.folder.join(name));
         written.is_ok_and(|written| written.uid() == rustix::process::getuid().as_raw())
     }
 
-    /// Whether there is a note of that name. Its folder is asked, which knows of what other machines have just written.
+    /// Whether there is a note of that name. Lists the folder, which shows what other machines have just written.
     #[must_use]
     pub fn has(&self, name: &str) -> bool {
         let names = self.names(name);
         names.is_ok_and(|names| names.iter().any(|found| found == name))
     }
 
-    /// Removes a note; one that is gone is none.
+    /// Removes a note if it exists.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn remove(&self, name: &str) -> Result<(), StoreError> {
-        let path = self.folder.join(name);
-        match fs::remove_file(&path) {
-            Err(error) if error.kind() != ErrorKind::NotFound => Err(StoreError::io("remove", &path)(error)),
-            _ => Ok(()),
-        }
+        remove_file(&self.folder.join(name))
     }
 
-    /// Names of the notes that begin so, in order.
+    /// Returns the names of notes with this prefix, sorted.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn names(&self, prefix: &str) -> Result<Vec<String>, StoreError> {
         let name = |path: &PathBuf| Some(path.file_name()?.to_str()?.to_owned());
         let found = files_in_optional(&self.folder)?.into_iter();
@@ -132,17 +128,17 @@ impl Board {
         Ok(meant.map(|(name, _)| name).collect())
     }
 
-    /// How long before `now` a note was written; both are by the clock of the file system ([`Store::now`]).
+    /// Returns the age of a note at `now`, both by the clock of the file system ([`Store::now`]).
     #[must_use]
     pub fn age(&self, name: &str, now: SystemTime) -> Option<Duration> {
         let written = fs::symlink_metadata(self.folder.join(name)).ok()?.modified().ok()?;
         Some(now.duration_since(written).unwrap_or_default())
     }
 
-    /// The right to act on the topic, which one process has at a time; none where another has it.
+    /// Locks the topic, unless another process has it.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn try_lock(&self) -> Result<Option<Guard>, StoreError> {
         self.make_folder()?;
         let name = format!("{LEAD}-{}", self.topic);

@@ -1,8 +1,8 @@
-//! What an action has come to before it ends, so that killed work is gone on with and not begun again.
+//! Checkpoints of unfinished actions, from which killed work is resumed.
 //!
-//! A checkpoint is no artifact: nothing is made from it but the rest of its own action, by the build that wrote it, and when that
-//! is recorded the checkpoint goes. It has a checksum, because work that goes on from damaged numbers would end in an artifact that
-//! looks sound.
+//! A checkpoint is not an artifact: it is only used to resume its own action, by the build that wrote it, and is
+//! removed when the action is recorded. It has a checksum, because work that is resumed from damaged data would make a
+//! wrong artifact.
 //!
 //! ```text
 //! deaflow-checkpoint 2
@@ -10,7 +10,7 @@
 //! <action key>
 //! <name>
 //! <build>
-//! <how far it has come, a JSON document>
+//! <progress, as JSON>
 //! content
 //! ```
 
@@ -29,17 +29,17 @@ use deaflow_base::{ActionKey, Digest, open_own};
 
 const TITLE: &str = "deaflow-checkpoint 2";
 
-/// The title without a word of how far the work has come.
+/// The title of the version without progress.
 const FIRST_TITLE: &str = "deaflow-checkpoint 1";
 
-/// How far an unfinished action has come.
+/// The progress of an unfinished action.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CheckpointProgress {
-    /// The stage of which it is a part.
+    /// Its stage.
     pub stage: String,
-    /// Steps that are done.
+    /// Number of finished steps.
     pub steps: u64,
-    /// What its steps are: "epochs".
+    /// Unit of the steps: "epochs".
     pub unit: String,
 }
 
@@ -50,16 +50,17 @@ pub struct Checkpoints {
     pub key: ActionKey,
     /// Their folder.
     pub path: PathBuf,
-    /// Length of their files together, bytes.
+    /// Total length of their files, bytes.
     pub size: u64,
-    /// When one of them was last written or removed; none where the system does not say.
+    /// When one of them was last written or removed, if known.
     pub written: Option<SystemTime>,
-    /// How far the work has come, where that can be read.
+    /// Their progress, if it can be read.
     pub progress: Option<CheckpointProgress>,
 }
 
 impl Checkpoints {
-    /// Whether the last was written less than `grace` ago. One from the future is young: the clock has been set back.
+    /// Whether the last is younger than `grace`. A time in the future also counts as young: the clock has been set
+    /// back.
     pub(super) fn is_young(&self, grace: Duration, now: SystemTime) -> bool {
         let age = self.written.and_then(|written| now.duration_since(written).ok());
         age.is_none_or(|age| age < grace)
@@ -67,11 +68,11 @@ impl Checkpoints {
 }
 
 impl Store {
-    /// Keeps what an action has come to under a name, in place of what was kept before. `build` says which program can go on from
-    /// it, in one line.
+    /// Writes a checkpoint of an action under a name, replacing the previous one. `build` identifies the builds that
+    /// can resume it, in one line.
     ///
     /// # Errors
-    /// When the system refuses (disk full); what was kept before stays then.
+    /// If the system reports an error (disk full); the previous checkpoint stays then.
     pub fn put_checkpoint(
         &self,
         key: &ActionKey,
@@ -90,10 +91,10 @@ impl Store {
         atomic::write(&temporary, &target, &[head.as_bytes(), &body].concat())
     }
 
-    /// What an action had come to when it was last kept; none where nothing was.
+    /// Returns the content of a checkpoint; `None` if there is none.
     ///
     /// # Errors
-    /// When it is damaged, or of another action or build ([`StoreError::Damaged`]), or the system refuses.
+    /// If it is damaged, or of another action or build ([`StoreError::Damaged`]), or the system reports an error.
     pub fn checkpoint(&self, key: &ActionKey, name: &str, build: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let path = self.layout.checkpoints_of(key).join(name);
         let Some(body) = body(&path)? else { return Ok(None) };
@@ -104,12 +105,12 @@ impl Store {
             Some(content) => Ok(Some(content.to_vec())),
             None => Err(StoreError::damaged(
                 &path,
-                "it was written by another build or for other work",
+                "it was written by another build or for another action",
             )),
         }
     }
 
-    /// How far an action has come that the same build can go on with; none where nothing is kept.
+    /// Returns the progress of an action that the same build can resume, if any.
     #[must_use]
     pub fn checkpoint_progress(&self, key: &ActionKey, build: &str) -> Option<CheckpointProgress> {
         let files = files_in_optional(&self.layout.checkpoints_of(key)).ok()?;
@@ -117,30 +118,30 @@ impl Store {
         (wrote == one_line(build)).then_some(reached)
     }
 
-    /// Removes all that was kept of an action.
+    /// Removes all checkpoints of an action.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn remove_checkpoints(&self, key: &ActionKey) -> Result<(), StoreError> {
         remove(&self.layout.checkpoints_of(key))
     }
 
-    /// The checkpoints of all actions.
+    /// Returns the checkpoints of all actions.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn checkpoints(&self) -> Result<Vec<Checkpoints>, StoreError> {
         let folders = files_in_optional(&self.layout.checkpoints())?;
         let found = folders.into_iter().filter_map(|path| Some((key_of(&path)?, path)));
-        found.map(|(key, path)| weigh(key, path)).collect()
+        found.map(|(key, path)| measure(key, path)).collect()
     }
 
-    /// The files of all checkpoints, and what does not belong among them.
+    /// Returns the files of all checkpoints, and stray files.
     pub(super) fn checkpoint_files(&self) -> Result<(Vec<PathBuf>, Vec<PathBuf>), StoreError> {
         let (mut files, mut strays) = (Vec::new(), Vec::new());
         for path in files_in_optional(&self.layout.checkpoints())? {
             match key_of(&path) {
-                // Another process may just have ended its work.
+                // Another process may just have finished its work.
                 Some(_) => files.extend(files_in_optional(&path)?),
                 None if is_hidden(&path) => {}
                 None => strays.push(path),
@@ -150,18 +151,18 @@ impl Store {
     }
 }
 
-/// Whether the file of a checkpoint is as it was written; gone is as good.
+/// Checks that the file of a checkpoint is intact or missing.
 ///
 /// # Errors
-/// When it is damaged, or the system refuses.
+/// If it is damaged, or the system reports an error.
 pub(super) fn check(path: &Path) -> Result<(), StoreError> {
     body(path).map(|_| ())
 }
 
-/// Removes a folder of checkpoints. Nothing happens where there is none, or a link in its place.
+/// Removes a folder of checkpoints. Does nothing if there is none, or if it is a link.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
 pub(super) fn remove(folder: &Path) -> Result<(), StoreError> {
     if !is_folder(folder) {
         return Ok(());
@@ -180,8 +181,8 @@ fn one_line(text: &str) -> String {
     text.replace('\n', " ")
 }
 
-/// By which build a checkpoint was written, and how far the work had come; none where that cannot be read. It is for people and for
-/// what is foretold, and is not checked against the digest.
+/// Returns the build that wrote a checkpoint, and its progress. They are only shown and used for estimates, so the
+/// digest is not verified.
 fn head(path: &Path) -> Option<(String, CheckpointProgress)> {
     let file = BufReader::new(open_own(path).ok()?);
     let mut lines = std::io::Read::take(file, LONGEST_HEAD).lines().map_while(Result::ok);
@@ -193,10 +194,10 @@ fn head(path: &Path) -> Option<(String, CheckpointProgress)> {
     Some((build, serde_json::from_str(&lines.next()?).ok()?))
 }
 
-/// What stands before the content is shorter, bytes.
+/// Maximum length of everything before the content, bytes.
 const LONGEST_HEAD: u64 = 1 << 16;
 
-/// All that the digest covers; none where there is no such file.
+/// Returns everything that the digest covers; `None` if there is no file.
 fn body(path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
     let mut bytes = Vec::new();
     let read = open_own(path).and_then(|mut file| std::io::Read::read_to_end(&mut file, &mut bytes));
@@ -214,7 +215,7 @@ fn body(path: &Path) -> Result<Option<Vec<u8>>, StoreError> {
         .and_then(|rest| rest.split_at_checked(65));
     match checked {
         Some((digest, body)) if digest == format!("{}\n", Digest::of(body)).as_bytes() => Ok(Some(body.to_vec())),
-        _ => Err(StoreError::damaged(path, "its bytes are not those that were written")),
+        _ => Err(StoreError::damaged(path, "its bytes have changed")),
     }
 }
 
@@ -222,7 +223,7 @@ fn key_of(path: &Path) -> Option<ActionKey> {
     path.file_name()?.to_str()?.parse().ok().filter(|_| is_folder(path))
 }
 
-fn weigh(key: ActionKey, path: PathBuf) -> Result<Checkpoints, StoreError> {
+fn measure(key: ActionKey, path: PathBuf) -> Result<Checkpoints, StoreError> {
     let mut checkpoints = Checkpoints {
         key,
         size: 0,
@@ -231,7 +232,7 @@ fn weigh(key: ActionKey, path: PathBuf) -> Result<Checkpoints, StoreError> {
         path,
     };
     for file in files_in_optional(&checkpoints.path)? {
-        // It may be replaced just now.
+        // It may be replaced at this moment.
         if let Ok(metadata) = fs::symlink_metadata(&file) {
             checkpoints.size += metadata.len();
             checkpoints.written = checkpoints.written.max(metadata.modified().ok());

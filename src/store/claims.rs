@@ -1,7 +1,7 @@
-//! Claims on pieces of work, where locks of one machine are not seen by another.
+//! Claims on pieces of work, for file systems whose locks are not visible on other machines.
 //!
-//! A claim is a folder `locks/claims/<key>`, since of all who make one folder at once one succeeds on every file system, with a
-//! file `owner` in it that names a process ([`Presence`]). It lasts until its process removes it or is dead.
+//! A claim is a folder `locks/claims/<key>` with a file `owner` that names a process ([`Presence`]). On every file
+//! system only one process succeeds in creating a folder. A claim lasts until its process removes it or dies.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -19,13 +19,13 @@ use deaflow_base::read_own;
 
 const OWNER: &str = "owner";
 
-/// The name of a process is shorter, bytes.
+/// Maximum length of the name of a process, bytes.
 const LONGEST: u64 = 64;
 
-/// Between two looks at a folder that is not seen yet.
+/// Pause before checking again for a folder that is not visible yet.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// How often a folder that comes and goes is tried.
+/// Maximum number of attempts to claim.
 const ATTEMPTS: usize = 2000;
 
 /// The claims of a store.
@@ -35,7 +35,7 @@ pub struct Claims {
     presence: Arc<Presence>,
 }
 
-/// A claim of this process; it ends when this is dropped.
+/// A claim of this process, released on drop.
 pub struct Claim {
     folder: PathBuf,
     /// Name of this process.
@@ -43,10 +43,10 @@ pub struct Claim {
 }
 
 impl Claims {
-    /// The claims in a folder, which is made where there is none.
+    /// Opens the claims in a folder, which is created if missing.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn new(folder: &Path, presence: Arc<Presence>) -> Result<Self, StoreError> {
         delayed_names::make_folders(folder).map_err(StoreError::io("create", folder))?;
         Ok(Self {
@@ -55,23 +55,23 @@ impl Claims {
         })
     }
 
-    /// Name of this machine.
+    /// Returns the name of this machine.
     pub fn host(&self) -> &str {
         &self.presence.owner().host
     }
 
-    /// Name of this process in the store.
+    /// Returns the name of this process in the store.
     pub fn process(&self) -> &str {
         self.presence.name()
     }
 
-    /// Ends all claims of this process, and its sign of life. What cannot be removed is waited for.
+    /// Releases all claims of this process and removes its heartbeat file. Errors are ignored: claims expire.
     pub fn leave(&self) {
         let _ = self.clear(&[self.presence.name()]);
         self.presence.remove_process(self.presence.name());
     }
 
-    /// Who has a piece of work, where somebody has it and that is known.
+    /// Returns the process that has claimed a piece of work, if known.
     pub fn owner(&self, key: &str) -> Option<Owner> {
         let process = process_of(&self.folder.join(key));
         match process.as_str() {
@@ -84,10 +84,10 @@ impl Claims {
         }
     }
 
-    /// Claims a piece of work unless a living process has it, or another thread of this one.
+    /// Claims a piece of work unless a living process or another thread has it.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn try_take(&self, key: &str) -> Result<Option<Claim>, StoreError> {
         let path = self.folder.join(key);
         for _ in 0..ATTEMPTS {
@@ -100,10 +100,10 @@ impl Claims {
                     let owner = path.join(OWNER);
                     match fs::write(&owner, &claim.process) {
                         Ok(()) => return Ok(Some(claim)),
-                        // Somebody has waited for the name for long, and has ended the claim.
+                        // Another process has removed the claim, because it had no owner for long.
                         Err(error) if delayed_names::is_late(&error) => std::thread::sleep(PAUSE),
                         Err(error) => {
-                            // A full disk: without a name it would be waited for.
+                            // The disk is full. Without an owner, others would wait for the claim.
                             let _ = remove(&path);
                             return Err(StoreError::io("write", &owner)(error));
                         }
@@ -115,7 +115,7 @@ impl Claims {
                         return Ok(None);
                     }
                     let life = match process.as_str() {
-                        // Its process may be about to write its name; the next claim on the same is another.
+                        // Its process may be about to write its name, so the age of this claim is watched.
                         "" => self.presence.state_of(key, made(&path)),
                         process => self.presence.process_state(process),
                     };
@@ -124,7 +124,7 @@ impl Claims {
                         ProcessState::Dead(_) => self.evict(&path, &process)?,
                     }
                 }
-                // The folder is gone, or its name is stale.
+                // The folder has been removed, or its name is stale.
                 Err(error) if delayed_names::is_late(&error) => {
                     delayed_names::make_folders(&self.folder).map_err(StoreError::io("create", &self.folder))?;
                     std::thread::sleep(PAUSE);
@@ -135,10 +135,10 @@ impl Claims {
         Ok(None)
     }
 
-    /// Ends the claims of processes that are dead.
+    /// Removes the claims of dead processes.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn clear(&self, dead: &[&str]) -> Result<(), StoreError> {
         if dead.is_empty() {
             return Ok(());
@@ -153,15 +153,16 @@ impl Claims {
         Ok(())
     }
 
-    /// Ends the claim of a dead process. Moved first: of several who try one succeeds, and who comes late does not end the claim that
-    /// followed.
+    /// Removes the claim of a dead process. It is renamed first: only one of several processes succeeds, and a late one
+    /// does not remove the next claim.
     fn evict(&self, path: &Path, process: &str) -> Result<(), StoreError> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let aside = self.folder.join(format!("{name}.{}", self.presence.name()));
         match fs::rename(path, &aside) {
             Ok(()) if process_of(&aside) == process => remove(&aside),
             Ok(()) => {
-                // It had been claimed again meanwhile. Where that cannot be put back, its work may be done twice, to the same end.
+                // It was claimed again meanwhile. If it cannot be restored, the work may be done twice, with the same
+                // result.
                 let _ = fs::rename(&aside, path);
                 Ok(())
             }
@@ -173,14 +174,15 @@ impl Claims {
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        // Another may have thought this process dead, and have it now. What cannot be removed ends with its process.
+        // Another process may have considered this one dead and have claimed it. A claim that cannot be removed
+        // expires.
         if process_of(&self.folder) == self.process {
             let _ = remove(&self.folder);
         }
     }
 }
 
-/// What tells a claim from the next one on the same piece of work.
+/// Identifies a claim among several claims on the same piece of work.
 fn made(claim: &Path) -> Vec<u8> {
     let metadata = fs::symlink_metadata(claim);
     metadata.map_or_else(|_| Vec::new(), |found| format!("{:?}", Stamp::of(&found)).into_bytes())
@@ -191,7 +193,7 @@ fn process_of(claim: &Path) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// The name before the folder: a claim without a name is nobody's to others.
+/// Removes a claim: first its owner, then the folder.
 fn remove(claim: &Path) -> Result<(), StoreError> {
     let gone = |result: std::io::Result<()>, path: &Path| match result {
         Err(error) if !delayed_names::is_late(&error) => Err(StoreError::io("remove", path)(error)),

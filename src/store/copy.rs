@@ -1,7 +1,7 @@
-//! Copies artifacts into another store, with all that they need: a run there reuses them.
+//! Copies artifacts with their dependencies to another store, where runs reuse them.
 //!
-//! Artifacts come before manifests that lay them end to end, and both before the records that promise them, so that the other store
-//! is sound at any moment.
+//! Artifacts come before manifests that lay them end to end, and both before the records that promise them, so that the
+//! other store is sound at any moment.
 
 use std::collections::BTreeSet;
 
@@ -13,7 +13,7 @@ use super::open::Store;
 use super::record::Lookup;
 use deaflow_base::{ActionKey, ArtifactId};
 
-/// What a copy came to.
+/// The result of copying.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CopySummary {
     /// Artifacts that were copied.
@@ -22,21 +22,21 @@ pub struct CopySummary {
     pub bytes: u64,
     /// Records that were copied.
     pub records: u64,
-    /// Artifacts that were there.
+    /// Artifacts that existed already.
     pub artifacts_there: u64,
-    /// Records that were there.
+    /// Records that existed already.
     pub records_there: u64,
-    /// Artifacts that no sound record speaks of: no run can reuse them.
+    /// Artifacts without a valid record, which no run can reuse.
     pub without_record: Vec<ArtifactId>,
 }
 
 impl Store {
-    /// Copies an artifact, its chunks and all that it was made from into another store, then their records. What is there already
-    /// stays as it is. `progress` is told how many artifacts of how many are done.
+    /// Copies an artifact, its chunks and all that it was made from into another store, then their records. What is
+    /// there already stays as it is. `progress` is told how many artifacts of how many are done.
     ///
     /// # Errors
-    /// When something that is needed is missing or damaged, or the system refuses. The other store is sound even then, and a further
-    /// copy goes on.
+    /// If something that is needed is missing or damaged, or the system reports an error. The other store is sound even
+    /// then, and a further copy goes on.
     pub fn copy_to(
         &self,
         target: &Self,
@@ -64,7 +64,7 @@ impl Store {
         Ok(copied)
     }
 
-    /// A manifest without its chunks would be a hole in the store if the copy ended half-way.
+    /// Sorts manifests last, so that an interrupted copy leaves no manifest without chunks.
     fn manifests_last(&self, reached: &BTreeSet<ArtifactId>) -> Result<Vec<ArtifactId>, StoreError> {
         let (mut plain, mut manifests) = (Vec::new(), Vec::new());
         for digest in reached {
@@ -88,7 +88,7 @@ impl Store {
         if header.content != *digest {
             return Err(StoreError::damaged(
                 &source,
-                format!("it holds artifact {}", header.content.short()),
+                format!("it contains artifact {}", header.content.short()),
             ));
         }
         target.publish(&temporary, header)?;
@@ -97,7 +97,7 @@ impl Store {
         Ok(())
     }
 
-    /// The records of the actions that made an artifact.
+    /// Copies the records of an artifact.
     fn copy_records(
         &self,
         target: &Self,

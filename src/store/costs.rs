@@ -1,6 +1,6 @@
-//! What stages have cost: a line of JSON for each stage that was built, from which plans foretell what the next one takes.
+//! The costs of stages: a line of JSON for each stage that was built, from which plans estimate the cost of others.
 //!
-//! It is experience, not truth: no key, no artifact and no record depends on it, and it may be deleted at any time.
+//! No key, artifact or record depends on it, and it may be deleted at any time.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -13,10 +13,10 @@ use super::error::StoreError;
 use super::open::Store;
 use deaflow_base::read_own;
 
-/// When the file is longer than this, the older half of its lines goes, bytes.
-const LONG: usize = 1 << 20;
+/// Length of the file above which the older half of its lines is removed, bytes.
+const MAX_LENGTH: usize = 1 << 20;
 
-/// What building a stage, or its missing chunks, has cost.
+/// The cost of building a stage or its missing chunks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
     /// Kind of the stage.
@@ -25,26 +25,26 @@ pub struct Cost {
     pub recipe: u32,
     /// Canonical parameters: dotted path and value of every leaf.
     pub parameters: BTreeMap<String, String>,
-    /// Name of the machine.
+    /// Host name of the machine.
     pub host: String,
     /// Threads of the run.
     pub jobs: u64,
-    /// Steps that were done: samples, epochs, generations.
+    /// Number of steps: samples, epochs, generations.
     pub steps: u64,
-    /// How much work a step was, in comparison with the same kind at other parameters.
+    /// Amount of work of a step, relative to the same kind with other parameters.
     #[serde(default = "one")]
     pub weight: f64,
-    /// Chunks that were built; 1 where the stage is not chunked.
+    /// Number of chunks that were built; 1 for a stage without chunks.
     pub chunks: u64,
     /// Length of all inputs, bytes.
     pub input_bytes: u64,
-    /// Samples that have no stable solution: to find that out takes many times as long as to solve.
+    /// Number of samples without a stable solution, which take many times longer.
     #[serde(default)]
     pub unstable: u64,
-    /// Its part of the time of the run, s: what went by while it was at work, divided by the stages that were at work. What it would take
-    /// alone is about that.
+    /// Its share of the time of the run, s: the time is divided equally among the stages that are running. It is about
+    /// the time that the stage takes alone.
     pub seconds: f64,
-    /// From the beginning of the stage to its end, s; none where that was not written down.
+    /// From the start of the stage to its end, s; missing in older files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub elapsed: Option<f64>,
     /// Length of the files that were written, bytes.
@@ -54,21 +54,21 @@ pub struct Cost {
 }
 
 impl Store {
-    /// Adds what a stage has cost.
+    /// Appends the cost of a stage.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn put_cost(&self, cost: &Cost) -> Result<(), StoreError> {
         let path = self.layout.costs();
         let mut line = serde_json::to_vec(cost)?;
         line.push(b'\n');
-        // One write at the end of the file: two processes that add at once do not mix their lines. A line that was cut off
-        // by a full disk is ended first, so that it does not swallow this one.
+        // A single write at the end of the file keeps lines of several processes apart. If a full disk has cut off the
+        // last line, it is ended first.
         let known = self.cost_lines();
         if known.last().is_some_and(|last| *last != b'\n') {
             line.insert(0, b'\n');
         }
-        if known.len() + line.len() > LONG {
+        if known.len() + line.len() > MAX_LENGTH {
             let half = known.len() / 2;
             let cut = known[half..].iter().position(|byte| *byte == b'\n');
             let mut kept = cut.map_or_else(Vec::new, |at| known[half + at + 1..].to_vec());
@@ -76,7 +76,7 @@ impl Store {
             let folder = self.temporary()?;
             return atomic::write(&folder.path().join("costs"), &path, &kept);
         }
-        // Through a link the line would end up in somebody else's file.
+        // A link would lead to a foreign file.
         if fs::symlink_metadata(&path).is_ok_and(|metadata| !metadata.is_file()) {
             return Err(StoreError::damaged(&path, "it is not a file"));
         }
@@ -86,7 +86,7 @@ impl Store {
             .map_err(StoreError::io("write", &path))
     }
 
-    /// All costs that are remembered, oldest first. A line, or a file, that cannot be read is passed over.
+    /// Returns the costs, oldest first. Invalid lines and files are ignored.
     #[must_use]
     pub fn costs(&self) -> Vec<Cost> {
         let lines = self.cost_lines();
@@ -97,8 +97,8 @@ impl Store {
 
     fn cost_lines(&self) -> Vec<u8> {
         let path = self.layout.costs();
-        // Nothing, or nothing that this program wrote, or nothing that can be read: no run fails for want of a price.
-        read_own(&path, 4 * LONG as u64).unwrap_or_default()
+        // A missing or unreadable file only means that there are no prices.
+        read_own(&path, 4 * MAX_LENGTH as u64).unwrap_or_default()
     }
 }
 
@@ -152,11 +152,11 @@ mod tests {
         store.put_cost(&cost(0)).unwrap();
         assert_eq!(store.costs().len(), 2);
 
-        let many = whole.repeat(LONG / whole.len());
+        let many = whole.repeat(MAX_LENGTH / whole.len());
         fs::write(&path, many).unwrap();
         store.put_cost(&cost(3)).unwrap();
         let costs = store.costs();
-        assert!(fs::metadata(&path).unwrap().len() < LONG as u64 * 6 / 10);
+        assert!(fs::metadata(&path).unwrap().len() < MAX_LENGTH as u64 * 6 / 10);
         assert_eq!((costs.first(), costs.last()), (Some(&cost(1)), Some(&cost(3))));
     }
 

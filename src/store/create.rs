@@ -1,9 +1,9 @@
-//! HDF5 files that are made where no other process looks, and then moved into place.
+//! Creates HDF5 files that no other process opens until they are moved into place.
 
 use hdf5::FileBuilder;
 
-/// A file to be made. It has no lock: a process that was started meanwhile has inherited the open file, and a lock with it, which
-/// would outlive the writing.
+/// Returns a builder for a file without a lock: a child process that is started meanwhile would inherit the lock and
+/// hold it for longer than the write takes.
 pub fn new_file() -> FileBuilder {
     let mut builder = FileBuilder::new();
     builder.with_fapl(|access| access.file_locking(false));

@@ -1,4 +1,5 @@
-//! Names that are seen late: on a shared file system what another machine has made may be absent here for as long as names are remembered.
+//! Names that are seen late: on a shared file system what another machine has made may be absent here for as long as
+//! names are remembered.
 
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -8,24 +9,24 @@ use std::time::{Duration, Instant};
 
 use deaflow_base::aside;
 
-/// As long as the usual settings of network file systems remember that a name is absent, and half as long again.
+/// Maximum delay: 1.5 times that with which usual settings of network file systems cache missing names.
 pub const LATEST: Duration = Duration::from_secs(90);
 
-/// Between two looks.
+/// Pause before checking again.
 pub const PAUSE: Duration = Duration::from_millis(50);
 
-/// Whether a store has been opened where names may be seen late. On a disk an absent name is absent.
+/// Whether a store is open on a file system with delayed names.
 static EXPECTED: AtomicBool = AtomicBool::new(false);
 
-/// From now on absent names are looked at again.
+/// From now on, missing names are checked again.
 pub fn expect() {
     EXPECTED.store(true, Ordering::Relaxed);
 }
 
-/// Does what needs a name that must be there, again while that is absent or stale.
+/// Repeats an operation on a name that must exist, while the name is missing or stale.
 ///
 /// # Errors
-/// What the system says in the end.
+/// The last error of the system.
 pub fn until_seen<T>(mut attempt: impl FnMut() -> io::Result<T>) -> io::Result<T> {
     let start = Instant::now();
     loop {
@@ -38,10 +39,11 @@ pub fn until_seen<T>(mut attempt: impl FnMut() -> io::Result<T>) -> io::Result<T
     }
 }
 
-/// As [`until_seen`] for a name that need not be there: it is waited for only where its folder lists it, which is answered by the server.
+/// As [`until_seen`] for a name that need not be there: it is waited for only where its folder lists it, which is
+/// answered by the server.
 ///
 /// # Errors
-/// What the system says in the end.
+/// The last error of the system.
 pub fn if_listed<T>(path: &Path, mut attempt: impl FnMut() -> io::Result<T>) -> io::Result<T> {
     match attempt() {
         Err(error) if is_late(&error) && EXPECTED.load(Ordering::Relaxed) && is_listed(path) => until_seen(attempt),
@@ -70,7 +72,7 @@ fn is_listed(path: &Path) -> bool {
     entries.flatten().any(|entry| entry.file_name() == name)
 }
 
-/// Whether a name is absent, or means what is no more.
+/// Whether a name is missing or stale.
 pub fn is_late(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::StaleNetworkFileHandle)
 }
@@ -78,7 +80,7 @@ pub fn is_late(error: &io::Error) -> bool {
 /// Makes a folder and those above it. One that is there already is as good, whether it is seen yet or not.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
 pub fn make_folders(path: &Path) -> io::Result<()> {
     let make = || match fs::create_dir(path) {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(()),

@@ -1,4 +1,4 @@
-//! What artifacts need: their chunks, and all that they were made from, back to the seeds.
+//! The dependencies of artifacts: their chunks and all inputs from which they were made.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,18 +8,18 @@ use super::open::Store;
 use super::record::{self, Lookup, Record};
 use deaflow_base::{ActionKey, ArtifactId};
 
-/// A record, as far as it matters here.
+/// The part of a record that is needed here.
 pub struct RecordSummary {
     /// Its key.
     pub key: ActionKey,
     /// Kind of its action.
     pub kind: String,
-    /// What the action read.
+    /// The inputs of the action.
     inputs: Vec<ArtifactId>,
 }
 
 impl RecordSummary {
-    /// What matters here of a record.
+    /// Takes the needed part of a record.
     pub fn of(record: Record) -> Self {
         Self {
             key: record.key,
@@ -29,11 +29,12 @@ impl RecordSummary {
     }
 }
 
-/// Records by what they made.
+/// Records by artifact.
 pub type Records = BTreeMap<ArtifactId, Vec<RecordSummary>>;
 
 impl Store {
-    /// Everything that some artifacts need, themselves included, and what of it is missing: what that would need is not known.
+    /// Returns artifacts with all their dependencies, and which of them are missing (whose own dependencies are
+    /// unknown).
     pub(super) fn dependencies(
         &self,
         artifacts: Vec<ArtifactId>,
@@ -57,7 +58,7 @@ impl Store {
                 Err(error) => return Err(error),
             }
             if !records.contains_key(&digest) {
-                // Its record is lost or damaged; what it was made from stands in itself too.
+                // Its record is lost or damaged, but its provenance has the inputs too.
                 let provenance = self.artifact(&digest)?.provenance()?;
                 let inputs = provenance.get("inputs").map_or("", String::as_str).lines();
                 open.extend(inputs.filter_map(|input| input.parse::<ArtifactId>().ok()));
@@ -66,7 +67,7 @@ impl Store {
         Ok((reached, missing))
     }
 
-    /// The records that can be read; damaged ones hold nothing.
+    /// Returns the valid records.
     pub(super) fn known_records(&self) -> Result<Records, StoreError> {
         let mut known = Records::new();
         self.each_record(|record| {
@@ -78,7 +79,7 @@ impl Store {
         Ok(known)
     }
 
-    /// Reads the records, one after another; damaged ones are passed over.
+    /// Calls a function for each valid record.
     pub(super) fn each_record(&self, mut take: impl FnMut(Record)) -> Result<(), StoreError> {
         for path in files(&self.layout.records())? {
             let Some(key) = self.layout.action_at(&path) else {

@@ -1,4 +1,4 @@
-//! What the elements of a dataset are.
+//! The element types of datasets.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,9 +9,9 @@ use super::object::Data;
 pub enum ElementType {
     /// Bytes.
     U8,
-    /// 32-bit whole numbers.
+    /// 32-bit unsigned integers.
     U32,
-    /// 64-bit whole numbers.
+    /// 64-bit unsigned integers.
     U64,
     /// Single precision.
     F32,
@@ -22,7 +22,7 @@ pub enum ElementType {
 }
 
 impl ElementType {
-    /// The type of elements.
+    /// Returns the type of elements.
     #[must_use]
     pub fn of(data: &Data) -> Self {
         match data {
@@ -35,7 +35,7 @@ impl ElementType {
         }
     }
 
-    /// The name in digests and listings.
+    /// Returns the name in digests and listings.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -1,8 +1,7 @@
-//! What lies in the folders of a store, ours and others'.
+//! Lists the folders of a store.
 //!
-//! File managers, editors and people leave files everywhere. What is not named as we name things is passed over, here and by
-//! every command; `fsck` names it. We make no links: one that leads nowhere is nothing, one that leads elsewhere is not
-//! followed.
+//! Other programs may leave files there. Files with other names than those of the store are ignored by all commands and
+//! reported by `fsck`. The store contains no links: broken ones are ignored and others are not followed.
 
 use std::fs::{self, DirEntry};
 use std::io::ErrorKind;
@@ -11,16 +10,16 @@ use std::path::{Path, PathBuf};
 use super::error::StoreError;
 use deaflow_base::leads_nowhere_at;
 
-/// What the names of files and folders being written begin with, as the crate `tempfile` names them.
+/// Prefix of temporary files and folders, as in the crate `tempfile`.
 pub const TEMPORARY: &str = ".tmp";
 
-/// Letters and digits that follow, in the same crate and in the names of processes.
+/// Number of letters and digits that follow; also the length of names of processes.
 pub const LETTERS: usize = 6;
 
-/// Everything in a folder, in order, but for links that lead nowhere.
+/// Returns the entries of a folder, sorted, without broken links.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
 pub fn files_in(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let mut out = Vec::new();
     for entry in entries(folder)? {
@@ -33,21 +32,20 @@ pub fn files_in(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     Ok(out)
 }
 
-/// Names of everything in a folder, in no order, but for links that lead nowhere and names that are no text.
+/// Returns the names in a folder, unsorted, without broken links and names that are not UTF-8.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
 pub fn names_in(folder: &Path) -> Result<Vec<String>, StoreError> {
     let found = entries(folder)?.into_iter();
     let found = found.filter(|entry| !(is_link(entry) && leads_nowhere_at(&entry.path())));
     Ok(found.filter_map(|entry| entry.file_name().into_string().ok()).collect())
 }
 
-/// Everything in a folder that need not be there, in order. Only where there is nothing at all of its name there is nothing in
-/// it: a folder that cannot be read, or something else in its place, may hide what was in it.
+/// Returns the entries of a folder that may be missing, sorted. A folder that cannot be read is an error.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
 pub fn files_in_optional(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     match fs::symlink_metadata(folder) {
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(Vec::new()),
@@ -55,10 +53,10 @@ pub fn files_in_optional(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     }
 }
 
-/// Everything two levels down, in order.
+/// Returns the entries of the subfolders of a folder, sorted.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
 pub fn files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let mut out = Vec::new();
     for path in files_in(folder)? {
@@ -71,23 +69,23 @@ pub fn files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     Ok(out)
 }
 
-/// Whether a path is a folder itself, and no link to one.
+/// Whether a path is a folder and not a link.
 pub fn is_folder(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_dir())
 }
 
-/// Whether a path is a file itself, and no link to one.
+/// Whether a path is a regular file and not a link.
 pub fn is_file(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_file())
 }
 
-/// Whether a name is one of those that file systems and their viewers leave everywhere.
+/// Whether a name starts with a dot, as those that file systems and file managers create.
 pub fn is_hidden(path: &Path) -> bool {
     path.file_name()
         .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
 
-/// Whether a file or folder in `tmp` was made there by a process that wrote it.
+/// Whether a path in `tmp` has the name of a temporary file or folder of a process.
 pub fn is_temporary(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let is_named = name.strip_prefix(TEMPORARY).is_some_and(|rest| rest.len() == LETTERS);
@@ -99,10 +97,21 @@ pub fn is_link(entry: &DirEntry) -> bool {
     entry.file_type().is_ok_and(|kind| kind.is_symlink())
 }
 
-/// All entries of a folder.
+/// Removes a file; does nothing if it does not exist.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
+pub fn remove_file(path: &Path) -> Result<(), StoreError> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(StoreError::io("remove", path)(error)),
+        _ => Ok(()),
+    }
+}
+
+/// Returns all entries of a folder.
+///
+/// # Errors
+/// If the system reports an error.
 pub fn entries(folder: &Path) -> Result<Vec<DirEntry>, StoreError> {
     let read = fs::read_dir(folder).and_then(Iterator::collect);
     read.map_err(StoreError::io("read", folder))

@@ -34,7 +34,8 @@ pub enum StoreError {
     #[error(transparent)]
     Hdf(#[from] HdfError),
     /// The store has a format version that this program does not support.
-    #[error("the store format in {path} is {found:?}, supported is `{known}`: use the version of deaflow that made the store, or another --store",
+    #[error("the store format in {path} is {found:?}, supported is `{known}`: use the version of \
+             deaflow that made the store, or another --store",
         path = path.display())]
     Format {
         /// The marker file.
@@ -53,7 +54,8 @@ pub enum StoreError {
         reason: String,
     },
     /// A path of the store is not the folder or file that belongs there.
-    #[error("{path} is {found}, but the store needs {wanted} there: move it away, or name another --store; nothing was changed",
+    #[error("{path} is {found}, but the store needs {wanted} there: move it away, or name another --store; nothing \
+             was changed",
         path = path.display())]
     Foreign {
         /// The path.
@@ -144,7 +146,8 @@ pub enum StoreError {
         missing: ArtifactId,
     },
     /// An artifact from which another one was made is missing.
-    #[error("artifact {digest} was made from artifact {missing}, which is missing", digest = digest.short(), missing = missing.short())]
+    #[error("artifact {digest} was made from artifact {missing}, which is missing",
+        digest = digest.short(), missing = missing.short())]
     IncompleteInputs {
         /// The artifact.
         digest: ArtifactId,
@@ -201,8 +204,8 @@ impl StoreError {
         matches!(self, Self::Missing { .. } | Self::Damaged { .. })
     }
 
-    /// Whether the operation may succeed later or on another machine: the system reported an error, a damaged file can be
-    /// rebuilt, or another process was using the store.
+    /// Whether the operation may succeed later or on another machine: the system reported an error, a damaged file can
+    /// be rebuilt, or another process was using the store.
     #[must_use]
     pub fn is_transient(&self) -> bool {
         matches!(self, Self::Io { .. } | Self::Hdf5 { .. } | Self::Busy { .. }) || self.is_damage()

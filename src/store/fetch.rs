@@ -1,8 +1,8 @@
 //! Downloads missing artifacts and records from the upstream store.
 //!
-//! Downloaded files are not trusted: their bytes are compared with their header, another process reads their content and
-//! computes its digest, and the result is written as a new file. So a store contains only files that this program has
-//! written.
+//! Downloaded files are not trusted: their bytes are compared with their header, another process reads their content
+//! and computes its digest, and the result is written as a new file. So a store contains only files that this program
+//! has written.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -131,8 +131,8 @@ impl Store {
         self.put_record(record)
     }
 
-    /// Downloads an artifact that is missing or damaged here, its chunks, and then its records. Returns whether all of it is
-    /// here now; what cannot be downloaded or is not valid has to be built.
+    /// Downloads an artifact that is missing or damaged here, its chunks, and then its records. Returns whether all of
+    /// it is here now; what cannot be downloaded or is not valid has to be built.
     ///
     /// # Errors
     /// If this store cannot be read or written.
@@ -196,7 +196,8 @@ impl Store {
         Ok(())
     }
 
-    /// Downloads artifacts, several at once, and returns those that could not be downloaded. `progress` is called after each.
+    /// Downloads artifacts, several at once, and returns those that could not be downloaded. `progress` is called after
+    /// each.
     ///
     /// # Errors
     /// As [`Store::fetch`].
@@ -212,8 +213,8 @@ impl Store {
         })
     }
 
-    /// Writes the content of a downloaded file as a new artifact if it has the expected digest; returns whether all its chunks are
-    /// here.
+    /// Writes the content of a downloaded file as a new artifact if it has the expected digest; returns whether all its
+    /// chunks are here.
     fn import(&self, path: &Path, digest: &ArtifactId) -> Result<bool, StoreError> {
         let (artifact, object) = Artifact::read_uncached(path, digest)?;
         if !self.fetch_all(&object.parts, &|| ())?.is_empty() {
@@ -224,8 +225,8 @@ impl Store {
         Ok(true)
     }
 
-    /// Returns the provenance of a downloaded artifact: that in its file if a record has the digest of this file, otherwise
-    /// that of a record.
+    /// Returns the provenance of a downloaded artifact: that in its file if a record has the digest of this file,
+    /// otherwise that of a record.
     fn provenance_of(&self, artifact: &Artifact) -> Result<Provenance, StoreError> {
         let digest = artifact.digest();
         let records = self

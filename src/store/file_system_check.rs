@@ -1,4 +1,4 @@
-//! What a file system does of what a store needs, tried and not looked up.
+//! Tests whether the file system supports what a store needs.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
@@ -9,34 +9,34 @@ use super::locking::{self, LockingChoice};
 use super::open::Store;
 use super::stamp::{file_system_time, machine_time};
 
-/// Clocks that differ by more are worth a word, s.
+/// Clock difference above which a note is shown, s.
 const SKEW: i64 = 2;
 
-/// Less room is worth a word: bytes, and files.
+/// Free bytes and files below which a note is shown.
 const LITTLE: (u64, u64) = (1 << 30, 10_000);
 
-/// Length of a file that is asked for, bytes.
+/// Length of the file to test the quota, bytes.
 const ASKED: u64 = 64 << 20;
 
 /// How a check ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CheckResult {
-    /// As a store needs it.
+    /// The file system supports it.
     Good,
-    /// A store does without.
+    /// Not supported, but the store works without it.
     Noted,
-    /// A store cannot do without.
+    /// Not supported, and the store needs it.
     Bad,
 }
 
 /// One check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileSystemCheck {
-    /// What was tried.
+    /// The name of the check.
     pub name: &'static str,
-    /// How it ended.
+    /// The result.
     pub result: CheckResult,
-    /// What was found.
+    /// The finding.
     pub found: String,
 }
 
@@ -45,7 +45,7 @@ pub struct FileSystemCheck {
 pub struct FileSystemReport {
     /// Its kind.
     pub file_system: String,
-    /// How processes keep out of each other's way, and why.
+    /// The locking method, and the reason for it.
     pub choice: LockingChoice,
     /// The checks.
     pub checks: Vec<FileSystemCheck>,
@@ -55,7 +55,7 @@ impl Store {
     /// Tries what a store needs, in a folder of its own there.
     ///
     /// # Errors
-    /// When nothing can be written.
+    /// If the store is not writable.
     pub fn check_file_system(&self) -> Result<FileSystemReport, StoreError> {
         let folder = self.temporary()?;
         let folder = folder.path();
@@ -84,11 +84,11 @@ fn locks(folder: &Path) -> io::Result<(CheckResult, String)> {
     let (one, other) = (File::create(&path)?, File::open(&path)?);
     if let Err(error) = one.try_lock() {
         let error = io::Error::from(error);
-        return Ok((CheckResult::Noted, format!("none: {error}; claims do without")));
+        return Ok((CheckResult::Noted, format!("not supported: {error}; claims are used")));
     }
     Ok(match other.try_lock_shared() {
-        Err(fs::TryLockError::WouldBlock) => (CheckResult::Good, "exclude others of this machine".to_owned()),
-        _ => (CheckResult::Noted, "granted to everybody; claims do without".to_owned()),
+        Err(fs::TryLockError::WouldBlock) => (CheckResult::Good, "exclude other processes of this machine".to_owned()),
+        _ => (CheckResult::Noted, "not exclusive; claims are used".to_owned()),
     })
 }
 
@@ -97,17 +97,16 @@ fn link(folder: &Path) -> io::Result<(CheckResult, String)> {
     fs::write(&one, "1")?;
     match fs::hard_link(&one, &two) {
         Err(error) => {
-            return Ok((
-                CheckResult::Noted,
-                format!("none: {error}; files are renamed into place"),
-            ));
+            return Ok((CheckResult::Noted, format!("not supported: {error}; files are renamed")));
         }
         Ok(()) => fs::write(folder.join("three"), "3")?,
     }
     Ok(match fs::hard_link(folder.join("three"), &two) {
-        Err(error) if error.kind() == ErrorKind::AlreadyExists => (CheckResult::Good, "replaces nothing".to_owned()),
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+            (CheckResult::Good, "does not replace existing files".to_owned())
+        }
         Err(error) => return Err(error),
-        Ok(()) => (CheckResult::Bad, "replaces what is there".to_owned()),
+        Ok(()) => (CheckResult::Bad, "replaces existing files".to_owned()),
     })
 }
 
@@ -117,8 +116,8 @@ fn rename(folder: &Path) -> io::Result<(CheckResult, String)> {
     fs::write(&two, "old")?;
     fs::rename(&one, &two)?;
     Ok(match fs::read(&two)?.as_slice() {
-        b"new" => (CheckResult::Good, "replaces in one step".to_owned()),
-        _ => (CheckResult::Bad, "what was renamed is not there".to_owned()),
+        b"new" => (CheckResult::Good, "replaces atomically".to_owned()),
+        _ => (CheckResult::Bad, "the renamed file is missing".to_owned()),
     })
 }
 
@@ -126,9 +125,11 @@ fn exclusive(folder: &Path) -> io::Result<(CheckResult, String)> {
     let path = folder.join("claim");
     fs::create_dir(&path)?;
     Ok(match fs::create_dir(&path) {
-        Err(error) if error.kind() == ErrorKind::AlreadyExists => (CheckResult::Good, "one of all succeeds".to_owned()),
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+            (CheckResult::Good, "only one process succeeds".to_owned())
+        }
         Err(error) => return Err(error),
-        Ok(()) => (CheckResult::Bad, "a folder can be made twice".to_owned()),
+        Ok(()) => (CheckResult::Bad, "a folder can be created twice".to_owned()),
     })
 }
 
@@ -138,7 +139,7 @@ fn sync(folder: &Path) -> io::Result<(CheckResult, String)> {
     file.sync_all()?;
     Ok(match File::open(folder).and_then(|folder| folder.sync_all()) {
         Ok(()) => (CheckResult::Good, "files and folders".to_owned()),
-        Err(error) => (CheckResult::Bad, format!("files, and no folders: {error}")),
+        Err(error) => (CheckResult::Bad, format!("folders cannot be synced: {error}")),
     })
 }
 
@@ -156,10 +157,10 @@ fn clock(folder: &Path) -> io::Result<(CheckResult, String)> {
         () => 0,
     };
     Ok(match skew.abs() > SKEW {
-        false => (CheckResult::Good, "that of this machine".to_owned()),
+        false => (CheckResult::Good, "same as this machine".to_owned()),
         true => (
             CheckResult::Noted,
-            format!("{skew:+} s to that of this machine; ages are judged by the file system's"),
+            format!("differs by {skew:+} s from this machine; ages use the clock of the file system"),
         ),
     })
 }
@@ -167,20 +168,20 @@ fn clock(folder: &Path) -> io::Result<(CheckResult, String)> {
 fn room(folder: &Path) -> io::Result<(CheckResult, String)> {
     let found = rustix::fs::statvfs(folder)?;
     let bytes = found.f_bavail.saturating_mul(found.f_frsize);
-    // Some file systems make files as they are needed, and say 0.
+    // Some file systems create inodes on demand and report 0.
     let files = (found.f_files > 0).then_some(found.f_favail);
-    // What a quota leaves is not told; but a file can be asked for.
+    // The quota cannot be queried, but allocating a file tests it.
     let file = File::create(folder.join("room"))?;
     let refused = rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, ASKED);
     if refused == Err(rustix::io::Errno::DQUOT) {
         return Ok((
             CheckResult::Noted,
-            format!("the quota leaves less than {} MiB", ASKED >> 20),
+            format!("less than {} MiB left in the quota", ASKED >> 20),
         ));
     }
     let little = bytes < LITTLE.0 || files.is_some_and(|files| files < LITTLE.1);
     let result = if little { CheckResult::Noted } else { CheckResult::Good };
-    let files = files.map_or_else(|| "files as needed".to_owned(), |files| format!("{files} files"));
+    let files = files.map_or_else(|| "unlimited files".to_owned(), |files| format!("{files} files"));
     Ok((
         result,
         format!("{:.1} GiB and {files} free", bytes as f64 / f64::from(1 << 30)),

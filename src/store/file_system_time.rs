@@ -9,23 +9,23 @@ use std::time::Instant;
 use super::error::StoreError;
 use super::open::Store;
 
-/// How often each is done.
+/// Number of repetitions.
 const TIMES: usize = 100;
 
-/// Names in the folder that is listed.
+/// Number of names in the listed folder.
 const NAMES: usize = 1000;
 
-/// Length of an artifact of samples, bytes, and of a record.
+/// Length of an artifact and of a record, bytes.
 const LENGTHS: (usize, usize) = (200_000, 2000);
 
-/// How long one piece of the work of a file system takes.
+/// Duration of an operation on the file system.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OperationTime {
-    /// What is done.
+    /// The operation.
     pub name: &'static str,
-    /// How many requests that alter or look at names it is made of.
+    /// Number of requests for metadata in it.
     pub requests: u32,
-    /// The median, s.
+    /// Median duration, s.
     pub seconds: f64,
 }
 
@@ -33,7 +33,7 @@ impl Store {
     /// Measures the services, in a folder of its own there.
     ///
     /// # Errors
-    /// When nothing can be written.
+    /// If the store is not writable.
     pub fn measure_file_system(&self) -> Result<Vec<OperationTime>, StoreError> {
         let folder = self.temporary()?;
         let all = services(folder.path());

@@ -1,5 +1,5 @@
-//! Checks everything: every byte of every artifact against its header, its content against its name, every record and run
-//! against itself, every manifest and record against what it names. Damaged files are quarantined, so that the next run
+//! Checks the integrity of a store: the bytes of every artifact against its header and name, every record and run, and
+//! that the artifacts named by manifests and records exist. Damaged files are moved to quarantine, so that the next run
 //! rebuilds them.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,15 +19,15 @@ use deaflow_base::{ArtifactId, FileDigest};
 /// A file that was found damaged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Damage {
-    /// Where it stood.
+    /// Its path.
     pub path: PathBuf,
-    /// Where it is now.
+    /// Its path in quarantine.
     pub quarantined: Option<PathBuf>,
-    /// How it showed.
+    /// What is wrong with it.
     pub reason: String,
 }
 
-/// An artifact that something names and that is not there.
+/// An artifact that is needed and missing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MissingArtifact {
     /// The artifact.
@@ -36,32 +36,32 @@ pub struct MissingArtifact {
     pub needed_by: String,
 }
 
-/// What was found.
+/// The result of a check.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// How many artifacts were checked.
+    /// Number of checked artifacts.
     pub objects: u64,
-    /// How many bytes they have.
+    /// Their total length, bytes.
     pub bytes: u64,
-    /// How many records were checked.
+    /// Number of checked records.
     pub records: u64,
-    /// How many files of unfinished actions were checked.
+    /// Number of checked checkpoint files.
     pub checkpoints: u64,
     /// Damaged artifacts, records, runs and checkpoints, now in quarantine.
     pub damaged: Vec<Damage>,
-    /// Files that the system does not let anybody read, and why: nothing is known of them, and they stay where they are.
+    /// Files that cannot be read, with the error of the system. They are not moved.
     pub unreadable: Vec<Damage>,
-    /// Artifacts that a manifest or a record names and that are not there (those quarantined just now among them).
+    /// Missing artifacts that a manifest or a record names, including those that were moved to quarantine now.
     pub missing: Vec<MissingArtifact>,
-    /// The manifests and records that name them.
+    /// The manifests and records that name missing artifacts.
     dangling: BTreeSet<PathBuf>,
-    /// Artifacts whose file is not the one that a record saw, though the content is right: rebuilt since.
+    /// Artifacts whose file differs from that in a record, but has the same content: they were rebuilt.
     pub rewritten: Vec<ArtifactId>,
-    /// Files that do not belong where they are.
+    /// Files that do not belong into the store.
     pub strays: Vec<PathBuf>,
-    /// Files being written by processes at work, or left by dead ones while others work.
+    /// Number of temporary files of other processes.
     pub unfinished: u64,
-    /// What a repair has removed or moved aside, so that nothing promises what is not there.
+    /// Files that a repair has moved to quarantine.
     pub repaired: Vec<PathBuf>,
 }
 
@@ -73,7 +73,7 @@ impl Report {
     }
 }
 
-/// A sound artifact, as later checks need it; of one that cannot be read nothing is known.
+/// What later checks need of an artifact; empty if it cannot be read.
 #[derive(Default)]
 struct Sound {
     file: Option<FileDigest>,
@@ -82,13 +82,13 @@ struct Sound {
 }
 
 impl Store {
-    /// Checks the whole store. `progress` is told how many files of how many are done.
+    /// Checks the whole store. `progress` is called with the number of checked files and the total.
     ///
     /// # Errors
-    /// When the system refuses; damage is in the report.
+    /// If the system reports an error; damage is in the report.
     pub fn fsck(&self, progress: &dyn Fn(u64, u64)) -> Result<Report, StoreError> {
         let mut report = Report::default();
-        // Records first: an artifact is there before its record is, also while a run goes on.
+        // Lists records first: an artifact exists before its record, also during a run.
         let records = files(&self.layout.records())?;
         let objects = files(&self.layout.objects())?;
         let total = (objects.len() + records.len()) as u64;
@@ -115,10 +115,10 @@ impl Store {
                 if let Some(kind) = kind.filter(|kind| **kind != record.action.kind) {
                     let short = record.artifact.short();
                     let reason = format!(
-                        "it says that `{}` made artifact {short}, which is of kind `{kind}`",
+                        "its kind is `{}`, but artifact {short} has kind `{kind}`",
                         record.action.kind
                     );
-                    self.condemn(path, reason, &mut report)?;
+                    self.quarantine_damaged(path, reason, &mut report)?;
                     continue;
                 }
                 if known
@@ -144,12 +144,12 @@ impl Store {
         Ok(report)
     }
 
-    /// Checks the whole store and makes it sound: damaged files are quarantined as always, and so are strays, manifests that
-    /// lack chunks, and records of what is missing. No sound chunk is touched; the next run builds what is gone, and no more.
-    /// The store must have been opened by [`Store::open_exclusive`].
+    /// Checks and repairs the store: also moves stray files, manifests with missing chunks and records of missing
+    /// artifacts to quarantine. Intact chunks stay, so the next run builds only what is missing. The store must have
+    /// been opened by [`Store::open_exclusive`].
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn repair(&self, progress: &dyn Fn(u64, u64)) -> Result<Report, StoreError> {
         let mut report = self.fsck(progress)?;
         let mut open: Vec<PathBuf> = report.dangling.iter().chain(&report.strays).cloned().collect();
@@ -158,7 +158,7 @@ impl Store {
             if self.quarantine(&path)?.is_some() {
                 report.repaired.push(path.clone());
             }
-            // A manifest that goes leaves a record behind that promises it.
+            // The record of a moved manifest is moved too.
             gone.extend(self.layout.artifact_at(&path));
             if open.is_empty() && !gone.is_empty() {
                 open = self.records_of(&std::mem::take(&mut gone))?;
@@ -167,7 +167,7 @@ impl Store {
         Ok(report)
     }
 
-    /// Files of the records that name one of some artifacts.
+    /// Returns the files of the records of some artifacts.
     fn records_of(&self, artifacts: &BTreeSet<ArtifactId>) -> Result<Vec<PathBuf>, StoreError> {
         let mut found = Vec::new();
         self.each_record(|record| {
@@ -194,7 +194,7 @@ impl Store {
             Ok(object) => {
                 sound.insert(digest, object);
             }
-            // Not damage, as far as anybody can tell: a disk that refuses, a file that somebody has locked.
+            // Not necessarily damage: a disk error or a missing permission.
             Err(error @ StoreError::Io { .. }) => {
                 report.unreadable.push(Damage {
                     path: path.to_owned(),
@@ -203,8 +203,8 @@ impl Store {
                 });
                 sound.entry(digest).or_default();
             }
-            Err(StoreError::Damaged { reason, .. }) => self.condemn(path, reason, report)?,
-            Err(error) => self.condemn(path, error.to_string(), report)?,
+            Err(StoreError::Damaged { reason, .. }) => self.quarantine_damaged(path, reason, report)?,
+            Err(error) => self.quarantine_damaged(path, error.to_string(), report)?,
         }
         Ok(())
     }
@@ -217,7 +217,7 @@ impl Store {
         report.records += 1;
         match record::read(path, &key)? {
             Lookup::Found(record, _) => return Ok(Some(*record)),
-            Lookup::Damaged(reason) => self.condemn(path, reason.into(), report)?,
+            Lookup::Damaged(reason) => self.quarantine_damaged(path, reason.into(), report)?,
             Lookup::Absent => {}
         }
         Ok(None)
@@ -226,13 +226,13 @@ impl Store {
     fn check_runs(&self, report: &mut Report) -> Result<(), StoreError> {
         for path in self.run_files()? {
             if history::read(&path)?.is_none() && path.exists() {
-                self.condemn(&path, "it is not the file of a run".into(), report)?;
+                self.quarantine_damaged(&path, "it is not a valid file of a run".into(), report)?;
             }
         }
         Ok(())
     }
 
-    /// What was left where others leave nothing, and links, which are none of ours wherever they are.
+    /// Finds files that do not belong into the store, and links.
     fn check_strays(&self, report: &mut Report) -> Result<(), StoreError> {
         let (unfinished, others): (Vec<PathBuf>, Vec<PathBuf>) = files_in(&self.layout.temporary())?
             .into_iter()
@@ -241,7 +241,7 @@ impl Store {
             .iter()
             .filter(|path| !self.session.temporary_folder.is_own(path));
         report.unfinished = of_others.count() as u64;
-        // What has gone meanwhile was being written.
+        // A file that has disappeared was a temporary one.
         let is_stray = |path: &PathBuf| !is_hidden(path) && fs::symlink_metadata(path).is_ok();
         report.strays.extend(others.into_iter().filter(is_stray));
         report.strays.extend(self.stray_runs()?);
@@ -262,7 +262,7 @@ impl Store {
             report.checkpoints += 1;
             match checkpoint::check(&path) {
                 Ok(()) => {}
-                Err(StoreError::Damaged { reason, .. }) => self.condemn(&path, reason, report)?,
+                Err(StoreError::Damaged { reason, .. }) => self.quarantine_damaged(&path, reason, report)?,
                 Err(error) => report.unreadable.push(Damage {
                     path,
                     quarantined: None,
@@ -273,7 +273,7 @@ impl Store {
         Ok(())
     }
 
-    fn condemn(&self, path: &Path, reason: String, report: &mut Report) -> Result<(), StoreError> {
+    fn quarantine_damaged(&self, path: &Path, reason: String, report: &mut Report) -> Result<(), StoreError> {
         report.damaged.push(Damage {
             path: path.to_owned(),
             quarantined: self.quarantine(path)?,

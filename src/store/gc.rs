@@ -1,54 +1,53 @@
-//! GcPlan: removes artifacts that nothing needs any more.
+//! Garbage collection: removes artifacts that nothing needs any more.
 //!
-//! What a root reaches is kept: the artifact, its chunks, and everything that it was made from, back to the seeds. Roots are
-//! the last runs, the pins and the lock files of pipelines. What is younger than the grace age is kept too, whatever reaches
-//! it: somebody may be about to need it. Nobody else may have the store open meanwhile.
+//! It keeps the artifacts of all roots with their chunks and all inputs from which they were made. Roots are the last
+//! runs, the pins and the lock files of pipelines. Artifacts younger than the grace age are kept too. No other process
+//! may have the store open meanwhile.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
 use std::time::{Duration, SystemTime};
 
 use super::checkpoint::{self, Checkpoints};
 use super::dependencies::Records;
-use super::entries::files;
+use super::entries::{files, remove_file};
 use super::error::StoreError;
 use super::history;
 use super::open::Store;
 use deaflow_base::{ArtifactId, readable_time};
 
-/// What holds what is younger than the grace age.
+/// Why artifacts younger than the grace age are kept.
 pub const AGE: &str = "its age";
 
-/// What holds what that needs.
+/// Why their dependencies are kept.
 pub const AGE_OF_NEED: &str = "the age of what needs it";
 
-/// How many of the last runs say which stages had artifacts.
-const NAMED_BY: usize = 1000;
+/// Number of runs that are searched for the stages of artifacts.
+const SEARCHED_RUNS: usize = 1000;
 
-/// What to keep.
+/// Which artifacts to keep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Retention {
-    /// How many of the last runs are roots, those that made the same counted once.
+    /// Number of the last runs that are roots; runs with the same artifacts count once.
     pub runs: usize,
-    /// What was written less than this ago stays.
+    /// Artifacts younger than this are kept.
     pub grace: Duration,
 }
 
-/// One artifact, as a collection sees it.
+/// An artifact in the plan of a garbage collection.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GcArtifact {
     /// The artifact.
     pub digest: ArtifactId,
     /// Length of its file in bytes.
     pub size: u64,
-    /// Kind of the stage that made it, where a record says so.
+    /// Kind of the action that made it, if it has a record.
     pub kind: String,
-    /// The stage that made it in the last run that had it, or of which it is a chunk; none where no run is remembered that had it.
+    /// The stage to which it or its manifest belongs in the last run that had it, if any.
     pub stage: Option<StageName>,
-    /// What holds it: roots, or its age; empty where it goes.
+    /// Why it is kept: roots, or its age; empty if it is removed.
     pub held_by: Vec<String>,
-    /// Whether runs alone hold it.
+    /// Whether only runs keep it.
     pub by_runs_alone: bool,
 }
 
@@ -61,119 +60,124 @@ pub struct StageName {
     pub stage: String,
 }
 
-/// The artifacts of one stage, or of one kind where it is not known which stage had them.
+/// The artifacts of one stage, or of one kind if the stage is unknown.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GcGroup {
     /// The stage.
     pub stage: Option<StageName>,
     /// Its kind.
     pub kind: String,
-    /// What of it goes.
+    /// Artifacts to remove.
     pub removed: GcCount,
-    /// What of it stays.
+    /// Artifacts to keep.
     pub kept: GcCount,
-    /// What holds that which stays.
+    /// Why they are kept.
     pub held_by: BTreeSet<String>,
 }
 
-/// So many artifacts.
+/// Number and size of artifacts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GcCount {
-    /// How many.
+    /// Number of artifacts.
     pub artifacts: u64,
-    /// Their bytes.
+    /// Their total length, bytes.
     pub bytes: u64,
 }
 
 impl GcCount {
-    fn add(&mut self, judged: &GcArtifact) {
+    fn add(&mut self, artifact: &GcArtifact) {
         self.artifacts += 1;
-        self.bytes += judged.size;
+        self.bytes += artifact.size;
     }
 }
 
-/// What a collection found.
+/// The plan of a garbage collection.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GcPlan {
-    /// Artifacts that stay.
+    /// Artifacts to keep.
     pub kept: Vec<GcArtifact>,
-    /// Artifacts that go.
+    /// Artifacts to remove.
     pub removed: Vec<GcArtifact>,
-    /// How many records go with them.
+    /// Number of records to remove with them.
     pub records: u64,
-    /// What unfinished actions had come to, and nobody has gone on with for longer than the grace age: it goes.
+    /// Checkpoints older than the grace age, to remove.
     pub checkpoints: Vec<Checkpoints>,
 }
 
 impl GcPlan {
-    /// Bytes of the artifacts that stay.
+    /// Returns the total length of the artifacts to keep, bytes.
     #[must_use]
     pub fn bytes_kept(&self) -> u64 {
-        self.kept.iter().map(|judged| judged.size).sum()
+        self.kept.iter().map(|artifact| artifact.size).sum()
     }
 
-    /// Bytes of the artifacts that go.
+    /// Returns the total length of the artifacts to remove, bytes.
     #[must_use]
     pub fn bytes_removed(&self) -> u64 {
-        self.removed.iter().map(|judged| judged.size).sum()
+        self.removed.iter().map(|artifact| artifact.size).sum()
     }
 
-    /// What stays and what goes by stages, in the order of pipelines and stages; what no run had comes last, by its kind.
+    /// Groups the artifacts by pipeline and stage; those of unknown stages come last, by kind.
     #[must_use]
     pub fn by_stage(&self) -> Vec<GcGroup> {
         let mut groups: BTreeMap<(bool, Option<StageName>, String), GcGroup> = BTreeMap::new();
-        for judged in self.removed.iter().chain(&self.kept) {
+        for artifact in self.removed.iter().chain(&self.kept) {
             // A chunk belongs to its stage.
-            let kind = judged.kind.strip_suffix(" chunk").unwrap_or(&judged.kind).to_owned();
-            let key = (judged.stage.is_none(), judged.stage.clone(), kind.clone());
+            let kind = artifact
+                .kind
+                .strip_suffix(" chunk")
+                .unwrap_or(&artifact.kind)
+                .to_owned();
+            let key = (artifact.stage.is_none(), artifact.stage.clone(), kind.clone());
             let group = groups.entry(key).or_insert_with(|| GcGroup {
-                stage: judged.stage.clone(),
+                stage: artifact.stage.clone(),
                 kind,
                 removed: GcCount::default(),
                 kept: GcCount::default(),
                 held_by: BTreeSet::new(),
             });
-            match judged.held_by.is_empty() {
-                true => group.removed.add(judged),
-                false => group.kept.add(judged),
+            match artifact.held_by.is_empty() {
+                true => group.removed.add(artifact),
+                false => group.kept.add(artifact),
             }
-            group.held_by.extend(judged.held_by.iter().cloned());
+            group.held_by.extend(artifact.held_by.iter().cloned());
         }
         groups.into_values().collect()
     }
 
-    /// Bytes of the checkpoints that go.
+    /// Returns the total length of the checkpoints to remove, bytes.
     #[must_use]
     pub fn checkpoint_bytes(&self) -> u64 {
         self.checkpoints.iter().map(|checkpoints| checkpoints.size).sum()
     }
 }
 
-/// Something that holds artifacts.
+/// A root, whose artifacts are kept.
 struct Root {
     name: String,
     artifacts: Vec<ArtifactId>,
     kind: RootKind,
 }
 
-/// How a root holds artifacts.
+/// The kind of a root.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum RootKind {
-    /// As long as it is among the last: it may name what an earlier collection took.
+    /// A run. An earlier garbage collection may have removed its artifacts.
     Run,
-    /// For good: all that it needs must be known.
+    /// A pin. All its dependencies must exist.
     Pin,
-    /// For good, it alone with its chunks.
+    /// A pin of an artifact and its chunks only.
     Result,
-    /// For good, but it may name what was never built in this store.
+    /// A lock file. It may name artifacts that were never built in this store.
     LockFile,
 }
 
 impl Store {
-    /// Says what stays and what goes. The store must have been opened by [`Store::open_exclusive`] for the answer to hold.
+    /// Determines which artifacts to keep and which to remove. The plan is only reliable with exclusive access
+    /// ([`Store::open_exclusive`]).
     ///
     /// # Errors
-    /// When the system refuses, or something that a root reaches is damaged: what it needs is then not known.
+    /// If the system reports an error, or a dependency of a root is damaged, so that its own dependencies are unknown.
     pub fn plan_gc(&self, retention: &Retention, now: SystemTime) -> Result<GcPlan, StoreError> {
         let records = self.known_records()?;
         let mut holders: BTreeMap<ArtifactId, BTreeSet<String>> = BTreeMap::new();
@@ -213,7 +217,7 @@ impl Store {
                 held_by.push(AGE.to_owned());
             }
             let kind = records.get(&digest).and_then(|made| made.first());
-            let judged = GcArtifact {
+            let artifact = GcArtifact {
                 digest,
                 size: metadata.len(),
                 kind: kind.map_or_else(String::new, |record| record.kind.clone()),
@@ -221,15 +225,15 @@ impl Store {
                 held_by,
                 by_runs_alone,
             };
-            if judged.held_by.is_empty() {
-                collection.removed.push(judged);
+            if artifact.held_by.is_empty() {
+                collection.removed.push(artifact);
             } else {
-                collection.kept.push(judged);
+                collection.kept.push(artifact);
             }
         }
-        // What stays by its age alone may be a manifest: its chunks stay with it.
-        self.keep_reached_by_young(&mut collection, &records)?;
-        let gone: BTreeSet<ArtifactId> = collection.removed.iter().map(|judged| judged.digest).collect();
+        // A young artifact may be a manifest, whose chunks are kept with it.
+        self.keep_dependencies_of_young(&mut collection, &records)?;
+        let gone: BTreeSet<ArtifactId> = collection.removed.iter().map(|artifact| artifact.digest).collect();
         collection.records = gone
             .iter()
             .filter_map(|digest| records.get(digest))
@@ -241,10 +245,10 @@ impl Store {
         Ok(collection)
     }
 
-    /// The stages that made artifacts and their chunks, by the last runs.
+    /// Returns the stages of artifacts and their chunks in the last runs.
     fn stages_of_artifacts(&self) -> Result<BTreeMap<ArtifactId, StageName>, StoreError> {
         let mut stages = BTreeMap::new();
-        for run in self.runs()?.take(NAMED_BY) {
+        for run in self.runs()?.take(SEARCHED_RUNS) {
             let run = run?;
             for stage in run.stages {
                 let name = StageName {
@@ -256,7 +260,7 @@ impl Store {
         }
         let mut chunks = BTreeMap::new();
         for (digest, name) in &stages {
-            // Of what is gone or damaged nothing is known; whether that matters is said elsewhere.
+            // Missing and damaged manifests are ignored here.
             for part in self.parts(digest).unwrap_or_default() {
                 chunks.entry(part).or_insert_with(|| name.clone());
             }
@@ -265,7 +269,7 @@ impl Store {
         Ok(chunks)
     }
 
-    /// Artifacts with their chunks, and which of these are missing.
+    /// Returns artifacts with their chunks, and which of these are missing.
     fn with_parts(&self, artifacts: Vec<ArtifactId>) -> Result<(BTreeSet<ArtifactId>, Vec<ArtifactId>), StoreError> {
         let (mut all, mut missing) = (BTreeSet::new(), Vec::new());
         for digest in artifacts {
@@ -283,20 +287,21 @@ impl Store {
         Ok((all, missing))
     }
 
-    /// Removes what a collection says, records first: a record never promises what is not there. It is remembered that it went `at` a time
-    /// in UTC, RFC 3339. `progress` is told how many artifacts of how many are gone.
+    /// Removes the artifacts of a plan, records first, so that no record refers to a missing artifact. The time `at`
+    /// (UTC, RFC 3339) is written into the list of removed artifacts. `progress` is called with the number of removed
+    /// artifacts and the total.
     ///
     /// # Errors
-    /// When the system refuses; what is gone by then stays gone, and a further collection goes on.
+    /// If the system reports an error. A further garbage collection removes the rest.
     pub fn remove(&self, collection: &GcPlan, at: &str, progress: &dyn Fn(u64, u64)) -> Result<(), StoreError> {
         self.remember_removed(collection, at)?;
-        let gone: BTreeSet<ArtifactId> = collection.removed.iter().map(|judged| judged.digest).collect();
+        let gone: BTreeSet<ArtifactId> = collection.removed.iter().map(|artifact| artifact.digest).collect();
         let records = self.known_records()?;
         for record in gone.iter().filter_map(|digest| records.get(digest)).flatten() {
-            delete(&self.layout.record(&record.key))?;
+            remove_file(&self.layout.record(&record.key))?;
         }
         let total = gone.len() as u64;
-        // Manifests before their chunks: one without the other must not look like damage if this ends half-way.
+        // Manifests before their chunks, so that an interruption does not look like damage.
         let manifests = gone
             .iter()
             .filter(|digest| self.parts(digest).is_ok_and(|parts| !parts.is_empty()));
@@ -304,7 +309,7 @@ impl Store {
         let order = manifests.iter().chain(gone.difference(&manifests));
         for (done, digest) in order.enumerate() {
             progress(done as u64, total);
-            delete(&self.layout.object(digest))?;
+            remove_file(&self.layout.object(digest))?;
             self.verified.forget(digest);
         }
         for checkpoints in &collection.checkpoints {
@@ -315,7 +320,7 @@ impl Store {
         Ok(())
     }
 
-    /// The roots by name, with the artifacts that they hold.
+    /// Returns the roots.
     fn roots(&self, retention: &Retention) -> Result<Vec<Root>, StoreError> {
         let (mut runs, mut counted, mut audits) = (Vec::new(), 0, 0);
         for path in &self.run_files()? {
@@ -323,16 +328,16 @@ impl Store {
                 break;
             }
             let Some(run) = history::read(path)? else {
-                let reason = "nobody knows what this run needs; `deaflow fsck` moves its file aside";
+                let reason = "the artifacts of this run are unknown; `deaflow fsck` moves its file to quarantine";
                 return Err(StoreError::damaged(path, reason));
             };
-            // An audit adds one stage to what a run has made: it does not take the place of one.
+            // An audit adds one stage to a run, so it does not count as a run.
             let is_audit = run.command == history::Command::Audit;
             if is_audit && audits == retention.runs {
                 continue;
             }
             let artifacts: Vec<ArtifactId> = run.stages.iter().map(|stage| stage.artifact).collect();
-            // Runs that take turns count once each.
+            // Runs with the same artifacts count once.
             if runs.iter().any(|root: &Root| root.artifacts == artifacts) {
                 continue;
             }
@@ -371,14 +376,14 @@ impl Store {
         Ok(runs.into_iter().chain(pins).chain(lock_files).collect())
     }
 
-    fn keep_reached_by_young(&self, collection: &mut GcPlan, records: &Records) -> Result<(), StoreError> {
-        let young = collection.kept.iter().filter(|judged| judged.held_by == [AGE]);
-        let (reached, _) = self.dependencies(young.map(|judged| judged.digest).collect(), records)?;
+    fn keep_dependencies_of_young(&self, collection: &mut GcPlan, records: &Records) -> Result<(), StoreError> {
+        let young = collection.kept.iter().filter(|artifact| artifact.held_by == [AGE]);
+        let (reached, _) = self.dependencies(young.map(|artifact| artifact.digest).collect(), records)?;
         let (mut saved, gone): (Vec<GcArtifact>, Vec<GcArtifact>) = std::mem::take(&mut collection.removed)
             .into_iter()
-            .partition(|judged| reached.contains(&judged.digest));
-        for judged in &mut saved {
-            judged.held_by.push(AGE_OF_NEED.to_owned());
+            .partition(|artifact| reached.contains(&artifact.digest));
+        for artifact in &mut saved {
+            artifact.held_by.push(AGE_OF_NEED.to_owned());
         }
         collection.kept.append(&mut saved);
         collection.removed = gone;
@@ -386,18 +391,11 @@ impl Store {
     }
 }
 
-/// Whether a file was written less than `grace` ago. One from the future is young: the clock has been set back.
+/// Whether a file is younger than `grace`. A time in the future also counts as young: the clock has been set back.
 fn is_young(metadata: &fs::Metadata, grace: Duration, now: SystemTime) -> bool {
     let age = metadata
         .modified()
         .ok()
         .and_then(|modified| now.duration_since(modified).ok());
     age.is_none_or(|age| age < grace)
-}
-
-fn delete(path: &Path) -> Result<(), StoreError> {
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("remove", path)(error)),
-        _ => Ok(()),
-    }
 }

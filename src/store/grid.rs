@@ -1,4 +1,4 @@
-//! Meshes for other programs: VTKHDF, the HDF5 layout of VTK and ParaView (Kitware, VTKHDF format specification, 2.0).
+//! Writes meshes for VTK and ParaView as VTKHDF (Kitware, VTKHDF format specification, 2.0).
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -18,20 +18,20 @@ const QUADRILATERAL: u8 = 9;
 pub struct Grid {
     /// Positions.
     pub points: Vec<[f64; 3]>,
-    /// The points of each cell, in the order in which they go round it.
+    /// The points of each cell, in order around it.
     pub quadrilaterals: Vec<[i64; 4]>,
-    /// Numbers at points, by name; the first dimension is that of the points.
+    /// Values at points, by name; the first dimension is that of the points.
     pub point_data: Vec<(&'static str, Dataset)>,
-    /// Numbers on cells, by name; the first dimension is that of the cells.
+    /// Values on cells, by name; the first dimension is that of the cells.
     pub cell_data: Vec<(&'static str, Dataset)>,
-    /// What is said of the whole, as attributes of the file.
+    /// Attributes of the file.
     pub attributes: BTreeMap<String, String>,
 }
 
-/// Writes a grid at `path`, where it appears complete or not at all and replaces what was there.
+/// Writes a grid to `path` atomically, replacing an existing file.
 ///
 /// # Errors
-/// When the folder does not exist or cannot be written in, or the library refuses (disk full).
+/// If the folder does not exist or is not writable, or the library reports an error (disk full).
 pub fn write_grid(path: &Path, grid: &Grid) -> Result<(), StoreError> {
     plain::place(path, |file| {
         write_to(file, grid).map_err(StoreError::hdf5("write", path))
@@ -51,11 +51,11 @@ fn write_to(path: &Path, grid: &Grid) -> hdf5::Result<()> {
         .shape(2)
         .create("Version")?
         .write_raw(&[2_i64, 0])?;
-    // VTK reads a text of fixed length here, and no other.
+    // VTK accepts only a text of fixed length here.
     let kind = FixedAscii::<16>::from_ascii("UnstructuredGrid").map_err(|e| hdf5::Error::from(e.to_string()))?;
     root.new_attr::<FixedAscii<16>>().create("Type")?.write_scalar(&kind)?;
     let (points, cells) = (grid.points.len() as i64, grid.quadrilaterals.len() as i64);
-    // As in `write`: all stay open until the file has been flushed, so that a full disk is noticed.
+    // As in `write`: all stay open until the file has been flushed, so that a full disk is reported.
     let mut open = vec![
         numbers(&root, "NumberOfPoints", &[1], &[points])?,
         numbers(&root, "NumberOfCells", &[1], &[cells])?,

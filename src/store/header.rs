@@ -1,8 +1,8 @@
 //! The header of every artifact file: which artifact it is, its length, and a digest of every byte.
 //!
-//! It stands in the HDF5 *user block* (HDF5 File Format Specification 3.0, §II.A: bytes before the superblock belong to
-//! the user), so every HDF5 tool still reads the file. A file is handed to the HDF5 library only after its header has been
-//! verified: the library is not made to survive damaged files.
+//! It is in the HDF5 *user block* (HDF5 File Format Specification 3.0, §II.A: bytes before the superblock belong to the
+//! user), so every HDF5 tool still reads the file. A file is opened with the HDF5 library only after its header has
+//! been verified, because the library is not robust against damaged files.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
@@ -11,7 +11,7 @@ use std::path::Path;
 use super::error::StoreError;
 use deaflow_base::{ArtifactId, Digest, FileDigest, open_regular};
 
-/// Length of the user block in bytes: the least that HDF5 allows.
+/// Length of the user block in bytes: the minimum in HDF5.
 pub const BLOCK: usize = 512;
 
 /// Bytes that are copied at a time.
@@ -19,12 +19,12 @@ const PIECE: usize = 1 << 20;
 
 const TITLE: &str = "deaflow-artifact 1";
 
-/// What a header says.
+/// The header of an artifact file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// The artifact: the digest of the logical content.
     pub content: ArtifactId,
-    /// BLAKE3 of all bytes after the user block.
+    /// BLAKE3 digest of all bytes after the user block.
     pub file: FileDigest,
     /// Length of the file in bytes, user block included.
     pub size: u64,
@@ -47,11 +47,11 @@ impl Header {
             file: lines.next()?.parse().ok()?,
             size: lines.next()?.parse().ok()?,
         };
-        // Byte for byte: padding and spelling are covered too.
+        // Compares every byte, including the padding.
         (header.block() == *block).then_some(header)
     }
 
-    /// Seals a finished HDF5 file with an empty user block, and syncs it to disk.
+    /// Writes the header of a finished HDF5 file and syncs the file.
     pub fn write(path: &Path, content: ArtifactId) -> Result<Self, StoreError> {
         let refused = |error| StoreError::io("write the header of", path)(error);
         let mut file = File::options().read(true).write(true).open(path).map_err(refused)?;
@@ -72,7 +72,7 @@ impl Header {
         Self::read_open(path, &mut open(path)?)
     }
 
-    /// Reads the header and digests the whole file.
+    /// Reads the header and verifies the digest of the file.
     pub fn verify(path: &Path) -> Result<Self, StoreError> {
         let mut file = open(path)?;
         let header = Self::read_open(path, &mut file)?;
@@ -84,10 +84,10 @@ impl Header {
         }
     }
 
-    /// Copies the file of an artifact, comparing every byte on its way with the header, and syncs the copy.
+    /// Copies the file of an artifact, verifies the digest, and syncs the copy.
     ///
     /// # Errors
-    /// When the file is damaged: the copy is worth nothing then; or the system refuses.
+    /// If the file is damaged (the copy must not be used then), or the system reports an error.
     pub fn copy(from: &Path, to: &Path) -> Result<Self, StoreError> {
         let refused = |error| StoreError::io("write", to)(error);
         let mut source = open(from)?;
@@ -115,7 +115,10 @@ impl Header {
     fn read_open(path: &Path, file: &mut File) -> Result<Self, StoreError> {
         let size = file.metadata().map_err(StoreError::io("read", path))?.len();
         if size < BLOCK as u64 {
-            return Err(StoreError::damaged(path, format!("{size} bytes are no artifact")));
+            return Err(StoreError::damaged(
+                path,
+                format!("{size} bytes are too short for an artifact"),
+            ));
         }
         let mut block = [0; BLOCK];
         file.read_exact(&mut block).map_err(StoreError::io("read", path))?;
@@ -125,14 +128,14 @@ impl Header {
         } else {
             Err(StoreError::damaged(
                 path,
-                format!("{size} bytes, {} were written", header.size),
+                format!("it has {size} bytes, but {} were written", header.size),
             ))
         }
     }
 }
 
 impl Header {
-    /// Whether a file begins as an artifact does, whatever has become of the rest of it.
+    /// Whether a file starts like an artifact; the rest may be damaged.
     pub fn is_at(path: &Path) -> bool {
         let mut begin = [0; TITLE.len()];
         let read = open_regular(path).and_then(|mut file| file.read_exact(&mut begin));
@@ -141,7 +144,7 @@ impl Header {
 }
 
 fn altered(path: &Path) -> StoreError {
-    StoreError::damaged(path, "its bytes are not those that were written")
+    StoreError::damaged(path, "its bytes have changed")
 }
 
 fn open(path: &Path) -> Result<File, StoreError> {
@@ -151,7 +154,7 @@ fn open(path: &Path) -> Result<File, StoreError> {
     })
 }
 
-/// Digest and number of the bytes after the user block.
+/// Returns digest and number of the bytes after the user block.
 fn digest_rest(file: &mut File) -> std::io::Result<(FileDigest, u64)> {
     file.seek(SeekFrom::Start(BLOCK as u64))?;
     let mut hasher = blake3::Hasher::new();

@@ -1,7 +1,8 @@
-//! Past runs: when, where, with which overrides, what each stage was made by and what it made, and what that is worth in numbers.
+//! The history of runs: time, host, overrides, and the key, artifact and results of each stage.
 //!
-//! They explain the next run ("parameter changed: …"), let a stage be shown by its name, can be listed and compared, and the last of
-//! them are what a collection must keep. They decide nothing: a run is found by its keys whether or not its file is there.
+//! It explains the next run ("parameter changed: …"), finds the artifact of a stage by name, can be listed and
+//! compared, and tells a garbage collection what to keep. Cache hits do not depend on it: artifacts are found by their
+//! keys.
 
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
 use std::fs;
@@ -12,28 +13,28 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::atomic;
-use super::entries::{files_in, is_file, is_hidden, names_in};
+use super::entries::{files_in, is_file, is_hidden, names_in, remove_file};
 use super::error::StoreError;
 use super::open::Store;
 use deaflow_base::{ActionKey, ArtifactId, Digest, read_own};
 
-/// How many runs are remembered.
+/// Number of runs that are kept.
 const KEPT: usize = 10_000;
 
-/// A run of as many stages as a pipeline may have takes less.
+/// Maximum length of the file of a run: more than a pipeline of maximum size needs.
 const MAX_BYTES: u64 = 32 << 20;
 
 /// One run of a pipeline.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Run {
-    /// By which it is named: the digits in the name of its file. Empty before it is put.
+    /// Its identifier: the digits in the name of its file. Empty before it is written.
     #[serde(skip)]
     pub id: String,
     /// Name of the pipeline.
     pub pipeline: String,
-    /// Its file, by which runs belong together.
+    /// Path of the file of the pipeline.
     pub path: String,
-    /// The same as seen from the store, which may be moved with its pipelines.
+    /// The same path relative to the store, which may be moved together with its pipelines.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub place: String,
     /// The command that ran it.
@@ -41,19 +42,19 @@ pub struct Run {
     pub command: Command,
     /// When it ended, in UTC, RFC 3339.
     pub created: String,
-    /// What it took from its beginning to its end, s.
+    /// Duration, s.
     #[serde(default)]
     pub seconds: f64,
     /// Name of the machine.
     #[serde(default)]
     pub host: String,
-    /// Version of this program, and which build of it.
+    /// Version and build of the program.
     #[serde(default)]
     pub version: String,
-    /// What `--set` changed: values in YAML by their dotted paths.
+    /// Overrides by `--set`: values in YAML by dotted path.
     #[serde(default)]
     pub overrides: BTreeMap<String, String>,
-    /// Its log file, in the folder of the store; none where nothing was built.
+    /// Path of its log file, relative to the store; `None` if nothing was built.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub log: Option<String>,
     /// The stages that were reached, in topological order.
@@ -61,32 +62,32 @@ pub struct Run {
     /// Names of the stages that failed.
     #[serde(default)]
     pub failures: Vec<String>,
-    /// Names of the stages that were stopped; what they had come to is kept.
+    /// Names of the stages that were stopped; their checkpoints are kept.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stopped: Vec<String>,
-    /// Names of the stages that were not begun, because of these.
+    /// Names of the stages that were not started because of these.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_begun: Vec<String>,
-    /// What artifacts are worth in numbers: `STAGE.NAME`.
+    /// Results of the artifacts, as `STAGE.NAME`.
     #[serde(default)]
     pub results: BTreeMap<String, f64>,
 }
 
-/// What ran a pipeline.
+/// The command that ran a pipeline.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Command {
     /// `deaflow run`.
     #[default]
     Run,
-    /// `deaflow audit`, which builds one stage and no more.
+    /// `deaflow audit`, which builds only one stage.
     Audit,
     /// `deaflow sweep`, whose stages are not those of the file.
     Sweep,
 }
 
 impl Command {
-    /// The word in files and documents.
+    /// Returns the name in files and JSON.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -97,19 +98,19 @@ impl Command {
     }
 }
 
-/// How a stage of a run ended.
+/// How a stage of a run was obtained.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StageOutcome {
     /// It was built.
     Built,
-    /// It was there.
+    /// Its artifact existed already.
     #[default]
     Reused,
 }
 
 impl StageOutcome {
-    /// The word in files and documents.
+    /// Returns the name in files and JSON.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -132,19 +133,19 @@ pub struct RunStage {
     /// Its artifact.
     #[serde(with = "hexadecimal")]
     pub artifact: ArtifactId,
-    /// How it ended.
+    /// Whether it was built or reused.
     #[serde(default)]
     pub outcome: StageOutcome,
 }
 
 impl Run {
-    /// The stage of that name.
+    /// Returns the stage of that name.
     #[must_use]
     pub fn stage(&self, name: &str) -> Option<&RunStage> {
         self.stages.iter().find(|stage| stage.name == name)
     }
 
-    /// Whether it is the same pipeline, with the same overrides and the same artifacts.
+    /// Whether both have the same pipeline, overrides and artifacts.
     fn is_equivalent(&self, other: &Self) -> bool {
         let made = |run: &Self| -> Vec<(String, ActionKey, ArtifactId)> {
             let stages = run.stages.iter();
@@ -157,11 +158,11 @@ impl Run {
     }
 }
 
-/// Runs that are read as they are asked for, newest first. A file that cannot be understood is passed over; `fsck` names it.
+/// Reads runs on demand, newest first. Invalid files are skipped; `fsck` reports them.
 pub struct Runs {
     folder: PathBuf,
-    /// Names with what orders them. Most readers want the newest alone, so nothing is sorted beforehand.
-    names: BinaryHeap<(Stamp, String)>,
+    /// File names with their sort keys, in a heap: most callers read only the newest.
+    names: BinaryHeap<(SortKey, String)>,
 }
 
 impl Iterator for Runs {
@@ -173,40 +174,41 @@ impl Iterator for Runs {
 }
 
 impl Runs {
-    /// All of them, newest first, read by several threads.
+    /// Reads all runs in parallel, newest first.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn all(self) -> Result<Vec<Run>, StoreError> {
         let paths = self.paths();
         let runs = paths.par_iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
         Ok(runs.into_iter().flatten().collect())
     }
 
-    /// The files, newest first.
+    /// Returns the files, newest first.
     fn paths(self) -> Vec<PathBuf> {
         let sorted = self.names.into_sorted_vec().into_iter().rev();
         sorted.map(|(_, name)| self.folder.join(name)).collect()
     }
 }
 
-/// What orders runs: a time, and a number where there are several of one time.
-type Stamp = (String, u64);
+/// The sort key of runs: a time, and a number for runs with the same time.
+type SortKey = (String, u64);
 
-/// Of some runs, newest first, those of the pipeline in a file.
+/// Selects the runs of the pipeline in a file, newest first.
 ///
-/// A file has the runs that were of its path. One that has none has been moved or copied, or is new: it has those of its name whose file is
-/// gone, if that stood in the same place as seen from the store, or if they are all of one file.
+/// Those are the runs with its path. If there are none, the file may have been moved: then they are the runs of the
+/// same name whose file no longer exists, if that had the same path relative to the store, or if they all had the same
+/// path.
 pub struct RunsOf<I> {
     runs: I,
     file: PathBuf,
     place: String,
     name: String,
     has_own: bool,
-    /// Runs of the same name whose file is gone.
+    /// Runs of the same name whose file no longer exists.
     orphans: VecDeque<Run>,
     gone: BTreeMap<String, bool>,
-    is_sorted_out: bool,
+    is_resolved: bool,
 }
 
 impl<I> RunsOf<I> {
@@ -215,8 +217,8 @@ impl<I> RunsOf<I> {
         *known.or_insert_with(|| !Path::new(path).exists())
     }
 
-    fn sort_out(&mut self) {
-        self.is_sorted_out = true;
+    fn resolve_orphans(&mut self) {
+        self.is_resolved = true;
         if self.orphans.iter().any(|run| run.place == self.place) {
             self.orphans.retain(|run| run.place == self.place);
         }
@@ -231,7 +233,7 @@ impl<I: Iterator<Item = Result<Run, StoreError>>> Iterator for RunsOf<I> {
     type Item = Result<Run, StoreError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        while !self.is_sorted_out {
+        while !self.is_resolved {
             match self.runs.next() {
                 Some(Ok(run)) if Path::new(&run.path) == self.file => {
                     self.has_own = true;
@@ -244,7 +246,7 @@ impl<I: Iterator<Item = Result<Run, StoreError>>> Iterator for RunsOf<I> {
                     }
                 }
                 Some(Err(error)) => return Some(Err(error)),
-                None => self.sort_out(),
+                None => self.resolve_orphans(),
             }
         }
         self.orphans.pop_front().map(Ok)
@@ -252,7 +254,7 @@ impl<I: Iterator<Item = Result<Run, StoreError>>> Iterator for RunsOf<I> {
 }
 
 impl Store {
-    /// Of some runs of this store, newest first, those of the pipeline of that name in a file.
+    /// Selects, from runs of this store, those of the pipeline of that name in a file.
     pub fn runs_of<I: Iterator<Item = Result<Run, StoreError>>>(&self, runs: I, file: &Path, name: &str) -> RunsOf<I> {
         RunsOf {
             runs,
@@ -262,11 +264,11 @@ impl Store {
             has_own: false,
             orphans: VecDeque::new(),
             gone: BTreeMap::new(),
-            is_sorted_out: false,
+            is_resolved: false,
         }
     }
 
-    /// A file as seen from the store: `../pipelines/sweep.yaml`.
+    /// Returns the path of a file relative to the store: `../pipelines/sweep.yaml`.
     #[must_use]
     pub fn relative_path_to(&self, file: &Path) -> String {
         let Ok(root) = fs::canonicalize(self.root()) else {
@@ -282,10 +284,10 @@ impl Store {
         path.display().to_string()
     }
 
-    /// Whether something was built, failed or was stopped in a run, or it says anything else than the last one of its pipeline.
+    /// Whether a stage was built, failed or was stopped in a run, or the run differs from the last one of its pipeline.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn is_new_run(&self, run: &Run) -> Result<bool, StoreError> {
         let built = |stage: &RunStage| stage.outcome == StageOutcome::Built;
         if run.stages.iter().any(built) || !run.failures.is_empty() || !run.stopped.is_empty() {
@@ -297,10 +299,10 @@ impl Store {
         Ok(!last.transpose()?.is_some_and(|last| last.is_equivalent(run)))
     }
 
-    /// Remembers a run that is news, and forgets all but the last ten thousand.
+    /// Writes a run unless it equals the last one, and removes all but the last ten thousand.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn put_run(&self, run: &Run) -> Result<(), StoreError> {
         if !self.is_new_run(run)? {
             return Ok(());
@@ -315,13 +317,15 @@ impl Store {
         let folder = self.temporary()?;
         atomic::write(&folder.path().join("run"), &target, &text)?;
         let older = files.iter().skip(KEPT - 1);
-        older.filter(|path| is_file(path)).try_for_each(|path| remove(path))
+        older
+            .filter(|path| is_file(path))
+            .try_for_each(|path| remove_file(path))
     }
 
-    /// The remembered runs, newest first.
+    /// Returns the runs, newest first.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn runs(&self) -> Result<Runs, StoreError> {
         let folder = self.layout.runs();
         let named = |name: String| Some((stamp(&name)?, name));
@@ -332,10 +336,11 @@ impl Store {
         })
     }
 
-    /// What the last run that had a stage of this name made there. `pipeline` narrows to a pipeline by name or file.
+    /// Returns the stage of this name in the last run that had it. `pipeline` restricts the search to a pipeline, by
+    /// name or path.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn last_made(&self, stage: &str, pipeline: Option<&str>) -> Result<Option<RunStage>, StoreError> {
         for run in self.runs()? {
             let run = run?;
@@ -347,12 +352,12 @@ impl Store {
         Ok(None)
     }
 
-    /// Files of runs, newest first, as their names say. What is named otherwise is none.
+    /// Returns the files of runs, newest first, by their names.
     pub(super) fn run_files(&self) -> Result<Vec<PathBuf>, StoreError> {
         Ok(self.runs()?.paths())
     }
 
-    /// What lies among the files of runs and is none.
+    /// Returns the files in the folder of runs that are not runs.
     pub(super) fn stray_runs(&self) -> Result<Vec<PathBuf>, StoreError> {
         let is_stray = |path: &PathBuf| {
             let name = path.file_name().and_then(|name| name.to_str());
@@ -362,8 +367,8 @@ impl Store {
     }
 }
 
-/// The time of a run as its file's name begins with it: `2026-01-01T00-00-01.000Z`. Where the clock has been set back, the
-/// newest file's time and a number instead, so that the last run is the newest whatever the clock says.
+/// Returns the start of the name of the file of a run: its time, `2026-01-01T00-00-01.000Z`. If the clock was set back,
+/// it is the time of the newest file and a number, so that the last run is always the newest.
 fn after_newest(run: &Run, newest_first: &[PathBuf]) -> String {
     let time: String = run.created.chars().map(|c| if c == ':' { '-' } else { c }).collect();
     let named = |path: &PathBuf| stamp(path.file_name()?.to_str()?);
@@ -373,8 +378,8 @@ fn after_newest(run: &Run, newest_first: &[PathBuf]) -> String {
     }
 }
 
-/// Time and number in the name of a run's file: `TIME-DIGEST.json` or `TIME.NUMBER-DIGEST.json`; none where it is named otherwise.
-fn stamp(name: &str) -> Option<Stamp> {
+/// Parses the name of the file of a run: `TIME-DIGEST.json` or `TIME.NUMBER-DIGEST.json`.
+fn stamp(name: &str) -> Option<SortKey> {
     let (time, rest) = name.split_at_checked("2026-01-01T00-00-01.000Z".len())?;
     let form = |(at, c): (usize, char)| match at {
         4 | 7 | 13 | 16 => c == '-',
@@ -393,7 +398,7 @@ fn stamp(name: &str) -> Option<Stamp> {
     (is_digest && time.chars().enumerate().all(form)).then(|| (time.to_owned(), number))
 }
 
-/// `None` where the file is no run, or another process has just removed it.
+/// Reads a run; returns `None` if the file is not valid, or another process has just removed it.
 pub(super) fn read(path: &Path) -> Result<Option<Run>, StoreError> {
     match read_own(path, MAX_BYTES) {
         Ok(bytes) => Ok(serde_json::from_slice(&bytes)
@@ -414,21 +419,14 @@ pub(super) fn read(path: &Path) -> Result<Option<Run>, StoreError> {
     }
 }
 
-/// The digits in the name of a run's file.
+/// Returns the digits in the name of the file of a run.
 fn id(path: &Path) -> String {
     let name = path.file_stem().and_then(|name| name.to_str());
     let digits = name.and_then(|name| name.rsplit_once('-'));
     digits.map_or_else(String::new, |(_, digits)| digits.to_owned())
 }
 
-fn remove(path: &Path) -> Result<(), StoreError> {
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != ErrorKind::NotFound => Err(StoreError::io("remove", path)(error)),
-        _ => Ok(()),
-    }
-}
-
-/// Digests as people and other programs read them.
+/// Writes digests as hexadecimal text.
 mod hexadecimal {
     use std::fmt::Display;
     use std::str::FromStr;

@@ -1,10 +1,10 @@
-//! The index of a store: for each artifact the stamp of its file as it was when all of it was known to be sound, and what a
-//! plan needs of its content, so that a rerun that builds nothing neither reads nor opens any artifact.
+//! The index of a store: for each artifact the stamp of its file when it was last verified, and the part of its content
+//! that planning needs, so that a rerun that builds nothing does not open any artifact.
 //!
-//! It is a cache and nothing else. It may be deleted or damaged at any time: it ends with a digest of itself, and an index
-//! that is not whole, or of another version, is none. Artifacts that it does not know are verified in full. Processes that
-//! write it at once take in what the others have written as far as they see it; the last one wins, which costs the others'
-//! next run some verifying.
+//! The index is only a cache and may be deleted or damaged at any time: it ends with its own digest, and an incomplete
+//! index or one of another version is ignored. Artifacts that are not in the index are verified in full. Processes
+//! merge the index with that of others before they write it; if several write at once, the last wins and some artifacts
+//! are verified again.
 //!
 //! ```text
 //! "deaflow-index 2\n"
@@ -14,7 +14,8 @@
 //! BLAKE3 of all bytes before
 //! ```
 //!
-//! Numbers are 64-bit little-endian. `listing` counts from 1 and is 0 where it is unknown; `parts` is how many parts it has.
+//! Numbers are 64-bit little-endian. `listing` counts from 1 and is 0 where it is unknown; `parts` is how many parts it
+//! has.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -28,33 +29,33 @@ use deaflow_base::{ArtifactId, Digest, FileDigest, decode, encode, read_own};
 const TITLE: &[u8; 16] = b"deaflow-index 2\n";
 const TRAILER: usize = 32;
 
-/// The index of some millions of artifacts; a longer one is none, bytes.
-const LONG: u64 = 1 << 30;
+/// Maximum length, bytes: an index of some millions of artifacts. A longer one is ignored.
+const MAX_BYTES: u64 = 1 << 30;
 
-/// What stands in an artifact, apart from elements and attributes.
+/// The content of an artifact without elements and attributes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Structure {
-    /// Its kind and datasets. Chunks that differ in nothing share one listing.
+    /// Its kind and datasets. Equal listings of chunks are shared.
     pub listing: Arc<Listing>,
-    /// The chunks of a manifest; of another artifact none.
+    /// The chunks of a manifest; empty for other artifacts.
     pub parts: Arc<Vec<ArtifactId>>,
 }
 
-/// One artifact.
+/// An artifact in the index.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
-    /// BLAKE3 of its file as written.
+    /// BLAKE3 digest of its file.
     pub file: FileDigest,
-    /// Its file when it was known to be sound.
+    /// The stamp of its file when it was verified.
     pub stamp: Stamp,
-    /// When that was, by the clock of the file system.
+    /// When it was verified, by the clock of the file system.
     pub noted: Time,
-    /// What stands in it, where anybody has looked.
+    /// Its structure, if known.
     pub structure: Option<Structure>,
 }
 
 impl Entry {
-    /// The header of the file.
+    /// Returns the header of the file.
     pub fn header(&self, content: ArtifactId) -> Header {
         Header {
             content,
@@ -67,10 +68,10 @@ impl Entry {
 /// The entries of an index by artifact.
 pub type Entries = HashMap<ArtifactId, Entry>;
 
-/// The index in a file. Where there is none that is whole, nothing is known, and nothing is lost. Entries noted in the future
-/// are left out: the clock has been set back since, and what has changed since might carry the very time of before.
+/// Reads an index; returns an empty one if the file is missing or not valid. Entries with a time in the future are left
+/// out: the clock has been set back, so a file that changed since may have the same time as before.
 pub fn read(path: &Path, now: Time) -> Entries {
-    let bytes = read_own(path, LONG).unwrap_or_default();
+    let bytes = read_own(path, MAX_BYTES).unwrap_or_default();
     let mut entries = parse(&bytes).unwrap_or_default();
     entries.retain(|_, entry| entry.noted <= now && entry.stamp.is_settled(entry.noted));
     entries
@@ -117,7 +118,7 @@ fn parse(bytes: &[u8]) -> Option<Entries> {
 
 type EncodedEntry = (ArtifactId, FileDigest, Stamp, Time, (u64, u64));
 
-/// The bytes that are still to be read.
+/// Reads numbers and digests from bytes.
 struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
@@ -155,7 +156,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The bytes of an index. Listings that cannot be encoded (larger than any record may be) are left out.
+/// Encodes an index. Listings that are too large to be encoded are left out.
 pub fn write(entries: &Entries) -> Vec<u8> {
     let mut listings = Listings::default();
     let mut sorted: Vec<(&ArtifactId, &Entry)> = entries.iter().collect();
@@ -192,7 +193,7 @@ pub fn write(entries: &Entries) -> Vec<u8> {
     bytes
 }
 
-/// Each listing once, however many chunks have it.
+/// The encoded listings, each once.
 #[derive(Default)]
 struct Listings {
     encoded: Vec<Vec<u8>>,
@@ -200,7 +201,7 @@ struct Listings {
 }
 
 impl Listings {
-    /// The number of a listing, from 1; none where it cannot be encoded.
+    /// Returns the number of a listing, from 1; `None` if it cannot be encoded.
     fn number(&mut self, listing: &Arc<Listing>) -> Option<u64> {
         if let Some(number) = self.numbers.get(listing) {
             return Some(*number);

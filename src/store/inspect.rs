@@ -1,8 +1,8 @@
 //! Checks whether an artifact exists and is intact, quickly or thoroughly.
 //!
-//! Planning must notice a missing or damaged artifact, but take less than a second on a store of gigabytes. So it trusts the
-//! index if the stamp of a file has not changed, as git does, and verifies the other files. Files that are read as inputs are
-//! always verified in full, and `fsck` verifies all.
+//! Planning must notice a missing or damaged artifact, but take less than a second on a store of gigabytes. So it
+//! trusts the index if the stamp of a file has not changed, as git does, and verifies the other files. Files that are
+//! read as inputs are always verified in full, and `fsck` verifies all.
 
 use super::error::StoreError;
 use super::index::Structure;
@@ -68,7 +68,8 @@ impl Store {
         Ok((header.size, structure))
     }
 
-    /// Returns the condition of the artifact of a record: as [`Store::inspect`], and it must be of the kind of the record.
+    /// Returns the condition of the artifact of a record: as [`Store::inspect`], and it must be of the kind of the
+    /// record.
     ///
     /// # Errors
     /// As [`Store::inspect`].

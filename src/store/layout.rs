@@ -1,24 +1,24 @@
-//! Where things lie in a store, and the marker that says which layout it is.
+//! The folders and files of a store.
 //!
 //! ```text
 //! DIR/format            `deaflow-store 2`
 //! DIR/objects/ab/<digest>.h5   artifacts by the digest of their content
-//! DIR/records/ab/<key>  what an action made
-//! DIR/checkpoints/<key>/  what unfinished actions have come to
-//! DIR/runs/             past runs: the last are roots; the memory behind "parameter changed"
-//! DIR/logs/              what runs said, for people
-//! DIR/memos/             answers that are dear to find and may be deleted
-//! DIR/cluster/           what submitters and workers of a cluster leave for each other
-//! DIR/remotes/            what was read of remotes: signed records, and notes on interrupted uploads; may be deleted
-//! DIR/origins/ab/<key>  who has signed a record that was brought from a remote: to sign it again would be to vouch for it
-//! DIR/pins/              artifacts that a collection keeps
-//! DIR/lock-files/        where lock files of pipelines are: a collection keeps what they name
-//! DIR/costs.jsonl        what stages have cost
-//! DIR/removed.jsonl      what collections have removed, and when
-//! DIR/index             stamps of files known to be sound; a cache
-//! DIR/locks/            run lock, locks or claims of actions in flight, processes where locks are not seen by all
+//! DIR/records/ab/<key>  records of actions
+//! DIR/checkpoints/<key>/  checkpoints of unfinished actions
+//! DIR/runs/             history of runs
+//! DIR/logs/              log files of runs
+//! DIR/memos/             cached results; may be deleted
+//! DIR/cluster/           notes between submitters and workers of a cluster
+//! DIR/remotes/            cached records of remotes, and interrupted uploads; may be deleted
+//! DIR/origins/ab/<key>  who has signed a record that was downloaded from a remote
+//! DIR/pins/              artifacts that garbage collection keeps
+//! DIR/lock-files/        paths of lock files, whose artifacts garbage collection keeps
+//! DIR/costs.jsonl        costs of stages
+//! DIR/removed.jsonl      removed artifacts
+//! DIR/index             stamps of verified files; a cache
+//! DIR/locks/            run lock, locks or claims of running actions, and processes if claims are used
 //! DIR/tmp/              files being written
-//! DIR/quarantine/       damaged files, moved aside
+//! DIR/quarantine/       damaged files
 //! ```
 
 use std::fs;
@@ -37,22 +37,22 @@ const MARKER: &str = "format";
 /// The folder of log files.
 pub const LOGS: &str = "logs";
 
-/// The folder of answers that are dear to find.
+/// The folder of cached results.
 pub const MEMOS: &str = "memos";
 
-/// The folder of what the submitters and workers of a cluster leave for each other.
+/// The folder of notes between submitters and workers of a cluster.
 pub const CLUSTER: &str = "cluster";
 
-/// The folder of who has said what records say that were brought from other stores.
+/// The folder of the origins of downloaded records.
 pub const ORIGINS: &str = "origins";
 
-/// The folder of what was read of remotes.
+/// The folder of cached records of remotes.
 pub const REMOTES: &str = "remotes";
 
 /// The folders that every store has.
 const FOLDERS: [&str; 6] = ["objects", "records", "runs", "locks/actions", "tmp", "quarantine"];
 
-/// Those that are made when they are needed.
+/// Folders that are created when they are needed.
 const LATER: [&str; 11] = [
     "checkpoints",
     "pins",
@@ -74,18 +74,18 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Opens the folder as a store; an empty or absent folder becomes one.
+    /// Opens a store; creates one in an empty or missing folder.
     ///
     /// # Errors
-    /// When the folder holds something else, a damaged store or one of an unknown version, something else stands in the place of a
-    /// folder of the store, or one cannot be created.
+    /// If the folder holds something else, a damaged store or one of an unknown version, something else stands in the
+    /// place of a folder of the store, or one cannot be created.
     pub fn open(root: &Path) -> Result<Self, StoreError> {
         let layout = Self::of(root)?;
         if !Self::is_store(root) {
             layout.create()?;
         }
         layout.expect_late_names();
-        // A marker that another machine has just made may be listed and not be seen.
+        // A marker that another machine has just written may be listed before it is visible.
         let looked = delayed_names::until_seen(|| match layout.look() {
             Err(StoreError::NotAStore { .. }) if layout.lists_marker() => Err(std::io::ErrorKind::NotFound.into()),
             looked => Ok(looked),
@@ -95,10 +95,10 @@ impl Layout {
         Ok(layout)
     }
 
-    /// The paths of a folder that may be a store.
+    /// Returns the paths of a folder that may be a store.
     ///
     /// # Errors
-    /// When it is no folder, or its path is not UTF-8.
+    /// If it is not a folder, or its path is not UTF-8.
     pub fn of(root: &Path) -> Result<Self, StoreError> {
         let root = root.to_owned();
         match () {
@@ -108,13 +108,13 @@ impl Layout {
         }
     }
 
-    /// Whether the folder has a store's marker, or all else that every store has: its marker is lost then.
+    /// Whether the folder has the marker of a store, or the folders of a store whose marker is lost.
     pub fn is_store(root: &Path) -> bool {
         let layout = Self { root: root.to_owned() };
         fs::symlink_metadata(layout.marker()).is_ok() || layout.has_folders()
     }
 
-    /// The folder of the store that a path lies in, if it lies in one; the path itself need not be there.
+    /// Returns the folder of the store that contains a path, if any; the path itself need not exist.
     pub fn around(path: &Path) -> Option<PathBuf> {
         let folder = fs::canonicalize(folder_of(path)).ok()?;
         let mut folders = folder.ancestors();
@@ -122,10 +122,10 @@ impl Layout {
         folders.find(is_store).map(Path::to_owned)
     }
 
-    /// Whether this is a store that may be written in. Nothing is touched.
+    /// Checks that this is a store, without changing it.
     ///
     /// # Errors
-    /// When it has no sound marker of this version, or something else stands in the place of a folder of it.
+    /// If it has no sound marker of this version, or something else stands in the place of a folder of it.
     pub fn look(&self) -> Result<(), StoreError> {
         let marker = self.marker();
         if fs::symlink_metadata(&marker).is_ok() {
@@ -135,7 +135,7 @@ impl Layout {
         match self.has_folders() {
             true => self.check_folders().and(Err(StoreError::Marker {
                 path: marker,
-                reason: "it is not there".to_owned(),
+                reason: "it is missing".to_owned(),
             })),
             false => Err(StoreError::NotAStore {
                 path: self.root.clone(),
@@ -143,10 +143,10 @@ impl Layout {
         }
     }
 
-    /// Makes the folders that every store has.
+    /// Creates the folders that every store has.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn make_folders(&self) -> Result<(), StoreError> {
         for folder in FOLDERS {
             let path = self.root.join(folder);
@@ -157,14 +157,14 @@ impl Layout {
         Ok(())
     }
 
-    /// Whether the folders are there without which a store is none.
+    /// Whether the folders exist that every store has.
     fn has_folders(&self) -> bool {
         [self.objects(), self.records(), self.action_locks()]
             .iter()
             .all(|folder| folder.is_dir())
     }
 
-    /// Through a link, what is written or removed here would be so elsewhere.
+    /// Checks that the folders and locks are not links, which would lead elsewhere.
     fn check_folders(&self) -> Result<(), StoreError> {
         let refuse = |path: PathBuf, wanted: &'static str| match fs::symlink_metadata(&path) {
             Ok(metadata) if kind_of(&metadata) != wanted => Err(StoreError::Foreign {
@@ -182,13 +182,13 @@ impl Layout {
     fn create(&self) -> Result<(), StoreError> {
         delayed_names::make_folders(&self.root).map_err(StoreError::io("create", &self.root))?;
         self.expect_late_names();
-        // Its name must survive a crash of the machine as what is in it does.
+        // A crash of the machine must not lose its name.
         atomic::sync_folder(folder_of(&self.root))?;
-        // A README and dot files may stand in a store's folder; a marker may have been left half-written.
+        // A README and dot files are allowed; a marker may have been left incomplete.
         let expected = |name: &str| ["README", ".", MARKER].iter().any(|start| name.starts_with(start));
         for path in files_in(&self.root)? {
             if !expected(&path.file_name().unwrap_or_default().to_string_lossy()) {
-                // Unless another process has just made it a store.
+                // Another process may have just created the store.
                 return if self.marker().exists() || self.lists_marker() {
                     Ok(())
                 } else {
@@ -203,7 +203,7 @@ impl Layout {
         marker::write(folder.path(), &self.marker())
     }
 
-    /// Whether the folder lists a marker, which may be seen before it can be opened.
+    /// Whether the folder lists a marker, which may be listed before it can be opened.
     fn lists_marker(&self) -> bool {
         let names = names_in(&self.root).unwrap_or_default();
         names.iter().any(|name| name == MARKER)
@@ -215,7 +215,7 @@ impl Layout {
         }
     }
 
-    /// The folders of a store, whether they are there or not.
+    /// Returns the folders of a store, whether they exist or not.
     pub fn own_folders(&self) -> impl Iterator<Item = PathBuf> {
         let own = ["locks"].into_iter().chain(FOLDERS).chain(LATER);
         own.map(|folder| self.root.join(folder))
@@ -234,13 +234,13 @@ impl Layout {
         self.root.join("objects").join(&name[..2]).join(format!("{name}.h5"))
     }
 
-    /// The artifact whose file this is by its place. A copy that somebody left beside it is not that artifact.
+    /// Returns the artifact of a file by its path. A copy under another path is not an artifact.
     pub fn artifact_at(&self, path: &Path) -> Option<ArtifactId> {
         let digest = path.file_stem()?.to_str()?.parse().ok()?;
         (self.object(&digest) == path).then_some(digest)
     }
 
-    /// The action whose record this is by its place.
+    /// Returns the action of a record by its path.
     pub fn action_at(&self, path: &Path) -> Option<ActionKey> {
         let key = path.file_name()?.to_str()?.parse().ok()?;
         (self.record(&key) == path).then_some(key)
@@ -299,23 +299,24 @@ impl Layout {
         self.root.join("locks/actions")
     }
 
-    /// The lock of an action. Keys share 65,536 files, which stay: to make and remove a file for each chunk would cost more
-    /// than to wait, now and then, for another.
+    /// The lock of an action. Keys share 65,536 files, which stay: to make and remove a file for each chunk would cost
+    /// more than to wait, now and then, for another.
     pub fn action_lock(&self, key: &ActionKey) -> PathBuf {
         self.action_locks().join(&key.to_string()[..4])
     }
 
-    /// Claims on actions.
+    /// Returns the folder of claims on actions.
     pub fn claims(&self) -> PathBuf {
         self.root.join("locks/claims")
     }
 
-    /// Who has the store open, where that is told by claims.
+    /// Returns the folder of the processes that have the store open, if claims are used.
     pub fn processes(&self) -> PathBuf {
         self.root.join("locks/processes")
     }
 
-    /// The stamps of files that are known to be sound, as one machine sees them: of `host`, where several share the store.
+    /// The stamps of files that are known to be sound, as one machine sees them: of `host`, where several share the
+    /// store.
     pub fn index(&self, host: Option<&str>) -> PathBuf {
         let plain = |c: char| {
             if c.is_ascii_alphanumeric() || "-._".contains(c) {

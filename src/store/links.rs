@@ -1,4 +1,4 @@
-//! Links in a store, none of which is ours.
+//! Finds links in a store, which never creates any.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -7,11 +7,12 @@ use super::entries::{entries, is_folder, is_link};
 use super::layout::Layout;
 use deaflow_base::leads_nowhere_at;
 
-/// How deep the folders of a store are nested, below its own.
+/// Maximum depth of the folders of a store.
 const DEEPEST: u32 = 3;
 
-/// All links below the folders of a store, which are followed by nobody. Figures may be linked to other places by whoever likes;
-/// of those only the links that lead nowhere count. A folder that cannot be read, or goes meanwhile, shows none.
+/// All links below the folders of a store, which are followed by nobody. Figures may be linked to other places by
+/// whoever likes; of those only the links that lead nowhere count. A folder that cannot be read, or goes meanwhile,
+/// shows none.
 pub fn links(layout: &Layout) -> BTreeSet<PathBuf> {
     let mut found = BTreeSet::new();
     for folder in layout.own_folders() {

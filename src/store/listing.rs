@@ -1,4 +1,4 @@
-//! What stands in an artifact, without its elements.
+//! The datasets of an artifact without their elements.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,12 +7,12 @@ use super::error::StoreError;
 use super::object::{Dataset, Object};
 use deaflow_base::ArtifactId;
 
-/// What is known of an artifact without its elements and attributes.
+/// Kind and datasets of an artifact.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Listing {
     /// Kind of the action that makes it.
     pub kind: String,
-    /// Its datasets in the order of their paths; of a manifest none, since its chunks have them.
+    /// Its datasets in the order of their paths; empty for a manifest, whose chunks have them.
     pub contents: Vec<Content>,
 }
 
@@ -27,37 +27,37 @@ pub struct Content {
     pub shape: Vec<usize>,
     /// Unit of the elements.
     pub units: String,
-    /// What it is.
+    /// Its description.
     pub description: String,
     /// Names of its axes, slowest first; empty where they have none.
     pub axes: Vec<String>,
 }
 
 impl Content {
-    /// Whether chunks with these two datasets can be laid end to end, and if not, why.
+    /// Returns why two datasets cannot be concatenated, if so.
     fn mismatch(&self, other: &Self) -> Option<String> {
         let path = &self.path;
         if self.kind != other.kind {
             return Some(format!(
-                "`{path}` holds {}, not {}",
+                "`{path}` has type {}, not {}",
                 other.kind.name(),
                 self.kind.name()
             ));
         }
         if self.shape.is_empty() {
-            return Some(format!("`{path}` has no axis to lay chunks along"));
+            return Some(format!("`{path}` is a scalar, so chunks cannot be concatenated"));
         }
         if Some(&self.shape[1..]) != other.shape.get(1..) {
             return Some(format!(
-                "`{path}` has the shape {:?} beside {:?}",
+                "`{path}` has the shape {:?}, not {:?}",
                 other.shape, self.shape
             ));
         }
-        (self.units != other.units).then(|| format!("`{path}` differs in units"))
+        (self.units != other.units).then(|| format!("`{path}` has another unit"))
     }
 }
 
-/// The listing of an object.
+/// Returns the listing of an object.
 pub fn of_object(object: &Object) -> Listing {
     let describe = |(path, dataset): (&String, &Dataset)| Content {
         path: path.clone(),
@@ -73,10 +73,10 @@ pub fn of_object(object: &Object) -> Listing {
     }
 }
 
-/// The datasets of chunks laid end to end along the first axis.
+/// Concatenates the datasets of chunks along the first axis.
 ///
 /// # Errors
-/// When the chunks differ in anything but their first extents.
+/// If the chunks differ in anything but their first extents.
 pub fn concatenate<'a>(
     parts: impl IntoIterator<Item = (ArtifactId, &'a [Content])>,
 ) -> Result<Vec<Content>, StoreError> {
@@ -91,10 +91,14 @@ pub fn concatenate<'a>(
             continue;
         };
         if let Some((ours, _)) = whole.iter().zip(contents).find(|(a, b)| a.path != b.path) {
-            return Err(refuse(format!("`{}` is not in both", ours.path)));
+            return Err(refuse(format!("only one of them has `{}`", ours.path)));
         }
         if whole.len() != contents.len() {
-            return Err(refuse(format!("{} datasets beside {}", contents.len(), whole.len())));
+            return Err(refuse(format!(
+                "it has {} datasets, not {}",
+                contents.len(),
+                whole.len()
+            )));
         }
         for (ours, theirs) in whole.iter_mut().zip(contents) {
             if let Some(reason) = ours.mismatch(theirs) {

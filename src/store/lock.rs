@@ -1,7 +1,7 @@
-//! Locks between processes (and threads), by the standard library's file locks: they vanish with their process.
+//! File locks between processes and threads. They end with their process.
 //!
-//! A run holds the store's lock shared, so that whoever takes it exclusively (cleaning, collection) knows that nobody is
-//! at work. An action's lock keeps two processes from building the same thing.
+//! A run holds the lock of the store shared; cleaning and garbage collection take it exclusively. The lock of an action
+//! keeps two processes from building the same artifact.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, ErrorKind};
@@ -14,10 +14,10 @@ use deaflow_base::open_own;
 
 /// A lock or a claim, which ends when this is dropped.
 pub struct Guard {
-    _held: Held,
+    _lock: LockOrClaim,
 }
 
-enum Held {
+enum LockOrClaim {
     File { _file: File },
     Claim { _claim: Claim },
 }
@@ -25,23 +25,23 @@ enum Held {
 impl From<Claim> for Guard {
     fn from(claim: Claim) -> Self {
         Self {
-            _held: Held::Claim { _claim: claim },
+            _lock: LockOrClaim::Claim { _claim: claim },
         }
     }
 }
 
-/// Takes a shared lock unless another holds an exclusive one.
+/// Takes a shared lock unless another process holds an exclusive one.
 ///
 /// # Errors
-/// When the lock file cannot be opened or locked.
+/// If the lock file cannot be opened or locked.
 pub fn try_shared(path: &Path) -> Result<Option<Guard>, StoreError> {
     attempt(path, open(path)?, File::try_lock_shared)
 }
 
-/// Takes an exclusive lock unless another holds it.
+/// Takes an exclusive lock unless another process holds it.
 ///
 /// # Errors
-/// When the lock file cannot be opened or locked.
+/// If the lock file cannot be opened or locked.
 pub fn try_exclusive(path: &Path) -> Result<Option<Guard>, StoreError> {
     attempt(path, open(path)?, File::try_lock)
 }
@@ -49,28 +49,28 @@ pub fn try_exclusive(path: &Path) -> Result<Option<Guard>, StoreError> {
 fn attempt(path: &Path, file: File, lock: fn(&File) -> Result<(), TryLockError>) -> Result<Option<Guard>, StoreError> {
     match lock(&file) {
         Ok(()) => Ok(Some(Guard {
-            _held: Held::File { _file: file },
+            _lock: LockOrClaim::File { _file: file },
         })),
         Err(TryLockError::WouldBlock) => Ok(None),
         Err(TryLockError::Error(error)) => Err(StoreError::io("lock", path)(error)),
     }
 }
 
-/// Whether somebody holds the lock exclusively. The file is not made where there is none.
+/// Whether a process holds the lock exclusively. Does not create the file.
 ///
 /// # Errors
-/// When the lock file cannot be opened or locked.
+/// If the lock file cannot be opened or locked.
 pub fn is_held(path: &Path) -> Result<bool, StoreError> {
     let file = match open_own(path) {
         Ok(file) => file,
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::InvalidInput) => return Ok(false),
         Err(error) => return Err(StoreError::io("open", path)(error)),
     };
-    // Shared, so that two who look do not see each other.
+    // Shared, so that two checks at the same time do not see each other.
     Ok(attempt(path, file, File::try_lock_shared)?.is_none())
 }
 
-/// Who of this machine holds a lock, where the system says so and it is not this process, for people.
+/// Describes the other process of this machine that holds a lock, if the system reports one.
 pub fn holder(path: &Path) -> Option<String> {
     let metadata = fs::metadata(path).ok()?;
     let (device, inode) = (metadata.dev(), metadata.ino());
@@ -101,13 +101,13 @@ fn open(path: &Path) -> Result<File, StoreError> {
         .truncate(false)
         .open(path);
     match opened {
-        // A store that may only be read can still be locked against collection.
+        // A read-only store can still be locked against garbage collection.
         Err(error) if is_read_only(&error) => File::open(path).map_err(|_| StoreError::io("write", path)(error)),
         opened => opened.map_err(StoreError::io("open", path)),
     }
 }
 
-/// Whether something may be read and not be written.
+/// Whether a file may only be read.
 pub fn is_read_only(error: &io::Error) -> bool {
     matches!(
         error.kind(),

@@ -1,7 +1,7 @@
-//! Lock files of pipelines: the key and the artifact of every stage, so that a later run can be held to them.
+//! Lock files of pipelines: the key and the artifact of every stage, with which later runs are compared.
 //!
-//! A lock file stands beside its pipeline and belongs to whoever keeps the pipeline, not to the store. The store remembers
-//! where the lock files are that were written with it: what they name is a root of every collection.
+//! A lock file is next to its pipeline, not in the store. The store knows the paths of the lock files that were written
+//! with it: garbage collection keeps their artifacts.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -18,10 +18,10 @@ use deaflow_base::{ActionKey, ArtifactId, Digest, Document, InputError, Node, Ou
 
 const WHAT: &str = "a lock file";
 
-/// No path is longer, bytes.
+/// Maximum length of a path, bytes.
 const MAX_PATH: u64 = 64 << 10;
 
-/// What a pipeline made.
+/// The keys and artifacts of a pipeline.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LockFile {
     /// Name of the pipeline.
@@ -32,7 +32,7 @@ pub struct LockFile {
     pub stages: BTreeMap<String, LockedStage>,
 }
 
-/// What one stage made.
+/// Key and artifact of a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LockedStage {
     /// Its action key.
@@ -42,8 +42,8 @@ pub struct LockedStage {
 }
 
 impl LockFile {
-    /// The lock file of a pipeline's file: `quickstart.yaml.lock` beside `quickstart.yaml`. The whole name is kept, so that
-    /// `a.yaml` and `a.yml` have each their own, and no pipeline is its own lock file.
+    /// Returns the path of the lock file of a pipeline: `quickstart.yaml.lock` for `quickstart.yaml`. The extension is
+    /// kept, so that `a.yaml` and `a.yml` have different lock files.
     #[must_use]
     pub fn path_for(pipeline: &Path) -> PathBuf {
         let mut name = pipeline.as_os_str().to_owned();
@@ -54,7 +54,7 @@ impl LockFile {
     /// Reads a lock file.
     ///
     /// # Errors
-    /// When it cannot be read or is none, with the place.
+    /// If it cannot be read or is not valid, with the position.
     pub fn read(path: &Path) -> Result<Self, InputError> {
         let document = Document::load(path)?;
         let map = document
@@ -84,12 +84,13 @@ impl LockFile {
         })
     }
 
-    /// The file's text.
+    /// Returns the content of the file.
     #[must_use]
     pub fn text(&self) -> String {
         let quoted = |text: &str| serde_json::Value::from(text).to_string();
         let mut text = String::from(
-            "# What the pipeline beside this file made: written by `deaflow run --lock`, checked by `deaflow run --locked`.\n",
+            "# What the pipeline beside this file made: written by `deaflow run --lock`, checked by \
+             `deaflow run --locked`.\n",
         );
         // Writing to a text cannot fail.
         let _ = write!(
@@ -114,16 +115,16 @@ impl LockFile {
 fn digest<T: FromStr<Err = ParseDigestError>>(node: &Node, field: &str) -> Result<T, InputError> {
     let text = node.text(field)?;
     text.parse().map_err(|error| {
-        node.error(format!("`{field}` is no digest: {error}"))
-            .help("64 hexadecimal digits")
+        node.error(format!("`{field}` is not a digest: {error}"))
+            .help("expected: 64 hexadecimal digits")
     })
 }
 
 impl Store {
-    /// Writes a lock file and remembers where it is.
+    /// Writes a lock file and registers its path.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn put_lock_file(&self, path: &Path, lock: &LockFile) -> Result<(), StoreError> {
         let output = OutputFile::at(path)?;
         output.write(lock.text().as_bytes())?;
@@ -131,10 +132,10 @@ impl Store {
         self.remember_lock_file(path)
     }
 
-    /// Remembers where a lock file is, so that what it names is kept.
+    /// Registers the path of a lock file, so that garbage collection keeps its artifacts.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn remember_lock_file(&self, path: &Path) -> Result<(), StoreError> {
         let whole = fs::canonicalize(path).map_err(StoreError::io("find", path))?;
         let text = self.place_of(&whole).ok_or_else(|| StoreError::LockFile {
@@ -149,10 +150,10 @@ impl Store {
         atomic::write(&folder.path().join("lock-file"), &target, text.as_bytes())
     }
 
-    /// The lock files that are remembered and still there, by their paths.
+    /// Returns the registered lock files that exist, with their paths.
     ///
     /// # Errors
-    /// When one is there and cannot be read: what it needs is then not known.
+    /// If one exists and cannot be read, because its artifacts are unknown then.
     pub fn lock_files(&self) -> Result<Vec<(PathBuf, LockFile)>, StoreError> {
         let mut found = Vec::new();
         for entry in self.remembered_lock_files()? {
@@ -162,7 +163,10 @@ impl Store {
             })?;
             let named = entry.file_name().and_then(|name| name.to_str());
             if named.is_none_or(|name| name != Digest::of(&bytes).to_string()) {
-                return Err(StoreError::damaged(&entry, "it does not say where a lock file is"));
+                return Err(StoreError::damaged(
+                    &entry,
+                    "it does not contain the path of a lock file",
+                ));
             }
             let text = String::from_utf8_lossy(&bytes).into_owned();
             let is_gone = |path: &PathBuf| {
@@ -180,7 +184,8 @@ impl Store {
         Ok(found)
     }
 
-    /// Where a lock file is: its path and, on a second line, its path from the store, which stays when both are moved together.
+    /// Returns the path of a lock file and, on a second line, the path relative to the store, which stays valid if both
+    /// are moved.
     fn place_of(&self, whole: &Path) -> Option<String> {
         let store = fs::canonicalize(self.root()).ok()?;
         let shared = store.components().zip(whole.components());
@@ -200,7 +205,7 @@ impl Store {
         whole.into_iter().chain(relative).collect()
     }
 
-    /// The files that say where a lock file is, as their names say.
+    /// Returns the files with the paths of lock files, by their names.
     pub(super) fn remembered_lock_files(&self) -> Result<Vec<PathBuf>, StoreError> {
         let is_named = |entry: &PathBuf| {
             let name = entry.file_name().and_then(|name| name.to_str());
@@ -210,7 +215,7 @@ impl Store {
         Ok(entries.into_iter().filter(is_named).collect())
     }
 
-    /// What lies among the places of lock files and is none.
+    /// Returns the files in that folder that do not contain the path of a lock file.
     pub(super) fn stray_lock_files(&self) -> Result<Vec<PathBuf>, StoreError> {
         let is_stray = |entry: &PathBuf| {
             let named = entry.file_name().and_then(|name| name.to_str());
@@ -275,7 +280,12 @@ mod tests {
         let path = folder.path().join("p.lock");
         store.put_lock_file(&path, &lock()).unwrap();
         fs::write(&path, lock().text().replace("artifact: \"", "artifact: \"x")).unwrap();
-        assert!(LockFile::read(&path).unwrap_err().to_string().contains("is no digest"));
+        assert!(
+            LockFile::read(&path)
+                .unwrap_err()
+                .to_string()
+                .contains("is not a digest")
+        );
         let error = store.lock_files().unwrap_err();
         assert!(error.to_string().contains("p.lock"), "{error}");
         fs::remove_file(&path).unwrap();

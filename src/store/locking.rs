@@ -1,8 +1,8 @@
-//! How processes of a store keep out of each other's way: by locks of files where these are seen by all, or else by claims.
+//! How processes avoid conflicts in a store: by file locks if all machines see them, otherwise by claims.
 //!
-//! Network file systems often grant locks to one machine without asking the server (NFS with `local_lock`, Lustre with `localflock`), or
-//! refuse them. So locks are trusted on the file systems of disks alone. Once a store has been opened by claims, all do so: the
-//! server may have it on a disk.
+//! Network file systems often grant locks on one machine without asking the server (NFS with `local_lock`, Lustre with
+//! `localflock`), or do not support them. So locks are used only on local file systems. Once a store has been opened
+//! with claims, all processes use them, because the file system may be local on the server only.
 
 use std::io;
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::error::StoreError;
 use super::layout::Layout;
 use super::lock;
 
-/// File systems of disks and memory by the numbers that `statfs` gives (linux/magic.h).
+/// Local file systems by their `statfs` numbers (linux/magic.h).
 const LOCAL: [(u64, &str); 14] = [
     (0xEF53, "ext4"),
     (0x5846_5342, "xfs"),
@@ -31,7 +31,7 @@ const LOCAL: [(u64, &str); 14] = [
     (0x2011_BAB0, "exfat"),
 ];
 
-/// Some of those that are not, for the words of `deaflow doctor`.
+/// Shared file systems, for the output of `deaflow doctor`.
 const SHARED: [(u64, &str); 11] = [
     (0x6969, "NFS"),
     (0x6573_5546, "FUSE"),
@@ -46,16 +46,16 @@ const SHARED: [(u64, &str); 11] = [
     (0x7461_636F, "OCFS2"),
 ];
 
-/// What keeps processes apart.
+/// How processes avoid conflicts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LockingMethod {
-    /// Locks of files, which vanish with their process.
+    /// File locks, which end with their process.
     Locks,
-    /// Claims with signs of life.
+    /// Claims with heartbeats.
     Claims,
 }
 
-/// A method, and reason.
+/// A locking method and the reason for it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LockingChoice {
     /// The method.
@@ -64,7 +64,7 @@ pub struct LockingChoice {
     pub reason: String,
 }
 
-/// How a store is opened.
+/// Chooses the locking method of a store.
 pub fn choose(layout: &Layout) -> LockingChoice {
     let claims = |reason: String| LockingChoice {
         method: LockingMethod::Claims,
@@ -72,21 +72,21 @@ pub fn choose(layout: &Layout) -> LockingChoice {
     };
     let (kind, is_local) = file_system(layout.root());
     if !is_local {
-        return claims(format!("locks on {kind} may be seen by one machine alone"));
+        return claims(format!("locks on {kind} may not be visible on other machines"));
     }
     match lock::try_shared(&layout.run_lock()) {
         Err(StoreError::Io { source, .. }) if is_without_locks(&source) => {
-            claims(format!("there are no locks here: {source}"))
+            claims(format!("the file system does not support locks: {source}"))
         }
-        _ if layout.processes().is_dir() => claims("others have opened the store by claims".to_owned()),
+        _ if layout.processes().is_dir() => claims("other processes have opened the store with claims".to_owned()),
         _ => LockingChoice {
             method: LockingMethod::Locks,
-            reason: format!("locks on {kind} are seen by all"),
+            reason: format!("locks on {kind} are reliable"),
         },
     }
 }
 
-/// The name of the file system of a folder, and whether it is that of a disk or of memory.
+/// Returns the name of the file system of a folder, and whether it is local.
 pub fn file_system(folder: &Path) -> (String, bool) {
     let Ok(found) = statfs(folder) else {
         return ("an unknown file system".to_owned(), false);
@@ -106,7 +106,7 @@ pub fn file_system(folder: &Path) -> (String, bool) {
     }
 }
 
-/// Whether a file system has said that it knows no locks.
+/// Whether an error means that the file system does not support locks.
 fn is_without_locks(error: &io::Error) -> bool {
     const NOT_THERE: [rustix::io::Errno; 4] = [
         rustix::io::Errno::NOLCK,

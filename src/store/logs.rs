@@ -1,4 +1,5 @@
-//! Plain log files of runs: what was built, how each stage ended, and what was warned of. They are for people, and decide nothing.
+//! Plain log files of runs: what was built, how each stage ended, and what was warned of. They are for people, and
+//! decide nothing.
 
 use std::fs::{self, File};
 use std::path::PathBuf;
@@ -9,10 +10,10 @@ use super::layout::LOGS;
 use super::open::Store;
 use deaflow_base::read_own;
 
-/// How many are kept.
+/// Number of log files that are kept.
 const KEPT: usize = 1000;
 
-/// Longer ones are not read, bytes.
+/// Maximum length of a log file that is read, bytes.
 const LONG: u64 = 16 << 20;
 
 /// The name of a log file, in the folder of the store, of a run that begins at a time (RFC 3339, UTC) in a process.
@@ -22,10 +23,10 @@ pub fn log_name(time: &str, process: u32) -> String {
 }
 
 impl Store {
-    /// Names of the log files in the folder of the store, newest first.
+    /// Returns the log files, newest first, relative to the store.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn logs(&self) -> Result<Vec<String>, StoreError> {
         let folder = self.root().join(LOGS);
         let mut logs: Vec<PathBuf> = files_in_optional(&folder)?
@@ -37,17 +38,17 @@ impl Store {
         Ok(logs.iter().filter_map(name).collect())
     }
 
-    /// What stands in a log file; none where it cannot be read.
+    /// Returns the content of a log file, if it can be read.
     #[must_use]
     pub fn read_log(&self, name: &str) -> Option<String> {
         let bytes = read_own(&self.root().join(name), LONG).ok()?;
         Some(String::from_utf8_lossy(&bytes).into_owned())
     }
 
-    /// Creates a log file of that name, and removes the oldest beyond a thousand.
+    /// Creates a log file, and removes the oldest beyond a thousand.
     ///
     /// # Errors
-    /// When the system refuses, or something stands there.
+    /// If the file exists, or the system reports an error.
     pub fn create_log(&self, name: &str) -> Result<File, StoreError> {
         let folder = self.root().join(LOGS);
         self.clear_folder(&folder)?;
@@ -63,7 +64,7 @@ impl Store {
     }
 }
 
-/// Whether a file is named as log files are: `2026-01-01T00-00-01.000Z-1234.log`.
+/// Whether a file has the name of a log file: `2026-01-01T00-00-01.000Z-1234.log`.
 fn is_log(path: &std::path::Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let process = name

@@ -1,4 +1,4 @@
-//! The file that makes a folder a store and says which layout it has.
+//! The marker file, which identifies a store and the version of its layout.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -7,18 +7,18 @@ use super::atomic;
 use super::error::StoreError;
 use deaflow_base::read_own;
 
-/// What it says.
+/// Its content.
 const FORMAT: &str = "deaflow-store 2";
 
-/// What the marker of any version begins with.
+/// The start of the marker of any version.
 const TITLE: &str = "deaflow-store ";
 
 const MAX_BYTES: u64 = 4096;
 
-/// Whether the marker is that of a store that can be opened.
+/// Checks the marker of a store.
 ///
 /// # Errors
-/// When it is damaged, or that of another version, or the system refuses.
+/// If it is damaged, or of another version, or the system reports an error.
 pub fn check(marker: &Path) -> Result<(), StoreError> {
     let damaged = |reason: String| StoreError::Marker {
         path: marker.to_owned(),
@@ -40,15 +40,15 @@ pub fn check(marker: &Path) -> Result<(), StoreError> {
         }),
         other => {
             let shown: String = other.chars().take(80).collect();
-            Err(damaged(format!("it says {shown:?} in place of `{FORMAT}`")))
+            Err(damaged(format!("it contains {shown:?} instead of `{FORMAT}`")))
         }
     }
 }
 
-/// Writes the marker by way of a folder aside.
+/// Writes the marker by way of a temporary folder.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
 pub fn write(aside: &Path, marker: &Path) -> Result<(), StoreError> {
     atomic::write(&aside.join("format"), marker, format!("{FORMAT}\n").as_bytes())
 }

@@ -1,4 +1,4 @@
-//! A store whose marker is lost is a store still.
+//! Repairs the marker of a store.
 
 use std::path::Path;
 
@@ -11,12 +11,11 @@ use super::quarantine::quarantine;
 use super::session::StoreSession;
 
 impl Store {
-    /// Writes the marker of a store anew where it is damaged or gone; what stood in its place is quarantined. Nothing happens
-    /// where it is sound.
+    /// Writes the marker of a store if it is damaged or missing; a damaged one is moved to quarantine.
     ///
     /// # Errors
-    /// When the folder does not hold what every store holds, the marker is that of another version, another process works there,
-    /// or the system refuses.
+    /// If the folder is not a store, the marker is of another version, another process uses the store, or the system
+    /// reports an error.
     pub fn repair_marker(root: &Path) -> Result<Option<Damage>, StoreError> {
         let layout = Layout::of(root)?;
         let path = layout.marker();
@@ -29,8 +28,8 @@ impl Store {
         let alone = StoreSession::alone(&layout)?;
         let quarantined = quarantine(&layout, &path)?;
         let temporary = layout.temporary();
-        let refused = StoreError::io("write in", &temporary);
-        let folder = alone.temporary_folder.folder().map_err(refused)?;
+        let failed = StoreError::io("write in", &temporary);
+        let folder = alone.temporary_folder.folder().map_err(failed)?;
         marker::write(&folder, &path)?;
         Ok(Some(Damage {
             path,

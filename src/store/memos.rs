@@ -1,7 +1,7 @@
-//! Answers that are dear to find and short to keep, by the digest of all that they follow from: `memos/<digest>.json`.
+//! Cached results that are short but expensive to compute, by the digest of their inputs: `memos/<digest>.json`.
 //!
-//! They are no truth of their own: no key, no artifact and no record depends on one, and any may be deleted at any time. One that cannot be
-//! read is found again.
+//! They are no truth of their own: no key, no artifact and no record depends on one, and any may be deleted at any
+//! time. One that cannot be read is found again.
 
 use std::fs;
 use std::path::PathBuf;
@@ -14,24 +14,24 @@ use super::layout::MEMOS;
 use super::open::Store;
 use deaflow_base::{Digest, read_own};
 
-/// How many are kept.
+/// Number of results that are kept.
 const KEPT: usize = 1000;
 
-/// An answer takes less.
+/// Maximum length of a result, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
 impl Store {
-    /// The lines that were remembered under a digest, if there are any.
+    /// Returns the cached lines for a digest, if any.
     #[must_use]
     pub fn memo(&self, of: &Digest) -> Option<Vec<String>> {
         let bytes = read_own(&self.memo_path(of), MAX_BYTES).ok()?;
         serde_json::from_slice(&bytes).ok()
     }
 
-    /// Remembers lines under a digest, and forgets the oldest beyond a thousand.
+    /// Caches lines for a digest, and removes the oldest beyond a thousand.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn put_memo(&self, of: &Digest, lines: &[String]) -> Result<(), StoreError> {
         let folder = self.root().join(MEMOS);
         self.clear_folder(&folder)?;
@@ -56,7 +56,7 @@ impl Store {
     }
 }
 
-/// Whether a file is named as memos are.
+/// Whether a file has the name of a cached result.
 fn is_memo(path: &std::path::Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let digest = name.strip_suffix(".json").unwrap_or_default();

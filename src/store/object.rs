@@ -34,14 +34,14 @@ pub struct Dataset {
     pub data: Data,
 }
 
-/// The logical content of an artifact. It has either datasets or parts; the latter is a manifest, whose datasets are those
-/// of its parts, concatenated along the first axis.
+/// The logical content of an artifact. It has either datasets or parts; the latter is a manifest, whose datasets are
+/// those of its parts, concatenated along the first axis.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Object {
     /// Kind of the action that makes it; empty if it is not made by an action.
     pub kind: String,
-    /// Content attributes: texts that belong to the content (a scene, the names of columns), never times or hosts. Those
-    /// named in `WORDING` are written but are not part of the digest.
+    /// Content attributes: texts that belong to the content (a scene, the names of columns), never times or hosts.
+    /// Those named in `WORDING` are written but are not part of the digest.
     pub attributes: BTreeMap<String, String>,
     /// Datasets by path ("patterns", "unstable/patterns").
     pub datasets: BTreeMap<String, Dataset>,
@@ -72,7 +72,8 @@ pub enum ObjectError {
     },
     /// The names of the axes are not valid.
     #[error(
-        "dataset `{path}` has {extents} axes, but the axis names are {axes:?}: give each axis a different name, not empty and not reserved"
+        "dataset `{path}` has {extents} axes, but the axis names are {axes:?}: give each axis a different name that is not \
+         empty or reserved"
     )]
     Axes {
         /// Path of the dataset.

@@ -82,7 +82,8 @@ impl Store {
         }
     }
 
-    /// Returns the time of the clock of the file system, which stamps its files; it may differ from that of this machine.
+    /// Returns the time of the clock of the file system, which stamps its files; it may differ from that of this
+    /// machine.
     #[must_use]
     pub fn now(&self) -> SystemTime {
         let since = |(seconds, nanoseconds): Time| {
@@ -118,7 +119,8 @@ impl Store {
         }
     }
 
-    /// Writes the index of verified files, so that the next process need not read them. It is a cache: errors are ignored.
+    /// Writes the index of verified files, so that the next process need not read them. It is a cache: errors are
+    /// ignored.
     pub fn save_index(&self) {
         self.verified.keep();
     }
@@ -174,14 +176,14 @@ impl Store {
         Ok(Self::with_session(layout, session))
     }
 
-    /// Releases the claims and the heartbeat of this process. For a process that ends without dropping its stores; it must
-    /// not write any more.
+    /// Releases the claims and the heartbeat of this process. For a process that ends without dropping its stores; it
+    /// must not write any more.
     pub fn leave(&self) {
         self.session.leave();
     }
 
-    /// Puts the present stamp of an artifact into the index, as if its bytes had changed without the file system noticing.
-    /// For tests, also in other crates.
+    /// Puts the present stamp of an artifact into the index, as if its bytes had changed without the file system
+    /// noticing. For tests, also in other crates.
     #[doc(hidden)]
     pub fn trust_current_file(&self, digest: &ArtifactId) {
         Verified::believe(&self.layout.index(None), &self.layout.object(digest), digest);
@@ -196,8 +198,8 @@ impl Store {
     /// Writes an object unless the store has it already. A damaged file in its place is moved to quarantine.
     ///
     /// # Errors
-    /// If the content is not valid for an artifact, a chunk of a manifest is missing, or the system reports an error (disk
-    /// full).
+    /// If the content is not valid for an artifact, a chunk of a manifest is missing, or the system reports an error
+    /// (disk full).
     pub fn put(&self, object: &Object, provenance: &Provenance) -> Result<Stored, StoreError> {
         let digest = object.digest()?;
         if let Some(stored) = self.existing(&digest)? {
@@ -215,7 +217,8 @@ impl Store {
         Ok(stored)
     }
 
-    /// Opens an artifact and verifies every byte of its file. If it is not here, it is downloaded from the upstream store.
+    /// Opens an artifact and verifies every byte of its file. If it is not here, it is downloaded from the upstream
+    /// store.
     ///
     /// # Errors
     /// If it is missing or damaged.
@@ -258,8 +261,8 @@ impl Store {
         }
     }
 
-    /// Gives a finished file its name, without replacing anything: if several processes write the same content, the first
-    /// succeeds and the others use its file. Such files differ only in their provenance.
+    /// Gives a finished file its name, without replacing anything: if several processes write the same content, the
+    /// first succeeds and the others use its file. Such files differ only in their provenance.
     pub(super) fn publish(&self, temporary: &Path, header: Header) -> Result<Stored, StoreError> {
         let target = self.layout.object(&header.content);
         self.clear_folder(folder_of(&target))?;
@@ -305,8 +308,8 @@ impl Store {
         Ok(())
     }
 
-    /// Returns the chunks of a manifest and their concatenated datasets. Chunks are opened only if their structure is not
-    /// known.
+    /// Returns the chunks of a manifest and their concatenated datasets. Chunks are opened only if their structure is
+    /// not known.
     fn chunks_of(&self, object: &Object) -> Result<(Vec<Part>, Vec<Content>), StoreError> {
         let mut parts = Vec::with_capacity(object.parts.len());
         for digest in &object.parts {
@@ -332,8 +335,8 @@ impl Store {
         self.unsettled.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Creates a folder for a file being written, removed on drop. Its name is random: processes in different containers may
-    /// have the same process ID.
+    /// Creates a folder for a file being written, removed on drop. Its name is random: processes in different
+    /// containers may have the same process ID.
     pub(super) fn temporary(&self) -> Result<TempDir, StoreError> {
         let folder = self.layout.temporary();
         let failed = StoreError::io("write in", &folder);

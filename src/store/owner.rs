@@ -1,4 +1,4 @@
-//! Who works in a store, as others read it: on a shared file system a lock of this machine says nothing to another.
+//! The process that uses a store, as shown to other machines.
 
 use std::fs;
 use std::time::SystemTime;
@@ -12,20 +12,20 @@ use deaflow_base::host_name;
 pub struct Owner {
     /// Name of its machine.
     pub host: String,
-    /// Its number there.
+    /// Its process ID.
     pub pid: u32,
-    /// The command that it runs.
+    /// Its command.
     pub command: String,
-    /// When it began to work in the store, in UTC by its machine's clock: for people.
+    /// When it opened the store, in UTC by the clock of its machine.
     pub since: String,
-    /// The machine since it was started, and which numbering of processes is meant.
+    /// Boot ID and process namespace of its machine.
     machine: String,
-    /// When the process began, in ticks of the machine: numbers are given again.
+    /// When it started, in ticks of the machine, because process IDs are reused.
     began: u64,
 }
 
 impl Owner {
-    /// This process.
+    /// Returns this process.
     pub fn this() -> Self {
         let pid = std::process::id();
         Self {
@@ -38,12 +38,13 @@ impl Owner {
         }
     }
 
-    /// Whether it is known to have ended: it was of this machine, and is not there any more. Of another machine nobody can say.
+    /// Whether it is known to have ended: it was of this machine, and is not there any more. Of another machine nobody
+    /// can say.
     pub fn is_gone(&self) -> bool {
         !self.machine.is_empty() && self.machine == machine() && began(self.pid) != Some(self.began)
     }
 
-    /// For people.
+    /// Describes the process.
     pub fn text(&self) -> String {
         let Self {
             host,
@@ -56,7 +57,7 @@ impl Owner {
     }
 }
 
-/// Empty where the system does not say: then nobody is known to have ended.
+/// Returns the identity of the machine; empty if unknown.
 fn machine() -> String {
     let boot = fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
     let numbering = fs::read_link("/proc/self/ns/pid").unwrap_or_default();
@@ -66,11 +67,11 @@ fn machine() -> String {
     }
 }
 
-/// When a process began; none where there is no such process. The name of the program, in brackets, may hold anything.
+/// Returns when a process started, if it exists. The program name in parentheses may contain anything.
 fn began(pid: u32) -> Option<u64> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     let (_, rest) = stat.rsplit_once(')')?;
-    // A process that has ended and was not waited for does nothing any more.
+    // A zombie process has ended.
     let mut fields = rest.split_whitespace();
     let state = fields.next()?;
     (state != "Z").then(|| fields.nth(18)?.parse().ok())?

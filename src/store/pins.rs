@@ -1,4 +1,4 @@
-//! Pins: artifacts that a collection must keep whatever the runs say. A pin is a file named by the artifact's digest.
+//! Pins: artifacts that garbage collection must keep. A pin is a file named by the digest of the artifact.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -12,7 +12,7 @@ use super::error::StoreError;
 use super::open::Store;
 use deaflow_base::{ArtifactId, read_own};
 
-/// A label comes from the command line, which has at most so many bytes.
+/// Maximum length of the file: a label from the command line is shorter.
 const MAX_BYTES: u64 = 4 << 20;
 
 /// A pinned artifact.
@@ -20,11 +20,11 @@ const MAX_BYTES: u64 = 4 << 20;
 pub struct Pin {
     /// The artifact.
     pub digest: ArtifactId,
-    /// Why it is kept, in the words of whoever pinned it.
+    /// Why it is kept, as given by the user.
     pub label: String,
     /// When it was pinned, in UTC, RFC 3339.
     pub created: String,
-    /// Whether it is kept without what it was made from.
+    /// Whether it is kept without its inputs.
     pub result_only: bool,
 }
 
@@ -37,14 +37,15 @@ struct Content {
 }
 
 impl Store {
-    /// Pins an artifact; a pin that is there already is replaced.
+    /// Pins an artifact; replaces an existing pin.
     ///
     /// # Errors
-    /// When the artifact is missing or damaged, or what it was made from is not all here, unless it is pinned alone; or the system refuses.
+    /// If the artifact is missing or damaged, one of its inputs is missing (unless only the result is pinned), or the
+    /// system reports an error.
     pub fn pin(&self, pin: &Pin) -> Result<(), StoreError> {
         self.artifact(&pin.digest)?;
         if !pin.result_only {
-            // A collection would refuse to go on, and say so only then.
+            // A later garbage collection would fail.
             let (_, missing) = self.dependencies(vec![pin.digest], &self.known_records()?)?;
             if let Some(missing) = missing.first() {
                 return Err(StoreError::IncompleteInputs {
@@ -64,10 +65,10 @@ impl Store {
         atomic::write(&folder.path().join("pin"), &target, &text)
     }
 
-    /// Removes the pin of an artifact; `false` where there was none.
+    /// Removes the pin of an artifact; returns `false` if there was none.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn unpin(&self, digest: &ArtifactId) -> Result<bool, StoreError> {
         let path = self.layout.pins().join(digest.to_string());
         match fs::remove_file(&path) {
@@ -77,11 +78,11 @@ impl Store {
         }
     }
 
-    /// All pins, in the order of their digests. What a file says may be lost to damage, but not that it is a pin. One that is
-    /// named by no digest is none.
+    /// Returns all pins, in the order of their digests. A damaged file still counts as a pin; one that is not named by
+    /// a digest does not.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn pins(&self) -> Result<Vec<Pin>, StoreError> {
         let mut pins = Vec::new();
         for path in files_in_optional(&self.layout.pins())? {
@@ -95,7 +96,7 @@ impl Store {
                 Err(error) => return Err(StoreError::io("read", &path)(error)),
             };
             let content = content.unwrap_or(Content {
-                label: "(its file is damaged)".into(),
+                label: "(the file of the pin is damaged)".into(),
                 created: String::new(),
                 result_only: false,
             });
@@ -109,7 +110,7 @@ impl Store {
         Ok(pins)
     }
 
-    /// What lies among the pins and is none.
+    /// Returns the files in the folder of pins that are not pins.
     pub(super) fn stray_pins(&self) -> Result<Vec<PathBuf>, StoreError> {
         let is_stray = |path: &PathBuf| {
             let name = path.file_name().and_then(|name| name.to_str());

@@ -1,5 +1,5 @@
-//! Files that are no artifacts: results that somebody asked for by name. They look like artifacts to HDF5 tools, but have
-//! no header, may hold NaN, and are wherever the user wants them.
+//! Files that are no artifacts: results that somebody asked for by name. They look like artifacts to HDF5 tools, but
+//! have no header, may hold NaN, and are wherever the user wants them.
 
 use std::fs::File;
 use std::path::Path;
@@ -12,10 +12,10 @@ use super::provenance::Provenance;
 use super::write;
 use deaflow_base::OutputFile;
 
-/// Writes arrays as an HDF5 file at `path`, which appears complete or not at all and replaces what was there.
+/// Writes arrays to an HDF5 file atomically, replacing an existing file.
 ///
 /// # Errors
-/// When the folder does not exist or cannot be written in, or the library refuses (disk full).
+/// If the folder does not exist or cannot be written in, or the library reports an error (disk full).
 pub fn write_file(path: &Path, object: &Object, provenance: &Provenance) -> Result<(), StoreError> {
     let contents = listing::of_object(object).contents;
     place(path, |file| {
@@ -23,18 +23,18 @@ pub fn write_file(path: &Path, object: &Object, provenance: &Provenance) -> Resu
     })
 }
 
-/// Lets `write` make a file aside and moves it to `path`.
+/// Calls `write` with the path of a temporary file and moves that to `path`.
 ///
 /// # Errors
-/// When the folder does not exist or cannot be written in, or `write` fails.
+/// If the folder does not exist or cannot be written in, or `write` fails.
 pub(super) fn place(path: &Path, write: impl FnOnce(&Path) -> Result<(), StoreError>) -> Result<(), StoreError> {
     let output = OutputFile::at(path)?;
-    // In the same folder, so that the rename crosses no file system.
+    // In the same folder, so that it is on the same file system.
     let folder = output.folder();
     let temporary = tempfile::tempdir_in(folder).map_err(StoreError::io("write in", folder))?;
     let file = temporary.path().join("result.h5");
     write(&file)?;
-    // A disk that turns out to be full later must not have cost what was there.
+    // A full disk must not destroy the existing file.
     let synced = File::open(&file).and_then(|file| file.sync_all());
     synced.map_err(StoreError::io("write", path))?;
     output.look_again()?;

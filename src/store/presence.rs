@@ -1,12 +1,13 @@
-//! Who has a store open, where locks of one machine are not seen by another.
+//! The processes that have a store open, for file systems whose locks are not visible on other machines.
 //!
-//! Each process has a file in `locks/processes`, named by six letters or digits that no other has, and rewrites it every few seconds.
-//! Whoever looks at it sees it change, whatever the clocks of the machines say; one that has not changed for long by the clock of
-//! the one who looks is dead. A process of the same machine that has ended is known to be dead at once.
+//! Each process has a file in `locks/processes`, named by six letters or digits that no other has, and rewrites it
+//! every few seconds. Whoever looks at it sees it change, whatever the clocks of the machines say; one that has not
+//! changed for long by the clock of the one who looks is dead. A process of the same machine that has ended is known to
+//! be dead at once.
 //!
-//! Who needs the store alone makes the file `alone` there. Both make their own file first and then list the folder: of two
-//! who come at once at least one sees the other. To list a folder after writing in it is what network file systems answer from the
-//! server, where the name alone may be answered from memory.
+//! Who needs the store alone makes the file `alone` there. Both make their own file first and then list the folder: of
+//! two who come at once at least one sees the other. To list a folder after writing in it is what network file systems
+//! answer from the server, where the name alone may be answered from memory.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -24,66 +25,66 @@ use super::error::StoreError;
 use super::owner::Owner;
 use deaflow_base::{Background, Pauses, read_own};
 
-/// The name of the file of whoever needs the store alone.
+/// The file of the process with exclusive access.
 pub const ALONE: &str = "alone";
 
-/// Length of the file of a process, bytes: spaces follow what is said.
+/// Length of the file of a process, bytes, padded with spaces.
 const HEARTBEAT_BYTES: usize = 1024;
 
-/// A file of a process is shorter, bytes.
+/// Maximum length of the file of a process, bytes.
 const LONGEST: u64 = 64 << 10;
 
-/// How often a process shows itself, and how long another waits for that.
+/// Interval and expiry of heartbeats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HeartbeatTimes {
-    /// Between two signs of life.
+    /// Time between two heartbeats.
     pub interval: Duration,
-    /// Without a heartbeat of life for so long, a process is dead.
+    /// Time without a heartbeat after which a process counts as dead.
     pub expiry: Duration,
 }
 
 impl HeartbeatTimes {
-    /// Names may be cached for a minute at most with the usual settings of network file systems.
+    /// The usual times: network file systems cache names for at most a minute with usual settings.
     pub const USUAL: Self = Self {
         interval: Duration::from_secs(5),
         expiry: Duration::from_secs(60),
     };
 }
 
-/// What stands in the file of a process.
+/// The content of the file of a process.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Heartbeat {
-    /// Who it is.
+    /// The process.
     pub owner: Owner,
-    /// How often it has shown itself.
+    /// Number of heartbeats so far.
     pub beats: u64,
 }
 
-/// The file of this process; it is removed when this is dropped.
+/// The heartbeat file of this process, removed on drop.
 pub struct Presence {
     folder: PathBuf,
     owner: Owner,
     name: String,
     times: HeartbeatTimes,
     beats: Option<Background>,
-    /// What was seen of others, and since when it has not changed.
+    /// The last content of the files of others, and since when it has not changed.
     seen: Mutex<BTreeMap<String, (Vec<u8>, Instant)>>,
 }
 
-/// What is known of a process.
+/// The state of a process.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ProcessState {
-    /// It may be at work.
+    /// It may be running.
     Alive(Option<Owner>),
-    /// It has ended, or has given no heartbeat of life for long.
+    /// It has ended, or its heartbeat has expired.
     Dead(Option<Owner>),
 }
 
 impl Presence {
-    /// Shows this process in the folder, which is made where there is none.
+    /// Starts the heartbeat of this process in a folder, which is created if missing.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn announce(folder: &Path, times: HeartbeatTimes) -> Result<Self, StoreError> {
         delayed_names::make_folders(folder).map_err(StoreError::io("create", folder))?;
         let owner = Owner::this();
@@ -91,7 +92,7 @@ impl Presence {
             owner: owner.clone(),
             beats: 0,
         };
-        // Names come from the machine's randomness: no stream of numbers of a pipeline is touched.
+        // Names use randomness of the system, not the random streams of a pipeline.
         let named = || {
             tempfile::Builder::new()
                 .prefix("")
@@ -108,11 +109,11 @@ impl Presence {
             let mut heartbeat = heartbeat;
             while pauses.wait(times.interval) {
                 heartbeat.beats += 1;
-                // A heartbeat that cannot be given is given next time; others wait for several.
+                // An error is ignored: others wait for several heartbeats.
                 let _ = show(&path, &heartbeat);
             }
         };
-        let beats = Background::start("presence", beat).map_err(StoreError::io("begin a thread for", folder))?;
+        let beats = Background::start("presence", beat).map_err(StoreError::io("start a thread for", folder))?;
         Ok(Self {
             folder: folder.to_owned(),
             owner,
@@ -123,32 +124,32 @@ impl Presence {
         })
     }
 
-    /// Who this process is.
+    /// Returns this process.
     pub fn owner(&self) -> &Owner {
         &self.owner
     }
 
-    /// The name of this process in the store.
+    /// Returns the name of this process in the store.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Names of the other processes that have shown themselves.
+    /// Returns the names of the other processes.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn others(&self) -> Result<Vec<String>, StoreError> {
         let names = names_in(&self.folder)?.into_iter();
         Ok(names.filter(|name| is_name(name) && *name != self.name).collect())
     }
 
-    /// What is known of a process by now. One that shows nothing is watched from the first call on.
+    /// Returns the state of a process. Its heartbeat is watched from the first call on.
     pub fn process_state(&self, name: &str) -> ProcessState {
         let content = read_own(&self.folder.join(name), LONGEST).unwrap_or_default();
         self.state_of(name, content)
     }
 
-    /// As [`Presence::process_state`] of something that shows itself by what is read of it.
+    /// As [`Presence::process_state`], for content that has been read already.
     pub fn state_of(&self, name: &str, content: Vec<u8>) -> ProcessState {
         let owner = serde_json::from_slice::<Heartbeat>(&content)
             .ok()
@@ -168,9 +169,9 @@ impl Presence {
         }
     }
 
-    /// Removes the file of a process that is dead.
+    /// Removes the file of a dead process.
     pub fn remove_process(&self, name: &str) {
-        // Another may have done so; one that cannot be removed is in nobody's way.
+        // Another process may have removed it; a remaining file does no harm.
         let _ = fs::remove_file(self.folder.join(name));
     }
 }
@@ -182,26 +183,26 @@ impl Drop for Presence {
     }
 }
 
-/// Whether a file in the folder is that of a process.
+/// Whether a file name is that of a process.
 pub fn is_name(name: &str) -> bool {
     name.len() == LETTERS && name.bytes().all(|byte| byte.is_ascii_alphanumeric())
 }
 
-/// Writes a heartbeat over the one before, which is as long: nobody finds half of one.
+/// Overwrites the last heartbeat, which has the same length, so that readers never see a part of one.
 fn show(path: &Path, heartbeat: &Heartbeat) -> std::io::Result<()> {
     let text = serde_json::to_string(heartbeat)?;
     let file = File::options().write(true).create(true).truncate(false).open(path)?;
     file.write_all_at(format!("{text:<HEARTBEAT_BYTES$}").as_bytes(), 0)
 }
 
-/// The file of whoever has the store alone; it is removed when this is dropped.
+/// The file of a process with exclusive access, removed on drop.
 pub struct ExclusiveMark(PathBuf);
 
 impl ExclusiveMark {
-    /// Makes the file; none where another has made it.
+    /// Creates the file; returns `None` if another process has.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn try_make(folder: &Path, process: &str) -> Result<Option<Self>, StoreError> {
         let path = folder.join(ALONE);
         match File::options().write(true).create_new(true).open(&path) {

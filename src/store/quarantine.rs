@@ -1,4 +1,4 @@
-//! Damaged files are kept aside for whoever wants to know what happened.
+//! Moves damaged files to quarantine, where they can be examined.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use super::error::StoreError;
 use super::layout::Layout;
 
-/// Moves a file aside, keeping it for whoever wants to know what happened. Nothing happens where there is none.
+/// Moves a file to quarantine, and returns its new path; does nothing if there is none.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the system reports an error.
 pub fn quarantine(layout: &Layout, path: &Path) -> Result<Option<PathBuf>, StoreError> {
     if fs::symlink_metadata(path).is_err() {
         return Ok(None);
@@ -19,6 +19,6 @@ pub fn quarantine(layout: &Layout, path: &Path) -> Result<Option<PathBuf>, Store
         .map(|n| layout.quarantine().join(format!("{name}.{n}")))
         .find(|aside| fs::symlink_metadata(aside).is_err())
         .unwrap_or_else(|| layout.quarantine().join(&*name));
-    fs::rename(path, &aside).map_err(StoreError::io("quarantine", path))?;
+    fs::rename(path, &aside).map_err(StoreError::io("move to quarantine", path))?;
     Ok(Some(aside))
 }

@@ -40,7 +40,8 @@ impl Access {
         opened.map_err(|error| self.error("open", path, error))
     }
 
-    /// Returns the error for a failed read: damage for a file of a store, an invalid input for a file that the user named.
+    /// Returns the error for a failed read: damage for a file of a store, an invalid input for a file that the user
+    /// named.
     pub(super) fn error(self, action: &'static str, path: &Path, error: HdfError) -> StoreError {
         match self {
             Self::Here | Self::Guarded => damage(action, path, error),

@@ -1,8 +1,8 @@
 //! Action records: which artifact an action made, and how long it took.
 //!
 //! A record is written after its artifact, so that it never refers to a missing one. It ends with its own digest, which
-//! reveals damage. It contains the whole action: later runs compare the parameters, and a record is valid only if its file
-//! name is the key of that action.
+//! reveals damage. It contains the whole action: later runs compare the parameters, and a record is valid only if its
+//! file name is the key of that action.
 
 use std::fs;
 use std::io::ErrorKind;

@@ -1,7 +1,7 @@
-//! Which actions have a record, by the names of the records alone.
+//! An index of the records in a store, from their file names only.
 //!
-//! To list a folder costs a file system little more than to open one file in it: where a stage has very many chunks, those that are not
-//! built are known so without asking for each.
+//! Listing a folder takes little longer than opening one file, so the missing chunks of a stage with very many chunks
+//! are found quickly.
 
 use rayon::prelude::*;
 
@@ -11,12 +11,12 @@ use super::open::Store;
 use super::record::Record;
 use deaflow_base::ActionKey;
 
-/// The actions that had a record in a store when it was looked at.
+/// The actions with a record at one time.
 #[derive(Debug, Default)]
 pub struct RecordIndex(Vec<ActionKey>);
 
 impl RecordIndex {
-    /// Whether an action had a record. Whether that is sound, and what it names is there, has yet to be seen.
+    /// Whether an action had a record, which may be damaged or without its artifact.
     #[must_use]
     pub fn contains(&self, key: &ActionKey) -> bool {
         self.0.binary_search(key).is_ok()
@@ -24,10 +24,10 @@ impl RecordIndex {
 }
 
 impl Store {
-    /// Lists the records here.
+    /// Lists the records.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn record_index(&self) -> Result<RecordIndex, StoreError> {
         let keys: Result<Vec<Vec<ActionKey>>, StoreError> = (0..=u8::MAX)
             .into_par_iter()
@@ -45,7 +45,8 @@ impl Store {
         Ok(RecordIndex(keys))
     }
 
-    /// Whether the file of what a record says is here and as long as it was written: what stands in it is verified when it is read.
+    /// Whether the file of what a record says is here and as long as it was written: what stands in it is verified when
+    /// it is read.
     #[must_use]
     pub fn has_artifact_of(&self, record: &Record) -> bool {
         let file = std::fs::symlink_metadata(self.layout.object(&record.artifact));

@@ -19,7 +19,8 @@ impl Store {
         Ok(self.or_upstream_record(record::read(&self.layout.record(key), key)?, key))
     }
 
-    /// As [`Store::record`], for an action that this process has locked: also sees a record that another process has just written.
+    /// As [`Store::record`], for an action that this process has locked: also sees a record that another process has
+    /// just written.
     ///
     /// # Errors
     /// As [`Store::record`].
@@ -53,7 +54,8 @@ impl Store {
         Ok(())
     }
 
-    /// Syncs the folders of all records that were written. Once for many is enough: a lost record only costs repeated work.
+    /// Syncs the folders of all records that were written. Once for many is enough: a lost record only costs repeated
+    /// work.
     ///
     /// # Errors
     /// If the system reports an error.

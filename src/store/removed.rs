@@ -1,6 +1,7 @@
-//! What collections have removed, and when: a line of JSON for each artifact, so that whatever leads to one that is gone can say so.
+//! What collections have removed, and when: a line of JSON for each artifact, so that whatever leads to one that is
+//! gone can say so.
 //!
-//! It is memory, not truth: it decides about nothing and may be deleted at any time.
+//! Nothing depends on it, and it may be deleted at any time.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,15 +11,15 @@ use super::gc::GcPlan;
 use super::open::Store;
 use deaflow_base::{ArtifactId, read_own};
 
-/// When the file is longer than this, the oldest lines go, bytes: some hundred thousand artifacts.
-const LONG: usize = 16 << 20;
+/// Maximum length of the file, bytes, for some hundred thousand artifacts; the oldest lines are removed.
+const MAX_LENGTH: usize = 16 << 20;
 
 /// An artifact that a collection has removed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RemovedArtifact {
     /// The artifact.
     pub digest: ArtifactId,
-    /// Kind of the stage or chunk; empty where it was not known.
+    /// Kind of the stage or chunk; empty if unknown.
     pub kind: String,
     /// Length of its file in bytes.
     pub size: u64,
@@ -40,24 +41,24 @@ impl Store {
     /// Remembers what a collection is about to remove. The store must be held alone.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub(super) fn remember_removed(&self, collection: &GcPlan, at: &str) -> Result<(), StoreError> {
         if collection.removed.is_empty() {
             return Ok(());
         }
         let mut known = self.removed_lines();
-        for judged in &collection.removed {
+        for artifact in &collection.removed {
             let line = Line {
-                digest: judged.digest.to_string(),
-                kind: judged.kind.clone(),
-                size: judged.size,
+                digest: artifact.digest.to_string(),
+                kind: artifact.kind.clone(),
+                size: artifact.size,
                 at: at.to_owned(),
             };
             serde_json::to_writer(&mut known, &line)?;
             known.push(b'\n');
         }
-        if known.len() > LONG {
-            let from = known.len() - LONG;
+        if known.len() > MAX_LENGTH {
+            let from = known.len() - MAX_LENGTH;
             let cut = known[from..].iter().position(|byte| *byte == b'\n');
             known.drain(..cut.map_or(known.len(), |at| from + at + 1));
         }
@@ -65,7 +66,8 @@ impl Store {
         atomic::write(&folder.path().join("removed"), &self.layout.removed(), &known)
     }
 
-    /// What collections have removed that is still remembered, oldest first. A line, or a file, that cannot be read is passed over.
+    /// What collections have removed that is still remembered, oldest first. A line, or a file, that cannot be read is
+    /// passed over.
     #[must_use]
     pub fn removed(&self) -> Vec<RemovedArtifact> {
         let lines = self.removed_lines();
@@ -78,10 +80,11 @@ impl Store {
         lines.filter_map(read).collect()
     }
 
-    /// When a collection removed an artifact that is not here; none where it has been built again since, and is gone for another reason.
+    /// When a collection removed an artifact that is not here; none where it has been built again since, and is gone
+    /// for another reason.
     ///
     /// # Errors
-    /// When the records cannot be read.
+    /// If the records cannot be read.
     pub fn removal_of(&self, digest: &ArtifactId) -> Result<Option<RemovedArtifact>, StoreError> {
         let removed = self.removed().into_iter().rfind(|removed| removed.digest == *digest);
         let Some(removed) = removed.filter(|_| !self.has(digest)) else {
@@ -93,6 +96,6 @@ impl Store {
     }
 
     fn removed_lines(&self) -> Vec<u8> {
-        read_own(&self.layout.removed(), 2 * LONG as u64).unwrap_or_default()
+        read_own(&self.layout.removed(), 2 * MAX_LENGTH as u64).unwrap_or_default()
     }
 }

@@ -1,5 +1,5 @@
-//! Rows of an HDF5 file that need not be ours: read by ranges, so that a file need not fit into memory, and with nothing
-//! taken for granted, since whoever looks into a strange file wants to know what is wrong with it.
+//! Rows of an HDF5 file that need not be ours: read by ranges, so that a file need not fit into memory, and with
+//! nothing taken for granted, since whoever looks into a strange file wants to know what is wrong with it.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -17,15 +17,15 @@ pub struct RowFile {
 }
 
 impl RowFile {
-    /// Opens a file of others, which another process reads.
+    /// Opens an untrusted file, which another process reads.
     ///
     /// # Errors
-    /// When it is no HDF5 file.
+    /// If it is not an HDF5 file.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
         Self::of(Access::Apart, path)
     }
 
-    /// Opens a file here or apart.
+    /// Opens a file with the given access.
     pub(super) fn of(access: Access, path: &Path) -> Result<Self, StoreError> {
         Ok(Self {
             file: access.open(path)?,
@@ -38,51 +38,51 @@ impl RowFile {
         |error| self.access.error("read", &self.path, error)
     }
 
-    /// The extents that a dataset claims; `None` where there is none of that path.
+    /// Returns the extents of a dataset, if it exists.
     ///
     /// # Errors
-    /// When it lies behind a link to another file, or cannot be read.
+    /// If it is behind a link, or cannot be read.
     pub fn shape(&self, dataset: &str) -> Result<Option<Vec<usize>>, StoreError> {
         let found = self.file.find(dataset).map_err(self.failed())?;
         Ok(found.map(|found| found.shape.iter().map(|&n| n as usize).collect()))
     }
 
-    /// Some rows of a dataset of an artifact, as it holds them.
+    /// Reads rows of a dataset, which must have a type of artifacts.
     ///
     /// # Errors
-    /// When there is none of that path, or the rows cannot be read.
+    /// If it does not exist, or the rows cannot be read.
     pub fn elements(&self, dataset: &str, rows: Range<usize>) -> Result<Data, StoreError> {
         self.file.rows(dataset, rows).map_err(self.failed())
     }
 
-    /// Some rows of a dataset of numbers, whatever their type.
+    /// Reads rows of numbers of any type.
     ///
     /// # Errors
-    /// When there is none of that path, it does not hold numbers, or the rows cannot be read.
+    /// If it does not exist, does not contain numbers, or the rows cannot be read.
     pub fn numbers(&self, dataset: &str, rows: Range<usize>) -> Result<Vec<f64>, StoreError> {
         self.file.numbers(dataset, rows).map_err(self.failed())
     }
 
-    /// A whole dataset of texts.
+    /// Reads a dataset of texts.
     ///
     /// # Errors
-    /// When there is none of that path, or it does not hold texts.
+    /// If it does not exist, or does not contain texts.
     pub fn texts(&self, dataset: &str) -> Result<Vec<String>, StoreError> {
         self.file.texts(dataset).map_err(self.failed())
     }
 
-    /// A whole dataset of texts, or of whole numbers, which are given as decimal texts.
+    /// Reads a dataset of texts, or of integers as decimal texts.
     ///
     /// # Errors
-    /// When there is none of that path, or it holds neither.
+    /// If it does not exist, or contains neither.
     pub fn words(&self, dataset: &str) -> Result<Vec<String>, StoreError> {
         self.file.words(dataset).map_err(self.failed())
     }
 
-    /// A text attribute of the file; `None` where there is none of that name, or it is no text.
+    /// Returns a text attribute of the file; `None` if it does not exist or is not a text.
     ///
     /// # Errors
-    /// When the file cannot be read.
+    /// If the file cannot be read.
     pub fn attribute(&self, name: &str) -> Result<Option<String>, StoreError> {
         self.file.attribute(name).map_err(self.failed())
     }

@@ -1,10 +1,10 @@
-//! Names of axes as other programs read them: HDF5 dimension scales (HDF Group, *HDF5 Dimension Scale Specification and Design
-//! Notes*), named and numbered as netCDF-4 names and numbers dimensions without coordinates, so that xarray opens `displacement
-//! (sample, corner_y, …)`. Arrays tell the numbers of their scales as netCDF-4 does for variables of several axes, and not by lists of
-//! references, which would stand in the global heap.
+//! Names of axes for other programs: HDF5 dimension scales (HDF Group, *HDF5 Dimension Scale Specification and Design
+//! Notes*), named and numbered as in netCDF-4 for dimensions without coordinates, so that xarray shows `displacement
+//! (sample, corner_y, …)`. Arrays refer to scales by number, as in netCDF-4 for variables with several axes, not by
+//! references, which would be in the global heap.
 //!
-//! A scale is a dataset without elements beside the arrays. It is wording: it stands in no digest, and this program reads the
-//! names back from the attribute `axes`.
+//! A scale is a dataset without elements. It is not part of the digest, and this program reads the names from the
+//! attribute `axes`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -19,7 +19,7 @@ use super::listing::Content;
 /// The attribute that makes a dataset a scale.
 const CLASS: &str = "CLASS";
 
-/// What it says there. Readers ask for 16 bytes that end with a zero.
+/// Its value. Readers expect 16 bytes that end with a zero.
 const SCALE: &str = "DIMENSION_SCALE";
 
 /// The attribute of a scale that holds its number.
@@ -31,24 +31,24 @@ const AXES: &str = "_Netcdf4Coordinates";
 /// The longest axis.
 const LONGEST: usize = 1 << 62;
 
-/// A datatype message for text of 16 ASCII bytes, filled with zeros (HDF5 File Format Specification 3.0, §IV.A.2.d): class and
-/// version, how the text is filled, and the length.
+/// A datatype message for text of 16 ASCII bytes, filled with zeros (HDF5 File Format Specification 3.0, §IV.A.2.d):
+/// class and version, how the text is filled, and the length.
 const FILLED: [u8; 8] = [0x13, 1, 0, 0, 16, 0, 0, 0];
 
 /// The same for text that ends with a zero.
 const ENDED: [u8; 8] = [0x13, 0, 0, 0, 16, 0, 0, 0];
 
-/// Gives each named axis of the arrays in a file a scale. Without a library that can make scales they have labels only.
+/// Adds a scale for each named axis of the arrays in a file.
 ///
 /// # Errors
-/// When the library refuses.
+/// If the library reports an error.
 pub fn attach(file: &File, folder: &Path, arrays: &[Content]) -> hdf5::Result<()> {
     let Some(template) = template(folder) else {
         return Ok(());
     };
     let mut numbers = BTreeMap::new();
     for (axis, length) in lengths(arrays) {
-        // An array of this name may stand there.
+        // There may be an array of this name.
         let free = [axis.to_owned(), format!("{axis}_axis")];
         let Some(name) = free.into_iter().find(|name| !file.link_exists(name)) else {
             continue;
@@ -79,7 +79,7 @@ pub fn attach(file: &File, folder: &Path, arrays: &[Content]) -> hdf5::Result<()
     Ok(())
 }
 
-/// The length of each axis that has one length in all arrays.
+/// Returns the length of each axis that has the same length in all arrays.
 fn lengths(arrays: &[Content]) -> BTreeMap<&str, usize> {
     let mut found: BTreeMap<&str, Option<usize>> = BTreeMap::new();
     for array in arrays.iter().filter(|array| array.axes.len() == array.shape.len()) {
@@ -94,7 +94,7 @@ fn lengths(arrays: &[Content]) -> BTreeMap<&str, usize> {
         .collect()
 }
 
-/// An open file with one scale to copy, made once for each process in a folder where files can be made.
+/// Returns an open file with a scale to copy, which is made once per process in a writable folder.
 fn template(folder: &Path) -> Option<&'static File> {
     static TEMPLATE: OnceLock<File> = OnceLock::new();
     if let Some(template) = TEMPLATE.get() {
@@ -104,8 +104,8 @@ fn template(folder: &Path) -> Option<&'static File> {
     Some(TEMPLATE.get_or_init(|| made))
 }
 
-/// The bindings write text of fixed length only filled with zeros, and readers take a scale for one only where the text ends with a
-/// zero: its type is corrected in the file. The early version of the format keeps no checksum of it.
+/// The bindings write text of fixed length padded with zeros, but readers accept a scale only if the text is terminated
+/// by a zero. So its type is changed in the file; the earliest format version has no checksum of it.
 fn make_template(folder: &Path) -> Option<File> {
     let temporary = tempfile::NamedTempFile::new_in(folder).ok()?;
     let mut builder = new_file();
@@ -139,6 +139,6 @@ fn make_template(folder: &Path) -> Option<File> {
     let [at] = places[..] else { return None };
     bytes[at..][..ENDED.len()].copy_from_slice(&ENDED);
     std::fs::write(temporary.path(), bytes).ok()?;
-    // Once it is open its name can go.
+    // The file stays open after its name has been removed.
     File::open(temporary.path()).ok()
 }

@@ -1,4 +1,4 @@
-//! What a process has of a store while it is open: the right to work there, and a place to write.
+//! The access of a process to an open store: its locks or claims, and its folder for temporary files.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::claims::Claims;
-use super::entries::{files_in, is_folder, is_temporary, names_in};
+use super::entries::{files_in, is_folder, is_temporary, names_in, remove_file};
 use super::error::StoreError;
 use super::layout::Layout;
 use super::lock::{self, Guard, is_read_only};
@@ -17,18 +17,19 @@ use super::stamp::Time;
 use super::temporary_folder::{self, TemporaryFolder};
 use deaflow_base::{ActionKey, read_own};
 
-/// How long a process waits for another that has the store alone.
+/// How long to wait for a process with exclusive access.
 const PATIENCE: Duration = Duration::from_secs(600);
 
-/// Between two looks at what another holds.
+/// Pause before checking again.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// What nobody is known to work at is left for so long, s by the file system's clock: names may be seen late.
+/// Age after which temporary files of unknown processes are removed, s by the clock of the file system: names may
+/// appear late.
 const ABANDONED: i64 = 900;
 
-/// What a process has of a store.
+/// The access of a process to a store.
 pub struct StoreSession {
-    // In this order they end: first what was written, then the right to write.
+    // The order of fields is the order of dropping: temporary files first, then locks.
     pub temporary_folder: TemporaryFolder,
     pub claims: Option<Claims>,
     _alone: Option<ExclusiveMark>,
@@ -37,10 +38,10 @@ pub struct StoreSession {
 }
 
 impl StoreSession {
-    /// The right to work beside others; what dead processes left is cleared.
+    /// Opens a session with shared access, and removes what dead processes left.
     ///
     /// # Errors
-    /// When another process has the store alone for long, or the system refuses.
+    /// If another process has exclusive access for long, or the system reports an error.
     pub fn shared(layout: &Layout) -> Result<Self, StoreError> {
         let choice = locking::choose(layout);
         if choice.method == LockingMethod::Claims {
@@ -64,10 +65,10 @@ impl StoreSession {
         Ok(Self::by_locks(layout, choice, run))
     }
 
-    /// The right to work alone.
+    /// Opens a session with exclusive access.
     ///
     /// # Errors
-    /// When another process has the store open, or the system refuses.
+    /// If another process has the store open, or the system reports an error.
     pub fn alone(layout: &Layout) -> Result<Self, StoreError> {
         let choice = locking::choose(layout);
         if choice.method == LockingMethod::Claims {
@@ -86,7 +87,7 @@ impl StoreSession {
         Ok(Self::by_locks(layout, choice, run))
     }
 
-    /// No right to work there; nobody waits for who looks on.
+    /// Opens a session for reading, without a lock.
     pub fn aside(layout: &Layout) -> Self {
         Self::unseen(layout, locking::choose(layout))
     }
@@ -100,7 +101,7 @@ impl StoreSession {
 
     fn unseen(layout: &Layout, choice: LockingChoice) -> Self {
         Self {
-            // Locks are trusted on disks of this machine alone.
+            // Locks are used only on local file systems.
             temporary_folder: TemporaryFolder::new(&layout.temporary(), None, choice.method == LockingMethod::Locks),
             claims: None,
             _alone: None,
@@ -126,30 +127,30 @@ impl StoreSession {
         })
     }
 
-    /// Ends all claims of this process, and its sign of life.
+    /// Releases all claims and the heartbeat of this process.
     pub fn leave(&self) {
         if let Some(claims) = &self.claims {
             claims.leave();
         }
     }
 
-    /// Name of this machine, where several share the store.
+    /// Returns the name of this machine, if several share the store.
     pub fn host(&self) -> Option<&str> {
         self.claims.as_ref().map(|claims| claims.host())
     }
 
-    /// The right to do an action, unless another has it.
+    /// Locks an action, unless another process has it.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn try_action(&self, layout: &Layout, key: &ActionKey) -> Result<Option<Guard>, StoreError> {
         self.try_named(&layout.action_lock(key), &key.to_string())
     }
 
-    /// The right to what a file is locked for, or a name is claimed for, unless another has it.
+    /// Locks a file or claims a name, depending on the locking method, unless another process has it.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn try_named(&self, file: &Path, name: &str) -> Result<Option<Guard>, StoreError> {
         match &self.claims {
             None => lock::try_exclusive(file),
@@ -157,7 +158,7 @@ impl StoreSession {
         }
     }
 
-    /// Who is at an action, where somebody is and that is known, for people.
+    /// Describes the process that runs an action, if known.
     pub fn action_owner(&self, layout: &Layout, key: &ActionKey) -> Option<String> {
         match &self.claims {
             None => lock::holder(&layout.action_lock(key)),
@@ -170,7 +171,8 @@ fn holder(layout: &Layout) -> Option<String> {
     lock::holder(&layout.run_lock())
 }
 
-/// How often processes show themselves. `DEAFLOW_CLAIM_SECONDS` is after how long a silent one counts as dead, for tests.
+/// Returns the heartbeat times. For tests, `DEAFLOW_CLAIM_SECONDS` sets the time after which a silent process counts as
+/// dead.
 fn times() -> HeartbeatTimes {
     let seconds = std::env::var("DEAFLOW_CLAIM_SECONDS").ok();
     let seconds: Option<f64> = seconds.and_then(|seconds| seconds.parse().ok());
@@ -183,7 +185,7 @@ fn times() -> HeartbeatTimes {
     }
 }
 
-/// Shows this process; none where the store may only be read: it is read then, and nothing is claimed or removed there.
+/// Starts the heartbeat of this process; `None` if the store is read-only.
 fn announce(layout: &Layout) -> Result<Option<Arc<Presence>>, StoreError> {
     match Presence::announce(&layout.processes(), times()) {
         Err(StoreError::Io { source, .. }) if is_read_only(&source) => Ok(None),
@@ -191,7 +193,7 @@ fn announce(layout: &Layout) -> Result<Option<Arc<Presence>>, StoreError> {
     }
 }
 
-/// Waits until nobody has the store alone.
+/// Waits until no process has exclusive access.
 fn wait_for_alone(layout: &Layout, presence: &Presence) -> Result<(), StoreError> {
     let start = Instant::now();
     while names_in(&layout.processes())?.iter().any(|name| name == ALONE) {
@@ -219,21 +221,18 @@ fn make_alone(layout: &Layout, presence: &Presence) -> Result<ExclusiveMark, Sto
     }
 }
 
-/// The process that has the store alone.
+/// Returns the name of the process with exclusive access.
 fn process_alone(layout: &Layout) -> String {
     let bytes = read_own(&layout.processes().join(ALONE), 64).unwrap_or_default();
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
 fn remove_alone(layout: &Layout) -> Result<(), StoreError> {
-    let path = layout.processes().join(ALONE);
-    match fs::remove_file(&path) {
-        Err(error) if error.kind() != ErrorKind::NotFound => Err(StoreError::io("remove", &path)(error)),
-        _ => Ok(()),
-    }
+    remove_file(&layout.processes().join(ALONE))
 }
 
-/// The other processes that may be at work, for people. One that has shown nothing for long by the clock of the file system is not.
+/// Describes the other processes that may be running, without those whose heartbeat is old by the clock of the file
+/// system.
 fn living(layout: &Layout, presence: &Presence) -> Result<Vec<String>, StoreError> {
     let now = super::stamp::file_system_time(&layout.processes());
     let mut found = Vec::new();
@@ -258,9 +257,9 @@ fn busy(layout: &Layout, who: impl IntoIterator<Item = String>) -> StoreError {
     }
 }
 
-/// Removes what processes that are known to be dead were writing, and what nobody has been at for long.
+/// Removes temporary files of dead processes, and old ones of unknown processes.
 fn clear_of_dead(layout: &Layout, presence: &Presence, claims: &Claims) -> Result<(), StoreError> {
-    // Folders first: a process shows itself before it makes one.
+    // Lists the folders first: a process starts its heartbeat before it creates one.
     let folders = files_in(&layout.temporary())?;
     let now = super::stamp::file_system_time(&layout.processes());
     let others = presence.others()?;
@@ -281,7 +280,7 @@ fn clear_of_dead(layout: &Layout, presence: &Presence, claims: &Claims) -> Resul
     Ok(())
 }
 
-/// Whether nobody has written for long, by the clock of the file system.
+/// Whether a file is old by the clock of the file system.
 fn is_abandoned(path: &Path, now: Option<Time>) -> bool {
     use std::os::unix::fs::MetadataExt;
     let written = fs::symlink_metadata(path).map(|metadata| metadata.mtime());
@@ -291,7 +290,7 @@ fn is_abandoned(path: &Path, now: Option<Time>) -> bool {
     }
 }
 
-/// Removes what dead processes were writing, where nobody else is at work. What is named otherwise is not ours.
+/// Removes temporary files when no other process is running. Files with other names are kept.
 fn clear(folder: &Path) -> Result<(), StoreError> {
     let found = files_in(folder)?;
     found
@@ -306,7 +305,7 @@ fn remove(path: &Path) -> Result<(), StoreError> {
         false => fs::remove_file(path),
     };
     match removed {
-        // In a store that may only be read, what was left is in nobody's way; another may have removed it.
+        // The store may be read-only, or another process may have removed it.
         Err(error) if is_read_only(&error) || error.kind() == ErrorKind::NotFound => Ok(()),
         removed => removed.map_err(StoreError::io("remove", path)),
     }

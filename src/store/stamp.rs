@@ -1,9 +1,9 @@
-//! What the system says of a file without reading it, and when that may be believed.
+//! The stamp of a file, which shows changes without reading the file, and when it is reliable.
 //!
-//! Size, times and inode stand for the bytes, as in git's index. The change time cannot be set by anybody, so bytes that were
-//! altered give themselves away even where the modification time was put back. Two changes within one tick of the file
-//! system's clock have the same time, though ("racy git", Documentation/technical/racy-git.txt in git's sources): a stamp
-//! is believed only if it was taken when its change time had passed for good.
+//! The stamp has size, times and inode, as in git's index. Programs cannot set the change time, so it also shows
+//! changes after which the modification time was reset. But two changes within one tick of the clock of the file system
+//! have the same time ("racy git", Documentation/technical/racy-git.txt in git's sources). So a stamp counts only if it
+//! was taken after that tick.
 
 use std::fs::Metadata;
 use std::os::unix::fs::MetadataExt;
@@ -13,22 +13,22 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 /// A time as files carry it: seconds since 1970, and nanoseconds.
 pub type Time = (i64, i64);
 
-/// Clocks of files tick every 10 ms at the slowest setting of the kernel.
+/// Longest tick of the clock for files on Linux, ns.
 const TICK: i64 = 10_000_000;
 
-/// File systems that keep whole seconds, or pairs of them (FAT).
+/// Tick of file systems with a resolution of one or two seconds (FAT), ns.
 const COARSE_TICK: i64 = 2_000_000_000;
 
-/// What shows that a file has been written again.
+/// Shows whether a file has changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stamp {
     /// Length in bytes.
     pub size: u64,
-    /// When its bytes were last written; anybody can set it.
+    /// When its bytes were last written; programs can set it.
     pub modified: Time,
-    /// When its bytes, name or times were last changed; nobody can set it.
+    /// When its bytes, name or times were last changed; programs cannot set it.
     pub changed: Time,
-    /// Its number in the file system: a copy has another.
+    /// Its inode number; a copy has another one.
     pub inode: u64,
 }
 
@@ -42,13 +42,13 @@ impl Stamp {
         }
     }
 
-    /// Whether every change after `taken` must show: the tick of the last change was over by then. A change time after
-    /// `taken` comes from a clock that was set back since: nothing is known then.
+    /// Whether every change after `taken` changes the stamp: the tick of the last change was over then. A change time
+    /// after `taken` means that the clock was set back; then the answer is no.
     pub fn is_settled(&self, taken: Time) -> bool {
         nanoseconds_between(self.changed, taken) >= 2 * self.tick()
     }
 
-    /// How long after its last change the stamp is settled by any clock: one that ticks may be a tick behind.
+    /// Returns the time after its last change when the stamp is settled; a clock may be one tick behind.
     pub fn settles_after(&self) -> Duration {
         Duration::from_nanos(3 * self.tick().unsigned_abs())
     }
@@ -62,7 +62,7 @@ impl Stamp {
     }
 }
 
-/// From one time to another; at most some 290 years either way.
+/// Returns the difference of two times, ns; at most about 290 years.
 fn nanoseconds_between(from: Time, to: Time) -> i64 {
     let seconds = to.0.saturating_sub(from.0);
     seconds
@@ -70,14 +70,14 @@ fn nanoseconds_between(from: Time, to: Time) -> i64 {
         .saturating_add(to.1.saturating_sub(from.1))
 }
 
-/// The time by the clock of the file system that holds a folder, which need not be this machine's; none where no file can be
-/// made there.
+/// Returns the time of the clock of the file system of a folder, which may differ from that of this machine; `None` if
+/// the folder is not writable.
 pub fn file_system_time(folder: &Path) -> Option<Time> {
     let metadata = tempfile::tempfile_in(folder).ok()?.metadata().ok()?;
     Some((metadata.mtime(), metadata.mtime_nsec()))
 }
 
-/// The time by this machine's clock.
+/// Returns the time of the clock of this machine.
 pub fn machine_time() -> Time {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     (

@@ -1,4 +1,5 @@
-//! An artifact as one HDF5 file that needs no store: the arrays of its chunks end to end, and how all that it was made from was made.
+//! An artifact as one HDF5 file that needs no store: the arrays of its chunks end to end, and how all that it was made
+//! from was made.
 
 use std::path::Path;
 
@@ -14,12 +15,13 @@ use super::write::{PIECE, TextCell, describe, put_elements};
 use super::{create, plain, scales, texts};
 use deaflow_base::{ArtifactId, Progress};
 
-/// Writes an artifact at `path`, where the file appears complete or not at all and replaces what was there. Elements are copied some
-/// rows at a time. `ancestry` begins with the artifact itself; `writer` names this program. Each chunk is a step of progress, an
-/// artifact without chunks is one.
+/// Writes an artifact at `path`, where the file appears complete or not at all and replaces what was there. Elements
+/// are copied some rows at a time. `ancestry` begins with the artifact itself; `writer` names this program. Each chunk
+/// is a step of progress, an artifact without chunks is one.
 ///
 /// # Errors
-/// When a file of the artifact is missing or damaged, the folder does not exist or cannot be written in, or the library refuses.
+/// If a file of the artifact is missing or damaged, the folder does not exist or cannot be written in, or the library
+/// refuses.
 pub fn write_standalone(
     path: &Path,
     artifact: &Artifact,

@@ -1,4 +1,4 @@
-//! What a store has to give away: artifacts with the records that name them.
+//! The artifacts of a store with their records, for upload.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -11,31 +11,31 @@ use super::open::Store;
 use super::record::Record;
 use deaflow_base::{ArtifactId, FileDigest};
 
-/// An artifact that is here.
+/// An artifact of this store.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredArtifact {
-    /// Which.
+    /// Its digest.
     pub artifact: ArtifactId,
     /// Its chunks, if it is a manifest.
     pub parts: Vec<ArtifactId>,
-    /// What says that an action made it; nothing, of a chunk whose record is lost.
+    /// Its records; empty for a chunk whose record is lost.
     pub records: Vec<Record>,
 }
 
 impl Store {
-    /// The artifacts that are here and that a record or a manifest names, chunks before manifests; or of these those that some artifacts
-    /// need, themselves included.
+    /// Returns the artifacts of this store with a record or a manifest, chunks before manifests. If `roots` are given,
+    /// only these and their dependencies.
     ///
     /// # Errors
-    /// When one of `roots` is missing, or the system refuses.
+    /// If one of `roots` is missing, or the system reports an error.
     pub fn stored_artifacts(&self, roots: Option<&[ArtifactId]>) -> Result<Vec<StoredArtifact>, StoreError> {
         let mut records: BTreeMap<ArtifactId, Vec<Record>> = BTreeMap::new();
         self.each_record(|record| records.entry(record.artifact).or_default().push(record))?;
-        let wanted: BTreeSet<ArtifactId> = match roots {
+        let selected: BTreeSet<ArtifactId> = match roots {
             None => records.keys().copied().collect(),
             Some(roots) => {
                 let (reached, missing) = self.dependencies(roots.to_vec(), &known(&records))?;
-                // What something was made from may be elsewhere.
+                // Inputs may be in another store only.
                 if let Some(missing) = missing.iter().find(|missing| roots.contains(missing)) {
                     let path = self.layout.object(missing);
                     return Err(StoreError::Missing { digest: *missing, path });
@@ -45,8 +45,8 @@ impl Store {
         };
         let mut chunks: BTreeSet<ArtifactId> = BTreeSet::new();
         let mut held: BTreeMap<ArtifactId, Vec<ArtifactId>> = BTreeMap::new();
-        for artifact in wanted {
-            // What has been collected is not here, though its record is.
+        for artifact in selected {
+            // It may have been removed while its record remains.
             if matches!(self.inspect(&artifact, Effort::Quick)?, Condition::Missing) {
                 continue;
             }
@@ -73,10 +73,10 @@ impl Store {
         Ok(held)
     }
 
-    /// The file of an artifact, every byte of which has been compared with its header: where, its digest and its length.
+    /// Verifies the file of an artifact, and returns its path, digest and length.
     ///
     /// # Errors
-    /// When it is missing or damaged.
+    /// If it is missing or damaged.
     pub fn file_of(&self, artifact: &ArtifactId) -> Result<(PathBuf, FileDigest, u64), StoreError> {
         let path = self.layout.object(artifact);
         let Header { file, size, .. } = self.verified.verify(&path, artifact)?;

@@ -1,5 +1,5 @@
-//! Where a process writes files before they are put in place: a folder of its own in `tmp`, so that what another left can be told from
-//! what another is writing.
+//! Where a process writes files before they are put in place: a folder of its own in `tmp`, so that what another left
+//! can be told from what another is writing.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -12,18 +12,18 @@ use super::entries::TEMPORARY;
 use super::stamp::{Time, file_system_time, machine_time};
 use deaflow_base::aside;
 
-/// The folder of a process, made when it is first needed and removed when this is dropped.
+/// The folder of a process, created on first use and removed on drop.
 pub struct TemporaryFolder {
     folder: PathBuf,
-    /// Six letters or digits that name the process, where it has a name.
+    /// The name of the process, if it has one.
     name: Option<String>,
-    /// Whether it is on a disk of this machine.
+    /// Whether it is on a local file system.
     is_local: bool,
     own: Mutex<Option<TempDir>>,
 }
 
 impl TemporaryFolder {
-    /// In the folder `tmp` of a store, which may be on a disk of this machine.
+    /// Creates it in the folder `tmp` of a store.
     pub fn new(folder: &Path, name: Option<&str>, is_local: bool) -> Self {
         Self {
             folder: folder.to_owned(),
@@ -33,12 +33,12 @@ impl TemporaryFolder {
         }
     }
 
-    /// The folder.
+    /// Returns the folder, and creates it if needed.
     ///
     /// # Errors
-    /// When it cannot be made.
+    /// If it cannot be created.
     pub fn folder(&self) -> io::Result<PathBuf> {
-        // A panic elsewhere leaves none or one that is right.
+        // The value is valid even after a panic.
         let mut own = self.own.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(folder) = own.as_ref().filter(|folder| folder.path().is_dir()) {
             return Ok(folder.path().to_owned());
@@ -60,15 +60,16 @@ impl TemporaryFolder {
         own.as_ref().is_some_and(|own| own.path() == path)
     }
 
-    /// An empty file, removed when dropped before it has been put in place.
+    /// Creates an empty file, removed on drop unless it has been moved.
     ///
     /// # Errors
-    /// When it cannot be made.
+    /// If it cannot be created.
     pub fn file(&self) -> io::Result<NamedTempFile> {
         aside(&self.folder()?)
     }
 
-    /// The time by the clock of the file system, which is this machine's where the disk is: nothing is written to know it then.
+    /// The time by the clock of the file system, which is this machine's where the disk is: nothing is written to know
+    /// it then.
     pub fn time(&self) -> Option<Time> {
         match self.is_local {
             true => Some(machine_time()),
@@ -77,7 +78,7 @@ impl TemporaryFolder {
     }
 }
 
-/// The process that a folder in `tmp` is named after.
+/// Returns the name of the process of a folder in `tmp`.
 pub fn process_of(folder: &Path) -> Option<&str> {
     folder.file_name()?.to_str()?.strip_prefix(TEMPORARY)
 }

@@ -1,12 +1,12 @@
-//! Texts as attributes, each at its own fixed length.
+//! Writes texts as attributes, each with its own fixed length.
 
 use hdf5::types::{FixedUnicode, TypeDescriptor};
 use hdf5::{Attribute, Group, Location};
 
 use deaflow_hdf::LONG;
 
-/// The longest text of an attribute, bytes: with its name and type it must fit into a message of 64 KiB in the header of an object
-/// (HDF5 File Format Specification 3.0, §IV.A.1).
+/// Maximum length of the text of an attribute, bytes: with name and type it must fit into a message of 64 KiB in the
+/// object header (HDF5 File Format Specification 3.0, §IV.A.1).
 const LONGEST: usize = 60_000;
 
 /// Writes the attributes of a group. Texts that are too long for attributes become datasets of bytes.
@@ -29,7 +29,7 @@ pub fn attributes<'a>(group: &Group, entries: impl Iterator<Item = (&'a str, &'a
 
 /// Writes a text of at most 60,000 bytes.
 pub fn attribute(location: &Location, name: &str, value: &str) -> hdf5::Result<()> {
-    // The library knows no text of no length.
+    // The library has no texts of length 0.
     let element = TypeDescriptor::FixedUnicode(value.len().max(1));
     let attribute = location.new_attr_builder().empty_as(&element).create(name)?;
     match value.len() {
@@ -39,7 +39,7 @@ pub fn attribute(location: &Location, name: &str, value: &str) -> hdf5::Result<(
     }
 }
 
-/// Writes some names, if there are any.
+/// Writes names as an attribute; nothing if there are none.
 pub fn names(location: &Location, name: &str, values: &[String]) -> hdf5::Result<()> {
     let Some(longest) = values.iter().map(String::len).max() else {
         return Ok(());
@@ -50,9 +50,10 @@ pub fn names(location: &Location, name: &str, values: &[String]) -> hdf5::Result
     write::<1024>(&attribute.create(name)?, &values)
 }
 
-/// The library shortens them to the length of the attribute.
+/// Writes texts; the library converts them to the length of the attribute.
 fn write<const N: usize>(attribute: &Attribute, values: &[&str]) -> hdf5::Result<()> {
     let texts: Result<Vec<FixedUnicode<N>>, _> = values.iter().map(|value| value.parse()).collect();
-    let texts = texts.map_err(|_| hdf5::Error::from(format!("attribute `{}` is too long", attribute.name())))?;
+    let texts =
+        texts.map_err(|_| hdf5::Error::from(format!("the text of attribute `{}` is too long", attribute.name())))?;
     attribute.write_raw(&texts)
 }

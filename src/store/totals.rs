@@ -1,4 +1,4 @@
-//! What is in a store, counted and weighed without reading it.
+//! Counts the files of a store and their lengths.
 
 use std::fs;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use super::error::StoreError;
 use super::lock;
 use super::open::Store;
 
-/// What is in a store.
+/// Numbers and lengths of the files of a store.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Totals {
     /// Artifacts.
@@ -17,25 +17,25 @@ pub struct Totals {
     pub bytes: u64,
     /// Records.
     pub records: u64,
-    /// Unfinished actions that can be gone on with.
+    /// Unfinished actions with checkpoints.
     pub checkpoints: u64,
     /// Length of their files, bytes.
     pub checkpoint_bytes: u64,
     /// Pinned artifacts.
     pub pins: u64,
-    /// Lock files that are remembered.
+    /// Registered lock files.
     pub lock_files: u64,
-    /// Damaged files that were moved aside.
+    /// Files in quarantine.
     pub quarantined: u64,
-    /// Actions that some process is at work on.
+    /// Actions that are running.
     pub in_flight: u64,
 }
 
 impl Store {
-    /// Counts and weighs.
+    /// Counts the files and their lengths.
     ///
     /// # Errors
-    /// When the system refuses.
+    /// If the system reports an error.
     pub fn totals(&self) -> Result<Totals, StoreError> {
         let mut totals = Totals {
             records: count(files(&self.layout.records())?, |path| {

@@ -1,8 +1,7 @@
-//! Which files are known to be sound: those that this process has written or digested, and those of which the store's index
-//! says so.
+//! Caches which files are known to be intact: those that this process has written or verified, and those in the index.
 //!
-//! Whatever is read is digested once in each process. Whether something is there and whole, which is all that a plan asks, is
-//! answered by the stamp of its file alone where the index knows it.
+//! Each file that is read is verified once per process. Planning only needs to know whether files are intact, for which
+//! the stamp of a file in the index is enough.
 
 use std::collections::{HashMap, HashSet};
 use std::fs;
@@ -22,12 +21,12 @@ use super::session::StoreSession;
 use super::stamp::{Stamp, Time, machine_time};
 use deaflow_base::{ArtifactId, look_at_own};
 
-/// How a file is known to be sound.
+/// How a file is known to be intact.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Check {
     /// This process wrote it.
     Written,
-    /// This process has digested it, after this time; none where the file system's clock cannot be read.
+    /// This process has verified it after this time; `None` if the clock of the file system cannot be read.
     Read(Option<Time>),
 }
 
@@ -38,10 +37,10 @@ struct VerifiedFile {
     structure: Option<Structure>,
 }
 
-/// The memory of sound files, by artifact: in one store each has one file.
+/// The cache of intact files, by artifact.
 #[derive(Default)]
 pub struct Verified {
-    /// Where the index is and where files may be made; none outside a store.
+    /// The folders of the store; `None` outside a store.
     folders: Option<Folders>,
     indexed: Entries,
     memory: Mutex<Memory>,
@@ -62,7 +61,7 @@ impl Folders {
         }
     }
 
-    /// The time by the clock that stamps files; by that of the machine where no file can be made.
+    /// Returns the time of the clock of the file system, or of the machine if that cannot be read.
     fn now(&self) -> Time {
         self.session.temporary_folder.time().unwrap_or_else(machine_time)
     }
@@ -71,17 +70,17 @@ impl Folders {
 #[derive(Default)]
 struct Memory {
     known: HashMap<ArtifactId, VerifiedFile>,
-    /// Each listing once, however many chunks have it.
+    /// Shares equal listings.
     listings: HashSet<Arc<Listing>>,
-    /// Artifacts whose files are gone or not sound.
+    /// Artifacts whose files are missing or damaged.
     forgotten: HashSet<ArtifactId>,
-    /// The file system's clock before the first file was digested.
+    /// Time of the file system before the first file was verified.
     began: Option<Option<Time>>,
     changed: bool,
 }
 
 impl Verified {
-    /// The memory of a store with an index, which is read here, and written by [`Verified::keep`].
+    /// Creates the cache of a store and reads its index.
     pub fn with_index(layout: &Layout, session: Arc<StoreSession>) -> Self {
         let mut known = Self::without_index(layout, session);
         if let Some(folders) = known.folders.as_ref().filter(|folders| folders.index.exists()) {
@@ -90,18 +89,18 @@ impl Verified {
         known
     }
 
-    /// The memory of a store whose index is written but not believed.
+    /// Creates the cache of a store without reading its index.
     pub fn without_index(layout: &Layout, session: Arc<StoreSession>) -> Self {
         let mut known = Self::default();
         known.folders = Some(Folders::of(layout, session));
         known
     }
 
-    /// Verifies every byte of the file of an artifact, unless this process wrote it or has done so, and the file is as it
-    /// was.
+    /// Verifies every byte of the file of an artifact, unless this process has written or verified it and its stamp is
+    /// unchanged.
     ///
     /// # Errors
-    /// When it is missing, damaged, or another artifact.
+    /// If it is missing, damaged, or another artifact.
     pub fn verify(&self, path: &Path, digest: &ArtifactId) -> Result<Header, StoreError> {
         let before = stamp(path, digest)?;
         if let Some(header) = self.known(digest, &before) {
@@ -112,7 +111,7 @@ impl Verified {
         let header = header.inspect_err(|_| self.forget(digest))?;
         let after = stamp(path, digest)?;
         let mut memory = self.lock();
-        // A file that was written meanwhile is looked at again next time.
+        // A file that changed meanwhile is verified again next time.
         if before == after {
             let structure = memory.known.remove(digest).and_then(|known| known.structure);
             memory.insert(digest, Check::Read(began), after, header, structure);
@@ -120,11 +119,11 @@ impl Verified {
         Ok(header)
     }
 
-    /// As [`Verified::verify`], but believing the index where the file's stamp is the one that it knows; and what stands in the file,
-    /// where that is known without opening it.
+    /// As [`Verified::verify`], but trusts the index if the stamp of the file is unchanged. Also returns the structure
+    /// if it is known without opening the file.
     ///
     /// # Errors
-    /// When it is missing, damaged, or another artifact.
+    /// If it is missing, damaged, or another artifact.
     pub fn glance(&self, path: &Path, digest: &ArtifactId) -> Result<(Header, Option<Structure>), StoreError> {
         if let Some(entry) = self.indexed(path, digest)? {
             return Ok((entry.header(*digest), entry.structure.clone()));
@@ -137,10 +136,10 @@ impl Verified {
         self.lock().known.get(digest).and_then(|known| known.structure.clone())
     }
 
-    /// What stands in an artifact, whose file is opened only where neither this process nor the index knows.
+    /// Returns the structure of an artifact. Its file is opened only if the structure is not known.
     ///
     /// # Errors
-    /// When it is missing, damaged, or another artifact.
+    /// If it is missing, damaged, or another artifact.
     pub fn structure(&self, path: &Path, digest: &ArtifactId) -> Result<Structure, StoreError> {
         let indexed = self.indexed(path, digest)?;
         if let Some(structure) = indexed.and_then(|entry| entry.structure.clone()) {
@@ -154,16 +153,16 @@ impl Verified {
         Ok(self.describe(digest, overview.listing, overview.parts))
     }
 
-    /// Whether it is known what stands in a file that has been verified: this process wrote it, or another one has read it.
+    /// Whether the structure of a verified file is known: this process wrote it, or another one has read it.
     ///
     /// # Errors
-    /// When it is missing.
+    /// If it is missing.
     pub fn is_described(&self, path: &Path, digest: &ArtifactId) -> Result<bool, StoreError> {
         let indexed = self.indexed(path, digest)?;
         Ok(indexed.is_some_and(|entry| entry.structure.is_some()) || self.known_structure(digest).is_some())
     }
 
-    /// Takes note of what stands in an artifact that has been verified.
+    /// Adds the structure of a verified artifact.
     pub fn describe(&self, digest: &ArtifactId, listing: Listing, parts: Vec<ArtifactId>) -> Structure {
         let mut memory = self.lock();
         let listing = Arc::new(listing);
@@ -179,14 +178,14 @@ impl Verified {
         structure
     }
 
-    /// Takes note of a file that this process has just written.
+    /// Adds a file that this process has just written.
     pub fn remember(&self, path: &Path, header: Header) {
         if let Ok(stamp) = stamp(path, &header.content) {
             self.lock().insert(&header.content, Check::Written, stamp, header, None);
         }
     }
 
-    /// Takes note of a file that is gone or not sound, whatever the index says.
+    /// Removes a file that is missing or damaged, also from the index.
     pub fn forget(&self, digest: &ArtifactId) {
         let mut memory = self.lock();
         memory.known.remove(digest);
@@ -194,8 +193,7 @@ impl Verified {
         memory.changed = true;
     }
 
-    /// Writes the index, where anything has been learnt that it does not know. It is a cache: where it cannot be written the
-    /// next process verifies more, and that is all, so nothing is said of it.
+    /// Writes the index if it has changed. Errors are ignored: the next process verifies more files.
     pub fn keep(&self) {
         let Some(folders) = &self.folders else { return };
         if std::mem::take(&mut self.lock().changed) {
@@ -203,7 +201,7 @@ impl Verified {
         }
     }
 
-    /// Stamps are young when the files have just been written: they are let settle first, which takes some milliseconds.
+    /// Writes the index, after waiting some milliseconds until the stamps of new files have settled.
     fn write(&self, folders: &Folders) -> Option<()> {
         let now = folders.session.temporary_folder.time()?;
         let unsettled = |known: &&VerifiedFile| known.check == Check::Written && !known.stamp.is_settled(now);
@@ -215,7 +213,7 @@ impl Verified {
             .map(|k| k.stamp.settles_after())
             .max();
         let now = match wait {
-            // A coarse clock is not waited for: those files are verified by the next process.
+            // With a coarse clock, the next process verifies those files instead.
             Some(wait) if wait.as_millis() < 100 => {
                 std::thread::sleep(wait);
                 folders.session.temporary_folder.time()?
@@ -227,7 +225,7 @@ impl Verified {
         let mut file = folders.session.temporary_folder.file().ok()?;
         file.write_all(&index::write(&entries)).ok()?;
         if !is_file(&folders.index) && fs::symlink_metadata(&folders.index).is_ok() {
-            // Nobody knows whose it is: it is moved aside and not removed.
+            // It is not a file of the store, so it is moved to quarantine.
             let own = tempfile::Builder::new()
                 .prefix("index.")
                 .tempdir_in(&folders.quarantine);
@@ -237,7 +235,7 @@ impl Verified {
         Some(())
     }
 
-    /// Writes the present stamp of a file into the index.
+    /// Writes the present stamp of a file into the index; for tests.
     pub fn believe(index: &Path, path: &Path, digest: &ArtifactId) {
         let stamp = stamp(path, digest).unwrap();
         std::thread::sleep(stamp.settles_after());
@@ -279,7 +277,7 @@ impl Verified {
         }
     }
 
-    /// What the index says of a file, if its stamp is the one that the index knows.
+    /// Returns the index entry of a file if its stamp is unchanged.
     fn indexed(&self, path: &Path, digest: &ArtifactId) -> Result<Option<&Entry>, StoreError> {
         let Some(entry) = self.indexed.get(digest) else {
             return Ok(None);
@@ -290,8 +288,8 @@ impl Verified {
         Ok((stamp(path, digest)? == entry.stamp).then_some(entry))
     }
 
-    /// What this process knows of a file with this stamp. One that it has digested within a tick of its last change may
-    /// have changed again in that tick.
+    /// Returns the header of a file with this stamp if this process knows it. A file that was verified within a tick of
+    /// its last change may have changed again in that tick.
     fn known(&self, digest: &ArtifactId, stamp: &Stamp) -> Option<Header> {
         let memory = self.lock();
         let known = memory.known.get(digest).filter(|known| known.stamp == *stamp)?;
@@ -302,7 +300,8 @@ impl Verified {
         settled.then_some(known.header)
     }
 
-    /// The file system's clock before the first file was digested: a file that has changed since is not settled.
+    /// Returns the time of the file system before the first file was verified: files that changed since are not
+    /// settled.
     fn began(&self) -> Option<Time> {
         let folders = self.folders.as_ref()?;
         *self
@@ -312,12 +311,12 @@ impl Verified {
     }
 
     fn lock(&self) -> MutexGuard<'_, Memory> {
-        // A panic elsewhere while the memory was held leaves it whole: entries are inserted in one step.
+        // Entries are inserted in one step, so the cache is valid even after a panic.
         self.memory.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// What was found damaged must not be believed by the next process, however this one ends.
+/// Writes the index if a file was found damaged, so that the next process does not trust it.
 impl Drop for Verified {
     fn drop(&mut self) {
         if !self.lock().forgotten.is_empty() {
@@ -363,7 +362,7 @@ fn named(path: &Path, digest: &ArtifactId, header: Header) -> Result<Header, Sto
     if header.content == *digest {
         Ok(header)
     } else {
-        let reason = format!("it holds artifact {}", header.content.short());
+        let reason = format!("it contains artifact {}", header.content.short());
         Err(StoreError::damaged(path, reason))
     }
 }

@@ -1,11 +1,11 @@
 //! Writes an artifact as an HDF5 file that any HDF5 tool can read without this program.
 //!
-//! The file of a manifest shows its chunks as whole arrays by virtual datasets (HDF5 ≥ 1.10). Their sources are relative to
-//! the folder of the file, so that a store can be moved.
+//! The file of a manifest shows its chunks as whole arrays by virtual datasets (HDF5 ≥ 1.10). Their sources are
+//! relative to the folder of the file, so that a store can be moved.
 //!
-//! This program reads nothing from the global heap of a file, where libhdf5 handles damaged data badly: texts have fixed
-//! lengths, and axes are named by texts, not by references. Only the parts of virtual datasets are in the heap, and it never
-//! opens those.
+//! This program reads nothing from the global heap of a file, where libhdf5 handles damaged data badly: texts have
+//! fixed lengths, and axes are named by texts, not by references. Only the parts of virtual datasets are in the heap,
+//! and it never opens those.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -37,8 +37,8 @@ pub struct Part {
     pub listing: Arc<Listing>,
 }
 
-/// Writes an object with an empty user block. `parts` are the chunks of a manifest; `contents` describes the datasets of the
-/// object, or the concatenated datasets of the chunks.
+/// Writes an object with an empty user block. `parts` are the chunks of a manifest; `contents` describes the datasets
+/// of the object, or the concatenated datasets of the chunks.
 ///
 /// # Errors
 /// If the library reports an error, for instance a full disk.
@@ -164,7 +164,8 @@ pub(super) fn put_elements<T: H5Type>(
     dataset.write_slice(view, rows)
 }
 
-/// Writes a virtual dataset. If its chunks are missing, it shows a fill value that no artifact contains, instead of zeros.
+/// Writes a virtual dataset. If its chunks are missing, it shows a fill value that no artifact contains, instead of
+/// zeros.
 fn write_virtual(group: &Group, content: &Content, parts: &[Part]) -> hdf5::Result<()> {
     match content.kind {
         ElementType::U8 => write_virtual_of(group, content, parts, u8::MAX),

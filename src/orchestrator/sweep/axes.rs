@@ -23,7 +23,7 @@ struct Group {
 /// The combinations of values that a mapping asks for by `foreach`; one without any axis where it asks for none.
 ///
 /// # Errors
-/// When the axes cannot be read, or are more than `most` combinations.
+/// If the axes cannot be read, or are more than `most` combinations.
 pub fn combinations(node: &Node, most: usize) -> Result<Vec<Settings>, InputError> {
     let Some(foreach) = node.peek(FOREACH) else {
         return Ok(vec![Vec::new()]);
@@ -49,7 +49,7 @@ pub type Declaration = (Node, Vec<Rc<str>>);
 /// The axes that a mapping declares by `foreach`, with their places: those that go in step together.
 ///
 /// # Errors
-/// When they cannot be read.
+/// If they cannot be read.
 pub fn declared(node: &Node) -> Result<Vec<Declaration>, InputError> {
     let groups = node.peek(FOREACH).map_or(Ok(Vec::new()), groups)?;
     let names = |group: &Group| group.steps[0].iter().map(|setting| setting.axis.clone()).collect();

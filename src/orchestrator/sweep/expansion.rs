@@ -29,7 +29,8 @@ const NEEDS: &str = "needs";
 /// Unrolls the sweeps of a pipeline of at most `most` stages.
 ///
 /// # Errors
-/// When axes cannot be read, stages need each other in a circle, values contradict each other, or there are too many stages.
+/// If axes cannot be read, stages need each other in a circle, values contradict each other, or there are too many
+/// stages.
 pub fn unroll(root: &mut Node, registry: &Registry, most: usize) -> Result<Vec<Sweep>, InputError> {
     let Some(stages) = root.peek("stages") else {
         return Ok(Vec::new());
@@ -297,7 +298,8 @@ impl<'a> Expansion<'a> {
         })
     }
 
-    /// The axes that change something in each template or in what needs it: they are asked for there, or choose among needs.
+    /// The axes that change something in each template or in what needs it: they are asked for there, or choose among
+    /// needs.
     fn used(&self, order: &[usize]) -> Vec<BTreeSet<String>> {
         let count = self.templates.len();
         let (mut used, mut has): (Vec<BTreeSet<String>>, Vec<BTreeSet<String>>) =
@@ -507,8 +509,8 @@ impl<'a> Expansion<'a> {
         at(NodeValue::Map(candidates.iter().map(kind).collect()))
     }
 
-    /// Which of the needs of a collecting stage belong together: a list of pairs, the values of axes by their names, and the numbers
-    /// of needs by the names of the file.
+    /// Which of the needs of a collecting stage belong together: a list of pairs, the values of axes by their names,
+    /// and the numbers of needs by the names of the file.
     fn rows(
         &self,
         template: &Template<'_>,

@@ -1,9 +1,10 @@
 //! Unrolls stages that are repeated for each value of some axes, before anything else is read.
 //!
-//! A stage with `foreach: { voltage: [3 kV, 4 kV] }` stands for one stage per value, named `NAME@voltage=3kV`; `"${voltage}"` in its
-//! values, and in the scene, is the value. Independent axes multiply, those under `zip` go in step. What needs such a stage has its
-//! axes too: one stage per combination, each with the stages of the same values as needs. `gather: true` ends the axes: the stage
-//! needs all of them. A stage of a kind that [`Kind::collects`] always gathers, and is told which of its needs belong together.
+//! A stage with `foreach: { voltage: [3 kV, 4 kV] }` stands for one stage per value, named `NAME@voltage=3kV`;
+//! `"${voltage}"` in its values, and in the scene, is the value. Independent axes multiply, those under `zip` go in
+//! step. What needs such a stage has its axes too: one stage per combination, each with the stages of the same values
+//! as needs. `gather: true` ends the axes: the stage needs all of them. A stage of a kind that [`Kind::collects`]
+//! always gathers, and is told which of its needs belong together.
 //!
 //! So each stage of a sweep is a stage like any other: cached, planned, explained, locked. Its name is in no key.
 //!

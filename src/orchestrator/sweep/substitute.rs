@@ -56,11 +56,11 @@ impl Default for Substitution {
 }
 
 impl Substitution {
-    /// The node with values in place of axes. A key or an item whose value is an axis at `null` is left out; an item of a list with
-    /// `foreach` stands for one item per combination.
+    /// The node with values in place of axes. A key or an item whose value is an axis at `null` is left out; an item of
+    /// a list with `foreach` stands for one item per combination.
     ///
     /// # Errors
-    /// When it asks for an axis that is not there, or the axes of an item cannot be read.
+    /// If it asks for an axis that is not there, or the axes of an item cannot be read.
     pub fn of(&mut self, node: &Node, settings: &[Setting]) -> Result<Node, InputError> {
         self.count(node, 1)?;
         Ok(match node.value() {
@@ -133,7 +133,8 @@ fn size(node: &Node) -> usize {
     }
 }
 
-/// A text that is `${axis}` alone is the value as it stands in the list; one with other words around it is a text. `$${` is `${`.
+/// A text that is `${axis}` alone is the value as it stands in the list; one with other words around it is a text.
+/// `$${` is `${`.
 fn of_text(node: &Node, text: &str, settings: &[Setting]) -> Result<Node, InputError> {
     let alone = text.strip_prefix(OPEN).and_then(|rest| rest.strip_suffix('}'));
     if let Some(axis) = alone.filter(|axis| !axis.contains(['$', '}'])) {

@@ -87,7 +87,8 @@ fn has_stage(store: &Store, done: &deaflow_store::Run, name: &str) -> bool {
     store.record(&key).unwrap().record().is_some()
 }
 
-/// Runs with two stages at once; what is told of the chunks of a stage is held up until another has begun, or it is clear that none does.
+/// Runs with two stages at once; what is told of the chunks of a stage is held up until another has begun, or it is
+/// clear that none does.
 fn run_abreast(lab: &Laboratory, options: &RunOptions<'_>, held: &str, awaited: &str) -> (RunOutcome, bool) {
     let (begun, met) = (AtomicBool::new(false), AtomicBool::new(false));
     let listener = |event: &Event| match event {

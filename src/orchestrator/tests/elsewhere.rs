@@ -1,4 +1,5 @@
-//! A store behind the store: what it has is taken, what it only promises is built, and nothing is brought that nobody reads.
+//! A store behind the store: what it has is taken, what it only promises is built, and nothing is brought that nobody
+//! reads.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -64,7 +65,8 @@ impl Upstream for Other {
     }
 }
 
-/// Runs in a new laboratory with the store of another behind its own; says what ran, and how many artifacts were brought.
+/// Runs in a new laboratory with the store of another behind its own; says what ran, and how many artifacts were
+/// brought.
 fn run_behind(
     other: &Laboratory,
     lost: bool,

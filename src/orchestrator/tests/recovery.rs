@@ -241,7 +241,7 @@ fn a_record_that_names_an_artifact_of_another_kind_is_not_believed() {
         artifact: other,
         ..sound.clone()
     };
-    is_not_believed(&lab, &forged, &sets, "which is of kind `divide`", sound.artifact);
+    is_not_believed(&lab, &forged, &sets, "has kind `divide`", sound.artifact);
 }
 
 #[test]

@@ -54,7 +54,7 @@ fn each_mistake_is_named_underlined_and_set_right() {
         ),
         (
             format!("{one}  b: {{ kind: sum, needs: [a, a] }}\n"),
-            "`a` is needed twice",
+            "`a` is listed twice",
             "a",
             "",
         ),
@@ -72,15 +72,15 @@ fn each_mistake_is_named_underlined_and_set_right() {
         ),
         (
             format!("{one}  b: {{ kind: count, count: 1, needs: [a] }}\n"),
-            "a `count` stage needs nothing",
+            "a `count` stage has no `needs`",
             "a",
             "",
         ),
         (
             format!("{one}  s: {{ kind: sum, needs: [a] }}\n  d: {{ kind: divide, needs: [s], by: 2 }}\n"),
-            "a `divide` stage needs count or divide, and `s` is sum",
+            "a `divide` stage needs count or divide, but `s` is of kind sum",
             "s",
-            "stages that fit: a, d",
+            "allowed: a, d",
         ),
         (
             "  a: { kind: count, cuont: 3 }\n".to_owned(),
@@ -101,7 +101,7 @@ fn each_mistake_is_named_underlined_and_set_right() {
             "letters, digits",
         ),
         ("  a: 3\n".to_owned(), "`stages.a` must be a mapping, found 3", "3", ""),
-        ("  {}\n".to_owned(), "a pipeline has at least one stage", "{", ""),
+        ("  {}\n".to_owned(), "the pipeline has no stages", "{", ""),
     ];
     for (stages, message, caret, help) in cases {
         let (found, under, advice) = refusal(&with_stages(&stages), &[]);
@@ -116,7 +116,7 @@ fn circles_are_shown_stage_by_stage() {
     let (message, caret, _) = refusal(&own, &[]);
     assert_eq!(
         (message.as_str(), caret.as_str()),
-        ("the stages need each other in a circle: `a` needs `a`", "a")
+        ("the stages need each other in a cycle: `a` needs `a`", "a")
     );
     let circle = "  x: { kind: count, count: 1 }
   a: { kind: sum, needs: [b] }
@@ -126,7 +126,7 @@ fn circles_are_shown_stage_by_stage() {
     let (message, caret, _) = refusal(&with_stages(circle), &[]);
     assert_eq!(
         message,
-        "the stages need each other in a circle: `b` needs `c` needs `b`"
+        "the stages need each other in a cycle: `b` needs `c` needs `b`"
     );
     assert_eq!(caret, "c");
 }
@@ -154,7 +154,7 @@ fn the_frame_of_a_pipeline_is_checked_too() {
         ),
         (
             format!("version: 1\nname: toy\nscene: no.yaml\n{stages}"),
-            "the scene's file no.yaml does not exist",
+            "the scene file no.yaml does not exist",
         ),
     ];
     for (text, message) in cases {

@@ -282,5 +282,5 @@ fn a_training_to_begin_with_has_done_its_part_after_the_first_round() {
 fn circles_are_still_refused() {
     let text = STAGES.replace("needs: [data], add: 20", "needs: [data, checked], add: 20");
     let (found, _) = refusal(&text, &[]);
-    assert!(found.starts_with("the stages need each other in a circle:"), "{found}");
+    assert!(found.starts_with("the stages need each other in a cycle:"), "{found}");
 }

@@ -1,4 +1,5 @@
-//! Stages that stand for several: which there are, what they need, what is built when there is one more value, and what is refused.
+//! Stages that stand for several: which there are, what they need, what is built when there is one more value, and what
+//! is refused.
 
 use miette::Diagnostic;
 
@@ -428,7 +429,7 @@ fn what_contradicts_itself_is_refused() {
         ),
         (
             "  a: { kind: sum, needs: [b], foreach: { n: [1] } }\n  b: { kind: sum, needs: [a] }",
-            "in a circle: `a` needs `b` needs `a`",
+            "in a cycle: `a` needs `b` needs `a`",
             "",
         ),
         (
@@ -454,7 +455,7 @@ fn what_contradicts_itself_is_refused() {
         (
             "  a: { kind: count, foreach: { by: [1] }, count: 1 }\n  b: { kind: sum, needs: [a], gather: [bye] }",
             "nothing that `b` needs has an axis `bye`",
-            "did you mean `by`? there are: by",
+            "did you mean `by`? available: by",
         ),
         (
             "  a: { kind: count, foreach: { n: [1] }, count: \"${n\" }",
