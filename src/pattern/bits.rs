@@ -1,4 +1,4 @@
-//! Patterns as bits: what is asked of thousands of patterns is asked of these.
+//! Patterns as bits, for operations on thousands of patterns.
 
 use super::raster::{Pattern, Raster};
 use super::symmetry::{Symmetries, Symmetry};
@@ -6,7 +6,8 @@ use super::symmetry::{Symmetries, Symmetry};
 /// Cells in a word.
 const WORD: usize = u64::BITS as usize;
 
-/// Cells in words, row by row from below; bit x % 64 of word x / 64 of row y is cell (x, y), and bits beyond the last column are 0.
+/// The active cells of a raster, row by row from below. Bit x % 64 of word x / 64 of row y is cell (x, y); bits beyond
+/// the last column are 0.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Bits {
     columns: usize,
@@ -15,19 +16,19 @@ pub struct Bits {
 }
 
 impl Bits {
-    /// No cell.
+    /// Returns a set without cells.
     #[must_use]
     pub fn empty(raster: Raster) -> Self {
         Self::none(raster.columns(), raster.rows())
     }
 
-    /// All cells.
+    /// Returns a set of all cells.
     #[must_use]
     pub fn full(raster: Raster) -> Self {
         Self::empty(raster).inverse()
     }
 
-    /// The cells (x, y) for which `active(x, y)`.
+    /// Returns the cells (x, y) for which `active(x, y)` is true.
     #[must_use]
     pub fn from_fn(raster: Raster, active: impl Fn(usize, usize) -> bool) -> Self {
         let mut bits = Self::empty(raster);
@@ -39,7 +40,7 @@ impl Bits {
         bits
     }
 
-    /// The active cells of a pattern.
+    /// Returns the active cells of a pattern.
     #[must_use]
     pub fn of(pattern: &Pattern) -> Self {
         let mut bits = Self::empty(pattern.raster());
@@ -59,31 +60,31 @@ impl Bits {
         bits
     }
 
-    /// The pattern.
+    /// Returns the pattern of one electrode group on these cells.
     ///
     /// # Panics
-    /// When there are more columns or rows than a raster has.
+    /// When the set has more columns or rows than [`Raster::MOST`].
     #[must_use]
     pub fn pattern(&self) -> Pattern {
         Pattern::from_fn(self.raster(), |x, y| self.has(x, y))
     }
 
-    /// Their raster.
+    /// Returns the raster.
     ///
     /// # Panics
-    /// When there are more columns or rows than a raster has.
+    /// When the set has more columns or rows than [`Raster::MOST`].
     #[must_use]
     pub fn raster(&self) -> Raster {
-        Raster::new(self.columns, self.rows).expect("they are of a raster")
+        Raster::new(self.columns, self.rows).expect("the bits belong to a raster")
     }
 
-    /// Cells along x and y.
+    /// Returns the numbers of columns and rows.
     #[must_use]
     pub fn sides(&self) -> [usize; 2] {
         [self.columns, self.rows]
     }
 
-    /// Whether the cell at column `x`, row `y` is active.
+    /// Returns whether the cell at column `x`, row `y` is active.
     ///
     /// # Panics
     /// When the cell is beyond the last word.
@@ -92,13 +93,13 @@ impl Bits {
         self.words[y * self.width() + x / WORD] >> (x % WORD) & 1 == 1
     }
 
-    /// How many cells are active.
+    /// Returns the number of active cells.
     #[must_use]
     pub fn count(&self) -> usize {
         self.words.iter().map(|word| word.count_ones() as usize).sum()
     }
 
-    /// How many cells follow each other row by row from below that are bare, then active, then bare, and so on.
+    /// Returns the run lengths, row by row from below: bare cells, active cells, bare cells, and so on.
     #[must_use]
     pub fn runs(&self) -> Vec<usize> {
         let (mut runs, mut is_active) = (vec![0], false);
@@ -107,12 +108,12 @@ impl Bits {
                 is_active = !is_active;
                 runs.push(0);
             }
-            *runs.last_mut().expect("there is one") += 1;
+            *runs.last_mut().expect("the list is not empty") += 1;
         }
         runs
     }
 
-    /// The cells that such runs say; none where they are more or fewer than the raster has.
+    /// Returns the cells of run lengths; `None` if they do not add up to the cells of the raster.
     #[must_use]
     pub fn from_runs(raster: Raster, runs: &[usize]) -> Option<Self> {
         let total = runs.iter().try_fold(0_usize, |sum, run| sum.checked_add(*run));
@@ -127,31 +128,31 @@ impl Bits {
         Some(Self::from_fn(raster, |x, y| cells[y * raster.columns() + x]))
     }
 
-    /// Whether no cell is active.
+    /// Returns whether no cell is active.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.words.iter().all(|&word| word == 0)
     }
 
-    /// Cells active in both.
+    /// Returns the cells active in both sets.
     #[must_use]
     pub fn and(&self, other: &Self) -> Self {
         self.joined(other, |a, b| a & b)
     }
 
-    /// Cells active in one or both.
+    /// Returns the cells active in at least one of the sets.
     #[must_use]
     pub fn or(&self, other: &Self) -> Self {
         self.joined(other, |a, b| a | b)
     }
 
-    /// Cells active here and not there.
+    /// Returns the cells active in this set but not in the other.
     #[must_use]
     pub fn without(&self, other: &Self) -> Self {
         self.joined(other, |a, b| a & !b)
     }
 
-    /// The other cells.
+    /// Returns the cells that are not active.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let mut bits = self.clone();
@@ -160,20 +161,20 @@ impl Bits {
         bits
     }
 
-    /// Whether some cell is active in both.
+    /// Returns whether the sets share a cell.
     #[must_use]
     pub fn meets(&self, other: &Self) -> bool {
         self.words.iter().zip(&other.words).any(|(a, b)| a & b != 0)
     }
 
-    /// How many cells are active in one and not in the other.
+    /// Returns the number of cells in which the sets differ.
     #[must_use]
     pub fn differing(&self, other: &Self) -> usize {
         let words = self.words.iter().zip(&other.words);
         words.map(|(a, b)| (a ^ b).count_ones() as usize).sum()
     }
 
-    /// The cells moved along x and y; what leaves the raster is lost.
+    /// Returns the cells shifted along x and y; cells shifted out of the raster are dropped.
     #[must_use]
     pub fn moved(&self, along_x: isize, along_y: isize) -> Self {
         let mut moved = Self::none(self.columns, self.rows);
@@ -188,7 +189,7 @@ impl Bits {
         moved
     }
 
-    /// The same cells on a raster of more columns and rows, moved along x and y; or on one of fewer, without those that it has not.
+    /// Returns the cells on a raster of another size, shifted along x and y; cells outside of that raster are dropped.
     #[must_use]
     pub fn placed(&self, [columns, rows]: [usize; 2], along_x: isize, along_y: isize) -> Self {
         let mut placed = Self::none(columns, rows);
@@ -208,7 +209,7 @@ impl Bits {
         placed
     }
 
-    /// The lowest, then leftmost active cell alone.
+    /// Returns the lowest, then leftmost active cell.
     #[must_use]
     pub fn first(&self) -> Self {
         let mut first = Self::none(self.columns, self.rows);
@@ -218,7 +219,7 @@ impl Bits {
         first
     }
 
-    /// All pieces, cells joined by their sides, that meet `seed`.
+    /// Returns the connected pieces (cells joined by their sides) that contain a cell of `seed`.
     #[must_use]
     pub fn flooded(&self, seed: &Self) -> Self {
         let (width, rows) = (self.width(), self.rows);
@@ -247,7 +248,7 @@ impl Bits {
         found
     }
 
-    /// The images under those of some symmetries that leave the raster as it is, itself first.
+    /// Returns the images under those symmetries that keep the raster; the first is the set itself.
     #[must_use]
     pub fn images(&self, symmetries: Symmetries) -> Vec<Self> {
         let mut images: Vec<_> = self.mirrored().into_iter().zip(MIRRORED).collect();
@@ -259,7 +260,7 @@ impl Bits {
         wanted.map(|(image, _)| image).collect()
     }
 
-    /// The [`distance`] from a pattern of which the images are at hand.
+    /// Returns the [`distance`] from a pattern with these images.
     #[must_use]
     pub fn distance_to(&self, images: &[Self]) -> f64 {
         let least = images.iter().map(|image| self.differing(image)).min();
@@ -298,7 +299,7 @@ impl Bits {
         }
     }
 
-    /// Itself, mirrored in x, in y, and in both.
+    /// Returns the set itself, mirrored in x, mirrored in y, and mirrored in both.
     fn mirrored(&self) -> [Self; 4] {
         let in_x = |bits: &Self| {
             let width = bits.width();
@@ -321,7 +322,7 @@ impl Bits {
         [self.clone(), across.clone(), in_y(self), in_y(&across)]
     }
 
-    /// Rows and columns exchanged, square by square of words.
+    /// Exchanges rows and columns, one block of 64 × 64 bits at a time.
     fn transposed(&self) -> Self {
         let mut turned = Self::none(self.rows, self.columns);
         let (from, to) = (self.width(), turned.width());
@@ -351,7 +352,7 @@ impl Bits {
     }
 }
 
-/// A square of bits with rows and columns exchanged, by exchanging ever smaller blocks (Warren, Hacker's Delight, 2nd ed. 2012, section 7-3).
+/// Transposes a block of bits by exchanging ever smaller blocks (Warren, Hacker's Delight, 2nd ed. 2012, section 7-3).
 fn transpose(words: &mut [u64; WORD]) {
     let (mut width, mut mask) = (WORD / 2, u64::from(u32::MAX));
     while width > 0 {
@@ -365,7 +366,7 @@ fn transpose(words: &mut [u64; WORD]) {
     }
 }
 
-/// A row moved towards higher columns, or by a negative number towards lower ones.
+/// Writes a row shifted towards higher columns, or towards lower columns if `by` is negative.
 fn shift(row: &[u64], to: &mut [u64], by: isize) {
     let (words, bits) = (by.unsigned_abs() / WORD, by.unsigned_abs() % WORD);
     let at = |index: Option<usize>| index.and_then(|index| row.get(index)).copied().unwrap_or(0);
@@ -379,7 +380,7 @@ fn shift(row: &[u64], to: &mut [u64], by: isize) {
     }
 }
 
-/// The runs of `within` that a row meets.
+/// Extends a row to all runs of `within` that it touches.
 fn fill(row: &mut [u64], within: &[u64]) {
     let last = row.len() - 1;
     loop {
@@ -402,7 +403,7 @@ fn fill(row: &mut [u64], within: &[u64]) {
     }
 }
 
-/// The runs of `within` that meet `seed`, by doubling the length of what spreads.
+/// Returns the runs of `within` that contain a bit of `seed`, by doubling the reach in each step.
 fn filled(seed: u64, within: u64) -> u64 {
     let seed = seed & within;
     if seed == 0 {
@@ -416,7 +417,7 @@ fn filled(seed: u64, within: u64) -> u64 {
     left.0 | right.0
 }
 
-/// The matrices of the identity, of the mirrors in x and in y, and of both.
+/// The matrices of the identity, of the mirrors in x and in y, and of both mirrors.
 const MIRRORED: [[[i32; 2]; 2]; 4] = [
     [[1, 0], [0, 1]],
     [[-1, 0], [0, 1]],
@@ -424,7 +425,7 @@ const MIRRORED: [[[i32; 2]; 2]; 4] = [
     [[-1, 0], [0, -1]],
 ];
 
-/// The same after x and y have changed places.
+/// The same matrices after an exchange of x and y.
 const TRANSPOSED: [[[i32; 2]; 2]; 4] = [
     [[0, 1], [1, 0]],
     [[0, -1], [1, 0]],
@@ -432,8 +433,8 @@ const TRANSPOSED: [[[i32; 2]; 2]; 4] = [
     [[0, -1], [-1, 0]],
 ];
 
-/// How different two patterns on one raster are whichever way they are turned: the share of cells in which one differs from that image of
-/// the other which is nearest.
+/// Returns the distance of two patterns on one raster: the fraction of cells in which one differs from the nearest
+/// image of the other under the symmetries of the square.
 #[must_use]
 pub fn distance(one: &Pattern, other: &Pattern) -> f64 {
     Bits::of(one).distance_to(&Bits::of(other).images(Symmetries::SQUARE))

@@ -1,4 +1,4 @@
-//! Separated values, a line for each row: the format that every spreadsheet and `numpy.savetxt` write.
+//! CSV files with a line for each row, as spreadsheets and `numpy.savetxt` write them.
 //!
 //! The first line is row y = 0, the lower edge of the membrane, since arrays are `[y][x]` with the origin at the lower
 //! left and `numpy.savetxt` writes row 0 first.
@@ -6,20 +6,21 @@
 use std::path::Path;
 
 use super::raster::{Pattern, PatternForm, Raster};
-use super::read::{Refusal, bytes, patterns};
+use super::read::{PatternFileError, bytes, patterns};
 
-/// What a value may take with its separator, and comments: generous.
+/// Bytes allowed for each value with its separator, and for comments.
 const MAX_BYTES: (u64, u64) = (64, 1 << 20);
 
 fn allowed(form: PatternForm) -> String {
     let [columns, rows] = form.raster.sides();
     format!(
-        "allowed: {rows} lines of {columns} values separated by commas, semicolons, tabs or single spaces, the first line at the lower edge; lines that \
-         begin with # are skipped"
+        "allowed: {rows} lines of {columns} values separated by commas, semicolons, tabs or single spaces; the first \
+         line is the lower edge; lines that begin with # are skipped"
     )
 }
 
-/// The separator of the first line of values: comma, semicolon or tab where it has one, else the space that
+/// Returns the separator of the first line of values: comma, semicolon or tab if the line has one, else the space that
+/// `numpy.savetxt` writes.
 /// `numpy.savetxt` writes.
 fn separator(bytes: &[u8]) -> u8 {
     let first = bytes
@@ -32,19 +33,19 @@ fn separator(bytes: &[u8]) -> u8 {
         .unwrap_or(b' ')
 }
 
-/// Columns and rows.
-pub(super) fn sides(path: &Path) -> Result<[usize; 2], Refusal> {
+/// Returns the numbers of columns and rows.
+pub(super) fn sides(path: &Path) -> Result<[usize; 2], PatternFileError> {
     let most = (Raster::MOST * Raster::MOST) as u64;
     let bytes = bytes(path, MAX_BYTES.0 * most + MAX_BYTES.1)?;
     let mut sides = [0; 2];
     for record in reader(&bytes).byte_records() {
-        let record = record.map_err(|e| Refusal::new(e.to_string()))?;
+        let record = record.map_err(|e| PatternFileError::new(e.to_string()))?;
         sides = [if sides[1] == 0 { record.len() } else { sides[0] }, sides[1] + 1];
     }
     Ok(sides)
 }
 
-/// A reader of the values between separators, line by line.
+/// Returns a reader of the separated values, line by line.
 fn reader(bytes: &[u8]) -> csv::Reader<&[u8]> {
     csv::ReaderBuilder::new()
         .has_headers(false)
@@ -55,8 +56,8 @@ fn reader(bytes: &[u8]) -> csv::Reader<&[u8]> {
         .from_reader(bytes)
 }
 
-pub(super) fn read(path: &Path, form: PatternForm) -> Result<Vec<Pattern>, Refusal> {
-    let refusal = |what: String| Refusal::new(what).help(allowed(form));
+pub(super) fn read(path: &Path, form: PatternForm) -> Result<Vec<Pattern>, PatternFileError> {
+    let refusal = |what: String| PatternFileError::new(what).help(allowed(form));
     let bytes = bytes(path, MAX_BYTES.0 * form.raster.cells() as u64 + MAX_BYTES.1)?;
     let mut values = Vec::with_capacity(form.raster.cells());
     for record in reader(&bytes).records() {
@@ -68,14 +69,14 @@ pub(super) fn read(path: &Path, form: PatternForm) -> Result<Vec<Pattern>, Refus
         for (column, text) in record.iter().enumerate() {
             let value = text.parse::<f64>().map_err(|_| {
                 let text: String = text.chars().take(20).collect();
-                Refusal::new(format!("line {line}, value {}: {text:?} is not a number", column + 1))
+                PatternFileError::new(format!("line {line}, value {}: {text:?} is not a number", column + 1))
             })?;
             values.push(value);
         }
     }
     if values.len() != form.raster.cells() {
         return Err(refusal(format!(
-            "{} lines of values",
+            "the file has {} lines of values",
             values.len() / form.raster.columns()
         )));
     }

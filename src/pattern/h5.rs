@@ -1,15 +1,15 @@
-//! A dataset of any HDF5 file, also of this program's own artifacts: `FILE.h5:/dataset`.
+//! Reads patterns from a dataset of an HDF5 file: `FILE.h5:/dataset`.
 
 use std::path::Path;
 
 use super::raster::{Pattern, PatternForm};
-use super::read::{Refusal, count, patterns, patterns_from};
+use super::read::{PatternFileError, count, patterns, patterns_from};
 use deaflow_hdf::{Element, Failure, HdfError, HdfFile};
 
-/// Cells that are asked for at a time: 8 MB of numbers.
+/// Cells read at a time: 8 MB of numbers.
 const SLICE: usize = 1_000_000;
 
-/// `FILE.h5` and `/dataset`; both may hold colons, so the split is after the file's extension.
+/// Splits `FILE.h5:/dataset`. Both parts may contain colons, so the split is after the extension of the file.
 pub fn split(spec: &str) -> Option<(&str, &str)> {
     let lower = spec.to_ascii_lowercase();
     let after = |extension: &str| lower.rfind(&format!("{extension}:/")).map(|at| at + extension.len());
@@ -17,22 +17,22 @@ pub fn split(spec: &str) -> Option<(&str, &str)> {
     Some((&spec[..colon], &spec[colon + 1..]))
 }
 
-pub(super) fn read(path: &Path, dataset: &str, form: PatternForm) -> Result<Vec<Pattern>, Refusal> {
+pub(super) fn read(path: &Path, dataset: &str, form: PatternForm) -> Result<Vec<Pattern>, PatternFileError> {
     let file = HdfFile::apart(path).map_err(refused)?;
     let found = file.find(dataset).map_err(|error| match error {
         HdfError::Failed {
             failure: Failure::Refused(why),
             ..
-        } => Refusal::new(why).help("copy the dataset itself into the file, for example with h5py"),
+        } => PatternFileError::new(why).help("copy the dataset itself into the file, for example with h5py"),
         other => refused(other),
     })?;
     let Some(found) = found else {
-        return Err(Refusal::new(format!("no dataset {dataset:?} in the file")).help(advice(path)));
+        return Err(PatternFileError::new(format!("the file has no dataset {dataset:?}")).help(advice(path)));
     };
     let n = count(&found.shape, form)?;
     match found.element {
-        Element::Other(what) => return Err(Refusal::new(format!("elements of type {what}")).help(TYPES)),
-        element if !element.is_number() => return Err(Refusal::new("elements of type text").help(TYPES)),
+        Element::Other(what) => return Err(PatternFileError::new(format!("elements of type {what}")).help(TYPES)),
+        element if !element.is_number() => return Err(PatternFileError::new("elements of type text").help(TYPES)),
         _ => {}
     }
     if found.shape.len() == 2 {
@@ -47,19 +47,19 @@ pub(super) fn read(path: &Path, dataset: &str, form: PatternForm) -> Result<Vec<
     Ok(all)
 }
 
-fn refused(error: HdfError) -> Refusal {
-    Refusal::new(error.reason())
+fn refused(error: HdfError) -> PatternFileError {
+    PatternFileError::new(error.reason())
 }
 
 const TYPES: &str = "allowed: booleans, integers (1 to 8 bytes), floats (4 or 8 bytes)";
 
-/// How to name a dataset, with those at the top of the file.
+/// Returns how to name a dataset, with the datasets at the top of the file.
 pub(super) fn advice(path: &Path) -> String {
     let names = HdfFile::apart(path).and_then(|file| file.names()).unwrap_or_default();
     let mut text = "name a dataset, such as FILE.h5:/patterns".to_owned();
     if !names.is_empty() {
         let shown: Vec<String> = names.iter().take(12).map(|n| format!("/{n}")).collect();
-        text += &format!("; the file holds {}", shown.join(", "));
+        text += &format!("; the file contains {}", shown.join(", "));
     }
     text
 }

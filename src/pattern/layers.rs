@@ -1,4 +1,4 @@
-//! Patterns of one or several groups of electrodes as bits: those of each group.
+//! Patterns of one or several electrode groups as bits: one set of cells per group.
 
 use std::borrow::Cow;
 
@@ -6,12 +6,12 @@ use super::bits::Bits;
 use super::raster::{Pattern, PatternForm};
 use super::symmetry::Symmetries;
 
-/// The cells of each group of electrodes.
+/// The cells of each electrode group.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layers(Vec<Bits>);
 
 impl Layers {
-    /// The groups of a pattern, as many as it may have.
+    /// Returns the cells of each of `groups` groups of a pattern.
     #[must_use]
     pub fn of(pattern: &Pattern, groups: usize) -> Self {
         match groups {
@@ -23,13 +23,13 @@ impl Layers {
         }
     }
 
-    /// Of the cells of each group, which share none.
+    /// Builds layers from the cells of each group, which must not overlap.
     #[must_use]
     pub fn new(groups: Vec<Bits>) -> Self {
         Self(groups)
     }
 
-    /// Patterns on its raster with as many groups.
+    /// Returns the form of patterns on this raster with as many groups.
     #[must_use]
     pub fn form(&self) -> PatternForm {
         PatternForm {
@@ -38,12 +38,12 @@ impl Layers {
         }
     }
 
-    /// The cells of each group, from the first.
+    /// Returns the cells of each group, from the first.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &Bits> {
         self.0.iter()
     }
 
-    /// The pattern.
+    /// Returns the pattern.
     #[must_use]
     pub fn pattern(&self) -> Pattern {
         match &self.0[..] {
@@ -52,20 +52,20 @@ impl Layers {
         }
     }
 
-    /// The group of the cell at column `x`, row `y`, from 1; 0 where it is bare.
+    /// Returns the group of the cell at column `x`, row `y`, from 1; 0 for a bare cell.
     #[must_use]
     pub fn group(&self, x: usize, y: usize) -> u8 {
         let found = self.0.iter().position(|bits| bits.has(x, y));
         found.map_or(0, |group| group as u8 + 1)
     }
 
-    /// How many cells carry an electrode.
+    /// Returns the number of cells with an electrode.
     #[must_use]
     pub fn count(&self) -> usize {
         self.0.iter().map(Bits::count).sum()
     }
 
-    /// In how many cells another one differs: in whether they carry an electrode, or of which group.
+    /// Returns the number of cells with another group, or with an electrode in only one of the two.
     #[must_use]
     pub fn differing(&self, other: &Self) -> usize {
         match (&self.0[..], &other.0[..]) {
@@ -78,7 +78,7 @@ impl Layers {
         }
     }
 
-    /// The images under those of some symmetries that leave the raster as it is, itself first.
+    /// Returns the images under those symmetries that keep the raster; the first is the pattern itself.
     #[must_use]
     pub fn images(&self, symmetries: Symmetries) -> Vec<Self> {
         let mut images: Vec<Self> = Vec::new();
@@ -93,7 +93,7 @@ impl Layers {
         images
     }
 
-    /// The share of cells in which it differs from the nearest of some images of another one.
+    /// Returns the fraction of cells in which it differs from the nearest of these images of another pattern.
     #[must_use]
     pub fn distance_to(&self, images: &[Self]) -> f64 {
         let least = images.iter().map(|image| self.differing(image)).min();
@@ -101,30 +101,31 @@ impl Layers {
     }
 }
 
-/// Which patterns of a device move it alike: images under what maps it to itself, and those that differ in groups of electrodes with equal
-/// voltages.
+/// Decides which patterns of a device are equivalent, that is, move it in the same way: images under the symmetries of
+/// the device, and patterns that exchange electrode groups of equal voltages.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Likeness {
+pub struct PatternEquivalence {
     symmetries: Symmetries,
-    /// Of each group the first that has its voltages.
+    /// For each group, the first group with its voltages.
     first: Vec<u8>,
 }
 
-impl Likeness {
-    /// By the symmetries of a device, and for each group of electrodes the first that has its voltages in every state.
+impl PatternEquivalence {
+    /// Builds the equivalence from the symmetries of a device and, for each electrode group, the first group with its
+    /// voltages in every state.
     #[must_use]
     pub fn new(symmetries: Symmetries, first: Vec<u8>) -> Self {
         Self { symmetries, first }
     }
 
-    /// The first group with the voltages of a group; 0 for a bare cell.
+    /// Returns the first group with the voltages of this group; 0 for a bare cell.
     #[must_use]
     pub fn first(&self, group: u8) -> u8 {
         let known = usize::from(group).checked_sub(1).and_then(|at| self.first.get(at));
         known.copied().unwrap_or(group)
     }
 
-    /// The pattern with all cells in the first of alike groups.
+    /// Returns the pattern with each cell in the first group of its voltages.
     #[must_use]
     pub fn merged<'l>(&self, layers: &'l Layers) -> Cow<'l, Layers> {
         let groups = 1..=layers.0.len() as u8;
@@ -139,7 +140,7 @@ impl Likeness {
         Cow::Owned(Layers(merged))
     }
 
-    /// The images of a merged pattern, itself first.
+    /// Returns the images of a merged pattern; the first is the pattern itself.
     #[must_use]
     pub fn images(&self, layers: &Layers) -> Vec<Layers> {
         self.merged(layers).images(self.symmetries)
@@ -193,7 +194,7 @@ mod tests {
 
     #[test]
     fn groups_with_equal_voltages_are_one() {
-        let likeness = Likeness::new(Symmetries::RECTANGLE, vec![1, 2, 1]);
+        let equivalence = PatternEquivalence::new(Symmetries::RECTANGLE, vec![1, 2, 1]);
         let one = pattern(1, 3);
         let turned = Pattern::from_groups(one.raster(), |x, y| match one.group(69 - x, 29 - y) {
             1 => 3,
@@ -201,12 +202,12 @@ mod tests {
             group => group,
         });
         let [one, turned, other] = [&one, &turned, &pattern(2, 3)].map(|pattern| Layers::of(pattern, 3));
-        let distance = |a: &Layers, b: &Layers| likeness.merged(a).distance_to(&likeness.images(b));
+        let distance = |a: &Layers, b: &Layers| equivalence.merged(a).distance_to(&equivalence.images(b));
         assert_eq!(distance(&one, &turned), 0.0);
         assert!(distance(&one, &other) > 0.1);
         assert!(one.distance_to(&turned.images(Symmetries::RECTANGLE)) > 0.1);
-        let apart = Likeness::new(Symmetries::RECTANGLE, vec![1, 2, 3]);
+        let apart = PatternEquivalence::new(Symmetries::RECTANGLE, vec![1, 2, 3]);
         assert!(matches!(apart.merged(&one), Cow::Borrowed(_)));
-        assert_eq!([0, 1, 3].map(|group| likeness.first(group)), [0, 1, 1]);
+        assert_eq!([0, 1, 3].map(|group| equivalence.first(group)), [0, 1, 1]);
     }
 }

@@ -1,19 +1,19 @@
-//! The rectangle that patterns are drawn on.
+//! The rectangle that carries the electrode pattern.
 
 use super::raster::Raster;
 use super::symmetry::Symmetries;
 
-/// A membrane as those see it who draw on it: its sides, and its cells.
+/// The size of a membrane and its cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Membrane {
-    /// Its cells.
+    /// The cells.
     pub raster: Raster,
-    /// Its sides along x and y in mm.
+    /// The sides along x and y in mm.
     pub size_mm: [f64; 2],
 }
 
 impl Membrane {
-    /// A square with the raster of the source paper, its side in mm.
+    /// Returns a square membrane with the raster of the source paper; the side is in mm.
     #[must_use]
     pub const fn square(side_mm: f64) -> Self {
         Self {
@@ -22,7 +22,7 @@ impl Membrane {
         }
     }
 
-    /// What maps it to itself, cell by cell.
+    /// Returns the symmetries that map the membrane to itself, cell by cell.
     #[must_use]
     pub fn symmetries(&self) -> Symmetries {
         match self.raster.is_square() && self.size_mm[0] == self.size_mm[1] {
@@ -31,7 +31,7 @@ impl Membrane {
         }
     }
 
-    /// Its sides for people: one for a square.
+    /// Formats the size: one side for a square.
     #[must_use]
     pub fn size_text(&self) -> String {
         match self.size_mm {
@@ -40,14 +40,14 @@ impl Membrane {
         }
     }
 
-    /// The sides of a cell in mm.
+    /// Returns the sides of a cell in mm.
     #[must_use]
     pub fn cell_mm(&self) -> [f64; 2] {
         let [columns, rows] = self.raster.sides();
         [self.size_mm[0] / columns as f64, self.size_mm[1] / rows as f64]
     }
 
-    /// The centre of the cell at column `x`, row `y`, in mm from the lower left corner.
+    /// Returns the centre of the cell at column `x`, row `y`, in mm from the lower left corner.
     #[must_use]
     pub fn centre_mm(&self, x: usize, y: usize) -> [f64; 2] {
         let [columns, rows] = self.raster.sides();
@@ -55,7 +55,7 @@ impl Membrane {
         [centre(x, self.size_mm[0], columns), centre(y, self.size_mm[1], rows)]
     }
 
-    /// A point in mm from the lower left corner, in cells.
+    /// Converts a point in mm from the lower left corner to cells.
     #[must_use]
     pub fn in_cells(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [columns, rows] = self.raster.sides();

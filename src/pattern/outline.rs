@@ -1,24 +1,24 @@
-//! The outline of an electrode: closed polygons with holes, which mask makers and drawing programs want in place of cells.
+//! The outline of an electrode as closed polygons with holes, for mask makers and drawing programs.
 //!
-//! Cells that share a side belong to one island. Where two cells touch at a corner only, a drawing must say whether they
-//! are joined, and formats forbid polygons that touch themselves: cells of one island are joined there, since current
-//! reaches both anyway, and cells of different islands are apart. So every ring is simple, two rings meet at corners at
-//! most, and there is one outer ring per island.
+//! Cells that share a side belong to one island. Formats forbid polygons that touch themselves, so cells that touch
+//! only at a corner need a rule: cells of one island are joined there, since current reaches both anyway; cells of
+//! different islands are separated. So every ring is simple, two rings meet only at corners, and each island has one
+//! outer ring.
 
 use super::raster::{Pattern, Raster};
 
 /// A point in units of a cell, the origin at the lower left corner of the membrane.
 pub type Point = [f64; 2];
 
-/// Straight pieces that stand for one arc of a rounded outline; a power of two keeps coordinates exact.
+/// Straight pieces per arc of a rounded outline; a power of two keeps coordinates exact.
 const PIECES: usize = 4;
 
-/// Cells joined by their sides, as polygons whose last point is joined to the first.
+/// An island of cells as polygons; the last point of a polygon is joined to the first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Island {
     /// The outer ring, anticlockwise.
     pub outer: Vec<Point>,
-    /// The rings of its holes, clockwise. A hole may hold other islands.
+    /// The rings of its holes, clockwise. A hole may contain other islands.
     pub holes: Vec<Vec<Point>>,
 }
 
@@ -27,14 +27,15 @@ pub struct Island {
 pub enum Corners {
     /// Along the sides of the cells: the area is that of the cells.
     Square,
-    /// Rounded: a quadratic B-spline whose control points are the middles of the sides of cells (Chaikin 1974), drawn by
-    /// straight pieces. Straight edges stay where they are and steps of one cell become a straight slope. Corners on the
-    /// frame stay, so that a lead keeps its width there. A corner far from others loses ⅙ of a cell, or gains it where it
-    /// is a bay. No two arcs meet: islands and holes are those of the square outline.
+    /// Rounded: a quadratic B-spline with the midpoints of cell sides as control points (Chaikin 1974), drawn with
+    /// straight pieces. Straight edges stay in place and steps of one cell become a straight slope. Corners on the
+    /// frame stay, so that a lead keeps its width there. An isolated convex corner loses ⅙ of a cell; a concave corner
+    /// gains it. Arcs never meet: islands and holes are those of the square outline.
     Rounded,
 }
 
-/// The islands of a pattern, largest outer ring first: an island within a hole comes after the one that has the hole.
+/// Returns the islands of a pattern, largest outer ring first: an island in a hole comes after the island with the
+/// hole.
 #[must_use]
 pub fn outlines(pattern: &Pattern, corners: Corners) -> Vec<Island> {
     let (labels, count) = islands(pattern);
@@ -62,7 +63,7 @@ pub fn outlines(pattern: &Pattern, corners: Corners) -> Vec<Island> {
     found
 }
 
-/// The area within a ring, negative where it runs clockwise.
+/// Returns the area within a ring, negative for a clockwise ring.
 #[must_use]
 pub fn area(ring: &[Point]) -> f64 {
     let next = ring.iter().cycle().skip(1);
@@ -73,15 +74,15 @@ pub fn area(ring: &[Point]) -> f64 {
         .sum::<f64>()
 }
 
-/// The area of islands less that of their holes.
+/// Returns the area of islands without their holes.
 #[must_use]
 pub fn total_area(islands: &[Island]) -> f64 {
     let of = |island: &Island| area(&island.outer) + island.holes.iter().map(|hole| area(hole)).sum::<f64>();
-    // The sum of nothing is −0.
+    // The sum of an empty list is −0.
     islands.iter().map(of).sum::<f64>() + 0.0
 }
 
-/// The number of the island of each cell (that of bare cells means nothing), and how many islands there are.
+/// Returns the island number of each cell (undefined for bare cells) and the number of islands.
 fn islands(pattern: &Pattern) -> (Vec<usize>, usize) {
     const NONE: usize = usize::MAX;
     let raster = pattern.raster();
@@ -106,7 +107,7 @@ fn islands(pattern: &Pattern) -> (Vec<usize>, usize) {
     (labels, count)
 }
 
-/// The cells that share a side with one.
+/// Returns the cells that share a side with a cell.
 fn neighbours(at: usize, raster: Raster) -> impl Iterator<Item = usize> {
     let [columns, rows] = raster.sides();
     let (x, y) = (at % columns, at / columns);
@@ -117,10 +118,11 @@ fn neighbours(at: usize, raster: Raster) -> impl Iterator<Item = usize> {
     [left, right, below, above].into_iter().flatten()
 }
 
-/// A closed walk along sides of cells, in steps of one side, with the electrode on its left; no corner comes twice.
+/// A closed walk along the sides of cells, in steps of one side, with the electrode on its left; it visits each corner
+/// once.
 struct Ring {
     corners: Vec<[usize; 2]>,
-    /// A cell of the island that it bounds.
+    /// A cell of the island inside.
     cell: [usize; 2],
 }
 
@@ -142,7 +144,7 @@ impl Side {
         }
     }
 
-    /// The cell on the left if it carries an electrode and the one on the right does not.
+    /// Returns the cell on the left if it has an electrode and the cell on the right has none.
     fn electrode(self, pattern: &Pattern) -> Option<[usize; 2]> {
         let [x, y] = self.from;
         let (low_left, low_right) = ((x.checked_sub(1), y.checked_sub(1)), (Some(x), y.checked_sub(1)));
@@ -166,7 +168,7 @@ impl Side {
     }
 }
 
-/// A corner's place, row by row.
+/// Returns the index of a corner, row by row.
 fn place_of([x, y]: [usize; 2], raster: Raster) -> usize {
     y * (raster.columns() + 1) + x
 }
@@ -204,7 +206,8 @@ fn rings(pattern: &Pattern) -> Vec<Ring> {
     found
 }
 
-/// The next side of a walk. A turn to the left comes first: where cells touch at a corner the walk keeps to its own.
+/// Returns the next side of a walk. Left turns come first: where cells touch at a corner, the walk stays at its own
+/// cell.
 fn following(pattern: &Pattern, side: Side) -> Side {
     let from = side.end();
     let towards = |turn: usize| Side {
@@ -218,7 +221,7 @@ fn following(pattern: &Pattern, side: Side) -> Side {
         .unwrap_or_else(|| towards(3))
 }
 
-/// Cuts a walk where it comes to a corner again: one walk is the border of one island, so its cells are joined there.
+/// Cuts a walk where it visits a corner again: a walk is the border of one island, so its cells are joined there.
 fn simple(walk: Vec<[usize; 2]>, raster: Raster) -> Vec<Vec<[usize; 2]>> {
     let mut place = vec![None; raster.corners()];
     let mut path: Vec<[usize; 2]> = Vec::new();
@@ -239,12 +242,12 @@ fn simple(walk: Vec<[usize; 2]>, raster: Raster) -> Vec<Vec<[usize; 2]>> {
     found
 }
 
-/// The corners where a ring turns.
+/// Returns the corners at which a ring turns.
 fn square(ring: &[[usize; 2]]) -> Vec<Point> {
     turning(&ring.iter().map(|c| c.map(|v| v as f64)).collect::<Vec<_>>())
 }
 
-/// Points without those that stand on the line of their neighbours, or on a neighbour.
+/// Removes points that lie on the line through their neighbours, or on a neighbour.
 fn turning(ring: &[Point]) -> Vec<Point> {
     let n = ring.len();
     let turns = |i: &usize| {
@@ -261,9 +264,9 @@ fn turning(ring: &[Point]) -> Vec<Point> {
 /// A control point of a rounded ring.
 #[derive(Clone, Copy)]
 enum Control {
-    /// The curve passes it, with a corner.
+    /// The curve passes through it, with a corner.
     Corner(Point),
-    /// The curve is drawn towards it.
+    /// The curve bends towards it.
     Middle(Point),
 }
 
@@ -303,7 +306,7 @@ fn add(points: &mut Vec<Point>, point: Point) {
     }
 }
 
-/// Corners on the frame, and the middles of all sides that are not part of it.
+/// Returns the control points: corners on the frame, and the midpoints of all sides off the frame.
 fn controls(ring: &[[usize; 2]], raster: Raster) -> Vec<Control> {
     let (n, last) = (ring.len(), raster.sides());
     let mut found = Vec::with_capacity(n);

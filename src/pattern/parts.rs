@@ -1,17 +1,17 @@
-//! What the cells of a device are: membrane, frame, or part of a rigid body.
+//! The parts of a device: membrane, frame and rigid bodies.
 
 use super::bits::Bits;
 use super::raster::Raster;
 use super::symmetry::{Symmetries, Symmetry};
 
-/// What a cell is.
+/// What a cell belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Part {
-    /// Membrane that can move.
+    /// Membrane, which can move.
     Membrane,
-    /// Frame: nothing of it moves.
+    /// Frame, which does not move.
     Frame,
-    /// A rigid body, by its number from 0: all of it moves as one.
+    /// A rigid body, by its number from 0.
     Body(usize),
 }
 
@@ -23,19 +23,19 @@ pub struct Parts {
     bodies: usize,
 }
 
-/// Why parts are no device.
+/// Why parts do not form a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PartsError {
     /// The frame covers everything.
-    #[error("no cell of the membrane is left free")]
+    #[error("the frame covers every cell of the membrane")]
     NothingFree,
     /// A body without cells.
-    #[error("body {body} covers no cell: no cell's centre lies in it")]
+    #[error("body {body} covers no cell: it contains the centre of no cell")]
     EmptyBody {
         /// Its number from 0.
         body: usize,
     },
-    /// A body that the frame holds.
+    /// A body that touches the frame.
     #[error("body {body} touches the frame at the corner of cells [{x}, {y}]")]
     BodyAtFrame {
         /// Its number from 0.
@@ -45,7 +45,7 @@ pub enum PartsError {
         /// Row of the corner.
         y: usize,
     },
-    /// Two bodies that are one.
+    /// Two bodies that touch.
     #[error("bodies {} and {} touch at the corner of cells [{x}, {y}]", .bodies[0], .bodies[1])]
     BodiesTouch {
         /// Their numbers from 0.
@@ -58,10 +58,10 @@ pub enum PartsError {
 }
 
 impl Parts {
-    /// The parts of cells (column, row), with so many bodies.
+    /// Builds the parts from the part of each cell (column, row) and the number of bodies.
     ///
     /// # Errors
-    /// When nothing is free, a body has no cell, or a body touches the frame or another body.
+    /// When no cell is free, a body has no cell, or a body touches the frame or another body.
     pub fn new(raster: Raster, bodies: usize, part: impl Fn(usize, usize) -> Part) -> Result<Self, PartsError> {
         let cells = (0..raster.cells()).map(|at| part(at % raster.columns(), at / raster.columns()));
         let parts = Self {
@@ -101,7 +101,7 @@ impl Parts {
         }
     }
 
-    /// The parts of the cells around a corner; beyond the membrane is frame.
+    /// Returns the parts of the cells around a corner; cells beyond the membrane are frame.
     #[must_use]
     pub fn around(&self, x: usize, y: usize) -> [Part; 4] {
         let cell = |x: Option<usize>, y: Option<usize>| match (x, y) {
@@ -117,37 +117,37 @@ impl Parts {
         ]
     }
 
-    /// The cells.
+    /// Returns the raster.
     #[must_use]
     pub fn raster(&self) -> Raster {
         self.raster
     }
 
-    /// How many bodies there are.
+    /// Returns the number of bodies.
     #[must_use]
     pub fn bodies(&self) -> usize {
         self.bodies
     }
 
-    /// The part of the cell at column `x`, row `y`.
+    /// Returns the part of the cell at column `x`, row `y`.
     #[must_use]
     pub fn at(&self, x: usize, y: usize) -> Part {
         self.cells[y * self.raster.columns() + x]
     }
 
-    /// The cells of some parts.
+    /// Returns the cells whose part satisfies a condition.
     #[must_use]
     pub fn cells(&self, is_in: impl Fn(Part) -> bool) -> Bits {
         Bits::from_fn(self.raster, |x, y| is_in(self.at(x, y)))
     }
 
-    /// The cells that may carry electrodes.
+    /// Returns the cells that may carry electrodes.
     #[must_use]
-    pub fn room(&self) -> Bits {
+    pub fn free_cells(&self) -> Bits {
         self.cells(|part| part == Part::Membrane)
     }
 
-    /// Those of some symmetries that map each part to itself, a body to another one that `alike` takes for the same.
+    /// Returns the symmetries that map each part to itself, or a body to another body that `alike` accepts.
     #[must_use]
     pub fn symmetries(&self, of: Symmetries, alike: impl Fn(Symmetry, usize, usize) -> bool) -> Symmetries {
         of.filter(|g| {
@@ -163,7 +163,7 @@ impl Parts {
 }
 
 impl Part {
-    /// The number of the body.
+    /// Returns the number of the body.
     #[must_use]
     pub fn body(self) -> Option<usize> {
         match self {

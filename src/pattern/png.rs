@@ -1,8 +1,9 @@
-//! Images: dark pixels are electrodes, as in the figures of the source paper; the top row is the upper edge.
+//! Reads patterns from images: dark pixels are electrodes, as in the figures of the source paper; the top row is the
+//! upper edge.
 //!
-//! Only images that say exactly which cell is what are taken: a pixel for each cell, or larger ones whose blocks are uniform.
-//! Grey pixels come from resampling, and no threshold can undo that. Where there are several groups of electrodes, an image with a palette
-//! has the number of the group as its index, and in another one group g of n is (g − 1)/n grey from black to white.
+//! The image must show each cell as one pixel or as a block of equal pixels. Grey pixels come from resampling, which no
+//! threshold can undo. With several electrode groups, the index in a palette is the number of the group; without a
+//! palette, group g of n has the grey level (g − 1)/n from black to white.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -10,12 +11,12 @@ use std::path::Path;
 use png::{ColorType, Decoder, DecodingError, Reader, Transformations};
 
 use super::raster::{Pattern, PatternForm};
-use super::read::{Refusal, bytes};
+use super::read::{PatternFileError, bytes};
 
-/// Pixels along the side of a cell.
+/// Largest number of pixels along the side of a cell.
 const LARGEST_BLOCK: usize = 64;
 
-/// Pixels of an image; decoded it is then at most 41 MB, whatever its header claims.
+/// Largest number of pixels of an image; decoded, it takes at most 41 MB, whatever its header claims.
 const MOST_PIXELS: usize = 3200 * 3200;
 
 const MAX_BYTES: u64 = 64 << 20;
@@ -28,28 +29,28 @@ fn allowed(form: PatternForm) -> String {
             let level = |group: usize| format!("group {group} = {:.0} %", 100.0 * (group - 1) as f64 / groups as f64);
             let levels: Vec<String> = (1..=groups).map(level).collect();
             format!(
-                "the numbers of groups as indices of a palette, or as brightness: {}, bare = 100 %",
+                "the number of the group as palette index, or as brightness: {}, bare = 100 %",
                 levels.join(", ")
             )
         }
     };
     format!(
-        "allowed: {columns} × {rows} pixels, or k·{columns} × k·{rows} (k to {LARGEST_BLOCK}) with each k × k block of one colour; \
-         {colours}; no smoothing when scaling"
+        "allowed: {columns} × {rows} pixels, or k·{columns} × k·{rows} (k to {LARGEST_BLOCK}) with k × k pixels of one \
+         colour per cell; {colours}; no smoothing when scaling"
     )
 }
 
-/// Columns and rows of an image with a pixel for each cell.
-pub(super) fn sides(path: &Path) -> Result<[usize; 2], Refusal> {
+/// Returns the numbers of columns and rows of an image with one pixel per cell.
+pub(super) fn sides(path: &Path) -> Result<[usize; 2], PatternFileError> {
     let bytes = bytes(path, MAX_BYTES)?;
-    let broken = |e: DecodingError| Refusal::new(format!("not a readable PNG: {e}"));
+    let broken = |e: DecodingError| PatternFileError::new(format!("not a readable PNG: {e}"));
     let mut decoder = Decoder::new(Cursor::new(&bytes[..]));
     let (width, height) = decoder.read_header_info().map_err(broken)?.size();
     Ok([width as usize, height as usize])
 }
 
-pub(super) fn read(path: &Path, form: PatternForm) -> Result<Vec<Pattern>, Refusal> {
-    let of_form = |refusal: Refusal| refusal.help(allowed(form));
+pub(super) fn read(path: &Path, form: PatternForm) -> Result<Vec<Pattern>, PatternFileError> {
+    let of_form = |refusal: PatternFileError| refusal.help(allowed(form));
     let (block, pixels) = decode(&bytes(path, MAX_BYTES)?, form)?;
     let (width, rows) = (block * form.raster.columns(), form.raster.rows());
     let groups = pixels
@@ -64,7 +65,7 @@ pub(super) fn read(path: &Path, form: PatternForm) -> Result<Vec<Pattern>, Refus
     let cell = |x: usize, y: usize| groups[(rows - 1 - y) * block * width + x * block];
     let of_cell = |at: usize| cell(at % width / block, rows - 1 - at / width / block);
     if let Some(at) = (0..groups.len()).find(|&at| groups[at] != of_cell(at)) {
-        return Err(of_form(Refusal::new(format!(
+        return Err(of_form(PatternFileError::new(format!(
             "pixel (column {}, row {} from the top) differs from others of its {block} × {block} block",
             at % width,
             at / width
@@ -73,7 +74,7 @@ pub(super) fn read(path: &Path, form: PatternForm) -> Result<Vec<Pattern>, Refus
     Ok(vec![Pattern::from_groups(form.raster, cell)])
 }
 
-/// What a pixel says.
+/// The value of a pixel.
 #[derive(Clone, Copy)]
 enum Pixel {
     /// A grey level, 0 (black) to 1 (white).
@@ -83,7 +84,7 @@ enum Pixel {
 }
 
 impl Pixel {
-    /// The group of electrodes that it stands for, 0 for bare; none where that is not plain.
+    /// Returns the electrode group of a pixel, 0 for bare; `None` if the value is ambiguous.
     fn group(self, groups: usize) -> Option<u8> {
         match self {
             Self::Index(index) => (usize::from(index) <= groups).then_some(index),
@@ -101,26 +102,26 @@ impl Pixel {
     }
 }
 
-fn undecided([column, row]: [usize; 2], pixel: Pixel, groups: usize) -> Refusal {
+fn undecided([column, row]: [usize; 2], pixel: Pixel, groups: usize) -> PatternFileError {
     let found = match pixel {
         Pixel::Grey(grey) if groups == 1 => {
             format!(
-                "neither dark nor light: its brightness is {:.0} %, where black is 0 % and white 100 %",
+                "neither dark nor light: its brightness is {:.0} % (black 0 %, white 100 %)",
                 100.0 * grey
             )
         }
         Pixel::Grey(grey) => format!(
-            "of a brightness of {:.0} %, where black is 0 % and white 100 %: no group of electrodes",
+            "not the colour of an electrode group: its brightness is {:.0} % (black 0 %, white 100 %)",
             100.0 * grey
         ),
-        Pixel::Index(index) => format!("of colour {index} of the palette, no group of electrodes"),
+        Pixel::Index(index) => format!("colour {index} of the palette, which is not an electrode group"),
     };
-    Refusal::new(format!("pixel (column {column}, row {row} from the top) is {found}"))
+    PatternFileError::new(format!("pixel (column {column}, row {row} from the top) is {found}"))
 }
 
-/// Pixels along the side of a cell, and the pixels, from the top.
-fn decode(bytes: &[u8], form: PatternForm) -> Result<(usize, Vec<Pixel>), Refusal> {
-    let broken = |e: DecodingError| Refusal::new(format!("not a readable PNG: {e}"));
+/// Returns the number of pixels along the side of a cell, and the pixels from the top.
+fn decode(bytes: &[u8], form: PatternForm) -> Result<(usize, Vec<Pixel>), PatternFileError> {
+    let broken = |e: DecodingError| PatternFileError::new(format!("not a readable PNG: {e}"));
     let mut decoder = Decoder::new(Cursor::new(bytes));
     let info = decoder.read_header_info().map_err(broken)?;
     let (width, height) = info.size();
@@ -135,7 +136,7 @@ fn decode(bytes: &[u8], form: PatternForm) -> Result<(usize, Vec<Pixel>), Refusa
     let block = wide / columns;
     let is_whole = (block * columns, block * rows) == (wide, high) && (1..=LARGEST_BLOCK).contains(&block);
     if !is_whole || wide.saturating_mul(high) > MOST_PIXELS {
-        return Err(Refusal::new(format!("the image has {width} × {height} pixels")).help(allowed(form)));
+        return Err(PatternFileError::new(format!("the image has {width} × {height} pixels")).help(allowed(form)));
     }
     let reader = decoder.read_info().map_err(broken)?;
     let pixels = match is_indexed {
@@ -144,7 +145,7 @@ fn decode(bytes: &[u8], form: PatternForm) -> Result<(usize, Vec<Pixel>), Refusa
     };
     let pixels = pixels.map_err(broken)?;
     if pixels.len() != wide * high {
-        return Err(Refusal::new(format!(
+        return Err(PatternFileError::new(format!(
             "{} pixels where {} were promised",
             pixels.len(),
             wide * high
@@ -163,7 +164,7 @@ fn greys(mut reader: Reader<Cursor<&[u8]>>) -> Result<Vec<Pixel>, DecodingError>
         .collect())
 }
 
-/// Indices of so many bits, each row in whole bytes.
+/// Unpacks indices of some bits each; each row takes whole bytes.
 fn indices(
     mut reader: Reader<Cursor<&[u8]>>,
     [width, height]: [usize; 2],
@@ -179,7 +180,7 @@ fn indices(
         .collect())
 }
 
-/// Luma after Rec. ITU-R BT.601, over a white background.
+/// Returns the luma after Rec. ITU-R BT.601, over a white background.
 fn grey_level(colour: ColorType, pixel: &[u8]) -> f64 {
     let unit = |k: usize| f64::from(pixel[k]) / 255.0;
     let luma = |k: usize| 0.299 * unit(k) + 0.587 * unit(k + 1) + 0.114 * unit(k + 2);

@@ -1,4 +1,4 @@
-//! The raster of square cells that a pattern is drawn on.
+//! The raster of cells that carries a pattern.
 
 use std::fmt;
 
@@ -6,88 +6,89 @@ use super::bits::Bits;
 use super::symmetry::{Symmetries, Symmetry};
 use deaflow_base::OrbitId;
 
-/// Cells along one side of the membrane. The source paper's membrane has 50 × 50.
+/// Cells along one side of the membrane of the source paper.
 pub const CELLS: usize = 50;
 
-/// How many cells a membrane has along its sides.
+/// The numbers of cells along the sides of a membrane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Raster {
     columns: u16,
     rows: u16,
 }
 
-/// An electrode pattern: cells `[y][x]` with the origin at the lower left, each with the number of its group of electrodes, or bare with 0.
+/// An electrode pattern: the electrode group of each cell, `[y][x]` with the origin at the lower left; 0 for a bare
+/// cell.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Pattern {
     raster: Raster,
     cells: Box<[u8]>,
 }
 
-/// What patterns of a device are.
+/// The raster and the number of electrode groups of the patterns of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PatternForm {
-    /// Their cells.
+    /// The raster.
     pub raster: Raster,
-    /// How many groups of electrodes they may have.
+    /// The number of electrode groups.
     pub groups: usize,
 }
 
 impl PatternForm {
-    /// That of the source paper's membrane.
+    /// The form for the membrane of the source paper.
     pub const PAPER: Self = Self::bare_or_electrode(Raster::PAPER);
 
-    /// One group of electrodes.
+    /// Returns the form with one electrode group.
     #[must_use]
     pub const fn bare_or_electrode(raster: Raster) -> Self {
         Self { raster, groups: 1 }
     }
 }
 
-/// What a cell may be where there are so many groups, in words.
+/// Describes the allowed values of a cell.
 #[must_use]
 pub fn allowed_cells(groups: usize) -> String {
     match groups {
         1 => "0 (bare) or 1 (electrode)".to_owned(),
-        _ => format!("0 (bare) or the number of a group of electrodes, 1 to {groups}"),
+        _ => format!("0 (bare) or the number of an electrode group, 1 to {groups}"),
     }
 }
 
-/// Numbers that are not a pattern.
+/// Why values are not a pattern.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PatternError {
     /// The wrong number of cells.
     #[error("a pattern has {} cells ({raster}), found {found}", raster.cells())]
     Shape {
-        /// The cells that there should be.
+        /// The expected raster.
         raster: Raster,
-        /// How many values there were.
+        /// The number of values found.
         found: usize,
     },
-    /// A value that is neither 0 nor a group.
+    /// A value that is neither 0 nor an electrode group.
     #[error("cell [y={y}][x={x}] is {found}; a cell is {}", allowed_cells(*.groups))]
     Value {
         /// Row, from below.
         y: usize,
         /// Column, from the left.
         x: usize,
-        /// What stood there.
+        /// The value found.
         found: u8,
-        /// How many groups there are.
+        /// The number of electrode groups.
         groups: usize,
     },
 }
 
 impl Raster {
-    /// That of the source paper's membrane.
+    /// The raster of the source paper.
     pub const PAPER: Self = Self {
         columns: CELLS as u16,
         rows: CELLS as u16,
     };
 
-    /// Most cells along a side.
+    /// Largest number of cells along a side.
     pub const MOST: usize = 400;
 
-    /// So many columns and rows, 1 to [`Raster::MOST`] of each.
+    /// Returns the raster with these columns and rows, 1 to [`Raster::MOST`] of each.
     #[must_use]
     pub fn new(columns: usize, rows: usize) -> Option<Self> {
         let side = |count: usize| (1..=Self::MOST).contains(&count).then_some(count as u16);
@@ -97,50 +98,50 @@ impl Raster {
         })
     }
 
-    /// Cells along x.
+    /// Returns the number of cells along x.
     #[must_use]
     pub const fn columns(self) -> usize {
         self.columns as usize
     }
 
-    /// Cells along y.
+    /// Returns the number of cells along y.
     #[must_use]
     pub const fn rows(self) -> usize {
         self.rows as usize
     }
 
-    /// Columns and rows.
+    /// Returns the numbers of columns and rows.
     #[must_use]
     pub const fn sides(self) -> [usize; 2] {
         [self.columns(), self.rows()]
     }
 
-    /// All cells.
+    /// Returns the number of cells.
     #[must_use]
     pub const fn cells(self) -> usize {
         self.columns() * self.rows()
     }
 
-    /// Columns and rows of the corners of cells, one more than of cells.
+    /// Returns the numbers of columns and rows of cell corners, one more than of cells.
     #[must_use]
     pub const fn corner_sides(self) -> [usize; 2] {
         [self.columns() + 1, self.rows() + 1]
     }
 
-    /// All corners of cells.
+    /// Returns the number of cell corners.
     #[must_use]
     pub const fn corners(self) -> usize {
         let [columns, rows] = self.corner_sides();
         columns * rows
     }
 
-    /// Whether there are as many columns as rows.
+    /// Returns whether there are as many columns as rows.
     #[must_use]
     pub const fn is_square(self) -> bool {
         self.columns == self.rows
     }
 
-    /// The raster of what a symmetry makes of a pattern: quarter turns exchange columns and rows.
+    /// Returns the raster of patterns after a symmetry: quarter turns exchange columns and rows.
     #[must_use]
     pub fn transformed(self, g: Symmetry) -> Self {
         match g.exchanges_axes() {
@@ -160,21 +161,21 @@ impl fmt::Display for Raster {
 }
 
 impl Pattern {
-    /// Most groups of electrodes.
+    /// Largest number of electrode groups.
     pub const MOST_GROUPS: usize = 16;
 
-    /// A pattern of one group from its cells, row by row from below.
+    /// Builds a pattern of one group from its cells, row by row from below.
     ///
     /// # Errors
-    /// When there are not as many values as cells, or one is neither 0 nor 1.
+    /// When the number of values is not the number of cells, or a value is neither 0 nor 1.
     pub fn from_cells(raster: Raster, cells: &[u8]) -> Result<Self, PatternError> {
         Self::of_form(PatternForm::bare_or_electrode(raster), cells)
     }
 
-    /// A pattern from its cells, row by row from below.
+    /// Builds a pattern from its cells, row by row from below.
     ///
     /// # Errors
-    /// When there are not as many values as cells, or one is neither 0 nor a group's number.
+    /// When the number of values is not the number of cells, or a value is neither 0 nor an electrode group.
     pub fn of_form(form: PatternForm, cells: &[u8]) -> Result<Self, PatternError> {
         let PatternForm { raster, groups } = form;
         let found = cells.len();
@@ -195,13 +196,13 @@ impl Pattern {
         }
     }
 
-    /// The pattern whose cell (x, y) is active where `active(x, y)`.
+    /// Builds the pattern whose cell (x, y) is active if `active(x, y)`.
     #[must_use]
     pub fn from_fn(raster: Raster, active: impl Fn(usize, usize) -> bool) -> Self {
         Self::from_groups(raster, |x, y| u8::from(active(x, y)))
     }
 
-    /// The pattern whose cell (x, y) belongs to the group `group(x, y)`, or is bare where that is 0.
+    /// Builds the pattern whose cell (x, y) belongs to the electrode group `group(x, y)`; 0 is bare.
     #[must_use]
     pub fn from_groups(raster: Raster, group: impl Fn(usize, usize) -> u8) -> Self {
         let columns = raster.columns();
@@ -211,19 +212,19 @@ impl Pattern {
         }
     }
 
-    /// Its columns and rows.
+    /// Returns the raster.
     #[must_use]
     pub fn raster(&self) -> Raster {
         self.raster
     }
 
-    /// All cells, row by row from below.
+    /// Returns all cells, row by row from below.
     #[must_use]
     pub fn cells(&self) -> &[u8] {
         &self.cells
     }
 
-    /// Whether the cell at column `x`, row `y` carries an electrode.
+    /// Returns whether the cell at column `x`, row `y` has an electrode.
     ///
     /// # Panics
     /// When the cell is outside the raster.
@@ -232,7 +233,7 @@ impl Pattern {
         self.group(x, y) != 0
     }
 
-    /// The group of electrodes of the cell at column `x`, row `y`, from 1; 0 where it is bare.
+    /// Returns the electrode group of the cell at column `x`, row `y`, from 1; 0 for a bare cell.
     ///
     /// # Panics
     /// When the cell is outside the raster.
@@ -243,13 +244,13 @@ impl Pattern {
         self.cells[y * columns + x]
     }
 
-    /// The highest number of a group that a cell has; 0 where all are bare.
+    /// Returns the highest electrode group of a cell; 0 if all cells are bare.
     #[must_use]
     pub fn groups(&self) -> usize {
         self.cells.iter().max().map_or(0, |&group| usize::from(group))
     }
 
-    /// The cells of one group.
+    /// Returns the cells of one group as a pattern of one group.
     #[must_use]
     pub fn of_group(&self, group: u8) -> Self {
         Self {
@@ -258,16 +259,16 @@ impl Pattern {
         }
     }
 
-    /// The pattern without what lies outside of some cells of its raster.
+    /// Returns the pattern without the electrodes outside of some cells.
     #[must_use]
-    pub fn within(&self, room: &Bits) -> Self {
-        Self::from_groups(self.raster, |x, y| match room.has(x, y) {
+    pub fn within(&self, area: &Bits) -> Self {
+        Self::from_groups(self.raster, |x, y| match area.has(x, y) {
             true => self.group(x, y),
             false => 0,
         })
     }
 
-    /// The pattern with the cells of two groups exchanged.
+    /// Returns the pattern with the cells of two groups exchanged.
     #[must_use]
     pub fn with_groups_exchanged(&self, [a, b]: [u8; 2]) -> Self {
         let exchanged = |&cell: &u8| match cell {
@@ -281,10 +282,10 @@ impl Pattern {
         }
     }
 
-    /// How many cells are active.
+    /// Returns the number of active cells.
     #[must_use]
     pub fn active_cells(&self) -> usize {
-        // Counted in bytes, which are added 64 at a time.
+        // Counting in bytes lets the compiler add 64 of them at a time.
         let count = |cells: &[u8]| cells.iter().map(|&cell| u8::from(cell != 0)).sum::<u8>();
         self.cells
             .chunks(usize::from(u8::MAX))
@@ -292,13 +293,13 @@ impl Pattern {
             .sum()
     }
 
-    /// The share of active cells, 0 to 1.
+    /// Returns the fraction of active cells, 0 to 1.
     #[must_use]
     pub fn area_fraction(&self) -> f64 {
         self.active_cells() as f64 / self.raster.cells() as f64
     }
 
-    /// The image under a symmetry: `(gS)(gX) = S(X)`.
+    /// Returns the image under a symmetry: `(gS)(gX) = S(X)`.
     #[must_use]
     pub fn transformed(&self, g: Symmetry) -> Self {
         let mut cells = vec![0; self.raster.cells()].into_boxed_slice();
@@ -309,14 +310,15 @@ impl Pattern {
         Self { raster, cells }
     }
 
-    /// The identity shared by a pattern and its images under a group that maps its raster to itself: the digest of the smallest.
+    /// Returns the id shared by a pattern and its images under a group that keeps the raster: the digest of the
+    /// smallest image.
     #[must_use]
     pub fn orbit(&self, group: Symmetries) -> OrbitId {
         let smallest = group.iter().map(|g| self.transformed(g)).min();
         let cells = &smallest.as_ref().unwrap_or(self).cells;
         match self.raster == Raster::PAPER {
             true => OrbitId::of(cells),
-            // The same numbers may be cells of several rasters.
+            // Different rasters may have the same cell values.
             false => {
                 let sides = [self.raster.columns, self.raster.rows].map(u16::to_le_bytes);
                 OrbitId::of(&[sides.as_flattened(), cells].concat())

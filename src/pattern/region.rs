@@ -1,70 +1,70 @@
-//! Parts of a membrane in mm, and the cells that they hold.
+//! Regions of a membrane in mm, and the cells in them.
 
 use super::bits::Bits;
 use super::membrane::Membrane;
 
-/// A part of the membrane in mm from its lower left corner.
+/// A region of the membrane in mm from its lower left corner.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Region {
-    /// Two opposite corners; the borders belong to it.
+    /// Two opposite corners. The border belongs to the rectangle.
     Rectangle([[f64; 2]; 2]),
-    /// The border belongs to it.
+    /// A disc. The border belongs to it.
     Disc {
-        /// Its centre.
+        /// The centre.
         centre: [f64; 2],
-        /// Its radius.
+        /// The radius.
         radius: f64,
     },
-    /// Its corners, in order; where it crosses itself, what lies inside an odd number of times. The border belongs to it.
+    /// The corners in order. If the polygon crosses itself, the even-odd rule applies. The border belongs to it.
     Polygon(Vec<[f64; 2]>),
-    /// The cells themselves, of a membrane with as many.
+    /// Cells of a membrane with this raster.
     Cells(Bits),
 }
 
-/// How far outside of a border a point still lies on it, in units of the coordinates: rounding must not make a symmetric region hold cells that
-/// are not symmetric.
+/// How far outside of a border a point still counts as on it, relative to the coordinates: rounding must not make the
+/// cells of a symmetric region asymmetric.
 const RESOLUTION: f64 = 1e-12;
 
 impl Region {
-    fn holds(&self, [x, y]: [f64; 2]) -> bool {
+    fn contains(&self, [x, y]: [f64; 2]) -> bool {
         match self {
             Self::Cells(_) => false,
             Self::Rectangle([[a, b], [c, d]]) => {
                 let between = |at: f64, one: f64, other: f64| {
-                    let room = RESOLUTION * (one.abs() + other.abs());
-                    at >= one.min(other) - room && at <= one.max(other) + room
+                    let tolerance = RESOLUTION * (one.abs() + other.abs());
+                    at >= one.min(other) - tolerance && at <= one.max(other) + tolerance
                 };
                 between(x, *a, *c) && between(y, *b, *d)
             }
             Self::Disc { centre, radius } => {
-                let room = RESOLUTION * (centre[0].abs() + centre[1].abs() + radius);
-                (x - centre[0]).hypot(y - centre[1]) <= radius + room
+                let tolerance = RESOLUTION * (centre[0].abs() + centre[1].abs() + radius);
+                (x - centre[0]).hypot(y - centre[1]) <= radius + tolerance
             }
             Self::Polygon(corners) => is_inside(corners, [x, y]),
         }
     }
 
-    /// The cells of a membrane with their centre in it; none where it is cells of another raster.
+    /// Returns the cells whose centre lies in the region; none for cells of another raster.
     #[must_use]
     pub fn cells(&self, membrane: Membrane) -> Bits {
         match self {
             Self::Cells(cells) if cells.raster() == membrane.raster => cells.clone(),
-            _ => Bits::from_fn(membrane.raster, |x, y| self.holds(membrane.centre_mm(x, y))),
+            _ => Bits::from_fn(membrane.raster, |x, y| self.contains(membrane.centre_mm(x, y))),
         }
     }
 }
 
-/// Whether a point lies in a polygon: on its border, or with an odd number of its edges to the right.
+/// Returns whether a point lies in a polygon: on its border, or with an odd number of its edges to the right.
 fn is_inside(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
     let edges = corners.iter().zip(corners.iter().cycle().skip(1));
     let mut inside = false;
     for (&[a, b], &[c, d]) in edges {
         let (along, across) = ([c - a, d - b], [x - a, y - b]);
         let length = along[0].hypot(along[1]);
-        let room = RESOLUTION * (a.abs() + b.abs() + c.abs() + d.abs());
+        let tolerance = RESOLUTION * (a.abs() + b.abs() + c.abs() + d.abs());
         let distance = (along[0] * across[1] - along[1] * across[0]).abs() / length;
         let share = (along[0] * across[0] + along[1] * across[1]) / (length * length);
-        if distance <= room && (0.0..=1.0).contains(&share) {
+        if distance <= tolerance && (0.0..=1.0).contains(&share) {
             return true;
         }
         if (b > y) != (d > y) && x < a + (y - b) / (d - b) * (c - a) {

@@ -1,27 +1,27 @@
-//! What a pattern is among those of a target.
+//! The roles of the patterns of a design target.
 
 use serde::Serialize;
 
-/// How a pattern of a target came about, from the one that is to be made to those that it is compared with.
+/// How a pattern of a target was made, from the design to make to those for comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
-    /// The best of the genetic algorithm, improved along the gradient.
+    /// The best pattern of the genetic algorithm, after local search along the gradient.
     Refined,
-    /// The best of the genetic algorithm.
+    /// The best pattern of the genetic algorithm.
     Ga,
-    /// The best that gradients find from several starts: the reference.
+    /// The best pattern of gradient searches from several starts: the reference.
     Optimum,
-    /// What a person would draw: the region behind the line through the point, at its own area.
+    /// An intuitive design: the region behind the line through the point, at its own area.
     Intuitive,
-    /// The same, its line moved until its area is that of the design.
+    /// An intuitive design with the line moved until the area is that of the design.
     IntuitiveEqualArea,
-    /// A person's own, from a file, at the area that it has.
+    /// The user's own pattern, from a file.
     Own,
 }
 
 impl Role {
-    /// Every role, in order.
+    /// All roles, in order.
     pub const ALL: [Self; 6] = [
         Self::Refined,
         Self::Ga,
@@ -31,7 +31,7 @@ impl Role {
         Self::Own,
     ];
 
-    /// The word that stands in files.
+    /// Returns the name in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -44,31 +44,31 @@ impl Role {
         }
     }
 
-    /// The role of a word in a file.
+    /// Returns the role with a name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|role| role.name() == name)
     }
 
-    /// Whether a search found it, and nobody drew it for comparison.
+    /// Returns whether a search found the pattern; others were drawn for comparison.
     #[must_use]
     pub fn is_found(self) -> bool {
         matches!(self, Self::Refined | Self::Ga | Self::Optimum)
     }
 
-    /// Whether it is measured against the optimum and the intuitive designs, which are there to be compared with.
+    /// Returns whether the pattern is compared with the optimum and the intuitive designs.
     #[must_use]
     pub fn is_compared(self) -> bool {
         self.is_found() || self == Self::Own
     }
 
-    /// Whether its displacement was predicted before it was simulated. Nobody predicted that of a person's own pattern.
+    /// Returns whether the displacement was predicted before the simulation. That of the user's own pattern was not.
     #[must_use]
     pub fn is_predicted(self) -> bool {
         self != Self::Own
     }
 
-    /// Whether what predicts the displacement led the search to it.
+    /// Returns whether predictions led the search to the pattern.
     #[must_use]
     pub fn is_searched(self) -> bool {
         matches!(self, Self::Ga | Self::Refined)

@@ -8,23 +8,23 @@ pub struct Symmetry(u8);
 /// A group of symmetries: those that map a membrane to itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Symmetries {
-    /// Bit i stands for symmetry i.
+    /// Bit i is set if the group contains symmetry i.
     members: u8,
 }
 
 impl Symmetries {
-    /// Those of the square.
+    /// The symmetries of the square.
     pub const SQUARE: Self = Self { members: 0b1111_1111 };
 
-    /// Those of a rectangle: half a turn, and the mirrors along its sides.
+    /// The symmetries of a rectangle: half a turn, and the mirrors along its sides.
     pub const RECTANGLE: Self = Self { members: 0b0101_0101 };
 
-    /// Its members, the identity first.
+    /// Returns the members, the identity first.
     pub fn iter(self) -> impl Iterator<Item = Symmetry> {
         Symmetry::ALL.into_iter().filter(move |g| self.contains(*g))
     }
 
-    /// Those of which a condition holds. It must hold of a group: of the identity, of products and of inverses.
+    /// Returns the members that satisfy a condition. They must form a group: with the identity, products and inverses.
     #[must_use]
     pub fn filter(self, condition: impl Fn(Symmetry) -> bool) -> Self {
         let members = self.iter().filter(|g| condition(*g));
@@ -33,13 +33,13 @@ impl Symmetries {
         }
     }
 
-    /// Whether a symmetry is one of them.
+    /// Returns whether a symmetry is a member.
     #[must_use]
     pub fn contains(self, g: Symmetry) -> bool {
         self.members >> g.0 & 1 == 1
     }
 
-    /// How many there are.
+    /// Returns the number of members.
     #[must_use]
     pub fn count(self) -> usize {
         self.members.count_ones() as usize
@@ -47,19 +47,19 @@ impl Symmetries {
 }
 
 impl Symmetry {
-    /// Does nothing.
+    /// The identity.
     pub const IDENTITY: Self = Self(0);
 
     /// All eight: rotations by 0, 90, 180, 270 degrees, then the same after the mirror.
     pub const ALL: [Self; 8] = [Self(0), Self(1), Self(2), Self(3), Self(4), Self(5), Self(6), Self(7)];
 
-    /// Position in [`Symmetry::ALL`].
+    /// Returns the position in [`Symmetry::ALL`].
     #[must_use]
     pub fn index(self) -> usize {
         usize::from(self.0)
     }
 
-    /// The integer matrix that acts on points and vectors.
+    /// Returns the integer matrix that acts on points and vectors.
     #[must_use]
     pub fn matrix(self) -> [[i32; 2]; 2] {
         let (c, s) = [(1, 0), (0, 1), (-1, 0), (0, -1)][usize::from(self.0 % 4)];
@@ -67,11 +67,11 @@ impl Symmetry {
         [[c * mirror, -s], [s * mirror, c]]
     }
 
-    /// The image of a vector.
+    /// Returns the image of a vector.
     #[must_use]
     pub fn apply_vector(self, v: [f64; 2]) -> [f64; 2] {
         let m = self.matrix();
-        // Multiplication by 0 and ±1 only: adding a zero could turn −0 into 0, so entries are picked instead.
+        // Multiplies by 0 and ±1 only. Adding a zero could turn −0 into 0, so the component is picked instead.
         let pick = |row: [i32; 2]| {
             if row[0] != 0 {
                 f64::from(row[0]) * v[0]
@@ -82,17 +82,17 @@ impl Symmetry {
         [pick(m[0]), pick(m[1])]
     }
 
-    /// Whether x and y change places, as in a quarter turn.
+    /// Returns whether x and y are exchanged, as in a quarter turn.
     #[must_use]
     pub fn exchanges_axes(self) -> bool {
         self.0 % 2 == 1
     }
 
-    /// The image of a place, (column, row), in a grid of so many columns and rows. Where axes are exchanged, that grid has as many columns
-    /// as this one has rows.
+    /// Returns the image of a position (column, row) in a grid of this size. If axes are exchanged, the grid of the
+    /// image has as many columns as this one has rows.
     ///
     /// # Panics
-    /// When the place is outside the grid.
+    /// When the position is outside the grid.
     #[must_use]
     pub fn apply_index(self, x: usize, y: usize, [columns, rows]: [usize; 2]) -> (usize, usize) {
         assert!(
@@ -111,7 +111,7 @@ impl Symmetry {
         (((ga + to[0]) / 2) as usize, ((gb + to[1]) / 2) as usize)
     }
 
-    /// Where each place of a grid of so many columns and rows goes, both counted row by row: what moves whole arrays.
+    /// Returns the new index of each position of a grid, both counted row by row; it permutes whole arrays.
     pub fn permutation(self, sides: [usize; 2]) -> impl Iterator<Item = usize> {
         let [columns, rows] = sides;
         let width = if self.exchanges_axes() { rows } else { columns };
@@ -119,7 +119,7 @@ impl Symmetry {
             let (x, y) = self.apply_index(x, y, sides);
             (y * width + x) as isize
         };
-        // The map is affine, so three places give it.
+        // The map is affine, so three positions define it.
         let origin = if columns * rows > 0 { flat(0, 0) } else { 0 };
         let right = if columns > 1 { flat(1, 0) - origin } else { 0 };
         let up = if rows > 1 { flat(0, 1) - origin } else { 0 };
@@ -127,7 +127,7 @@ impl Symmetry {
             .map(move |i| (origin + (i % columns) as isize * right + (i / columns) as isize * up) as usize)
     }
 
-    /// First `other`, then `self`.
+    /// Returns the symmetry that applies `other`, then `self`.
     #[must_use]
     pub fn compose(self, other: Self) -> Self {
         let (a, b) = (self.matrix(), other.matrix());
@@ -138,7 +138,7 @@ impl Symmetry {
             .expect("the group is closed")
     }
 
-    /// What undoes it.
+    /// Returns the inverse.
     #[must_use]
     pub fn inverse(self) -> Self {
         Self::ALL

@@ -244,7 +244,7 @@ impl Outline {
     pub fn room(scene: &Node) -> Result<Option<Bits>, InputError> {
         let node = scene.fields(WHAT, &SECTIONS)?.required(WHAT, "geometry")?;
         let parts = Geometry::read_with(node, &[])?.parts();
-        Ok(parts.map(|parts| parts.room()))
+        Ok(parts.map(|parts| parts.free_cells()))
     }
 
     /// What patterns on it are.

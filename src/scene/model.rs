@@ -400,7 +400,7 @@ impl Scene {
     /// The cells that may carry electrodes; none are told where all of them may.
     #[must_use]
     pub fn room(&self) -> Option<Bits> {
-        self.parts().map(|parts| parts.room())
+        self.parts().map(|parts| parts.free_cells())
     }
 
     /// The side in mm of a square of the area of the prestretched membrane: a length to compare others with.

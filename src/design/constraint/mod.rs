@@ -19,7 +19,7 @@ pub use limits::{ConstraintError, Limits, Sides};
 pub use parameters::ConstraintParameters;
 pub use violations::Violations;
 
-use deaflow_pattern::{Bits, Layers, Likeness, Membrane, Pattern};
+use deaflow_pattern::{Bits, Layers, Membrane, Pattern, PatternEquivalence};
 use deaflow_scene::Scene;
 use morphology::surrounded;
 use raster::RasterConstraints;
@@ -34,7 +34,7 @@ pub struct Constraints {
     /// What the electrodes of each group keep to.
     raster: RasterConstraints,
     groups: usize,
-    likeness: Likeness,
+    equivalence: PatternEquivalence,
     /// The least number of columns, or else of rows, between electrodes of different groups.
     gap: [usize; 2],
     /// The cells of the raster, row by row from below.
@@ -51,7 +51,7 @@ pub struct Ground {
     /// How many groups there are.
     pub groups: usize,
     /// Which patterns move it alike.
-    pub likeness: Likeness,
+    pub equivalence: PatternEquivalence,
 }
 
 impl From<Membrane> for Ground {
@@ -61,7 +61,7 @@ impl From<Membrane> for Ground {
             membrane,
             room: None,
             groups: 1,
-            likeness: Likeness::new(membrane.symmetries(), vec![1]),
+            equivalence: PatternEquivalence::new(membrane.symmetries(), vec![1]),
         }
     }
 }
@@ -72,7 +72,7 @@ impl From<&Scene> for Ground {
             membrane: scene.membrane(),
             room: scene.room(),
             groups: scene.groups(),
-            likeness: Likeness::new(scene.symmetries(), scene.alike_groups()),
+            equivalence: PatternEquivalence::new(scene.symmetries(), scene.alike_groups()),
         }
     }
 }
@@ -101,7 +101,7 @@ impl Constraints {
             membrane,
             room,
             groups,
-            likeness,
+            equivalence,
         } = on;
         let columns = membrane.raster.columns();
         let allowed = (0..membrane.raster.cells()).map(|cell| raster.allowed.has(cell % columns, cell / columns));
@@ -112,15 +112,15 @@ impl Constraints {
             room,
             raster,
             groups,
-            likeness,
+            equivalence,
             gap,
         }
     }
 
     /// Which patterns move the device alike.
     #[must_use]
-    pub fn likeness(&self) -> &Likeness {
-        &self.likeness
+    pub fn equivalence(&self) -> &PatternEquivalence {
+        &self.equivalence
     }
 
     /// How many groups of electrodes there are.

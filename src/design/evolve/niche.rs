@@ -5,24 +5,24 @@
 //! any other belongs to the winner nearest to it. Cleared individuals are not struck out but ranked behind: first the best of all
 //! niches, then the second of all, and so on, so that each niche has the same share of the parents.
 
-use deaflow_pattern::{Layers, Likeness};
+use deaflow_pattern::{Layers, PatternEquivalence};
 
 /// Winners of niches, added one after another.
 pub(super) struct Niches<'l> {
     images: Vec<Vec<Layers>>,
     most: usize,
     distance: f64,
-    likeness: &'l Likeness,
+    equivalence: &'l PatternEquivalence,
 }
 
 impl<'l> Niches<'l> {
     /// No winner yet, of at most so many that are at least so far apart.
-    pub fn new(most: usize, distance: f64, likeness: &'l Likeness) -> Self {
+    pub fn new(most: usize, distance: f64, equivalence: &'l PatternEquivalence) -> Self {
         Self {
             images: Vec::new(),
             most,
             distance,
-            likeness,
+            equivalence,
         }
     }
 
@@ -33,7 +33,7 @@ impl<'l> Niches<'l> {
 
     /// Whether a pattern is far enough from all winners.
     pub fn are_far_from(&self, layers: &Layers) -> bool {
-        let layers = self.likeness.merged(layers);
+        let layers = self.equivalence.merged(layers);
         self.images
             .iter()
             .all(|images| layers.distance_to(images) >= self.distance)
@@ -41,12 +41,12 @@ impl<'l> Niches<'l> {
 
     /// Makes a pattern a winner.
     pub fn add(&mut self, layers: &Layers) {
-        self.images.push(self.likeness.images(layers));
+        self.images.push(self.equivalence.images(layers));
     }
 
     /// The niche of a pattern: that of the winner nearest to it, or a new one that it wins.
     fn of(&mut self, layers: &Layers) -> usize {
-        let merged = self.likeness.merged(layers);
+        let merged = self.equivalence.merged(layers);
         let distances = self.images.iter().map(|images| merged.distance_to(images));
         let nearest = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         match nearest {
@@ -60,8 +60,8 @@ impl<'l> Niches<'l> {
 }
 
 /// The order of individuals that are sorted from the best down: the best of each niche, then the second of each, and so on.
-pub(super) fn order(sorted: &[Layers], most: usize, distance: f64, likeness: &Likeness) -> Vec<usize> {
-    let mut niches = Niches::new(most, distance, likeness);
+pub(super) fn order(sorted: &[Layers], most: usize, distance: f64, equivalence: &PatternEquivalence) -> Vec<usize> {
+    let mut niches = Niches::new(most, distance, equivalence);
     let mut sizes: Vec<usize> = Vec::new();
     let mut places: Vec<(usize, usize, usize)> = Vec::with_capacity(sorted.len());
     for (index, layers) in sorted.iter().enumerate() {
@@ -83,13 +83,13 @@ mod tests {
         Layers::new(vec![Bits::from_fn(Raster::PAPER, |x, _| (from..from + 5).contains(&x))])
     }
 
-    fn square() -> Likeness {
-        Likeness::new(Symmetries::SQUARE, vec![1])
+    fn square() -> PatternEquivalence {
+        PatternEquivalence::new(Symmetries::SQUARE, vec![1])
     }
 
     #[test]
     fn a_device_without_symmetries_has_more_designs() {
-        let none = Likeness::new(
+        let none = PatternEquivalence::new(
             Symmetries::SQUARE.filter(|g| g == deaflow_pattern::Symmetry::IDENTITY),
             vec![1],
         );

@@ -255,8 +255,8 @@ impl<'a> Search<'a> {
             .map(|individual| self.known[&individual.genome].layers.clone())
             .collect();
         let mut places = vec![0; population.len()];
-        let likeness = self.setting.constraints.likeness();
-        let order = order(&layers, self.options.designs, self.options.distance, likeness);
+        let equivalence = self.setting.constraints.equivalence();
+        let order = order(&layers, self.options.designs, self.options.distance, equivalence);
         for (place, index) in order.into_iter().chain(finite..population.len()).enumerate() {
             places[index] = place;
         }
@@ -304,8 +304,8 @@ impl<'a> Search<'a> {
         if self.options.designs == 1 {
             return Ok(winners);
         }
-        let likeness = self.setting.constraints.likeness();
-        let mut niches = Niches::new(self.options.designs, self.options.distance, likeness);
+        let equivalence = self.setting.constraints.equivalence();
+        let mut niches = Niches::new(self.options.designs, self.options.distance, equivalence);
         niches.add(&self.known[best].layers);
         let judged = self
             .known

@@ -98,7 +98,7 @@ impl<'a> SearchProblem<'a> {
     pub fn distant_from(self, others: &[Pattern], distance: f64) -> Self {
         let others = others
             .iter()
-            .map(|other| self.constraints.likeness().images(&self.constraints.layers(other)))
+            .map(|other| self.constraints.equivalence().images(&self.constraints.layers(other)))
             .collect();
         Self {
             others,
@@ -302,7 +302,7 @@ impl<'a> SearchProblem<'a> {
                 .filter_map(|other| other.iter().min_by_key(|image| layers.differing(image)))
                 .collect();
             let columns = self.units.raster().columns();
-            let first = |group: u8| self.constraints.likeness().first(group);
+            let first = |group: u8| self.constraints.equivalence().first(group);
             let agrees = |unit: usize, image: &Layers| {
                 let group = |cell: usize| image.group(cell % columns, cell / columns);
                 self.units.group_of(unit, group) == first(on[unit])
@@ -335,7 +335,7 @@ impl<'a> SearchProblem<'a> {
 
     fn alike(&self, pattern: &Pattern) -> Layers {
         let layers = self.constraints.layers(pattern);
-        self.constraints.likeness().merged(&layers).into_owned()
+        self.constraints.equivalence().merged(&layers).into_owned()
     }
 
     fn is_distant(&self, layers: &Layers) -> bool {

@@ -155,7 +155,7 @@ fn numpy_files_that_are_not_patterns() {
     assert!(
         folder
             .refusal("t.npy", &npy("|u1", "False", "(50, 50)", &ok)[..2000])
-            .contains("cut off")
+            .contains("truncated")
     );
 }
 
