@@ -4,30 +4,31 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SetupError {
     /// Elements per cell out of range.
-    #[error("elements_per_cell is {found}; it lies between 1 and 8")]
+    #[error("elements_per_cell is {found}; allowed: 1 to 8")]
     ElementsPerCell {
         /// What was asked for.
         found: usize,
     },
     /// Tolerance out of range.
-    #[error("the tolerance is {found:e}; it lies between 1e-12 and 1e-2")]
+    #[error("the tolerance is {found:e}; allowed: 1e-12 to 1e-2")]
     Tolerance {
         /// What was asked for.
         found: f64,
     },
     /// Accuracy that no mesh can have.
-    #[error("the accuracy is {found} mm; it is a positive length")]
+    #[error("the accuracy is {found} mm; allowed: positive lengths")]
     Accuracy {
         /// What was asked for.
         found: f64,
     },
     /// The half-active membrane at rest, about which a response is linearised, is not stable.
     #[error(
-        "a half-active membrane is not stable at this voltage: there is no linear response; `method: newton` says how far each pattern gets"
+        "a half-active membrane is unstable at this voltage, so there is no linear response; \
+         `method: newton` reports the critical voltage of each pattern"
     )]
     Unstable,
     /// What looks into a solution was asked of an accuracy, or of an estimate.
-    #[error("states of cells, load paths and drawn membranes need Newton's method on one mesh, not an accuracy")]
+    #[error("states of cells, load paths and drawn membranes need `method: newton` and a mesh instead of `accuracy`")]
     SeveralMeshes,
     /// The prestretch is beyond what the elastomer can be stretched.
     #[error("at a prestretch of {prestretch} the elastomer is beyond its limiting stretch: its energy is infinite")]
@@ -37,7 +38,7 @@ pub enum SetupError {
     },
     /// Electrodes that were laid on a membrane with unequal prestretch have an anisotropic law.
     #[error(
-        "stiff electrodes are simulated on membranes with equal prestretch alone, and this one is stretched by {} and {}",
+        "stiff electrodes need equal prestretch along x and y; found {} and {}",
         prestretch[0], prestretch[1]
     )]
     StiffElectrodes {
@@ -45,13 +46,11 @@ pub enum SetupError {
         prestretch: [f64; 2],
     },
     /// The law of an electrode knows whether it is there, not what voltage it has.
-    #[error(
-        "stiff electrodes are simulated where all groups of electrodes have one voltage, and those of this scene differ"
-    )]
+    #[error("stiff electrodes need one voltage for all electrode groups; the voltages of this scene differ")]
     StiffGroups,
     /// A pattern of another scene.
     #[error(
-        "cell [y={y}][x={x}] of a pattern belongs to group {group} of electrodes, and the scene has voltages of {groups}"
+        "cell [y={y}][x={x}] of a pattern belongs to electrode group {group}; the scene has voltages for {groups} groups"
     )]
     Group {
         /// Row of the cell.
@@ -64,7 +63,7 @@ pub enum SetupError {
         groups: usize,
     },
     /// The membrane is not stable before any voltage is applied.
-    #[error("at this prestretch the membrane is not stable even without voltage: rank-one convexity is lost at rest")]
+    #[error("at this prestretch the membrane is unstable without voltage: rank-one convexity is lost at rest")]
     UnstableAtRest,
     /// A term of Ogden's law that is none, or too many of them.
     #[error(
@@ -85,31 +84,29 @@ pub enum SetupError {
     },
     /// A drive by charge where a voltage is needed.
     #[error(
-        "natural frequencies and frequency responses are those of a voltage, and the drive of this scene is a charge: give `voltage` in its place"
+        "natural frequencies and frequency responses need a voltage; the drive of this scene is a charge: \
+         give `voltage` instead"
     )]
     Charge,
     /// A response to changes of a voltage that is zero.
-    #[error(
-        "the force grows with the square of the voltage: about a bias of 0 V it does not change to first order, so there is no linear response"
-    )]
+    #[error("there is no linear response about a bias of 0 V, since the force grows with the square of the voltage")]
     NoBias,
     /// Electrodes with a charge on a membrane that moves and wrinkles, whose energy is not in proportion to the square of a voltage.
     #[error(
-        "motion with inertia at a conducting `charge` or behind a `source` is simulated without wrinkles: leave out `inertia`, `wrinkling`, or what feeds \
-         the electrodes"
+        "cannot simulate `inertia` and `wrinkling` together with a conducting `charge` or a `source`: remove one of them"
     )]
     MovingCharge,
     /// Electrodes with a resistance, and what they are not simulated with.
-    #[error("electrodes with a resistance are not simulated together with {with}: leave out one of the two")]
+    #[error("cannot simulate electrodes with a resistance together with {with}: remove one of them")]
     Resistance {
         /// What it is.
         with: &'static str,
     },
     /// Electrodes with a resistance that nothing feeds.
-    #[error("electrodes with a resistance need `leads`, and the scene has none")]
+    #[error("electrodes with a resistance need `leads`: add them to the scene")]
     Leads,
     /// A part of an electrode that no lead reaches.
-    #[error("pattern {pattern}: an island of {cells} {} at cell [y={y}][x={x}] is reached by no lead", if *cells == 1 { "cell" } else { "cells" })]
+    #[error("pattern {pattern}: an island of {cells} {} at cell [y={y}][x={x}] has no lead", if *cells == 1 { "cell" } else { "cells" })]
     Island {
         /// The pattern, counted from 0 among those that were given.
         pattern: usize,
@@ -121,35 +118,34 @@ pub enum SetupError {
         x: usize,
     },
     /// A density that nothing says.
-    #[error("inertia needs a density, and the scene has none: give `density` in `properties`")]
+    #[error("inertia needs a density: add `density` to `properties`")]
     Density,
     /// A mesh of which nothing moves.
     #[error(
-        "no node of this mesh is free to move, so there are no natural frequencies: give more cells, more elements in each, or biquadratic ones"
+        "there are no natural frequencies, since all nodes of this mesh are fixed: use more cells, more elements per \
+         cell, or biquadratic elements"
     )]
     NothingMoves,
     /// Creep that is no matter of three equilibria.
-    #[error("a state at a time is found from three equilibria for {why}")]
+    #[error("cannot estimate a state at a time from three equilibria: {why}")]
     ThreeSolves {
         /// What it is for, and what the scene has.
         why: &'static str,
     },
     /// Nothing that swings.
-    #[error("an amplitude at a frequency is that of {why}")]
+    #[error("cannot compute an amplitude at a frequency: {why}")]
     Swing {
         /// What it is of, and what the scene has.
         why: &'static str,
     },
     /// A history whose states are no matter of estimates.
-    #[error("states are estimated step by step for {why}")]
+    #[error("cannot estimate states step by step: {why}")]
     StepEstimates {
         /// What it is for, and what the scene has.
         why: &'static str,
     },
     /// A drive that changes too often within the time that is asked for.
-    #[error(
-        "the history takes some {count:.0} steps, and {most} are the most: ask for a shorter time, or for fewer times"
-    )]
+    #[error("the history needs about {count:.0} steps; allowed: at most {most}. Request a shorter time or fewer times")]
     Steps {
         /// Steps of its last pass at least.
         count: f64,
@@ -157,7 +153,7 @@ pub enum SetupError {
         most: usize,
     },
     /// The eigenvectors of the preconditioner did not converge.
-    #[error("the eigenvectors of the preconditioner could not be computed")]
+    #[error("cannot compute the eigenvectors of the preconditioner")]
     Eigenvectors,
 }
 

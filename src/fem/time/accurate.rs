@@ -1,4 +1,4 @@
-//! Histories whose discretisation error is known, by the ladder of meshes of [`AccurateSolver`].
+//! Histories to a requested accuracy, by the ladder of meshes of [`AccurateSolver`].
 
 use super::history::{History, HistoryRequest};
 use crate::accurate::{AccurateSolver, LADDER};
@@ -6,20 +6,20 @@ use crate::error::SetupError;
 use deaflow_field::Mesh;
 use deaflow_pattern::Pattern;
 
-/// A history on the mesh that was picked.
+/// A history on the chosen mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AccurateHistory {
     /// The history.
     pub history: History,
     /// Its mesh.
     pub mesh: Mesh,
-    /// Estimate of the largest displacement error in mm that the mesh leaves, over the times that were asked for; none where a mesh finds no
-    /// stable state at the last of them.
+    /// Estimate of the largest displacement error in mm due to the mesh, over the requested times; `None` if a mesh
+    /// finds no stable state at the last of them.
     pub space_error_mm: Option<f64>,
 }
 
 impl AccurateSolver {
-    /// How a pattern moves in the time of the drive, on a mesh that is fine enough.
+    /// Simulates the history of a pattern on a mesh that is fine enough.
     ///
     /// # Errors
     /// When the preconditioner of a finer mesh cannot be set up.

@@ -1,14 +1,15 @@
-//! How an amplitude at a frequency changes with the activity of cells.
+//! The derivative of an amplitude at a frequency with respect to the activity of cells.
 //!
-//! With the equilibrium R(u, S) = 0 and the response D(u, S) û = F(u, S), a real sum J = Re(e^(−iθ) w · û) with the phase θ of w · û is its
-//! amplitude |w · û|, and changes with θ to second order. With Dλ = e^(−iθ) w, G(u, S) = Re(λ · (F − Dû)) at fixed λ and û, and Kμ = ∂G/∂u,
+//! With the equilibrium R(u, S) = 0 and the response D(u, S) û = F(u, S), a real sum J = Re(e^(−iθ) w · û) with the
+//! phase θ of w · û is its amplitude |w · û|, and changes with θ to second order. With Dλ = e^(−iθ) w, G(u, S) = Re(λ ·
+//! (F − Dû)) at fixed λ and û, and Kμ = ∂G/∂u,
 //!
 //! ```text
 //! dJ/dS = ∂G/∂S − μ · ∂R/∂S
 //! ```
 //!
-//! Derivatives of tangents along a direction are second differences of residuals: v · K(u) v changes with u by the second derivative of R along
-//! v, and forms of two directions are those of their sum and difference.
+//! Derivatives of tangents along a direction are second differences of residuals: v · K(u) v changes with u by the
+//! second derivative of R along v, and forms of two directions are those of their sum and difference.
 
 use super::frequency::{About, FrequencySolver, NUDGE};
 use crate::adjoint::of_cells;
@@ -21,21 +22,21 @@ use crate::operator::Operator;
 use deaflow_field::Field;
 use deaflow_pattern::Pattern;
 
-/// The largest entry of a direction along which a residual is differentiated, in units of elements: its square is the error, and rounding that
-/// of 10⁻¹⁶ over it.
+/// The largest entry of a direction for differentiating a residual, in units of elements: its square is the truncation
+/// error, and 10⁻¹⁶ over it the rounding.
 const STEP: f64 = 1e-3;
 
-/// A response in mm/V, and how the amplitude of a weighted sum of it changes.
+/// A response in mm/V, and the derivative of the amplitude of a weighted sum of it.
 pub struct Differentiated {
-    /// In phase with the voltage, and a quarter of a period ahead.
+    /// The part in phase with the voltage, and the part a quarter of a period ahead.
     pub parts: [Field; 2],
     /// The derivative of the amplitude by the activity of each cell, `[y][x]`, per V.
     pub of_cells: Vec<f64>,
 }
 
 impl FrequencySolver {
-    /// The response at a frequency in Hz with the derivative of the amplitude of a weighted sum of displacements in mm; none where there is no
-    /// equilibrium or no amplitude. Rigid bodies are not seen to.
+    /// Returns the response at a frequency in Hz with the derivative of the amplitude of a weighted sum of
+    /// displacements in mm; `None` without an equilibrium or an amplitude. Rigid bodies are not supported.
     pub(super) fn differentiate(&self, pattern: &Pattern, frequency: f64, weights: &Field) -> Option<Differentiated> {
         let Self { solver, .. } = self;
         let solution = solver.solve(pattern);
@@ -97,7 +98,7 @@ impl WithMaterial for Differentiate<'_> {
             at_rest: residual(&static_operator, u),
             sum: vec![0.0; u.len()],
         };
-        // Of F, which is linear in the load.
+        // The derivative of F, which is linear in the load.
         for (share, sign) in [(1.0 - NUDGE, 1.0), (1.0 + NUDGE, -1.0)] {
             let material = &material(share);
             let operator = Operator {
@@ -143,7 +144,7 @@ impl WithMaterial for Differentiate<'_> {
     }
 }
 
-/// The sum of what G changes by with u.
+/// The derivative of G with respect to u.
 struct Forced<'a, L> {
     operator: &'a Operator<'a, L>,
     u: &'a [f64],
@@ -152,7 +153,7 @@ struct Forced<'a, L> {
 }
 
 impl<L: Material> Forced<'_, L> {
-    /// Adds a share of the derivative of v · K w.
+    /// Adds a multiple of the derivative of v · K w.
     fn elastic(&mut self, share: f64, v: &[f64], w: &[f64]) {
         let (operator, u, at_rest) = (self.operator, self.u, &self.at_rest);
         let second = |v: &[f64]| {
@@ -163,7 +164,7 @@ impl<L: Material> Forced<'_, L> {
         of_two(&mut self.sum, share, (v, w), second);
     }
 
-    /// Adds a share of the derivative of v · K_A w.
+    /// Adds a multiple of the derivative of v · K_A w.
     fn viscous(&mut self, share: f64, v: &[f64], w: &[f64]) {
         if share == 0.0 {
             return;
@@ -178,7 +179,7 @@ impl<L: Material> Forced<'_, L> {
     }
 }
 
-/// Adds a share of a symmetric form of two vectors, from that of one vector twice.
+/// Adds a multiple of a symmetric form of two vectors, from the quadratic form.
 fn of_two(sum: &mut [f64], share: f64, (v, w): (&[f64], &[f64]), of: impl Fn(&[f64]) -> Vec<f64>) {
     let (first, second) = (largest(v), largest(w));
     if first == 0.0 || second == 0.0 {

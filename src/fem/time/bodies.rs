@@ -1,4 +1,4 @@
-//! What rigid bodies bring into the balance of energies, and how fast their springs swing them.
+//! Energies of rigid bodies, and the periods of their springs.
 
 use std::f64::consts::TAU;
 
@@ -7,7 +7,7 @@ use crate::mass::Mass;
 use crate::supports::Pose;
 use deaflow_scene::Scene;
 
-/// The energy of the springs of bodies, and the work of their loads since they were at rest, in J.
+/// Returns the energy of the springs of bodies, and the work of their loads since rest, in J.
 #[must_use]
 pub fn energies(scene: &Scene, grid: &Grid, u: &[f64]) -> [f64; 2] {
     let motions = grid.motions(u).unwrap_or_default();
@@ -20,7 +20,8 @@ pub fn energies(scene: &Scene, grid: &Grid, u: &[f64]) -> [f64; 2] {
     each.fold([0.0; 2], |sum, energies| [sum[0] + energies[0], sum[1] + energies[1]])
 }
 
-/// The shortest period in which a spring swings its body alone, in the unit of time in which the mass of an area is 1; none without springs.
+/// Returns the shortest period of a body on its spring, in the unit of time in which the mass per area is 1; `None`
+/// without springs.
 #[must_use]
 pub fn shortest_period(grid: &Grid, mass: &Mass) -> Option<f64> {
     let supports = grid.supports()?;

@@ -1,6 +1,6 @@
 //! The exponential trapezoid: Ȧ = (c⁻¹ − A)/τ, solved exactly for a c⁻¹ that is linear in time within a step.
 
-/// What a step of Δt makes of a branch: A ← `kept` · A + `before` · c₀⁻¹ + `now` · c₁⁻¹, from r = Δt/τ.
+/// The coefficients of a step of Δt for a branch: A ← `kept` · A + `before` · c₀⁻¹ + `now` · c₁⁻¹, from r = Δt/τ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coefficients {
     /// E = e^(−r).
@@ -11,11 +11,11 @@ pub struct Coefficients {
     pub now: f64,
 }
 
-/// Below it the differences would cancel, and a series of four terms has all digits.
+/// Below it the differences would cancel; a series of four terms has full precision.
 const SMALL: f64 = 1e-3;
 
 impl Coefficients {
-    /// Those of a step over so many relaxation times.
+    /// Returns the coefficients of a step over `r` relaxation times.
     #[must_use]
     pub fn new(r: f64) -> Self {
         let kept = (-r).exp();

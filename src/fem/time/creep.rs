@@ -1,8 +1,8 @@
-//! Three equilibria in place of all steps of a creeping membrane.
+//! Estimates creep from three equilibria instead of all time steps.
 //!
-//! A slow branch stiffens the membrane as if it had an energy ½γ(A : c + A₃₃ j⁻²) with the A of rest beside that of its law. The equilibria u(γ)
-//! under a step of voltage are well described by u(γ) = Σ Wⱼ/(1 + γθⱼ) with the same poles θⱼ whatever the pattern, and each of these terms
-//! creeps as a scalar does: u(t) = Σ Wⱼ eⱼ(t) with
+//! A slow branch stiffens the membrane like an additional energy ½γ(A : c + A₃₃ j⁻²) with the A of rest. The equilibria
+//! u(γ) under a step of voltage are well described by u(γ) = Σ Wⱼ/(1 + γθⱼ) with the same poles θⱼ for all patterns,
+//! and each of these terms creeps like a scalar: u(t) = Σ Wⱼ eⱼ(t) with
 //!
 //! ```text
 //! e + θ Σ gₖ (e − xₖ) = 1,   ẋₖ = (e − xₖ)/τₖ,   xₖ(0) = 0.
@@ -19,12 +19,12 @@ use crate::gradient_evaluator::GradientEvaluator;
 use deaflow_field::{Evaluator, Weighted};
 use deaflow_scene::{Scene, ViscousLaw};
 
-/// The poles θ. Of all sets of three they leave the smallest root mean square error over random blocks, discs and half planes at 3 to 6 kV with
-/// four sets of branches whose 4Γ is 0.4 to 3: docs/time.md.
+/// The poles θ. Of all sets of three they give the smallest root mean square error over random blocks, discs and half
+/// planes at 3 to 6 kV with four sets of branches whose 4Γ is 0.4 to 3: docs/time.md.
 const POLES: [f64; 3] = [1.0, 3.0, 6.7];
-/// Where the equilibria are, over Γ.
+/// The values of γ of the equilibria, over Γ.
 const SHARES: [f64; 3] = [0.0, 0.25, 1.0];
-/// A weight that is none.
+/// Weights below this count as zero.
 const NOTHING: f64 = 1e-12;
 
 /// The equilibria whose weighted sum is the state at a time.
@@ -37,35 +37,36 @@ pub struct ThreeSolves {
 }
 
 impl ThreeSolves {
-    /// For a time in s since the voltage of a scene was put on.
+    /// Computes the weights for a time in s since the voltage was applied.
     ///
     /// # Errors
-    /// When the voltage does not rise at once, the prestretch has not relaxed, or the membrane has inertia or the finite law.
+    /// When the voltage does not rise at once, the prestretch has not relaxed, or the scene has inertia or the finite
+    /// viscous law.
     pub fn new(scene: &Scene, time_s: f64) -> Result<Self, SetupError> {
         let refused = |why: &'static str| Err(SetupError::ThreeSolves { why });
         if scene.drive.charge.is_some() {
-            return refused("a voltage, and the drive is a `charge`");
+            return refused("the drive is a `charge`; give a voltage");
         }
         if scene.waveform().step.is_none() {
-            return refused("a voltage that is there at once, and the drive has another `waveform`");
+            return refused("the drive has a `waveform`; give a constant voltage");
         }
         if scene.drive.source.is_some() {
-            return refused("electrodes that have their voltage at once, and the drive has a `source`");
+            return refused("the drive has a `source`");
         }
         if scene.effects.electrode_resistance.is_some() {
-            return refused("electrodes that have their voltage at once, and the scene has `electrode_resistance`");
+            return refused("the scene has `electrode_resistance`");
         }
         if scene.drive.rest.is_some() {
-            return refused("a prestretch that has relaxed, and the drive has a `rest`");
+            return refused("the drive has a `rest`; the prestretch must have relaxed");
         }
         if scene.effects.inertia.is_some() {
-            return refused("creep alone, and the scene has `inertia`");
+            return refused("the scene has `inertia`");
         }
         let Some(effect) = &scene.effects.viscoelasticity else {
-            return refused("an elastomer that creeps, and the scene has no `viscoelasticity`");
+            return refused("the scene has no `viscoelasticity`");
         };
         if effect.law != ViscousLaw::Linear {
-            return refused("the linear law, and the scene has another");
+            return refused("the viscous law must be linear");
         }
         let unit = scene.shear_modulus_pa() * scene.mean_prestretch().powi(2);
         let mut branches: Vec<Branch> = effect
@@ -105,10 +106,10 @@ impl ThreeSolves {
         })
     }
 
-    /// The fields at that time by a solver of equilibria or an estimate of them.
+    /// Returns an evaluator of the fields at that time, with a solver of equilibria or an estimate of them.
     ///
     /// # Errors
-    /// When one cannot be set up.
+    /// When an evaluator cannot be set up.
     pub fn evaluator(
         &self,
         scene: &Scene,
@@ -122,7 +123,7 @@ impl ThreeSolves {
         Ok(Weighted::new(each, self.weights.clone(), settings(parameters)))
     }
 
-    /// The same with the derivative by the pattern.
+    /// Returns the same evaluator with the derivative with respect to the pattern.
     ///
     /// # Errors
     /// When the scene cannot be simulated.
@@ -137,7 +138,7 @@ impl ThreeSolves {
     }
 }
 
-/// The settings of a solver with the rule as its method: `creep:3`, or with estimates `creep:3+chord:2`.
+/// Returns the settings of a solver with this rule as its method: `creep:3`, or with estimates `creep:3+chord:2`.
 #[must_use]
 pub fn settings(parameters: &SolverParameters) -> String {
     parameters.settings_in_time("creep:3")
@@ -152,8 +153,8 @@ struct Branch {
     time: f64,
 }
 
-/// e(t) at a pole: 1 less a decaying exponential for each branch, with one retardation time between two relaxation times and one beyond the
-/// last. `branches` stand in the order of their times, each of which is there once.
+/// Returns e(t) at a pole: 1 minus a decaying exponential for each branch, with one retardation time between two
+/// relaxation times and one beyond the last. `branches` are sorted by their times, which are distinct.
 fn crept(pole: f64, branches: &[Branch], time_s: f64) -> f64 {
     let each = branches.iter().enumerate().map(|(at, own)| {
         // ρ = (1 + d) τ: the d at which Σ θgτ/(ρ − τ) falls to 1.
@@ -287,7 +288,8 @@ mod tests {
         };
         let (field, gradient) = physics.gradient(&odd(), &slope).unwrap().unwrap();
         assert_eq!(field, physics.predict(&[odd()]).unwrap()[0]);
-        // Each cell by its own equilibria: the gradient is that of a cell's activity, and exchanging one is not small, but all agree in sign and size.
+        // Each cell by its own equilibria: the gradient is that of a cell's activity, and exchanging one is not small,
+        // but all agree in sign and size.
         let off: Vec<usize> = (0..100).filter(|at| !odd().is_active(at % 10, at / 10)).collect();
         let (mut along, mut sizes) = (0.0, [0.0, 0.0]);
         for at in off.into_iter().step_by(7) {

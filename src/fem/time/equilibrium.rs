@@ -1,4 +1,4 @@
-//! The equilibrium at the end of a step, with branches whose stress there may depend on it in any way.
+//! The equilibrium at the end of a step, with branches whose stress may depend on the end state in any way.
 
 use super::viscous::Viscous;
 use crate::charge::{self, ChargedState};
@@ -8,15 +8,16 @@ use crate::newton::{self, NewtonFailure, Progress, Workspace};
 use crate::operator::{Activity, Operator};
 use deaflow_scene::Scene;
 
-/// How often what branches add is corrected at most. It takes about five corrections; longer steps take more, and one that takes too many is
+/// Largest number of corrections of the stress of the branches. About five are enough; a step that needs too many is
 /// too long.
 const CORRECTIONS: usize = 40;
-/// What the residual falls by between two corrections: about a Newton step.
+/// Reduction of the residual between two corrections: about a Newton step.
 const FALL: f64 = 0.3;
-/// A move in units of length that is rounding.
+/// A displacement in units of length that counts as rounding.
 const STILL: f64 = 1e-12;
 
-/// Moves `u` to the equilibrium nearby at the end of a step of so many seconds; returns the membrane with what its branches add there.
+/// Moves `u` to the nearby equilibrium at the end of a step of some seconds; returns the membrane with the stress of
+/// its branches there.
 ///
 /// # Errors
 /// As [`newton::solve`].
@@ -29,7 +30,7 @@ pub fn equilibrium<L: Material, F>(
     workspace: &mut Workspace,
 ) -> Result<(Activity, Progress), (NewtonFailure, Progress)> {
     let depends = viscous.depends_on_end(step);
-    // The residual at the guess says how far there is to go.
+    // The residual at the guess measures the distance to the equilibrium.
     let mut tolerance = if depends { 1.0 } else { problem.tolerance };
     let mut activity = viscous.remembered_at(problem.activity, step, u);
     let mut all = Progress {
@@ -50,7 +51,7 @@ pub fn equilibrium<L: Material, F>(
         if let Err((trouble, _)) = found {
             return Err((trouble, all));
         }
-        // A residual above the tolerance is rounding, too.
+        // A residual above the tolerance may be rounding, too.
         let is_enough = tolerance <= problem.tolerance || progress.residual > tolerance;
         let is_still = u.iter().zip(&before).all(|(u, before)| (u - before).abs() <= STILL);
         if !depends || (is_still && (is_enough || progress.steps > 0)) {
@@ -65,10 +66,11 @@ pub fn equilibrium<L: Material, F>(
     Err((NewtonFailure::Limit, all))
 }
 
-/// The equilibrium with a charge on electrodes that conduct at the end of a step of so many seconds, from a state nearby.
+/// Returns the equilibrium at the end of a step of some seconds with a charge on conducting electrodes, from a nearby
+/// state.
 ///
 /// # Errors
-/// As [`charge::near`], and when what branches add does not settle.
+/// As [`charge::near`], and when the corrections for the branches do not converge.
 pub fn at_charge<L: Material, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
     (scene, charge): (&Scene, f64),
@@ -87,7 +89,7 @@ pub fn at_charge<L: Material, F: Fn(f64) -> L>(
         };
         let before = total.steps;
         let reached = charge::near(&problem, scene, charge, &start, (&mut *workspace, &mut *total))?;
-        // What branches add at a state that takes no step is what it was found with.
+        // The stress of the branches after a step of zero length is that with which the state was found.
         if !viscous.depends_on_end(step) || total.steps == before {
             return Ok(reached);
         }

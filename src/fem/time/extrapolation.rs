@@ -1,29 +1,29 @@
-//! Passes over the time extrapolated to no step.
+//! Extrapolation of passes to zero step length.
 //!
-//! What a pass leaves is C Δt² and little else where the solution is smooth within its steps: a pass with steps twice as long tells C. Two
-//! such extrapolations, from three passes, tell what they leave themselves.
+//! The error of a pass is C Δt² plus small terms if the solution is smooth within its steps: a pass with steps twice as
+//! long gives C. Two such extrapolations, from three passes, give their own error.
 
 use super::pass::{Instant, Pass, PassEnd, magnitude_at};
 use deaflow_field::{Field, Motion};
 
-/// What a pass is moved by, over its difference from that with steps twice as long.
+/// The correction of a pass over its difference from the pass with steps twice as long.
 const FRACTION: f64 = 1.0 / 3.0;
-/// What is left of the difference of two extrapolations in the later one: an eighth of what the earlier one has, where errors are of third
-/// order, and less where they are of fourth.
+/// The error of the later of two extrapolations over their difference: an eighth of the error of the earlier one at
+/// third order, less at fourth.
 const LEFT: f64 = 1.0 / 7.0;
-/// The largest ratio of the differences between passes that are of second order.
+/// The largest ratio of the differences between passes of second order.
 const SMOOTH: f64 = 0.35;
 
-/// The last of three passes extrapolated, the steps of each halved in the next.
+/// The extrapolation of the last of three passes; each has half the steps of the one before.
 pub struct Extrapolation {
-    /// The displacement at the times that were asked for.
+    /// The displacement at the requested times.
     pub fields: Vec<Field>,
-    /// How far each is from where the two passes before it lead, with what that says of its error.
+    /// For each, the difference from the extrapolation of the two passes before, scaled to an error estimate.
     changes: Vec<f64>,
 }
 
 impl Extrapolation {
-    /// None where a pass did not get to the end, or their differences do not fall as the square of the step.
+    /// Extrapolates; `None` if a pass did not reach the end, or the differences do not fall as the square of the step.
     #[must_use]
     pub fn of([before, coarse, fine]: [&Pass; 3]) -> Option<Self> {
         let passes = [before, coarse, fine];
@@ -45,13 +45,13 @@ impl Extrapolation {
         })
     }
 
-    /// Estimate of the largest error in mm.
+    /// Returns an estimate of the largest error in mm.
     #[must_use]
     pub fn error(&self) -> f64 {
         self.changes.iter().copied().fold(0.0, f64::max)
     }
 
-    /// The same in units of the largest displacement at each time, but for times with negligible displacement.
+    /// Returns the error relative to the largest displacement at each time, without times of negligible displacement.
     #[must_use]
     pub fn relative_error(&self, negligible: f64) -> f64 {
         let sizes: Vec<f64> = self.fields.iter().map(Field::max_magnitude).collect();
@@ -64,7 +64,7 @@ impl Extrapolation {
         ratios.filter(|ratio| !ratio.is_nan()).fold(0.0, f64::max)
     }
 
-    /// The last of the passes with these fields, and with its instants extrapolated from the one before where that has them too.
+    /// Returns the last pass with these fields, and with its instants extrapolated if the pass before has them too.
     #[must_use]
     pub fn applied(self, coarse: &Pass, fine: Pass) -> Pass {
         let mut pass = Pass {
@@ -84,8 +84,8 @@ impl Extrapolation {
     }
 }
 
-/// The instants of a pass extrapolated from those of one with steps twice as long. Between its instants the extrapolation changes linearly:
-/// sums that are kept, as the balance of energies, are kept by it.
+/// Extrapolates the instants of a pass from those of one with steps twice as long. The correction is linear in time
+/// between them: this conserves sums such as the energy balance.
 fn instants(coarse: &[Instant], fine: &[Instant]) -> Option<Vec<Instant>> {
     let mut at = 0;
     let mut pairs = Vec::with_capacity(coarse.len());
@@ -115,7 +115,7 @@ fn instants(coarse: &[Instant], fine: &[Instant]) -> Option<Vec<Instant>> {
     Some(found)
 }
 
-/// All numbers of an instant but the time, or what is added to them.
+/// All numbers of an instant without the time, or corrections to them.
 struct Numbers {
     of_all: [f64; 9],
     of_bodies: Vec<[f64; 3]>,
@@ -147,7 +147,7 @@ impl Numbers {
         }
     }
 
-    /// Each number with its counterpart.
+    /// Combines each number with its counterpart.
     fn with(&self, other: &Self, both: impl Fn(f64, f64) -> f64) -> Self {
         let bodies = self.of_bodies.iter().zip(&other.of_bodies);
         Self {
@@ -158,7 +158,7 @@ impl Numbers {
         }
     }
 
-    /// What is added to an instant by that of a pass with steps twice as long.
+    /// Returns the corrections to an instant from that of a pass with steps twice as long.
     fn between(coarse: &Instant, fine: &Instant) -> Self {
         let (own, mut other) = (Self::of(fine), Self::of(coarse));
         for ([.., own], [.., other]) in own.of_bodies.iter().zip(&mut other.of_bodies) {
@@ -167,7 +167,7 @@ impl Numbers {
         own.with(&other, |fine, coarse| FRACTION * (fine - coarse))
     }
 
-    /// A part of the way to another one.
+    /// Interpolates towards another set of numbers.
     fn towards(&self, other: &Self, share: f64) -> Self {
         self.with(other, |from, to| from + share * (to - from))
     }
@@ -205,7 +205,7 @@ impl Numbers {
     }
 }
 
-/// An angle in degrees from −180 to 180.
+/// Returns an angle in degrees from −180 to 180.
 fn the_shorter_way(turn: f64) -> f64 {
     turn - 360.0 * (turn / 360.0).round()
 }

@@ -1,41 +1,42 @@
-//! What feeds the electrodes of a membrane that moves: a voltage, a charge that was put on before they were cut off, or a source.
+//! The supply of the electrodes of a moving membrane: a voltage, a charge on disconnected electrodes, or a source.
 //!
-//! The field of electrodes that conduct has the energy Q²/2C(u). Over a step it changes by what the charge brings and by what the membrane gains as it moves,
+//! The field of conducting electrodes has the energy Q²/2C(u). In a step it changes by the supplied energy and by the
+//! work done on the moving membrane,
 //!
 //! ```text
 //! Q₁²/2C₁ − Q₀²/2C₀ = ½(Q₀ + Q₁) ½(1/C₀ + 1/C₁) (Q₁ − Q₀) + ¼(Q₀² + Q₁²) (1/C₁ − 1/C₀)
 //! ```
 //!
-//! and the second is the work of the mean force of a step at the voltage whose square is ½(Q₀² + Q₁²)/(C₀C₁). So the energies of a step balance to rounding whichever
-//! rule the charge follows.
+//! where the second term is the work of the mean force of a step at the voltage whose square is ½(Q₀² + Q₁²)/(C₀C₁). So
+//! the energies of a step balance to rounding for any rule for the charge.
 
 use super::supply::Supply;
 use super::transient::{FixedCharge, TransientProblem};
 use crate::operator::Activity;
 
-/// What feeds electrodes.
+/// The supply of electrodes.
 #[derive(Clone, Copy, Debug)]
 pub enum Feed<'a> {
     /// The voltage of the drive.
     Voltage,
-    /// They conduct, and have a charge.
+    /// Conducting electrodes with a charge.
     Conducting {
-        /// Where more of it comes from.
+        /// The source, if they are connected.
         supply: Option<Supply>,
         /// In C.
         charge: f64,
     },
-    /// Their charge was sprayed and stays where it is.
+    /// Sprayed charge that does not move.
     Sprayed {
         /// In C.
         charge: f64,
-        /// The membrane without it.
+        /// The membrane without the charge.
         uncharged: &'a Activity,
     },
 }
 
 impl<'a> Feed<'a> {
-    /// That of a transient, as its drive begins.
+    /// Returns the supply of a transient problem at the start of its drive.
     #[must_use]
     pub fn of<F>(transient: &TransientProblem<'a, F>) -> Self {
         match (transient.held, transient.supply) {
@@ -56,19 +57,20 @@ impl<'a> Feed<'a> {
     }
 }
 
-/// What electrodes that conduct go through in a step.
+/// The change of conducting electrodes in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passage {
-    /// The square of the voltage, in V², of which the force does the work of the field as the membrane moves.
+    /// The squared voltage, in V², whose force does the work of the field on the moving membrane.
     pub square: f64,
     /// The charge at the end in C.
     pub charge: f64,
-    /// The work in J that brings it there.
+    /// The work in J that supplies the charge.
     pub work: f64,
 }
 
 impl Passage {
-    /// From a charge in C to another, while the capacitance in F goes from one to another; nothing where there is no electrode.
+    /// Computes the change from one charge in C to another, while the capacitance in F changes; zero without
+    /// electrodes.
     #[must_use]
     pub fn new([first, last]: [f64; 2], [before, after]: [f64; 2]) -> Self {
         if before <= 0.0 || after <= 0.0 {
@@ -86,7 +88,7 @@ impl Passage {
     }
 }
 
-/// The energy in J of a charge in C on so much capacitance in F; none where there is no electrode.
+/// Returns the energy in J of a charge in C on a capacitance in F; 0 without electrodes.
 #[must_use]
 pub fn energy(charge: f64, capacitance: f64) -> f64 {
     match capacitance > 0.0 {

@@ -1,8 +1,8 @@
-//! The finite law of viscoelasticity at a point: a neo-Hookean incompressible branch that flows with the deviator of its stress (Reese, Govindjee,
-//! Int. J. Solids Struct. 35 (1998) 3455).
+//! The finite viscous law at a point: an incompressible neo-Hookean branch that flows with its deviatoric stress
+//! (Reese, Govindjee, Int. J. Solids Struct. 35 (1998) 3455).
 //!
-//! With be = f A fᵀ in three dimensions the flow is L_v be = −dev(be) be/τ. In B = A⁻¹ it is linear but for one number, which keeps det B at 1
-//! (Shutov, Landgraf, Ihlemann, Comput. Methods Appl. Mech. Eng. 265 (2013) 213):
+//! With be = f A fᵀ in three dimensions the flow is L_v be = −dev(be) be/τ. In B = A⁻¹ it is linear except for one
+//! number, which keeps det B at 1 (Shutov, Landgraf, Ihlemann, Comput. Methods Appl. Mech. Eng. 265 (2013) 213):
 //!
 //! ```text
 //! Ḃ = (C − m B)/τ,   m = tr(C B⁻¹)/3
@@ -14,20 +14,21 @@
 //! B₁ = E B₀ + (c₀ C₀ + c₁ C₁)/m,   m such that det B₁ = 1
 //! ```
 //!
-//! B₁ is positive definite at any r. ln det B₁ is convex and falls with m, and is not negative at m = 1: Newton's iteration from there neither
-//! overshoots nor fails. At small strains m − 1 is of second order, and the step is that of the linear law.
+//! B₁ is positive definite at any r. ln det B₁ is convex and falls with m, and is not negative at m = 1: Newton's
+//! iteration from there neither overshoots nor fails. At small strains m − 1 is of second order, and the step is that
+//! of the linear law.
 
 use super::coefficients::Coefficients;
 use crate::memory::NUMBERS;
 
-/// A symmetric tensor with an axis across the membrane: along xx, xy and yy, and across.
+/// A symmetric tensor: the components xx, xy and yy, and the one across the membrane.
 type Symmetric = [f64; NUMBERS];
 
-/// Iterations for m at most; a few are enough.
+/// Largest number of iterations for m; a few are enough.
 const LIMIT: usize = 60;
-/// A change after which the next one of Newton's iteration is rounding.
+/// A change after which the next change of Newton's iteration is rounding.
 const LAST: f64 = 1e-8;
-/// Relaxation times after which nothing is left.
+/// Relaxation times after which the branch has relaxed.
 const OVER: f64 = 50.0;
 
 /// A step of a branch.
@@ -35,12 +36,12 @@ const OVER: f64 = 50.0;
 pub struct Step {
     /// Δt/τ.
     r: f64,
-    /// Those of m = 1.
+    /// The coefficients at m = 1.
     first: Coefficients,
 }
 
 impl Step {
-    /// Over so many relaxation times.
+    /// Returns a step over `r` relaxation times.
     #[must_use]
     pub fn new(r: f64) -> Self {
         Self {
@@ -49,7 +50,7 @@ impl Step {
         }
     }
 
-    /// A at the end of a step in which C⁻¹ goes from one value to another, and c₁/m.
+    /// Returns A at the end of a step in which C⁻¹ goes from one value to another, and c₁/m.
     #[must_use]
     pub fn end(&self, state: Symmetric, from: Symmetric, to: Symmetric) -> (Symmetric, f64) {
         let Self { r, first } = *self;
@@ -80,9 +81,10 @@ impl Step {
     }
 }
 
-/// A after so many relaxation times at one C⁻¹.
+/// Returns A after `r` relaxation times at constant C⁻¹.
 ///
-/// There B runs along a line, B ∝ q B₀ + (1 − q) C with q = e^(−y), and dy/dr = det(q B₀ + (1 − q) C)^⅓ ≥ 1 says when it is where.
+/// There B runs along a line, B ∝ q B₀ + (1 − q) C with q = e^(−y), and dy/dr = det(q B₀ + (1 − q) C)^⅓ ≥ 1 says when
+/// it is where.
 #[must_use]
 pub fn relaxed(state: Symmetric, metric: Symmetric, r: f64) -> Symmetric {
     if r <= 0.0 {
@@ -94,7 +96,8 @@ pub fn relaxed(state: Symmetric, metric: Symmetric, r: f64) -> Symmetric {
     let parts = [inverse(state), inverse(metric)];
     let at = |y: f64| sum([(-y).exp(), -(-y).exp_m1()], &parts);
     let pace = |y: f64| determinant(at(y)).cbrt();
-    // The pace has its zeros before y = 0 by at least the smallest eigenvalue of B₀ in terms of C, and beside the axis by π.
+    // The integrand has its zeros before y = 0 by at least the smallest eigenvalue of B₀ in terms of C, and π away from
+    // the axis.
     let room = eigenvalues(state, metric)[1].recip();
     let (mut y, mut left) = (0.0, r);
     loop {
@@ -118,13 +121,13 @@ pub fn relaxed(state: Symmetric, metric: Symmetric, r: f64) -> Symmetric {
     unimodular(inverse(b).map(|number| scale * number))
 }
 
-/// The smallest eigenvalue of C A.
+/// Returns the smallest eigenvalue of C A.
 #[must_use]
 pub fn least(state: Symmetric, metric: Symmetric) -> f64 {
     eigenvalues(state, metric)[0]
 }
 
-/// The integral of 1/pace over a width, by Gauss's rule of six points.
+/// Returns the integral of 1/pace over a width, by Gauss's rule with six points.
 fn time(pace: &impl Fn(f64) -> f64, from: f64, width: f64) -> f64 {
     const RULE: [(f64, f64); 3] = [
         (0.932_469_514_203_152, 0.171_324_492_379_170_36),
@@ -140,7 +143,7 @@ fn time(pace: &impl Fn(f64) -> f64, from: f64, width: f64) -> f64 {
     half * pairs.iter().sum::<f64>()
 }
 
-/// The smallest and the largest eigenvalue of C A, from A and C⁻¹.
+/// Returns the smallest and the largest eigenvalue of C A, from A and C⁻¹.
 fn eigenvalues(state: Symmetric, metric: Symmetric) -> [f64; 2] {
     let c = inverse(metric);
     let across = state[3] * c[3];
@@ -151,7 +154,7 @@ fn eigenvalues(state: Symmetric, metric: Symmetric) -> [f64; 2] {
     [across.min(square / largest), across.max(largest)]
 }
 
-/// A tensor with the component across that makes its determinant 1.
+/// Returns the tensor with the component across that makes its determinant 1.
 fn unimodular([xx, xy, yy, _]: Symmetric) -> Symmetric {
     [xx, xy, yy, (xx * yy - xy * xy).recip()]
 }
@@ -165,7 +168,7 @@ fn inverse([xx, xy, yy, across]: Symmetric) -> Symmetric {
     [yy * scale, -xy * scale, xx * scale, across.recip()]
 }
 
-/// a : b.
+/// Returns a : b.
 fn product(a: Symmetric, b: Symmetric) -> f64 {
     a[0] * b[0] + 2.0 * a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
 }
@@ -235,7 +238,8 @@ mod tests {
         }
     }
 
-    /// A free sheet without prestretch, G/μ = 2 and κ = 0.4, through these times in units of τ by so many steps between each two.
+    /// A free sheet without prestretch, G/μ = 2 and κ = 0.4, through these times in units of τ by so many steps between
+    /// each two.
     fn creep(times: &[f64], count: u32) -> Vec<f64> {
         let g = 2.0;
         let equilibrium = |known: Symmetric, mut l: f64| {

@@ -6,9 +6,9 @@
 //! (K + Γ K_A − ω²M) û = 2V̂/V₀ f,   Γ = Σ g iωτ/(1 + iωτ)
 //! ```
 //!
-//! with the forces f of the load. K_A is the tangent of ½ (A : c + A₃₃ j⁻²) with A = c⁻¹ and A₃₃ = j² of the equilibrium, where the stress of a
-//! relaxed branch is a pressure that drops out. The finite viscous law differs from the linear one by a change of A along A itself, a pressure too:
-//! near equilibrium both respond alike.
+//! with the forces f of the load. K_A is the tangent of ½ (A : c + A₃₃ j⁻²) with A = c⁻¹ and A₃₃ = j² of the
+//! equilibrium, where the stress of a relaxed branch is a pressure that drops out. The finite viscous law differs from
+//! the linear one by a change of A along A itself, a pressure too: near equilibrium both respond alike.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -93,8 +93,9 @@ impl AtFrequency {
 }
 
 impl FrequencyResponse {
-    /// Amplitude in mm/V and phase in degrees, from −180 to below 180, of the corner that is watched, along the axis along which it moves most at the
-    /// lowest frequency, in the direction in which a static voltage moves it; none where there is no response.
+    /// Amplitude in mm/V and phase in degrees, from −180 to below 180, of the corner that is watched, along the axis
+    /// along which it moves most at the lowest frequency, in the direction in which a static voltage moves it; none
+    /// where there is no response.
     #[must_use]
     pub fn watched_motion(&self) -> Vec<Option<[f64; 2]>> {
         let [x, y] = self.watched;

@@ -1,4 +1,4 @@
-//! How patterns move in time.
+//! Simulates the history of a pattern.
 
 use std::cell::Cell;
 
@@ -25,43 +25,44 @@ use deaflow_field::{Field, Outcome};
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Scene, ViscousLaw};
 
-/// Error in time, in units of the largest displacement at each time, unless another is asked for.
+/// Default error in time, relative to the largest displacement at each time.
 pub const USUAL_ERROR: f64 = 2e-5;
-/// Error of a step of the first pass over what is wanted at the times that were asked for: what a step errs is forgotten while the membrane
-/// relaxes, and passes with shorter steps follow where that is not enough.
+/// Error of a step of the first pass over the requested error at the requested times. The error of a step decays while
+/// the membrane relaxes, and passes with shorter steps follow if it is too large.
 const LOOSE: f64 = 30.0;
-/// The same of a first pass that others follow, of which three are extrapolated: with steps twice as long.
+/// The same for a first pass followed by others, three of which are extrapolated: with steps twice as long.
 const LOOSER: f64 = 240.0;
-/// Difference between the times at which two passes lose the last stable state that is none, over these.
+/// Relative difference below which the times at which two passes lose the last stable state count as equal.
 const TOGETHER: f64 = 3e-4;
-/// Steps of the first pass over the shortest time of a motion.
+/// Steps of the first pass in the shortest time of a motion.
 const STEPS_IN_PERIOD: f64 = 40.0;
-/// Times that the steps of the first pass are halved at most.
+/// Largest number of times that the steps of the first pass are halved.
 const MOST_HALVINGS: u32 = 6;
-/// From so many on errors that hardly fall end them.
+/// Number of halvings from which slowly falling errors end the refinement.
 const PATIENCE: u32 = 4;
-/// The same of a motion.
+/// The same for a motion.
 const MOST_HALVINGS_OF_MOTION: u32 = 5;
-/// What an estimated error is multiplied by where it is one of fourth order.
+/// Safety factor on an estimated error of fourth order.
 const SAFETY: f64 = 3.0;
 
-/// What is asked of a history.
+/// The request for a history.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HistoryRequest {
-    /// The times in s at which fields are wanted, in order, from 0 on. 0 s is just after the drive has begun.
+    /// The times in s of the requested fields, in order, from 0 on. 0 s is just after the start of the drive.
     pub times: Vec<f64>,
-    /// The largest error in mm that steps in time may leave; a small part of the displacement where none is asked for.
+    /// The largest error in mm due to steps in time; `None` for a small fraction of the displacement.
     pub accuracy_mm: Option<f64>,
-    /// Work for all steps of a pattern on a mesh.
+    /// Limit of work for all steps of a pattern on a mesh.
     pub limit: WorkLimit,
-    /// How states are estimated, where they are not solved for; the steps are then those of a first pass.
+    /// How states are estimated, if they are not solved for; the steps are then those of a first pass.
     pub estimate: Option<StepEstimate>,
-    /// Whether charges, energies and magnitudes of each instant are wanted beside the fields that are asked for; they are 0 where not.
+    /// Whether charges, energies and magnitudes are computed at each instant in addition to the requested fields; they
+    /// are 0 otherwise.
     pub measures: bool,
 }
 
 impl HistoryRequest {
-    /// Fields at some times, within the usual error and work.
+    /// Requests fields at some times, with the default error and limit of work.
     #[must_use]
     pub fn at(times: Vec<f64>) -> Self {
         Self {
@@ -74,67 +75,63 @@ impl HistoryRequest {
     }
 }
 
-/// Why states of a scene cannot be estimated step by step, if they cannot.
+/// Returns why the states of a scene cannot be estimated step by step; `None` if they can.
 fn refusal_of_estimates(scene: &Scene) -> Option<SetupError> {
     let effects = &scene.effects;
     let law = effects.viscoelasticity.as_ref().map(|effect| effect.law);
     let has = [
-        (scene.drive.charge.is_some(), "a voltage, and the drive is a `charge`"),
-        (effects.inertia.is_some(), "creep alone, and the scene has `inertia`"),
+        (scene.drive.charge.is_some(), "the drive is a `charge`; give a voltage"),
+        (effects.inertia.is_some(), "the scene has `inertia`"),
         (
             effects.electrode_resistance.is_some() || scene.drive.source.is_some(),
-            "electrodes that have their voltage at once, and the scene has a `source` or `electrode_resistance`",
+            "the scene has a `source` or `electrode_resistance`",
         ),
-        (
-            law.is_none(),
-            "an elastomer that creeps, and the scene has no `viscoelasticity`",
-        ),
-        (
-            law == Some(ViscousLaw::Finite),
-            "the linear law, and the scene has another",
-        ),
+        (law.is_none(), "the scene has no `viscoelasticity`"),
+        (law == Some(ViscousLaw::Finite), "the viscous law must be linear"),
     ];
     let why = has.into_iter().find_map(|(has, why)| has.then_some(why))?;
     Some(SetupError::StepEstimates { why })
 }
 
-/// How a pattern moves in time.
+/// The history of a pattern.
 #[derive(Clone, Debug, PartialEq)]
 pub struct History {
     /// How it ended.
     pub outcome: Outcome,
-    /// The membrane after each step, two at a jump, as far as there is a stable state.
+    /// The membrane after each step, up to the loss of stability; two instants at a jump.
     pub instants: Vec<Instant>,
-    /// Which of these are at the times that were asked for.
+    /// Indices of the instants at the requested times.
     pub kept: Vec<usize>,
-    /// The displacement at the times that were asked for, as far as there is a stable state: with inertia extrapolated to no step.
+    /// The displacement at the requested times, up to the loss of stability; with inertia, extrapolated to zero step
+    /// length.
     pub fields: Vec<Field>,
-    /// The corner (column, row) that moves most at the last time that was asked for.
+    /// The corner (column, row) that moves most at the last requested time.
     pub watched: [usize; 2],
-    /// Estimate of the largest error in mm that steps in time leave in the fields; none where it is not known.
+    /// Estimate of the largest error in mm due to steps in time; `None` if unknown.
     pub time_error_mm: Option<f64>,
-    /// Steps in time of all passes.
+    /// Number of time steps of all passes.
     pub steps: usize,
-    /// Newton steps of all passes.
+    /// Number of Newton steps of all passes.
     pub newton_steps: u32,
     /// Relative residual at the end of the last step.
     pub residual: f64,
 }
 
 impl History {
-    /// The membrane at the times that were asked for, as far as there is a stable state.
+    /// Returns the membrane at the requested times, up to the loss of stability.
     pub fn asked(&self) -> impl Iterator<Item = &Instant> {
         self.kept.iter().map(|&at| &self.instants[at])
     }
 
-    /// The largest difference in mm from another history at the times that both got to.
+    /// Returns the largest difference in mm from another history at the times that both reached.
     #[must_use]
     pub fn difference(&self, other: &Self) -> f64 {
         let pairs = self.fields.iter().zip(&other.fields);
         pairs.map(|(a, b)| a.max_difference(b)).fold(0.0, f64::max)
     }
 
-    /// The current into the electrodes in A at each instant: the slope of the charge, of second order within the smooth parts of a waveform.
+    /// Returns the current into the electrodes in A at each instant: the slope of the charge, of second order within
+    /// the smooth parts of a waveform.
     #[must_use]
     pub fn current(&self) -> Vec<f64> {
         let slope = |a: &Instant, b: &Instant| (b.charge - a.charge) / (b.time - a.time);
@@ -159,7 +156,7 @@ impl History {
     }
 }
 
-/// Why a scene whose effects are decided cannot be followed in time, if it cannot.
+/// Returns why the history of a scene with resolved effects cannot be simulated; `None` if it can.
 #[must_use]
 pub fn refusal(scene: &Scene) -> Option<SetupError> {
     let charges =
@@ -178,7 +175,7 @@ pub fn refusal(scene: &Scene) -> Option<SetupError> {
     None
 }
 
-/// Whether a scene whose effects are decided can be followed in time.
+/// Checks whether the history of a scene with resolved effects can be simulated.
 ///
 /// # Errors
 /// When it cannot.
@@ -186,7 +183,7 @@ pub fn check(scene: &Scene) -> Result<(), SetupError> {
     refusal(scene).map_or(Ok(()), Err)
 }
 
-/// Whether it can with states that are estimated.
+/// Checks whether the history can be simulated with estimated states.
 ///
 /// # Errors
 /// When it cannot.
@@ -196,10 +193,10 @@ pub fn check_estimates(scene: &Scene) -> Result<(), SetupError> {
 }
 
 impl MembraneSolver {
-    /// How a pattern moves in the time of the drive.
+    /// Simulates the history of a pattern.
     ///
     /// # Errors
-    /// When the scene cannot be followed in time: with what, `refusal` says.
+    /// When the history of the scene cannot be simulated, for the reason that `refusal` returns.
     pub fn history(&self, pattern: &Pattern, request: &HistoryRequest) -> Result<History, SetupError> {
         match request.estimate {
             None => check(&self.scene)?,
@@ -234,12 +231,12 @@ impl MembraneSolver {
         Ok(self.conclude(&first, finer, request.estimate.is_some()))
     }
 
-    /// Refuses what takes more steps than there may be, before the first of them.
+    /// Rejects a request with too many steps before the first step.
     fn check_steps(&self, request: &HistoryRequest, moving: Option<&Moving>) -> Result<(), SetupError> {
         let waveform = self.scene.waveform();
         let end = request.times.last().copied().unwrap_or(0.0);
         let stops = waveform.knots(end).len() + request.times.len();
-        // Errors are known from two halvings of a motion, and from one of equilibria.
+        // Two halvings give the error of a motion, one that of equilibria.
         let (step, passes) = match (moving, &waveform.sine) {
             (Some(moving), _) => (moving.step, 4.0),
             (None, Some(sine)) => (1.0 / (IN_PERIOD * sine.frequency.value()), 2.0),
@@ -270,7 +267,7 @@ impl MembraneSolver {
             PassEnd::Done => Outcome::Converged,
             PassEnd::AtOnce(ending) => self.outcome(ending),
             PassEnd::Lost { before, after, loss } => {
-                // The steps have an error of their own: where both passes lose it.
+                // The time of loss has an error due to the steps: the interval spans the times of both passes.
                 let shift = match coarse.end {
                     PassEnd::Lost { before: other, .. } => (other - before).abs(),
                     _ => 0.0,
@@ -308,34 +305,34 @@ struct Refined {
     pass: Pass,
     fields: Vec<Field>,
     error: Option<f64>,
-    /// Of all passes.
+    /// Totals of all passes.
     steps: usize,
     newton_steps: u32,
 }
 
-/// Following a pattern.
+/// The simulation of a pattern.
 struct Follow<'a> {
     solver: &'a MembraneSolver,
     activity: &'a Activity,
     held: Option<FixedCharge<'a>>,
     estimate: Option<Estimate<'a>>,
     request: &'a HistoryRequest,
-    /// Where the membrane has a mass.
+    /// With inertia only.
     moving: Option<Moving>,
 }
 
-/// What motion needs beside the membrane.
+/// The data that motion needs in addition to the membrane.
 struct Moving {
     mass: Mass,
     laplacian: Laplacian,
-    /// Units of time in a second.
+    /// Units of time per second.
     per_second: f64,
-    /// The first step to try, in s.
+    /// Length of the first step in s.
     step: f64,
 }
 
 impl Moving {
-    /// Of a solver whose scene has inertia.
+    /// Prepares the motion if the scene has inertia.
     fn new(solver: &MembraneSolver, request: &HistoryRequest) -> Result<Option<Self>, SetupError> {
         let scene = &solver.scene;
         if scene.effects.inertia.is_none() {
@@ -362,7 +359,7 @@ impl Moving {
         let step = shortest / STEPS_IN_PERIOD;
         Ok(Some(Self {
             mass,
-            // In the middle of the steps that will be tried.
+            // The middle of the range of steps.
             laplacian: Laplacian::with_mass(&solver.grid, 4.0 / (0.25 * step * per_second).powi(2))?,
             per_second,
             step,
@@ -426,7 +423,7 @@ impl WithMaterial for Follow<'_> {
             });
         }
         let mut workspace = solver.workspace().near();
-        // A bound that every membrane has until its displacement is known.
+        // An upper bound, until the displacement is known.
         let guess = 1e-2 * solver.scene.side_mm();
         let wanted = request.accuracy_mm.unwrap_or(USUAL_ERROR * guess);
         let loose = if estimate.is_some() { LOOSE } else { LOOSER };
@@ -444,7 +441,7 @@ impl WithMaterial for Follow<'_> {
             return (coarse, refined);
         }
         refine(coarse, request, (&transient.limit, solver.tolerance), |coarse| {
-            // One corner in all passes, which are extrapolated from each other.
+            // All passes watch the same corner, since they are extrapolated from each other.
             if transient.watched.get() == [0; 2] {
                 watch(coarse);
             }
@@ -453,9 +450,9 @@ impl WithMaterial for Follow<'_> {
     }
 }
 
-/// What all passes together take.
+/// The totals of all passes.
 struct Spent<'a> {
-    /// What is left to the next one.
+    /// The work left for the next pass.
     limit: &'a Cell<WorkLimit>,
     steps: usize,
     newton_steps: u32,
@@ -478,18 +475,18 @@ impl<'a> Spent<'a> {
     }
 }
 
-/// The error of a pass where it is known: both it and the one before got to times that were asked for.
+/// Returns the error of a pass if it is known: the pass and the one before reached requested times.
 fn known(error: f64, coarse: &Pass, fine: &Pass) -> Option<f64> {
     let is_known = !(fine.is_cut_short() || fine.fields.is_empty() || coarse.fields.is_empty());
     is_known.then_some(error)
 }
 
-/// Whether the coarser of two passes got to all times that the finer one got to.
+/// Returns whether the coarser of two passes reached all times that the finer one reached.
 fn has_all(fine: &Pass, coarse: &Pass) -> bool {
     coarse.fields.len() >= fine.fields.len()
 }
 
-/// Whether two passes lose the last stable state at about the same time, if they do.
+/// Returns whether two passes lose the last stable state at about the same time.
 fn end_together(fine: &Pass, coarse: &Pass) -> bool {
     match (fine.end, coarse.end) {
         (PassEnd::Lost { before: fine, .. }, PassEnd::Lost { before: coarse, .. }) => {
@@ -500,7 +497,8 @@ fn end_together(fine: &Pass, coarse: &Pass) -> bool {
     }
 }
 
-/// The largest difference in mm between two passes; all of the displacement where the coarser one ended before the finer one.
+/// Returns the largest difference in mm between two passes; the full displacement if the coarser one ended before the
+/// finer one.
 fn change(fine: &Pass, coarse: &Pass) -> f64 {
     match has_all(fine, coarse) {
         true => fine.difference(coarse),
@@ -508,7 +506,7 @@ fn change(fine: &Pass, coarse: &Pass) -> f64 {
     }
 }
 
-/// The corner that moves most at the last time that was asked for.
+/// Returns the corner that moves most at the last requested time.
 fn most_moved(pass: &Pass) -> [usize; 2] {
     pass.fields.last().map_or([0; 2], Field::most_moved)
 }
@@ -517,8 +515,9 @@ fn largest(fields: &[Field]) -> f64 {
     fields.iter().map(Field::max_magnitude).fold(0.0, f64::max)
 }
 
-/// Passes with steps that are halved each time until their error is small enough, from the first one on: the last but one and the last,
-/// extrapolated where three passes say that this errs less. What equilibria leave is an error too, `rounding` of the displacement.
+/// Halves the steps pass by pass until the error is small enough; returns the last two passes, extrapolated if three
+/// passes show that this is more accurate. The tolerance of equilibria adds an error of `rounding` times the
+/// displacement.
 fn refine(
     first: Pass,
     request: &HistoryRequest,
@@ -533,7 +532,7 @@ fn refine(
     loop {
         let difference = change(&fine, &coarse);
         let old = before.as_ref().map(|before| change(&coarse, before));
-        // Second order divides it by four; where it falls less, more is left.
+        // Second order divides the error by four; if it falls less, more is left.
         let ratio = old.map_or(0.25, |old| (difference / old).clamp(0.25, 0.75));
         let share = ratio / (1.0 - ratio);
         let rounded = rounding * largest(&fine.fields);
@@ -548,7 +547,7 @@ fn refine(
             (None, None) => has_all(&fine, &coarse) && share * fine.relative_difference(&coarse) <= USUAL_ERROR,
         };
         let is_enough = is_small && end_together(&fine, &coarse);
-        // What falls slowly is not smooth in time, as the mesh's own vibrations after a jump are.
+        // If it falls slowly, the solution is not smooth in time, as with vibrations of the mesh after a jump.
         let is_slow = halvings >= PATIENCE && old.is_some_and(|old| difference > 0.5 * old);
         let is_last = is_enough || is_slow || halvings == MOST_HALVINGS || fine.is_last();
         let finer = (!is_last).then(|| spent.count(halve(&fine)));
@@ -571,7 +570,7 @@ fn refine(
     }
 }
 
-/// Passes with steps that are halved each time until fields that are extrapolated to no step hardly change.
+/// Halves the steps pass by pass until the fields extrapolated to zero step length hardly change.
 fn refine_motion(
     request: &HistoryRequest,
     limit: &Cell<WorkLimit>,
@@ -584,7 +583,7 @@ fn refine_motion(
     let mut halvings = 2;
     loop {
         let [old, new] = [change(&coarse, &before), change(&fine, &coarse)];
-        // Second order divides it by four.
+        // Second order divides the error by four.
         let is_smooth = new <= 0.35 * old && has_all(&fine, &coarse) && has_all(&coarse, &before);
         let extrapolated = |fine: &Pass, coarse: &Pass| -> Vec<Field> {
             let pairs = fine.fields.iter().zip(&coarse.fields);
@@ -596,7 +595,7 @@ fn refine_motion(
         let changes = first.iter().zip(&second).map(|(a, b)| a.max_difference(b));
         let moved = changes.fold(0.0, f64::max);
         let (fields, error) = match is_smooth {
-            // That of fourth order is a fifteenth of the change.
+            // At fourth order the error is a fifteenth of the change.
             true => (second, SAFETY / 15.0 * moved),
             false => (fine.fields.clone(), new),
         };
@@ -619,7 +618,7 @@ fn refine_motion(
     }
 }
 
-/// The ends of steps, and their middles.
+/// Returns the ends of steps and their midpoints.
 fn halved(steps: &[f64]) -> Vec<f64> {
     let starts = std::iter::once(&0.0).chain(steps);
     starts

@@ -1,10 +1,12 @@
-//! Electrodes that charge from their leads: ∂(c j² φ)/∂t = Div(R⁻¹ j f⁻¹f⁻ᵀ ∇φ) in prestretched coordinates, with the voltage of the source at
-//! the leads and no current across the other edges. c is the permittivity over the prestretched thickness and R the resistance of a square of
-//! both sheets, through which the current flows one after the other.
+//! Electrodes that charge from their leads: ∂(c j² φ)/∂t = Div(R⁻¹ j f⁻¹f⁻ᵀ ∇φ) in prestretched coordinates, with the
+//! voltage of the source at the leads and no current across the other edges. c is the permittivity over the
+//! prestretched thickness and R the resistance of a square of both sheets, through which the current flows one after
+//! the other.
 //!
-//! φ is bilinear between the corners of elements, and the charge stands at these corners: so potentials stay between those of the leads, and
-//! half of Σ qφ is the energy of the field whose forces the elements have, each with the mean of φ² over its corners. A step is the
-//! two-stage SDIRK method of second order that is stiffly accurate (Alexander, SIAM J. Numer. Anal. 14 (1977) 1006).
+//! φ is bilinear between the corners of elements, and the charge stands at these corners: so potentials stay between
+//! those of the leads, and half of Σ qφ is the energy of the field whose forces the elements have, each with the mean
+//! of φ² over its corners. A step is the two-stage SDIRK method of second order that is stiffly accurate (Alexander,
+//! SIAM J. Numer. Anal. 14 (1977) 1006).
 
 use faer::sparse::Pair;
 
@@ -19,7 +21,8 @@ use deaflow_scene::{Edge, Scene};
 
 /// γ = 1 − √½, at which both stages lie in a step.
 pub const FIRST_STAGE: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
-/// The displacement of a membrane at its full voltage in units of its side, nearly enough to compare errors of potentials with others.
+/// The displacement of a membrane at its full voltage in units of its side, nearly enough to compare errors of
+/// potentials with others.
 const MOVED: f64 = 1e-2;
 /// What is no corner of an electrode, or no unknown.
 const NONE: usize = usize::MAX;
@@ -134,7 +137,8 @@ impl Conductor {
         self.time
     }
 
-    /// The circuit at a metric of [`crate::operator::metrics`], with the capacitance in F of a mean element at the numbers of a point.
+    /// The circuit at a metric of [`crate::operator::metrics`], with the capacitance in F of a mean element at the
+    /// numbers of a point.
     #[must_use]
     pub fn circuit(&self, metric: &[f64], capacitance: impl Fn([f64; NUMBERS]) -> f64) -> Circuit {
         let (places, weights): (&[f64], &[f64]) = match self.grid.order() {
@@ -187,8 +191,9 @@ impl Conductor {
         }
     }
 
-    /// The potentials after a step of so many seconds from charges, between two circuits that change linearly within it, with the voltages of
-    /// the leads at [`FIRST_STAGE`] of the step and at its end. No step makes them those just after a jump. None when memory is short.
+    /// The potentials after a step of so many seconds from charges, between two circuits that change linearly within
+    /// it, with the voltages of the leads at [`FIRST_STAGE`] of the step and at its end. No step makes them those just
+    /// after a jump. None when memory is short.
     #[must_use]
     pub fn step(&self, seconds: f64, charge: &[f64], ends: [&Circuit; 2], volts: [f64; 2]) -> Option<Vec<f64>> {
         let between = |a: f64, b: f64| a + FIRST_STAGE * (b - a);
@@ -273,7 +278,8 @@ impl Conductor {
         (activity, largest / self.full.powi(2))
     }
 
-    /// The root mean square difference of two potentials, as a displacement in units of the grid that errors are compared with.
+    /// The root mean square difference of two potentials, as a displacement in units of the grid that errors are
+    /// compared with.
     #[must_use]
     pub fn difference(&self, one: &[f64], other: &[f64]) -> f64 {
         let sum: f64 = pairs(one, other).map(|(a, b)| (a - b).powi(2)).sum();

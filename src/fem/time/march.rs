@@ -1,8 +1,9 @@
-//! The equilibria of a membrane one after the other in time, while its voltage changes and its elastomer creeps.
+//! Solves for the equilibria of a membrane at successive times while its voltage changes and its elastomer creeps.
 //!
-//! A first pass picks the steps: the difference between a solution and its extrapolation from the three before it, which is of third order
-//! in the step as the error of the exponential trapezoid is, follows a tolerance. A second pass halves them all. Both are of second order, so
-//! a third of the difference between them is the error of the second; where it is more than was asked for, a third pass halves again.
+//! A first pass chooses the steps: the difference between a solution and its extrapolation from the three before it
+//! follows a tolerance. It is of third order in the step, as is the error of the exponential trapezoid. A second pass
+//! halves all steps. Both are of second order, so a third of their difference is the error of the second pass; if that
+//! exceeds the tolerance, a third pass halves again.
 
 mod energies;
 mod loading;
@@ -19,15 +20,16 @@ use crate::newton::Workspace;
 use crate::stored::{Content, Units};
 use deaflow_scene::Knot;
 
-/// Smallest step, in units of the time since the drive began: the bracket of a delayed loss of stability.
+/// Smallest step relative to the time since the start of the drive: the bracket of a delayed loss of stability.
 const SMALLEST: f64 = 1e-5;
-/// First step after a jump or a bend, in units of the shortest relaxation time or of the time until the next one.
+/// First step after a jump or kink of the voltage, relative to the shortest relaxation time or the time to the next
+/// one.
 const FIRST: f64 = 0.02;
 /// Largest growth of a step.
 const GROWTH: f64 = 1.8;
-/// The error of a step over the difference from its extrapolation.
+/// The error of a step over its difference from the extrapolation.
 const ERROR_PER_DIFFERENCE: f64 = 0.1;
-/// Steps of a sine at least, over a period.
+/// Minimum number of steps per period of a sine.
 pub const IN_PERIOD: f64 = 40.0;
 
 /// Why a step is not accepted.
@@ -42,20 +44,20 @@ struct StepState {
     u: Vec<f64>,
     /// Voltage of the electrodes in V.
     volts: f64,
-    /// The electrodes, where they have a resistance.
+    /// The electrodes, if they have a resistance.
     charged: Option<Charged>,
 }
 
-/// A state before now.
+/// An earlier state.
 struct PastState {
     time: f64,
     u: Vec<f64>,
-    /// Potentials on the electrodes, where they have a resistance.
+    /// Potentials on the electrodes, if they have a resistance.
     potential: Vec<f64>,
 }
 
 impl<L: Material, F: Fn(f64) -> L> TransientProblem<'_, F> {
-    /// Goes through the time.
+    /// Performs a pass over the time.
     pub fn pass(&self, steps: Steps<'_>, workspace: &mut Workspace) -> Pass {
         let activity = self.problem.activity;
         let viscous = Viscous::new(self.scene, activity);
@@ -64,7 +66,7 @@ impl<L: Material, F: Fn(f64) -> L> TransientProblem<'_, F> {
             units: Units::new(self.scene, activity.grid().unit_mm()),
             stored: 0.0,
             stored_at_rest: 0.0,
-            // The pass that picks the steps is never the last.
+            // The pass that chooses the steps is never the last.
             measures: self.measures && matches!(steps, Steps::At(_)),
             unmoved: self
                 .estimate
@@ -105,34 +107,35 @@ impl<L: Material, F: Fn(f64) -> L> TransientProblem<'_, F> {
     }
 }
 
-/// A pass on its way.
+/// A pass in progress.
 struct March<'a, 'b, F> {
     transient: &'a TransientProblem<'b, F>,
     units: Units,
     viscous: Viscous,
-    /// What their energies are made of.
+    /// The units of its energies.
     loaded: Loaded,
-    /// The branches of a membrane that stays at rest, where states are estimated and they are no part of its law.
+    /// The branches of a membrane that stays at rest, if states are estimated and these branches are not part of the
+    /// material.
     unmoved: Option<Viscous>,
     u: Vec<f64>,
     /// Voltage of the electrodes.
     volts: f64,
-    /// The electrodes, where they have a resistance.
+    /// The electrodes, if they have a resistance.
     charged: Option<Charged>,
-    /// The first step after the last jump or bend.
+    /// The first step after the last jump or kink.
     first: f64,
-    /// Up to three states before now since the last jump or bend.
+    /// Up to three earlier states since the last jump or kink.
     recent: Vec<PastState>,
     content: Content,
     electric: f64,
     elastic_at_rest: f64,
-    /// Of the springs of bodies, and the work of their loads.
+    /// Energy of the springs of bodies, and the work of their loads.
     springs: f64,
     work: f64,
     /// Energy of the branches in J.
     stored: f64,
     stored_at_rest: f64,
-    /// Whether energies and charges are wanted.
+    /// Whether energies and charges are computed.
     measures: bool,
     dissipated: f64,
     supplied: f64,
@@ -188,12 +191,12 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         Ok(())
     }
 
-    /// The shortest step to a time that is tried.
+    /// Returns the shortest step to a time that is tried.
     fn shortest(&self, to: f64) -> f64 {
         SMALLEST * to.max(self.first)
     }
 
-    /// The first step after a jump or a bend, where the next one is so far away.
+    /// Returns the first step after a jump or kink; the next one is `room` away.
     fn first_step(&self, room: f64) -> f64 {
         let charging = self
             .transient
@@ -209,7 +212,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         times.fold(room, f64::min) * FIRST
     }
 
-    /// The longest step that keeps to a tolerance, to `stop` at the farthest; returns where it ends.
+    /// Takes the longest step within the tolerance that ends at `stop` at the latest; returns its end.
     fn step_within(&mut self, tolerance: f64, now: f64, stop: f64, length: &mut f64) -> Result<f64, PassEnd> {
         let period = self
             .transient
@@ -219,7 +222,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         loop {
             let wanted = length.min(period / IN_PERIOD);
             let room = stop - now;
-            // What is left after a step is not shorter than a half of it.
+            // The rest after a step is at least half of the step.
             let step = if wanted >= room {
                 room
             } else if 1.5 * wanted > room {
@@ -242,7 +245,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
                     }
                     self.advance(now, to, found);
                     let next = (to - now) * factor.clamp(0.3, GROWTH);
-                    // A step that was cut short says nothing against longer ones.
+                    // A shortened step does not prevent longer steps later.
                     *length = if step < wanted && next < wanted {
                         wanted.min(next.max(*length))
                     } else {
@@ -257,7 +260,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         }
     }
 
-    /// A step to a time; in parts where the whole does not lead there.
+    /// Steps to a time; divides the step if it fails.
     fn step_to(&mut self, now: f64, to: f64) -> Result<f64, PassEnd> {
         let (mut from, mut length) = (now, to - now);
         while from < to {
@@ -280,7 +283,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         Ok(to)
     }
 
-    /// Counts the work that was done: parts of a step may count theirs anew.
+    /// Counts the work done; the parts of a step may start counting anew.
     fn count_work(&mut self) {
         self.pass.work += self.workspace.work();
         self.workspace.begin(self.transient.limit.get().less(self.pass.work));
@@ -293,7 +296,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         self.accept(to, to - from, false);
     }
 
-    /// Takes the state that was found for the end of a step. A jump is an infinitely fast rise without losses.
+    /// Accepts the state at the end of a step. A jump is an infinitely fast rise without losses.
     fn accept(&mut self, now: f64, step: f64, jump: bool) {
         let transient = self.transient;
         match transient.estimate.map(|estimate| estimate.how) {
@@ -343,7 +346,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         });
     }
 
-    /// Notes that the last state was asked for.
+    /// Records the last state as a requested one.
     fn keep(&mut self) {
         self.pass.kept.push(self.pass.instants.len() - 1);
         let field = self.transient.problem.activity.grid().sample(&self.u);

@@ -1,4 +1,4 @@
-//! Membranes in time: viscoelastic creep, and whatever the voltage does.
+//! Membranes in time: viscoelastic creep and time-dependent voltages.
 
 mod accurate;
 mod amplitude;

@@ -1,7 +1,8 @@
 //! Natural frequencies about an equilibrium: K v = ω² M v.
 //!
-//! The iteration is LOBPCG (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517) with a block of vectors, preconditioned by the inverse Laplacian:
-//! Rayleigh and Ritz in the span of the block, its preconditioned residuals and its last steps, of which an orthonormal basis is kept.
+//! The iteration is LOBPCG (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517) with a block of vectors, preconditioned by the
+//! inverse Laplacian: Rayleigh and Ritz in the span of the block, its preconditioned residuals and its last steps, with
+//! an orthonormal basis.
 
 use faer::{Mat, Side};
 
@@ -18,30 +19,30 @@ use deaflow_field::{Field, Outcome};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
-/// Most modes that are asked for at once.
+/// Largest number of modes per request.
 pub const MOST_MODES: usize = 100;
-/// Iterations at most.
+/// Largest number of iterations.
 const LIMIT: usize = 300;
-/// Relative change of all eigenvalues that is none.
+/// Relative change of all eigenvalues that counts as zero.
 const SETTLED: f64 = 1e-12;
 
-/// How a pattern vibrates about its equilibrium.
+/// The vibration modes of a pattern about its equilibrium.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Vibration {
-    /// How the search for the equilibrium ended; without one there are no modes.
+    /// How the search for the equilibrium ended; without an equilibrium there are no modes.
     pub outcome: Outcome,
     /// The equilibrium.
     pub equilibrium: Option<Field>,
     /// Natural frequencies in Hz, lowest first.
     pub frequencies: Vec<f64>,
-    /// Their modes, of which the corner that moves most moves by 1.
+    /// Their modes, scaled to a largest displacement of 1.
     pub modes: Vec<Field>,
 }
 
 /// The speed in m/s of shear waves that sets the scale of frequencies, c = λp√(μ/ρ).
 ///
 /// # Errors
-/// When the density is not known.
+/// When the density is unknown.
 pub fn wave_speed(scene: &Scene) -> Result<f64, SetupError> {
     let density = scene.density().ok_or(SetupError::Density)?;
     Ok(scene.mean_prestretch() * (scene.shear_modulus_pa() / density).sqrt())
@@ -51,7 +52,7 @@ impl MembraneSolver {
     /// The lowest natural frequencies of a pattern about its equilibrium at the voltage of the scene.
     ///
     /// # Errors
-    /// When the density is not known, the drive is a charge, or no node of the mesh is free to move.
+    /// When the density is unknown, the drive is a charge, or no node of the mesh is free to move.
     pub fn vibration(&self, pattern: &Pattern, count: usize, lumped: bool) -> Result<Vibration, SetupError> {
         let speed = wave_speed(&self.scene)?;
         if self.scene.drive.charge.is_some() {
@@ -89,7 +90,7 @@ impl MembraneSolver {
     }
 }
 
-/// The same with a largest displacement of 1, of which the larger component is positive.
+/// Scales a mode to a largest displacement of 1, with a positive larger component.
 fn normalised(mode: &Field) -> Field {
     let [x, y] = mode.most_moved();
     let [along, across] = mode.at_corner(x, y);
@@ -122,19 +123,20 @@ impl WithMaterial for Lowest<'_> {
     }
 }
 
-/// A vector with its images.
+/// A vector and its products with K and M.
 #[derive(Clone)]
 struct Direction {
     vector: Vec<f64>,
-    /// K times it.
+    /// K times the vector.
     stiff: Vec<f64>,
-    /// M times it.
+    /// M times the vector.
     heavy: Vec<f64>,
 }
 
 impl Direction {
     fn new<L: Material>(operator: &Operator<'_, L>, mass: &Mass, u: &[f64], mut vector: Vec<f64>) -> Self {
-        // What single precision leaves of the motion of a body is not quite rigid, and grows where most of a direction is taken away.
+        // The motion of a body in single precision is not quite rigid, and the error grows if most of a direction is
+        // subtracted.
         operator.activity.grid().restrict(u, &mut vector);
         let mut stiff = vec![0.0; vector.len()];
         operator.tangent(u, &vector, &mut stiff);
@@ -163,10 +165,10 @@ impl Direction {
         }
     }
 
-    /// Makes it orthogonal to unit directions and of unit mass; `None` when nothing is left of it.
+    /// Makes it orthogonal to unit directions and of unit mass; `None` if nothing is left of it.
     fn orthonormal<'d>(mut self, others: impl Iterator<Item = &'d Self> + Clone) -> Option<Self> {
         let before = dot(&self.vector, &self.heavy);
-        // Once more: the first pass leaves rounding of the size of what it took away.
+        // Twice: the first pass leaves rounding of the size of the subtracted part.
         for _ in 0..2 {
             for other in others.clone() {
                 self.add(-dot(&self.vector, &other.heavy), other);
@@ -193,7 +195,7 @@ impl Direction {
     }
 }
 
-/// The lowest eigenvalues of K v = ω² M v at `u` with their vectors; fewer where there are not so many.
+/// Returns the lowest eigenvalues of K v = ω² M v at `u` with their vectors; fewer if the problem is smaller.
 pub(super) fn lowest<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
@@ -263,7 +265,7 @@ pub(super) fn lowest<L: Material>(
         }
     }
     let each = block.into_iter().take(count).map(|direction| {
-        // The images of sums of sums have rounding of their own.
+        // The products of sums of sums accumulate rounding of their own.
         let fresh = Direction::new(operator, mass, u, direction.vector);
         (
             dot(&fresh.vector, &fresh.stiff) / dot(&fresh.vector, &fresh.heavy),

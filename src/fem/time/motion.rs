@@ -6,13 +6,15 @@
 //! (2/Δt²) M (Δu − Δt v₀) + F(u₀, u₁) = 0,   v₁ = 2Δu/Δt − v₀
 //! ```
 //!
-//! where the work of F along Δu is the change of energy at the voltage in the middle of the step (Simo and Tarnow, Z. angew. Math. Phys. 43 (1992) 757;
-//! Gonzalez, J. Nonlinear Sci. 6 (1996) 449). Viscoelastic branches relax for half of a step before and after it, and are springs within
-//! it: what they lose is never negative, and stored energy, losses and supply balance to rounding.
+//! where the work of F along Δu is the change of energy at the voltage in the middle of the step (Simo and Tarnow, Z.
+//! angew. Math. Phys. 43 (1992) 757; Gonzalez, J. Nonlinear Sci. 6 (1996) 449). Viscoelastic branches relax for half of
+//! a step before and after it, and are springs within it: what they lose is never negative, and stored energy, losses
+//! and supply balance to rounding.
 //!
-//! A rigid body that turns from θ₀ to θ₁ moves its nodes by Δt + (R₁ − R₀)(X − Xc) = Δt + 2 sin ½Δθ J Rₘ (X − Xc), in the span of the T of
-//! [`supports`](crate::supports) at the mean angle. The equation is that along this T (Betsch and Steinmann, Int. J. Numer. Meth. Engng
-//! 53 (2002) 1775): its product with Δu has the same energies, so with bodies they balance as without, whatever angle they turn by.
+//! A rigid body that turns from θ₀ to θ₁ moves its nodes by Δt + (R₁ − R₀)(X − Xc) = Δt + 2 sin ½Δθ J Rₘ (X − Xc), in
+//! the span of the T of [`supports`](crate::supports) at the mean angle. The equation is that along this T (Betsch and
+//! Steinmann, Int. J. Numer. Meth. Engng 53 (2002) 1775): its product with Δu has the same energies, so with bodies
+//! they balance as without, whatever angle they turn by.
 
 use super::bodies;
 use super::feed::{self, Feed, Passage};
@@ -130,7 +132,8 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
         run.pass
     }
 
-    /// The steps between two times that are so many seconds apart: however short that is, dividing them makes them shorter.
+    /// The steps between two times that are so many seconds apart: however short that is, dividing them makes them
+    /// shorter.
     fn steps_in(&self, seconds: f64) -> usize {
         let whole = (seconds / self.step * (1.0 - 1e-9)).ceil().max(1.0);
         (whole as usize).saturating_mul(self.parts)
@@ -226,7 +229,8 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         content([&laws[0], &laws[1]], activity, &metrics(activity, u), volts, self.units)
     }
 
-    /// What electrodes that conduct go through in a step by a change of displacement; none where they have a voltage at once, or charge that stays.
+    /// What electrodes that conduct go through in a step by a change of displacement; none where they have a voltage at
+    /// once, or charge that stays.
     fn passage(&self, change: &[f64], [from, to]: [f64; 2]) -> Option<Passage> {
         let Feed::Conducting { supply, charge } = self.feed else {
             return None;
@@ -380,7 +384,8 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         guess
     }
 
-    /// The change of displacement in a step of a membrane with what its branches add, between two times in s; `None` where it leads nowhere.
+    /// The change of displacement in a step of a membrane with what its branches add, between two times in s; `None`
+    /// where it leads nowhere.
     fn solve(&mut self, activity: &Activity, [from, to]: [f64; 2], length: f64) -> Option<Vec<f64>> {
         let motion = self.motion;
         let grid = activity.grid();

@@ -11,36 +11,36 @@ pub const MOST_STEPS: usize = 100_000;
 /// How steps are chosen.
 #[derive(Clone, Copy, Debug)]
 pub enum Steps<'a> {
-    /// By an error of each step in units of displacements.
+    /// Adaptive steps, by an error of each step in units of displacements.
     Within(f64),
-    /// So that they end at these times in s.
+    /// Steps that end at these times in s.
     At(&'a [f64]),
 }
 
-/// A membrane at one time.
+/// The membrane at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Instant {
-    /// Time since the drive began in s.
+    /// Time since the start of the drive in s.
     pub time: f64,
-    /// Voltage of the electrodes in V: where they have a resistance, their charge over their capacitance.
+    /// Voltage of the electrodes in V; with a resistance, their charge over their capacitance.
     pub voltage: f64,
     /// Charge on all electrodes in C.
     pub charge: f64,
-    /// Elastic energy of the law and the branches in J, from before the drive on.
+    /// Elastic energy of material and branches in J, relative to the state before the drive.
     pub stored: f64,
     /// Energy of the electric field in J.
     pub electric: f64,
     /// Kinetic energy in J.
     pub kinetic: f64,
-    /// What the branches and the resistances of the source and of the electrodes have dissipated, in J.
+    /// Energy dissipated by the branches and the resistances of the source and of the electrodes, in J.
     pub dissipated: f64,
-    /// What the source has supplied, in J.
+    /// Energy supplied by the source, in J.
     pub supplied: f64,
     /// Largest displacement magnitude over the cell corners in mm.
     pub largest: f64,
-    /// Displacement magnitude of the corner that is watched in mm.
+    /// Displacement magnitude of the watched corner in mm.
     pub watched: f64,
-    /// How rigid bodies have moved; none where there are none.
+    /// Motions of the rigid bodies; empty if there are none.
     pub bodies: Option<Vec<Motion>>,
 }
 
@@ -49,20 +49,20 @@ pub struct Instant {
 pub enum PassEnd {
     /// At the last time.
     Done,
-    /// The drive begins with a load that the membrane does not bear.
+    /// The membrane does not bear the load at the start of the drive.
     AtOnce(LoadingEnd),
-    /// No state follows within a short time.
+    /// No state was found shortly after the last one.
     Lost {
-        /// The last time in s at which there was a stable state.
+        /// The last time in s with a stable state.
         before: f64,
-        /// The first at which there was none.
+        /// The first time in s without one.
         after: f64,
-        /// What was lost.
+        /// The kind of instability.
         loss: Loss,
     },
-    /// The iteration did not end.
+    /// The iteration did not converge.
     Unknown,
-    /// The steps took more work than is allowed, or there were too many.
+    /// The pass exceeded the limit of work or the number of steps.
     WorkLimit,
 }
 
@@ -71,17 +71,17 @@ pub enum PassEnd {
 pub struct Pass {
     /// How it ended.
     pub end: PassEnd,
-    /// The times at which steps ended, in s.
+    /// The end times of the steps, in s.
     pub steps: Vec<f64>,
-    /// The membrane after each step; two at a jump.
+    /// The membrane after each step; two instants at a jump.
     pub instants: Vec<Instant>,
-    /// Which of them are at the times that were asked for, as far as it got.
+    /// Indices of the instants at the requested times that the pass reached.
     pub kept: Vec<usize>,
-    /// The displacement then.
+    /// The displacement at these instants.
     pub fields: Vec<Field>,
-    /// The corner (column, row) whose displacement was followed.
+    /// The watched corner (column, row).
     pub watched: [usize; 2],
-    /// Newton steps.
+    /// Number of Newton steps.
     pub newton_steps: u32,
     /// Work, in the units of [`WorkLimit`].
     pub work: u64,
@@ -90,26 +90,26 @@ pub struct Pass {
 }
 
 impl Pass {
-    /// The largest difference in mm from another pass at the times that both got to.
+    /// Returns the largest difference in mm from another pass at the requested times that both reached.
     #[must_use]
     pub fn difference(&self, other: &Self) -> f64 {
         let pairs = self.fields.iter().zip(&other.fields);
         pairs.map(|(a, b)| a.max_difference(b)).fold(0.0, f64::max)
     }
 
-    /// Whether it ended because it took too much work.
+    /// Returns whether the pass ended because it exceeded the limit of work.
     #[must_use]
     pub fn is_cut_short(&self) -> bool {
         self.end == PassEnd::WorkLimit
     }
 
-    /// Whether there can be none with steps half as long.
+    /// Returns whether a pass with half the steps would exceed the number of steps.
     #[must_use]
     pub fn is_last(&self) -> bool {
         self.is_cut_short() || 2 * self.steps.len() > MOST_STEPS
     }
 
-    /// The same, at each time in units of the largest displacement then, but for times at which there is hardly any.
+    /// Returns the same relative to the largest displacement at each time, without times of negligible displacement.
     #[must_use]
     pub fn relative_difference(&self, other: &Self) -> f64 {
         let sizes: Vec<f64> = self.fields.iter().map(Field::max_magnitude).collect();
@@ -120,7 +120,7 @@ impl Pass {
     }
 }
 
-/// The displacement magnitude of a corner in mm.
+/// Returns the displacement magnitude of a corner in mm.
 pub fn magnitude_at(field: &Field, [x, y]: [usize; 2]) -> f64 {
     let [along, across] = field.at_corner(x, y);
     along.hypot(across)

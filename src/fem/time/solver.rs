@@ -1,4 +1,4 @@
-//! The solver of histories that parameters give: on one mesh, or on the mesh that each pattern needs.
+//! The solver of histories: on one mesh, or on the mesh that each pattern needs.
 
 use rayon::prelude::*;
 
@@ -12,16 +12,16 @@ use deaflow_field::{Evaluator, Field, Mesh, Outcome, PredictError, Predictor};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
-/// How histories are solved.
+/// Options of history solvers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HistoryOptions {
-    /// The mesh of all patterns; none where each has the one that reaches the accuracy of the request.
+    /// The mesh of all patterns; `None` if each pattern has the mesh that reaches the requested accuracy.
     pub mesh: Option<Mesh>,
     /// Relative residual of equilibria.
     pub tolerance: f64,
 }
 
-/// A solver of histories that is ready for the patterns of a scene.
+/// A solver of histories for the patterns of a scene.
 pub struct HistorySolver {
     engine: Engine,
     request: HistoryRequest,
@@ -33,7 +33,7 @@ enum Engine {
 }
 
 impl HistorySolver {
-    /// The solver of a scene whose effects are decided.
+    /// Builds the solver of a scene with resolved effects.
     ///
     /// # Errors
     /// When it cannot be set up.
@@ -52,13 +52,13 @@ impl HistorySolver {
         Ok(Self { engine, request })
     }
 
-    /// The times at which fields are wanted, in s.
+    /// Returns the times of the requested fields in s.
     #[must_use]
     pub fn times(&self) -> &[f64] {
         &self.request.times
     }
 
-    /// How a pattern moves in the time of the drive.
+    /// Simulates the history of a pattern.
     ///
     /// # Errors
     /// When a finer mesh cannot be set up, or as [`MembraneSolver::history`].
@@ -66,7 +66,8 @@ impl HistorySolver {
         self.follow_for(pattern, &self.request)
     }
 
-    /// The same without charges and energies, which take as long as a creeping membrane's displacements.
+    /// Simulates the history without charges and energies, which take as long as the displacements of a creeping
+    /// membrane.
     ///
     /// # Errors
     /// As [`HistorySolver::follow`].
@@ -90,14 +91,15 @@ impl HistorySolver {
     }
 }
 
-/// The states at a time, estimated step by step.
+/// An evaluator that estimates the states at a time step by step.
 pub struct StepEstimates {
     solver: HistorySolver,
     settings: String,
 }
 
 impl StepEstimates {
-    /// For a time in s, on a mesh, in a scene whose effects are decided; `settings` is what it is called as an evaluator.
+    /// Builds the evaluator for a time in s, on a mesh, in a scene with resolved effects; `settings` is its name as an
+    /// evaluator.
     ///
     /// # Errors
     /// When the scene cannot be simulated.
@@ -116,10 +118,10 @@ impl StepEstimates {
         Ok(Self { solver, settings })
     }
 
-    /// Whether a scene whose effects are decided allows it.
+    /// Checks whether the scene, with resolved effects, can be estimated step by step.
     ///
     /// # Errors
-    /// When it does not.
+    /// When it cannot.
     pub fn check(scene: &Scene) -> Result<(), SetupError> {
         check_estimates(scene)
     }

@@ -1,4 +1,4 @@
-//! A source that charges the electrodes through a resistance: R Q̇ = Vₛ − Q/C(u), and no faster than its largest current.
+//! A source that charges the electrodes through a resistance: R Q̇ = Vₛ − Q/C(u), limited by its largest current.
 
 use super::coefficients::Coefficients;
 use deaflow_scene::Scene;
@@ -12,7 +12,7 @@ pub struct Supply {
     limit: f64,
 }
 
-/// What the electrodes have at one time.
+/// The electrodes at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Electrodes {
     /// Capacitance in F.
@@ -22,7 +22,7 @@ pub struct Electrodes {
 }
 
 impl Supply {
-    /// That of a scene; none where its voltage is that of the electrodes.
+    /// Returns the source of a scene; `None` if its voltage is that of the electrodes.
     #[must_use]
     pub fn of(scene: &Scene) -> Option<Self> {
         let source = scene.drive.source.as_ref()?;
@@ -36,14 +36,15 @@ impl Supply {
         (supply.resistance > 0.0 || supply.limit.is_finite()).then_some(supply)
     }
 
-    /// The time in s in which it charges so much capacitance in F.
+    /// Returns the time in s in which it charges this capacitance in F.
     #[must_use]
     pub fn time(&self, capacitance: f64, volts: f64) -> f64 {
         f64::max(self.resistance * capacitance, capacitance * volts / self.limit)
     }
 
-    /// The charge in C after a step of so many seconds from a charge, between what the electrodes have before and after it. It is exact for a
-    /// constant capacitance and a voltage that is linear in time, and of second order else, at any step.
+    /// Returns the charge in C after a step of some seconds, from the state of the electrodes before and after it. The
+    /// result is exact for a constant capacitance and a voltage that is linear in time; otherwise it is of second order
+    /// for any step.
     #[must_use]
     pub fn charge_after(&self, seconds: f64, charge: f64, before: Electrodes, after: Electrodes) -> f64 {
         let wanted = [before, after].map(|at| at.capacitance * at.source);
@@ -63,8 +64,8 @@ impl Supply {
 mod tests {
     use super::*;
 
-    /// A free sheet at κ = 0.4 behind a resistor, with time in units of R C₀ and voltage in that of the source: λ at some times, each after so
-    /// many steps.
+    /// A free sheet at κ = 0.4 behind a resistor, with time in units of R C₀ and voltage in that of the source: λ at
+    /// some times, each after so many steps.
     fn sheet(times: [f64; 2], steps: u32) -> [f64; 2] {
         let supply = Supply {
             resistance: 1.0,

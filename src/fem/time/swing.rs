@@ -1,4 +1,4 @@
-//! How far a pattern swings at a frequency, for designs.
+//! The amplitude of a pattern at a frequency, for designs.
 
 use rayon::prelude::*;
 
@@ -11,12 +11,13 @@ use deaflow_field::{Differentiable, Evaluator, Field, Outcome, PredictError, Pre
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Leads, Scene};
 
-/// The linear response to the sine of a drive about its bias, at the moment of the period at which a weighted sum of displacements is largest.
+/// The linear response to the sine of a drive about its bias, at the phase at which a weighted sum of displacements is
+/// largest.
 pub struct Swing {
     solver: FrequencySolver,
-    /// That of [`linear_in_cells`], for the gradient.
+    /// The result of [`linear_in_cells`], for the gradient.
     plain: Option<FrequencySolver>,
-    /// Of each group of electrodes its share of the load.
+    /// The fraction of the load of each electrode group.
     loads: Vec<f64>,
     leads: Option<Leads>,
     frequency_hz: f64,
@@ -26,26 +27,20 @@ pub struct Swing {
 }
 
 impl Swing {
-    /// Whether a scene has what swings.
+    /// Checks whether the response can be computed in a scene.
     ///
     /// # Errors
-    /// When it has not.
+    /// When it cannot.
     pub fn check(scene: &Scene) -> Result<(), SetupError> {
         let has_bias = scene.waveform().sine.is_some_and(|sine| sine.bias.value() > 0.0);
         let has = [
-            (!scene.states.is_empty(), "one state, and the scene has several"),
-            (
-                scene.geometry.bodies.is_some(),
-                "a membrane without rigid bodies, and the scene has some",
-            ),
-            (scene.drive.charge.is_some(), "a voltage, and the drive is a `charge`"),
-            (
-                !has_bias,
-                "a drive with a `sine` about a `bias`, and the scene has none",
-            ),
+            (!scene.states.is_empty(), "the scene has several `states`"),
+            (scene.geometry.bodies.is_some(), "the scene has rigid bodies"),
+            (scene.drive.charge.is_some(), "the drive is a `charge`; give a voltage"),
+            (!has_bias, "the drive has no `sine` about a `bias`"),
             (
                 scene.drive.source.is_some() || scene.effects.electrode_resistance.is_some(),
-                "electrodes that have their voltage at once, and the scene has a `source` or `electrode_resistance`",
+                "the scene has a `source` or `electrode_resistance`",
             ),
         ];
         match has.into_iter().find_map(|(has, why)| has.then_some(why)) {
@@ -54,11 +49,11 @@ impl Swing {
         }
     }
 
-    /// For a frequency, on the mesh of parameters, in a scene whose effects are decided. The weights are those of the displacement of each
-    /// corner.
+    /// Builds the evaluator for a frequency, on the mesh of parameters, in a scene with resolved effects. The weights
+    /// are those of the displacement of each corner.
     ///
     /// # Errors
-    /// When the scene has nothing that swings, or cannot be simulated; or where each pattern has a mesh of its own.
+    /// When the scene has no sine about a bias, or cannot be simulated; or if each pattern has its own mesh.
     pub fn new(
         scene: &Scene,
         frequency_hz: f64,
@@ -84,7 +79,7 @@ impl Swing {
         })
     }
 
-    /// The field in mm, as a difference from that of the bias, and how the search for the equilibrium there ended.
+    /// Returns the field in mm, as a difference from that of the bias, and how the search for the equilibrium ended.
     #[must_use]
     pub fn farthest(&self, pattern: &Pattern) -> (Outcome, Option<Field>) {
         match self.solver.respond_at(pattern, self.frequency_hz) {
@@ -92,7 +87,7 @@ impl Swing {
             (outcome, Some(AtFrequency::Response { real, imaginary })) => {
                 (outcome, Some(self.at_peak([&real, &imaginary])))
             }
-            // Nothing is known of an amplitude that nothing bounds.
+            // The amplitude of an undamped resonance is unknown.
             (_, Some(AtFrequency::Resonance | AtFrequency::NotSolved)) => (Outcome::NoEstimate, None),
         }
     }
@@ -124,7 +119,8 @@ impl Differentiable for Swing {
         slope: &dyn Fn(&Field) -> Field,
     ) -> Result<Option<WithGradient>, PredictError> {
         let solver = self.plain.as_ref().unwrap_or(&self.solver);
-        // Which phase counts follows from the weights, of which the slope of an amplitude is a multiple wherever the membrane is.
+        // The phase follows from the weights: the slope of an amplitude is a multiple of them at any state of the
+        // membrane.
         let slope = slope(&Field::zero(pattern.raster()));
         let Some(found) = solver.differentiate(pattern, self.frequency_hz, &slope) else {
             return Ok(None);

@@ -1,5 +1,5 @@
-//! Known answers of viscoelasticity and inertia, orders of convergence, balances of energy, and hard cases. Values are those of the design of time:
-//! two independent routes have them.
+//! Known answers of viscoelasticity and inertia, orders of convergence, balances of energy, and hard cases. Values are
+//! those of the design of time: two independent routes have them.
 
 mod bodies;
 mod charges;
@@ -313,7 +313,8 @@ fn errors_in_time_fall_with_the_square_of_the_step_and_are_estimated() {
 
 #[test]
 fn passes_are_extrapolated_where_the_solution_is_smooth() {
-    // A jump in between, and electrodes that charge slowly: what has an instant of its own in each pass, and what is found by iteration.
+    // A jump in between, and electrodes that charge slowly: what has an instant of its own in each pass, and what is
+    // found by iteration.
     let drives = [
         "waveform: { table: voltages.csv }",
         "voltage: 5 kV, source: { resistance: 1 GOhm }",
@@ -746,7 +747,8 @@ fn electrodes_that_are_cut_off_keep_their_charge_while_the_membrane_creeps() {
 
 #[test]
 fn a_charge_is_held_on_what_cannot_bear_its_voltage() {
-    // Past the fold the voltage of a conducting electrode falls while its charge rises; sprayed charge never loses stability.
+    // Past the fold the voltage of a conducting electrode falls while its charge rises; sprayed charge never loses
+    // stability.
     let scene = |charge: &str| {
         Scene::from_text(&format!(
             "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, \

@@ -1,4 +1,4 @@
-//! A membrane whose voltage changes in time and whose elastomer creeps: the problem that [`super::march`] solves.
+//! The transient problem that [`super::march`] solves: a membrane with a time-dependent voltage and creep.
 
 use std::cell::Cell;
 
@@ -9,63 +9,63 @@ use crate::operator::Activity;
 use crate::work::WorkLimit;
 use deaflow_scene::{Scene, Side, Waveform};
 
-/// What is followed.
+/// A transient problem.
 pub struct TransientProblem<'a, F> {
-    /// The membrane without what its branches remember.
+    /// The membrane without the memory of its branches.
     pub problem: Problem<'a, F>,
     /// The scene.
     pub scene: &'a Scene,
-    /// How its voltage changes.
+    /// The voltage over time.
     pub waveform: Waveform,
-    /// What stands between the voltage and the electrodes.
+    /// The resistance between source and electrodes.
     pub supply: Option<Supply>,
-    /// The electrodes, where charge takes its time to spread over them.
+    /// The electrodes, if they have a resistance.
     pub conductor: Option<Conductor>,
-    /// The times in s at which fields are wanted, in order.
+    /// The requested times of fields in s, in order.
     pub times: &'a [f64],
-    /// Work for a pass.
+    /// Limit of work for a pass.
     pub limit: Cell<WorkLimit>,
-    /// The corner (column, row) whose displacement is followed.
+    /// The watched corner (column, row).
     pub watched: Cell<[usize; 2]>,
-    /// The charge that is held, in place of a voltage.
+    /// The fixed charge, if the drive is a charge.
     pub held: Option<FixedCharge<'a>>,
-    /// How states are estimated where they are not solved for.
+    /// How states are estimated, if they are not solved for.
     pub estimate: Option<Estimate<'a>>,
-    /// Whether charges, energies and magnitudes of each instant are wanted beside the fields that were asked for.
+    /// Whether charges, energies and magnitudes are computed at each instant in addition to the requested fields.
     pub measures: bool,
 }
 
-/// A charge that was put on the electrodes, which then were cut off.
+/// A charge put on the electrodes before they are disconnected.
 #[derive(Clone, Copy, Debug)]
 pub struct FixedCharge<'a> {
-    /// In C; none where there is no electrode.
+    /// In C; `None` without electrodes.
     pub charge: f64,
-    /// The membrane without the charge, where that was sprayed and stays where it is.
+    /// The membrane without the charge, if the charge was sprayed on and does not move.
     pub uncharged: Option<&'a Activity>,
 }
 
 /// Estimates of the states at the ends of steps, with the tangent of the half-active membrane at rest.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimate<'a> {
-    /// How.
+    /// The method.
     pub how: StepEstimate,
     /// The half-active membrane.
     pub half_active: &'a Activity,
-    /// Whether branches of a membrane at rest are part of its law.
+    /// Whether the branches of a membrane at rest are part of its material.
     pub in_law: bool,
 }
 
 /// How the states at the ends of steps are estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepEstimate {
-    /// As if strains were small: one linear system for each step.
+    /// For small strains: one linear system for each step.
     Linear,
-    /// By so many chord steps from where the states before lead.
+    /// By this number of chord steps from the extrapolated state.
     Chord(u32),
 }
 
 impl<F> TransientProblem<'_, F> {
-    /// The load at a time, over that of the scene.
+    /// Returns the load at a time relative to that of the scene.
     pub(super) fn share(&self, time: f64, side: Side) -> f64 {
         let amplitude = self.scene.voltage_v();
         match amplitude > 0.0 {
@@ -74,17 +74,17 @@ impl<F> TransientProblem<'_, F> {
         }
     }
 
-    /// The voltage at a time in V.
+    /// Returns the voltage at a time in V.
     pub(super) fn voltage(&self, time: f64, side: Side) -> f64 {
         self.waveform.voltage(self.scene.voltage_v(), time, side)
     }
 
-    /// Whether the electrodes do not have the voltage of the drive at once.
+    /// Returns whether the voltage of the electrodes lags behind that of the drive.
     pub(super) fn is_fed_slowly(&self) -> bool {
         self.supply.is_some() || self.conductor.is_some()
     }
 
-    /// The membrane with something beside its law.
+    /// Returns the membrane with the additional terms of an activity.
     pub(super) fn problem_of<'c>(&'c self, activity: &'c Activity) -> Problem<'c, &'c F> {
         Problem {
             activity,

@@ -1,13 +1,14 @@
 //! Viscoelastic branches at the quadrature points of a membrane, and what they add to its energy.
 //!
-//! A branch adds ½g (A : c + A₃₃ j⁻² − ln det A − ln A₃₃ − 3) with g = G/(μλp²). A follows c⁻¹, and A₃₃ follows j², with its relaxation
-//! time. Within a step A = Ã + c₁ c₁⁻¹ with a known Ã, and the second part is a pressure that drops out in plane stress: the equilibrium at
-//! the end of a step is a minimum of an energy with fixed coefficients, w + Σ ½g (Ã : c + Ã₃₃ j⁻²), which is what
-//! [`Memory`] is for. Arrays are those of [`metrics`].
+//! A branch adds ½g (A : c + A₃₃ j⁻² − ln det A − ln A₃₃ − 3) with g = G/(μλp²). A follows c⁻¹, and A₃₃ follows j²,
+//! with its relaxation time. Within a step A = Ã + c₁ c₁⁻¹ with a known Ã, and the second part is a pressure that drops
+//! out in plane stress: the equilibrium at the end of a step is a minimum of an energy with fixed coefficients, w + Σ
+//! ½g (Ã : c + Ã₃₃ j⁻²), which is what [`Memory`] is for. Arrays are those of [`metrics`].
 //!
-//! In the finite law A at the end of a step is a function of the strain there that has no such known part ([`super::finite`]). At a trial strain
-//! c₁ the same mechanism carries A − σ c₁⁻¹, whose stress there is that of A, and whose change with strain is about that of A if σ c₁⁻¹
-//! is about the part of A that follows: a few corrections of it end at the equilibrium ([`super::equilibrium`]).
+//! In the finite law A at the end of a step is a function of the strain there that has no such known part
+//! ([`super::finite`]). At a trial strain c₁ the same mechanism carries A − σ c₁⁻¹, whose stress there is that of A,
+//! and whose change with strain is about that of A if σ c₁⁻¹ is about the part of A that follows: a few corrections of
+//! it end at the equilibrium ([`super::equilibrium`]).
 
 use std::mem;
 use std::ops::Range;
@@ -38,7 +39,8 @@ pub struct Viscous {
     metric: Arc<Vec<f64>>,
     /// The step that the states have not followed yet.
     pending: Option<Pending>,
-    /// Room that is used again: there is more in it than a cache holds, and to have it anew from the system takes as long as to fill it.
+    /// Room that is used again: there is more in it than a cache holds, and to have it anew from the system takes as
+    /// long as to fill it.
     room: Room,
 }
 
@@ -138,7 +140,8 @@ impl Viscous {
         self.law == ViscousLaw::Finite && step > 0.0 && !self.is_empty()
     }
 
-    /// An activity with what the branches add at the end of a step of so many seconds; of the finite law where it takes no time.
+    /// An activity with what the branches add at the end of a step of so many seconds; of the finite law where it takes
+    /// no time.
     #[must_use]
     pub fn remembered(&mut self, activity: &Activity, step: f64) -> Activity {
         if self.is_empty() {
@@ -200,7 +203,8 @@ impl Viscous {
         }
     }
 
-    /// The modulus of branches that have relaxed at rest beside what a step of so many seconds at rest lets them forget, in units of μλp².
+    /// The modulus of branches that have relaxed at rest beside what a step of so many seconds at rest lets them
+    /// forget, in units of μλp².
     #[must_use]
     pub fn slowness(&self, step: f64) -> f64 {
         let each = self.branches.iter();
@@ -440,8 +444,8 @@ pub struct Loaded {
 }
 
 impl Loaded {
-    /// The work that a step did on the branches, from this state to a later one, in units of μH times the mean area of elements: the mean of
-    /// their stress at both ends times the change of strain.
+    /// The work that a step did on the branches, from this state to a later one, in units of μH times the mean area of
+    /// elements: the mean of their stress at both ends times the change of strain.
     #[must_use]
     pub fn work_to(&self, later: &Self, activity: &Activity) -> f64 {
         if self.metric.is_empty() {
@@ -454,7 +458,8 @@ impl Loaded {
     }
 }
 
-/// Where a number of a point stands. Points are counted along the elements of a row first, then by the points of an element, then by rows.
+/// Where a number of a point stands. Points are counted along the elements of a row first, then by the points of an
+/// element, then by rows.
 fn place(layout: NodeLayout, at: usize, number: usize) -> usize {
     let part = layout.part();
     let (line, element) = (at / part, at % part);

@@ -17,7 +17,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         let transient = self.transient;
         let (measured, electric) = self.measure();
         if transient.held.is_some_and(|held| held.uncharged.is_some()) && measured.charge > 0.0 {
-            // That of the mean over the charge.
+            // The mean voltage over the charge.
             self.volts = 2.0 * electric / measured.charge;
         }
         let content_before = mem::replace(&mut self.content, measured);
@@ -58,7 +58,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         }
     }
 
-    /// The membrane as it is, and the energy of the field in J.
+    /// Returns the content of the membrane in its current state, and the electric energy in J.
     pub(super) fn measure(&self) -> (Content, f64) {
         if let Some(FixedCharge {
             charge,
@@ -79,7 +79,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         }
         let Some(charged) = &self.charged else {
             let activity = self.transient.problem.activity;
-            // Branches that have followed know it.
+            // Branches that have followed include the current state.
             let content = match self.viscous.metric() {
                 Some(metric) => self.content_at(metric, activity, self.volts),
                 None => self.content(activity, self.volts),
@@ -97,23 +97,23 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         (whole, 0.5 * content.driven * volts)
     }
 
-    /// The membrane as it is, with so many V on its electrodes.
+    /// Returns the content of the membrane in its current state, with this voltage on its electrodes.
     pub(super) fn measure_at(&self, volts: f64) -> Content {
         self.content(self.transient.problem.activity, volts)
     }
 
-    /// The membrane as it is, with so many V on electrodes with an activity.
+    /// Returns the content of the membrane in its current state, with this voltage on electrodes with an activity.
     pub(super) fn content(&self, activity: &Activity, volts: f64) -> Content {
         self.content_at(&metrics(activity, &self.u), activity, volts)
     }
 
-    /// The membrane at a metric, with so many V on electrodes with an activity.
+    /// Returns the content of the membrane at a metric, with this voltage on electrodes with an activity.
     pub(super) fn content_at(&self, metric: &[f64], activity: &Activity, volts: f64) -> Content {
         let transient = self.transient;
         let full = transient.scene.voltage_v();
         let ratio = if full > 0.0 { volts / full } else { 0.0 };
-        // The electric energy is a difference, which is lost in rounding at low voltages; it is in proportion to their square, but where the
-        // membrane wrinkles.
+        // The electric energy is a difference, which rounding destroys at low voltages. It is proportional to the
+        // squared voltage unless the membrane wrinkles.
         let unloaded = (transient.problem.material)(0.0);
         let (at, scale) = match unloaded.wrinkles() {
             true => (ratio, 1.0),

@@ -10,10 +10,10 @@ use crate::time::pass::PassEnd;
 use deaflow_scene::Side;
 
 impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
-    /// Puts on what the drive begins with, from rest: the loads of bodies and the voltage at 0 s.
+    /// Applies the initial loads from rest: the loads of bodies and the voltage at 0 s.
     pub(super) fn begin(&mut self) -> Result<(), PassEnd> {
         let transient = self.transient;
-        // Electrodes behind a source are charged from there on.
+        // Electrodes behind a source start charging at that voltage.
         let share = match transient.is_fed_slowly() {
             false => transient.share(0.0, Side::After),
             true => 0.0,
@@ -66,7 +66,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         loading
     }
 
-    /// Raises the load from a share to a higher one; from 0 on from rest.
+    /// Raises the load from one fraction to a higher one; from rest if the first is 0.
     pub(super) fn load(&mut self, activity: &Activity, from: f64, to: f64) -> Loading {
         self.count_work();
         let problem = &self.transient.problem;
@@ -99,7 +99,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         }
     }
 
-    /// The voltage jumps: the branches have no time to follow.
+    /// Applies a jump of the voltage: the branches have no time to follow.
     pub(super) fn jump(&mut self, now: f64) -> Result<(), PassEnd> {
         if self.transient.is_fed_slowly() {
             // The charge does not jump.
@@ -149,7 +149,8 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         Ok(())
     }
 
-    /// Forgets the states before now, from which none can be extrapolated. Where the leads have jumped, so has the potential.
+    /// Discards the earlier states, which cannot be extrapolated across a jump. If the leads have jumped, so has the
+    /// potential.
     pub(super) fn restart(&mut self, now: f64) -> Result<(), PassEnd> {
         let potential = match (&self.transient.conductor, &self.charged) {
             (Some(conductor), Some(charged)) => {

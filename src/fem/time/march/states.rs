@@ -16,7 +16,8 @@ const MORE_CHORD_STEPS: u32 = 2;
 const INNER_UNCORRECTED: f64 = 1e-5;
 
 impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
-    /// The stable state at the end of a step of so many seconds at a share of the load, from a guess and else from the state before it.
+    /// Returns the stable state at the end of a step, which lasts some seconds, at a fraction of the load; starts from
+    /// a guess, or else from the state before.
     pub(super) fn solve(
         &mut self,
         activity: &Activity,
@@ -72,7 +73,8 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         Err(last.unwrap_or(StepError::Unknown))
     }
 
-    /// An estimate of the state at the end of a step, from a guess. Steps that take no time have no states before them that lead there.
+    /// Returns an estimate of the state at the end of a step, from a guess. Steps of zero length have no earlier states
+    /// to extrapolate.
     pub(super) fn estimate(
         &mut self,
         Estimate { how, half_active, .. }: Estimate<'_>,
@@ -132,7 +134,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         }
     }
 
-    /// Numbers at a later time by the polynomial through those of the last states.
+    /// Extrapolates numbers to a later time by the polynomial through those of the last states.
     pub(super) fn polynomial(&self, to: f64, count: usize, of: impl Fn(&PastState) -> &Vec<f64>) -> Vec<f64> {
         let mut guess = vec![0.0; count];
         for (at, past) in self.recent.iter().enumerate() {
@@ -148,7 +150,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         guess
     }
 
-    /// The state at a later time by the polynomial through the last ones.
+    /// Extrapolates the state to a later time by the polynomial through the last states.
     pub(super) fn extrapolated(&self, to: f64) -> Vec<f64> {
         let mut guess = self.polynomial(to, self.u.len(), |past| &past.u);
         if self.recent.is_empty() {

@@ -1,4 +1,5 @@
-//! The voltage of the electrodes at the end of a step: given by the drive, by a charge, behind a source, or spread from the leads.
+//! The voltage of the electrodes at the end of a step: given by the drive, by a charge, behind a source, or by
+//! conduction from the leads.
 
 use super::super::equilibrium::at_charge;
 use super::super::leads::{Charged, Circuit, Conductor, FIRST_STAGE, Relaxation};
@@ -11,12 +12,13 @@ use crate::operator::metrics;
 use crate::stored::deformation;
 use deaflow_scene::Side;
 
-/// Largest number of solutions for the voltage behind a source, and the change at which it has converged, relative to that of the scene.
+/// Largest number of solutions for the voltage behind a source, and the change at which it has converged, relative to
+/// that of the scene.
 const MOST_ITERATIONS: usize = 30;
 const SETTLED: f64 = 1e-10;
 
 impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
-    /// The stable state at the end of a step with the voltage of its electrodes then.
+    /// Returns the stable state at the end of a step and the voltage of its electrodes.
     pub(super) fn fed(&mut self, from: f64, to: f64, guess: Vec<f64>) -> Result<StepState, StepError> {
         let transient = self.transient;
         if let (Some(conductor), Some(charged)) = (&transient.conductor, &self.charged) {
@@ -27,7 +29,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         if let Some(held) = transient.held {
             return match held.uncharged {
                 None if held.charge > 0.0 => self.held(held.charge, to - from, &guess),
-                // The law of what was sprayed is that without voltage.
+                // The material with sprayed charge is that without voltage.
                 _ => Ok(StepState {
                     u: self.solve(activity, to - from, 0.0, guess)?,
                     volts: 0.0,
@@ -71,7 +73,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
                     charged: None,
                 });
             }
-            // A secant, where it leads between what was there and what is wanted.
+            // A secant step, if it lies between the previous and the target value.
             let slope = last.map_or(-1.0, |[other, then]| (off - then) / (volts - other));
             last = Some([volts, off]);
             volts = if slope < -0.2 { volts - off / slope } else { target };
@@ -79,7 +81,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         Err(StepError::Unknown)
     }
 
-    /// The stable state at the end of a step of so many seconds with a charge on electrodes that conduct.
+    /// Returns the stable state at the end of a step of some seconds with a charge on conducting electrodes.
     pub(super) fn held(&mut self, charge: f64, seconds: f64, guess: &[f64]) -> Result<StepState, StepError> {
         let transient = self.transient;
         let problem = transient.problem_of(transient.problem.activity);
@@ -113,7 +115,8 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         Err(refusal)
     }
 
-    /// The same with electrodes that charge from their leads: potentials and displacement by turns.
+    /// Returns the same with electrodes that charge from their leads; solves for potentials and displacement
+    /// alternately.
     pub(super) fn wired(
         &mut self,
         conductor: &Conductor,
@@ -146,7 +149,8 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         Err(StepError::Unknown)
     }
 
-    /// The electrodes as a circuit at a displacement. The law knows how its capacitance depends on the stretch.
+    /// Returns the circuit of the electrodes at a displacement. The material gives the dependence of its capacitance on
+    /// the stretch.
     pub(super) fn circuit(&self, conductor: &Conductor, u: &[f64]) -> Circuit {
         let laws = [0.0, 1.0].map(|share| (self.transient.problem.material)(share));
         let scale = 2.0 * self.units.energy / self.transient.scene.voltage_v().powi(2);
@@ -156,7 +160,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         })
     }
 
-    /// How far the potentials at the end of a step are from those that were extrapolated, as a displacement.
+    /// Returns the difference of the potentials at the end of a step from the extrapolated ones, as a displacement.
     pub(super) fn charged_off(&self, found: &StepState, to: f64) -> f64 {
         match (&self.transient.conductor, &found.charged) {
             (Some(conductor), Some(charged)) => {
@@ -167,7 +171,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         }
     }
 
-    /// Of the electrodes as they are, in F.
+    /// Returns the capacitance of the electrodes in their current state in F.
     pub(super) fn capacitance(&self) -> f64 {
         let full = self.transient.scene.voltage_v();
         match full > 0.0 {
