@@ -269,10 +269,10 @@ mod tests {
         assert_eq!(pace.describe(30.0), "3.0/min, 3 min 00 s left");
         // What has taken longer than foretold is not foretold any more.
         let late = Pace::new(10, Some(5.0));
-        assert_eq!(late.words(6.0), "");
+        assert_eq!(late.describe(6.0), "");
         // What an earlier process has done is no part of what was foretold.
         let mut resumed = Pace::new(10, Some(10.0));
         resumed.resume(2.0, 9);
-        assert_eq!(resumed.words(2.0), "about 8.00 s left");
+        assert_eq!(resumed.describe(2.0), "about 8.00 s left");
     }
 }

@@ -35,7 +35,7 @@ pub(super) fn all(group: &Group, length: u64) -> Result<BTreeMap<String, String>
         for name in long.member_names()? {
             let dataset = long.dataset(&name)?;
             if !storage::is_inside(&dataset, length)? {
-                return Err(Failure::Refused(format!("attribute `{name}` is missing")));
+                return Err(Failure::Refused(format!("the attribute `{name}` is not in the file")));
             }
             out.insert(name.clone(), utf8(storage::whole(&dataset)?, &name)?);
         }
@@ -55,7 +55,7 @@ pub(super) fn one(location: &Location, name: &str) -> hdf5::Result<String> {
         TypeDescriptor::FixedAscii(n) if n <= LONGEST => {
             attribute.read_scalar::<FixedAscii<LONGEST>>()?.as_bytes().to_vec()
         }
-        other => return Err(format!("attribute `{name}` is {other}, not text").into()),
+        other => return Err(format!("the attribute `{name}` is {other}, not a text").into()),
     };
     utf8(bytes, name)
 }
@@ -78,7 +78,7 @@ pub(super) fn axes(dataset: &hdf5::Dataset, names: &[String], count: usize) -> h
 fn fixed(attribute: &Attribute) -> hdf5::Result<Vec<String>> {
     let element = attribute.dtype()?.to_descriptor()?;
     if attribute.size() > 32 || !matches!(element, TypeDescriptor::FixedUnicode(n) if n <= 1024) {
-        return Err(format!("`{AXES}` does not contain axis names").into());
+        return Err(format!("`{AXES}` does not hold names of axes").into());
     }
     let names: Vec<FixedUnicode<1024>> = attribute.read_raw()?;
     names.iter().map(|name| utf8(name.as_bytes().to_vec(), AXES)).collect()
@@ -86,7 +86,7 @@ fn fixed(attribute: &Attribute) -> hdf5::Result<Vec<String>> {
 
 fn variable(attribute: &Attribute) -> hdf5::Result<Vec<String>> {
     if attribute.size() > 32 {
-        return Err(format!("`{LABELS}` does not contain axis names").into());
+        return Err(format!("`{LABELS}` does not hold names of axes").into());
     }
     let names: Vec<VarLenUnicode> = attribute.read_raw()?;
     names

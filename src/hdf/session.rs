@@ -138,7 +138,7 @@ impl Session {
             ErrorKind::UnexpectedEof | ErrorKind::BrokenPipe | ErrorKind::ConnectionReset
         );
         let status = if gone { self.child.wait().ok() } else { None };
-        let how = status.map_or_else(|| format!("invalid response: {error}"), how);
+        let how = status.map_or_else(|| format!("its answer cannot be read: {error}"), how);
         HdfError::Broken { path, how }
     }
 }

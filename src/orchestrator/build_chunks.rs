@@ -159,7 +159,7 @@ impl Builder<'_> {
         let count = stage.chunks.len();
         if count == 0 {
             return Err(StageError::failed(
-                "its inputs contain no samples, so there is nothing to do".into(),
+                "its inputs contain no samples, so there is nothing to do",
             ));
         }
         let (first, last) = self.chunk_limits(stage.index).unwrap_or((0, usize::MAX));
