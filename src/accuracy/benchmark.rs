@@ -11,38 +11,38 @@ use deaflow_field::Field;
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
-/// Patterns of some families with their reference solutions.
+/// Patterns of several families with their reference solutions.
 pub struct Benchmark {
-    /// The scene of all.
+    /// The scene.
     pub scene: Scene,
-    /// Names of the families.
+    /// The names of the families.
     pub families: Vec<String>,
-    /// The family of each pattern, by its place among the names.
+    /// For each pattern, the index of its family.
     pub family: Vec<usize>,
     /// The patterns.
     pub patterns: Vec<Pattern>,
-    /// How they were solved.
+    /// The reference.
     pub reference: Reference,
-    /// Their solutions; `None` where there is no stable one.
+    /// The reference solutions; `None` without a stable one.
     pub fields: Vec<Option<Field>>,
     /// The errors that these may still have, in mm.
     pub errors: Vec<f64>,
 }
 
-/// What one method is like.
+/// The errors and times of a method.
 #[derive(Clone, Debug)]
 pub struct Measured {
-    /// Its settings.
+    /// The settings.
     pub settings: String,
-    /// Whether its fields are equilibria that are known to be stable.
+    /// Whether its fields are stable equilibria.
     pub equilibria: bool,
-    /// Of each pattern.
+    /// The error on each pattern.
     pub patterns: Vec<PatternError>,
-    /// Of each family.
+    /// The errors on each family.
     pub families: Vec<FamilyError>,
     /// Seconds of one core per pattern, for each family.
     pub seconds: Vec<f64>,
-    /// How many patterns were also given in one batch, and the seconds of one core that they took together.
+    /// The size of a batch, if the method was also timed on one, and the seconds of one core for it.
     pub batch: Option<(usize, f64)>,
 }
 
@@ -56,9 +56,9 @@ pub enum PatternError {
         /// Largest displacement error over the corners, mm.
         max: f64,
     },
-    /// The reference has no stable solution, and the method nevertheless a field.
+    /// Only the method has a field.
     Missed,
-    /// The reference has a stable solution, and the method no field.
+    /// Only the reference has a field.
     FalseAlarm,
     /// Neither has a field.
     BothNone,
@@ -71,8 +71,8 @@ pub struct FamilyError {
     pub rms: f64,
     /// Largest displacement error over patterns and corners, mm.
     pub max: f64,
-    /// What the largest error of a pattern stays below, also for patterns that were not measured, mm: for 99 % of them
-    /// with 95 % confidence. What the reference may be wrong by is added.
+    /// Upper bound of the error in mm, also for patterns that were not measured: for 99 % of them with 95 % confidence.
+    /// It includes the error of the reference.
     pub bound: f64,
     /// Patterns that count as [`PatternError::Known`].
     pub known: u64,
@@ -110,12 +110,12 @@ impl Benchmark {
         })
     }
 
-    /// Places of the patterns of a family.
+    /// Returns the indices of the patterns of a family.
     fn members(&self, family: usize) -> Vec<usize> {
         (0..self.patterns.len()).filter(|&i| self.family[i] == family).collect()
     }
 
-    /// How many patterns a family has, and how many of them have no stable solution.
+    /// Returns the number of patterns of a family, and the number of those without a stable solution.
     #[must_use]
     pub fn counts(&self, family: usize) -> [usize; 2] {
         let members = self.members(family);
@@ -123,17 +123,17 @@ impl Benchmark {
         [members.len(), unstable]
     }
 
-    /// The largest error that the reference may have on the patterns of a family, mm.
+    /// Returns the largest error that the reference may have on the patterns of a family, in mm.
     #[must_use]
     pub fn reference_error(&self, family: usize) -> f64 {
         let members = self.members(family);
         members.iter().map(|&i| self.errors[i]).fold(0.0, f64::max)
     }
 
-    /// Measures each method in turn, on one thread so that times are those of one core. Progress counts methods.
+    /// Measures each method in turn, on one thread, so that times are those of one core. Progress counts methods.
     ///
     /// # Errors
-    /// When a method is not coarser than the reference, or fails as a whole.
+    /// When a method is not coarser than the reference, or cannot be evaluated.
     pub fn measure(&self, candidates: &[&Candidate], progress: &dyn Progress) -> Result<Vec<Measured>, AccuracyError> {
         self.reference.check(candidates.iter().copied())?;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
@@ -147,7 +147,7 @@ impl Benchmark {
             .collect()
     }
 
-    /// Every time that was measured, by name.
+    /// Returns every measured time with its name.
     #[must_use]
     pub fn measurements(&self, measured: &[Measured]) -> Vec<(String, f64)> {
         let of_method = |method: &Measured| {
@@ -197,14 +197,14 @@ impl Benchmark {
     }
 }
 
-/// The name under which the seconds per pattern of a method on a family are noted.
+/// Returns the name for the seconds per pattern of a method on a family.
 #[must_use]
 pub fn measurement(settings: &str, family: &str) -> String {
     format!("{settings}; {family}")
 }
 
 impl PatternError {
-    /// Root mean square and largest error in mm, where they are known.
+    /// Returns the root mean square and the largest error in mm, if known.
     #[must_use]
     pub fn known(&self) -> Option<(f64, f64)> {
         match *self {
@@ -215,38 +215,38 @@ impl PatternError {
 }
 
 impl Measured {
-    /// The name of the network, where it is one.
+    /// Returns the name of the network, if the method is one.
     #[must_use]
     pub fn network(&self) -> Option<&str> {
         self.settings.strip_prefix("network: ")
     }
 
-    /// Root mean square over the families, mm, each family counting as much as any other.
+    /// Returns the root mean square over the families in mm, with equal weights.
     #[must_use]
     pub fn rms(&self) -> f64 {
         let squares: f64 = self.families.iter().map(|family| family.rms.powi(2)).sum();
         (squares / self.families.len().max(1) as f64).sqrt()
     }
 
-    /// The largest of one number of the families.
+    /// Returns the largest value over the families.
     #[must_use]
     pub fn largest(&self, value: fn(&FamilyError) -> f64) -> f64 {
         self.families.iter().map(value).fold(0.0, f64::max)
     }
 
-    /// Mean over the families of the seconds of one core per pattern.
+    /// Returns the mean over the families of the seconds of one core per pattern.
     #[must_use]
     pub fn seconds_per_pattern(&self) -> f64 {
         self.seconds.iter().sum::<f64>() / self.seconds.len().max(1) as f64
     }
 
-    /// Patterns whose error is known.
+    /// Returns the number of patterns with a known error.
     #[must_use]
     pub fn known(&self) -> u64 {
         self.families.iter().map(|family| family.known).sum()
     }
 
-    /// Patterns on which method and reference disagree whether there is a solution.
+    /// Returns the number of patterns for which only one of method and reference has a field.
     #[must_use]
     pub fn mismatches(&self) -> u64 {
         self.families.iter().map(|f| f.missed + f.false_alarms).sum()
@@ -265,7 +265,7 @@ fn compare(found: Option<&Field>, reference: Option<&Field>) -> PatternError {
     }
 }
 
-/// What a method that estimates its own error promises is its bound as long as it keeps the promise on every pattern.
+/// The bound of a method that estimates its own error is that estimate, as long as no measured error exceeds it.
 fn of_family(errors: &[PatternError], promise_mm: Option<f64>, reference_error: f64) -> FamilyError {
     let known: Vec<(f64, f64)> = errors.iter().filter_map(PatternError::known).collect();
     let largest: Vec<f64> = known.iter().map(|(_, max)| *max).collect();
@@ -274,7 +274,7 @@ fn of_family(errors: &[PatternError], promise_mm: Option<f64>, reference_error: 
         Some(promise) if max <= promise => promise,
         _ => upper_bound(&largest) + reference_error,
     };
-    // A sum of nothing would be −0.
+    // The sum of an empty list is −0.
     let squares = known.iter().fold(0.0, |sum, (rms, _)| sum + rms.powi(2));
     let count = |kind: PatternError| errors.iter().filter(|error| **error == kind).count() as u64;
     FamilyError {

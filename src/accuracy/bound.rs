@@ -1,11 +1,12 @@
 //! How large an error may be on patterns that were not measured.
 //!
-//! A family has patterns on which a method is nearly exact, and a few on which it is not: the lower part of the errors says
-//! nothing of the upper. So the upper half of their logarithms is taken for that of a normal distribution about the median,
-//! and 99 % of all patterns of the family are to stay below the bound with 95 % confidence: median + k s, where s is the
-//! root mean square distance of the upper half from the median. For k Natrella's one-sided tolerance factor (Experimental
-//! Statistics, NBS Handbook 91 (1963), section 2-5.3; also NIST/SEMATECH e-Handbook, section 7.2.6.3) is taken for the
-//! (n + 1)/2 errors that s is made of; for normal samples that is right within 3 % from n = 10 and on the safe side below.
+//! A family has patterns on which a method is nearly exact, and a few on which it is not: the lower part of the errors
+//! says nothing of the upper. So the upper half of their logarithms is taken for that of a normal distribution about
+//! the median, and 99 % of all patterns of the family are to stay below the bound with 95 % confidence: median + k s,
+//! where s is the root mean square distance of the upper half from the median. For k Natrella's one-sided tolerance
+//! factor (Experimental Statistics, NBS Handbook 91 (1963), section 2-5.3; also NIST/SEMATECH e-Handbook, section
+//! 7.2.6.3) is taken for the (n + 1)/2 errors that s is made of; for normal samples that is right within 3 % from n =
+//! 10 and on the safe side below.
 
 /// Standard normal deviate of the share of patterns that is covered, 99 %.
 const COVERED: f64 = 2.326_347_874;
@@ -26,8 +27,8 @@ fn factor(n: f64) -> f64 {
     (COVERED + (COVERED.powi(2) - a * b).sqrt()) / a
 }
 
-/// The bound for some errors in mm, and never less than the largest of them. Fewer than [`LEAST`] say nothing about others:
-/// then it is the largest.
+/// The bound for some errors in mm, and never less than the largest of them. Fewer than [`LEAST`] say nothing about
+/// others: then it is the largest.
 pub fn upper_bound(errors: &[f64]) -> f64 {
     let largest = errors.iter().copied().fold(0.0, f64::max);
     let mut logs: Vec<f64> = errors.iter().filter(|e| **e > ROUNDING).map(|e| e.ln()).collect();

@@ -1,4 +1,4 @@
-//! What can be measured: finite elements, by Newton's method, as an estimate or to an accuracy, and networks.
+//! The methods to measure: finite elements (Newton's method, estimates, or to an accuracy) and networks.
 
 use std::sync::Arc;
 
@@ -16,22 +16,22 @@ use deaflow_scene::Scene;
 pub enum Candidate {
     /// Finite elements.
     Elements(SolverParameters),
-    /// Finite elements through the time up to that of the reference.
+    /// Finite elements with time steps up to the time of the reference.
     InTime(InTime, SolverParameters),
     /// A trained network.
     Network(Network),
 }
 
-/// How the state at a time is found.
+/// How the state at a time is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InTime {
-    /// By all steps, or by those of one pass with an estimate at the end of each.
+    /// By all time steps, or by the steps of one pass with an estimate at the end of each.
     Steps,
     /// From three equilibria, or estimates of them.
     ThreeSolves,
 }
 
-/// The words for them.
+/// The names of these methods.
 const STEPS: &str = "history";
 const THREE_SOLVES: &str = "creep:3";
 
@@ -39,10 +39,11 @@ const THREE_SOLVES: &str = "creep:3";
 const KEYS: [&str; 4] = ["method", "elements_per_cell", "order", "accuracy"];
 
 impl Candidate {
-    /// Reads a list of methods: words (`linear`, `chord:2`, `newton`, with 2 bilinear elements per cell) or mappings with the
-    /// keys of a solve stage (`{ method, elements_per_cell, order }`, `{ accuracy }`). Where the reference is a state at a time, `history` is
-    /// all steps up to it, `history+linear` or `history+chord:2` estimates the state at the end of each, and `creep:3`, `creep:3+linear` or
-    /// `creep:3+chord:2` finds it from three equilibria or estimates of them.
+    /// Reads a list of methods: words (`linear`, `chord:2`, `newton`, with 2 bilinear elements per cell) or mappings
+    /// with the keys of a solve stage (`{ method, elements_per_cell, order }`, `{ accuracy }`). If the reference is a
+    /// state at a time, `history` computes all steps up to it, `history+linear` or `history+chord:2` estimates the
+    /// state at the end of each, and `creep:3`, `creep:3+linear` or `creep:3+chord:2` computes it from three equilibria
+    /// or estimates of them.
     ///
     /// # Errors
     /// When the list is empty, names a method twice, or has something else in it.
@@ -50,7 +51,7 @@ impl Candidate {
         read_items(node, node.list("methods")?.iter())
     }
 
-    /// The same where `{ model: FILE.safetensors }` may stand in the list too, for a trained network. Those come last.
+    /// Reads a list that may also contain `{ model: FILE.safetensors }` for trained networks, which come last.
     ///
     /// # Errors
     /// As for a list without models, or when a file is no model.
@@ -73,7 +74,7 @@ impl Candidate {
         Ok(candidates)
     }
 
-    /// What [`Candidate::read`] accepts.
+    /// Returns the schema of [`Candidate::read`].
     #[must_use]
     pub fn schema() -> Schema {
         let settings = Fields::new("A method with its mesh, or an accuracy.");
@@ -88,7 +89,7 @@ impl Candidate {
             .description("What is measured: words, or mappings with the keys of a solve stage.")
     }
 
-    /// What is measured unless a list is given: estimates, Newton's method on meshes of both orders, and accuracies.
+    /// Returns the default list: estimates, Newton's method on meshes of both orders, and accuracies.
     #[must_use]
     pub fn usual() -> Vec<Self> {
         let mesh = |method, mesh: Mesh| Self::Elements(SolverParameters::new(method, mesh));
@@ -103,7 +104,7 @@ impl Candidate {
         ];
         let bilinear = [1, 2, 4, 8].map(Mesh::bilinear);
         let meshes = bilinear.into_iter().chain([1, 2, 4].map(Mesh::biquadratic));
-        // 0.03, 0.01 and 0.003 mm, as exact as if they were read.
+        // 0.03, 0.01 and 0.003 mm, exactly as if read from a file.
         let accuracies = ["0.03", "0.01", "0.003"];
         let accurate = accuracies
             .iter()
@@ -114,8 +115,8 @@ impl Candidate {
         estimates.chain(newton).chain(accurate.map(Self::Elements)).collect()
     }
 
-    /// The same where the reference is a state at a time: three equilibria and estimates of them, all steps and estimates of them, and the end
-    /// of creep.
+    /// Returns the default list for a state at a time: three equilibria and estimates of them, all steps and estimates
+    /// of them, and the end of creep.
     #[must_use]
     pub fn usual_in_time() -> Vec<Self> {
         let [one, two, square] = [Mesh::bilinear(1), Mesh::bilinear(2), Mesh::biquadratic(1)];
@@ -136,7 +137,7 @@ impl Candidate {
         all.chain([end]).collect()
     }
 
-    /// The settings as keys of a stage, on one line without braces, in at most 64 bytes.
+    /// Returns the settings as keys of a stage, on one line without braces, in at most 64 bytes.
     #[must_use]
     pub fn settings(&self) -> String {
         match self {
@@ -147,7 +148,7 @@ impl Candidate {
         }
     }
 
-    /// The canonical value.
+    /// Returns the canonical value.
     #[must_use]
     pub fn canonical(&self) -> Canonical {
         match self {
@@ -158,7 +159,7 @@ impl Candidate {
         }
     }
 
-    /// Whether its errors can be told by this reference, which must be finer.
+    /// Returns whether the reference is finer, so that it can measure the errors of this method.
     #[must_use]
     pub fn is_coarser_than(&self, reference: &SolverParameters) -> bool {
         let (Self::Elements(parameters) | Self::InTime(_, parameters)) = self else {
@@ -173,11 +174,11 @@ impl Candidate {
         }
     }
 
-    /// Whether it may be used in a scene at all, as far as that is known without setting it up, with a reference that is an equilibrium or a
-    /// state at a time.
+    /// Checks whether the method can be used in a scene, without setting it up; `time` is that of the reference, if it
+    /// is a state at a time.
     ///
     /// # Errors
-    /// When it may not.
+    /// When it cannot be used.
     pub fn check_scene(&self, scene: &Scene, time: Option<Time>) -> Result<(), AccuracyError> {
         match self {
             Self::Elements(_) => Ok(()),
@@ -192,7 +193,7 @@ impl Candidate {
         }
     }
 
-    /// The method, ready for patterns of a scene.
+    /// Prepares the method for patterns of a scene.
     ///
     /// # Errors
     /// When it does not work in this scene.
@@ -225,7 +226,7 @@ impl Candidate {
     }
 }
 
-/// Whether states at a time can be found so in a scene.
+/// Checks whether states at a time can be computed by this method in a scene.
 fn check_in_time(how: InTime, method: Method, scene: &Scene, time: Option<Time>) -> Result<(), AccuracyError> {
     let time = time.ok_or(AccuracyError::NoTime)?;
     let scene = resolve(scene)?;
@@ -260,12 +261,12 @@ fn read_items<'a>(node: &Node, items: impl Iterator<Item = &'a Node>) -> Result<
     Ok(candidates)
 }
 
-/// The words of methods in time: those of estimates stand behind a `+`.
+/// Returns the pattern of methods in time; the estimate follows a `+`.
 fn in_time_pattern() -> String {
     format!("^({STEPS}|{THREE_SOLVES})(\\+(linear|chord:\\+?0*([1-9]|[1-4][0-9]|50)))?$")
 }
 
-/// A method in time; none where it is another.
+/// Reads a method in time; `None` for another method.
 fn in_time(node: &Node) -> Result<Option<Candidate>, InputError> {
     let word = node.peek("method").unwrap_or(node);
     let NodeValue::Text(text) = word.value() else {
@@ -299,7 +300,7 @@ fn in_time(node: &Node) -> Result<Option<Candidate>, InputError> {
     if let Some(accuracy) = node.peek("accuracy") {
         return Err(accuracy
             .error(format!(
-                "`accuracy` cannot stand beside `method: {text}`, whose error is not that of the mesh alone"
+                "`accuracy` is not allowed with `method: {text}`, since the mesh is not its only source of error"
             ))
             .help("give a mesh by `elements_per_cell` and `order`"));
     }
@@ -307,9 +308,9 @@ fn in_time(node: &Node) -> Result<Option<Candidate>, InputError> {
 }
 
 fn unknown_in_time(word: &Node, text: &str) -> InputError {
-    word.error(format!("{text:?} is no method")).help(format!(
-        "allowed of a state at a time: {STEPS} and {THREE_SOLVES}, alone or with +linear or +chord:N, N from 1 to 50, as in \
-         {STEPS}+chord:1; newton, linear and chord:N find the end of creep"
+    word.error(format!("unknown method {text:?}")).help(format!(
+        "allowed for a state at a time: {STEPS} and {THREE_SOLVES}, optionally with +linear or +chord:N, N from 1 to 50, \
+         as in {STEPS}+chord:1; newton, linear and chord:N compute the end of creep"
     ))
 }
 

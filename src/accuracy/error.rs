@@ -1,4 +1,4 @@
-//! Why accuracy cannot be measured.
+//! Errors of accuracy measurements.
 
 use deaflow_fem::{Method, SetupError};
 use deaflow_field::PredictError;
@@ -7,19 +7,20 @@ use deaflow_surrogate::SceneError;
 /// Why accuracy cannot be measured.
 #[derive(Debug, thiserror::Error)]
 pub enum AccuracyError {
-    /// A reference by a method that finds no equilibria.
-    #[error("a reference is solved by Newton's method, and this one by `{0}`")]
+    /// A reference by a method that does not find equilibria.
+    #[error("a reference needs Newton's method; found `{0}`")]
     ReferenceMethod(Method),
-    /// A reference on a mesh than which none is coarser.
-    #[error("one bilinear element per cell is the coarsest mesh, and no reference")]
+    /// A reference on the coarsest mesh.
+    #[error("one bilinear element per cell is too coarse to be a reference")]
     CoarsestReference,
-    /// A method in time beside a reference that is an equilibrium.
+    /// A method in time with a reference that is an equilibrium.
     #[error(
-        "it finds the state at a time, and the reference is an equilibrium: give the reference `history`, as in {{ at: [10 s] }}"
+        "the method computes the state at a time, but the reference is an equilibrium: add `history` to the reference, \
+         as in {{ at: [10 s] }}"
     )]
     NoTime,
-    /// A method whose error the reference cannot tell.
-    #[error("{{ {settings} }} is not coarser than the reference {{ {reference} }}: its error cannot be told")]
+    /// A method that is not coarser than the reference.
+    #[error("cannot measure the error of {{ {settings} }}: it is not coarser than the reference {{ {reference} }}")]
     NotCoarser {
         /// The method.
         settings: String,
@@ -49,7 +50,7 @@ pub enum AccuracyError {
 }
 
 impl AccuracyError {
-    /// Names the method that an error is about.
+    /// Adds the settings of the method to an error.
     pub(super) fn of(self, settings: String) -> Self {
         Self::Candidate {
             settings,

@@ -1,5 +1,5 @@
-//! Patterns to measure methods on: those of the pipelines, what people draw, and families that are hard on coarse meshes. A bound
-//! holds for families that were measured, so single cells and one-cell dithers are among them.
+//! Patterns to measure methods on: those of the pipelines, what people draw, and families that are hard on coarse
+//! meshes. A bound holds for families that were measured, so single cells and one-cell dithers are among them.
 
 use std::collections::BTreeMap;
 
@@ -25,8 +25,9 @@ const UNITS: [usize; 9] = [2, 3, 4, 5, 6, 7, 8, 9, 10];
 /// Area fractions of stripes.
 const STRIPED: [f64; 2] = [0.4, 0.6];
 
-/// So many patterns of each family on a canvas under a seed: small grids, large grids of 2 to 10 units, Bézier curves, stripes, blobs, checkers,
-/// dithers, mazes, diagonals, spirals, glyphs, and single cells. Of large grids there may be fewer, since not all have so many patterns.
+/// So many patterns of each family on a canvas under a seed: small grids, large grids of 2 to 10 units, Bézier curves,
+/// stripes, blobs, checkers, dithers, mazes, diagonals, spirals, glyphs, and single cells. Of large grids there may be
+/// fewer, since not all have so many patterns.
 ///
 /// # Errors
 /// When a canvas has fewer cells than a family needs.

@@ -1,7 +1,7 @@
-//! What accuracy costs: the error of methods against a reference, and their time on one core.
+//! Measures the error of methods against a reference, and their time on one core.
 //!
-//! A candidate is a method with its settings, finite elements or a network; prepared for a scene it is an evaluator, and the
-//! benchmark knows nothing else of it.
+//! A candidate is a method with its settings, finite elements or a network; prepared for a scene it is an evaluator,
+//! which is all that the benchmark uses.
 
 mod benchmark;
 mod bound;

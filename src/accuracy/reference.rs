@@ -1,7 +1,8 @@
-//! What errors are told by: solutions on a fine mesh, and how wrong these may still be.
+//! Reference solutions on a fine mesh, and their remaining error.
 //!
-//! Where halving the elements at least halves the error, the error of the finer of two solutions is at most their
-//! difference. Displacements of electrodes with corners converge at a rate of about 1.5 at the least, so it holds with a margin.
+//! If halving the elements at least halves the error, the error of the finer of two solutions is at most their
+//! difference. Displacements of electrodes with corners converge at a rate of at least about 1.5, so this holds with a
+//! margin.
 
 use std::path::Path;
 
@@ -14,20 +15,20 @@ use deaflow_field::{Field, Mesh, Order};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
-/// How the reference was solved.
+/// A reference: the settings of its solver.
 pub struct Reference(SolverParameters);
 
 impl Reference {
-    /// From the text that an artifact of a solve stage carries.
+    /// Reads the settings in an artifact of a solve stage.
     ///
     /// # Errors
-    /// When it is not understood, or cannot be a reference.
+    /// When they are invalid, or cannot be those of a reference.
     pub fn from_text(text: &str) -> Result<Self, InputError> {
         Self::read(&Document::from_text(Path::new("solver"), text)?.root)
     }
 
     /// From the keys of a solve stage.
-    ///
+    /// Reads the keys of a solve stage.
     /// # Errors
     /// As a solve stage refuses them, or when they cannot be those of a reference.
     pub fn read(node: &Node) -> Result<Self, InputError> {
@@ -36,7 +37,7 @@ impl Reference {
         Self::new(parameters).map_err(|why| node.error(why.to_string()))
     }
 
-    /// From parameters.
+    /// Builds a reference from solver parameters.
     ///
     /// # Errors
     /// When they cannot be those of a reference.
@@ -50,10 +51,10 @@ impl Reference {
         Ok(Self(parameters))
     }
 
-    /// Whether it can tell the errors of methods.
+    /// Checks whether the reference can measure the errors of methods.
     ///
     /// # Errors
-    /// When one is not coarser.
+    /// When a method is not coarser.
     pub fn check<'a>(&self, candidates: impl IntoIterator<Item = &'a Candidate>) -> Result<(), AccuracyError> {
         match candidates
             .into_iter()
@@ -67,10 +68,10 @@ impl Reference {
         }
     }
 
-    /// Whether it can be solved in a scene, as far as that is known without setting it up.
+    /// Checks whether the reference can be solved in a scene, without setting up the solver.
     ///
     /// # Errors
-    /// When a scene cannot be followed in time.
+    /// When the history of the scene cannot be simulated.
     pub fn check_scene(&self, scene: &Scene) -> Result<(), AccuracyError> {
         match self.0.time() {
             Some(_) => Ok(history_check(&resolve(scene)?)?),
@@ -78,14 +79,14 @@ impl Reference {
         }
     }
 
-    /// Its settings.
+    /// Returns the settings.
     #[must_use]
     pub fn settings(&self) -> &SolverParameters {
         &self.0
     }
 
-    /// Solves patterns on the reference's mesh: the fields, `None` where there is no stable solution, and the errors that
-    /// they may still have in mm.
+    /// Solves patterns on the reference's mesh: the fields, `None` where there is no stable solution, and the errors
+    /// that they may still have in mm.
     ///
     /// # Errors
     /// When a solver cannot be set up.
@@ -110,8 +111,8 @@ impl Reference {
         Ok((fields, errors))
     }
 
-    /// The error that each field may still have in mm: its difference from the next coarser mesh, or 0 where one of the two
-    /// has no field. An accuracy that picked the meshes has its own estimates instead.
+    /// Returns the error that each field may still have in mm: its difference from the next coarser mesh, or 0 if one
+    /// of the two has no field. If an accuracy chose the meshes, its own estimates are used instead.
     ///
     /// # Errors
     /// When the coarser solver cannot be set up.
@@ -138,7 +139,7 @@ impl Reference {
     }
 }
 
-/// At most half as many elements along a side, or the lower order where there is one element per cell.
+/// Returns the mesh with half as many elements along a side, rounded down, or the lower order for one element per cell.
 fn next_coarser(mesh: Mesh) -> Mesh {
     match mesh.elements_per_cell() {
         0 | 1 => Mesh::new(1, Order::Bilinear),
@@ -174,7 +175,7 @@ mod tests {
     fn what_cannot_be_a_reference_is_refused() {
         for (text, said) in [
             ("{ method: linear }", "Newton's method"),
-            ("{ method: newton, elements_per_cell: 1, order: 1 }", "coarsest"),
+            ("{ method: newton, elements_per_cell: 1, order: 1 }", "too coarse"),
             ("{ metod: newton }", "unknown key"),
         ] {
             let refusal = Reference::from_text(text)

@@ -2,11 +2,12 @@
 
 use deaflow_base::thread_seconds;
 
-/// Work shorter than this is repeated until it is not, s: the system counts the time on a core in ticks of milliseconds.
+/// Work shorter than this is repeated until it is not, s: the system counts the time on a core in ticks of
+/// milliseconds.
 const ENOUGH: f64 = 0.15;
 
-/// The result of some work on this thread, and the seconds of one core that it takes. Short work is done once to warm up
-/// and then as often as can be timed.
+/// The result of some work on this thread, and the seconds of one core that it takes. Short work is done once to warm
+/// up and then as often as can be timed.
 ///
 /// # Errors
 /// When the work fails.

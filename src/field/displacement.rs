@@ -122,7 +122,8 @@ impl Field {
         })
     }
 
-    /// The four corners around a point in cells, by their place in `[y][x]`, with the share that each has in the value there.
+    /// The four corners around a point in cells, by their place in `[y][x]`, with the share that each has in the value
+    /// there.
     #[must_use]
     pub fn shares(raster: Raster, point_cells: [f64; 2]) -> [(usize, f64); 4] {
         let [columns, rows] = raster.sides();
@@ -151,7 +152,8 @@ impl Field {
             .fold(0.0, f64::max)
     }
 
-    /// The corner (column, row) with the largest displacement magnitude, the first of equal ones, and that magnitude in mm.
+    /// The corner (column, row) with the largest displacement magnitude, the first of equal ones, and that magnitude in
+    /// mm.
     #[must_use]
     pub fn largest(&self) -> ([usize; 2], f64) {
         let columns = self.raster.corner_sides()[0];

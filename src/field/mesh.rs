@@ -95,8 +95,8 @@ impl Mesh {
         (finer != self).then_some(finer)
     }
 
-    /// What a solution costs, in solutions with one bilinear element per cell. A biquadratic element costs as much as five
-    /// bilinear ones (docs/performance.md).
+    /// What a solution costs, in solutions with one bilinear element per cell. A biquadratic element costs as much as
+    /// five bilinear ones (docs/performance.md).
     #[must_use]
     pub fn cost(self) -> u64 {
         let element = match self.order {

@@ -1,14 +1,15 @@
 //! What a solution says beside the displacement: effects that leave it alone, and where rigid bodies are.
 
-/// One entry for each effect that is on, and one where there are bodies; without such nothing is computed and nothing is kept.
+/// One entry for each effect that is on, and one where there are bodies; without such nothing is computed and nothing
+/// is kept.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Observation {
     /// Dielectric breakdown: the largest E/E_B over the cells; the membrane fails at 1.
     pub breakdown_ratio: Option<f64>,
     /// Wrinkling: how each cell bears its load, `[y][x]`: 0 taut, 1 wrinkled, 2 slack.
     pub tension: Option<Vec<u8>>,
-    /// Electromechanical stability: the smallest eigenvalue of the tangent relative to the Laplacian; zero where stability
-    /// is lost.
+    /// Electromechanical stability: the smallest eigenvalue of the tangent relative to the Laplacian; zero where
+    /// stability is lost.
     pub smallest_eigenvalue: Option<f64>,
     /// Electromechanical stability: the voltages in V between which stability is lost, where it is lost within reach.
     pub critical_voltage: Option<[f64; 2]>,

@@ -1,5 +1,5 @@
-//! What other rooms program against: something that simulates (the finite elements) and something that predicts (a
-//! surrogate). Neither the genetic algorithm nor the audit knows which solver or network stands behind.
+//! The interfaces between solvers or surrogates and the other crates: traits for simulation and prediction. The genetic
+//! algorithm and the audit do not depend on the solver or network behind them.
 
 use std::error::Error;
 use std::fmt;
@@ -8,44 +8,45 @@ use super::displacement::Field;
 use super::observation::Observation;
 use deaflow_pattern::Pattern;
 
-/// The status in artifacts of a pattern whose evaluator has no field of it.
+/// The status in artifacts of a pattern without a field.
 pub const NO_FIELD: &str = "no stable field";
 
-/// How a simulation ended. There is no NaN: what is not converged has no field.
+/// How a simulation ended. Results without convergence have no field, never NaN.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
     /// A stable equilibrium was found.
     Converged,
-    /// A field by a method that does not look for an equilibrium; nothing is known of stability.
+    /// A field by a method that does not search for an equilibrium; its stability is unknown.
     Estimated,
-    /// Such a method led to no state that a membrane can have: an element turns over, ellipticity is lost, or the forces are
-    /// farther from balance than at rest. Nothing is known of stability.
+    /// Such a method led to no state that a membrane can have: an element turns over, ellipticity is lost, or the
+    /// forces are farther from balance than at rest. Nothing is known of stability.
     NoEstimate,
-    /// The membrane snaps through: no stable equilibrium at the full voltage. The loss of stability lies between the two
-    /// voltages, in V.
+    /// The membrane snaps through: no stable equilibrium at the full voltage. The loss of stability lies between the
+    /// two voltages, in V.
     PullIn {
         /// The highest voltage at which a stable equilibrium was found.
         last_stable: f64,
         /// The lowest voltage at which none was found.
         first_unstable: f64,
     },
-    /// Rank-one convexity is lost somewhere: the equations have no meaningful solution. It is lost between two voltages,
-    /// in V.
+    /// Rank-one convexity is lost somewhere: the equations have no meaningful solution. It is lost between two
+    /// voltages, in V.
     NotElliptic {
         /// The highest voltage at which a stable equilibrium was found.
         last_stable: f64,
         /// The lowest voltage at which none was found.
         first_unstable: f64,
     },
-    /// The membrane has lost all tension somewhere, so its displacement there is not determined. That happens between two
-    /// voltages, in V.
+    /// The membrane has lost all tension somewhere, so its displacement there is not determined. That happens between
+    /// two voltages, in V.
     Slack {
         /// The highest voltage at which an equilibrium in tension was found.
         last_stable: f64,
         /// The lowest voltage at which none was found.
         first_unstable: f64,
     },
-    /// The membrane snaps through while it creeps or its voltage rises: it has a stable state up to a time, and none a little later.
+    /// The membrane snaps through while it creeps or its voltage rises: it has a stable state up to a time, and none a
+    /// little later.
     DelayedPullIn {
         /// The last time in s at which a stable state was found.
         last_stable: f64,
@@ -155,7 +156,7 @@ impl fmt::Display for Outcome {
         match self.bracket() {
             Some([stable, unstable]) => write!(f, "{} between {stable:.1} V and {unstable:.1} V", self.name()),
             None if *self == Self::WorkLimit => {
-                write!(f, "{}: a longer time limit may tell more", self.name())
+                write!(f, "{}: raise the time limit", self.name())
             }
             None => f.write_str(self.name()),
         }
@@ -206,8 +207,8 @@ impl PredictError {
 
 /// Something that predicts fields fast: one of each pattern, or one in each state of a device.
 pub trait Predictor<F = Field>: Sync {
-    /// The field of each pattern, in order; `None` where a pattern has none: an estimate may lead nowhere, and an equilibrium
-    /// may not be stable. A result does not depend on the other patterns or on the number of threads.
+    /// The field of each pattern, in order; `None` where a pattern has none: an estimate may lead nowhere, and an
+    /// equilibrium may not be stable. A result does not depend on the other patterns or on the number of threads.
     ///
     /// # Errors
     /// When the model cannot be evaluated.
@@ -225,8 +226,8 @@ pub trait Predictor<F = Field>: Sync {
     }
 }
 
-/// A predictor that says which one it is: a network, an estimate or Newton's method, ready for the patterns of one scene.
-/// Searches, measurements of accuracy and evaluations choose among evaluators and know nothing else of them.
+/// A predictor that says which one it is: a network, an estimate or Newton's method, ready for the patterns of one
+/// scene. Searches, measurements of accuracy and evaluations choose among evaluators and know nothing else of them.
 pub trait Evaluator: Predictor + Send {
     /// Its settings on one line, in at most 64 bytes: the keys of a solve stage without braces, or `network: NAME`.
     fn settings(&self) -> String;
@@ -247,20 +248,22 @@ pub trait Evaluator: Predictor + Send {
     }
 }
 
-/// A field, and how a functional of it changes with the activity of each cell, `[group][y][x]`: with an electrode of that group in it.
+/// A field, and how a functional of it changes with the activity of each cell, `[group][y][x]`: with an electrode of
+/// that group in it.
 pub type WithGradient<F = Field> = (F, Vec<f64>);
 
 /// Something that knows how the fields it predicts change with the pattern.
 pub trait Differentiable<F = Field>: Predictor<F> {
-    /// The field of a pattern, and the derivative with respect to the activity of each cell, `[group][y][x]`, of the functional whose
-    /// derivative with respect to the displacement of each corner, per mm, `slope` gives; `None` where the pattern has no field.
+    /// The field of a pattern, and the derivative with respect to the activity of each cell, `[group][y][x]`, of the
+    /// functional whose derivative with respect to the displacement of each corner, per mm, `slope` gives; `None` where
+    /// the pattern has no field.
     ///
     /// # Errors
     /// When the model cannot be evaluated.
     fn gradient(&self, pattern: &Pattern, slope: &dyn Fn(&F) -> F) -> Result<Option<WithGradient<F>>, PredictError>;
 
-    /// The fields of patterns that differ little from one that has a field, by less work where that can be, and good enough to say which of
-    /// them is best. Whether they are stable is not asked.
+    /// The fields of patterns that differ little from one that has a field, by less work where that can be, and good
+    /// enough to say which of them is best. Whether they are stable is not asked.
     ///
     /// # Errors
     /// When the model cannot be evaluated.
@@ -268,9 +271,9 @@ pub trait Differentiable<F = Field>: Predictor<F> {
         self.predict_some(patterns)
     }
 
-    /// Functionals Σ weights · u over the cell corners in the linear response of the membrane, u in mm: what each is without electrodes, and
-    /// its derivative with respect to the activity of each cell, `[group][y][x]`, which sum to a rough value for any pattern. `None` where there
-    /// is no such response.
+    /// Functionals Σ weights · u over the cell corners in the linear response of the membrane, u in mm: what each is
+    /// without electrodes, and its derivative with respect to the activity of each cell, `[group][y][x]`, which sum to
+    /// a rough value for any pattern. `None` where there is no such response.
     ///
     /// # Errors
     /// When the model cannot be evaluated.

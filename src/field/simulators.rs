@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::mesh::Mesh;
 use super::simulate::Simulator;
 
-/// Which simulator is asked for.
+/// The kind of simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum SimulatorKind {
     /// The method that a dataset declares, on this mesh.

@@ -67,8 +67,8 @@ struct Solved {
 }
 
 impl<P: Deref<Target: Differentiable> + Sync> InStates<P> {
-    /// Solves a state and those after it within its slope: all fields are known before any slope is, and each state is solved once. Whether
-    /// all of them have a field.
+    /// Solves a state and those after it within its slope: all fields are known before any slope is, and each state is
+    /// solved once. Whether all of them have a field.
     fn solve_from(
         &self,
         state: usize,
