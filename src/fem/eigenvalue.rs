@@ -8,7 +8,6 @@ use faer::{Mat, Side};
 
 use deaflow_base::Stream;
 
-use super::energy::NeoHookean;
 use super::material::Material;
 use super::operator::Operator;
 use super::precondition::{Laplacian, LaplacianScratch};
@@ -23,8 +22,6 @@ pub struct Eigenpair {
     pub vector: Vec<f64>,
 }
 
-/// Energy and stiffness of a membrane without thickness and voltage: its tangent is the Laplacian.
-pub(super) const WITHOUT_THICKNESS: NeoHookean = NeoHookean::without_thickness();
 /// Steps after which the value is taken as it is.
 const LIMIT: usize = 300;
 /// Steps over which the value must have stopped to fall.
@@ -213,6 +210,7 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::direct::Factorisation;
+    use crate::energy::NeoHookean;
     use crate::grid::Grid;
     use crate::operator::Activity;
     use deaflow_field::{Mesh, Order};

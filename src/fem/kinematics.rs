@@ -15,6 +15,16 @@ pub fn deformation<V: Value>(gradient: Tensor<V>) -> Tensor<V> {
     [[a + one, b], [c, d + one]]
 }
 
+/// Returns a deformation of given c⁻¹, along xx, xy and yy, and j². It is unique up to a rotation, which isotropic materials do not see.
+#[inline(always)]
+#[must_use]
+pub fn deformation_of_metric([xx, xy, yy, square]: [f64; 4]) -> Tensor<f64> {
+    let [first, across] = [square * yy, -square * xy];
+    let along = first.sqrt();
+    debug_assert!(xx > 0.0);
+    [[along, across / along], [0.0, square.sqrt() / along]]
+}
+
 /// det f.
 #[inline(always)]
 pub fn determinant<V: Value>(f: Tensor<V>) -> V {

@@ -26,6 +26,7 @@ mod evaluator;
 mod gemm;
 mod gradient_evaluator;
 pub mod grid;
+mod kernels;
 pub mod kinematics;
 mod krylov;
 pub mod lanes;

@@ -6,11 +6,10 @@
 
 use crate::activity::Activity;
 use crate::energy::{Margins, MaterialPoint};
-use crate::kinematics::Tensor;
-use crate::operator::{Kernels, MaterialAtRest};
+use crate::kernels::{Kernels, MaterialAtRest};
+use crate::kinematics::{self, Tensor};
 use crate::precision::Precision;
 use crate::registers::dispatch;
-use crate::stored;
 
 /// A [`MaterialPoint`], of which a program can hold one without knowing its type.
 pub trait Material: Passes<f64> + Passes<f32> + Sync {
@@ -65,6 +64,24 @@ pub trait Passes<T> {
     fn least(&self, activity: &Activity, u: &[T]) -> Margins<f64>;
     /// What the law says of undisplaced points.
     fn at_rest(&self) -> MaterialAtRest;
+}
+
+/// A precision in which the passes of a material are compiled.
+pub trait MaterialPrecision: Precision {
+    /// Returns the passes of a material in this precision.
+    fn passes<L: Material + ?Sized>(material: &L) -> &(impl Passes<Self> + ?Sized);
+}
+
+impl MaterialPrecision for f64 {
+    fn passes<L: Material + ?Sized>(material: &L) -> &(impl Passes<Self> + ?Sized) {
+        material
+    }
+}
+
+impl MaterialPrecision for f32 {
+    fn passes<L: Material + ?Sized>(material: &L) -> &(impl Passes<Self> + ?Sized) {
+        material
+    }
 }
 
 impl<L: MaterialPoint> Material for L {
@@ -129,7 +146,7 @@ impl<L: MaterialPoint> Material for L {
                 let one = |at: usize| {
                     MaterialPoint::energy(
                         self,
-                        stored::deformation([xx[at], xy[at], yy[at], square[at]]),
+                        kinematics::deformation_of_metric([xx[at], xy[at], yy[at], square[at]]),
                         active[at],
                     )
                 };
@@ -250,7 +267,7 @@ impl Material for AnyMaterial {
     }
 }
 
-impl<T: Precision> Passes<T> for AnyMaterial {
+impl<T: MaterialPrecision> Passes<T> for AnyMaterial {
     fn store(&self, activity: &Activity, u: &[T], moduli: &mut Vec<T>) {
         T::passes(&*self.0).store(activity, u, moduli);
     }

@@ -1,21 +1,17 @@
 //! The residual and the tangent–vector product of the whole membrane, without a matrix.
 
-mod kernels;
-mod point;
-mod survey;
-
 pub use super::activity::{Activity, Within, load_of};
 use super::energy::Margins;
+pub use super::kernels::MaterialAtRest;
+pub(crate) use super::kernels::{from_rest, on_sides, per_side};
+use super::kernels::{stress_at_rest, without_law};
 use super::layout::NodeLayout;
-use super::material::{Material, Passes};
+use super::material::{Material, MaterialPrecision, Passes};
 use super::memory;
 pub use super::precision::Precision;
 use super::registers::dispatch;
 use super::sheet::Mount;
 use super::supports::{Pose, Supports};
-pub(crate) use kernels::{Kernels, from_rest, on_sides, per_side};
-use kernels::{stress_at_rest, without_law};
-pub use survey::MaterialAtRest;
 
 /// The discrete equilibrium of one pattern under one law.
 #[derive(Clone, Copy)]
@@ -128,7 +124,7 @@ impl<L: Material> Operator<'_, L> {
     }
 
     /// The tangent at `u` times `du`, at interior nodes, into `out`.
-    pub fn tangent<T: Precision>(&self, u: &[T], du: &[T], out: &mut [T]) {
+    pub fn tangent<T: MaterialPrecision>(&self, u: &[T], du: &[T], out: &mut [T]) {
         let curvatures = self.curvatures(u);
         let (mut moduli, law) = (Vec::new(), T::passes(self.material));
         law.store(self.activity, u, &mut moduli);
@@ -137,7 +133,7 @@ impl<L: Material> Operator<'_, L> {
     }
 
     /// The Laplacian times `du`: the tangent of a membrane without thickness and voltage, of bodies without loads and springs.
-    pub fn laplacian<T: Precision>(&self, u: &[T], du: &[T], out: &mut [T]) {
+    pub fn laplacian<T: MaterialPrecision>(&self, u: &[T], du: &[T], out: &mut [T]) {
         without_law(self.activity).tangent([u, du], out);
         if let Some(supports) = self.activity.grid().supports() {
             supports.restrict(&supports.poses(u), out);
@@ -145,7 +141,7 @@ impl<L: Material> Operator<'_, L> {
     }
 
     /// The curvature of the rotation of each body at `u`.
-    pub(super) fn curvatures<T: Precision>(&self, u: &[T]) -> Vec<f64> {
+    pub(super) fn curvatures<T: MaterialPrecision>(&self, u: &[T]) -> Vec<f64> {
         let Some(supports) = self.activity.grid().supports() else {
             return Vec::new();
         };
@@ -160,7 +156,7 @@ impl<L: Material> Operator<'_, L> {
     }
 
     /// Makes the image of `du` one that frames and bodies see, with the springs and the curvature of rotations.
-    fn add_bodies<T: Precision>(&self, u: &[T], du: &[T], curvatures: &[f64], out: &mut [T]) {
+    fn add_bodies<T: MaterialPrecision>(&self, u: &[T], du: &[T], curvatures: &[f64], out: &mut [T]) {
         let Some(supports) = self.activity.grid().supports() else {
             return;
         };
@@ -180,7 +176,7 @@ impl<L: Material> Operator<'_, L> {
 
     /// What [`Operator::tangent_at`] wants to be kept of `u`: nothing at rest, where elements are alike, and for laws that are quick to
     /// evaluate without a memory.
-    pub fn linearise<T: Precision>(&self, u: &[T], moduli: &mut Vec<T>) {
+    pub fn linearise<T: MaterialPrecision>(&self, u: &[T], moduli: &mut Vec<T>) {
         if self.is_uniform_at_rest() && u.iter().all(|u| u.to_f64() == 0.0) {
             moduli.clear();
         } else {
@@ -190,7 +186,7 @@ impl<L: Material> Operator<'_, L> {
     }
 
     /// The tangent at a `u` that was linearised, times `du`, at interior nodes, into `out`.
-    pub fn tangent_at<T: Precision>(&self, u: &[T], moduli: &[T], du: &[T], out: &mut [T]) {
+    pub fn tangent_at<T: MaterialPrecision>(&self, u: &[T], moduli: &[T], du: &[T], out: &mut [T]) {
         let bodies = self
             .activity
             .grid()
@@ -208,7 +204,7 @@ impl<L: Material> Operator<'_, L> {
     }
 
     /// The smallest margins over the quadrature points.
-    pub fn margins<T: Precision>(&self, u: &[T]) -> Margins<f64> {
+    pub fn margins<T: MaterialPrecision>(&self, u: &[T]) -> Margins<f64> {
         T::passes(self.material).least(self.activity, u)
     }
 }

@@ -1,7 +1,6 @@
 //! Numbers that are kept in both precisions: residuals are taken in double, steps in single.
 
 use super::lanes::Real;
-use super::material::{Material, Passes};
 
 /// Numbers in both precisions.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,26 +42,16 @@ impl Both {
 pub trait Precision: Real {
     /// The numbers in this precision.
     fn of(both: &Both) -> &[Self];
-    /// The passes of a law in this precision.
-    fn passes<L: Material + ?Sized>(law: &L) -> &(impl Passes<Self> + ?Sized);
 }
 
 impl Precision for f64 {
     fn of(both: &Both) -> &[Self] {
         &both.double
     }
-
-    fn passes<L: Material + ?Sized>(law: &L) -> &(impl Passes<Self> + ?Sized) {
-        law
-    }
 }
 
 impl Precision for f32 {
     fn of(both: &Both) -> &[Self] {
         &both.single
-    }
-
-    fn passes<L: Material + ?Sized>(law: &L) -> &(impl Passes<Self> + ?Sized) {
-        law
     }
 }

@@ -3,7 +3,6 @@
 use crate::registers::dispatch;
 
 use crate::element::Line;
-use crate::kinematics::Tensor;
 use crate::material::Material;
 use crate::memory::{NUMBERS, lines};
 use crate::operator::Activity;
@@ -138,16 +137,6 @@ pub fn content<L: Material>(
         charge: integral(&charge),
         driven: integral(&driven),
     }
-}
-
-/// A deformation with a given c⁻¹ and j²; laws are isotropic, so that any will do.
-#[inline(always)]
-#[must_use]
-pub fn deformation([xx, xy, yy, square]: [f64; NUMBERS]) -> Tensor<f64> {
-    let [first, across] = [square * yy, -square * xy];
-    let along = first.sqrt();
-    debug_assert!(xx > 0.0);
-    [[along, across / along], [0.0, square.sqrt() / along]]
 }
 
 #[cfg(test)]

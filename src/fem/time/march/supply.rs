@@ -7,9 +7,9 @@ use super::super::supply::Electrodes;
 use super::{March, StepError, StepState};
 use crate::charge::{self, ChargedState};
 use crate::continuation::{Loading, LoadingEnd};
+use crate::kinematics::deformation_of_metric;
 use crate::material::Material;
 use crate::operator::metrics;
-use crate::stored::deformation;
 use deaflow_scene::Side;
 
 /// Largest number of solutions for the voltage behind a source, and the change at which it has converged, relative to
@@ -155,7 +155,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         let laws = [0.0, 1.0].map(|share| (self.transient.problem.material)(share));
         let scale = 2.0 * self.units.energy / self.transient.scene.voltage_v().powi(2);
         conductor.circuit(&metrics(self.transient.problem.activity, u), |point| {
-            let f = deformation(point);
+            let f = deformation_of_metric(point);
             scale * (laws[0].energy(f, 1.0) - laws[1].energy(f, 1.0))
         })
     }

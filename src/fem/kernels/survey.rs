@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 
 use pulp::{Simd, WithSimd};
 
-use super::kernels::{from_rest, gather, per_side, sides};
+use super::gather::{from_rest, gather, per_side, sides};
 use crate::activity::View;
 use crate::element::Element;
 use crate::energy::{MODULI, Margins, MaterialPoint};
