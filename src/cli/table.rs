@@ -232,7 +232,7 @@ mod tests {
             ..StageReport::new(name, "solve", Outcome::Built)
         };
         let shown = of_run(&[stage("a", 4.0, Some(2.0)), stage("b", 6.0, Some(4.0))]).show(Screen::default());
-        for expected in ["time", "part", "4.00 s", "2.00 s", "6.00 s", PARTS] {
+        for expected in ["time", "part", "4.00 s", "2.00 s", "6.00 s", SHARES] {
             assert!(shown.contains(expected), "{expected}: {shown}");
         }
         let alone = of_run(&[stage("a", 4.0, None), stage("b", 6.0, None)]).show(Screen::default());
