@@ -178,7 +178,7 @@ pub fn report_left(board: &Board, array: &str) -> Result<(), StoreError> {
 }
 
 /// Stages that get the same, and so are built by the same workers.
-struct Group {
+struct WorkerGroup {
     resources: Resources,
     stages: Vec<String>,
     /// How often in a row its workers brought nothing about, or were not taken.
@@ -277,7 +277,7 @@ fn interval() -> (Duration, Duration) {
     }
 }
 
-fn groups(submission: &Submission<'_>) -> Result<Vec<Group>, RunError> {
+fn groups(submission: &Submission<'_>) -> Result<Vec<WorkerGroup>, RunError> {
     let pipeline = submission.pipeline;
     let selection = pipeline.selection(submission.recipe.until.as_deref())?;
     let mut groups: BTreeMap<Resources, Vec<String>> = BTreeMap::new();
@@ -285,7 +285,7 @@ fn groups(submission: &Submission<'_>) -> Result<Vec<Group>, RunError> {
         let resources = submission.profile.resources(pipeline, spec);
         groups.entry(resources).or_default().push(spec.name.clone());
     }
-    let group = |(resources, stages)| Group {
+    let group = |(resources, stages)| WorkerGroup {
         resources,
         stages,
         fruitless: 0,
@@ -299,7 +299,7 @@ struct Supervisor<'a> {
     topic: String,
     board: Board,
     ledger: Ledger,
-    groups: Vec<Group>,
+    groups: Vec<WorkerGroup>,
     /// When the engine was last asked.
     asked: Option<Instant>,
     interval: Duration,

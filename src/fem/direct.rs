@@ -104,7 +104,7 @@ impl Structure {
         let unknowns = Unknowns::new(grid);
         let at_rest = vec![Pose::REST; unknowns.bodies()];
         let mut pairs = Vec::new();
-        let mut collect = |entry: Entry| pairs.push(Pair::new(entry.row, entry.column));
+        let mut collect = |entry: MatrixEntry| pairs.push(Pair::new(entry.row, entry.column));
         match grid.layout().degree() {
             1 => unknowns.for_each_entry::<4>(&at_rest, |_, entries| entries.for_each(&mut collect)),
             _ => unknowns.for_each_entry::<9>(&at_rest, |_, entries| entries.for_each(&mut collect)),
@@ -235,7 +235,7 @@ enum Node {
 }
 
 /// An entry of the tangent on or below the diagonal, to which a column of an element's matrix adds one of its forces.
-struct Entry {
+struct MatrixEntry {
     row: usize,
     column: usize,
     /// Position among the forces of the element.
@@ -343,7 +343,7 @@ impl Unknowns {
     fn for_each_entry<const N: usize>(
         &self,
         poses: &[Pose],
-        mut visit: impl FnMut(([usize; 2], usize, usize), &mut dyn Iterator<Item = Entry>),
+        mut visit: impl FnMut(([usize; 2], usize, usize), &mut dyn Iterator<Item = MatrixEntry>),
     ) {
         let degree = self.layout.degree();
         let side = degree + 1;
@@ -361,7 +361,7 @@ impl Unknowns {
                 let own = followed.iter().filter(|(of, ..)| *of == at);
                 let mut entries = own.flat_map(|&(_, column, weight)| {
                     let below = followed.iter().filter(move |(_, row, _)| *row >= column);
-                    below.map(move |&(force, row, own)| Entry {
+                    below.map(move |&(force, row, own)| MatrixEntry {
                         row,
                         column,
                         force,

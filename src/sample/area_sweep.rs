@@ -12,7 +12,7 @@ use super::areas::Areas;
 use super::bezier::{Bezier, Ends};
 use super::canvas::Canvas;
 use super::error::SampleError;
-use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use super::large_grid::{pattern_of_units, units_of};
 use super::membership::is_grid_of;
 use super::small_grid::SmallGrid;
@@ -27,7 +27,7 @@ const GRIDS: std::ops::RangeInclusive<usize> = 2..=10;
 
 parameters! {
     /// Cells, grids of units and curves at drawn area fractions.
-    pub struct Parameters as "an area-sweep sample" {
+    pub struct AreaSweepParameters as "an area-sweep sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
         /// Area fractions to draw from, smallest and largest.
@@ -35,20 +35,20 @@ parameters! {
     }
 }
 
-impl FamilyParameters for Parameters {
+impl FamilyParameters for AreaSweepParameters {
     const NAME: &'static str = "area-sweep";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
         let [low, high] = self.area.map(Decimal::to_f64);
-        let family = AreaSweep::new(canvas, low, high).map_err(Refusal::of("area"))?;
+        let family = AreaSweep::new(canvas, low, high).map_err(FamilyError::of("area"))?;
         Ok(self.one_group(self.count, Box::new(family)))
     }
 
     /// One of the three forms.
     fn admits(pattern: &Pattern) -> bool {
-        let is_curve = super::bezier::Parameters::admits(pattern);
+        let is_curve = super::bezier::BezierParameters::admits(pattern);
         is_curve
-            || super::small_grid::Parameters::admits(pattern)
+            || super::small_grid::SmallGridParameters::admits(pattern)
             || GRIDS.into_iter().any(|units| is_grid_of([units; 2], pattern))
     }
 }
@@ -88,7 +88,7 @@ impl AreaSweep {
 
 impl Family for AreaSweep {
     fn name(&self) -> &'static str {
-        Parameters::NAME
+        AreaSweepParameters::NAME
     }
 
     /// Never refuses an index: every fraction between two valid ones is valid.

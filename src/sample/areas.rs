@@ -2,7 +2,7 @@
 
 use super::canvas::Canvas;
 use super::error::{SampleError, cells_at};
-use super::family::Refusal;
+use super::family::FamilyError;
 use deaflow_base::{Canonical, Decimal, InputError, Node, Parameter, Schema, Stream};
 use deaflow_pattern::Pattern;
 
@@ -54,9 +54,9 @@ impl AreaFractions {
     ///
     /// # Errors
     /// When an end leaves nothing to draw, or the ends are not in order.
-    pub fn areas(&self, canvas: Canvas) -> Result<Areas, Refusal> {
+    pub fn areas(&self, canvas: Canvas) -> Result<Areas, FamilyError> {
         let [low, high] = self.0.map(Decimal::to_f64);
-        Areas::new(canvas, low, high).map_err(Refusal::of("area"))
+        Areas::new(canvas, low, high).map_err(FamilyError::of("area"))
     }
 }
 

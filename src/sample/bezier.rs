@@ -21,7 +21,7 @@ use std::f64::consts::TAU;
 use super::canvas::Canvas;
 use super::curve::{Cubic, on_frame};
 use super::error::{SampleError, cells_at};
-use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use super::membership::{edges, longer_side};
 use deaflow_base::{Decimal, Stream, parameters, words};
 use deaflow_pattern::Pattern;
@@ -42,7 +42,7 @@ words! {
 
 parameters! {
     /// Patterns on one side of a smooth curve through the centre.
-    pub struct Parameters as "a bezier sample" {
+    pub struct BezierParameters as "a bezier sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
         /// Area fraction of the electrode; unless it is given, what the curve leaves.
@@ -52,11 +52,11 @@ parameters! {
     }
 }
 
-impl FamilyParameters for Parameters {
+impl FamilyParameters for BezierParameters {
     const NAME: &'static str = "bezier";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
-        let family = Bezier::new(canvas, self.area.map(Decimal::to_f64), self.ends).map_err(Refusal::of("area"))?;
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
+        let family = Bezier::new(canvas, self.area.map(Decimal::to_f64), self.ends).map_err(FamilyError::of("area"))?;
         Ok(self.one_group(self.count, Box::new(family)))
     }
 
@@ -98,7 +98,7 @@ impl Bezier {
 
 impl Family for Bezier {
     fn name(&self) -> &'static str {
-        Parameters::NAME
+        BezierParameters::NAME
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {

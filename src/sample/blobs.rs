@@ -9,7 +9,7 @@
 use super::areas::{AreaFractions, Areas, highest_of};
 use super::canvas::Canvas;
 use super::error::SampleError;
-use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use super::membership::edges;
 use deaflow_base::{Stream, parameters};
 use deaflow_pattern::Pattern;
@@ -27,7 +27,7 @@ const MOST_EDGES: usize = 1500;
 
 parameters! {
     /// Islands and holes of any size: where a smooth random field is high.
-    pub struct Parameters as "a blobs sample" {
+    pub struct BlobsParameters as "a blobs sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
         /// Area fraction of the electrode, or smallest and largest to draw from.
@@ -35,10 +35,10 @@ parameters! {
     }
 }
 
-impl FamilyParameters for Parameters {
+impl FamilyParameters for BlobsParameters {
     const NAME: &'static str = "blobs";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
         let family = Blobs::new(self.area.areas(canvas)?);
         Ok(self.one_group(self.count, Box::new(family)))
     }
@@ -65,7 +65,7 @@ impl Blobs {
 
 impl Family for Blobs {
     fn name(&self) -> &'static str {
-        Parameters::NAME
+        BlobsParameters::NAME
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {

@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 use super::areas::{AreaFractions, Areas, highest};
 use super::canvas::Canvas;
 use super::error::SampleError;
-use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use deaflow_base::{Stream, parameters};
 use deaflow_pattern::Pattern;
 
@@ -19,7 +19,7 @@ const PERIOD: [f64; 2] = [2.0, 12.0];
 
 parameters! {
     /// Checkerboards of any period and offset.
-    pub struct Parameters as "a checker sample" {
+    pub struct CheckerParameters as "a checker sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
         /// Area fraction of the electrode, or smallest and largest to draw from.
@@ -27,10 +27,10 @@ parameters! {
     }
 }
 
-impl FamilyParameters for Parameters {
+impl FamilyParameters for CheckerParameters {
     const NAME: &'static str = "checker";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
         let family = Checker::new(self.area.areas(canvas)?);
         Ok(self.one_group(self.count, Box::new(family)))
     }
@@ -52,7 +52,7 @@ impl Checker {
 
 impl Family for Checker {
     fn name(&self) -> &'static str {
-        Parameters::NAME
+        CheckerParameters::NAME
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {

@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 use super::areas::{AreaFractions, Areas, highest};
 use super::canvas::Canvas;
 use super::error::SampleError;
-use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use super::membership::{edges, longer_side};
 use deaflow_base::{Stream, parameters};
 use deaflow_pattern::Pattern;
@@ -29,7 +29,7 @@ const OFFSET: f64 = 12.0;
 
 parameters! {
     /// Regions bounded by one to three smooth random curves.
-    pub struct Parameters as "a curves sample" {
+    pub struct CurvesParameters as "a curves sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
         /// Area fraction of the electrode, or smallest and largest; unless it is given, what the curves leave.
@@ -37,10 +37,10 @@ parameters! {
     }
 }
 
-impl FamilyParameters for Parameters {
+impl FamilyParameters for CurvesParameters {
     const NAME: &'static str = "curves";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
         let areas = self.area.map(|area| area.areas(canvas)).transpose()?;
         let family = Curves::new(canvas, areas);
         Ok(self.one_group(self.count, Box::new(family)))
@@ -109,7 +109,7 @@ impl Curves {
 
 impl Family for Curves {
     fn name(&self) -> &'static str {
-        Parameters::NAME
+        CurvesParameters::NAME
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {

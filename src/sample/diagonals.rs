@@ -7,7 +7,7 @@
 
 use super::canvas::Canvas;
 use super::error::SampleError;
-use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use deaflow_base::{Stream, parameters};
 use deaflow_pattern::{Pattern, Raster};
 
@@ -16,16 +16,16 @@ const PERIOD: usize = 12;
 
 parameters! {
     /// Bands, chevrons and lattices at 45 degrees.
-    pub struct Parameters as "a diagonals sample" {
+    pub struct DiagonalsParameters as "a diagonals sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
     }
 }
 
-impl FamilyParameters for Parameters {
+impl FamilyParameters for DiagonalsParameters {
     const NAME: &'static str = "diagonals";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
         Ok(self.one_group(self.count, Box::new(Diagonals::new(canvas))))
     }
 }
@@ -115,7 +115,7 @@ impl Diagonals {
 
 impl Family for Diagonals {
     fn name(&self) -> &'static str {
-        Parameters::NAME
+        DiagonalsParameters::NAME
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {

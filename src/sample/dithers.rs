@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 use super::areas::{AreaFractions, Areas, highest_of};
 use super::canvas::Canvas;
 use super::error::SampleError;
-use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use deaflow_base::{Stream, parameters};
 use deaflow_pattern::{Pattern, Raster, Symmetry};
 
@@ -25,7 +25,7 @@ const LARGEST: usize = 3;
 
 parameters! {
     /// Grey made of single cells: ordered dithers and error diffusion.
-    pub struct Parameters as "a dithers sample" {
+    pub struct DithersParameters as "a dithers sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
         /// Area fraction of the electrode, or smallest and largest to draw from.
@@ -33,10 +33,10 @@ parameters! {
     }
 }
 
-impl FamilyParameters for Parameters {
+impl FamilyParameters for DithersParameters {
     const NAME: &'static str = "dithers";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
         let family = Dithers::new(self.area.areas(canvas)?);
         Ok(self.one_group(self.count, Box::new(family)))
     }
@@ -58,7 +58,7 @@ impl Dithers {
 
 impl Family for Dithers {
     fn name(&self) -> &'static str {
-        Parameters::NAME
+        DithersParameters::NAME
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {

@@ -38,7 +38,7 @@ pub const MOST_SAMPLES: u64 = 10_000_000;
 
 /// Samples of a family with one set of parameters.
 #[derive(Debug)]
-pub struct Group {
+pub struct SampleGroup {
     /// The family.
     pub family: Box<dyn Family>,
     /// How many samples.
@@ -49,14 +49,14 @@ pub struct Group {
 
 /// Parameters that no family can be made of.
 #[derive(Debug)]
-pub struct Refusal {
+pub struct FamilyError {
     /// The key that is to blame.
     pub key: &'static str,
     /// Why.
     pub error: SampleError,
 }
 
-impl Refusal {
+impl FamilyError {
     /// Blames a key.
     pub fn of(key: &'static str) -> impl Fn(SampleError) -> Self {
         move |error| Self { key, error }
@@ -72,7 +72,7 @@ pub trait FamilyParameters: Declared {
     ///
     /// # Errors
     /// When a value leaves nothing to draw.
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal>;
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError>;
 
     /// Whether the family may have drawn a pattern, with whatever parameters: false only where it cannot.
     #[must_use]
@@ -81,11 +81,11 @@ pub trait FamilyParameters: Declared {
     }
 
     /// A single group: all parameters but the count distinguish it.
-    fn one_group(&self, count: u64, family: Box<dyn Family>) -> Vec<Group> {
+    fn one_group(&self, count: u64, family: Box<dyn Family>) -> Vec<SampleGroup> {
         let mut parameters = Vec::new();
         self.entries(&mut parameters);
         parameters.retain(|(key, _)| *key != "count");
-        vec![Group {
+        vec![SampleGroup {
             family,
             count,
             parameters,
@@ -111,18 +111,18 @@ pub trait FamilyEntry: Sync {
     ///
     /// # Errors
     /// When a key is unknown or missing, or a value leaves nothing to draw.
-    fn read(&self, node: &Node, others: &[&str], canvas: Canvas) -> Result<Vec<Group>, InputError>;
+    fn read(&self, node: &Node, others: &[&str], canvas: Canvas) -> Result<Vec<SampleGroup>, InputError>;
 }
 
 /// The entry of a family by its parameters.
-pub struct Entry<P>(PhantomData<fn() -> P>);
+pub struct FamilyOf<P>(PhantomData<fn() -> P>);
 
-impl<P> Entry<P> {
+impl<P> FamilyOf<P> {
     /// The entry.
     pub const NEW: Self = Self(PhantomData);
 }
 
-impl<P: FamilyParameters> FamilyEntry for Entry<P> {
+impl<P: FamilyParameters> FamilyEntry for FamilyOf<P> {
     fn name(&self) -> &'static str {
         P::NAME
     }
@@ -139,7 +139,7 @@ impl<P: FamilyParameters> FamilyEntry for Entry<P> {
         P::admits(pattern)
     }
 
-    fn read(&self, node: &Node, others: &[&str], canvas: Canvas) -> Result<Vec<Group>, InputError> {
+    fn read(&self, node: &Node, others: &[&str], canvas: Canvas) -> Result<Vec<SampleGroup>, InputError> {
         let parameters = P::read_with(node, others)?;
         parameters
             .groups(canvas)
@@ -149,19 +149,19 @@ impl<P: FamilyParameters> FamilyEntry for Entry<P> {
 
 /// The families that there are.
 pub static FAMILIES: &[&dyn FamilyEntry] = &[
-    &Entry::<super::small_grid::Parameters>::NEW,
-    &Entry::<super::large_grid::Parameters>::NEW,
-    &Entry::<super::bezier::Parameters>::NEW,
-    &Entry::<super::area_sweep::Parameters>::NEW,
-    &Entry::<super::stripes::Parameters>::NEW,
-    &Entry::<super::blobs::Parameters>::NEW,
-    &Entry::<super::curves::Parameters>::NEW,
-    &Entry::<super::checker::Parameters>::NEW,
-    &Entry::<super::dithers::Parameters>::NEW,
-    &Entry::<super::mazes::Parameters>::NEW,
-    &Entry::<super::diagonals::Parameters>::NEW,
-    &Entry::<super::spirals::Parameters>::NEW,
-    &Entry::<super::glyphs::Parameters>::NEW,
+    &FamilyOf::<super::small_grid::SmallGridParameters>::NEW,
+    &FamilyOf::<super::large_grid::LargeGridParameters>::NEW,
+    &FamilyOf::<super::bezier::BezierParameters>::NEW,
+    &FamilyOf::<super::area_sweep::AreaSweepParameters>::NEW,
+    &FamilyOf::<super::stripes::StripesParameters>::NEW,
+    &FamilyOf::<super::blobs::BlobsParameters>::NEW,
+    &FamilyOf::<super::curves::CurvesParameters>::NEW,
+    &FamilyOf::<super::checker::CheckerParameters>::NEW,
+    &FamilyOf::<super::dithers::DithersParameters>::NEW,
+    &FamilyOf::<super::mazes::MazesParameters>::NEW,
+    &FamilyOf::<super::diagonals::DiagonalsParameters>::NEW,
+    &FamilyOf::<super::spirals::SpiralsParameters>::NEW,
+    &FamilyOf::<super::glyphs::GlyphsParameters>::NEW,
 ];
 
 /// Reads the samples on a canvas that a mapping with the key `family` asks for, from a table of families, and gives the mapping too:
@@ -175,7 +175,7 @@ pub fn read_family<'n>(
     what: &str,
     others: &[&str],
     canvas: Canvas,
-) -> Result<(Map<'n>, Vec<Group>), InputError> {
+) -> Result<(Map<'n>, Vec<SampleGroup>), InputError> {
     let names: Vec<&str> = table.iter().map(|entry| entry.name()).collect();
     // First the keys of all families, so that a misspelt `family` is told from a missing one; then those of the family.
     let others: Vec<&str> = ["family"].into_iter().chain(others.iter().copied()).collect();

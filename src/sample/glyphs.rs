@@ -6,7 +6,7 @@
 
 use super::canvas::Canvas;
 use super::error::SampleError;
-use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use deaflow_base::{Stream, parameters};
 use deaflow_pattern::{Pattern, Raster};
 
@@ -59,16 +59,16 @@ const FONT: [[u8; 7]; 36] = [
 
 parameters! {
     /// Rows of letters and digits, or what is around them.
-    pub struct Parameters as "a glyphs sample" {
+    pub struct GlyphsParameters as "a glyphs sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
     }
 }
 
-impl FamilyParameters for Parameters {
+impl FamilyParameters for GlyphsParameters {
     const NAME: &'static str = "glyphs";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
         Ok(self.one_group(self.count, Box::new(Glyphs::new(canvas))))
     }
 }
@@ -128,7 +128,7 @@ impl Page {
 
 impl Family for Glyphs {
     fn name(&self) -> &'static str {
-        Parameters::NAME
+        GlyphsParameters::NAME
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {

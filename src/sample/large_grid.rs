@@ -7,7 +7,7 @@
 use super::canvas::Canvas;
 use super::combination::{binomial, permuted, subset};
 use super::error::SampleError;
-use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use super::membership::{is_grid_of, longer_side, units_on};
 use deaflow_base::{Canonical, InputError, Node, Parameter, Schema, Stream, parameters};
 use deaflow_pattern::{Pattern, Raster};
@@ -51,7 +51,7 @@ impl Parameter for UnitNumbers {
 
 parameters! {
     /// Patterns of N × N units that are on or off as a whole; on a rectangle N stand across the shorter side.
-    pub struct Parameters as "a large-grid sample" {
+    pub struct LargeGridParameters as "a large-grid sample" {
         /// Units across the membrane, at most as many as cells, such as [2, 3, 4].
         pub units: UnitNumbers,
         /// Patterns of each number of units; all where there are fewer.
@@ -59,14 +59,14 @@ parameters! {
     }
 }
 
-impl FamilyParameters for Parameters {
+impl FamilyParameters for LargeGridParameters {
     const NAME: &'static str = "large-grid";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
         let group = |&n: &u64| {
-            let family = LargeGrid::new(canvas, n as usize).map_err(Refusal::of("units"))?;
+            let family = LargeGrid::new(canvas, n as usize).map_err(FamilyError::of("units"))?;
             let most = family.available().unwrap_or(u64::MAX);
-            Ok(Group {
+            Ok(SampleGroup {
                 family: Box::new(family),
                 count: self.count_per_units.min(most),
                 parameters: vec![("units", n.into())],
@@ -135,7 +135,7 @@ impl LargeGrid {
 
 impl Family for LargeGrid {
     fn name(&self) -> &'static str {
-        Parameters::NAME
+        LargeGridParameters::NAME
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {

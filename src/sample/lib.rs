@@ -34,7 +34,9 @@ pub use curves::Curves;
 pub use diagonals::Diagonals;
 pub use dithers::Dithers;
 pub use error::SampleError;
-pub use family::{Entry, FAMILIES, Family, FamilyEntry, FamilyParameters, Group, MOST_SAMPLES, Refusal, read_family};
+pub use family::{
+    FAMILIES, Family, FamilyEntry, FamilyError, FamilyOf, FamilyParameters, MOST_SAMPLES, SampleGroup, read_family,
+};
 pub use glyphs::Glyphs;
 pub use large_grid::LargeGrid;
 pub use mazes::Mazes;

@@ -7,7 +7,7 @@
 
 use super::canvas::Canvas;
 use super::error::SampleError;
-use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use deaflow_base::{Stream, parameters};
 use deaflow_pattern::{Pattern, Raster};
 
@@ -16,16 +16,16 @@ const WIDEST: usize = 4;
 
 parameters! {
     /// Winding corridors that branch and never close, or the walls between them.
-    pub struct Parameters as "a mazes sample" {
+    pub struct MazesParameters as "a mazes sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
     }
 }
 
-impl FamilyParameters for Parameters {
+impl FamilyParameters for MazesParameters {
     const NAME: &'static str = "mazes";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
         Ok(self.one_group(self.count, Box::new(Mazes::new(canvas))))
     }
 }
@@ -125,7 +125,7 @@ impl Maze {
 
 impl Family for Mazes {
     fn name(&self) -> &'static str {
-        Parameters::NAME
+        MazesParameters::NAME
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {

@@ -5,14 +5,14 @@
 
 use super::canvas::Canvas;
 use super::error::{SampleError, cells_at};
-use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use super::membership::is_grid_of;
 use deaflow_base::{Decimal, Stream, parameters};
 use deaflow_pattern::Pattern;
 
 parameters! {
     /// Patterns of which every cell stands for itself.
-    pub struct Parameters as "a small-grid sample" {
+    pub struct SmallGridParameters as "a small-grid sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
         /// Area fraction of the electrode.
@@ -20,11 +20,11 @@ parameters! {
     }
 }
 
-impl FamilyParameters for Parameters {
+impl FamilyParameters for SmallGridParameters {
     const NAME: &'static str = "small-grid";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
-        let family = SmallGrid::new(canvas, self.area.to_f64()).map_err(Refusal::of("area"))?;
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
+        let family = SmallGrid::new(canvas, self.area.to_f64()).map_err(FamilyError::of("area"))?;
         Ok(self.one_group(self.count, Box::new(family)))
     }
 
@@ -66,7 +66,7 @@ impl SmallGrid {
 
 impl Family for SmallGrid {
     fn name(&self) -> &'static str {
-        Parameters::NAME
+        SmallGridParameters::NAME
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {

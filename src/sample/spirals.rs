@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 use super::areas::{AreaFractions, Areas, highest};
 use super::canvas::Canvas;
 use super::error::SampleError;
-use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use deaflow_base::{Stream, parameters};
 use deaflow_pattern::Pattern;
 
@@ -25,7 +25,7 @@ const OFFSET: f64 = 10.0;
 
 parameters! {
     /// Archimedean spirals of one to four arms.
-    pub struct Parameters as "a spirals sample" {
+    pub struct SpiralsParameters as "a spirals sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
         /// Area fraction of the electrode, or smallest and largest to draw from.
@@ -33,10 +33,10 @@ parameters! {
     }
 }
 
-impl FamilyParameters for Parameters {
+impl FamilyParameters for SpiralsParameters {
     const NAME: &'static str = "spirals";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
         let family = Spirals::new(self.area.areas(canvas)?);
         Ok(self.one_group(self.count, Box::new(family)))
     }
@@ -86,7 +86,7 @@ impl Arms {
 
 impl Family for Spirals {
     fn name(&self) -> &'static str {
-        Parameters::NAME
+        SpiralsParameters::NAME
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {

@@ -10,7 +10,7 @@ use std::f64::consts::{PI, TAU};
 use super::areas::{AreaFractions, Areas, highest};
 use super::canvas::Canvas;
 use super::error::SampleError;
-use super::family::{Family, FamilyParameters, Group, MOST_SAMPLES, Refusal};
+use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use deaflow_base::{Stream, parameters};
 use deaflow_pattern::Pattern;
 
@@ -19,7 +19,7 @@ const PERIOD: [f64; 2] = [3.0, 40.0];
 
 parameters! {
     /// Parallel bands at any angle and period.
-    pub struct Parameters as "a stripes sample" {
+    pub struct StripesParameters as "a stripes sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
         /// Area fraction of the electrode, or smallest and largest to draw from.
@@ -27,10 +27,10 @@ parameters! {
     }
 }
 
-impl FamilyParameters for Parameters {
+impl FamilyParameters for StripesParameters {
     const NAME: &'static str = "stripes";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
         let family = Stripes::new(self.area.areas(canvas)?);
         Ok(self.one_group(self.count, Box::new(family)))
     }
@@ -52,7 +52,7 @@ impl Stripes {
 
 impl Family for Stripes {
     fn name(&self) -> &'static str {
-        Parameters::NAME
+        StripesParameters::NAME
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {

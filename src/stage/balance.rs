@@ -89,7 +89,7 @@ impl BalanceStage {
 
 /// The samples with a field of all inputs, end to end, without the fields.
 #[derive(Default)]
-struct Solved {
+struct SolvedSamples {
     patterns: Vec<Pattern>,
     family: Vec<String>,
     max_displacement: Vec<f64>,
@@ -111,7 +111,7 @@ impl Stage for BalanceStage {
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let scene = super::scene_of_inputs(job.inputs)?;
-        let mut solved = Solved::default();
+        let mut solved = SolvedSamples::default();
         // Reading twice is most of it: once what is chosen from, then the fields of what was chosen.
         let read = |pass: usize, files: usize| {
             job.progress
@@ -187,7 +187,7 @@ fn fields(
     Ok(values)
 }
 
-fn content(solved: &Solved, balanced: Balanced, fields: Vec<f64>, scene: Scene) -> content::Balanced {
+fn content(solved: &SolvedSamples, balanced: Balanced, fields: Vec<f64>, scene: Scene) -> content::Balanced {
     let rows = &balanced.rows;
     content::Balanced {
         patterns: rows

@@ -124,7 +124,7 @@ impl Parameter for Estimates {
 }
 
 /// One labelled pattern and what was said of it.
-struct Row {
+struct EvaluationRow {
     family: String,
     area: f64,
     judged: Judged,
@@ -225,11 +225,11 @@ fn calibrations(inputs: &[Artifact], predictors: &[NamedPredictor]) -> Result<Ve
     Ok(found)
 }
 
-fn judged(judge: &Judge<'_>, batch: labelled::Batch) -> Result<impl Iterator<Item = Row>, StageError> {
+fn judged(judge: &Judge<'_>, batch: labelled::Batch) -> Result<impl Iterator<Item = EvaluationRow>, StageError> {
     let judged = judge.judge(&batch.patterns, &batch.fields);
     let judged = judged.map_err(StageError::failed)?;
     let described = batch.families.into_iter().zip(batch.patterns);
-    Ok(described.zip(judged).map(|((family, pattern), judged)| Row {
+    Ok(described.zip(judged).map(|((family, pattern), judged)| EvaluationRow {
         family,
         area: pattern.area_fraction(),
         judged,

@@ -9,7 +9,7 @@ use deaflow_base::{Canonical, DigestWriter, Fields, InputError, Map, Node, Param
 use deaflow_content::{SampleRows, Samples};
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use deaflow_pattern::{Bits, Pattern};
-use deaflow_sample::{Canvas, FAMILIES, Family, FamilyEntry, Group, SampleError, read_family};
+use deaflow_sample::{Canvas, FAMILIES, Family, FamilyEntry, SampleGroup, SampleError, read_family};
 use deaflow_scene::Outline;
 use deaflow_store::{Artifact, Object};
 
@@ -75,7 +75,7 @@ impl Kind for SampleKind {
 }
 
 struct SampleStage {
-    groups: Vec<Group>,
+    groups: Vec<SampleGroup>,
     seed: u64,
     electrodes: Electrodes,
 }
@@ -149,12 +149,12 @@ impl Electrodes {
 }
 
 /// The pieces of a group: numbers of samples.
-fn chunks(group: &Group) -> impl Iterator<Item = Range<u64>> {
+fn chunks(group: &SampleGroup) -> impl Iterator<Item = Range<u64>> {
     let count = group.count;
     (0..count.div_ceil(CHUNK)).map(move |i| i * CHUNK..((i + 1) * CHUNK).min(count))
 }
 
-fn chunk_parameters(group: &Group, seed: u64, range: &Range<u64>) -> Canonical {
+fn chunk_parameters(group: &SampleGroup, seed: u64, range: &Range<u64>) -> Canonical {
     let common = [
         ("family", Canonical::from(group.family.name())),
         ("seed", seed.into()),
@@ -195,7 +195,7 @@ impl Stage for SampleStage {
     }
 
     fn plan(&self, _inputs: &[Input]) -> Plan {
-        let chunk = |group: &Group, range: Range<u64>| Chunk {
+        let chunk = |group: &SampleGroup, range: Range<u64>| Chunk {
             parameters: chunk_parameters(group, self.seed, &range),
             inputs: Vec::new(),
             samples: range.end - range.start,
@@ -233,7 +233,7 @@ impl Stage for SampleStage {
 
 impl SampleStage {
     /// The group and the range of a chunk: found by where it starts, since there may be a hundred thousand of them.
-    fn find(&self, chunk: &Canonical) -> Option<(&Group, Range<u64>)> {
+    fn find(&self, chunk: &Canonical) -> Option<(&SampleGroup, Range<u64>)> {
         let Canonical::Map(parameters) = chunk else {
             return None;
         };
@@ -249,7 +249,7 @@ impl SampleStage {
     }
 }
 
-fn samples(group: &Group, range: Range<u64>, patterns: Vec<Pattern>) -> Samples {
+fn samples(group: &SampleGroup, range: Range<u64>, patterns: Vec<Pattern>) -> Samples {
     let n = patterns.len();
     Samples {
         area: patterns.iter().map(Pattern::area_fraction).collect(),

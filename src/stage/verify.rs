@@ -205,7 +205,7 @@ struct Swings {
 struct Solvers(Vec<(Solver, Option<Solver>)>);
 
 /// What two meshes say of a pattern in each state of the device.
-struct Solved(Vec<SolvedState>);
+struct SolvedStates(Vec<SolvedState>);
 
 /// The same in one state.
 struct SolvedState {
@@ -438,8 +438,8 @@ impl Solvers {
         both.collect::<Result<_, _>>().map(Self)
     }
 
-    fn solve(&self, patterns: &[Pattern]) -> Result<Vec<Solved>, SetupError> {
-        let mut solved: Vec<Solved> = patterns.iter().map(|_| Solved(Vec::new())).collect();
+    fn solve(&self, patterns: &[Pattern]) -> Result<Vec<SolvedStates>, SetupError> {
+        let mut solved: Vec<SolvedStates> = patterns.iter().map(|_| SolvedStates(Vec::new())).collect();
         for (own, beside) in &self.0 {
             let (results, histories) = own.simulate_in_time(patterns)?;
             let mut histories = histories.unwrap_or_default().into_iter().map(|found| found.history);
@@ -448,7 +448,7 @@ impl Solvers {
                 .map(|other| other.simulate_in_time(patterns))
                 .transpose()?;
             let mut others = others.map(fields_in_time).unwrap_or_default().into_iter();
-            for (Solved(states), result) in solved.iter_mut().zip(results) {
+            for (SolvedStates(states), result) in solved.iter_mut().zip(results) {
                 let history = histories.next();
                 states.push(SolvedState {
                     fields: fields_of(&result, history.as_ref()),
@@ -462,7 +462,7 @@ impl Solvers {
     }
 }
 
-impl Solved {
+impl SolvedStates {
     fn judged(&self, Timed { goal, at, swings }: &Timed, pattern: &Pattern) -> Simulated {
         if let Some(swings) = swings {
             return swings.judged(goal, pattern);

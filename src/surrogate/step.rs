@@ -98,7 +98,7 @@ struct Gradient {
 }
 
 /// How a network does on some examples.
-pub(crate) struct Assessment {
+pub(crate) struct BatchErrors {
     /// The loss summed over them.
     pub(crate) loss: f64,
     /// The agreement of each prediction.
@@ -165,14 +165,14 @@ impl Problem<'_> {
     }
 
     /// The loss and the agreement of each example, without gradients.
-    pub(crate) fn assess(&self, examples: &[&Example]) -> Result<Assessment> {
+    pub(crate) fn assess(&self, examples: &[&Example]) -> Result<BatchErrors> {
         let size = self.network.examples_per_part();
         let assess = |part: Batch<'_>| {
             let (output, loss) = self.answer(part)?;
             let predicted = output.displacement.flatten_all()?.to_vec1::<f32>()?;
             let predicted = predicted.chunks_exact(predicted.len() / part.shown.len());
             let pairs = part.shown.iter().zip(predicted);
-            Ok(Assessment {
+            Ok(BatchErrors {
                 loss: f64::from(loss.to_scalar::<f32>()?),
                 agreements: pairs
                     .map(|(shown, predicted)| Agreement::of(&shown.example.label, predicted, self.scale_mm))
@@ -180,7 +180,7 @@ impl Problem<'_> {
             })
         };
         let shown: Vec<Shown<'_>> = examples.iter().map(|example| Shown::upright(example)).collect();
-        let mut parts: Vec<Assessment> = Vec::new();
+        let mut parts: Vec<BatchErrors> = Vec::new();
         for shown in shown.chunks(AHEAD.next_multiple_of(size)) {
             let untrained = self.untrained(shown)?;
             let batch = Batch {
@@ -188,9 +188,9 @@ impl Problem<'_> {
                 untrained: untrained.as_deref(),
             };
             let assessed = batch.parts(size).into_par_iter().map(assess);
-            parts.extend(assessed.collect::<Result<Vec<Assessment>>>()?);
+            parts.extend(assessed.collect::<Result<Vec<BatchErrors>>>()?);
         }
-        Ok(Assessment {
+        Ok(BatchErrors {
             loss: parts.iter().map(|part| part.loss).sum(),
             agreements: parts.into_iter().flat_map(|part| part.agreements).collect(),
         })

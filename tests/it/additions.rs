@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use deaflow::base::{Canonical, Declared, Document, Fields, InputError, Node, Stream};
-use deaflow::fem::effects::{Assessment, EFFECTS, Effect, Solutions};
+use deaflow::fem::effects::{EFFECTS, Effect, Significance, Solutions};
 use deaflow::fem::screening::{Status, Trial, screen_for};
 use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::{Mesh, Simulator};
@@ -15,7 +15,8 @@ use deaflow::orchestrator::{
 use deaflow::parameters;
 use deaflow::pattern::{Pattern, Raster};
 use deaflow::sample::{
-    Canvas, Entry, FAMILIES, Family, FamilyEntry, FamilyParameters, Group, Refusal, SampleError, read_family,
+    Canvas, FAMILIES, Family, FamilyEntry, FamilyError, FamilyOf, FamilyParameters, SampleError, SampleGroup,
+    read_family,
 };
 use deaflow::scene::Scene;
 use deaflow::scene::laws::{Form, Response, StiffeningLaw};
@@ -37,7 +38,7 @@ parameters! {
 impl FamilyParameters for Bars {
     const NAME: &'static str = "bars";
 
-    fn groups(&self, _: Canvas) -> Result<Vec<Group>, Refusal> {
+    fn groups(&self, _: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
         Ok(self.one_group(self.count, Box::new(BarsOf(self.width as usize))))
     }
 }
@@ -60,7 +61,7 @@ impl Family for BarsOf {
 
 #[test]
 fn a_family_is_added_to_the_table_by_value() {
-    let table: Vec<&dyn FamilyEntry> = FAMILIES.iter().copied().chain([&Entry::<Bars>::NEW as _]).collect();
+    let table: Vec<&dyn FamilyEntry> = FAMILIES.iter().copied().chain([&FamilyOf::<Bars>::NEW as _]).collect();
     let read = |text: &str| {
         let document = Document::from_text(Path::new("bars"), text).unwrap();
         let read = read_family(&table, &document.root, "a sample", &["seed"], Canvas::PAPER);
@@ -117,10 +118,10 @@ impl Effect for Sag {
         "one more solve"
     }
 
-    fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Assessment> {
+    fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Significance> {
         let stable = solutions.examined.iter().all(|one| one.outcome.is_converged());
         let number = 1000.0 * 9.81 * 1e-3 * scene.side_mm() / scene.shear_modulus_pa();
-        Some(Assessment::known(
+        Some(Significance::known(
             "ρgL/μ",
             number,
             if stable { 0.01 } else { 0.0 },

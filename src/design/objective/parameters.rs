@@ -106,7 +106,7 @@ parameters! {
     /// Points and bodies whose motions count by their weighted mean.
     struct ManyPoints as "the objective" {
         /// The points and bodies.
-        points: Vec<Wanted> [((), 1..=usize::MAX)],
+        points: Vec<Target> [((), 1..=usize::MAX)],
     }
     include {
         /// How they are measured.
@@ -119,7 +119,7 @@ parameters! {
 
 parameters! {
     /// A wanted displacement field.
-    struct WantedField as "the objective" {
+    struct FieldObjective as "the objective" {
         /// A CSV file beside the pipeline or below with the columns x_mm, y_mm, ux_mm, uy_mm.
         field: FieldPoints,
         /// When, since the voltage was put on, where the elastomer creeps; at the end of creep unless it is said.
@@ -133,7 +133,7 @@ struct FieldPoints(Vec<PointParameters>);
 
 /// A point or a body, and where it should move.
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Wanted {
+enum Target {
     Point(PointParameters),
     Body(BodyParameters),
 }
@@ -159,7 +159,7 @@ const LARGEST_TURN: std::ops::RangeInclusive<f64> = -179.0..=179.0;
 /// What a design is for: points and bodies, how each should move, and how that is measured.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Objective {
-    points: Vec<Wanted>,
+    points: Vec<Target>,
     measure: &'static dyn Measure,
     value: Option<Length>,
     moment: Moment,
@@ -258,7 +258,7 @@ fn along(direction: Option<Angle>, value: Option<Length>) -> Motion {
     }
 }
 
-impl Wanted {
+impl Target {
     /// Whether it says itself how far it should move.
     fn is_far(&self) -> bool {
         match self {
@@ -386,13 +386,13 @@ impl PointParameters {
 
 impl Objective {
     fn new(
-        points: Vec<Wanted>,
+        points: Vec<Target>,
         measured: MeasureParameters,
         swing: SwingParameters,
         node: &Node,
     ) -> Result<Self, InputError> {
         let MeasureParameters { measure, value, time } = measured;
-        let wanted = value.is_some() || points.iter().all(Wanted::is_far);
+        let wanted = value.is_some() || points.iter().all(Target::is_far);
         let usual: &'static dyn Measure = if wanted { &Distance } else { &Displacement };
         let objective = Self {
             points,
@@ -428,10 +428,10 @@ impl Objective {
             (_, Some(_)) if vectors > 0 => Err(at("value")
                 .error("`value` stands for the length of the displacements, and a point has its `displacement`")
                 .help("give either")),
-            (_, Some(_)) if self.points.iter().any(Wanted::turns) => Err(at("value")
+            (_, Some(_)) if self.points.iter().any(Target::turns) => Err(at("value")
                 .error("`value` is a length, and a body is to turn")
                 .help("give the wanted angle as its `rotation`")),
-            _ if !self.measure.takes_rotations() && self.points.iter().any(Wanted::is_rotation) => Err(at("measure")
+            _ if !self.measure.takes_rotations() && self.points.iter().any(Target::is_rotation) => Err(at("measure")
                 .error(format!("`measure: {}` compares directions, and a body is to turn", self.measure.name()))
                 .help("leave `measure` out")),
             _ => Ok(()),
@@ -452,7 +452,7 @@ impl Objective {
             let message = format!("`measure: {}` measures no amplitude", self.measure.name());
             return Err(measure.error(message).help("leave `measure` out, or `frequency`"));
         }
-        let is_along = |one: &Wanted| matches!(one, Wanted::Point(point) if point.displacement.is_none());
+        let is_along = |one: &Target| matches!(one, Target::Point(point) if point.displacement.is_none());
         match self.points.iter().all(is_along) {
             true => Ok(()),
             false => Err(node
@@ -480,19 +480,19 @@ impl Objective {
             } = ManyPoints::read_with(node, &[])?;
             (points, measured, swing)
         } else if node.peek("field").is_some() {
-            let WantedField { field, time } = WantedField::read_with(node, &[])?;
+            let FieldObjective { field, time } = FieldObjective::read_with(node, &[])?;
             let measured = MeasureParameters {
                 value: None,
                 measure: None,
                 time,
             };
-            (field.0.into_iter().map(Wanted::Point).collect(), measured, still)
+            (field.0.into_iter().map(Target::Point).collect(), measured, still)
         } else if node.peek("body").is_some() {
             let OneBody { body, measured } = OneBody::read_with(node, &[])?;
-            (vec![Wanted::Body(body)], measured, still)
+            (vec![Target::Body(body)], measured, still)
         } else {
             let OnePoint { point, measured, swing } = OnePoint::read_with(node, &[])?;
-            (vec![Wanted::Point(point)], measured, swing)
+            (vec![Target::Point(point)], measured, swing)
         };
         Self::new(points, measured, swing, node)
     }
@@ -561,7 +561,7 @@ impl Parameter for Objective {
             OnePoint::fields(),
             OneBody::fields(),
             ManyPoints::fields(),
-            WantedField::fields(),
+            FieldObjective::fields(),
         ];
         Schema::any_of(forms.map(Schema::from))
     }
@@ -571,7 +571,7 @@ impl Parameter for Objective {
     }
 }
 
-impl Parameter for Wanted {
+impl Parameter for Target {
     type Limits = ();
     type Literal = Self;
 

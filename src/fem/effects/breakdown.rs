@@ -2,7 +2,7 @@
 //!
 //! It changes no displacement: it is read off a solution.
 
-use super::effect::{Assessment, Effect, Examined, Solutions, Verdict};
+use super::effect::{Effect, Examined, Significance, Solutions, Verdict};
 use crate::CellState;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Breakdown, Effects, HuangStrength, Scene};
@@ -60,18 +60,18 @@ impl Effect for DielectricBreakdown {
         effects.dielectric_breakdown = Some(breakdown_strength_or_usual(scene));
     }
 
-    fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Assessment> {
+    fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Significance> {
         let quantity = match breakdown_strength(scene) {
             Some(_) => "max E/E_B",
             None => "max E/E_B (Huang's law assumed)",
         };
-        let open = |verdict, change| Some(Assessment::open(quantity, verdict, THRESHOLD, change));
+        let open = |verdict, change| Some(Significance::open(quantity, verdict, THRESHOLD, change));
         let Some(worst) = solutions.worst(|one| one.field) else {
             return open(Verdict::Unknown, "no patterns".to_owned());
         };
         let unsettled = |one: &Examined| !one.outcome.is_converged();
         let state = if unsettled(worst) { ", at rest" } else { "" };
-        let known = Assessment::known(
+        let known = Significance::known(
             quantity,
             worst.field,
             THRESHOLD,

@@ -1,6 +1,6 @@
 //! Charge control: a charge is given, and the voltage follows from it.
 
-use super::effect::{Assessment, Effect, Verdict};
+use super::effect::{Effect, Significance, Verdict};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
 
@@ -20,10 +20,10 @@ impl Effect for ChargeControl {
         Some(effects.charge_control.is_some())
     }
 
-    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+    fn assess(&self, scene: &Scene) -> Option<Significance> {
         Some(match &scene.drive.charge {
-            Some(_) => Assessment::open("–", Verdict::CalledFor, 0.0, "the drive is a charge".to_owned()),
-            None => Assessment::does_not_arise("the drive is a voltage"),
+            Some(_) => Significance::open("–", Verdict::CalledFor, 0.0, "the drive is a charge".to_owned()),
+            None => Significance::does_not_arise("the drive is a voltage"),
         })
     }
 }

@@ -43,13 +43,13 @@ pub trait Effect: Sync {
     }
 
     /// How much it matters; `None` where a solution tells.
-    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+    fn assess(&self, scene: &Scene) -> Option<Significance> {
         let _ = scene;
         None
     }
 
     /// How much it matters by solutions of the scene; `None` where the scene tells.
-    fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Assessment> {
+    fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Significance> {
         let _ = (scene, solutions);
         None
     }
@@ -57,7 +57,7 @@ pub trait Effect: Sync {
 
 /// How much an effect matters.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Assessment {
+pub struct Significance {
     /// What the number is, as a formula.
     pub quantity: String,
     /// The number; `None` where it cannot be computed or does not arise.
@@ -101,7 +101,7 @@ impl Verdict {
     }
 }
 
-impl Assessment {
+impl Significance {
     /// One by a number.
     #[must_use]
     pub fn known(quantity: &str, number: f64, threshold: f64, change: String) -> Self {

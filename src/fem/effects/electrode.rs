@@ -4,7 +4,7 @@
 //! active; in units of μH that is χ = μₑHₑ/μH times ½(i + j⁻² − 3). (It is the composite membrane of, for instance,
 //! Bozlar et al., Appl. Phys. Lett. 101 (2012) 091907, with thin electrodes.) Without effect as χ → 0.
 
-use super::effect::{Assessment, Effect};
+use super::effect::{Effect, Significance};
 use super::strip::Strip;
 use crate::energy::{Invariants, Slopes, relief};
 use crate::lanes::Value;
@@ -78,12 +78,12 @@ impl Effect for ElectrodeStiffness {
         true
     }
 
-    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+    fn assess(&self, scene: &Scene) -> Option<Significance> {
         let unknown = scene.effects.electrode_stiffness.is_none() && scene.properties.electrode_stiffness.is_none();
         unknown.then(|| {
             // Pa·mm are mN/m.
             let least = 1e-3 * Strip::new(scene).least_electrode() * scene.shear_modulus_pa() * scene.thickness_mm();
-            Assessment::lacks_data(&format!("μe He > {} N/m", two_digits(least)))
+            Significance::lacks_data(&format!("μe He > {} N/m", two_digits(least)))
         })
     }
 }

@@ -16,7 +16,7 @@
 
 use std::f64::consts::{LN_2, PI};
 
-use super::effect::{Assessment, DISPLACED, Effect, SMALL, Verdict};
+use super::effect::{DISPLACED, Effect, SMALL, Significance, Verdict};
 use crate::element::Line;
 use crate::error::SetupError;
 use crate::grid::{Grid, THINNEST};
@@ -248,10 +248,10 @@ impl Effect for FringeField {
         true
     }
 
-    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+    fn assess(&self, scene: &Scene) -> Option<Significance> {
         let refusal = Fringe::new(scene).err()?;
         let change = format!("is more than can be simulated: {refusal}");
-        Some(Assessment::open(DISPLACED, Verdict::CalledFor, SMALL, change))
+        Some(Significance::open(DISPLACED, Verdict::CalledFor, SMALL, change))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Rigid inclusions: the bodies of the geometry, which are on wherever there are some.
 
-use super::effect::{Assessment, Effect, Verdict};
+use super::effect::{Effect, Significance, Verdict};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
 
@@ -20,10 +20,10 @@ impl Effect for RigidInclusion {
         Some(scene.geometry.bodies.is_some())
     }
 
-    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+    fn assess(&self, scene: &Scene) -> Option<Significance> {
         Some(match &scene.geometry.bodies {
-            Some(_) => Assessment::open("–", Verdict::CalledFor, 0.0, "the geometry has rigid bodies".to_owned()),
-            None => Assessment::does_not_arise("the scene has no rigid part"),
+            Some(_) => Significance::open("–", Verdict::CalledFor, 0.0, "the geometry has rigid bodies".to_owned()),
+            None => Significance::does_not_arise("the scene has no rigid part"),
         })
     }
 }

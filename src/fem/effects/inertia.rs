@@ -1,6 +1,6 @@
 //! Inertia: screened by the frequency of the force over that of the first mode.
 
-use super::effect::{Assessment, Effect, Verdict};
+use super::effect::{Effect, Significance, Verdict};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
 
@@ -35,10 +35,10 @@ impl Effect for Inertia {
             .map(|density| deaflow_scene::Inertia { density });
     }
 
-    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+    fn assess(&self, scene: &Scene) -> Option<Significance> {
         let Some(frequency) = scene.drive.force_frequency_hz() else {
             let change = "the drive is static".to_owned();
-            return Some(Assessment::open("f/f1", Verdict::NotCalledFor, THRESHOLD, change));
+            return Some(Significance::open("f/f1", Verdict::NotCalledFor, THRESHOLD, change));
         };
         let density = scene.density().unwrap_or(USUAL_DENSITY);
         // f₁₁ = ½ √(μ/ρ) √((λ₁/Lx)² + (λ₂/Ly)²), in the limit of large prestretch.
@@ -47,6 +47,6 @@ impl Effect for Inertia {
         let [along, across] = [0, 1].map(|axis| prestretch[axis] / (2e-3 * size[axis]));
         let first = along.hypot(across) * speed;
         let change = format!("grows towards the first mode, at {first:.0} Hz");
-        Some(Assessment::known("f/f1", frequency / first, THRESHOLD, change))
+        Some(Significance::known("f/f1", frequency / first, THRESHOLD, change))
     }
 }

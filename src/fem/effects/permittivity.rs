@@ -5,7 +5,7 @@
 //! Where ε was measured on the undeformed elastomer, J = λp²j makes b = κλp²·λp^(−2s); where it was measured on the
 //! prestretched membrane, J counts from there and b = κλp². Without effect as s → 0.
 
-use super::effect::{Assessment, Effect};
+use super::effect::{Effect, Significance};
 use super::strip::Strip;
 use crate::energy::{Invariants, Slopes};
 use crate::lanes::Value;
@@ -118,12 +118,12 @@ impl Effect for StretchDependentPermittivity {
         true
     }
 
-    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+    fn assess(&self, scene: &Scene) -> Option<Significance> {
         let [on, known] = [
             &scene.effects.stretch_dependent_permittivity,
             &scene.properties.stretch_dependent_permittivity,
         ];
         (on.is_none() && known.is_none())
-            .then(|| Assessment::lacks_data(&format!("s > {}", two_digits(Strip::new(scene).least_decay()))))
+            .then(|| Significance::lacks_data(&format!("s > {}", two_digits(Strip::new(scene).least_decay()))))
     }
 }

@@ -1,7 +1,7 @@
 //! Electromechanical stability: how far the voltage is from the one at which stability is lost. [`crate`] computes it in
 //! its modules stability, continuation and margin.
 
-use super::effect::{Assessment, Effect, Solutions, Stability, Verdict};
+use super::effect::{Effect, Significance, Solutions, Stability, Verdict};
 use crate::critical::{COARSE, CriticalVoltage};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, On, Scene};
@@ -29,16 +29,16 @@ impl Effect for ElectromechanicalStability {
         effects.electromechanical_stability = Some(On {});
     }
 
-    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+    fn assess(&self, scene: &Scene) -> Option<Significance> {
         if scene.drive.charge.is_some() {
-            return Some(Assessment::does_not_arise("the drive is a charge"));
+            return Some(Significance::does_not_arise("the drive is a charge"));
         }
-        (scene.voltage_v() <= 0.0).then(|| Assessment::does_not_arise("there is no voltage"))
+        (scene.voltage_v() <= 0.0).then(|| Significance::does_not_arise("there is no voltage"))
     }
 
-    fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Assessment> {
+    fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Significance> {
         let quantity = "κ/κ(critical)";
-        let open = |verdict, change| Some(Assessment::open(quantity, verdict, NEAR, change));
+        let open = |verdict, change| Some(Significance::open(quantity, verdict, NEAR, change));
         let share = |voltage: f64| (scene.voltage_v() / voltage).powi(2);
         let known = || {
             solutions
@@ -76,16 +76,16 @@ impl Effect for ElectromechanicalStability {
                 voltage(&limit),
                 room.abs()
             );
-            let known = Assessment::known(quantity, ratio, NEAR, change.clone());
+            let known = Significance::known(quantity, ratio, NEAR, change.clone());
             match limit.error {
-                Some(error) => Assessment {
+                Some(error) => Significance {
                     error: Some(2.0 * ratio * error / limit.voltage),
                     ..known
                 },
                 // A finer mesh, for which there was no more work, could say otherwise.
                 None if known.verdict == Verdict::NotCalledFor && share(limit.interval()[0]) > NEAR => {
                     let more = ", and a finer mesh takes more work than is allowed";
-                    Assessment::open(quantity, Verdict::GivenUp, NEAR, change + more)
+                    Significance::open(quantity, Verdict::GivenUp, NEAR, change + more)
                 }
                 None => known,
             }
@@ -136,7 +136,7 @@ mod tests {
     use crate::effects::Examined;
     use deaflow_field::{Mesh, Outcome};
 
-    fn assess(found: &[Stability]) -> Assessment {
+    fn assess(found: &[Stability]) -> Significance {
         let one = |(i, stability): (usize, &Stability)| Examined {
             pattern: format!("p{i}"),
             outcome: Outcome::Converged,

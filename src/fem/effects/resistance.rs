@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::effect::{Assessment, Effect, Verdict};
+use super::effect::{Effect, Significance, Verdict};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
 
@@ -44,16 +44,16 @@ impl Effect for ElectrodeResistance {
         effects.electrode_resistance = None;
     }
 
-    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+    fn assess(&self, scene: &Scene) -> Option<Significance> {
         let Some(frequency) = scene.drive.voltage_frequency_hz() else {
             let change = "the drive is static".to_owned();
-            return Some(Assessment::open(QUANTITY, Verdict::NotCalledFor, THRESHOLD, change));
+            return Some(Significance::open(QUANTITY, Verdict::NotCalledFor, THRESHOLD, change));
         };
         let simulated = scene.effects.electrode_resistance.as_ref();
         let simulated = simulated.map(|effect| &effect.sheet_resistance);
         let Some(resistance) = simulated.or(scene.properties.sheet_resistance.as_ref()) else {
             let change = "delays the voltage by a time that needs `sheet_resistance`: judged by 1 kHz".to_owned();
-            return Some(Assessment::known("f/(1 kHz)", frequency / 1e3, 1.0, change));
+            return Some(Significance::known("f/(1 kHz)", frequency / 1e3, 1.0, change));
         };
         let capacitance = scene.permittivity() / (1e-3 * scene.prestretched_thickness_mm());
         // The current flows through both sheets. Λ₁ is the lowest eigenvalue of −Δ on an electrode as long as the membrane with its lead at one
@@ -63,7 +63,7 @@ impl Effect for ElectrodeResistance {
         let eigenvalue = (0.5 * PI / (1e-3 * width.max(height))).powi(2);
         let time = sheets * capacitance / eigenvalue;
         let change = format!("delays the voltage at the far end by {time:.1e} s");
-        Some(Assessment::known(
+        Some(Significance::known(
             QUANTITY,
             2.0 * PI * frequency * time,
             THRESHOLD,

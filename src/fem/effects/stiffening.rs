@@ -1,7 +1,7 @@
 //! Strain stiffening: elastomers of finite chains. The laws are in [`deaflow_scene::laws`];
 //! their kernels are in [`crate::energy`].
 
-use super::effect::{Assessment, Effect};
+use super::effect::{Effect, Significance};
 use super::strip::Strip;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
@@ -34,8 +34,8 @@ impl Effect for StrainStiffening {
         true
     }
 
-    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+    fn assess(&self, scene: &Scene) -> Option<Significance> {
         let unknown = scene.effects.strain_stiffening.is_none() && scene.properties.strain_stiffening.is_none();
-        unknown.then(|| Assessment::lacks_data(&format!("Jm < {:.0}", Strip::new(scene).least_jm())))
+        unknown.then(|| Significance::lacks_data(&format!("Jm < {:.0}", Strip::new(scene).least_jm())))
     }
 }

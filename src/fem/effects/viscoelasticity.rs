@@ -1,6 +1,6 @@
 //! Viscoelasticity: Maxwell branches beside the equilibrium law, screened by how much they change by the end of the drive.
 
-use super::effect::{Assessment, Effect, SMALL, Verdict};
+use super::effect::{Effect, SMALL, Significance, Verdict};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene, Viscoelasticity as Branches};
 
@@ -69,9 +69,9 @@ impl Effect for Viscoelasticity {
         effects.viscoelasticity = branches(scene).cloned();
     }
 
-    fn assess(&self, scene: &Scene) -> Option<Assessment> {
+    fn assess(&self, scene: &Scene) -> Option<Significance> {
         let quantity = "Σ 4Gφ/(μ λp²)";
-        let open = |verdict, why: &str| Some(Assessment::open(quantity, verdict, SMALL, why.to_owned()));
+        let open = |verdict, why: &str| Some(Significance::open(quantity, verdict, SMALL, why.to_owned()));
         let asked = Asked::of(scene);
         if asked.is_none() && scene.drive.rest.is_none() {
             return open(Verdict::NotCalledFor, "the drive has no time");
@@ -98,7 +98,7 @@ impl Effect for Viscoelasticity {
             each().map(share).sum()
         });
         if left > creep {
-            return Some(Assessment::known(
+            return Some(Significance::known(
                 "Σ (G/μ) e^(−rest/τ)",
                 left,
                 SMALL,
@@ -111,6 +111,6 @@ impl Effect for Viscoelasticity {
             Some(Asked::Hold(_)) => "has relaxed when the drive ends",
             Some(Asked::Period(_)) | None => "resists the oscillation",
         };
-        Some(Assessment::known(quantity, creep, SMALL, change.to_owned()))
+        Some(Significance::known(quantity, creep, SMALL, change.to_owned()))
     }
 }

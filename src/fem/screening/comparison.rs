@@ -3,7 +3,7 @@
 //! Both are solved for, with all that is not linear about them, because an effect that is small at rest need not be so near a loss of
 //! stability. Where a solution is lost below the voltage of the scene, the two are compared a little below the loss.
 
-use crate::effects::{Assessment, DISPLACED, SMALL, Verdict};
+use crate::effects::{DISPLACED, SMALL, Significance, Verdict};
 use deaflow_field::{Field, Outcome};
 
 /// What an effect does to one pattern.
@@ -70,21 +70,21 @@ impl Comparison {
 }
 
 /// How much an effect matters by what it does to some patterns: to the one that it changes most, or whose stability it decides about.
-pub fn assess(comparisons: &[Comparison]) -> Assessment {
+pub fn assess(comparisons: &[Comparison]) -> Significance {
     let largest = comparisons
         .iter()
         .max_by(|a, b| a.difference().total_cmp(&b.difference()));
     let Some(largest) = largest else {
-        return Assessment::open(DISPLACED, Verdict::Unknown, SMALL, "no patterns".to_owned());
+        return Significance::open(DISPLACED, Verdict::Unknown, SMALL, "no patterns".to_owned());
     };
     let number = largest.displacement.map(|d| d.difference);
-    let by_number = Assessment {
+    let by_number = Significance {
         number,
-        ..Assessment::known(DISPLACED, largest.difference(), SMALL, in_words(largest))
+        ..Significance::known(DISPLACED, largest.difference(), SMALL, in_words(largest))
     };
     if let Some(decisive) = comparisons.iter().find(|one| one.is_decisive()) {
         let [without, with] = decisive.outcomes;
-        return Assessment {
+        return Significance {
             verdict: Verdict::CalledFor,
             change: format!(
                 "decides whether `{}` is stable: {without} without it, {with} with it",
@@ -94,7 +94,7 @@ pub fn assess(comparisons: &[Comparison]) -> Assessment {
         };
     }
     match comparisons.iter().find(|one| one.is_unknown()) {
-        Some(unknown) if by_number.verdict != Verdict::CalledFor => Assessment {
+        Some(unknown) if by_number.verdict != Verdict::CalledFor => Significance {
             verdict: Verdict::GivenUp,
             change: format!(
                 "could not be judged by `{}` with the work that is allowed, as is often so where a pattern is lost: `deaflow screen` with \

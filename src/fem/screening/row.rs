@@ -1,7 +1,7 @@
 //! What is known about an effect in a scene.
 
 use super::comparison::Comparison;
-use crate::effects::{Assessment, DISPLACED, Effect, Verdict};
+use crate::effects::{DISPLACED, Effect, Significance, Verdict};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
 
@@ -11,7 +11,7 @@ pub struct Row {
     /// Its name in a scene.
     pub effect: &'static str,
     /// How much it matters.
-    pub assessment: Assessment,
+    pub assessment: Significance,
     /// Whether it is simulated.
     pub status: Status,
     /// What it would cost, in words.
@@ -92,7 +92,7 @@ impl Row {
 
     /// What it does, after its state, where it is called for.
     fn says(&self, verbs: [&'static str; 2], state: &'static str) -> Option<Said> {
-        let Assessment {
+        let Significance {
             quantity,
             threshold,
             verdict,
@@ -161,7 +161,7 @@ impl Said {
 
 /// How much an effect matters, and the comparisons that say so.
 pub(super) struct Judged {
-    pub assessment: Assessment,
+    pub assessment: Significance,
     pub comparisons: Vec<Comparison>,
 }
 
@@ -175,8 +175,8 @@ impl Judged {
     }
 }
 
-impl From<Assessment> for Judged {
-    fn from(assessment: Assessment) -> Self {
+impl From<Significance> for Judged {
+    fn from(assessment: Significance) -> Self {
         Self {
             assessment,
             comparisons: Vec::new(),

@@ -4,7 +4,7 @@ use super::bench::Bench;
 use super::row::{Judged, Row, Said};
 use super::solution::{self, Purpose};
 use super::trial::Trial;
-use crate::effects::{Assessment, DISPLACED, EFFECTS, Effect, SMALL, Solutions, Verdict};
+use crate::effects::{DISPLACED, EFFECTS, Effect, SMALL, Significance, Solutions, Verdict};
 use crate::{SetupError, WorkLimit};
 use deaflow_scene::{Effects, Scene};
 
@@ -67,7 +67,7 @@ pub(super) fn screen_to(
     limit: WorkLimit,
 ) -> Result<Screening, SetupError> {
     if purpose != Purpose::Watch {
-        return Run::new(&EFFECTS, scene, patterns, limit).finish(purpose);
+        return ScreeningRun::new(&EFFECTS, scene, patterns, limit).finish(purpose);
     }
     // What is simulated is no warning, but for what an equilibrium leaves out.
     let off = |effect: &&dyn Effect| effect.needs_time() || effect.is_on(&scene.effects, scene) != Some(true);
@@ -78,7 +78,7 @@ pub(super) fn screen_to(
         ..trial.clone()
     };
     let patterns: Vec<Trial> = patterns.iter().map(searched).collect();
-    Run::new(&effects, scene, &patterns, limit).finish(purpose)
+    ScreeningRun::new(&effects, scene, &patterns, limit).finish(purpose)
 }
 
 /// Screens a scene for some effects.
@@ -86,12 +86,12 @@ pub(super) fn screen_to(
 /// # Errors
 /// As [`screen`].
 pub fn screen_for(effects: &[&dyn Effect], scene: &Scene, patterns: &[Trial]) -> Result<Screening, SetupError> {
-    Run::new(effects, scene, patterns, WorkLimit::default()).finish(Purpose::Table)
+    ScreeningRun::new(effects, scene, patterns, WorkLimit::default()).finish(Purpose::Table)
 }
 
 /// A screening on the way. Effects are taken one after the other, and each is compared beside those that are simulated: the ones
 /// that the scene names or, where it leaves them open, the ones before it that are called for.
-struct Run<'a> {
+struct ScreeningRun<'a> {
     effects: &'a [&'a dyn Effect],
     scene: &'a Scene,
     patterns: &'a [Trial],
@@ -101,7 +101,7 @@ struct Run<'a> {
     bench: Bench,
 }
 
-impl<'a> Run<'a> {
+impl<'a> ScreeningRun<'a> {
     fn new(effects: &'a [&'a dyn Effect], scene: &'a Scene, patterns: &'a [Trial], limit: WorkLimit) -> Self {
         Self {
             effects,
@@ -182,7 +182,7 @@ impl<'a> Run<'a> {
     }
 
     /// Turns on what is called for, with the parameters that the scene knows, where the scene leaves it open.
-    fn turn_on_if_called_for(&mut self, effect: &dyn Effect, assessment: &Assessment) {
+    fn turn_on_if_called_for(&mut self, effect: &dyn Effect, assessment: &Significance) {
         if self.scene.auto && assessment.verdict == Verdict::CalledFor {
             effect.turn_on(&mut self.chosen, self.scene);
         }
@@ -190,7 +190,7 @@ impl<'a> Run<'a> {
 }
 
 /// An effect that the scene has data for and that cannot be simulated with them.
-fn refused(refusal: &SetupError) -> Assessment {
+fn refused(refusal: &SetupError) -> Significance {
     let change = format!("cannot be compared: {refusal}");
-    Assessment::open(DISPLACED, Verdict::CalledFor, SMALL, change)
+    Significance::open(DISPLACED, Verdict::CalledFor, SMALL, change)
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::predictors::NamedPredictor;
-use super::{Calibrated, Row};
+use super::{Calibrated, EvaluationRow};
 use deaflow_content as content;
 use deaflow_content::{ALL_FAMILIES, Evaluation, PatternScores, Scores};
 use deaflow_scene::Scene;
@@ -13,19 +13,19 @@ use deaflow_surrogate::{Coverage, OBJECTIVES, PatternScore, Score};
 const BINS: f64 = 20.0;
 
 /// The content of the artifact.
-pub fn evaluation(predictors: &[NamedPredictor], calibrated: &[Calibrated], rows: &[Row], scene: Scene) -> Evaluation {
+pub fn evaluation(predictors: &[NamedPredictor], calibrated: &[Calibrated], rows: &[EvaluationRow], scene: Scene) -> Evaluation {
     let known: BTreeSet<&str> = rows.iter().map(|row| row.family.as_str()).collect();
     let families: Vec<&str> = known.into_iter().chain([ALL_FAMILIES]).collect();
     let members = |family: &str| {
         let of_family = rows.iter().filter(|row| family == ALL_FAMILIES || row.family == family);
-        of_family.collect::<Vec<&Row>>()
+        of_family.collect::<Vec<&EvaluationRow>>()
     };
-    let groups: Vec<Vec<&Row>> = families.iter().map(|family| members(family)).collect();
+    let groups: Vec<Vec<&EvaluationRow>> = families.iter().map(|family| members(family)).collect();
     // Of all families together, by area fraction: bins of 5 %, those that have patterns.
-    let bin = |row: &Row| (row.area * BINS).round() as u64;
+    let bin = |row: &EvaluationRow| (row.area * BINS).round() as u64;
     let bins: BTreeSet<u64> = rows.iter().map(bin).collect();
     let in_bin = |k: &u64| rows.iter().filter(|row| bin(row) == *k).collect();
-    let binned: Vec<Vec<&Row>> = bins.iter().map(in_bin).collect();
+    let binned: Vec<Vec<&EvaluationRow>> = bins.iter().map(in_bin).collect();
     Evaluation {
         predictors: predictors.iter().map(|c| c.name().to_owned()).collect(),
         predictor_digests: predictors.iter().map(|c| c.digest().to_owned()).collect(),
@@ -51,8 +51,8 @@ fn trained(predictors: &[NamedPredictor], families: &[&str]) -> Vec<u64> {
     predictors.iter().flat_map(of_one).collect()
 }
 
-fn scores(predictors: usize, groups: &[Vec<&Row>]) -> Scores {
-    let score = |k: usize, group: &[&Row]| Score::of(group.iter().filter_map(|row| row.judged.scores[k].as_ref()));
+fn scores(predictors: usize, groups: &[Vec<&EvaluationRow>]) -> Scores {
+    let score = |k: usize, group: &[&EvaluationRow]| Score::of(group.iter().filter_map(|row| row.judged.scores[k].as_ref()));
     let scores: Vec<Option<Score>> = (0..predictors)
         .flat_map(|k| groups.iter().map(move |group| score(k, group)))
         .collect();
@@ -71,10 +71,10 @@ fn scores(predictors: usize, groups: &[Vec<&Row>]) -> Scores {
     }
 }
 
-fn pattern_scores(predictors: usize, rows: &[Row]) -> PatternScores {
+fn pattern_scores(predictors: usize, rows: &[EvaluationRow]) -> PatternScores {
     let scores = || (0..predictors).flat_map(|k| rows.iter().map(move |row| row.judged.scores[k].as_ref()));
     let floats = |value: fn(&PatternScore) -> f64| scores().map(|score| score.map_or(0.0, value)).collect();
-    let simulated = |row: &Row| {
+    let simulated = |row: &EvaluationRow| {
         let mut known = row.judged.scores.iter().flatten();
         known.next().map_or(0.0, |score| score.simulated_max_mm)
     };
@@ -93,7 +93,7 @@ fn coverage(
     predictors: &[NamedPredictor],
     calibrated: &[Calibrated],
     families: &[&str],
-    groups: &[Vec<&Row>],
+    groups: &[Vec<&EvaluationRow>],
 ) -> content::Coverage {
     let n = calibrated.len();
     let of_groups = |value: &dyn Fn(&[Coverage]) -> f64| by_group(n, groups, value);
@@ -138,7 +138,7 @@ fn coverage(
 }
 
 /// A number of each group of patterns by each of `n` calibrations.
-fn by_group<T>(n: usize, groups: &[Vec<&Row>], value: &dyn Fn(&[Coverage]) -> T) -> Vec<T> {
+fn by_group<T>(n: usize, groups: &[Vec<&EvaluationRow>], value: &dyn Fn(&[Coverage]) -> T) -> Vec<T> {
     let of_one = |k: usize| {
         groups.iter().map(move |group| {
             let covered: Vec<Coverage> = group.iter().map(|row| row.judged.coverage[k]).collect();

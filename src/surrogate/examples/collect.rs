@@ -90,7 +90,7 @@ pub struct Collector {
 /// A row with a label.
 #[derive(Debug)]
 struct Row {
-    place: Place,
+    place: SamplePosition,
     pattern: Pattern,
     label: Label,
     family: String,
@@ -99,9 +99,9 @@ struct Row {
 
 /// Where a row stands: input and row.
 #[derive(Clone, Copy, Debug)]
-struct Place(usize, usize);
+struct SamplePosition(usize, usize);
 
-impl Place {
+impl SamplePosition {
     fn left_out(self, found_mm: f64, why: Why) -> LeftOut {
         let Self(input, row) = self;
         LeftOut {
@@ -143,7 +143,7 @@ impl Collector {
         if row.origin == Origin::Verified && self.rows.iter().any(is_again) {
             return Ok(());
         }
-        let place = Place(row.input, row.row);
+        let place = SamplePosition(row.input, row.row);
         let (found_mm, why) = match (row.origin, row.label) {
             (Origin::Solved { converged: false }, _) => (0.0, Why::NotConverged),
             (_, Err(LabelError::Frame(found_mm))) => (found_mm, Why::Frame),
@@ -252,7 +252,7 @@ impl Collector {
 /// membrane. `places` say of each example where it stands and whether it was verified.
 fn leave_out_implausible(
     examples: &mut Vec<Example>,
-    places: &[(Place, bool)],
+    places: &[(SamplePosition, bool)],
     side_mm: f64,
     left_out: &mut Vec<LeftOut>,
 ) {

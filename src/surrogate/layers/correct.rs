@@ -52,14 +52,14 @@ pub(crate) struct Scale {
 
 /// A local law in all orientations, row by row.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Law<'a> {
+pub(crate) struct StressLaw<'a> {
     /// The two factors of all products, first those of the one, then those of the other, (2 products, features).
     pub(crate) factors: &'a [f32],
     /// From products and features to stresses, (modes, products + features).
     pub(crate) stresses: &'a [f32],
 }
 
-impl<'a> Law<'a> {
+impl<'a> StressLaw<'a> {
     fn products(&self) -> usize {
         self.factors.len() / FEATURES / 2
     }
@@ -143,7 +143,7 @@ impl Workspace {
     }
 
     /// Factors and products of a law at a displacement.
-    fn look(&mut self, law: Law<'_>, pattern: &[f32], displacement: &[f32], scale: Scale) {
+    fn look(&mut self, law: StressLaw<'_>, pattern: &[f32], displacement: &[f32], scale: Scale) {
         let area = self.raster.cells();
         let (products, features) = self.seen.split_at_mut(self.products * area);
         write_strains(self.raster, pattern, displacement, scale.strain, features);
@@ -157,7 +157,7 @@ impl Workspace {
     pub(crate) fn correct(
         &mut self,
         ground: &Ground,
-        law: Law<'_>,
+        law: StressLaw<'_>,
         pattern: &[f32],
         displacement: &mut [f32],
         scale: Scale,
@@ -195,7 +195,7 @@ fn add_scaled(y: &mut [f32], alpha: f32, x: &[f32]) {
 }
 
 /// Adds the correction of a law to displacements (n, 2, rows − 1, columns − 1) of patterns (n, rows, columns), ±½ per cell. Factors are
-/// (2 products, features), stresses (modes, products + features), as in [`Law`].
+/// (2 products, features), stresses (modes, products + features), as in [`StressLaw`].
 pub(crate) fn correct(
     ground: &Arc<Ground>,
     patterns: &Tensor,
@@ -236,7 +236,7 @@ impl CustomOp3 for Correct {
         stresses: &CpuStorage,
         ls: &Layout,
     ) -> Result<(CpuStorage, Shape)> {
-        let law = Law {
+        let law = StressLaw {
             factors: values(factors, lf)?,
             stresses: values(stresses, ls)?,
         };
@@ -271,7 +271,7 @@ impl CustomOp3 for Correct {
         let flat = |tensor: &Tensor| tensor.flatten_all()?.to_vec1::<f32>();
         let (displacements, mut gradient) = (flat(u)?, flat(grad)?);
         let (factor_values, stress_values) = (flat(factors)?, flat(stresses)?);
-        let law = Law {
+        let law = StressLaw {
             factors: &factor_values,
             stresses: &stress_values,
         };
@@ -303,14 +303,14 @@ impl CustomOp3 for Correct {
 /// Gradients of a correction with respect to its law, summed over images in order.
 struct Backward<'a> {
     ground: &'a Ground,
-    law: Law<'a>,
+    law: StressLaw<'a>,
     scale: Scale,
     by_factors: Vec<f32>,
     by_stresses: Vec<f32>,
 }
 
 impl<'a> Backward<'a> {
-    fn new(ground: &'a Ground, law: Law<'a>, scale: Scale) -> Self {
+    fn new(ground: &'a Ground, law: StressLaw<'a>, scale: Scale) -> Self {
         Self {
             ground,
             law,

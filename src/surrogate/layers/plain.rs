@@ -48,7 +48,7 @@ pub(super) fn modes(displacement: &Tensor) -> Result<Tensor> {
     Tensor::cat(&[mode(&SIGNS[0])?, mode(&SIGNS[1])?, mode(&SIGNS[2])?], 1)
 }
 
-/// What a law makes of features (n, 22, cells): stresses (n, 6, cells). `factors` and `stresses` are as in [`super::Law`].
+/// What a law makes of features (n, 22, cells): stresses (n, 6, cells). `factors` and `stresses` are as in [`super::StressLaw`].
 pub(super) fn law(features: &Tensor, factors: &Tensor, stresses: &Tensor) -> Result<Tensor> {
     let features = features.transpose(1, 2)?.contiguous()?;
     let factors = Linear::new(factors.clone(), None).forward(&features)?;

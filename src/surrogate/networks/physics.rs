@@ -36,7 +36,7 @@ pub(super) struct Physics {
     raster: Raster,
     ground: Arc<Ground>,
     response: Response,
-    laws: Vec<Law>,
+    laws: Vec<LocalLaw>,
     /// The laws in all orientations, where they are not trained.
     fixed: Option<Vec<FixedLaw>>,
 }
@@ -60,11 +60,11 @@ impl Physics {
             cells: membrane(weights, raster)?,
         });
         let orientations = Orientations::new(group)?;
-        let law = |number| Law::new(&orientations, &weights.pp(format!("law.{number}")));
-        let laws: Vec<Law> = (1..=CORRECTIONS).map(law).collect::<Result<_>>()?;
-        let fixed = match laws.iter().any(Law::is_trained) {
+        let law = |number| LocalLaw::new(&orientations, &weights.pp(format!("law.{number}")));
+        let laws: Vec<LocalLaw> = (1..=CORRECTIONS).map(law).collect::<Result<_>>()?;
+        let fixed = match laws.iter().any(LocalLaw::is_trained) {
             true => None,
-            false => Some(laws.iter().map(Law::fixed).collect::<Result<_>>()?),
+            false => Some(laws.iter().map(LocalLaw::fixed).collect::<Result<_>>()?),
         };
         Ok(Self {
             raster,
@@ -135,7 +135,7 @@ impl Physics {
             for (pattern, displacement) in images {
                 workspace.surround(pattern);
                 for FixedLaw { factors, stresses } in laws {
-                    let law = layers::Law { factors, stresses };
+                    let law = layers::StressLaw { factors, stresses };
                     workspace.correct(&self.ground, law, pattern, displacement, self.scale());
                 }
             }
@@ -267,7 +267,7 @@ fn membrane(weights: &VarBuilder<'_>, raster: Raster) -> Result<Option<Vec<f32>>
 }
 
 /// A local law: what stress the features of a cell call for, in one orientation.
-struct Law {
+struct LocalLaw {
     orientations: Orientations,
     /// The two factors of each product, (products, features).
     factors: [Tensor; 2],
@@ -277,7 +277,7 @@ struct Law {
     linear: Tensor,
 }
 
-impl Law {
+impl LocalLaw {
     fn new(orientations: &Orientations, weights: &VarBuilder<'_>) -> Result<Self> {
         let stdev = (1.0 / FEATURES as f64).sqrt();
         let products = PRODUCTS / orientations.count();
@@ -323,7 +323,7 @@ impl Law {
     }
 }
 
-impl Export for Law {
+impl Export for LocalLaw {
     fn export(&self, graph: &mut Graph, features: &Value) -> Result<Value> {
         let mut maps = Vec::with_capacity(2);
         for factor in &self.factors {

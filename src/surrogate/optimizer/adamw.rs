@@ -11,12 +11,12 @@ const BETA2: f32 = 0.99;
 const EPSILON: f32 = 1e-8;
 
 /// The running means of one tensor.
-pub(super) struct State {
+pub(super) struct AdamWState {
     first: Vec<f32>,
     second: Vec<f32>,
 }
 
-impl State {
+impl AdamWState {
     /// Before the first step.
     pub(super) fn new(count: usize) -> Self {
         Self {
@@ -55,7 +55,7 @@ mod tests {
 
     #[test]
     fn the_first_steps_by_hand() {
-        let mut state = State::new(2);
+        let mut state = AdamWState::new(2);
         let close = |found: Vec<f32>, expected: [f64; 2]| {
             let near = |(a, b): (&f32, &f64)| (f64::from(*a) - b).abs() < 2e-5;
             assert!(found.iter().zip(&expected).all(near), "{found:?} {expected:?}");

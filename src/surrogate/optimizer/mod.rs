@@ -21,8 +21,8 @@ pub(crate) struct Optimizer {
 }
 
 enum Rule {
-    AdamW(adamw::State),
-    Muon(muon::State),
+    AdamW(adamw::AdamWState),
+    Muon(muon::MuonState),
 }
 
 impl Optimizer {
@@ -30,8 +30,10 @@ impl Optimizer {
     pub(crate) fn new(options: &TrainOptions, vars: impl Iterator<Item = Var>) -> Self {
         let with_rule = |var: Var| {
             let rule = match (options.optimizer, var.dims()) {
-                (OptimizerKind::Muon, &[rows, _, _, _]) => Rule::Muon(muon::State::new(rows, var.elem_count() / rows)),
-                _ => Rule::AdamW(adamw::State::new(var.elem_count())),
+                (OptimizerKind::Muon, &[rows, _, _, _]) => {
+                    Rule::Muon(muon::MuonState::new(rows, var.elem_count() / rows))
+                }
+                _ => Rule::AdamW(adamw::AdamWState::new(var.elem_count())),
             };
             (var, rule)
         };

@@ -20,13 +20,13 @@ const QUINTIC: [f32; 3] = [3.4445, -4.7750, 2.0315];
 const ITERATIONS: usize = 5;
 
 /// The momentum of one matrix.
-pub(super) struct State {
+pub(super) struct MuonState {
     momentum: Vec<f32>,
     rows: usize,
     columns: usize,
 }
 
-impl State {
+impl MuonState {
     /// Before the first step, for a matrix of that shape.
     pub(super) fn new(rows: usize, columns: usize) -> Self {
         Self {
@@ -115,6 +115,6 @@ mod tests {
 
     #[test]
     fn nothing_to_follow_is_no_step() {
-        assert_eq!(State::new(2, 3).direction(&[0.0; 6]), [0.0; 6]);
+        assert_eq!(MuonState::new(2, 3).direction(&[0.0; 6]), [0.0; 6]);
     }
 }
