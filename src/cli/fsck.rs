@@ -126,10 +126,9 @@ fn text(report: &Report, repaired: bool) -> String {
     } else if !report.unreadable.is_empty() {
         "unreadable files were not checked".to_owned()
     } else if repaired {
-        format!(
-            "repaired; build missing artifacts again with `deaflow run` and the same `--set`. Files in `quarantine/` are not used \
-             and can be deleted"
-        )
+        "repaired; build missing artifacts again with `deaflow run` and the same `--set`. Files in `quarantine/` are \
+         not used and can be deleted"
+            .to_owned()
     } else {
         "the store is damaged: repair it with `deaflow fsck --repair`, then build missing artifacts again with `deaflow run` \
          and the same `--set` (see `deaflow log`)"

@@ -51,8 +51,11 @@ pub struct Attachments<'a> {
     /// The table as comma-separated values.
     pub table: String,
     /// Draws the figure into a file.
-    pub draw: Box<dyn FnOnce(&Path) -> Result<(), FigureError> + 'a>,
+    pub draw: DrawFigure<'a>,
 }
+
+/// Draws a figure into a file.
+pub type DrawFigure<'a> = Box<dyn FnOnce(&Path) -> Result<(), FigureError> + 'a>;
 
 /// The table and the figure that belong to an HDF5 file.
 pub fn attached_files(file: &Path) -> [PathBuf; 2] {

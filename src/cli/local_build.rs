@@ -46,7 +46,7 @@ pub enum BuildResult<'a> {
     /// A stage failed, or the build was stopped; this has been reported.
     Incomplete(Exit),
     /// Everything is built, and not yet reported.
-    Complete(CompleteBuild<'a>),
+    Complete(Box<CompleteBuild<'a>>),
 }
 
 /// A build that succeeded.
@@ -114,13 +114,13 @@ impl Build<'_> {
             }
             LockMode::Ignore => {}
         }
-        Ok(BuildResult::Complete(CompleteBuild {
+        Ok(BuildResult::Complete(Box::new(CompleteBuild {
             build: self,
             access,
             log,
             outcome,
             preparation,
-        }))
+        })))
     }
 
     /// Runs the stages; returns the outcome, and whether a signal asked to stop.

@@ -114,7 +114,7 @@ impl<'a, P: Part> Stored<'a, P> {
     /// # Errors
     /// When they cannot be read.
     pub fn numbers(&self, rows: Range<usize>) -> Result<Vec<f64>, StoreError> {
-        Ok(self.artifact.rows()?.numbers(self.path(), rows)?)
+        self.artifact.rows()?.numbers(self.path(), rows)
     }
 }
 

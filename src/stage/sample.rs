@@ -9,7 +9,7 @@ use deaflow_base::{Canonical, DigestWriter, Fields, InputError, Map, Node, Param
 use deaflow_content::{SampleRows, Samples};
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
 use deaflow_pattern::{Bits, Pattern};
-use deaflow_sample::{Canvas, FAMILIES, Family, FamilyEntry, SampleGroup, SampleError, read_family};
+use deaflow_sample::{Canvas, FAMILIES, Family, FamilyEntry, SampleError, SampleGroup, read_family};
 use deaflow_scene::Outline;
 use deaflow_store::{Artifact, Object};
 

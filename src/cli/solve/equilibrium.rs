@@ -187,7 +187,7 @@ fn results(
                 .get(index)
                 .and_then(|cells| Some(wrinkled_fraction(cells.as_deref()?))),
             near_limit: run.near_limit[index],
-            critical: is_searched.then(|| CriticalBracket {
+            critical: is_searched.then_some(CriticalBracket {
                 mesh: *mesh,
                 on,
                 between: solution.observation.critical_voltage,

@@ -13,7 +13,12 @@ use deaflow_surrogate::{Coverage, OBJECTIVES, PatternScore, Score};
 const BINS: f64 = 20.0;
 
 /// The content of the artifact.
-pub fn evaluation(predictors: &[NamedPredictor], calibrated: &[Calibrated], rows: &[EvaluationRow], scene: Scene) -> Evaluation {
+pub fn evaluation(
+    predictors: &[NamedPredictor],
+    calibrated: &[Calibrated],
+    rows: &[EvaluationRow],
+    scene: Scene,
+) -> Evaluation {
     let known: BTreeSet<&str> = rows.iter().map(|row| row.family.as_str()).collect();
     let families: Vec<&str> = known.into_iter().chain([ALL_FAMILIES]).collect();
     let members = |family: &str| {
@@ -52,7 +57,8 @@ fn trained(predictors: &[NamedPredictor], families: &[&str]) -> Vec<u64> {
 }
 
 fn scores(predictors: usize, groups: &[Vec<&EvaluationRow>]) -> Scores {
-    let score = |k: usize, group: &[&EvaluationRow]| Score::of(group.iter().filter_map(|row| row.judged.scores[k].as_ref()));
+    let score =
+        |k: usize, group: &[&EvaluationRow]| Score::of(group.iter().filter_map(|row| row.judged.scores[k].as_ref()));
     let scores: Vec<Option<Score>> = (0..predictors)
         .flat_map(|k| groups.iter().map(move |group| score(k, group)))
         .collect();
