@@ -232,15 +232,15 @@ mod tests {
         for (name, said) in [
             ("folder", "is a folder"),
             ("folder/.", "is a folder"),
-            ("new/", "no folder"),
-            ("new/.", "no folder"),
+            ("new/", "does not exist"),
+            ("new/.", "does not exist"),
             ("socket", "is a socket"),
             ("linked device", "is a device"),
             ("/dev/null", "is a device"),
-            ("dangling", "leads nowhere"),
-            ("circle", "leads nowhere"),
-            ("none/new", "no folder"),
-            ("socket/new", "no folder"),
+            ("dangling", "dangling"),
+            ("circle", "dangling"),
+            ("none/new", "does not exist"),
+            ("socket/new", "does not exist"),
         ] {
             let error = write_output(&at(name), b"text").unwrap_err().to_string();
             assert!(error.contains(said), "{name}: {error}");

@@ -222,14 +222,14 @@ mod tests {
         }
         assert_eq!(pace.describe(10.0), "4.0/s, 0.25 s left");
         assert_eq!(pace.describe(10.5), "3.8/s, 0.26 s left", "half a second says nothing");
-        assert_eq!(pace.describe(14.0), "2.9/s, 4.00 s in this one so far");
+        assert_eq!(pace.describe(14.0), "2.9/s, current step: 4.00 s");
         pace.advance(15.0, 1);
         assert_eq!(pace.describe(20.5), "2.0/s", "all steps are done");
         // Where steps are long, nothing is heard for as long.
         let mut pace = Pace::new(4, None);
         pace.advance(20.0, 1);
         assert_eq!(pace.describe(45.0), "1.3/min, 2 min 15 s left");
-        assert_eq!(pace.describe(55.0), "1.1/min, 35.0 s in this one so far");
+        assert_eq!(pace.describe(55.0), "1.1/min, current step: 35.0 s");
     }
 
     #[test]

@@ -80,7 +80,7 @@ fn arrays_along_one_axis_are_equally_long() {
     let (_folder, artifact) = stored(&object);
     let error = Solutions::read(&artifact).unwrap_err().to_string();
     assert!(
-        error.ends_with("its arrays differ in length: `index` has 1 along `sample`, and `patterns` has 2"),
+        error.ends_with("arrays differ in length: `index` has 1 along `sample`, `patterns` has 2"),
         "{error}"
     );
 }
@@ -93,7 +93,7 @@ fn other_axes_and_missing_attributes_are_named() {
     let (_folder, artifact) = stored(&object);
     let error = Solutions::read(&artifact).unwrap_err().to_string();
     assert!(
-        error.ends_with("`displacement` has shape [2], wanted (sample, corner_y, corner_x, 2)"),
+        error.ends_with("`displacement` has shape [2], expected (sample, corner_y, corner_x, 2)"),
         "{error}"
     );
 
@@ -101,7 +101,7 @@ fn other_axes_and_missing_attributes_are_named() {
     object.attributes.remove("scene");
     let (_folder, artifact) = stored(&object);
     let error = Solutions::read(&artifact).unwrap_err().to_string();
-    assert!(error.ends_with("no attribute `scene`"), "{error}");
+    assert!(error.ends_with("attribute `scene` is missing"), "{error}");
 }
 
 #[test]

@@ -293,7 +293,10 @@ fn networks_learn_a_rectangle_are_calibrated_and_judged() {
     // Without a file the table alone is printed.
     let ended = workspace.run(&["predict", "trained.yaml:physics", "p0.csv"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    assert!(ended.stdout.contains("p0.csv"), "{ended}");
+    assert!(
+        ended.stdout.contains("1 pattern in ") && ended.stdout.contains("novelty"),
+        "{ended}"
+    );
     // A model of another device is refused with the difference.
     workspace.write(
         "other.yaml",

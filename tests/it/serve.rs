@@ -831,7 +831,7 @@ fn pipelines_rows_and_runs_are_looked_at() {
     );
     // A filter that is none leaves no count; a family that there is not is said; the button back goes through all of it.
     tab.write("input[name=filter]", "family");
-    tab.until("document.querySelector('#matched').textContent.includes('no count') && !document.querySelector('#matched').dataset.matched");
+    tab.until("document.querySelector('#matched').textContent.includes('invalid filter') && !document.querySelector('#matched').dataset.matched");
     tab.until("document.querySelector('.cards.old')");
     tab.write("input[name=filter]", "family = small-grid or family = large-grid");
     tab.until("document.querySelector('[role=alert]')?.textContent.includes('`or` is no word of a filter')");
@@ -895,7 +895,7 @@ fn a_planted_fault_is_found_drawn_and_marked() {
     tab.until(button);
     tab.value(&format!("{button}.click()"));
     tab.until("document.querySelectorAll('figcaption').length === 4");
-    tab.until("document.querySelectorAll('figcaption')[3].textContent.includes('LockDifference: largest')");
+    tab.until("document.querySelectorAll('figcaption')[3].textContent.includes('Difference: largest')");
     let caption = |k: usize, tab: &mut Tab| -> f64 {
         let text = tab.value(&format!("document.querySelectorAll('figcaption')[{k}].textContent"));
         let words: Vec<&str> = text.as_str().unwrap().split(' ').collect();

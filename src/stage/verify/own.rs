@@ -83,7 +83,7 @@ fn status(designs: &DesignRows, target: usize, pattern: &Pattern, scene: &Scene)
         .parse::<f64>()
         .is_ok_and(|wanted| (wanted - area).abs() > 0.5 * cell)
     {
-        lines.push(format!("area {area:.4}, target {wanted}"));
+        lines.push(format!("area {area:.4}, wanted {wanted}"));
     }
     lines.extend(constraints.violations(pattern).lines());
     if constraints.limits().has_margins() {

@@ -219,7 +219,7 @@ fn numbers_of_before_are_grey_and_shapes_are_drawn_by_keys() {
     tab.until("window.saved.length === 1 && window.saved[0] === 'disc.csv'");
     // What is no pattern is refused before it is sent.
     tab.value("(() => { const input = document.querySelector('input[type=file]'); const data = new DataTransfer(); data.items.add(new File(['x'], 'notes.txt')); input.files = data.files; input.dispatchEvent(new Event('change')) })()");
-    tab.until("document.body.innerText.includes('“notes.txt” is of no format that is opened here') && document.body.innerText.includes('allowed: png, csv, npy, svg, dxf')");
+    tab.until("document.body.innerText.includes('cannot open “notes.txt”: unknown format') && document.body.innerText.includes('allowed: png, csv, npy, svg, dxf')");
     // An effect without data cannot be switched on, and says why.
     assert_eq!(
         tab.value("document.querySelector('input[name=strain_stiffening]').disabled"),
@@ -368,7 +368,7 @@ fn the_drawing_of_stages_keeps_lines_clear_of_boxes_and_shows_what_goes_on() {
     tab.go(&format!("http://127.0.0.1:{}/#/pipelines/1", server.port));
     tab.until("document.querySelector('[data-state=running]')");
     tab.until("document.querySelector('[data-state=running] progress').value > 0");
-    assert!(tab.text("#status").contains("short is being built"));
+    assert!(tab.text("#status").contains("short is running"));
     photographed(&mut tab, "running");
     // With other values it is another run, which is said, and nothing of this plan is under way.
     tab.write("input[name=find]", "elements_per_cell");
