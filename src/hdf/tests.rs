@@ -98,7 +98,10 @@ fn a_small_file_that_claims_much_is_refused_before_anything_is_read() {
     let file = HdfFile::apart(&path).unwrap();
     for dataset in ["plain", "chunked"] {
         let error = file.numbers(dataset, 0..10).unwrap_err().to_string();
-        assert!(error.contains("has room for"), "{error}");
+        assert!(
+            error.contains("8000000000 bytes") || error.contains("can contain only"),
+            "{error}"
+        );
     }
 }
 

@@ -435,7 +435,7 @@ fn artifacts_with_missing_data_are_named() {
     let error = draw_figures(PRESENTERS, &bench.run(&[bench.made("d", "design", &lost)]), "p")
         .unwrap_err()
         .to_string();
-    assert!(error.contains("no attribute `scene`"), "{error}");
+    assert!(error.contains("attribute `scene` is missing"), "{error}");
 }
 
 #[test]

@@ -186,7 +186,7 @@ mod tests {
         let at = |volts: f64| of_faint_drive(&Scene::vhb4910().at_voltage(volts));
         let told = at(5.25).unwrap();
         assert!(
-            told.starts_with("5.25 V moves next to nothing") && told.ends_with("a number without a unit is in V"),
+            told.starts_with("5.25 V ") && told.ends_with("A number without a unit is in V"),
             "{told}"
         );
         assert_eq!((at(200.0), at(5250.0), at(0.0)), (None, None, None));

@@ -275,7 +275,7 @@ mod tests {
                 .contains("pattern 0 has no field")
         );
         let hot = elements(&Scene::vhb4910().at_voltage(20e3), None, Method::Linear, 1);
-        assert!(hot.evaluator.err().unwrap().to_string().contains("not stable"));
+        assert!(hot.evaluator.err().unwrap().to_string().contains("unstable"));
     }
 
     fn chosen(volts: f64, accuracy_mm: f64) -> (String, Vec<Probe>) {

@@ -154,7 +154,7 @@ mod tests {
             },
         ])
         .unwrap();
-        assert!(why.contains("`a` and `c`") && why.contains("told apart"), "{why}");
+        assert!(why.contains("`a` and `c`") && why.contains("distinguished"), "{why}");
     }
 
     #[test]
