@@ -1,4 +1,4 @@
-//! The command line: one file per command. All commands print through one [`Output`] and fail with one error type, so
+//! The command line: one file per command. All commands print through one `Output` and fail with one error type, so
 //! that exit codes and `--json` are the same everywhere.
 
 #[macro_use]

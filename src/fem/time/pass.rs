@@ -83,7 +83,7 @@ pub struct Pass {
     pub watched: [usize; 2],
     /// Number of Newton steps.
     pub newton_steps: u32,
-    /// Work, in the units of [`WorkLimit`].
+    /// Work, in the units of [`WorkLimit`](crate::work::WorkLimit).
     pub work: u64,
     /// Relative residual at the end of the last step.
     pub residual: f64,

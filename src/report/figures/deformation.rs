@@ -70,7 +70,7 @@ pub fn deformation_charts(families: &[FamilyDeformation]) -> Result<Vec<Chart>, 
 /// Draws the histograms one below the other.
 ///
 /// # Errors
-/// As [`deformation_charts`].
+/// As `deformation_charts`.
 pub fn deformation_sheet(families: &[FamilyDeformation]) -> Result<Sheet, FigureError> {
     let charts = deformation_charts(families)?.into_iter();
     let charts: Vec<Chart> = charts.map(|chart| chart.with_size(SIZE)).collect();

@@ -37,7 +37,7 @@ pub enum Response {
 }
 
 impl Response {
-    /// Arrays for the page, see [`super::frame`].
+    /// Arrays for the page, see [`super::frame()`].
     pub fn frame(bytes: Vec<u8>) -> Self {
         Self::Bytes {
             media: "application/octet-stream",
