@@ -834,9 +834,9 @@ fn pipelines_rows_and_runs_are_looked_at() {
     tab.until("document.querySelector('#matched').textContent.includes('invalid filter') && !document.querySelector('#matched').dataset.matched");
     tab.until("document.querySelector('.cards.old')");
     tab.write("input[name=filter]", "family = small-grid or family = large-grid");
-    tab.until("document.querySelector('[role=alert]')?.textContent.includes('`or` is no word of a filter')");
+    tab.until("document.querySelector('[role=alert]')?.textContent.includes('do not support `or`')");
     tab.write("input[name=filter]", "family = smallgrid");
-    tab.until("document.querySelector('#unknown').textContent.includes('there are: large-grid, small-grid')");
+    tab.until("document.querySelector('#unknown').textContent.includes('large-grid, small-grid')");
     tab.until("document.querySelector('#matched').dataset.matched === '0' && !document.querySelector('.old')");
     tab.value("history.go(-3)");
     tab.until("document.querySelector('input[name=filter]').value === 'family = small-grid' && document.querySelector('#sample canvas')");

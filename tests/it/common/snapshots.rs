@@ -108,6 +108,8 @@ static FOLDERS: LazyLock<Regex> = LazyLock::new(|| Regex::new(r#"[^\s"'`(=:]*/\.
 static WORDS: LazyLock<Regex> = LazyLock::new(|| Regex::new("[0-9A-Za-z]{8,}").unwrap());
 static MEASURED: LazyLock<Vec<(Regex, &str)>> = LazyLock::new(|| {
     let patterns = [
+        // Names of log files: time and process.
+        (r"[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9-]+\.[0-9]+Z-[0-9]+", "[run]"),
         (r"[0-9]{4}-[0-9]{2}-[0-9]{2}([T ][0-9:.]+Z?)?( UTC)?", "[time]"),
         (r"\b[0-9]{1,2}:[0-9]{2}(:[0-9]{2})?\b", "[time]"),
         (r"\b[0-9]+(\.[0-9]+)? (µs|ms|s|min|h)( [0-9]+ (s|min))?\b", "[time]"),
