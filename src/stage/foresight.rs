@@ -191,7 +191,7 @@ mod tests {
         );
         assert_eq!((at(200.0), at(5250.0), at(0.0)), (None, None, None));
         let still = |volts: f64| of_no_drive(&Scene::vhb4910().at_voltage(volts));
-        assert!(still(0.0).unwrap().starts_with("at 0 V nothing moves"));
+        assert!(still(0.0).unwrap().starts_with("the voltage is 0 V"));
         assert_eq!(still(5.25), None);
     }
 

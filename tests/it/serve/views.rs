@@ -284,7 +284,7 @@ fn numbers_of_before_are_grey_and_shapes_are_drawn_by_keys() {
     assert!(!tab.text("#notice").contains("late"));
     // A wanted value is held against the one that there is.
     tab.write("input[name=wanted]", "1 mm");
-    tab.until("document.querySelector('#wanted').textContent.endsWith('mm short')");
+    tab.until("document.querySelector('#wanted').textContent.endsWith('mm too small')");
     tab.screen(390, 900, "light");
     tab.value("scrollTo(0, 1200)");
     tab.until("document.querySelector('#value-line').getBoundingClientRect().top === 0 && document.querySelector('#value-line').textContent.startsWith('value ')");
