@@ -41,7 +41,7 @@ pub fn neighbours(state: &ServerState, request: &Request, digest: &str) -> Resul
     let [total, rows, columns] = shape;
     let cells = rows * columns;
     // A row of the same set is not its own neighbour.
-    let (from, is_own) = match request.parameter("of") {
+    let (from, is_own) = match request.nonempty("of") {
         Some(of) => (find_artifact(state, of)?.1, false),
         None => (artifact.clone(), true),
     };
@@ -50,6 +50,9 @@ pub fn neighbours(state: &ServerState, request: &Request, digest: &str) -> Resul
         return Err(ApiError::bad_request(
             "the patterns of the two artifacts have different sizes",
         ));
+    }
+    if request.parameter("row").is_none() {
+        return Err(ApiError::bad_request("the parameter `row` is missing"));
     }
     let row = request.row(&source, of[0])?;
     let splits = splits(&artifact, request.parameter("split"))?;

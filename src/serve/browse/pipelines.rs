@@ -98,18 +98,19 @@ fn layout_document(pipeline: &Pipeline) -> Value {
     })
 }
 
+/// What to plan or to run.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct PlanRequest {
+pub(super) struct BuildRequest {
     /// The number of a pipeline, or its file as listed; the first one by default.
     #[serde(default)]
-    pipeline: Value,
+    pub pipeline: Value,
     /// Changed values by path, as for `--set`.
     #[serde(default)]
-    set: BTreeMap<String, Value>,
-    /// The last stage to be planned.
+    pub set: BTreeMap<String, Value>,
+    /// The last stage to build.
     #[serde(default)]
-    until: Option<String>,
+    pub until: Option<String>,
 }
 
 /// Returns what a run with changed values would build, as `deaflow plan --json`. Nothing is built.
@@ -118,7 +119,7 @@ struct PlanRequest {
 /// If a change is invalid, or the store cannot be read.
 pub fn plan(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&[])?;
-    let plan: PlanRequest = request.json()?;
+    let plan: BuildRequest = request.json()?;
     let path = find_pipeline(state, &plan.pipeline)?;
     let changes = overrides(&plan.set)?;
     let pipeline = load(&path, &changes).map_err(|problem| match load(&path, &[]) {

@@ -27,7 +27,7 @@ const MAX_ROWS: usize = 1000;
 pub fn model_errors(state: &ServerState, request: &Request, digest: &str) -> Result<Response, ApiError> {
     request.allow(&["limit", "split"])?;
     let limit = request.integer("limit", 8, MAX_ROWS)?;
-    let split = parse_split(request.query.get("split").map_or(Split::Test.name(), String::as_str))?;
+    let split = parse_split(request.parameter("split").unwrap_or(Split::Test.name()))?;
     let (store, model) = find_artifact(state, digest)?;
     let key = (model.digest(), split.name());
     let errors = state.model_errors.get_or_insert(&key, || {
@@ -55,7 +55,7 @@ pub fn prediction(state: &ServerState, request: &Request, digest: &str) -> Resul
     request.allow(&["row", "of"])?;
     let (store, model) = find_artifact(state, digest)?;
     let network = network(state, &model)?;
-    let set = match request.parameter("of") {
+    let set = match request.nonempty("of") {
         Some(of) => find_artifact(state, of)?.1,
         None => ModelErrors::training_sets(&store, &model)?.swap_remove(0),
     };

@@ -32,14 +32,14 @@ pub fn rows(state: &ServerState, request: &Request, digest: &str) -> Result<Resp
     );
     let bins = request.integer("bins", 40, MAX_BINS)?.max(1);
     let (store, artifact) = find_artifact(state, digest)?;
-    let table = state.tables.table(&store, &artifact, request.parameter("along"))?;
+    let table = state.tables.table(&store, &artifact, request.nonempty("along"))?;
     let filter = request.parameter("filter").unwrap_or_default();
     let mut matched = matching(&table.columns, table.len(), filter)?;
     let unknown: Vec<Value> = unknown_texts(&table.columns, filter)?
         .into_iter()
         .map(|unknown| json!({ "column": unknown.column, "value": unknown.value, "known": unknown.known }))
         .collect();
-    if let Some(order) = request.parameter("sort") {
+    if let Some(order) = request.nonempty("sort") {
         let name = order.strip_prefix('-').unwrap_or(order);
         sort(&column(&table.columns, name)?.values, &mut matched);
         if order.starts_with('-') {
@@ -62,7 +62,7 @@ pub fn rows(state: &ServerState, request: &Request, digest: &str) -> Result<Resp
         })
     });
     let histogram = request
-        .parameter("histogram")
+        .nonempty("histogram")
         .map(|name| column(&table.columns, name))
         .transpose()?;
     Ok(json!({

@@ -3,23 +3,9 @@
 use std::collections::BTreeMap;
 use std::process::Command;
 
-use serde::Deserialize;
-use serde_json::Value;
-
-use super::pipelines::{find_pipeline, overrides, value_text};
+use super::pipelines::{BuildRequest, find_pipeline, overrides, value_text};
 use crate::http::{ApiError, Method, Request, Response};
 use crate::state::ServerState;
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RunRequest {
-    #[serde(default)]
-    pipeline: Value,
-    #[serde(default)]
-    set: BTreeMap<String, Value>,
-    #[serde(default)]
-    until: Option<String>,
-}
 
 /// `POST` starts a run, `GET` returns its state, `DELETE` stops it.
 ///
@@ -38,7 +24,7 @@ pub fn run(state: &ServerState, request: &Request) -> Result<Response, ApiError>
     Ok(state.runner.document().into())
 }
 
-fn start(state: &ServerState, run: &RunRequest) -> Result<(), ApiError> {
+fn start(state: &ServerState, run: &BuildRequest) -> Result<(), ApiError> {
     let path = find_pipeline(state, &run.pipeline)?;
     // Only checked here: the process parses the values again.
     overrides(&run.set)?;

@@ -39,10 +39,16 @@ impl Request {
         Ok(serde_json::from_slice(&self.body)?)
     }
 
-    /// Returns a parameter of the query; `None` if it is missing or empty.
+    /// Returns a parameter of the query, which may be empty; `None` if it is missing.
     #[must_use]
     pub fn parameter(&self, name: &str) -> Option<&str> {
-        self.query.get(name).map(String::as_str).filter(|text| !text.is_empty())
+        self.query.get(name).map(String::as_str)
+    }
+
+    /// Returns a parameter of the query; `None` if it is missing or empty.
+    #[must_use]
+    pub fn nonempty(&self, name: &str) -> Option<&str> {
+        self.parameter(name).filter(|text| !text.is_empty())
     }
 
     /// Returns an integer parameter of the query, or `default` if it is missing.
@@ -50,7 +56,7 @@ impl Request {
     /// # Errors
     /// If it is not an integer, or larger than `max`.
     pub fn integer(&self, name: &str, default: usize, max: usize) -> Result<usize, ApiError> {
-        let Some(text) = self.query.get(name) else {
+        let Some(text) = self.parameter(name) else {
             return Ok(default);
         };
         let number = text.parse().ok().filter(|number| *number <= max);
@@ -63,14 +69,12 @@ impl Request {
     /// Returns the row that the parameter `row` names, of `count` rows of an array.
     ///
     /// # Errors
-    /// If the parameter is missing, or the array has no such row.
+    /// If it names none of them, or is missing.
     pub fn row(&self, path: &str, count: usize) -> Result<usize, ApiError> {
-        let text = self
-            .parameter("row")
-            .ok_or_else(|| ApiError::bad_request("the parameter `row` is missing"))?;
+        let text = self.parameter("row").unwrap_or_default();
         let row = text.parse().ok().filter(|row| *row < count);
         row.ok_or_else(|| {
-            ApiError::not_found(format!("{path} has no row {text}")).help(format!("allowed: rows 0 to {}", count - 1))
+            ApiError::not_found(format!("{path} has no row {text:?}")).help(format!("allowed: rows 0 to {}", count - 1))
         })
     }
 

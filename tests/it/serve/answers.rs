@@ -437,7 +437,7 @@ fn a_model_is_judged_by_the_test_rows_of_its_own_set_without_an_evaluation() {
         (format!("{}/judged", digests["direct"]), 404),
         (format!("{network}/judged?limit=1001"), 400),
         (format!("{network}/judged?split=all"), 400),
-        (format!("{network}/prediction"), 400),
+        (format!("{network}/prediction"), 404),
         (format!("{network}/prediction?row=99999"), 404),
         (format!("{network}/prediction?row=0&of={network}"), 404),
         (format!("{network}/prediction?row=0&of={}", digests["small"]), 400),
