@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::simulation::{Form, Simulation};
+use super::simulation::{Form, Simulation, States};
 use super::{SolveArguments, cells};
 use crate::job::{JobResult, seconds_each};
 use crate::point::Probe;
@@ -36,7 +36,7 @@ const ONE_MESH: &str = "critical voltages of a single mesh are slightly too high
 const FORM: Form = Form {
     name: "solve",
     has_attachments: false,
-    of_one_state: None,
+    states: States::Each,
 };
 
 /// Finds the equilibria of patterns.

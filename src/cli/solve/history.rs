@@ -4,7 +4,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::SolveArguments;
-use super::simulation::{Form, Simulation};
+use super::simulation::{Form, Simulation, States};
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
@@ -144,7 +144,7 @@ fn is_step(scene: &Scene) -> bool {
 const FORM: Form = Form {
     name: "history",
     has_attachments: true,
-    of_one_state: Some("a history"),
+    states: States::Chosen("a history"),
 };
 
 /// Simulates patterns in time.

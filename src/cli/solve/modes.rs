@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::SolveArguments;
 use super::history::TIME;
-use super::simulation::{Form, Simulation};
+use super::simulation::{Form, Simulation, States};
 use crate::job::JobResult;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, table};
@@ -37,7 +37,7 @@ pub struct ModesArguments {
 const FORM: Form = Form {
     name: "modes",
     has_attachments: false,
-    of_one_state: Some("a natural frequency"),
+    states: States::Chosen("a natural frequency"),
 };
 
 /// Finds natural frequencies and their modes.

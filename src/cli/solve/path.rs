@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::SolveArguments;
-use super::simulation::{Form, Simulation};
+use super::simulation::{Form, Simulation, States};
 use crate::job::{Attachments, JobResult};
 use crate::results::with_error;
 use crate::text::Text;
@@ -26,7 +26,7 @@ struct PatternPath {
 const FORM: Form = Form {
     name: "path",
     has_attachments: true,
-    of_one_state: None,
+    states: States::Drive,
 };
 
 /// Follows the load paths of patterns; the voltage of the scene is ignored.

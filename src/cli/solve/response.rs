@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::SolveArguments;
 use super::history::TIME;
 use super::modes::OUT_OF_PLANE;
-use super::simulation::{Form, Simulation};
+use super::simulation::{Form, Simulation, States};
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
@@ -87,7 +87,7 @@ impl FrequencyRange {
 const FORM: Form = Form {
     name: "response",
     has_attachments: true,
-    of_one_state: Some("a frequency response"),
+    states: States::Chosen("a frequency response"),
 };
 
 /// Finds frequency responses.

@@ -19,8 +19,19 @@ pub struct Form {
     pub name: &'static str,
     /// Whether it writes a table and a figure next to its HDF5 file, which then must be named.
     pub has_attachments: bool,
-    /// What it computes, if it does so for one state of a device only.
-    pub of_one_state: Option<&'static str>,
+    /// Which states of a device it simulates.
+    pub states: States,
+}
+
+/// Which states of a device a form of `solve` simulates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum States {
+    /// Each of them.
+    Each,
+    /// The one of the drive, or the first.
+    Drive,
+    /// The one that must be chosen, since it computes this.
+    Chosen(&'static str),
 }
 
 /// Patterns that are simulated in a scene.
@@ -47,7 +58,9 @@ impl<'a> Simulation<'a> {
             check_attachments(arguments)?;
         }
         let scene = arguments.read_scene()?;
-        if let Some(what) = form.of_one_state.filter(|_| !scene.states.is_empty()) {
+        if let States::Chosen(what) = form.states
+            && !scene.states.is_empty()
+        {
             return Err(
                 CliError::bad_input(format!("{what} is computed for one state of a device"))
                     .help("choose a state: --state NAME"),
@@ -55,7 +68,11 @@ impl<'a> Simulation<'a> {
         }
         let (patterns, names) = direct::patterns_with_names(&arguments.patterns.patterns, scene.form())?;
         check_leads(scene.leads.as_ref(), &patterns)?;
-        let steps = patterns.len() * scene.in_states().len();
+        let states = match form.states {
+            States::Each => scene.in_states().len(),
+            States::Drive | States::Chosen(_) => 1,
+        };
+        let steps = patterns.len() * states;
         let job = Job::start("solve", arguments.patterns.output.as_deref(), form.name, steps);
         Ok(Self {
             arguments,
