@@ -98,10 +98,7 @@ fn a_small_file_that_claims_much_is_refused_before_anything_is_read() {
     let file = HdfFile::apart(&path).unwrap();
     for dataset in ["plain", "chunked"] {
         let error = file.numbers(dataset, 0..10).unwrap_err().to_string();
-        assert!(
-            error.contains("8000000000 bytes") || error.contains("can contain only"),
-            "{error}"
-        );
+        assert!(error.contains("can contain only"), "{error}");
     }
 }
 

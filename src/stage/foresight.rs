@@ -186,12 +186,13 @@ mod tests {
         let at = |volts: f64| of_faint_drive(&Scene::vhb4910().at_voltage(volts));
         let told = at(5.25).unwrap();
         assert!(
-            told.starts_with("5.25 V ") && told.ends_with("A number without a unit is in V"),
+            told.starts_with("5.25 V causes almost no displacement")
+                && told.ends_with("A number without a unit is in V"),
             "{told}"
         );
         assert_eq!((at(200.0), at(5250.0), at(0.0)), (None, None, None));
         let still = |volts: f64| of_no_drive(&Scene::vhb4910().at_voltage(volts));
-        assert!(still(0.0).unwrap().starts_with("the voltage is 0 V"));
+        assert!(still(0.0).unwrap().starts_with("the voltage is 0 V: nothing moves"));
         assert_eq!(still(5.25), None);
     }
 

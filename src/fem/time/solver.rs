@@ -211,7 +211,7 @@ mod tests {
         let finite = CREEP.replace("{ branches", "{ law: finite, branches");
         let cases = [
             (CREEP.to_owned() + ", inertia: { density: 960 kg/m3 }", "", "`inertia`"),
-            (finite, "", "linear"),
+            (finite, "", "the viscous law must be linear"),
             (CREEP.to_owned(), ", source: { resistance: 1 GOhm }", "`source`"),
             (String::new(), "", "no `viscoelasticity`"),
         ];

@@ -546,7 +546,7 @@ fn errors_of_a_motion_are_told_however_many_times_are_asked_for() {
     let solver = MembraneSolver::new(&fast, SolveOptions::on(Mesh::bilinear(1))).unwrap();
     let request = HistoryRequest::at(vec![3600.0]);
     let refused = solver.history(&odd(ten()), &request).unwrap_err();
-    assert!(refused.to_string().contains("shorter time"), "{refused}");
+    assert!(refused.to_string().contains("Request a shorter time"), "{refused}");
 }
 
 fn scene_at_kilohertz() -> Scene {

@@ -412,7 +412,7 @@ fn groups_are_read_as_numbers_grey_levels_and_indices() {
     for (name, says) in [
         ("g.csv", "[y=0][x=3] is 3"),
         ("g.npy", "[y=0][x=3] is 3"),
-        ("grey.png", "33 %"),
+        ("grey.png", "is not the colour of an electrode group"),
         ("index.png", "colour 3 of the palette"),
     ] {
         let refusal = read_groups(&folder, name, fewer).unwrap_err();

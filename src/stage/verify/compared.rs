@@ -154,7 +154,10 @@ mod tests {
             },
         ])
         .unwrap();
-        assert!(why.contains("`a` and `c`") && why.contains("distinguished"), "{why}");
+        assert!(
+            why.contains("`a` and `c`") && why.contains("cannot be distinguished"),
+            "{why}"
+        );
     }
 
     #[test]

@@ -282,7 +282,7 @@ fn charges_on_what_moves_and_wrinkles_are_refused() {
     for drive in [FED[0], FED[2]] {
         let refused = history::refusal(&moving(drive, "wrinkling: {}")).unwrap();
         assert_eq!(refused, SetupError::MovingCharge);
-        assert!(refused.is_of_the_scene());
+        assert!(refused.is_of_the_scene() && refused.to_string().contains("`wrinkling`"));
     }
     assert_eq!(history::refusal(&moving(FED[1], "wrinkling: {}")), None);
     assert_eq!(history::refusal(&moving("voltage: 3 kV", "wrinkling: {}")), None);
