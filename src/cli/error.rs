@@ -178,8 +178,7 @@ impl CliError {
     }
 
     /// Whether message and lines can be printed: no control characters, and no lines of megabytes (miette counts
-    /// columns in
-    /// 16 bits).
+    /// columns in 16 bits).
     fn can_be_quoted(&self) -> bool {
         let shown = self.input.as_ref().and_then(|input| {
             let label = input.labels()?.next()?;

@@ -121,13 +121,13 @@ impl Onward<'_> {
         let problem = self.solver.problem(self.activity, material);
         // Towards a fold the eigenvalue falls like the root of the distance to it.
         let guess = self.eigenvalue.clamp(1e-2, 1.0).powi(2);
-        let climb = LoadRange {
+        let range = LoadRange {
             from,
             to: (REACH * unit).max(from),
             step: guess * from.max(0.25 * unit),
         };
         let mut workspace = Workspace::new(self.u.len(), &self.solver.laplacian);
-        match problem.raise_load(climb, self.u, &mut workspace).ending {
+        match problem.raise_load(range, self.u, &mut workspace).ending {
             LoadingEnd::Lost { stable, unstable, .. } => Some([stable, unstable]),
             LoadingEnd::Stable | LoadingEnd::Unknown { .. } | LoadingEnd::WorkLimit { .. } => None,
         }

@@ -78,12 +78,12 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         };
         let workspace = &mut *self.workspace;
         if from > 0.0 {
-            let climb = LoadRange {
+            let range = LoadRange {
                 from: from / to,
                 to: 1.0,
                 step: 1.0,
             };
-            return problem.raise_load(climb, &mut self.u, workspace);
+            return problem.raise_load(range, &mut self.u, workspace);
         }
         if to > 0.0 {
             return problem.load(&mut self.u, workspace);
