@@ -131,7 +131,7 @@ fn masked(text: &str) -> String {
     let text = text.replace(env!("CARGO_BIN_EXE_deaflow"), "deaflow");
     let mut text = FOLDERS
         .replace_all(&text, "[folder]")
-        .replace(env!("CARGO_MANIFEST_DIR"), "[repository]")
+        .replace(concat!(env!("CARGO_MANIFEST_DIR"), "/"), "[repository]/")
         .replace(concat!("deaflow ", env!("CARGO_PKG_VERSION")), "deaflow [version]")
         .replace(&deaflow::base::host_name(), "[host]");
     for (pattern, mask) in MEASURED.iter() {
