@@ -36,7 +36,7 @@ an independent analysis with one element per cell whose order is not known, give
 const ABOUT_EFFECTS: &str = "\
 All patterns above at 45 kPa and 3, 6, 9, 20 and 50 kV, one bilinear element per cell, with a law that stiffens, a fringe field, wrinkling,
 permittivity that falls with stretch and electrodes that are stiff. What takes more work than is allowed ends as `work-limit`
-([time has a ceiling](effects.md#time-has-a-ceiling)).";
+([work limit](effects.md#work-limit)).";
 
 fn scattered(share: f64, seed: u64) -> Pattern {
     let mut stream = Stream::new(seed, "hard cases", 0);
