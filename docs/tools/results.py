@@ -67,11 +67,11 @@ def coverage(found):
     percent = lambda values: [f"{100 * values[k]:.1f} %" for k in place]
     rows = []
     for c in found["calibrations"]:
-        rows.append([f"`{c['name']}`: whole field in its band"] + percent(c["field"]))
+        rows.append([f"`{c['name']}`: whole field in its interval"] + percent(c["field"]))
         rows.append(["median radius, mm"] + [short(c["radius_mm"][k]) for k in place])
         for objective in c["objectives"]:
             rows.append([objective["objective"]] + percent(objective["covered"]))
-        rows.append(["flagged as unlike the training"] + percent(c["unlike"]))
+        rows.append(["flagged as out of distribution"] + percent(c["unlike"]))
     return table([""] + [TITLES.get(f, f) for f in families], rows)
 
 
@@ -149,8 +149,8 @@ def case_one(rows):
                 percent(row["gain_equal_area"]),
             ]
         )
-    head = ["design", "refined, mm", "± mm", "predicted differs", "optimum, mm", "refined of it", "GA of the optimum on its units"]
-    return table(head + ["GA of the optimum", "gain, own area", "gain, equal area"], lines)
+    head = ["design", "refined, mm", "± mm", "prediction error", "optimum, mm", "refined / optimum", "GA / optimum on its units"]
+    return table(head + ["GA / optimum", "gain, own area", "gain, equal area"], lines)
 
 
 def case_two(rows):
@@ -171,8 +171,8 @@ def case_two(rows):
                 percent(row["gain_equal_area"]),
             ]
         )
-    head = ["wanted area", "area", "refined, mm", "predicted differs", "optimum, mm", "refined of it"]
-    return table(head + ["GA of the optimum on its units", "GA of the optimum", "gain over the intuitive, equal area"], lines)
+    head = ["target area", "area", "refined, mm", "prediction error", "optimum, mm", "refined / optimum"]
+    return table(head + ["GA / optimum on its units", "GA / optimum", "gain over intuitive, equal area"], lines)
 
 
 def case_three(rows):
@@ -192,7 +192,7 @@ def case_three(rows):
                 angle(own["simulated_mm"]),
             ]
         )
-    return table(["case", "refined", "optimum", "refined of it", "GA of the optimum on its units", "intuitive"], lines)
+    return table(["case", "refined", "optimum", "refined / optimum", "GA / optimum on its units", "intuitive"], lines)
 
 
 def turned(value):
@@ -214,7 +214,7 @@ def case_four(rows):
                 share(one["area"]),
             ]
         )
-    return table(["design", "near the maximum, mm", "of the optimum", "wanted 1.00 mm: mm", "its area"], lines)
+    return table(["design", "near the maximum, mm", "fraction of the optimum", "target 1.00 mm, mm", "area"], lines)
 
 
 def claims(rows):
