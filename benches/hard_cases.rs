@@ -1,4 +1,4 @@
-//! Patterns and scenes that simulators get wrong, with known answers where there are any.
+//! Patterns and scenes that are difficult for simulators, with known answers if there are any.
 //!
 //! `cargo bench --bench hard_cases > docs/hard-cases.md` writes the whole page.
 
@@ -16,27 +16,27 @@ use effect_set::{THREE_TERMS, all_with, gent, ogden};
 
 const INTRODUCTION: &str = "# Hard cases
 
-Patterns and scenes that simulators get wrong: features of one cell, patterns that are nearly empty or nearly full, loads
-close to and beyond the loss of stability, low and high prestretch. This page is the output of
+Patterns and scenes that are difficult for simulators: features of one cell, patterns that are nearly empty or
+nearly full, loads close to and beyond the loss of stability, low and high prestretch. This page is the output of
 
     cargo bench --bench hard_cases > docs/hard-cases.md
 
-Each outcome is either an equilibrium that is stable and elliptic, or a reason with the two voltages between which
-stability is lost. The tests `fem::tests::hard` and `fem::tests::paths` recompute residuals and the inertia of the tangent
-for cases like these and hold on to the answers that are known.
+Each outcome is either a stable and elliptic equilibrium, or a reason with the two voltages between which stability is
+lost. The tests `fem::tests::hard` and `fem::tests::paths` recompute residuals and the inertia of the tangent for cases
+like these, and compare with known answers.
 
-Features of one cell need more than one bilinear element: a single element under voltage is too stiff by a tenth in the
-critical voltage, and one per cell of a checkerboard does not move at all, because the forces of its neighbours cancel.";
+Features of one cell need more than one bilinear element. With a single element under voltage the critical voltage
+is too high by a tenth. With one element per cell a checkerboard does not move: the forces of neighbours cancel.";
 
 const ABOUT_PATHS: &str = "\
-Load paths at 25 kPa and λp = 3 (`deaflow solve --path`), one element per cell of each order, and what the solver says of
-1 % less and 1 % more than the critical voltage. Known values: for `full` the closed form √κ = √(λ⁻² + 3λ⁻⁸), for the others
-an independent analysis with one element per cell whose order is not known, given in kV to two decimals.";
+Load paths at 25 kPa and λp = 3 (`deaflow solve --path`), with one element per cell of each order, and the outcome of
+the solver 1 % below and 1 % above the critical voltage. Known values: for `full` the closed form √κ = √(λ⁻² + 3λ⁻⁸),
+for the others an independent analysis with one element per cell of unknown order, in kV with two decimals.";
 
 const ABOUT_EFFECTS: &str = "\
-All patterns above at 45 kPa and 3, 6, 9, 20 and 50 kV, one bilinear element per cell, with a law that stiffens, a fringe field, wrinkling,
-permittivity that falls with stretch and electrodes that are stiff. What takes more work than is allowed ends as `work-limit`
-([work limit](effects.md#work-limit)).";
+All patterns above at 45 kPa and 3, 6, 9, 20 and 50 kV, one bilinear element per cell, with a stiffening law, a fringe
+field, wrinkling, permittivity that decreases with stretch, and stiff electrodes. A solve that exceeds the
+[work limit](effects.md#work-limit) ends as `work-limit`.";
 
 fn scattered(share: f64, seed: u64) -> Pattern {
     let mut stream = Stream::new(seed, "hard cases", 0);
@@ -133,10 +133,11 @@ fn limit_columns(path: &LoadPath, known: Option<f64>) -> String {
 }
 
 fn paths() {
-    println!("\n## Where stability is lost\n");
+    println!("\n## Critical voltages\n");
     println!("{ABOUT_PATHS}\n");
     println!(
-        "| pattern | order | limit | critical V | known V | difference | displacement mm | path s | 1 % below | 1 % above |"
+        "| pattern | order | limit | critical V | known V | difference | displacement mm | path s | 1 % below \
+         | 1 % above |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
     for (name, pattern, known) in patterns() {
@@ -164,8 +165,8 @@ fn paths() {
 }
 
 fn uniform() {
-    println!("\n## A membrane that is active everywhere\n");
-    println!("It never moves, and stability is lost at √κ = √(λ⁻² + 3λ⁻⁸), here at 45 kPa on bilinear elements.\n");
+    println!("\n## Fully active membrane\n");
+    println!("It never moves, and becomes unstable at √κ = √(λ⁻² + 3λ⁻⁸), here at 45 kPa on bilinear elements.\n");
     println!("| λp | limit | critical V | known V | difference | displacement mm |");
     println!("|---|---|---|---|---|---|");
     for prestretch in [1.2, 1.5, 2.0, 3.0, 4.0, 6.0] {
@@ -218,9 +219,12 @@ impl Tally {
 }
 
 fn sweep() {
-    println!("\n## Every scene ends\n");
-    println!("All patterns above at 45 kPa and ten voltages from 1 kV to 50 kV; seconds are those of one core.\n");
-    println!("| elements per cell | λp | converged | pull-in | not elliptic | other | slowest s | which |");
+    println!("\n## Outcomes and times\n");
+    println!(
+        "All patterns above at 45 kPa and ten voltages from 1 kV to 50 kV. Every solve ends; seconds are those of one \
+         core.\n"
+    );
+    println!("| elements per cell | λp | converged | pull-in | not elliptic | other | slowest s | slowest case |");
     println!("|---|---|---|---|---|---|---|---|");
     for elements_per_cell in [1, 2] {
         for prestretch in [1.0, 1.2, 1.5, 2.0, 3.0, 4.0, 6.0] {
@@ -249,7 +253,9 @@ fn sweep() {
 fn all_effects() {
     println!("\n## With all effects on\n");
     println!("{ABOUT_EFFECTS}\n");
-    println!("| law | λp | converged | pull-in | not elliptic | slack | work-limit | other | slowest s | which |");
+    println!(
+        "| law | λp | converged | pull-in | not elliptic | slack | work-limit | other | slowest s | slowest case |"
+    );
     println!("|---|---|---|---|---|---|---|---|---|---|");
     for (law, stiffening) in [("Gent", gent()), ("Ogden, three terms", ogden(&THREE_TERMS))] {
         for prestretch in [1.05, 1.5, 3.0, 5.0] {
