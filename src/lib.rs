@@ -5,14 +5,14 @@
 //!
 //! # Layers
 //!
-//! Each room is a crate and depends only on the rooms named to its right; a test reads their manifests and fails on any
-//! other arrow. `base` may be imported by every room.
+//! Each line is a crate, and the crates that it may import; a test reads their manifests and fails on any other dependency.
+//! Every crate may import `base`.
 //!
 //! ```text
-//! cli          → every domain room, stage, content, executor, orchestrator, remote, store, report, serve, hdf
-//! serve        → every domain room, stage, content, executor, orchestrator, store, report
+//! cli          → every domain crate, stage, content, executor, orchestrator, remote, store, report, serve, hdf
+//! serve        → every domain crate, stage, content, executor, orchestrator, store, report
 //! report       → content, orchestrator, store, pattern, field, scene
-//! stage        → every domain room, content, orchestrator, store
+//! stage        → every domain crate, content, orchestrator, store
 //! executor     → orchestrator, store
 //! orchestrator → store
 //! remote       → store
@@ -21,13 +21,14 @@
 //!
 //! design       → pattern, field, scene
 //! accuracy     → scene, sample, pattern, field, fem, surrogate
-//! surrogate    → dataset, scene, pattern, field, fem
+//! surrogate    → dataset, scene, pattern, field, fem, linalg
 //! dataset      → pattern, field, hdf
-//! fem          → scene, pattern, field
+//! fem          → scene, pattern, field, linalg
 //! sample       → pattern
 //! field        → pattern
 //! scene        → pattern
 //! pattern      → hdf
+//! linalg       →
 //! hdf          →
 //! base         →
 //! ```
@@ -41,7 +42,8 @@ pub use deaflow_base::{parameters, variants, words};
 pub use {
     deaflow_accuracy as accuracy, deaflow_base as base, deaflow_cli as cli, deaflow_content as content,
     deaflow_dataset as dataset, deaflow_design as design, deaflow_executor as executor, deaflow_fem as fem,
-    deaflow_field as field, deaflow_hdf as hdf, deaflow_orchestrator as orchestrator, deaflow_pattern as pattern,
-    deaflow_remote as remote, deaflow_report as report, deaflow_sample as sample, deaflow_scene as scene,
-    deaflow_serve as serve, deaflow_stage as stage, deaflow_store as store, deaflow_surrogate as surrogate,
+    deaflow_field as field, deaflow_hdf as hdf, deaflow_linalg as linalg, deaflow_orchestrator as orchestrator,
+    deaflow_pattern as pattern, deaflow_remote as remote, deaflow_report as report, deaflow_sample as sample,
+    deaflow_scene as scene, deaflow_serve as serve, deaflow_stage as stage, deaflow_store as store,
+    deaflow_surrogate as surrogate,
 };

@@ -9,8 +9,7 @@
 
 use std::sync::Arc;
 
-use faer::linalg::solvers::{DenseSolveCore, Llt};
-use faer::{Mat, Side};
+use deaflow_linalg::{Mat, inverse_definite, solve};
 
 use super::krylov::dot;
 use super::precondition::{ModalNodes, Rectangle, RectangleScratch};
@@ -123,7 +122,7 @@ impl Correction {
         let nodes = rectangle.nodes(&places);
         let columns = rectangle.between(&nodes);
         let symmetric = Mat::from_fn(count, count, |i, k| 0.5 * (columns[(i, k)] + columns[(k, i)]));
-        let inverse = Llt::new(symmetric.as_ref(), Side::Lower).ok()?.inverse();
+        let inverse = inverse_definite(&symmetric)?;
         let rigid = supports.bodies().iter().zip(&starts).map(|(body, &start)| {
             [0, 1, 2].map(|function| {
                 let image = |row: usize| -> f64 {
@@ -209,7 +208,7 @@ impl Correction {
             sum
         };
         let mut matrix = Mat::<f64>::zeros(size, size);
-        let mut right = Mat::<f64>::zeros(size, 1);
+        let mut right = vec![0.0; size];
         for (other, rigid) in self.rigid.iter().enumerate() {
             for motion in 0..3 {
                 let weights = weights(&poses[other], unit(motion));
@@ -224,15 +223,15 @@ impl Correction {
         for (body, force) in forces.iter().enumerate() {
             let own = seen(body, &|c, at| f64::from(images[c][at]));
             for k in 0..3 {
-                right[(3 * body + k, 0)] = force[k] + own[k];
+                right[3 * body + k] = force[k] + own[k];
             }
             for k in 0..2 {
                 matrix[(3 * body + k, 3 * body + k)] += bodies[body].mount.spring;
             }
         }
-        let motions = faer::prelude::Solve::solve(&matrix.partial_piv_lu(), &right);
+        let motions = solve(&matrix, &right);
         (0..bodies.len())
-            .map(|body| std::array::from_fn(|k| motions[(3 * body + k, 0)]))
+            .map(|body| std::array::from_fn(|k| motions[3 * body + k]))
             .collect()
     }
 }

@@ -2,15 +2,7 @@
 
 use std::sync::Arc;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
-use faer::sparse::linalg::cholesky::supernodal::SupernodalLdltRef;
-use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LdltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
-    factorize_symbolic_cholesky,
-};
-use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
-use faer::{Conj, MatMut, Par, Side};
+use deaflow_linalg::{Pair, SparseColMat, Sparsity};
 
 use super::element::{Bilinear, Biquadratic, Element, Line};
 use super::grid::Grid;
@@ -27,75 +19,6 @@ use deaflow_field::Order;
 pub struct Structure {
     unknowns: Unknowns,
     sparsity: Sparsity,
-}
-
-/// Where the entries of a symmetric matrix stand, and an order of the unknowns in which its factors stay sparse.
-pub struct Sparsity {
-    matrix: SymbolicSparseColMat<usize>,
-    /// From the order of assembly to that of the matrix.
-    sorting: Argsort<usize>,
-    symbolic: SymbolicCholesky<usize>,
-}
-
-impl Sparsity {
-    /// Of a matrix of so many unknowns with entries on and below the diagonal, which may stand several times; `None` when memory is short.
-    #[must_use]
-    pub fn new(count: usize, entries: &[Pair<usize, usize>]) -> Option<Self> {
-        let (matrix, sorting) = SymbolicSparseColMat::try_new_from_indices(count, count, entries).ok()?;
-        let symbolic = factorize_symbolic_cholesky(
-            matrix.as_ref(),
-            Side::Lower,
-            SymmetricOrdering::Amd,
-            CholeskySymbolicParams::default(),
-        )
-        .ok()?;
-        Some(Self {
-            matrix,
-            sorting,
-            symbolic,
-        })
-    }
-
-    /// The matrix with these entries, in the order of [`Sparsity::new`]; those at one place are added. `None` when memory is short.
-    fn matrix(&self, entries: &[f64]) -> Option<SparseColMat<usize, f64>> {
-        SparseColMat::new_from_argsort(self.matrix.clone(), &self.sorting, entries).ok()
-    }
-
-    /// LDLᵀ of the matrix with these entries, in the order of [`Sparsity::new`]; those at one place are added. `None` when a pivot is exactly
-    /// zero or memory is short.
-    #[must_use]
-    pub fn factors(&self, entries: &[f64]) -> Option<Vec<f64>> {
-        let matrix = self.matrix(entries)?;
-        let mut values = vec![0.0; self.symbolic.len_val()];
-        let need = self
-            .symbolic
-            .factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
-        let mut memory = MemBuffer::try_new(need).ok()?;
-        self.symbolic
-            .factorize_numeric_ldlt(
-                &mut values,
-                matrix.as_ref(),
-                Side::Lower,
-                LdltRegularization::default(),
-                Par::Seq,
-                MemStack::new(&mut memory),
-                Default::default(),
-            )
-            .ok()?;
-        Some(values)
-    }
-
-    /// Solves with factors: a right side becomes the solution.
-    pub fn solve(&self, factors: &[f64], right: &mut [f64]) {
-        let count = right.len();
-        let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
-        LdltRef::new(&self.symbolic, factors).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(right, count, 1),
-            Par::Seq,
-            MemStack::new(&mut memory),
-        );
-    }
 }
 
 impl Structure {
@@ -189,20 +112,7 @@ impl Factorisation {
     /// How many eigenvalues of the tangent are negative.
     #[must_use]
     pub fn negative_pivots(&self) -> usize {
-        match self.structure.sparsity.symbolic.raw() {
-            SymbolicCholeskyRaw::Simplicial(symbolic) => {
-                let starts = &symbolic.col_ptr()[..symbolic.ncols()];
-                starts.iter().filter(|&&start| self.values[start] < 0.0).count()
-            }
-            SymbolicCholeskyRaw::Supernodal(symbolic) => {
-                let factors = SupernodalLdltRef::new(symbolic, &self.values);
-                let negative = |s: usize| {
-                    let block = factors.supernode(s).val();
-                    (0..block.ncols()).filter(|&i| block[(i, i)] < 0.0).count()
-                };
-                (0..symbolic.n_supernodes()).map(negative).sum()
-            }
-        }
+        self.structure.sparsity.negative_pivots(&self.values)
     }
 
     /// Solves with the factors: `r` is a residual, the result a displacement, both zero on the frame.

@@ -6,13 +6,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::sparse::linalg::SupernodalThreshold;
-use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, IntranodeLbltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
-};
-use faer::sparse::{SparseColMat, SymbolicSparseColMat};
-use faer::{Conj, MatMut, Par, Side};
+use deaflow_linalg::{Indefinite, IndefiniteOrder, SparseColMat, SymbolicSparseColMat};
 
 use super::eigenvalue::dot;
 use super::newton::norm;
@@ -36,7 +30,7 @@ pub struct DynamicStiffness {
 
 /// The orders of elimination of the matrix and of the one of twice the size, for all matrices of one structure.
 #[derive(Default)]
-pub struct Orders([OnceLock<Option<Order>>; 2]);
+pub struct Orders([OnceLock<Option<IndefiniteOrder>>; 2]);
 
 /// A frequency, for the matrices.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,78 +47,6 @@ pub enum Solved {
     Response([Vec<f64>; 2]),
     /// The frequency is a natural one, as far as rounding can tell.
     Resonance,
-}
-
-/// An order of elimination.
-struct Order {
-    matrix: SymbolicSparseColMat<usize>,
-    symbolic: SymbolicCholesky<usize>,
-}
-
-impl Order {
-    fn new(matrix: SymbolicSparseColMat<usize>) -> Option<Self> {
-        let parameters = CholeskySymbolicParams {
-            // Only dense blocks have pivots to choose from.
-            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
-            ..CholeskySymbolicParams::default()
-        };
-        let symbolic =
-            factorize_symbolic_cholesky(matrix.as_ref(), Side::Lower, SymmetricOrdering::Amd, parameters).ok()?;
-        Some(Self { matrix, symbolic })
-    }
-}
-
-/// A real symmetric matrix, factorised.
-struct Factors<'a> {
-    order: &'a Order,
-    values: Vec<f64>,
-    below: Vec<f64>,
-    forward: Vec<usize>,
-    inverse: Vec<usize>,
-}
-
-impl<'a> Factors<'a> {
-    /// `None` when memory is short.
-    fn new(order: &'a Order, entries: Vec<f64>) -> Option<Self> {
-        let count = order.matrix.ncols();
-        let matrix = SparseColMat::new(order.matrix.clone(), entries);
-        let mut factors = Self {
-            order,
-            values: vec![0.0; order.symbolic.len_val()],
-            below: vec![0.0; count],
-            forward: vec![0; count],
-            inverse: vec![0; count],
-        };
-        let need = order
-            .symbolic
-            .factorize_numeric_intranode_lblt_scratch::<f64>(Par::Seq, Default::default());
-        let mut memory = MemBuffer::try_new(need).ok()?;
-        order.symbolic.factorize_numeric_intranode_lblt(
-            &mut factors.values,
-            &mut factors.below,
-            &mut factors.forward,
-            &mut factors.inverse,
-            matrix.as_ref(),
-            Side::Lower,
-            Par::Seq,
-            MemStack::new(&mut memory),
-            Default::default(),
-        );
-        Some(factors)
-    }
-
-    fn solve(&self, right: &mut [f64]) {
-        let symbolic = &self.order.symbolic;
-        let perm = faer::perm::PermRef::new_checked(&self.forward, &self.inverse, right.len());
-        let mut memory = MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
-        let count = right.len();
-        IntranodeLbltRef::new(symbolic, &self.values, &self.below, perm).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(right, count, 1),
-            Par::Seq,
-            MemStack::new(&mut memory),
-        );
-    }
 }
 
 impl DynamicStiffness {
@@ -166,14 +88,14 @@ impl DynamicStiffness {
         let imaginary = imaginary.map(|viscous| viscous.iter().map(|value| at.viscous[1] * value).collect::<Vec<_>>());
         let order = |which: usize| {
             let make = || match which {
-                0 => Order::new(self.symbolic.clone()),
-                _ => Order::new(self.doubled()),
+                0 => IndefiniteOrder::new(self.symbolic.clone()),
+                _ => IndefiniteOrder::new(self.doubled()),
             };
             self.orders.0[which].get_or_init(make).as_ref()
         };
         let factors = match &imaginary {
-            None => Factors::new(order(0)?, real.clone())?,
-            Some(imaginary) => Factors::new(order(1)?, self.interleaved(&real, imaginary))?,
+            None => Indefinite::new(order(0)?, real.clone())?,
+            Some(imaginary) => Indefinite::new(order(1)?, self.interleaved(&real, imaginary))?,
         };
         let solve = |forces: &[f64], steps| self.refined(&factors, (&real, imaginary.as_deref()), forces, steps);
         // A mode that the forces do not excite would spoil the response too.
@@ -219,7 +141,7 @@ impl DynamicStiffness {
     /// A solution with so many steps of refinement at most, the first among them, and its relative residual.
     fn refined(
         &self,
-        factors: &Factors<'_>,
+        factors: &Indefinite<'_>,
         (real, imaginary): (&[f64], Option<&[f64]>),
         forces: &[f64],
         steps: usize,

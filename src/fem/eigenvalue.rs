@@ -4,7 +4,7 @@
 //! lost. The iteration is LOBPCG with one vector (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517), preconditioned by the
 //! Laplacian itself: Rayleigh and Ritz in the span of the last vector, its preconditioned residual, and the last step.
 
-use faer::{Mat, Side};
+use deaflow_linalg::{Mat, eigen};
 
 use deaflow_base::Stream;
 
@@ -146,8 +146,8 @@ fn ritz(x: &Direction, w: Direction, p: Option<Direction>) -> Option<(Direction,
     let matrix = Mat::from_fn(n, n, |i, k| {
         0.5 * (dot(&span[i].vector, &span[k].stiff) + dot(&span[k].vector, &span[i].stiff))
     });
-    let eigen = matrix.self_adjoint_eigen(Side::Lower).ok()?;
-    let weights: Vec<f64> = (0..n).map(|i| eigen.U()[(i, 0)]).collect();
+    let vectors = eigen(&matrix)?.vectors;
+    let weights: Vec<f64> = (0..n).map(|i| vectors[(i, 0)]).collect();
     let mut step = w.clone();
     step.scale(weights[1]);
     if let Some(p) = &p {

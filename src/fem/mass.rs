@@ -4,7 +4,7 @@
 //! force: a body is as heavy as the membrane that would be in its place.
 
 use crate::registers::dispatch;
-use faer::Mat;
+use deaflow_linalg::Mat;
 
 use super::element::Line;
 use super::grid::Grid;

@@ -1,6 +1,6 @@
 //! The eigenvectors of a line of elements, which diagonalise the Laplacian of a rectangle along one direction.
 
-use faer::{Mat, Side};
+use deaflow_linalg::{Eigen, Mat, eigen, product};
 
 use super::element::Line;
 
@@ -51,14 +51,12 @@ fn generalised_eigen(stiffness: &Mat<f64>, mass: &Mat<f64>) -> Option<(Mat<f64>,
     if n == 0 {
         return Some((Mat::new(), Vec::new()));
     }
-    let eigen = mass.self_adjoint_eigen(Side::Lower).ok()?;
-    let (v, d) = (eigen.U(), eigen.S().column_vector());
+    let Eigen { values: d, vectors: v } = eigen(mass)?;
     let scaled = Mat::from_fn(n, n, |i, k| v[(i, k)] / d[k].sqrt());
-    let root = &scaled * v.transpose();
-    let reduced = &root * stiffness * &root;
-    let eigen = reduced.self_adjoint_eigen(Side::Lower).ok()?;
-    let values = eigen.S().column_vector().iter().copied().collect();
-    Some((&root * eigen.U(), values))
+    let root = product(scaled.as_ref(), v.transpose());
+    let reduced = product(product(root.as_ref(), stiffness.as_ref()).as_ref(), root.as_ref());
+    let Eigen { values, vectors } = eigen(&reduced)?;
+    Some((product(root.as_ref(), vectors.as_ref()), values))
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use faer::Mat;
+use deaflow_linalg::Mat;
 use pulp::{Simd, WithSimd};
 
 use crate::registers::dispatch_widest;

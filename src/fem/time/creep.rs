@@ -10,8 +10,7 @@
 //!
 //! Three equilibria, at γ = 0, Γ/4 and Γ with the sum Γ of all g, give the three W, so u(t) is a weighted sum of them.
 
-use faer::Mat;
-use faer::linalg::solvers::Solve;
+use deaflow_linalg::{Mat, solve};
 
 use crate::error::SetupError;
 use crate::evaluator::{Solver, SolverParameters};
@@ -94,10 +93,10 @@ impl ThreeSolves {
             });
         }
         let matrix = Mat::from_fn(3, 3, |pole, share| 1.0 / (1.0 + sum * SHARES[share] * POLES[pole]));
-        let creep = Mat::from_fn(3, 1, |pole, _| crept(POLES[pole], &branches, time_s));
-        let weights = matrix.partial_piv_lu().solve(&creep);
+        let creep = POLES.map(|pole| crept(pole, &branches, time_s));
+        let weights = solve(&matrix, &creep);
         let (shares, weights) = (0..3)
-            .map(|share| (sum * SHARES[share], weights[(share, 0)]))
+            .map(|share| (sum * SHARES[share], weights[share]))
             .filter(|(_, weight)| weight.abs() > NOTHING)
             .unzip();
         Ok(Self {

@@ -8,9 +8,8 @@
 //! of φ² over its corners. A step is the two-stage SDIRK method of second order that is stiffly accurate (Alexander,
 //! SIAM J. Numer. Anal. 14 (1977) 1006).
 
-use faer::sparse::Pair;
+use deaflow_linalg::{Pair, Sparsity};
 
-use crate::direct::Sparsity;
 use crate::element::Line;
 use crate::grid::Grid;
 use crate::memory::{NUMBERS, line};

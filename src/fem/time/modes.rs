@@ -4,7 +4,7 @@
 //! inverse Laplacian: Rayleigh and Ritz in the span of the block, its preconditioned residuals and its last steps, with
 //! an orthonormal basis.
 
-use faer::{Mat, Side};
+use deaflow_linalg::{Eigen, Mat, eigen};
 
 use crate::effects::WithMaterial;
 use crate::eigenvalue::{dot, precondition};
@@ -235,10 +235,10 @@ pub(super) fn lowest<L: Material>(
         let matrix = Mat::from_fn(span.len(), span.len(), |i, k| {
             0.5 * (dot(&span[i].vector, &span[k].stiff) + dot(&span[k].vector, &span[i].stiff))
         });
-        let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else {
+        let Some(Eigen { values: found, vectors }) = eigen(&matrix) else {
             break;
         };
-        let (vectors, found) = (eigen.U(), eigen.S().column_vector());
+        let vectors = &vectors;
         let weights =
             |mode: usize, from: usize| (0..span.len()).map(move |i| if i < from { 0.0 } else { vectors[(i, mode)] });
         let kept = block.len();

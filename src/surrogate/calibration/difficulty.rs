@@ -1,7 +1,6 @@
 //! The median of the error by the features of a pattern, and the quantile of what is left among its neighbours.
 
-use faer::linalg::solvers::Solve;
-use faer::{Col, Mat, Side};
+use deaflow_linalg::{Mat, solve_definite};
 
 use super::CalibrationError;
 use super::features::DIFFICULTY;
@@ -191,11 +190,11 @@ fn terms(at: &Point) -> [f64; TERMS] {
 /// When a number is none.
 fn median_regression(rows: &[[f64; TERMS]], values: &[f64]) -> Result<Vec<f64>, CalibrationError> {
     let mut weights = vec![1.0; rows.len()];
-    let mut coefficients = Col::zeros(TERMS);
+    let mut coefficients = vec![0.0; TERMS];
     for _ in 0..ROUNDS {
         // The lower triangle, and that is all that is read of it.
         let mut matrix = Mat::from_fn(TERMS, TERMS, |i, j| if i == j { RIDGE } else { 0.0 });
-        let mut right = Col::zeros(TERMS);
+        let mut right = [0.0; TERMS];
         for ((row, value), weight) in rows.iter().zip(values).zip(&weights) {
             for j in 0..TERMS {
                 let weighted = weight * row[j];
@@ -204,14 +203,13 @@ fn median_regression(rows: &[[f64; TERMS]], values: &[f64]) -> Result<Vec<f64>, 
                 column.zip(&row[j..]).for_each(|(m, r)| *m += weighted * r);
             }
         }
-        let factor = matrix.llt(Side::Lower).map_err(|_| CalibrationError::Singular)?;
-        coefficients = factor.solve(&right);
+        coefficients = solve_definite(&matrix, &right).ok_or(CalibrationError::Singular)?;
         for ((row, value), weight) in rows.iter().zip(values).zip(&mut weights) {
-            let fitted: f64 = row.iter().zip(coefficients.iter()).map(|(r, c)| r * c).sum();
+            let fitted: f64 = row.iter().zip(&coefficients).map(|(r, c)| r * c).sum();
             *weight = 0.5 / (value - fitted).abs().max(KINK);
         }
     }
-    Ok(coefficients.iter().copied().collect())
+    Ok(coefficients)
 }
 
 #[cfg(test)]

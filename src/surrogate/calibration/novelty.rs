@@ -1,6 +1,6 @@
 //! How far a pattern is from those that are familiar: its novelty.
 
-use faer::{Col, Mat, Side};
+use deaflow_linalg::{Mat, cholesky, solve_lower};
 
 use super::CalibrationError;
 use super::difficulty::rank;
@@ -57,11 +57,7 @@ impl Novelty {
             let products: f64 = scaled.iter().map(|row| row[i] * row[j]).sum();
             products / n + if i == j { SOFTENING } else { 0.0 }
         });
-        let factor = covariance
-            .llt(Side::Lower)
-            .map_err(|_| CalibrationError::Singular)?
-            .L()
-            .to_owned();
+        let factor = cholesky(&covariance).ok_or(CalibrationError::Singular)?;
         let places: Vec<Vec<f64>> = scaled.iter().map(|row| whitened(&factor, row)).collect();
         let spreads = (0..places.len())
             .map(|i| mean_distance(&nearest(&places[i], &places, Some(i))))
@@ -127,9 +123,9 @@ impl Novelty {
 
 /// L⁻¹ v.
 fn whitened(factor: &Mat<f64>, v: &[f64]) -> Vec<f64> {
-    let mut solved = Col::from_fn(v.len(), |i| v[i]);
-    factor.solve_lower_triangular_in_place(&mut solved);
-    solved.iter().copied().collect()
+    let mut solved = v.to_vec();
+    solve_lower(factor, &mut solved);
+    solved
 }
 
 fn scaled(features: &[f64], centre: &[f64], deviation: &[f64]) -> Vec<f64> {

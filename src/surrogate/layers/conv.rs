@@ -6,7 +6,7 @@
 use candle_core::{CpuStorage, CustomOp2, Layout, Module, Result, Shape, Tensor, bail};
 use candle_nn::init::ZERO;
 use candle_nn::{Conv2dConfig, Init, VarBuilder};
-use faer::Accum;
+use deaflow_linalg::Accum;
 
 use super::activate::bias_and_activate;
 use super::gemm::{Matrix, multiply};

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use candle_core::{CpuStorage, CustomOp3, Device, Layout, Result, Shape, Tensor, bail};
 use deaflow_fem::registers::dispatch;
-use faer::Accum;
+use deaflow_linalg::Accum;
 
 use super::cell::{
     FEATURES, MODES, add_forces, add_strain_forces, inner_corners, write_modes, write_strains, write_surroundings,

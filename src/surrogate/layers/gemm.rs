@@ -4,8 +4,7 @@
 //! across patterns instead, so every product is computed by one thread, always in the same order: results are the same bits whatever the
 //! number of threads, and a product is never too small to split well.
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
+use deaflow_linalg::{Accum, MatMut, MatRef, product_into};
 
 /// A row-major matrix, or the transpose of one.
 #[derive(Clone, Copy)]
@@ -44,12 +43,5 @@ pub(crate) fn multiply(out: &mut [f32], accumulate: Accum, a: Matrix, b: Matrix)
 /// The same into the columns from `first` on of a matrix of `columns` columns.
 pub(super) fn multiply_into(out: &mut [f32], columns: usize, first: usize, accumulate: Accum, a: Matrix, b: Matrix) {
     let out = MatMut::from_row_major_slice_mut(out, a.view.nrows(), columns);
-    matmul(
-        out.subcols_mut(first, b.view.ncols()),
-        accumulate,
-        a.view,
-        b.view,
-        1.0,
-        Par::Seq,
-    );
+    product_into(out.subcols_mut(first, b.view.ncols()), accumulate, a.view, b.view);
 }

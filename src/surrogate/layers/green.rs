@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 
 use candle_core::{Device, Result, Tensor};
 use deaflow_fem::registers::dispatch;
-use faer::Accum;
+use deaflow_linalg::Accum;
 
 use super::cell::inner_corners;
 use super::gemm::{Matrix, multiply};

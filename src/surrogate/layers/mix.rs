@@ -5,7 +5,7 @@
 
 use candle_core::{CpuStorage, CustomOp2, Layout, Module, Result, Shape, Tensor, bail};
 use candle_nn::{Init, VarBuilder};
-use faer::Accum;
+use deaflow_linalg::Accum;
 
 use super::gemm::{Matrix, multiply, multiply_into};
 use super::storage::values;

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use candle_core::{Device, Tensor};
-use faer::Mat;
-use faer::linalg::solvers::DenseSolveCore;
+use deaflow_linalg::{Mat, inverse, product};
 
 use super::fold::{Fold, sign, turns};
 use super::names;
@@ -320,7 +319,7 @@ fn stiffness(scene: &Scene, parts: &Parts, nodes: &[([usize; 2], Option<usize>)]
             _ => 0.0,
         }
     });
-    let inverse = system.partial_piv_lu().inverse();
+    let inverse = inverse(&system);
     (0..forces * forces)
         .map(|at| 0.5 * (inverse[(at / forces, at % forces)] + inverse[(at % forces, at / forces)]))
         .map(|value| value as f32)
@@ -343,7 +342,7 @@ fn between(scene: &Scene, nodes: &[([usize; 2], Option<usize>)]) -> Mat<f64> {
         let value = eigenvalue(l, rows) / ratio + ratio * eigenvalue(k, columns);
         wave(k, x, columns) * wave(l, y, rows) / value.sqrt()
     });
-    scaled.transpose() * &scaled
+    product(scaled.transpose(), scaled.as_ref())
 }
 
 /// The centroids of bodies in mm.

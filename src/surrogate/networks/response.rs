@@ -4,7 +4,7 @@
 use candle_core::{Device, Result, Tensor, bail};
 use candle_nn::VarBuilder;
 use deaflow_fem::registers::dispatch;
-use faer::Accum;
+use deaflow_linalg::Accum;
 
 use super::super::layers::{Matrix, multiply};
 use super::super::onnx::{Graph, Value};
