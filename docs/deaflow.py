@@ -1,6 +1,6 @@
 """Reads artifacts of a deaflow store: named numpy arrays with units, descriptions, axes and provenance.
 
-One file, to be copied wherever it is needed; Python 3.9 or later with h5py and numpy. xarray and pandas are used where they are installed.
+A single file to copy into a project. It needs Python 3.9 or later, h5py and numpy, and uses xarray and pandas if they are installed.
 
     >>> import deaflow
     >>> solved = deaflow.open("store", "quickstart:solved")
@@ -10,7 +10,7 @@ One file, to be copied wherever it is needed; Python 3.9 or later with h5py and 
     'solve'
     >>> largest = solved.to_pandas()["max_displacement"].max()
 
-The formats are those of docs/store.md and docs/runs.md. Nothing is written, and no store is locked: a run may go on meanwhile.
+docs/store.md and docs/runs.md describe the formats. This module writes nothing and takes no locks: a run may be in progress.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ __all__ = ["Artifact", "NotFound", "Run", "StoreError", "load", "open", "runs"]
 FORMAT = "deaflow-store 2"
 TITLE = "deaflow-artifact 1"
 HEADER = 512
-# What the store itself keeps in files.
+# Datasets and groups that the store adds to files.
 OWN = ("parts", "provenance", "long_attributes")
-# Arrays with more values for each row are no columns of a table.
+# Arrays with more values per row are left out of tables.
 MOST_COLUMNS = 16
 RUN_FILE = re.compile(r"(\d{4}-\d\d-\d\dT\d\d-\d\d-\d\d\.\d{3}Z)(?:\.(\d+))?-([0-9a-f]{12})\.json")
 
@@ -42,16 +42,16 @@ PathLike = Union[str, "os.PathLike[str]"]
 
 
 class StoreError(Exception):
-    """The folder is no store of this format, or a file in it is damaged or missing."""
+    """The folder is not a store of this format, or a file in it is damaged or missing."""
 
 
 class NotFound(LookupError):
-    """No run, stage, artifact or array has the name that was asked for."""
+    """No run, stage, artifact or array has the given name."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One remembered run of a pipeline."""
+    """A run of a pipeline in the history of the store."""
 
     id: str
     pipeline: str
@@ -62,25 +62,25 @@ class Run:
     host: str
     version: str
     overrides: dict[str, str]
-    """What `--set` changed."""
+    """Values changed by `--set`."""
     stages: dict[str, str]
-    """Digest of the artifact of each stage that was reached."""
+    """Digest of the artifact of each finished stage."""
     failures: list[str]
     results: dict[str, float]
-    """What artifacts are worth in numbers, as STAGE.RESULT."""
+    """Numeric results of artifacts, as STAGE.RESULT."""
 
 
 class Artifact(Mapping[str, np.ndarray]):
-    """The arrays of an artifact by their paths, read when they are asked for; those of chunks are laid end to end.
+    """The arrays of an artifact by path, read on access; chunks are concatenated.
 
-    Texts are arrays of `str`. Texts of any length, which stand in a file as bytes and lengths (`objective/text` and
+    Texts are arrays of `str`. Texts of any length, which a file stores as bytes and lengths (`objective/text` and
     `objective/length`), are one array (`objective`).
     """
 
     def __init__(self, path: PathLike, digest: str) -> None:
         self.path = Path(path)
         self.digest = digest
-        """Of its content, by which the store names it."""
+        """Digest of the content, the name in the store."""
         self.units: dict[str, str] = {}
         self.descriptions: dict[str, str] = {}
         self.dims: dict[str, tuple[str, ...]] = {}
@@ -91,9 +91,9 @@ class Artifact(Mapping[str, np.ndarray]):
             attributes = _texts(file)
             self.kind: str = attributes.pop("kind", "").removesuffix(" chunk")
             self.attributes: dict[str, str] = attributes
-            """What belongs to the content: the scene, the solver, …"""
+            """Attributes of the content: scene, solver, …"""
             self.provenance: dict[str, str] = _texts(file["provenance"]) if "provenance" in file else {}
-            """How it was made: kind, parameters, inputs, created, host, version, …"""
+            """Provenance: kind, parameters, inputs, created, host, version, …"""
             file.visititems(self._visit)
         self._join_long_texts()
 
@@ -144,14 +144,14 @@ class Artifact(Mapping[str, np.ndarray]):
         return "\n".join(lines)
 
     def to_xarray(self) -> Any:
-        """An `xarray.Dataset` with named dimensions; units and descriptions are attributes of its variables."""
+        """Returns an `xarray.Dataset` with named dimensions; units and descriptions are attributes of its variables."""
         xarray = _needed("xarray")
         lengths: dict[str, int] = {}
         variables = {}
         for name in self:
             dims = []
             for axis, n in zip(self.dims[name], self.shapes[name]):
-                # An axis has one length in a Dataset.
+                # A Dataset allows only one length per axis name.
                 dims.append(axis if lengths.setdefault(axis, n) == n else f"{axis}_{n}")
             about = {"units": self.units[name], "description": self.descriptions[name]}
             variables[name] = (dims, self[name], about)
@@ -159,10 +159,10 @@ class Artifact(Mapping[str, np.ndarray]):
         return xarray.Dataset(variables, attrs=about)
 
     def to_pandas(self, along: Optional[str] = None) -> Any:
-        """A `pandas.DataFrame` with a row for each place of an axis, by default the one that most arrays of one dimension have.
+        """Returns a `pandas.DataFrame` with one row per index of an axis, by default that of most one-dimensional arrays.
 
-        Columns are as in `deaflow show --csv`, without units in their names: those stand in `frame.attrs["units"]`. A table is what it
-        says, with NaN where a stage has no such result.
+        Columns are those of `deaflow show --csv`, without units in their names; `frame.attrs["units"]` has the units. A `table` artifact
+        gives its own rows and columns, with NaN where a stage has no such result.
         """
         pandas = _needed("pandas")
         if self.kind == "table" and along is None:
@@ -212,10 +212,10 @@ class Artifact(Mapping[str, np.ndarray]):
 def open(store: PathLike, name: str) -> Artifact:
     """Opens an artifact of a store.
 
-    `name` is a stage of the last run that has one of that name (`solved`), the same of a pipeline by its name (`quickstart:solved`)
+    `name` is a stage of the last run with a stage of that name (`solved`), a stage of a pipeline by its name (`quickstart:solved`)
     or its file (`pipelines/quickstart.yaml:solved`), or the first four or more digits of a digest.
 
-    Raises NotFound where there is none, and StoreError where the store or a file in it is not what it should be.
+    Raises NotFound if there is none, and StoreError if the store or a file in it is invalid.
     """
     root = _root(store)
     pipeline, colon, stage = name.rpartition(":")
@@ -229,25 +229,25 @@ def open(store: PathLike, name: str) -> Artifact:
     with h5py.File(path, "r") as file:
         parts = [_text(part) for part in file["parts"][...]] if "parts" in file else []
     for part in parts:
-        # Where a chunk is missing, HDF5 would show what no array holds.
+        # HDF5 would return fill values for a missing chunk.
         _check(_object(root, part), part)
     return Artifact(path, digest)
 
 
 def load(path: PathLike) -> Artifact:
-    """Opens a file that `deaflow export artifact` has written."""
+    """Opens a file of `deaflow export artifact`."""
     try:
         with h5py.File(path, "r") as file:
             texts = _texts(file["provenance"]) if "provenance" in file else {}
     except OSError as error:
         raise StoreError(f"{path} cannot be read as HDF5: {error}") from error
     if "artifact" not in texts:
-        raise StoreError(f"{path} was not written by `deaflow export artifact`: of a store, name the stage with `open`")
+        raise StoreError(f"{path} was not written by `deaflow export artifact`; to read a store use `open` with the name of a stage")
     return Artifact(path, texts["artifact"])
 
 
 def runs(store: PathLike, pipeline: Optional[str] = None) -> list[Run]:
-    """The remembered runs, newest first; those of one pipeline by its name or its file."""
+    """Returns the runs in the history, newest first; optionally those of one pipeline, by its name or its file."""
     return [run for run in _runs(_root(store)) if pipeline is None or _is_of(run, pipeline)]
 
 
@@ -286,7 +286,7 @@ def _runs(root: Path) -> Iterator[Run]:
                 results=run.get("results", {}),
             )
         except (OSError, ValueError, KeyError, TypeError):
-            continue  # As in deaflow: what cannot be understood is passed over; `deaflow fsck` names it.
+            continue  # As in deaflow: invalid files are ignored; `deaflow fsck` lists them.
 
 
 def _is_of(run: Run, pipeline: str) -> bool:
@@ -307,19 +307,19 @@ def _of_digits(root: Path, digits: str) -> Optional[str]:
         return None
     found = [path.stem for path in (root / "objects" / digits[:2]).glob("*.h5") if path.stem.startswith(digits)]
     if len(found) > 1:
-        raise NotFound(f"{len(found)} artifacts begin with {digits}")
+        raise NotFound(f"{len(found)} artifacts start with {digits}")
     return found[0] if found else None
 
 
 def _unknown(root: Path, name: str, stage: str, pipeline: Optional[str]) -> str:
     known = list(_runs(root))
     if not known:
-        return f"{name!r} is not found: no run is remembered in {root}"
+        return f"{name!r} not found: there are no runs in {root}"
     if pipeline is not None and not any(_is_of(run, pipeline) for run in known):
         names = sorted({run.pipeline for run in known})
         return f"no pipeline {pipeline!r} has been run in {root}{_near(pipeline, names)}"
     last = next(run for run in known if pipeline is None or _is_of(run, pipeline))
-    return f"no run in {root} has a stage {stage!r}, and no digest begins so{_near(stage, last.stages)}"
+    return f"no run in {root} has a stage {stage!r}, and no digest starts with it{_near(stage, last.stages)}"
 
 
 def _near(name: str, known: Any) -> str:
@@ -329,7 +329,7 @@ def _near(name: str, known: Any) -> str:
 
 def _object(root: Path, digest: str) -> Path:
     if not re.fullmatch("[0-9a-f]{64}", digest):
-        raise StoreError(f"{digest!r} is no digest")
+        raise StoreError(f"{digest!r} is not a digest")
     return root / "objects" / digest[:2] / f"{digest}.h5"
 
 
@@ -340,7 +340,7 @@ def _check(path: Path, digest: str) -> None:
     with path.open("rb") as file:
         lines = file.read(HEADER).split(b"\0")[0].decode(errors="replace").splitlines()
     if len(lines) != 4 or lines[0] != TITLE or lines[1] != digest or lines[3] != str(path.stat().st_size):
-        raise StoreError(f"{path} is damaged: `deaflow fsck` says what else is")
+        raise StoreError(f"{path} is damaged: run `deaflow fsck` to find all damaged files")
 
 
 def _text(value: Any) -> str:
@@ -348,7 +348,7 @@ def _text(value: Any) -> str:
 
 
 def _texts(group: Any) -> dict[str, str]:
-    """The attributes of a group; those that are too long for attributes are datasets of bytes."""
+    """Returns the attributes of a group, including long ones that are stored as datasets of bytes."""
     texts = {name: _text(value) for name, value in group.attrs.items()}
     long = group.get("long_attributes", {})
     return {**texts, **{name: item[()].tobytes().decode() for name, item in long.items()}}

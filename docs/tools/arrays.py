@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The tables of docs/arrays.md, from what the program declares of its artifacts:
+"""Writes docs/arrays.md from the schema of artifacts:
 
     deaflow schema artifacts | python3 docs/tools/arrays.py > docs/arrays.md
 """
@@ -9,22 +9,22 @@ import sys
 
 HEAD = """# Arrays of artifacts
 
-Written by `deaflow schema artifacts | python3 docs/tools/arrays.py > docs/arrays.md`; a test holds it to the program. Arrays that share
-an axis are equally long along it, and axes with a number are as long in every artifact. `y` and `x` are the rows and columns of cells,
-`corner_y` and `corner_x` those of their corners, one more of each. Arrays in *italics* stand only where what
-they tell of is there. Times are no content: they stand in the attribute `measurements` of `/provenance`.
+Written by `deaflow schema artifacts | python3 docs/tools/arrays.py > docs/arrays.md`; a test compares both. Arrays that share
+an axis have the same length along it; axes with a number have that length in every artifact. `y` and `x` are the rows and columns of cells,
+`corner_y` and `corner_x` those of their corners, one more of each. Arrays in *italics* are optional. Times are not part of the
+content: they are in the attribute `measurements` of `/provenance`.
 """
 
 
 def axes(array):
-    """The axes, slowest first, with their extents where these are fixed."""
+    """Returns the axes, slowest first, with fixed lengths."""
     free = len(array["axes"]) - len(array["extents"])
     fixed = [f"{name} {extent}" for name, extent in zip(array["axes"][free:], array["extents"])]
     return ", ".join(array["axes"][:free] + fixed)
 
 
 def row(array):
-    """A line of the table."""
+    """Returns a line of the table."""
     path = f"`{array['path']}`"
     if array["optional"]:
         path = f"*{path}*"
@@ -32,7 +32,7 @@ def row(array):
 
 
 def heading(name):
-    """The name of a kind, or a description of a file."""
+    """Returns the heading for the name of a kind or the description of a file."""
     return f"`{name}`" if " " not in name else name[0].upper() + name[1:]
 
 
@@ -41,7 +41,7 @@ def main():
     print(HEAD)
     parts = []
     kinds = json.load(sys.stdin)
-    # Kinds with the same content stand together.
+    # Kinds with the same content share a section.
     contents = []
     for kind in kinds:
         content = (kind["arrays"], kind["attributes"])

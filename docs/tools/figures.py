@@ -1,10 +1,10 @@
-"""Puts the figures of finished runs where the documentation shows them.
+"""Copies figures of finished runs to the documentation.
 
     deaflow run pipelines/sweep.yaml
     python3 docs/tools/figures.py sweep
 
-copies those of the pipelines that are named from `store/figures`, or from `figures` of the store in DEAFLOW_STORE, to `docs/figures`. Without a
-name it lists which pipeline and stage draws which figure. `python.png` is drawn by the script in `docs/python.md`.
+copies the figures of the named pipelines from `store/figures`, or from `figures` of the store in DEAFLOW_STORE, to `docs/figures`. Without a
+name it lists pipeline and stage of each figure. `python.png` is drawn by the script in `docs/python.md`.
 """
 
 import os
@@ -14,7 +14,7 @@ import sys
 
 from photographs import reduce
 
-# Of each figure of the documentation the pipeline, the stage and the figure of that stage.
+# For each figure of the documentation: pipeline, stage, and figure of that stage.
 FIGURES = {
     "ablation": ("ablation", "ablation", "evaluation"),
     "accuracy": ("accuracy", "accuracy", "accuracy"),
@@ -29,15 +29,15 @@ FIGURES = {
     "worth": ("paper", "accuracy", "accuracy"),
 }
 
-# Those of few colours, which take a third to a half of the bytes with a palette.
+# Figures with few colours: a palette reduces them to a third or a half of the bytes.
 CHARTS = {"accuracy", "audit", "cases", "evaluation", "histogram", "sweep", "training", "verification", "worth"}
 
-# All of them together, bytes: they are fetched with every clone.
+# Limit of the total size in bytes, because every clone fetches the figures.
 MOST = 1_200_000
 
 
 def newest(folder, stage, figure):
-    """The last drawn of the figures of a stage, whose names hold the digest of its artifact."""
+    """Returns the newest figure of a stage; file names contain the digest of the artifact."""
     drawn = [path for path in folder.glob(f"{stage}-????????-{figure}.png")]
     return max(drawn, key=lambda path: path.stat().st_mtime, default=None)
 

@@ -1,7 +1,7 @@
-"""How far does an electrode act beyond its edge? The field of a slab between two electrodes, with air outside.
+"""Computes how far the field of an electrode extends beyond its edge: a slab between two electrodes, with air outside.
 
-The upper half of the slab and the air above it, by finite volumes; the middle plane is at zero. The extension d is that by which
-an electrode without fringe field has the same electrostatic energy within the elastomer. `python3 docs/tools/fringe.py` needs numpy
+Finite volumes cover the upper half of the slab and the air above it; the potential of the middle plane is zero. An electrode without fringe
+field that is longer by the extension d has the same electrostatic energy in the elastomer. `python3 docs/tools/fringe.py` needs numpy
 and scipy.
 """
 import numpy as np
@@ -9,7 +9,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sl
 
 def grid(inside, n, beyond, growth=1.15):
-    """Steps over `inside` of size 1/n, then growing over at least `beyond`."""
+    """Returns steps of size 1/n over the length `inside`, then growing steps over at least `beyond`."""
     steps = [1 / n] * round(inside * n)
     step, total = 1 / n, 0.0
     while total < beyond:
@@ -19,10 +19,10 @@ def grid(inside, n, beyond, growth=1.15):
     return np.array(steps)
 
 def energy(axes, up, permittivity, electrode):
-    """Twice the energy in the upper half of the slab over its permittivity, lengths in h, potential 1 on the electrode.
+    """Returns twice the energy in the upper half of the slab divided by its permittivity, lengths in h, potential 1 on the electrode.
 
-    axes: widths of volumes along each direction of the plane; up: heights, and how many of them are slab; electrode: which volumes
-    have it at the top of the slab."""
+    axes: widths of volumes along each direction of the plane; up: heights, and the number of heights in the slab; electrode: which volumes
+    are below an electrode at the top of the slab."""
     up, slab = up
     eps = np.where(np.arange(len(up)) < slab, permittivity, 1.0)
     shape = [len(a) for a in axes] + [len(up)]
@@ -103,7 +103,7 @@ def square(n, side, permittivity, air):
     return (np.sqrt(area) - side) / 2
 
 def limit(f, sizes):
-    """From two grids; the error falls like the size of a volume, as the charge is infinite at the edge."""
+    """Extrapolates from two grids; the error is proportional to the size of a volume, because the charge density is infinite at the edge."""
     (m, a), (n, b) = [(n, f(n)) for n in sizes]
     return (n * b - m * a) / (n - m)
 

@@ -1,4 +1,4 @@
-"""What the screening of effects in time predicts, beside what histories and responses say: the tables of docs/effects.md.
+"""Compares the screening of effects in time with histories and responses: the tables of docs/effects.md.
 
     python3 docs/tools/in_time.py [DEAFLOW]
 
@@ -13,7 +13,7 @@ import numpy as np
 
 DEAFLOW = sys.argv[1] if len(sys.argv) > 1 else "deaflow"
 CELLS = 20
-# The sum that is screened is 4G/(mu lambda_p^2) at a branch's whole share.
+# The screening number of a fully active branch is 4G/(mu lambda_p^2).
 STIFFNESS = 45e3 * 9
 
 
@@ -22,7 +22,7 @@ DENSITY, SHEET = 960, 1e6
 
 
 def solve(folder, drive, effects, patterns, *options, more=""):
-    """The file of a solution."""
+    """Solves patterns and opens the file of the solution."""
     (folder / "scene.yaml").write_text(
         f"geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: {CELLS} }}\n"
         "material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }\n"
@@ -34,7 +34,7 @@ def solve(folder, drive, effects, patterns, *options, more=""):
 
 
 def displacement(folder, modulus, more, *at):
-    """[pattern][time][y][x][component] of half of the membrane and of random blocks; an equilibrium where no time is asked for."""
+    """Returns [pattern][time][y][x][component] for half of the membrane and for random blocks; the equilibrium if no time is given."""
     effects = f"viscoelasticity: {{ branches: [{{ modulus: {modulus} Pa, time: 1 s }}] }}"
     history = ["--history", "--at", *at] if at else []
     with solve(folder, f"voltage: 5250 V{more}", effects, ["half", "blocks"], *history) as file:
@@ -42,14 +42,14 @@ def displacement(folder, modulus, more, *at):
 
 
 def amplitudes(folder, frequency, effects):
-    """How far all corners of each pattern swing per volt."""
+    """Returns the amplitude per volt over all corners of each pattern."""
     asked = ["--response", f"{frequency} Hz:{1.001 * frequency} Hz", "--points", "2"]
     with solve(folder, "voltage: 5250 V", effects, ["half", "blocks"], *asked) as file:
         return np.hypot(file["response_real"][:, 0], file["response_imaginary"][:, 0])
 
 
 def swings(folder, frequency, effects):
-    """[pattern][time][y][x][component] over the second period of a voltage of 4 kV and 0.5 kV at a frequency, from the left side."""
+    """Returns [pattern][time][y][x][component] over the second period of a voltage of 4 kV ± 0.5 kV at a frequency, from the left side."""
     at = ", ".join(f"{(1 + k / 8) / frequency} s" for k in range(8))
     drive = f"voltage: 500 V, waveform: {{ sine: {{ frequency: {frequency} Hz, bias: 4 kV }} }}"
     asked = ["--history", "--at", at]
@@ -58,7 +58,7 @@ def swings(folder, frequency, effects):
 
 
 def change(a, b):
-    """max |a - b| / max |b| of each pattern."""
+    """Returns max |a - b| / max |b| of each pattern."""
     size = lambda field: np.sqrt((field**2).sum(axis=-1)).max(axis=(-1, -2))
     return size(a - b) / size(b)
 

@@ -1,7 +1,7 @@
-"""Does a search find as much where only the best of a generation are judged? Searches by `chord:2` under ten seeds, four goals.
+"""Compares searches that evaluate all or only the best patterns of a generation: `chord:2`, ten seeds, four goals.
 
-`python3 docs/tools/judgements.py [PROGRAM]` needs h5py and numpy, and prints the table of docs/design.md; F is better the smaller it is.
-PROGRAM is target/release/deaflow where none is named.
+`python3 docs/tools/judgements.py [PROGRAM]` needs h5py and numpy, and prints the table of docs/design.md; smaller F is better.
+The default PROGRAM is target/release/deaflow.
 """
 import pathlib, subprocess, sys, tempfile, time
 import h5py
@@ -20,7 +20,7 @@ GOALS = {
 }
 
 def searched(program, objective, area, judged):
-    """The best F and the judgements of each seed, and the seconds of all."""
+    """Returns the best F and the number of evaluations of each seed, and the seconds of all searches."""
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         (folder / "scene.yaml").write_text((ROOT / "pipelines/scenes/vhb4910.yaml").read_text())
@@ -43,12 +43,12 @@ def searched(program, objective, area, judged):
 
 def main():
     program = sys.argv[1] if len(sys.argv) > 1 else ROOT / "target/release/deaflow"
-    print("| goal | judged | judgements | F, mean | F, worst | s a search |\n|---|---:|---:|---:|---:|---:|")
+    print("| goal | judged | evaluations | F, mean | F, worst | s per search |\n|---|---:|---:|---:|---:|---:|")
     for goal, (objective, area) in GOALS.items():
         for judged in (1, 0.25):
             found, took = searched(program, objective, area, judged)
-            best, judgements = found[:, 0], found[:, 1].mean()
-            print(f"| {goal} | {judged} | {judgements:,.0f} | {best.mean():.5f} | {best.max():.5f} | {took / len(SEEDS):.1f} |", flush=True)
+            best, evaluations = found[:, 0], found[:, 1].mean()
+            print(f"| {goal} | {judged} | {evaluations:,.0f} | {best.mean():.5f} | {best.max():.5f} | {took / len(SEEDS):.1f} |", flush=True)
 
 if __name__ == "__main__":
     main()

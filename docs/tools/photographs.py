@@ -1,10 +1,10 @@
-"""Puts photographs of the page of `deaflow serve` where the documentation shows them.
+"""Copies photographs of the page of `deaflow serve` to the documentation.
 
     DEAFLOW_ALBUM=/tmp/album cargo test --locked --test it serve
     python3 docs/tools/photographs.py /tmp/album
 
-The tests take them in Chromium, light and dark, at two widths, into a folder that is there. Views are shown on sheets, each in a row, at a third of
-their size. All are reduced to a few colours, which takes a fifth of the bytes: they are fetched with every clone.
+The tests take the photographs in Chromium, light and dark, at two widths, and write them to an existing folder. Sheets combine several views, each in a row, at a third of
+their size. All are reduced to a few colours, a fifth of the bytes, because every clone fetches them.
 """
 
 import collections
@@ -13,25 +13,25 @@ import struct
 import sys
 import zlib
 
-# Of each figure of the documentation the photograph.
+# The photograph of each figure.
 FIGURES = {
     "sketchpad": "sketchpad-1440-light",
 }
 
-# Of each sheet its views, from above to below.
+# The views of each sheet, from top to bottom.
 SHEETS = {
     "serve-runs": ["pipeline", "running", "runs", "compare"],
     "serve-data": ["artifacts", "rows", "sample", "audit"],
     "serve-results": ["model", "designs", "accuracy", "sketchpad"],
 }
 
-# How each view was photographed: width of the screen, and its look.
+# Screen width and colour scheme of the photographs.
 SCREENS = ["1440-light", "1440-dark", "390-light", "390-dark"]
 
-# Pixels of a photograph that become one on a sheet, along each side.
+# Scale of a sheet: this many pixels along each side become one.
 SHRUNK = 3
 
-# Between the photographs of a sheet.
+# Gap between the photographs of a sheet, and its colour.
 GAP, BACKGROUND = 8, (255, 255, 255)
 
 COLOURS = 48
@@ -39,7 +39,7 @@ SHEET_COLOURS = 24
 
 
 def predicted(kind, left, above, corner):
-    """What a byte is told the difference to (PNG, section 9)."""
+    """Returns the predicted value of a byte (PNG filters, section 9)."""
     if kind < 3:
         return (0, left, above)[kind]
     if kind == 3:
@@ -50,7 +50,7 @@ def predicted(kind, left, above, corner):
 
 
 def pixels(path):
-    """Width, height, and rows of red, green and blue of a PNG as Chromium writes it."""
+    """Reads width, height, and rows of red, green and blue of a PNG from Chromium."""
     data, at, packed = path.read_bytes(), 8, b""
     while at < len(data):
         length, kind = struct.unpack(">I4s", data[at : at + 8])
@@ -75,12 +75,12 @@ def pixels(path):
 
 
 def apart(one, other):
-    """The square of the distance of two colours."""
+    """Returns the squared distance of two colours."""
     return sum((a - b) ** 2 for a, b in zip(one, other))
 
 
 def chosen(counts, most):
-    """Colours that leave none far from all of them that has many pixels: each is the one that those before serve worst."""
+    """Chooses a palette: each new colour is the one that the previous ones represent worst, weighted by its pixels."""
     palette = [counts.most_common(1)[0][0]]
     missed = {pixel: apart(pixel, palette[0]) for pixel in counts}
     while len(palette) < most and any(missed.values()):
@@ -90,7 +90,7 @@ def chosen(counts, most):
 
 
 def shrunk(width, height, rows):
-    """The mean of each few pixels, told to the nearest eighth of what can be told: texts have fewer colours so."""
+    """Averages blocks of pixels and rounds the result to an eighth of the levels, so that texts have fewer colours."""
     small = []
     for y in range(0, height - SHRUNK + 1, SHRUNK):
         parts = [rows[y + k] for k in range(SHRUNK)]
@@ -103,7 +103,7 @@ def shrunk(width, height, rows):
 
 
 def sheet(album, views):
-    """Width, height and rows of a sheet."""
+    """Returns width, height and rows of a sheet."""
     rows = []
     for view in views:
         photographs = [shrunk(*pixels(album / f"{view}-{screen}.png")) for screen in SCREENS]
@@ -117,13 +117,13 @@ def sheet(album, views):
 
 
 def reduce(path):
-    """Writes a drawing of many colours anew with a few."""
+    """Rewrites a drawing with fewer colours."""
     if path.read_bytes()[25] in (2, 6):
         write(path, *pixels(path))
 
 
 def write(path, width, height, rows, colours=COLOURS):
-    """Writes a PNG of a few colours, of which each other one takes the nearest."""
+    """Writes a PNG with a palette; each pixel gets the nearest colour."""
     counts = collections.Counter(pixel for row in rows for pixel in row)
     palette = chosen(counts, colours)
     place = {pixel: min(range(len(palette)), key=lambda k: apart(palette[k], pixel)) for pixel in counts}

@@ -1,4 +1,4 @@
-"""Fits the poles of the rule that finds creep from three equilibria, and judges them by patterns, voltages and branches that they were not fitted to.
+"""Fits the poles for creep from three equilibria, and tests them on other patterns, voltages and branches.
 
     python3 docs/tools/poles.py [DEAFLOW]
 
@@ -47,7 +47,7 @@ def patterns(seed, n):
 
 
 def follow(folder, n, names, voltage, branches, times):
-    """Displacements [pattern][time][y][x][component], and which patterns are stable throughout."""
+    """Returns displacements [pattern][time][y][x][component], and which patterns are always stable."""
     listed = ", ".join(f"{{ modulus: {g} kPa, time: {t} s }}" for g, t in branches)
     (folder / "scene.yaml").write_text(
         f"geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: {n} }}\n"
@@ -62,7 +62,7 @@ def follow(folder, n, names, voltage, branches, times):
 
 
 def measure(folder, seed, n, voltages, sets):
-    """Histories with their equilibria: (branches, times, histories, equilibria)."""
+    """Returns histories with their equilibria: (branches, times, histories, equilibria)."""
     names = []
     for k, pattern in enumerate(patterns(seed, n)):
         names.append(f"p{k}.csv")
@@ -72,7 +72,7 @@ def measure(folder, seed, n, voltages, sets):
         times = sorted({0.0, *(t * f for _, t in branches for f in (0.03, 0.1, 0.3, 1, 3, 10))})
         for voltage in voltages:
             moved, stable = follow(folder, n, names, voltage, branches, times)
-            # A branch that relaxes in thirty years is there at once and stays.
+            # A branch that relaxes in thirty years acts as a spring.
             held = [follow(folder, n, names, voltage, [(max(total * share, 1e-9), 1e9)], [0.0]) for share in SHARES]
             for _, also in held:
                 stable &= also
@@ -80,7 +80,7 @@ def measure(folder, seed, n, voltages, sets):
 
 
 def creep(pole, branches, times):
-    """A scalar that creeps from its value at once to 1."""
+    """Returns a scalar that creeps from its instantaneous value to 1."""
     g, tau = (np.array(values, float) for values in zip(*branches))
     g = g / STIFFNESS
     rates = (pole * g / (1 + pole * g.sum()) - np.eye(len(g))) / tau[:, None]
@@ -91,7 +91,7 @@ def creep(pole, branches, times):
 
 
 def errors(poles, data):
-    """Root mean square errors of all patterns at all times, in % of the largest root mean square displacement of each."""
+    """Returns root mean square errors of all patterns at all times, in % of the largest root mean square displacement of each."""
     found = []
     for branches, times, moved, held in data:
         total = sum(g for g, _ in branches) / STIFFNESS

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""How often the range that `deaflow plan` gives holds what the stage then takes.
+"""Counts how often the measured cost of a stage is within the range that `deaflow plan` printed.
 
     python3 docs/tools/prices.py target/release/deaflow [--repeat N] [--csv FILE]
 
-A small pipeline is run in a store of its own. Then one thing after another is changed in it; each time the prices of `plan` are set beside the
-seconds of `run`. Costs of earlier changes are in the store by then, as they are in anybody's. It needs some minutes, and nothing but Python. Times depend on what else the
-machine does: the load before and after stands in the last line."""
+It runs a small pipeline in its own store, then makes one change after another, and compares each time the estimates of `plan` with the
+seconds of `run`. The store then has the costs of earlier changes, as usual. It takes some minutes and needs only Python. Times depend on other work of the
+machine: the last line has the load before and after."""
 
 import argparse
 import csv
@@ -33,7 +33,7 @@ stages:
   verified:  { kind: verify, needs: [design, optimum], elements_per_cell: 2 }
 """
 
-# What is changed, one after the other: what people change.
+# Typical changes, made one after another.
 CHANGES = [
     ["small.seed=2"],
     ["small.count=400"],
@@ -69,7 +69,7 @@ CHANGES = [
     ["verified.elements_per_cell=4", "verified.order=2"],
     ["small.count=600", "surrogate.epochs=3"],
     ["solved.elements_per_cell=1", "design.population=300"],
-    # Nothing is known of these, and no number may be given.
+    # Without earlier costs: the plan must not print a number.
     ["surrogate.network=qin2024", "surrogate.epochs=1"],
     ["design.evaluator=linear"],
 ]
@@ -93,7 +93,7 @@ def stages(program, command, file, store, change):
 
 
 def measure(program, repeat):
-    """A row for each stage that was built after a change."""
+    """Returns one row per stage built after a change."""
     rows = []
     for number in range(repeat):
         with tempfile.TemporaryDirectory() as folder:

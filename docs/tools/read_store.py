@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Reads and checks a deaflow store without deaflow, by docs/store.md alone.
+"""Reads and checks a deaflow store without deaflow, as described in docs/store.md.
 
     python3 docs/tools/read_store.py STORE            checks every artifact and record, and lists them
     python3 docs/tools/read_store.py STORE KEY        shows one record: DIGEST of the artifact, parameters, inputs
 
-Needs h5py; uses the package `blake3` where it is installed, and a slow implementation of its own where it is not.
+Needs h5py. Uses the package `blake3` if it is installed, otherwise a slow implementation in this file.
 """
 
 import struct
@@ -64,15 +64,15 @@ except ImportError:
 
 
 TEXT_WIDTH = 64
-# The group of texts that are too long for attributes.
+# Group of texts that are too long for attributes.
 LONG = "long_attributes"
-# Attributes that tell people what the content means: no part of it.
+# Attributes that describe the content for readers and are not part of it.
 WORDING = {"warnings"}
 TYPES = {"uint8": "u8", "uint32": "u32", "uint64": "u64", "float32": "f32", "float64": "f64"}
 
 
 def check_header(path):
-    """The header in the first 512 bytes: content digest, digest of all that follows, length."""
+    """Reads the header in the first 512 bytes: content digest, digest of all bytes after it, length."""
     data = path.read_bytes()
     title, content, file, size = data[:512].split(b"\0")[0].decode().splitlines()
     assert title == "deaflow-artifact 1", f"{path}: not an artifact"
@@ -82,12 +82,12 @@ def check_header(path):
 
 
 def text_of(value):
-    """Attributes are texts of fixed length; earlier builds wrote them at variable lengths."""
+    """Decodes an attribute: a text of fixed length, or of variable length in earlier builds."""
     return value if isinstance(value, bytes) else value.encode()
 
 
 def attributes_of(group):
-    """Texts by name; those that are too long for attributes are datasets of bytes."""
+    """Returns texts by name, including long ones that are stored as datasets of bytes."""
     texts = {name: text_of(value) for name, value in group.attrs.items()}
     return texts | {name: item[()].tobytes() for name, item in group.get(LONG, {}).items()}
 
@@ -101,7 +101,7 @@ def write_number(out, number):
 
 
 def content_digest(path):
-    """The digest of the logical content, the kind, and the digests of the chunks where the artifact is a manifest."""
+    """Returns the digest of the content, the kind, and the digests of the chunks if the artifact is a manifest."""
     with h5py.File(path) as file:
         datasets, parts = {}, []
 
@@ -113,7 +113,7 @@ def content_digest(path):
         file.visititems(visit)
         if "parts" in file:
             parts = [bytes(text).rstrip(b"\0").decode() for text in file["parts"][()]]
-            # The arrays of a manifest are those of its chunks, shown as one: no content of its own.
+            # The arrays of a manifest are views of its chunks and not part of its content.
             datasets = {}
         out = bytearray()
         texts = attributes_of(file)
@@ -147,7 +147,7 @@ def content_digest(path):
 
 
 class Reader:
-    """The encoding of records: little-endian numbers of fixed width, lengths of eight bytes before texts and lists."""
+    """Decodes records: little-endian numbers of fixed width, lengths of eight bytes before texts and lists."""
 
     def __init__(self, data):
         self.data, self.at = data, 0
@@ -199,7 +199,7 @@ def read_record(path):
     record["recipe"] = reader.take("I")
     record["parameters"] = reader.canonical()
     record["inputs"] = reader.list(reader.digest)
-    # The action key is the digest of just these four.
+    # The action key is the digest of these four fields.
     assert digest(body[begin:reader.at]).hex() == record["key"] == path.name, f"{path}: its key is not its action's"
     record["artifact"] = reader.digest()
     record["file_digest"] = reader.digest()

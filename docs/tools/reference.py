@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The tables of docs/reference.md, from the JSON Schema of pipelines:
+"""Writes docs/reference.md from the JSON Schema of pipelines:
 
     deaflow schema | python3 docs/tools/reference.py > docs/reference.md
 """
@@ -10,9 +10,9 @@ import sys
 
 HEAD = """# Keys of pipelines and scenes
 
-Written by `deaflow schema | python3 docs/tools/reference.py > docs/reference.md`; a test holds it to the program. Ranges are in base
-units; [file formats](file-formats.md#scenes-and-pipelines-yaml) tells how quantities are written. A key without a default is
-required (**!**) or may be left out. Keys of a mapping that stands here twice are listed where it stands first.
+Written by `deaflow schema | python3 docs/tools/reference.py > docs/reference.md`; a test compares both. Ranges are in base
+units; [file formats](file-formats.md#scenes-and-pipelines-yaml) describes how to write quantities. A key without a default is
+required (**!**) or optional. A mapping that occurs twice is listed once, at its first occurrence.
 """
 
 
@@ -21,7 +21,7 @@ SWEEPS = ("foreach", "gather")
 
 
 def plain(schema):
-    """Without the axes of sweeps, which may stand in place of any value."""
+    """Removes the axes of sweeps, which can replace any value."""
     if isinstance(schema, list):
         return [plain(item) for item in schema]
     if not isinstance(schema, dict):
@@ -34,7 +34,7 @@ def plain(schema):
 
 
 def sentence(schema):
-    """What a value is, in as few words as hold its range."""
+    """Returns a short description of a value with its range."""
     text = schema.get("description", "")
     text = re.sub(r"From (\S+) to (\S+) (\S+), in .*?; a bare number is in \S+?\.$", r"\1 to \2 \3.", text)
     text = re.sub(r"A number from (\S+) to (\S+)\.$", r"\1 to \2.", text)
@@ -49,7 +49,7 @@ def sentence(schema):
 
 
 def span(schema):
-    """The range of a number, of the first of several choices, or of the items of a list."""
+    """Returns the range of a number, of the first of several choices, or of the items of a list."""
     if "anyOf" in schema:
         return span(schema["anyOf"][0])
     if schema.get("type") == "array":
@@ -61,13 +61,13 @@ def span(schema):
 
 
 def with_span(text, schema):
-    """A sentence, with the range of what it is about if it does not say it."""
+    """Returns a description, with the range of the value unless it has one already."""
     range_of = span(schema)
     return text if not range_of or range_of in text else f"{text} {range_of}"
 
 
 def described(schema):
-    """The first sentence among what a value may be."""
+    """Returns the first description among the choices of a value."""
     return next((sentence(choice) for choice in schema.get("anyOf", []) if is_mapping(choice)), "")
 
 
@@ -76,7 +76,7 @@ def is_mapping(schema):
 
 
 def variants(schema):
-    """The mappings that a value may be, in place of one."""
+    """Returns the mappings among the choices of a value."""
     found = []
     for choice in schema.get("anyOf", []):
         found += [choice] if is_mapping(choice) else variants(choice)
@@ -84,19 +84,19 @@ def variants(schema):
 
 
 def choice_key(mapping):
-    """The key whose word says which of several mappings this is."""
+    """Returns the key whose constant value distinguishes the mappings."""
     words = [key for key, value in mapping["properties"].items() if "const" in value and key not in ("kind", "version")]
     return words[0] if words else None
 
 
 def literal(value):
-    """A default as it is written in YAML."""
+    """Returns a default in YAML syntax."""
     text = json.dumps(value, ensure_ascii=False).strip('"')
     return re.sub(r"e-0", "e-", re.sub(r"(\d)\.0\b", r"\1", text))
 
 
 def is_new(mapping, shown=[]):
-    """Whether no mapping with all these keys has been shown."""
+    """Returns whether no mapping with these keys has been listed yet."""
     keys = {(key, value.get("description")) for key, value in mapping["properties"].items() if key not in ("kind", "needs")}
     if any(keys <= others for others in shown):
         return False
@@ -154,7 +154,7 @@ def section(title, schema):
 
 def sweeps(definitions):
     keys = [(key, "", definitions[key]["description"]) for key in SWEEPS]
-    return "\n\n".join(["## All stages", "[Sweeps](runs.md#sweep) tell what they do.", table(keys)])
+    return "\n\n".join(["## All stages", "[Sweeps](runs.md#sweep) use these keys.", table(keys)])
 
 
 def main():

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""The tables of docs/results.md, from finished runs:
+"""Writes the tables of docs/results.md from finished runs:
 
     deaflow run pipelines/paper.yaml --json > paper.json
     deaflow run pipelines/ablation.yaml --json > ablation.json
     deaflow run pipelines/cases.yaml --json > cases.json
     python3 docs/tools/results.py paper.json ablation.json cases.json
 
-Of these any may be left out, and its tables stay as they are. A finished pipeline is not run again for it. Needs h5py, for the times of the methods, which are no content of an artifact but
-stand in its provenance. With --write the tables are put between their marks in docs/results.md.
+Any of the files may be left out; its tables then stay unchanged. A finished pipeline is not run again. Needs h5py to read the times of the methods from the provenance of
+the artifact. With --write the tables replace those between their marks in docs/results.md.
 """
 import json
 import math
@@ -103,7 +103,7 @@ def trainings(run):
 
 
 def designs(run):
-    """Those of the last round."""
+    """Returns the designs of the last round."""
     return run["results"][-1]["rows"]
 
 
@@ -125,7 +125,7 @@ def mm(value, digits=3):
 
 
 def beside(rows, row):
-    """The optimum on all cells and that on the units of the genetic algorithm."""
+    """Returns the optimum on all cells and the one on the units of the genetic algorithm."""
     optima = {o["units"]: o["simulated_mm"] for o in of(rows, row["case"], "optimum", row["name"])}
     return optima.get(50), optima.get(20)
 
@@ -196,7 +196,7 @@ def case_three(rows):
 
 
 def turned(value):
-    """The rotation in degrees about the centre of points 12.5 mm off it in both directions that move along the circle."""
+    """Returns the rotation in degrees of points 12.5 mm from the centre in both directions that move along the circle."""
     return math.degrees(math.atan2(value, 12.5 * math.sqrt(2)))
 
 
@@ -302,7 +302,7 @@ def main():
     for name, made in tables.items():
         marks = re.compile(rf"(<!-- {name} -->\n)(?:(?!<!-- end -->).)*(<!-- end -->)", re.S)
         if not marks.search(text):
-            sys.exit(f"{path} has no place for {name}")
+            sys.exit(f"{path} has no mark <!-- {name} -->")
         text = marks.sub(lambda found: f"{found[1]}{made}\n{found[2]}", text)
     path.write_text(text)
 

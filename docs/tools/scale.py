@@ -1,12 +1,12 @@
-"""What a thousand workers ask of one shared file system, by a discrete-event simulation.
+"""Estimates the load of a thousand workers on one shared file system by a discrete-event simulation.
 
     deaflow doctor --store DIR --measure --json | python3 docs/tools/scale.py
 
-Reads how long each service takes on the file system of a store, and plays how workers build the chunks of one stage: each looks for a
-chunk that nobody has, claims it, computes, publishes the artifact and writes its record. When a worker begins, and when it has passed the
-last chunk, it looks at what there is: at the records of all chunks, or at their names, and then one of the workers reads the records and
-puts the stage together. The file system serves some requests at a time and the others wait; a request takes at least the way there and
-back. Nothing else is in the model: no caches, no other users.
+Reads the time of each service on the file system of a store, and simulates workers that build the chunks of one stage: each looks for a
+free chunk, claims it, computes, publishes the artifact and writes its record. At its start and after the last chunk a worker checks what exists:
+the records of all chunks, or only their names; in the second case one of the workers reads the records and
+assembles the stage. The file system serves several requests at a time and the others wait; a request takes at least one
+round trip. The model has no caches and no other users.
 """
 
 import argparse
@@ -15,7 +15,7 @@ import json
 import random
 import sys
 
-# Blocks of a stage at most, as in src/orchestrator/reserve.rs.
+# Maximum number of blocks of a stage, as in src/orchestrator/reserve.rs.
 BLOCKS = 10_000
 
 
@@ -29,7 +29,7 @@ class Server:
         self.asked = 0
 
     def serve(self, now, name, count=1):
-        """When `count` services that are asked for at `now` are done."""
+        """Returns the time at which `count` services requested at `now` are done."""
         at = heapq.heappop(self.free)
         work = count * self.times[name]
         start = max(now, at)
@@ -39,12 +39,12 @@ class Server:
         return start + work + count * self.requests[name] * self.way
 
     def names(self, now, count):
-        """When `count` names in 256 folders are listed; a folder of few names counts as one of a thousand."""
+        """Returns the time at which `count` names in 256 folders are listed; a folder with fewer names counts as one with a thousand."""
         return self.serve(now, "list 1000 names", max(256, count // 1000))
 
 
 def free(after, at):
-    """The first block from `at` on that nobody has; their number where there is none."""
+    """Returns the first free block from `at` on, or the number of blocks if there is none."""
     first = at
     while after[first] != first:
         first = after[first]
@@ -54,23 +54,23 @@ def free(after, at):
 
 
 def simulate(services, workers, chunks, seconds, block, width, way, spread, looks, threads):
-    """Builds all chunks. `block` chunks are reserved at once; 1: each is claimed where it is met. `spread`: workers begin at different
-    places. `looks`: what workers look at: "none", "records" of all chunks, or their "names". Gives the time that all took and what the
-    server did."""
+    """Builds all chunks. `block` chunks are reserved at once; 1: each is claimed when it is reached. `spread`: workers start at different
+    blocks. `looks`: what workers check: "none", "records" of all chunks, or their "names". Returns the total time and the statistics of the
+    server."""
     times = {service["name"]: service["seconds"] for service in services}
     requests = {service["name"]: service["requests"] for service in services}
     server = Server(times, requests, width, way)
     draw = random.Random(1)
     blocks = (chunks + block - 1) // block
     place = [draw.randrange(blocks) if spread else 0 for _ in range(workers)]
-    looked = [0] * workers  # blocks that the worker has passed
-    after = list(range(blocks + 1))  # the next block from here on that nobody has
-    left = [0] * workers  # chunks of the worker's block that are not begun
+    looked = [0] * workers  # blocks that the worker has passed over
+    after = list(range(blocks + 1))  # the next free block from here on
+    left = [0] * workers  # chunks of the worker's block that are not started
     own = [0] * workers
     built = refused = 0
-    chosen = None  # who puts the stage together
-    complete = None  # since when it is
-    # What each worker does next, in the order of time: the server is asked when it is, and not before.
+    chosen = None  # the worker that assembles the stage
+    complete = None  # the time of completion
+    # Next events of the workers in the order of time, so that the server receives requests in that order.
     events = [(0.0, worker, "begin") for worker in range(workers)]
     end = 0.0
     while events:
@@ -82,13 +82,13 @@ def simulate(services, workers, chunks, seconds, block, width, way, spread, look
                 now = server.names(now, built)
             heapq.heappush(events, (now, worker, "look"))
         elif step == "look" and left[worker] == 0:
-            # A row of blocks that others have is refused one by one; the server sees them together.
+            # Consecutive claimed blocks are refused one by one; the server handles them together.
             at = (place[worker] + looked[worker]) % blocks
             count = min(free(after, at) - at, blocks - looked[worker])
             looked[worker] += count
             if count:
                 refused += count
-                heapq.heappush(events, (server.serve(now, "claim that another has", count), worker, "look"))
+                heapq.heappush(events, (server.serve(now, "claim held by another worker", count), worker, "look"))
             elif looked[worker] < blocks:
                 at = (place[worker] + looked[worker]) % blocks
                 looked[worker] += 1
@@ -97,7 +97,7 @@ def simulate(services, workers, chunks, seconds, block, width, way, spread, look
                 done = server.serve(now, "claim") if block > 1 else now
                 heapq.heappush(events, (done, worker, "look"))
             elif looks == "records":
-                # What others have built is claimed for a moment and found.
+                # Chunks of other workers are claimed briefly and found finished.
                 others = chunks - own[worker]
                 done = max(server.serve(now, "read a record", others), server.serve(now, "claim", others))
                 end = max(end, done)
@@ -105,18 +105,18 @@ def simulate(services, workers, chunks, seconds, block, width, way, spread, look
                 heapq.heappush(events, (server.names(now, built), worker, "wait"))
         elif step == "wait" and chosen is None:
             chosen = worker
-            heapq.heappush(events, (server.serve(now, "claim"), worker, "put together"))
+            heapq.heappush(events, (server.serve(now, "claim"), worker, "assemble"))
         elif step == "wait" and complete is None:
-            # How long depends on how long it has waited already; this is the most.
-            heapq.heappush(events, (server.serve(now, "claim that another has") + 5, worker, step))
+            # The delay depends on the time waited so far; this is its maximum.
+            heapq.heappush(events, (server.serve(now, "claim held by another worker") + 5, worker, step))
         elif step == "wait":
-            # The manifest: 32 bytes a chunk, as one artifact in so many.
+            # The manifest: 32 bytes per chunk, counted as artifacts.
             size = max(1, chunks * 32 // 200_000)
             end = max(end, server.serve(server.serve(now, "claim"), "publish an artifact", size))
-        elif step == "put together" and built < chunks:
+        elif step == "assemble" and built < chunks:
             heapq.heappush(events, (now + 1, worker, step))
-        elif step == "put together":
-            # Each of its threads reads some: the record, and half as much again to see whether the artifact is there.
+        elif step == "assemble":
+            # Its threads share the work: read the record, and half as much again to check that the artifact exists.
             others = 3 * (chunks - own[worker]) // (2 * threads)
             done = max(server.serve(now, "read a record", others) for _ in range(threads))
             heapq.heappush(events, (done, worker, "complete"))
@@ -143,10 +143,10 @@ def main():
     words.add_argument("--seconds", type=float, default=20, help="computing time of a chunk [20]")
     words.add_argument("--chunks", type=int, default=100_000, help="chunks of the stage [100000]")
     words.add_argument("--width", type=int, default=8, help="services at a time [8]")
-    words.add_argument("--way", type=float, default=0.5, help="way to the server and back, ms [0.5]")
-    words.add_argument("--threads", type=int, default=4, help="threads of a worker that read [4]")
-    words.add_argument("--workers", type=int, nargs="+", default=[10, 100, 1000], help="how many [10 100 1000]")
-    words.add_argument("--slow", type=float, default=1, help="how much slower than measured here the file system is [1]")
+    words.add_argument("--way", type=float, default=0.5, help="round trip to the server, ms [0.5]")
+    words.add_argument("--threads", type=int, default=4, help="reading threads of a worker [4]")
+    words.add_argument("--workers", type=int, nargs="+", default=[10, 100, 1000], help="numbers of workers [10 100 1000]")
+    words.add_argument("--slow", type=float, default=1, help="factor on the measured times [1]")
     given = words.parse_args()
     services = json.load(sys.stdin)["services"]
     for service in services:
@@ -154,7 +154,7 @@ def main():
     print("workers  claims            hours  of ideal  requests/s  server busy  refused claims")
     for workers in given.workers:
         block = max(1, given.chunks // BLOCKS)
-        for told, block, spread, looks in [
+        for name, block, spread, looks in [
             ("chunk by chunk", 1, False, "none"),
             (f"blocks of {block}", block, True, "none"),
             ("... and records", block, True, "records"),
@@ -166,7 +166,7 @@ def main():
             )
             ideal = given.chunks * given.seconds / workers
             print(
-                f"{workers:7}  {told:15}  {end / 3600:6.2f}  {end / ideal:8.2f}  {server.asked / end:10.0f}"
+                f"{workers:7}  {name:15}  {end / 3600:6.2f}  {end / ideal:8.2f}  {server.asked / end:10.0f}"
                 f"  {server.busy / end / given.width:10.1%}  {refused:14}"
             )
 

@@ -79,7 +79,7 @@ fn services(folder: &Path) -> io::Result<Vec<OperationTime>> {
             fs::remove_file(claim.join("owner"))?;
             fs::remove_dir(&claim)
         })?,
-        service("claim that another has", 2, &mut |_| {
+        service("claim held by another worker", 2, &mut |_| {
             let _ = fs::create_dir(&taken);
             let _ = fs::read(taken.join("owner"));
             Ok(())
@@ -101,7 +101,7 @@ fn services(folder: &Path) -> io::Result<Vec<OperationTime>> {
             debug_assert_eq!(bytes.len(), LENGTHS.1);
             Ok(())
         })?,
-        service("sign of life", 1, &mut |_| sign.write_all_at(&content[..1024], 0))?,
+        service("heartbeat", 1, &mut |_| sign.write_all_at(&content[..1024], 0))?,
         service("list 1000 names", 8, &mut |_| {
             fs::read_dir(&many)?.try_for_each(|entry| entry.map(drop))
         })?,
