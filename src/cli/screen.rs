@@ -45,7 +45,7 @@ pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, Cli
     let scene = arguments
         .state
         .of(direct::read_scene_with(&arguments.scene, changes)?)?;
-    if let Some(faint) = stage::of_faint_drive(&scene.at_largest_voltages()) {
+    if let Some(faint) = stage::weak_drive_warning(&scene.at_largest_voltages()) {
         output.warn(format_args!("{faint}"));
     }
     let screening = screen(scene, &arguments.patterns, arguments.time.work_limit())?;

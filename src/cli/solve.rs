@@ -117,7 +117,7 @@ impl SolveArguments {
 
     /// Describes the scene: its file, state and overrides.
     fn described(&self) -> String {
-        let changes = self.changes().said().map(|set| format!(", {set}"));
+        let changes = self.changes().to_texts().map(|set| format!(", {set}"));
         self.state.described(&self.scene) + &changes.collect::<String>()
     }
 

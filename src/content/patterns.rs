@@ -33,7 +33,7 @@ pub fn named_patterns(argument: &str, form: PatternForm) -> Result<Vec<Pattern>,
             other.raster()
         ))),
         Some(other) => Err(refused(format!(
-            "its patterns have {} groups of electrodes, and the scene has voltages of {groups}",
+            "its patterns have {} groups of electrodes, but the scene has voltages for {groups}",
             other.groups()
         ))),
     }

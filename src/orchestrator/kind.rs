@@ -19,8 +19,10 @@ pub trait Kind: Sync {
     /// Returns the RECIPE number. Raise it whenever the output for given parameters and inputs changes.
     fn recipe(&self) -> u32;
 
-    /// Returns which stages `needs` must list.
-    fn needs(&self) -> Needs;
+    /// Returns which stages `needs` must list; by default none.
+    fn needs(&self) -> Needs {
+        Needs::new(&[], 0, 0)
+    }
 
     /// Returns kinds that `needs` may list in addition to those of [`Kind::needs`], without being counted.
     fn optional_needs(&self) -> &'static [&'static str] {
@@ -162,14 +164,26 @@ pub struct Needs {
     pub most: usize,
 }
 
+impl Needs {
+    /// Allows `least` to `most` inputs of some kinds.
+    #[must_use]
+    pub const fn new(kinds: &'static [&'static str], least: usize, most: usize) -> Self {
+        Self { kinds, least, most }
+    }
+}
+
 /// A stage that has been read and is valid.
 pub trait Stage: Send + Sync {
     /// Returns everything besides the inputs that the output depends on, including defaults and the parts of the scene
     /// that this kind reads.
     fn parameters(&self) -> Canonical;
 
-    /// Divides the work, given what is known of the inputs.
-    fn plan(&self, inputs: &[Input]) -> Plan;
+    /// Divides the work, given what is known of the inputs. The default is one piece with a step per input.
+    fn plan(&self, inputs: &[Input]) -> Plan {
+        Plan::Whole {
+            steps: inputs.len() as u64,
+        }
+    }
 
     /// Returns the number of pieces that [`Stage::plan`] will return, given the total number of pieces of the inputs.
     /// It is used to refuse plans that are too large.
@@ -221,7 +235,7 @@ pub trait Stage: Send + Sync {
 
     /// Returns the unit of its progress, in the plural.
     fn unit(&self) -> &'static str {
-        "steps"
+        "inputs"
     }
 
     /// Returns the number of samples of a finished artifact without a stable solution; the run then ends with exit code

@@ -1,8 +1,7 @@
-//! `kind: accuracy` says what accuracy costs: the error of each method against a reference, and its time.
+//! `kind: accuracy` measures the error of each method against a reference, and its time.
 //!
-//! The reference is an ordinary solve stage, which this one needs: it is as dear as all else together, and stays when
-//! the list of methods changes. Errors are content. Times differ from run to run, so they are measurements, which stand in
-//! the provenance.
+//! The reference is a solve stage in `needs`: it costs as much as everything else together and is reused when the list of
+//! methods changes. Errors are content. Times differ between runs, so they are measurements in the provenance.
 
 mod content;
 
@@ -19,7 +18,7 @@ use deaflow_store::{Artifact, Object};
 
 pub use content::content;
 
-/// The reference, and models to be measured.
+/// The largest number of needs: the reference and models.
 const MOST_NEEDS: usize = 20;
 
 /// The kind `accuracy`.
@@ -48,15 +47,11 @@ impl Kind for AccuracyKind {
     }
 
     fn needs(&self) -> Needs {
-        Needs {
-            kinds: &["solve", "train"],
-            least: 1,
-            most: MOST_NEEDS,
-        }
+        Needs::new(&["solve", "train"], 1, MOST_NEEDS)
     }
 
     fn schema(&self) -> Vec<Fields> {
-        let fields = Fields::new("Says what accuracy costs: the error of methods against a reference, and their time.");
+        let fields = Fields::new("Measures the error of methods against a reference, and their time.");
         vec![fields.optional("methods", Candidate::schema())]
     }
 
@@ -106,7 +101,8 @@ impl Stage for AccuracyStage {
         }
         let [reference] = references[..] else {
             let found = references.len();
-            let why = format!("an accuracy stage needs one solve stage as its reference, and this one has {found}");
+            let why =
+                format!("an accuracy stage needs exactly one solve stage as its reference; `needs` names {found}");
             return Err(StageError::input(why));
         };
         let failed = StageError::failed;
@@ -121,7 +117,7 @@ impl Stage for AccuracyStage {
     }
 }
 
-/// The samples of a solve stage, stable or not, with what was found.
+/// Reads the samples of a solve stage, stable or not, with their fields.
 fn benchmark(solved: &Artifact) -> Result<Benchmark, StageError> {
     let wrong = |e: InputError| StageError::in_artifact(solved, e);
     let view = Solutions::open(solved)?;

@@ -1,8 +1,9 @@
-//! `kind: balance` turns solved samples into a flat, augmented and split training set.
+//! `kind: balance` makes a balanced, augmented and split training set of solved samples.
 
 use rayon::prelude::*;
 
 use super::results::{most, named};
+use super::scene;
 use deaflow_base::{Canonical, Declared, Fields, InputError, Length, Node, Seed, parameters};
 use deaflow_content as content;
 use deaflow_content::{BalanceCounts, Histograms, Packed, SOLVED, Solutions, files};
@@ -34,11 +35,7 @@ impl Kind for BalanceKind {
     }
 
     fn needs(&self) -> Needs {
-        Needs {
-            kinds: &SOLVED,
-            least: 1,
-            most: 100,
-        }
+        Needs::new(&SOLVED, 1, 100)
     }
 
     fn schema(&self) -> Vec<Fields> {
@@ -55,17 +52,17 @@ impl Kind for BalanceKind {
 }
 
 parameters! {
-    /// Turns solved samples into a flat, augmented and split training set.
+    /// Makes a balanced, augmented and split training set of solved samples.
     struct BalanceParameters as "a balance stage" {
         /// Bins of the histogram of the largest displacement.
         bins: usize [1..=100_000],
-        /// Both ends of the histogram, such as [0 mm, 2.5 mm].
+        /// Range of the histogram, such as [0 mm, 2.5 mm].
         range: [Length; 2] [0.0..=1e4],
-        /// Rows that are wanted.
+        /// Number of rows to aim for.
         target: u64 [1..=100_000_000],
-        /// Images that fill scarce bins: by the symmetries of the membrane, or none.
+        /// Images of patterns that fill sparse bins: by the symmetries of the membrane, or none.
         symmetry: SymmetryGroup = SymmetryGroup::D4,
-        /// Names the random numbers.
+        /// Seed of the random numbers.
         seed: Seed,
     }
 }
@@ -87,7 +84,7 @@ impl BalanceStage {
     }
 }
 
-/// The samples with a field of all inputs, end to end, without the fields.
+/// The stable samples of all inputs, concatenated, without their fields.
 #[derive(Default)]
 struct SolvedSamples {
     patterns: Vec<Pattern>,
@@ -105,14 +102,18 @@ impl Stage for BalanceStage {
         Some("target")
     }
 
+    fn unit(&self) -> &'static str {
+        "steps"
+    }
+
     fn plan(&self, _inputs: &[Input]) -> Plan {
         Plan::Whole { steps: 1 }
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let scene = super::scene_of_inputs(job.inputs)?;
+        let scene = scene::of_inputs(job.inputs)?;
         let mut solved = SolvedSamples::default();
-        // Reading twice is most of it: once what is chosen from, then the fields of what was chosen.
+        // Most of the time is spent on reading: first the candidates, then the fields of the chosen rows.
         let read = |pass: usize, files: usize| {
             job.progress
                 .part((pass * job.inputs.len() + files) as f64 / (2 * job.inputs.len() + 1) as f64);
@@ -127,8 +128,8 @@ impl Stage for BalanceStage {
         }
         if solved.patterns.is_empty() {
             return Err(StageError::input(format!(
-                "none of {} samples has a stable solution: there is nothing to learn from. A lower voltage, a thicker or a \
-                 stiffer membrane stays stable",
+                "none of {} samples has a stable solution, so there is nothing to train on: lower the voltage, or use a \
+                 thicker or stiffer membrane",
                 solved.unstable
             )));
         }
@@ -144,7 +145,7 @@ impl Stage for BalanceStage {
         let balanced = balance(&candidates, &self.options(&scene)).map_err(StageError::failed)?;
         if balanced.rows.is_empty() {
             return Err(StageError::input(format!(
-                "none of the {} solved samples is within the range of the histogram",
+                "none of the {} solved samples is in the `range` of the histogram",
                 solved.patterns.len()
             )));
         }
@@ -157,8 +158,8 @@ impl Stage for BalanceStage {
     }
 }
 
-/// The fields of rows in the order of their sources, `[row][y][x][component]`. They are read chunk by chunk: those of all
-/// samples together are larger than all else that a run holds in memory.
+/// Reads the fields of rows in the order of their sources, `[row][y][x][component]`, chunk by chunk: the fields of all
+/// samples together may exceed the memory.
 fn fields(
     inputs: &[Artifact],
     rows: &[BalancedRow],

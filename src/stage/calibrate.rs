@@ -1,24 +1,19 @@
-//! `kind: calibrate` makes prediction intervals for a model from labelled patterns that it never saw.
+//! `kind: calibrate` computes prediction intervals of a model from labelled patterns that it was not trained on.
 
 mod content;
 
 use std::collections::BTreeSet;
 
 use super::results::named;
-use super::{labelled, model, needs};
+use super::{labelled, model, scene};
 use content::Origin;
 use deaflow_base::{Canonical, Declared, Digest, Fields, InputError, Node, Seed, parameters};
-use deaflow_content::SOLVED;
-
 use deaflow_field::Predictor;
-use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_orchestrator::{Job, Kind, Needs, Stage, StageError};
 use deaflow_store::{Artifact, Object};
 use deaflow_surrogate::{Calibration, CalibrationError, Observed, Surrogate};
 
 pub use content::{CalibratedFamily, CalibratedModel, read};
-
-/// What it needs: a model and labelled patterns.
-const KINDS: [&str; 4] = needs::joined(needs::joined::<1, 2, 3>(["train"], SOLVED), ["balance"]);
 
 /// The kind `calibrate`.
 pub struct CalibrateKind;
@@ -40,11 +35,7 @@ impl Kind for CalibrateKind {
     }
 
     fn needs(&self) -> Needs {
-        Needs {
-            kinds: &KINDS,
-            least: 2,
-            most: 1000,
-        }
+        Needs::new(&["train", "solve", "import", "balance"], 2, 1000)
     }
 
     fn schema(&self) -> Vec<Fields> {
@@ -57,9 +48,9 @@ impl Kind for CalibrateKind {
 }
 
 parameters! {
-    /// Makes prediction intervals for a model from labelled patterns that it never saw.
+    /// Computes prediction intervals of a model from labelled patterns that it was not trained on.
     struct CalibrateStage as "a calibrate stage" {
-        /// Names the random numbers.
+        /// Seed of the random numbers.
         seed: Seed,
     }
 }
@@ -69,38 +60,22 @@ impl Stage for CalibrateStage {
         self.to_canonical()
     }
 
-    fn unit(&self) -> &'static str {
-        "inputs"
-    }
-
-    fn plan(&self, inputs: &[Input]) -> Plan {
-        Plan::Whole {
-            steps: inputs.len() as u64,
-        }
-    }
-
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let scene = super::scene_of_inputs(job.inputs)?;
+        let scene = scene::of_inputs(job.inputs)?;
         let (artifact, surrogate) = the_model(job.inputs)?;
         let trained = model::families(artifact)?;
         let (mut observed, mut families) = (Vec::new(), Vec::new());
-        for input in job.inputs {
-            if labelled::is_labelled(input) {
-                labelled::check_unseen(input, &[&surrogate])?;
-                labelled::for_each(input, job.progress, &mut |batch| {
-                    let predicted = surrogate.predict(&batch.patterns);
-                    let predicted = predicted.map_err(StageError::failed)?;
-                    for (at, field) in predicted.iter().enumerate() {
-                        let familiar = trained.contains(&batch.families[at]);
-                        observed.push(Observed::new(&batch.patterns[at], field, &batch.fields[at], familiar));
-                    }
-                    families.extend(batch.families);
-                    Ok(())
-                })?;
+        labelled::for_each_batch(job, &[&surrogate], &mut |batch| {
+            let predicted = surrogate.predict(&batch.patterns);
+            let predicted = predicted.map_err(StageError::failed)?;
+            for (at, field) in predicted.iter().enumerate() {
+                let familiar = trained.contains(&batch.families[at]);
+                observed.push(Observed::new(&batch.patterns[at], field, &batch.fields[at], familiar));
             }
-            job.progress.advance(1);
-        }
-        let calibration = Calibration::fit(observed, self.seed.0).map_err(|e| refused(e, &trained))?;
+            families.extend(batch.families);
+            Ok(())
+        })?;
+        let calibration = Calibration::fit(observed, self.seed.0).map_err(|e| too_few(e, &trained))?;
         let origin = Origin {
             families: &families,
             trained: &trained,
@@ -113,7 +88,7 @@ impl Stage for CalibrateStage {
     }
 }
 
-fn refused(error: CalibrationError, trained: &BTreeSet<String>) -> StageError {
+fn too_few(error: CalibrationError, trained: &BTreeSet<String>) -> StageError {
     let families: Vec<&str> = trained.iter().map(String::as_str).collect();
     match error {
         CalibrationError::FewFamiliar(_) => StageError::input(format!("{error}; these are: {}", families.join(", "))),
@@ -121,19 +96,14 @@ fn refused(error: CalibrationError, trained: &BTreeSet<String>) -> StageError {
     }
 }
 
-/// The one model among the inputs.
+/// Returns the one model among the inputs.
 fn the_model(inputs: &[Artifact]) -> Result<(&Artifact, Surrogate), StageError> {
-    let mut found = Vec::new();
-    for input in inputs {
-        if model::is_in(input) {
-            found.push(input);
-        }
-    }
-    let [artifact] = &found[..] else {
+    let found: Vec<&Artifact> = inputs.iter().filter(|input| model::is_in(input)).collect();
+    let [artifact] = found[..] else {
         return Err(StageError::input(format!(
-            "a calibrate stage needs one model, and `needs` names {}",
+            "a calibrate stage needs exactly one model; `needs` names {}",
             found.len()
         )));
     };
-    Ok((*artifact, model::of_artifact(artifact)?))
+    Ok((artifact, model::of_artifact(artifact)?))
 }

@@ -14,7 +14,7 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::results::of_targets;
-use super::{foresight, model};
+use super::{drive_check, model, scene};
 use deaflow_base::{
     Canonical, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, Stopped, parameters,
 };
@@ -183,7 +183,7 @@ impl Kind for DesignKind {
         let map = stage.node.fields(DesignParameters::WHAT, &keys())?;
         let parameters = DesignParameters::read_map(&map)?;
         let (mut warnings, mut expectations) = (Vec::new(), Vec::new());
-        warnings.extend(foresight::of_stability(stage));
+        warnings.extend(drive_check::stability_warning(stage));
         let asked = map.optional("evaluator_accuracy");
         let evaluator = parameters.evaluator;
         if asked.is_some() && evaluator != EvaluatorChoice::Auto {
@@ -205,7 +205,7 @@ impl Kind for DesignKind {
         let here = (DesignParameters::WHAT, &keys()[..]);
         stage.refuse_misplaced(here, "constraints", &ConstraintParameters::keys())?;
         let map = stage.fields(DesignParameters::WHAT, &keys())?;
-        let scene = super::scene_in_states_of(stage, scene)?;
+        let scene = scene::read_all_states(stage, scene)?;
         let DesignParameters {
             case,
             evaluator,
@@ -250,7 +250,7 @@ fn keys() -> Vec<&'static str> {
 /// When its mapping cannot be read.
 pub(super) fn planned(stage: &StageDeclaration<'_>) -> Result<Vec<PlannedDesign>, InputError> {
     let map = stage.node.fields(DesignParameters::WHAT, &keys())?;
-    let scene = super::scene_in_states_of(stage.node, stage.scene)?;
+    let scene = scene::read_all_states(stage.node, stage.scene)?;
     let DesignParameters {
         case, targets, options, ..
     } = DesignParameters::read_map(&map)?;
@@ -586,7 +586,7 @@ impl Stage for DesignStage {
             SearchError::Stopped(stopped) => stopped.into(),
             error if error.is_of_stability() => StageError::Advised {
                 source: error.into(),
-                help: foresight::advice(&scene),
+                help: drive_check::stability_advice(&scene),
             },
             error => StageError::failed(error),
         })?;

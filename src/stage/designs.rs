@@ -1,4 +1,4 @@
-//! One design out of an artifact of a `design` or `verify` stage, or out of a file of one pattern.
+//! Reads one design from an artifact of a `design` or `verify` stage, or from a file with one pattern.
 
 use std::path::Path;
 
@@ -10,25 +10,25 @@ use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, StoreError};
 
-/// A design with all that is needed to make or simulate it.
+/// A design with the data to manufacture or simulate it.
 #[derive(Clone, Debug)]
 pub struct Design {
-    /// What it is called, where it comes from an artifact.
+    /// Its label, if it comes from an artifact.
     pub label: Option<DesignLabel>,
-    /// The same as a title.
+    /// Its title.
     pub title: String,
-    /// Where it comes from.
+    /// Its artifact or file.
     pub source: String,
     /// Its electrode.
     pub pattern: Pattern,
     /// The scene that it was made for.
     pub scene: Scene,
-    /// The state of its device that is meant, where it is one of several.
+    /// The state of the device, if it has several.
     pub state: Option<String>,
 }
 
 impl Design {
-    /// Its cells `[y][x]`, 1 = electrode, and how many there are along a side.
+    /// Returns its cells `[y][x]`, 1 = electrode, and the number of columns.
     #[must_use]
     pub fn cells(&self) -> (&[u8], usize) {
         (self.pattern.cells(), self.pattern.raster().columns())
@@ -45,10 +45,10 @@ pub struct Designs {
 }
 
 impl Designs {
-    /// Reads all of them; `None` where the artifact is not one of a stage of kind `design` or `verify`.
+    /// Reads all designs; `None` if the artifact is not of the kind `design` or `verify`.
     ///
     /// # Errors
-    /// When it cannot be read.
+    /// If it cannot be read.
     pub fn read(artifact: &Artifact) -> Result<Option<Self>, StoreError> {
         if !matches!(artifact.kind(), "design" | "verify") {
             return Ok(None);
@@ -76,12 +76,12 @@ impl Designs {
         }))
     }
 
-    /// The one that is wanted; see [`DesignFilter::choose`].
+    /// Returns the design that a filter selects; see [`DesignFilter::choose`].
     ///
     /// # Errors
-    /// When none is as wanted, or several targets or kinds of designs are: with a list of them.
-    pub fn choose(&self, wanted: &DesignFilter<'_>) -> Result<Design, InputError> {
-        let row = wanted.choose(&self.labels, &self.merits)?;
+    /// If no design matches, or those of several targets or roles do; the error lists them.
+    pub fn choose(&self, filter: &DesignFilter<'_>) -> Result<Design, InputError> {
+        let row = filter.choose(&self.labels, &self.merits)?;
         Ok(Design {
             title: self.labels[row].to_string(),
             label: Some(self.labels[row].clone()),
@@ -93,7 +93,7 @@ impl Designs {
     }
 }
 
-/// How good the designs of a `verify` stage are; none of those without a field.
+/// Returns the scores of the designs of a `verify` stage; `None` for those without a field.
 fn merits(view: &VerificationView<'_>) -> Result<Vec<Option<Merit>>, StoreError> {
     let (distance, along) = (
         view.component().distance().read()?,
@@ -112,10 +112,10 @@ fn merits(view: &VerificationView<'_>) -> Result<Vec<Option<Merit>>, StoreError>
         .collect())
 }
 
-/// The one pattern of a file, for the scene in another.
+/// Reads the only pattern of a file, with the scene in another file.
 ///
 /// # Errors
-/// When one cannot be read, or the file holds several patterns.
+/// If a file cannot be read, or the first has several patterns.
 pub fn of_file(file: &str, scene: &Path) -> Result<Design, InputError> {
     let scene = read_scene(scene)?;
     let patterns = direct::patterns(&[file.to_owned()], scene.form())?;
@@ -124,7 +124,7 @@ pub fn of_file(file: &str, scene: &Path) -> Result<Design, InputError> {
             "{file} contains {} patterns; only one can be exported at a time",
             patterns.len()
         );
-        return Err(InputError::new(message).help("write the one that is meant into a file of its own"));
+        return Err(InputError::new(message).help("save that pattern in its own file"));
     };
     let title = Path::new(file).file_stem().unwrap_or_default().to_string_lossy();
     Ok(Design {

@@ -1,4 +1,4 @@
-//! Scenes and patterns that somebody names, outside a pipeline.
+//! Reads scenes and patterns that a command or a request names, outside a pipeline.
 
 use std::path::{Path, PathBuf};
 
@@ -8,10 +8,10 @@ use deaflow_orchestrator::splice_scene;
 use deaflow_pattern::{Pattern, PatternForm};
 use deaflow_scene::{Scene, scene_files};
 
-/// Why there is no answer.
+/// Why a direct simulation or prediction failed.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 pub enum DirectError {
-    /// A scene or pattern that cannot be used.
+    /// The scene or a pattern cannot be used.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Input(#[from] InputError),
@@ -20,18 +20,18 @@ pub enum DirectError {
     Failed(String),
 }
 
-/// All patterns of a form that the arguments name, in order.
+/// Reads all patterns that the arguments name, in order.
 ///
 /// # Errors
-/// When one cannot be read.
+/// If one cannot be read.
 pub fn patterns(arguments: &[String], form: PatternForm) -> Result<Vec<Pattern>, InputError> {
     Ok(patterns_with_names(arguments, form)?.0)
 }
 
-/// The same with the name of each: its argument, and where that holds several the place among them, `mine.npy[3]`.
+/// Reads all patterns with their names: the argument, followed by the index if it has several patterns, `mine.npy[3]`.
 ///
 /// # Errors
-/// When one cannot be read.
+/// If one cannot be read.
 pub fn patterns_with_names(arguments: &[String], form: PatternForm) -> Result<(Vec<Pattern>, Vec<String>), InputError> {
     let (mut all, mut names) = (Vec::new(), Vec::new());
     for argument in arguments {
@@ -45,16 +45,16 @@ pub fn patterns_with_names(arguments: &[String], form: PatternForm) -> Result<(V
     Ok((all, names))
 }
 
-/// The files that are read with a scene or a pipeline: itself, the scene that it names, masks and tables of voltages. What cannot be read names
-/// none; reading it says why.
+/// Lists the files of a scene or a pipeline: itself, the scene that it names, masks and tables of voltages. Files that
+/// cannot be read are skipped; reading the scene reports them.
 #[must_use]
 pub fn files_read(path: &Path) -> Vec<String> {
-    let beside = |file: &Path, name: String| file.with_file_name(name);
+    let sibling = |file: &Path, name: String| file.with_file_name(name);
     let named = |file: &Path| -> Option<(Vec<PathBuf>, Option<PathBuf>)> {
         let root = Document::load(file).ok()?.root;
-        let files = scene_files(&root).into_iter().map(|name| beside(file, name)).collect();
+        let files = scene_files(&root).into_iter().map(|name| sibling(file, name)).collect();
         let scene = root.peek("scene").and_then(|scene| scene.text("scene").ok());
-        Some((files, scene.map(|name| beside(file, name.to_owned()))))
+        Some((files, scene.map(|name| sibling(file, name.to_owned()))))
     };
     let mut files = vec![path.to_path_buf()];
     let (own, scene) = named(path).unwrap_or_default();
@@ -69,15 +69,15 @@ pub fn files_read(path: &Path) -> Vec<String> {
         .collect()
 }
 
-/// The scene in a file: a scene, or a pipeline whose scene is meant.
+/// Reads the scene in a file, which is a scene or a pipeline.
 ///
 /// # Errors
-/// When it cannot be read.
+/// If it cannot be read.
 pub fn read_scene(path: &Path) -> Result<Scene, InputError> {
     read_scene_with(path, Changes::default())
 }
 
-/// Whether a file names a scene, or is so broken that this cannot be told.
+/// Whether a file has a scene, or cannot be read.
 #[must_use]
 pub fn names_scene(path: &Path) -> bool {
     let found = Document::load(path);
@@ -86,28 +86,28 @@ pub fn names_scene(path: &Path) -> bool {
     })
 }
 
-/// What a command changes of a scene: the values of `--set`, each as in `drive.voltage=5 kV`, where a path may begin with `scene.` as in a
-/// pipeline; then that of `--voltage`.
+/// The values of a scene that a command overrides: those of `--set`, as in `drive.voltage=5 kV`, where the path may start
+/// with `scene.` as in a pipeline; then that of `--voltage`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Changes<'a> {
     /// The values of `--set`.
     pub sets: &'a [String],
-    /// That of `--voltage`.
+    /// The value of `--voltage`.
     pub voltage: Option<&'a str>,
 }
 
 impl<'a> Changes<'a> {
-    /// Each in words, as in `drive.voltage=5 kV`.
-    pub fn said(self) -> impl Iterator<Item = String> + 'a {
+    /// Returns the overrides as text, as in `drive.voltage=5 kV`.
+    pub fn to_texts(self) -> impl Iterator<Item = String> + 'a {
         let voltage = self.voltage.map(|voltage| format!("drive.voltage={voltage}"));
         self.sets.iter().cloned().chain(voltage)
     }
 }
 
-/// The same with values changed.
+/// Reads the scene in a file and overrides values.
 ///
 /// # Errors
-/// When it cannot be read, or a value cannot be changed so.
+/// If it cannot be read, or a value is invalid.
 pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<Scene, InputError> {
     let mut root = Document::load(path)?.root;
     splice_scene(&mut root, path)?;
@@ -133,19 +133,19 @@ pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<Scene, Input
             .error("this pipeline has no scene; give a scene file or a pipeline with a scene")
             .help("name the file of the scene"));
     }
-    super::checked_scene(root.peek("scene").unwrap_or(&root))
+    crate::scene::read(root.peek("scene").unwrap_or(&root))
 }
 
-/// A scene that is given as text: YAML, or JSON. It must not name files: it comes from nowhere that they could be relative to.
+/// Reads a scene from text in YAML or JSON. It must not name files, because there is no folder that they are relative to.
 ///
 /// # Errors
-/// When it is no scene, cannot be simulated, or names files.
+/// If it is not a valid scene, cannot be simulated, or names files.
 pub fn scene_of_text(text: &str) -> Result<Scene, InputError> {
     let root = Document::from_text(Path::new("scene"), text)?.root;
     if let Some(file) = scene_files(&root).first() {
         return Err(root
             .error(format!("the scene names the file {file:?}"))
-            .help("a scene that is given as text names no files"));
+            .help("a scene given as text must not name files"));
     }
-    super::checked_scene(&root)
+    crate::scene::read(&root)
 }

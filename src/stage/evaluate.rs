@@ -1,26 +1,25 @@
-//! `kind: evaluate` measures models on labelled patterns that they never saw, family by family, beside the estimates that a
-//! model has to beat; and how often the intervals of calibrations cover.
+//! `kind: evaluate` measures the errors of models on labelled patterns that they were not trained on, by family, compared
+//! with estimates; and the coverage of the intervals of calibrations.
 //!
-//! The models are known by their digests: a stage that is renamed keeps its artifact, so names have no place in another's
-//! content. Reports find the names in the run.
+//! The artifact identifies the models by their digests: renaming a stage changes no artifact, so stage names must not be
+//! part of the content. Reports find the names in the run.
 
+mod calibrated;
 mod content;
 mod predictors;
 
-use super::calibrate::{self, CalibratedModel};
-use super::{labelled, needs};
+use super::{labelled, scene};
 use deaflow_base::{Canonical, Declared, Fields, InputError, Node, Parameter, Schema, parameters};
-use deaflow_content::{Evaluation, SOLVED};
+use deaflow_content::Evaluation;
 use deaflow_fem::Method;
-use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_orchestrator::{Job, Kind, Needs, Stage, StageError};
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, Object};
-use deaflow_surrogate::{Judge, Judged};
+use deaflow_surrogate::Judge;
 
+use calibrated::calibrations;
+use content::EvaluationRow;
 use predictors::NamedPredictor;
-
-/// What it needs: models, labelled patterns and calibrations.
-const KINDS: [&str; 5] = needs::joined(needs::joined::<1, 2, 3>(["train"], SOLVED), ["balance", "calibrate"]);
 
 /// The kind `evaluate`.
 pub struct EvaluateKind;
@@ -38,7 +37,7 @@ impl Kind for EvaluateKind {
         let view = Evaluation::open(artifact)?;
         let (predictors, families, score) = (view.predictors().read()?, view.families().rows()?, view.score());
         let (samples, rmse, largest) = (score.samples().read()?, score.rmse().read()?, score.max_error().read()?);
-        // The last of the families is all of them.
+        // The last row is that of all families together.
         let of = |numbers: &[f64], row: usize| numbers[(row + 1) * families - 1];
         let known = (0..predictors.len()).filter(|row| samples[(row + 1) * families - 1] > 0);
         let both = known.flat_map(|row| {
@@ -52,11 +51,7 @@ impl Kind for EvaluateKind {
     }
 
     fn needs(&self) -> Needs {
-        Needs {
-            kinds: &KINDS,
-            least: 1,
-            most: 1000,
-        }
+        Needs::new(&["train", "solve", "import", "balance", "calibrate"], 1, 1000)
     }
 
     fn schema(&self) -> Vec<Fields> {
@@ -69,14 +64,14 @@ impl Kind for EvaluateKind {
 }
 
 parameters! {
-    /// Measures models, and estimates, on labelled patterns that they never saw.
+    /// Measures the errors of models and estimates on labelled patterns that were not used for training.
     struct EvaluateStage as "an evaluate stage" {
-        /// Estimates that stand beside the models: linear, or chord:N with N from 1 to 50.
+        /// Estimates to compare with the models: linear, or chord:N with N from 1 to 50.
         estimates: Estimates = Vec::new(),
     }
 }
 
-/// Methods that look for no equilibrium, each once.
+/// Methods that do not iterate to equilibrium, each once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Estimates(Vec<Method>);
 
@@ -123,37 +118,13 @@ impl Parameter for Estimates {
     }
 }
 
-/// One labelled pattern and what was said of it.
-struct EvaluationRow {
-    family: String,
-    area: f64,
-    judged: Judged,
-}
-
-/// A calibration with the place of its model among the predictors.
-struct Calibrated {
-    digest: String,
-    model: CalibratedModel,
-    predictor: usize,
-}
-
 impl Stage for EvaluateStage {
     fn parameters(&self) -> Canonical {
         self.to_canonical()
     }
 
-    fn unit(&self) -> &'static str {
-        "inputs"
-    }
-
-    fn plan(&self, inputs: &[Input]) -> Plan {
-        Plan::Whole {
-            steps: inputs.len() as u64,
-        }
-    }
-
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let scene = super::scene_of_inputs(job.inputs)?;
+        let scene = scene::of_inputs(job.inputs)?;
         let predictors = self.predictors(job.inputs, &scene)?;
         if predictors.is_empty() {
             return Err(StageError::input(
@@ -165,17 +136,11 @@ impl Stage for EvaluateStage {
         let judge = Judge::new(predictors.iter().map(NamedPredictor::predictor).collect(), calibrations);
         let models: Vec<_> = predictors.iter().filter_map(NamedPredictor::surrogate).collect();
         let mut rows = Vec::new();
-        for input in job.inputs {
-            if labelled::is_labelled(input) {
-                labelled::check_unseen(input, &models)?;
-                labelled::for_each(input, job.progress, &mut |batch| {
-                    job.progress.note(&format!("{} patterns", rows.len()));
-                    rows.extend(judged(&judge, batch)?);
-                    Ok(())
-                })?;
-            }
-            job.progress.advance(1);
-        }
+        labelled::for_each_batch(job, &models, &mut |batch| {
+            job.progress.note(&format!("{} patterns", rows.len()));
+            rows.extend(judged(&judge, batch)?);
+            Ok(())
+        })?;
         if rows.is_empty() {
             return Err(StageError::input(
                 "no data to evaluate on: add solved samples or a balanced dataset to `needs`",
@@ -198,31 +163,6 @@ impl EvaluateStage {
         }
         Ok(found)
     }
-}
-
-/// The calibrations among the inputs, each with the place of its model.
-fn calibrations(inputs: &[Artifact], predictors: &[NamedPredictor]) -> Result<Vec<Calibrated>, StageError> {
-    let mut found = Vec::new();
-    for input in inputs {
-        let Some(model) = calibrate::read(input)? else {
-            continue;
-        };
-        let place = predictors
-            .iter()
-            .position(|predictor| predictor.digest() == model.model);
-        found.push(Calibrated {
-            digest: input.digest().to_string(),
-            predictor: place.ok_or_else(|| {
-                StageError::input(format!(
-                    "calibration {} belongs to model {:.12}, which is not among the models of this stage",
-                    input.digest().short(),
-                    model.model
-                ))
-            })?,
-            model,
-        });
-    }
-    Ok(found)
 }
 
 fn judged(judge: &Judge<'_>, batch: labelled::Batch) -> Result<impl Iterator<Item = EvaluationRow>, StageError> {

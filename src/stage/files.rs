@@ -1,15 +1,15 @@
-//! The files that a stage names: relative to the pipeline's file, and in its folder or below.
+//! The files that a stage names, relative to the pipeline's file and inside its folder.
 
 use std::path::{Path, PathBuf};
 
 use deaflow_base::{Canonical, InputError, Node, Parameter, Schema, confined};
 use deaflow_pattern::split_h5;
 
-/// The key under which they stand.
+/// The key with the list of files.
 const KEY: &str = "files";
 
-/// The name of a file, with a dataset in it where that is to be named: `own.h5:/patterns`. What a stage makes depends on what is in the
-/// file and not on its name, so a name has no canonical value.
+/// The name of a file, optionally with a dataset in it: `own.h5:/patterns`. The result of a stage depends on the content
+/// of the file, not on its name, so a name has no canonical value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileName(String);
 
@@ -34,7 +34,7 @@ impl Parameter for FileName {
     }
 }
 
-/// The files that a stage names, without the datasets in them.
+/// Returns the files that a stage names, without the datasets in them.
 pub fn named(stage: &Node) -> Vec<String> {
     let names = stage
         .peek(KEY)
@@ -46,21 +46,21 @@ pub fn named(stage: &Node) -> Vec<String> {
         .collect()
 }
 
-/// A file that a stage names, where it is.
+/// A file that a stage names.
 pub struct NamedFile<'a> {
     node: &'a Node,
     name: &'a str,
-    /// The file, links followed.
+    /// Path of the file, with links resolved.
     pub path: PathBuf,
-    /// The dataset in it, where one is named.
+    /// The dataset in it, if one is named.
     pub dataset: Option<&'a str>,
 }
 
 impl<'a> NamedFile<'a> {
-    /// The files of a stage, in order.
+    /// Returns the files of a stage, in order.
     ///
     /// # Errors
-    /// When one does not exist, or is outside the folder of the pipeline.
+    /// If one does not exist, or is outside the folder of the pipeline.
     pub fn of_stage(stage: &'a Node) -> Result<Vec<Self>, InputError> {
         let folder = stage.file().parent().unwrap_or(Path::new(""));
         let names = stage.peek(KEY).map(|names| names.list(KEY)).transpose()?;
@@ -88,7 +88,7 @@ impl<'a> NamedFile<'a> {
         Ok(named)
     }
 
-    /// The refusal of the file, with advice.
+    /// Returns the error that refuses the file, with advice.
     pub fn refused(&self, why: &dyn std::fmt::Display, help: &str) -> InputError {
         let refusal = self.node.error(format!("the file {}: {why}", self.name));
         match help {

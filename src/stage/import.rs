@@ -1,19 +1,19 @@
-//! `kind: import` takes patterns with displacement fields that were made elsewhere, as labels like those of a solve stage.
+//! `kind: import` reads patterns with displacement fields from files, as labels like those of a solve stage.
 //!
-//! They are known by their numbers, whatever file they come from. A pipeline's scene is recorded as theirs: whether that is true is
-//! what an audit finds out.
+//! The key depends on the numbers, not on the format of the file. The scene of the pipeline is recorded as their scene; an
+//! audit checks whether that is right.
 
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::files::{FileName, NamedFile};
-use super::results;
+use super::files::{self, FileName, NamedFile};
+use super::{results, scene};
 use deaflow_base::{Canonical, Declared, Digest, DigestWriter, Fields, InputError, Node, parameters};
 use deaflow_content::{FROM_FILE, SampleRows, Solutions, Unstable};
 use deaflow_dataset::Device;
 use deaflow_dataset::import::{ImportError, ImportFile, MAX_ROWS, Rows};
 use deaflow_field::{Field, Outcome};
-use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_orchestrator::{Chunk, Input, Job, Kind, Plan, Stage, StageError};
 use deaflow_pattern::Raster;
 use deaflow_scene::{Difference, Scene};
 use deaflow_store::{Artifact, Object};
@@ -21,10 +21,10 @@ use deaflow_store::{Artifact, Object};
 /// The name of the kind.
 pub const NAME: &str = "import";
 
-/// Rows in a chunk on the source paper's cells: 44 MB.
+/// Rows per chunk on the raster of the source paper: 44 MB.
 const CHUNK: usize = 1000;
 
-/// Rows in a chunk: no more than these, and of more cells fewer.
+/// Returns the number of rows per chunk, smaller on larger rasters.
 fn rows_of_chunk(raster: Raster) -> usize {
     (CHUNK * Raster::PAPER.corners() / raster.corners()).clamp(1, CHUNK)
 }
@@ -45,37 +45,29 @@ impl Kind for ImportKind {
         results::of_solutions(artifact)
     }
 
-    fn needs(&self) -> Needs {
-        Needs {
-            kinds: &[],
-            least: 0,
-            most: 0,
-        }
-    }
-
     fn reads_scene(&self) -> bool {
         true
     }
 
     fn files(&self, stage: &Node) -> Vec<String> {
-        super::files::named(stage)
+        files::named(stage)
     }
 
     fn schema(&self) -> Vec<Fields> {
-        vec![super::with_state(ImportParameters::fields())]
+        vec![scene::with_state(ImportParameters::fields())]
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        ImportParameters::read_with(stage, &["kind", super::STATE])?;
-        let scene = super::simulated_scene_of(stage, scene)?;
-        let device = Arc::new(super::device_of(&scene));
+        ImportParameters::read_with(stage, &["kind", scene::STATE])?;
+        let scene = scene::read_in_state(stage, scene)?.simulated();
+        let device = Arc::new(scene::device_of(&scene));
         let of_chunk = rows_of_chunk(device.raster());
         let (mut files, mut rows) = (Vec::new(), 0);
         for named in NamedFile::of_stage(stage)? {
             let file = open(&named, &scene, &device)?;
             rows += file.len();
             if rows > MAX_ROWS {
-                let why = format!("with it the stage has {rows} rows");
+                let why = format!("it brings the stage to {rows} rows");
                 return Err(named.refused(
                     &why,
                     &format!("allowed: at most {MAX_ROWS}; use another stage for the others"),
@@ -87,7 +79,7 @@ impl Kind for ImportKind {
         let mut digests = Vec::new();
         for start in (0..rows).step_by(of_chunk) {
             let range = start..rows.min(start + of_chunk);
-            let read = gather(of_files.clone(), range.clone());
+            let read = read_rows(of_files.clone(), range.clone());
             let read = read.map_err(|(at, why)| files[at].0.refused(&why, &why.help(&device)))?;
             digests.push(read.digest());
         }
@@ -102,24 +94,24 @@ impl Kind for ImportKind {
 }
 
 parameters! {
-    /// Takes patterns with displacement fields that were made elsewhere, as labels.
+    /// Reads patterns with displacement fields from files, as labels.
     struct ImportParameters as "an import stage" {
-        /// FILE.npz, FILE.h5 or FILE.csv, relative to the pipeline's file; their rows stand end to end.
+        /// FILE.npz, FILE.h5 or FILE.csv, relative to the pipeline's file; their rows are concatenated.
         files: Vec<FileName> [((), 1..=1000)],
     }
 }
 
-/// Opens a file, unless it says that it was made with another scene.
+/// Opens a file; refuses it if it names another scene.
 fn open(named: &NamedFile<'_>, scene: &Scene, device: &Arc<Device>) -> Result<ImportFile, InputError> {
     if named.dataset.is_some() {
-        return Err(named.refused(&"its arrays are found by their names", "name the file alone"));
+        return Err(named.refused(&"its arrays are found by name", "name the file only"));
     }
     let file = ImportFile::open(&named.path, device).map_err(|why| named.refused(&why, &why.help(device)))?;
     let Some(said) = file.scene() else { return Ok(file) };
     let unreadable = |e| {
         named.refused(
             &format!("its scene cannot be read: {e}"),
-            "take the attribute `scene` out of it",
+            "remove the attribute `scene` from it",
         )
     };
     let said = Scene::from_text(said).map_err(unreadable)?.simulated();
@@ -128,11 +120,14 @@ fn open(named: &NamedFile<'_>, scene: &Scene, device: &Arc<Device>) -> Result<Im
         return Ok(file);
     }
     let why = format!("it was made with another scene: {}", Difference::listed(&differences));
-    Err(named.refused(&why, "use it in a pipeline of its own scene"))
+    Err(named.refused(&why, "use it in a pipeline with that scene"))
 }
 
-/// Some rows of several files, end to end; or which of them is wrong, and why.
-fn gather<'f>(files: impl Iterator<Item = &'f ImportFile>, range: Range<usize>) -> Result<Rows, (usize, ImportError)> {
+/// Reads a range of the concatenated rows of several files. An error comes with the index of its file.
+fn read_rows<'f>(
+    files: impl Iterator<Item = &'f ImportFile>,
+    range: Range<usize>,
+) -> Result<Rows, (usize, ImportError)> {
     let (mut rows, mut first) = (Rows::default(), 0);
     for (at, file) in files.enumerate() {
         let (start, end) = (range.start.max(first), range.end.min(first + file.len()));
@@ -147,9 +142,9 @@ fn gather<'f>(files: impl Iterator<Item = &'f ImportFile>, range: Range<usize>) 
 struct ImportStage {
     files: Vec<ImportFile>,
     scene: Scene,
-    /// Rows of a chunk.
+    /// Rows per chunk.
     of_chunk: usize,
-    /// Of the rows of each chunk.
+    /// Digest of the rows of each chunk.
     digests: Vec<Digest>,
     rows: usize,
 }
@@ -206,7 +201,7 @@ impl Stage for ImportStage {
         let at = job.chunk.and_then(own);
         let at = at.ok_or_else(|| StageError::failed("the chunk is not one of this stage's"))?;
         let range = self.range(at);
-        let rows = gather(self.files.iter(), range.clone()).map_err(|(_, why)| changed(&format!(": {why}")))?;
+        let rows = read_rows(self.files.iter(), range.clone()).map_err(|(_, why)| changed(&format!(": {why}")))?;
         if rows.digest() != self.digests[at] {
             return Err(changed(""));
         }
@@ -219,7 +214,7 @@ impl Stage for ImportStage {
     }
 }
 
-/// Every row has been read before: that it is another now is what happened since.
+/// The error if rows have changed since they were first read.
 fn changed(why: &str) -> StageError {
     StageError::input(format!("a file has changed since the run began{why}; run again"))
 }

@@ -1,19 +1,18 @@
-//! Labelled patterns for judging a model: solved or imported samples, or the test rows of a balanced set, a batch at a time, since the
-//! fields of all together may be larger than memory.
+//! Labelled patterns to judge models with: solved or imported samples, or the test rows of a balanced set. They are read in
+//! batches, because the fields of all together may exceed the memory.
 
-use deaflow_base::Progress;
 use deaflow_content::{Labelled, SOLVED, files};
 use deaflow_dataset::Split;
 use deaflow_field::{Field, Outcome};
-use deaflow_orchestrator::StageError;
+use deaflow_orchestrator::{Job, StageError};
 use deaflow_pattern::Pattern;
 use deaflow_store::Artifact;
 use deaflow_surrogate::Surrogate;
 
-/// Patterns at a time on each thread, as many as a network takes at once.
+/// Patterns per thread and batch: as many as a network takes at once.
 const BATCH: usize = 64;
 
-/// Patterns with their simulated fields and the families that they were drawn from.
+/// Patterns with their simulated fields and their families.
 pub struct Batch {
     /// The patterns.
     pub patterns: Vec<Pattern>,
@@ -23,59 +22,56 @@ pub struct Batch {
     pub families: Vec<String>,
 }
 
-/// Whether an artifact has labelled patterns.
-pub fn is_labelled(artifact: &Artifact) -> bool {
-    is_balanced(artifact) || SOLVED.contains(&artifact.kind())
+/// Calls a function with the labelled patterns of all inputs, in order, and reports progress: a step per input.
+///
+/// # Errors
+/// If a model was trained on one of the inputs, arrays are missing or invalid, or the function fails.
+pub fn for_each_batch(
+    job: &Job<'_>,
+    models: &[&Surrogate],
+    each: &mut dyn FnMut(Batch) -> Result<(), StageError>,
+) -> Result<(), StageError> {
+    for input in job.inputs {
+        if is_balanced(input) || SOLVED.contains(&input.kind()) {
+            check_unseen(input, models)?;
+            let chunks = files(input)?;
+            for (done, chunk) in chunks.iter().enumerate() {
+                let part = |of_chunk: f64| job.progress.part((done as f64 + of_chunk) / chunks.len() as f64);
+                read_chunk(chunk, &part, each)?;
+            }
+        }
+        job.progress.advance(1);
+    }
+    Ok(())
 }
 
 fn is_balanced(artifact: &Artifact) -> bool {
     artifact.kind() == "balance"
 }
 
-/// Refuses samples that a model was trained on: what it says of them says nothing of others. Of balanced sets the rows are
-/// looked at that were kept for tests.
-///
-/// # Errors
-/// When the samples are solved ones among the inputs of a training.
-pub fn check_unseen(artifact: &Artifact, models: &[&Surrogate]) -> Result<(), StageError> {
+/// Refuses samples that a model was trained on: its error on these does not predict its error on others. Of a balanced
+/// set only the test rows are read, which no training uses.
+fn check_unseen(artifact: &Artifact, models: &[&Surrogate]) -> Result<(), StageError> {
     let digest = artifact.digest().to_string();
-    let records = models.iter().filter_map(|model| model.training());
-    if records.into_iter().all(|record| !record.inputs.contains(&digest)) || is_balanced(artifact) {
+    let mut records = models.iter().filter_map(|model| model.training());
+    if is_balanced(artifact) || records.all(|record| !record.inputs.contains(&digest)) {
         return Ok(());
     }
     Err(StageError::input(format!(
-        "the samples {} are those that a model was trained on; draw others, with another seed",
+        "a model was trained on the samples {}; draw others with another seed",
         artifact.digest().short()
     )))
 }
 
-/// Calls a function with all labelled patterns that no model was trained on, in order; how many there were. `progress` is told which
-/// part is done.
-///
-/// # Errors
-/// When arrays are missing, differ in length or hold what they must not, or the function fails.
-pub fn for_each(
-    artifact: &Artifact,
-    progress: &dyn Progress,
-    each: &mut dyn FnMut(Batch) -> Result<(), StageError>,
-) -> Result<usize, StageError> {
-    let chunks = files(artifact)?;
-    let one = |(done, chunk): (usize, &Artifact)| {
-        let part = |of_chunk: f64| progress.part((done as f64 + of_chunk) / chunks.len() as f64);
-        of_chunk(chunk, &part, each)
-    };
-    chunks.iter().enumerate().map(one).sum()
-}
-
-fn of_chunk(
+fn read_chunk(
     chunk: &Artifact,
     part: &dyn Fn(f64),
     each: &mut dyn FnMut(Batch) -> Result<(), StageError>,
-) -> Result<usize, StageError> {
+) -> Result<(), StageError> {
     let wrong = |why: &str| StageError::in_artifact(chunk, why);
-    let labelled = Labelled::open(chunk)?.ok_or_else(|| wrong("it holds no labelled patterns"))?;
+    let labelled = Labelled::open(chunk)?.ok_or_else(|| wrong("it has no labelled patterns"))?;
     let (patterns, families) = (labelled.patterns()?, labelled.families()?.unwrap_or_default());
-    let rows = match &labelled {
+    let rows: Vec<usize> = match &labelled {
         Labelled::Balanced(view) => {
             let splits = view.split().read()?.into_iter().enumerate();
             let test = splits.filter(|(_, split)| split == Split::Test.name());
@@ -84,7 +80,7 @@ fn of_chunk(
         Labelled::Solved(view) => {
             let estimated = Outcome::Estimated.name();
             if view.outcome().read()?.iter().any(|outcome| outcome == estimated) {
-                return Err(wrong("its fields are estimates, and no model can be judged by them"));
+                return Err(wrong("its fields are estimates, which cannot be used to judge a model"));
             }
             (0..patterns.len()).collect()
         }
@@ -100,15 +96,12 @@ fn of_chunk(
             let count = 2 * raster.corners();
             Field::from_values(raster, values[row * count..][..count].to_vec())
         };
+        let fields: Result<_, _> = rows.iter().map(field).collect();
         each(Batch {
             patterns: rows.iter().map(|&row| patterns[row].clone()).collect(),
-            fields: rows
-                .iter()
-                .map(field)
-                .collect::<Result<_, _>>()
-                .map_err(|e| wrong(&e.to_string()))?,
+            fields: fields.map_err(|e| wrong(&e.to_string()))?,
             families: rows.iter().map(|&row| families[row].clone()).collect(),
         })?;
     }
-    Ok(rows.len())
+    Ok(())
 }

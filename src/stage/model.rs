@@ -1,4 +1,4 @@
-//! Trained networks as stages read them, held to the scene that they serve in.
+//! Reads trained networks from artifacts and checks that they fit a scene.
 
 use std::collections::BTreeSet;
 
@@ -15,26 +15,26 @@ pub fn is_in(artifact: &Artifact) -> bool {
     artifact.kind() == "train"
 }
 
-/// The bytes of the model of a train stage.
+/// Returns the bytes of the model of a train stage.
 ///
 /// # Errors
-/// When the artifact holds none.
+/// If the artifact has no model.
 pub fn weights(artifact: &Artifact) -> Result<Vec<u8>, StageError> {
     Ok(Training::unchecked(artifact).weights().read()?)
 }
 
-/// The network of a train stage.
+/// Loads the network of a train stage.
 ///
 /// # Errors
-/// When the artifact holds no model of this program.
+/// If the artifact has no valid model.
 pub fn of_artifact(artifact: &Artifact) -> Result<Surrogate, StageError> {
     Surrogate::load(&weights(artifact)?).map_err(|e| StageError::in_artifact(artifact, e))
 }
 
-/// The network of a train stage, for use in a scene.
+/// Loads the network of a train stage for use in a scene.
 ///
 /// # Errors
-/// As [`of_artifact`], or when it was trained in another scene.
+/// As [`of_artifact`], or if it was trained in another scene.
 pub fn in_scene(artifact: &Artifact, scene: &Scene) -> Result<Surrogate, StageError> {
     let surrogate = of_artifact(artifact)?;
     surrogate
@@ -43,11 +43,11 @@ pub fn in_scene(artifact: &Artifact, scene: &Scene) -> Result<Surrogate, StageEr
     Ok(surrogate)
 }
 
-/// The networks of train stages in the states of a scene, in their order, each trained at the drive of its state; of a scene without states the
-/// only one.
+/// Loads the networks of train stages for the states of a scene, in the order of the states; each must have been trained
+/// at the drive of its state. For a scene without states it is the only network.
 ///
 /// # Errors
-/// As [`in_scene`], or when a state has no network, or a network no state.
+/// As [`in_scene`], or if a state has no network, or a network no state.
 pub fn in_states(artifacts: &[&Artifact], scene: &Scene) -> Result<Vec<Surrogate>, StageError> {
     if let ([only], true) = (artifacts, scene.states.is_empty()) {
         return in_scene(only, scene).map(|network| vec![network]);
@@ -58,15 +58,16 @@ pub fn in_states(artifacts: &[&Artifact], scene: &Scene) -> Result<Vec<Surrogate
     }
     let mut found = Vec::new();
     for (name, scene) in scene.in_states() {
-        let place = left.iter().position(|(_, network)| network.check_scene(&scene).is_ok());
-        let Some(place) = place else {
+        let fitting = left.iter().position(|(_, network)| network.check_scene(&scene).is_ok());
+        let Some(fitting) = fitting else {
             let why = left.first().and_then(|(_, network)| network.check_scene(&scene).err());
             let why = why.map_or(String::new(), |why| format!("; {why}"));
             return Err(StageError::input(format!(
-                "`needs` has no model trained in state `{name}`; a design evaluated by networks needs one for each state{why}"
+                "`needs` has no model trained in state `{name}`; a design evaluated by networks needs one for each \
+                 state{why}"
             )));
         };
-        found.push(left.swap_remove(place).1);
+        found.push(left.swap_remove(fitting).1);
     }
     match left.first() {
         None => Ok(found),
@@ -74,10 +75,10 @@ pub fn in_states(artifacts: &[&Artifact], scene: &Scene) -> Result<Vec<Surrogate
     }
 }
 
-/// The families that a model learned from: those that its training was measured on.
+/// Returns the families that a model was trained on.
 ///
 /// # Errors
-/// When the artifact does not hold what its kind promises.
+/// If the artifact cannot be read.
 pub fn families(model: &Artifact) -> Result<BTreeSet<String>, StageError> {
     let metrics = Training::open(model)?.metrics();
     let pairs = metrics.family().read()?.into_iter().zip(metrics.split().read()?);

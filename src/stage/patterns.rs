@@ -1,21 +1,22 @@
-//! `kind: patterns` takes the electrode patterns of a person from files.
+//! `kind: patterns` reads electrode patterns from files.
 //!
-//! They are known by their cells. The same patterns under another name or in another format are the same artifact, and the files are read
-//! once, so that what is built is what was planned even where a file changes meanwhile.
+//! The key depends on the cells: the same patterns under another name or in another format give the same artifact. The
+//! files are read once, so that the result is as planned even if a file changes in the meantime.
 
-use super::files::{FileName, NamedFile};
+use super::files::{self, FileName, NamedFile};
 use super::results;
 use super::sample::CHUNK;
 use deaflow_base::{Canonical, Declared, DigestWriter, Fields, InputError, Node, parameters};
 use deaflow_content::{FROM_FILE, SampleRows, Samples};
-use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_orchestrator::{Chunk, Input, Job, Kind, Plan, Stage, StageError};
 use deaflow_pattern::{Pattern, PatternForm, read_patterns_of};
+use deaflow_scene::Outline;
 use deaflow_store::{Artifact, Object};
 
 /// The name of the kind.
 pub const NAME: &str = "patterns";
 
-/// The most patterns of a stage.
+/// The largest number of patterns of a stage.
 const MOST: usize = 20_000;
 
 /// The kind `patterns`.
@@ -34,16 +35,8 @@ impl Kind for PatternsKind {
         results::of_samples(artifact)
     }
 
-    fn needs(&self) -> Needs {
-        Needs {
-            kinds: &[],
-            least: 0,
-            most: 0,
-        }
-    }
-
     fn files(&self, stage: &Node) -> Vec<String> {
-        super::files::named(stage)
+        files::named(stage)
     }
 
     fn schema(&self) -> Vec<Fields> {
@@ -51,14 +44,17 @@ impl Kind for PatternsKind {
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let form = super::outline_of(scene)?.map_or(PatternForm::PAPER, |outline| outline.form());
+        let form = scene
+            .map(Outline::read)
+            .transpose()?
+            .map_or(PatternForm::PAPER, |outline| outline.form());
         PatternsParameters::read_with(stage, &["kind"])?;
         let mut patterns = Vec::new();
         for file in NamedFile::of_stage(stage)? {
             let read = read_patterns_of(&file.path, file.dataset, form);
             patterns.extend(read.map_err(|refusal| file.refused(&refusal, &refusal.advice(form)))?);
             if patterns.len() > MOST {
-                let why = format!("with it the stage has {} patterns", patterns.len());
+                let why = format!("it brings the stage to {} patterns", patterns.len());
                 return Err(file.refused(
                     &why,
                     &format!("allowed: at most {MOST}; use another stage for the others"),
@@ -70,9 +66,9 @@ impl Kind for PatternsKind {
 }
 
 parameters! {
-    /// Takes electrode patterns from files, to be simulated beside others.
+    /// Reads electrode patterns from files.
     struct PatternsParameters as "a patterns stage" {
-        /// FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset, relative to the pipeline's file; their patterns stand end to end.
+        /// FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset, relative to the pipeline's file; their patterns are concatenated.
         files: Vec<FileName> [((), 1..=1000)],
     }
 }

@@ -1,15 +1,15 @@
-//! The numbers that artifacts are worth, as kinds of stages name them.
+//! The results of stages: numbers by name.
 
 use deaflow_content::{Samples, Solutions};
 use deaflow_orchestrator::StageError;
 use deaflow_store::Artifact;
 
-/// Results by their names.
+/// Makes results from names and numbers.
 pub fn named<const N: usize>(results: [(&str, f64); N]) -> Vec<(String, f64)> {
     results.map(|(name, value)| (name.to_owned(), value)).into()
 }
 
-/// The first words of the results that an artifact of a kind may have.
+/// Returns the first words of the results that an artifact of a kind may have.
 pub fn words_of(kind: &str) -> &'static [&'static str] {
     match kind {
         "sample" | "patterns" => &["samples", "area"],
@@ -26,7 +26,7 @@ pub fn words_of(kind: &str) -> &'static [&'static str] {
     }
 }
 
-/// The unit of a result, by its first word.
+/// Returns the unit of a result, by its first word.
 pub fn unit(name: &str) -> &'static str {
     const LENGTHS: [&str; 7] = [
         "max_displacement",
@@ -41,19 +41,19 @@ pub fn unit(name: &str) -> &'static str {
     if LENGTHS.contains(&word) { "mm" } else { "1" }
 }
 
-/// What samples are worth: how many there are, and their mean area.
+/// Returns the results of samples: their number and mean area.
 ///
 /// # Errors
-/// When the artifact cannot be read.
+/// If the artifact cannot be read.
 pub fn of_samples(artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
     let area = Samples::open(artifact)?.area().read()?;
     Ok(named([("samples", area.len() as f64), ("area", mean(&area))]))
 }
 
-/// What samples with fields are worth: how many there are with and without, and how far they move.
+/// Returns the results of solved samples: the numbers of stable and unstable ones, and their largest displacements.
 ///
 /// # Errors
-/// When the artifact cannot be read.
+/// If the artifact cannot be read.
 pub fn of_solutions(artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
     let view = Solutions::open(artifact)?;
     let largest = view.max_displacement().read()?;
@@ -65,18 +65,18 @@ pub fn of_solutions(artifact: &Artifact) -> Result<Vec<(String, f64)>, StageErro
     ]))
 }
 
-/// The mean; not a number where there is nothing.
+/// Returns the mean; NaN if there are no numbers.
 pub fn mean(numbers: &[f64]) -> f64 {
     numbers.iter().sum::<f64>() / numbers.len() as f64
 }
 
-/// The largest; not a number where there is nothing.
+/// Returns the largest; NaN if there are no numbers.
 pub fn most(numbers: &[f64]) -> f64 {
     numbers.iter().copied().fold(f64::NAN, f64::max)
 }
 
-/// Columns of designs: of each target the last row, under the name of the column, and of the target where there are several.
-/// `rows` are targets and their rows.
+/// Returns a result for each column and target: the last row of the target. Its name is that of the column, followed by
+/// the target if there are several. `rows` are the targets with their rows.
 pub fn of_targets(rows: &[(&str, usize)], columns: &[(&str, &[f64])]) -> Vec<(String, f64)> {
     let mut last: Vec<(&str, usize)> = Vec::new();
     for (target, row) in rows {
@@ -85,10 +85,10 @@ pub fn of_targets(rows: &[(&str, usize)], columns: &[(&str, &[f64])]) -> Vec<(St
             None => last.push((target, *row)),
         }
     }
-    let alone = last.len() == 1;
+    let is_single = last.len() == 1;
     let of = |(column, numbers): &(&str, &[f64])| {
         let named = |(target, row): &(&str, usize)| {
-            let name = if alone {
+            let name = if is_single {
                 (*column).to_owned()
             } else {
                 format!("{column}.{target}")
@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_each_target_the_last_design_counts() {
+    fn the_last_design_of_each_target_counts() {
         let numbers = [1.0, 2.0, 3.0, 4.0];
         let one = of_targets(&[("a", 0), ("a", 2)], &[("value", &numbers), ("area", &numbers)]);
         assert_eq!(one, named([("value", 3.0), ("area", 3.0)]));
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn of_nothing_there_is_no_number() {
+    fn the_mean_and_the_largest_of_no_numbers_are_nan() {
         assert!(mean(&[]).is_nan() && most(&[]).is_nan());
         assert_eq!((mean(&[1.0, 3.0]), most(&[1.0, 3.0])), (2.0, 3.0));
     }

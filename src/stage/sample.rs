@@ -7,13 +7,14 @@ use rayon::prelude::*;
 use super::results;
 use deaflow_base::{Canonical, DigestWriter, Fields, InputError, Map, Node, Parameter, Seed};
 use deaflow_content::{SampleRows, Samples};
-use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_orchestrator::{Chunk, Input, Job, Kind, Plan, Stage, StageError};
 use deaflow_pattern::{Bits, Pattern};
 use deaflow_sample::{Canvas, FAMILIES, Family, FamilyEntry, SampleError, SampleGroup, read_family};
 use deaflow_scene::Outline;
 use deaflow_store::{Artifact, Object};
 
-/// Samples in a chunk: small enough that a killed run loses seconds, large enough that a file is worth opening.
+/// Samples per chunk: few enough that a killed run loses only seconds of work, many enough that the overhead of a file is
+/// negligible.
 pub const CHUNK: u64 = 50;
 
 /// The kind `sample`.
@@ -36,17 +37,9 @@ impl Kind for SampleKind {
         results::of_samples(artifact)
     }
 
-    fn needs(&self) -> Needs {
-        Needs {
-            kinds: &[],
-            least: 0,
-            most: 0,
-        }
-    }
-
     fn schema(&self) -> Vec<Fields> {
         let fields = |entry: &&dyn FamilyEntry| {
-            let says = "Names the random numbers.";
+            let says = "Seed of the random numbers.";
             let fields = entry.fields().tagged("family", entry.name());
             let fields = fields.declare::<Seed>("seed", says, &(), None);
             fields.declare::<usize>("groups", "Groups of electrodes.", &GROUPS, Some(1))
@@ -56,7 +49,10 @@ impl Kind for SampleKind {
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let what = "a sample stage";
-        let canvas = super::outline_of(scene)?.map_or(Canvas::PAPER, |outline| Canvas::of(&outline.membrane));
+        let canvas = scene
+            .map(Outline::read)
+            .transpose()?
+            .map_or(Canvas::PAPER, |outline| Canvas::of(&outline.membrane));
         let (map, mut groups) = read_family(FAMILIES, stage, what, &["kind", "seed", "groups"], canvas)?;
         for group in &mut groups {
             group.parameters.extend(canvas.parameters());
@@ -82,37 +78,37 @@ struct SampleStage {
 
 const GROUPS: std::ops::RangeInclusive<u64> = 1..=Pattern::MOST_GROUPS as u64;
 
-/// What becomes of the patterns of a family.
+/// How the patterns of a family become electrodes.
 struct Electrodes {
-    /// How many groups of electrodes they have.
+    /// Number of groups of electrodes.
     groups: u64,
-    /// The cells that may carry electrodes, where there are frames or bodies.
-    room: Option<Bits>,
+    /// The cells that may carry electrodes, if there are frames or bodies.
+    free: Option<Bits>,
 }
 
 impl Electrodes {
     fn read(map: &Map<'_>, what: &str, scene: Option<&Node>) -> Result<Self, InputError> {
         let groups: usize = map.read(what, "groups", &GROUPS, Some(1))?;
-        let outline = super::outline_of(scene)?;
+        let outline = scene.map(Outline::read).transpose()?;
         let known = outline.map_or(Pattern::MOST_GROUPS, |outline| outline.groups);
         match map.optional("groups") {
             Some(node) if groups > known => Err(node
                 .error(format!(
-                    "{groups} groups of electrodes, and the scene has voltages of {known}"
+                    "{groups} groups of electrodes, but the scene has voltages for {known}"
                 ))
                 .help(format!("allowed: 1 to {known}, or more `voltages`"))),
             _ => Ok(Self {
                 groups: groups as u64,
-                room: scene.map(Outline::room).transpose()?.flatten(),
+                free: scene.map(Outline::room).transpose()?.flatten(),
             }),
         }
     }
 
-    /// What tells samples apart from those of one group without frames and bodies, for keys.
+    /// Returns the parameters for the key; none for one group without frames and bodies.
     fn parameters(&self) -> Vec<(&'static str, Canonical)> {
         let groups = (self.groups > 1).then(|| ("groups", self.groups.into()));
-        let room = self.room.as_ref().map(|room| {
-            let runs: Vec<u8> = room
+        let room = self.free.as_ref().map(|free| {
+            let runs: Vec<u8> = free
                 .runs()
                 .into_iter()
                 .flat_map(|run| (run as u64).to_le_bytes())
@@ -123,18 +119,20 @@ impl Electrodes {
         groups.into_iter().chain(room).collect()
     }
 
-    /// A sample. Its active cells are those of the family's pattern; of several groups they belong to the first whose own pattern of the family
-    /// is active there, or to the last. Which group is asked first goes round with the number of the sample.
+    /// Draws a sample. Its active cells are those of the family's pattern. With several groups, each group but the last
+    /// draws a further pattern of the family; a cell belongs to the first group whose pattern is active there, or else to
+    /// the last. The numbering of the groups rotates with the index of the sample.
     fn draw(&self, family: &dyn Family, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        /// Seeds of further patterns are as far apart as can be (the golden ratio of 2⁶⁴).
-        const APART: u64 = 0x9E37_79B9_7F4A_7C15;
+        /// Distance between the seeds of the groups (2⁶⁴ divided by the golden ratio).
+        const SEED_DISTANCE: u64 = 0x9E37_79B9_7F4A_7C15;
         let drawn = family.sample(seed, index)?;
-        let more = (1..self.groups).map(|group| family.sample(seed.wrapping_add(group.wrapping_mul(APART)), index));
+        let more =
+            (1..self.groups).map(|group| family.sample(seed.wrapping_add(group.wrapping_mul(SEED_DISTANCE)), index));
         let more: Vec<Pattern> = more.collect::<Result<_, _>>()?;
-        if more.is_empty() && self.room.is_none() {
+        if more.is_empty() && self.free.is_none() {
             return Ok(drawn);
         }
-        let is_free = |x: usize, y: usize| self.room.as_ref().is_none_or(|room| room.has(x, y));
+        let is_free = |x: usize, y: usize| self.free.as_ref().is_none_or(|free| free.has(x, y));
         Ok(Pattern::from_groups(drawn.raster(), |x, y| {
             if !drawn.is_active(x, y) || !is_free(x, y) {
                 return 0;
@@ -148,7 +146,7 @@ impl Electrodes {
     }
 }
 
-/// The pieces of a group: numbers of samples.
+/// Returns the chunks of a group as ranges of samples.
 fn chunks(group: &SampleGroup) -> impl Iterator<Item = Range<u64>> {
     let count = group.count;
     (0..count.div_ceil(CHUNK)).map(move |i| i * CHUNK..((i + 1) * CHUNK).min(count))
@@ -172,7 +170,7 @@ impl Stage for SampleStage {
             Canonical::map(own.chain([family, ("count", group.count.into())]))
         });
         match groups.collect::<Vec<_>>() {
-            // One group is the usual case, and its parameters read better without an index.
+            // The parameters of a single group, the usual case, are easier to read without an index.
             mut single if single.len() == 1 => match single.remove(0) {
                 Canonical::Map(mut map) => {
                     map.insert("seed".to_owned(), self.seed.into());
@@ -232,7 +230,7 @@ impl Stage for SampleStage {
 }
 
 impl SampleStage {
-    /// The group and the range of a chunk: found by where it starts, since there may be a hundred thousand of them.
+    /// Returns the group and the range of a chunk. It is found by its start, because there may be 100,000 chunks.
     fn find(&self, chunk: &Canonical) -> Option<(&SampleGroup, Range<u64>)> {
         let Canonical::Map(parameters) = chunk else {
             return None;

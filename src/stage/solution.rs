@@ -1,11 +1,11 @@
-//! What the solve stage says of the samples that it simulated.
+//! The artifact of a solve stage.
 
 use deaflow_content::{Meshes, Observations, Packed, SampleRows, Solutions, SolvedHistories, Unstable};
 use deaflow_fem::{AccurateHistory, AccurateSimulation, History, Solver};
 use deaflow_field::{Field, Motion};
 use deaflow_scene::{Effects, Scene};
 
-/// The results of one chunk of samples, those with a field apart from the others.
+/// Returns the results of one chunk of samples; those without a field are stored separately.
 pub fn solutions(
     rows: &SampleRows,
     results: &[AccurateSimulation],
@@ -41,7 +41,7 @@ pub fn solutions(
     }
 }
 
-/// The same with how the samples move in time.
+/// Adds the histories of the samples.
 pub fn in_time(solved: Solutions, histories: &[AccurateHistory]) -> Solutions {
     let (stable, unstable): (Vec<&History>, Vec<&History>) = histories
         .iter()
@@ -62,7 +62,7 @@ pub fn in_time(solved: Solutions, histories: &[AccurateHistory]) -> Solutions {
     }
 }
 
-/// The histories of patterns that have a field at all times.
+/// Returns the histories of patterns that have a field at all times.
 pub fn solved_histories(stable: &[&History]) -> SolvedHistories {
     let instants = || stable.iter().flat_map(|history| history.asked());
     let fields = stable.iter().flat_map(|history| &history.fields);
@@ -93,7 +93,7 @@ fn brackets(results: &[AccurateSimulation], rows: &[usize]) -> Vec<[f64; 2]> {
     rows.iter().map(bracket).collect()
 }
 
-/// The mesh that was picked for each sample.
+/// Returns the mesh that was chosen for each sample, with its error.
 pub fn meshes<'a>(results: impl Iterator<Item = &'a AccurateSimulation> + Clone) -> Meshes {
     let errors = results.clone().map(|r| r.discretisation_error.unwrap_or(f64::NAN));
     Meshes {

@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use super::{foresight, results, solution};
+use super::{drive_check, results, scene, solution};
 use deaflow_base::{Canonical, Fields, InputError, Node};
 use deaflow_content::{SAMPLED, Samples, Solutions};
 use deaflow_fem::screening::resolve;
@@ -15,7 +15,7 @@ use deaflow_store::{Artifact, Object};
 /// Patterns between two reports of progress.
 const BATCH: usize = 16;
 
-/// The mesh unless a stage says otherwise.
+/// The default mesh.
 const MESH: Mesh = Mesh::bilinear(2);
 
 /// The kind `solve`.
@@ -39,11 +39,7 @@ impl Kind for SolveKind {
     }
 
     fn needs(&self) -> Needs {
-        Needs {
-            kinds: &SAMPLED,
-            least: 1,
-            most: 1000,
-        }
+        Needs::new(&SAMPLED, 1, 1000)
     }
 
     fn reads_scene(&self) -> bool {
@@ -52,21 +48,21 @@ impl Kind for SolveKind {
 
     fn schema(&self) -> Vec<Fields> {
         let fields = Fields::new("Simulates every sample with finite elements.");
-        vec![SolverParameters::schema(super::with_state(fields), MESH)]
+        vec![SolverParameters::schema(scene::with_state(fields), MESH)]
     }
 
     fn check(&self, stage: &StageDeclaration<'_>, _needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
-        Ok(foresight::of_simulations(stage))
+        Ok(drive_check::check_simulations(stage))
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let what = "a solve stage";
         let map = stage.fields(
             what,
-            &[&["kind", "needs", super::STATE], &SolverParameters::keys()[..]].concat(),
+            &[&["kind", "needs", scene::STATE], &SolverParameters::keys()[..]].concat(),
         )?;
         let solver = SolverParameters::read(&map, MESH)?;
-        let scene = solver.decisive(&super::scene_of(stage, scene)?);
+        let scene = solver.decisive(&scene::read_in_state(stage, scene)?);
         solver.check_scene(&map, &scene)?;
         Ok(Box::new(SolveStage {
             solver,
@@ -79,12 +75,12 @@ impl Kind for SolveKind {
 struct SolveStage {
     solver: SolverParameters,
     scene: Scene,
-    /// Set up by the first chunk for all of them.
+    /// Set up by the first chunk for all chunks.
     ready: OnceLock<Ready>,
 }
 
 struct Ready {
-    /// The effects that are simulated.
+    /// The simulated effects.
     effects: Effects,
     solver: Solver,
 }
@@ -148,11 +144,11 @@ impl Stage for SolveStage {
         let Ready { effects, solver } = self.ready().map_err(failed)?;
         let mut simulations = Vec::with_capacity(rows.patterns.len());
         let mut histories = Vec::new();
-        // A few come first, so that there is a pace soon where each takes long; histories always do.
+        // The first batch is small, so that slow patterns give an early progress report; histories are always slow.
         let few = rayon::current_num_threads();
         let (first, rest) = rows.patterns.split_at(few.min(rows.patterns.len()));
-        let together = if self.solver.follows_time() { few } else { BATCH };
-        for batch in std::iter::once(first).chain(rest.chunks(together)) {
+        let batch = if self.solver.follows_time() { few } else { BATCH };
+        for batch in std::iter::once(first).chain(rest.chunks(batch)) {
             let (found, in_time) = solver.simulate_in_time(batch).map_err(failed)?;
             simulations.extend(found);
             histories.extend(in_time.into_iter().flatten());

@@ -1,24 +1,24 @@
-//! `kind: table` collects results of the stages of sweeps by their names: a row for each combination of values.
+//! `kind: table` collects results of the stages of sweeps by name: a row for each combination of values.
 
 mod cells;
 mod columns;
 
 use std::collections::BTreeMap;
 
-use super::results::unit;
+use super::results::named;
 use deaflow_base::{Canonical, Fields, InputError, Map, Node, Schema};
 use deaflow_content::{Lines, Table};
-use deaflow_orchestrator::{Input, Job, Kind, MANY_STAGES, Needs, Plan, Stage, StageError};
+use deaflow_orchestrator::{Job, Kind, MANY_STAGES, Needs, Stage, StageError};
 use deaflow_store::{Artifact, Object};
 
 use cells::Cells;
-use columns::Column;
-
-/// Columns that a table may have.
-const MOST_COLUMNS: usize = 100;
+use columns::{Column, MOST_COLUMNS};
 
 /// The kind `table`.
-pub struct TableKind;
+pub struct TableKind {
+    /// The kinds whose results it collects.
+    pub collected: &'static [&'static dyn Kind],
+}
 
 impl Kind for TableKind {
     fn name(&self) -> &'static str {
@@ -33,12 +33,12 @@ impl Kind for TableKind {
         let view = Table::open(artifact)?;
         let cells = view.text().read()?.len();
         let rows = cells.checked_div(view.columns().rows()?).unwrap_or_default();
-        Ok(super::results::named([("rows", rows as f64)]))
+        Ok(named([("rows", rows as f64)]))
     }
 
     fn needs(&self) -> Needs {
-        Needs {
-            kinds: &[
+        Needs::new(
+            &[
                 "patterns",
                 "import",
                 "sample",
@@ -52,9 +52,9 @@ impl Kind for TableKind {
                 "accuracy",
                 "audit",
             ],
-            least: 1,
-            most: MANY_STAGES,
-        }
+            1,
+            MANY_STAGES,
+        )
     }
 
     fn collects(&self) -> bool {
@@ -62,9 +62,9 @@ impl Kind for TableKind {
     }
 
     fn schema(&self) -> Vec<Fields> {
-        let plot = Fields::new("What a figure shows.")
-            .required("x", Schema::text().description("The column from left to right."))
-            .required("y", Schema::text().description("The column from below."))
+        let plot = Fields::new("The figure of the table.")
+            .required("x", Schema::text().description("The column of the horizontal axis."))
+            .required("y", Schema::text().description("The column of the vertical axis."))
             .optional(
                 "series",
                 Schema::text().description("The column whose values give separate curves."),
@@ -74,9 +74,7 @@ impl Kind for TableKind {
             Fields::new("Collects results of the stages of sweeps: a row for each combination of values.")
                 .required(
                     "columns",
-                    columns.description(
-                        "Axes, and results by the names that `deaflow log` gives them: RESULT or STAGE.RESULT.",
-                    ),
+                    columns.description("Axes, and results by their names in `deaflow log`: RESULT or STAGE.RESULT."),
                 )
                 .optional("plot", plot.into()),
         ]
@@ -86,19 +84,20 @@ impl Kind for TableKind {
         let what = "a table stage";
         let rows = columns::rows(stage.peek("rows"))?;
         let kinds = columns::kinds(stage.peek("kinds"))?;
-        // Nobody writes these: they follow from what the stage needs and its axes.
+        // The orchestrator adds these from the needs of the stage and the axes.
         let own = stage.without("rows").without("kinds");
         let map = own.fields(what, &["kind", "needs", "columns", "plot"])?;
         let columns = columns::columns(map.required(what, "columns")?, &rows, &kinds)?;
         Ok(Box::new(TableStage {
             plot: plot(&map, &columns)?,
+            collected: self.collected,
             cells: Cells::new(&columns, &rows),
             columns,
         }))
     }
 }
 
-/// The columns that a figure shows: of x, of y and of series, where there are some.
+/// Returns the columns of a figure: x, y and, if given, series; empty without a figure.
 fn plot(map: &Map<'_>, columns: &[Column]) -> Result<Vec<String>, InputError> {
     let Some(plot) = map.optional("plot") else {
         return Ok(Vec::new());
@@ -116,6 +115,7 @@ fn plot(map: &Map<'_>, columns: &[Column]) -> Result<Vec<String>, InputError> {
 }
 
 struct TableStage {
+    collected: &'static [&'static dyn Kind],
     columns: Vec<Column>,
     cells: Cells,
     plot: Vec<String>,
@@ -134,20 +134,10 @@ impl Stage for TableStage {
         ])
     }
 
-    fn unit(&self) -> &'static str {
-        "inputs"
-    }
-
-    fn plan(&self, inputs: &[Input]) -> Plan {
-        Plan::Whole {
-            steps: inputs.len() as u64,
-        }
-    }
-
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let mut results = Vec::with_capacity(job.inputs.len());
         for input in job.inputs {
-            results.push(results_of(input)?);
+            results.push(self.results_of(input)?);
             job.progress.advance(1);
         }
         let mut table = Table {
@@ -177,10 +167,11 @@ impl Stage for TableStage {
     }
 }
 
-/// What an artifact is worth, by name.
-fn results_of(artifact: &Artifact) -> Result<BTreeMap<String, f64>, StageError> {
-    let kinds = super::registry().kinds;
-    let kind = kinds.into_iter().find(|kind| kind.name() == artifact.kind());
-    let results = kind.map(|kind| kind.results(artifact)).transpose()?.unwrap_or_default();
-    Ok(results.into_iter().filter(|(_, value)| value.is_finite()).collect())
+impl TableStage {
+    /// Returns the finite results of an artifact by name.
+    fn results_of(&self, artifact: &Artifact) -> Result<BTreeMap<String, f64>, StageError> {
+        let kind = self.collected.iter().find(|kind| kind.name() == artifact.kind());
+        let results = kind.map(|kind| kind.results(artifact)).transpose()?.unwrap_or_default();
+        Ok(results.into_iter().filter(|(_, value)| value.is_finite()).collect())
+    }
 }

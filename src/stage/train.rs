@@ -1,16 +1,14 @@
-//! `kind: train` trains a surrogate on balanced datasets, on solved samples as they are, and on verified designs; from nothing, or from
-//! the weights of a training that it needs.
+//! `kind: train` trains a surrogate on balanced datasets, solved samples and verified designs, from random weights or from
+//! those of another train stage.
 
 mod content;
 mod examples;
 mod follow;
 
 use super::results::named;
-use super::{model, needs};
-use follow::Follow;
-
+use super::{model, scene};
 use deaflow_base::{Canonical, Decimal, Declared, Fields, InputError, Node, NodeValue, Seed, parameters};
-use deaflow_content::{ALL_FAMILIES, SOLVED, Training};
+use deaflow_content::{ALL_FAMILIES, Training};
 use deaflow_dataset::SymmetryGroup;
 use deaflow_fem::LinearResponse;
 use deaflow_field::Mesh;
@@ -20,15 +18,13 @@ use deaflow_store::{Artifact, Object};
 use deaflow_surrogate::{
     Constants, NetworkKind, OptimizerKind, Record, TrainError, TrainOptions, annotated, train, update,
 };
-
-/// What it needs: labelled patterns, and a training to begin with.
-const KINDS: [&str; 5] = needs::joined(needs::joined::<1, 2, 3>(["balance"], SOLVED), ["verify", "train"]);
+use follow::Follow;
 
 /// The kind `train`.
 pub struct TrainKind;
 
-/// What a training from given weights has of the epochs of one from nothing: a quarter.
-const EPOCHS_OF_UPDATE: u64 = 4;
+/// A training from given weights has this fraction, a quarter, of the epochs of one from random weights.
+const UPDATE_DIVISOR: u64 = 4;
 
 impl Kind for TrainKind {
     fn name(&self) -> &'static str {
@@ -62,11 +58,7 @@ impl Kind for TrainKind {
     }
 
     fn needs(&self) -> Needs {
-        Needs {
-            kinds: &KINDS,
-            least: 1,
-            most: 100,
-        }
+        Needs::new(&["balance", "solve", "import", "verify", "train"], 1, 100)
     }
 
     fn schema(&self) -> Vec<Fields> {
@@ -84,7 +76,7 @@ impl Kind for TrainKind {
         let Some(epochs) = stage.peek("epochs") else {
             return Ok(Vec::new());
         };
-        let epochs = epochs.integer("epochs", 1, 100_000)?.div_ceil(EPOCHS_OF_UPDATE);
+        let epochs = epochs.integer("epochs", 1, 100_000)?.div_ceil(UPDATE_DIVISOR);
         Ok(vec![("epochs", NodeValue::Number(epochs.to_string()))])
     }
 }
@@ -100,24 +92,25 @@ parameters! {
         patience: Option<u32> [1..=100_000],
         /// Examples per step.
         batch: u32 [1..=4096] = TrainOptions::default().batch,
-        /// How weights follow gradients; muon leaves all but kernels of convolutions to adamw.
+        /// The optimizer; muon updates the kernels of convolutions, and adamw all other weights.
         optimizer: OptimizerKind = TrainOptions::default().optimizer,
-        /// Largest learning rate; 0.002 unless given, and 0.01 for physics. With rates far beyond what can work the training diverges and says so.
+        /// Largest learning rate; by default 0.002, and 0.01 for physics. If it is far too large, the training diverges and is
+        /// reported as such.
         learning_rate: Option<Decimal> [1e-7..=100.0],
-        /// Pull of the weights towards zero, per unit of learning rate.
+        /// Weight decay per unit of learning rate.
         weight_decay: Decimal [0.0..=1.0] = TrainOptions::default().weight_decay,
-        /// Length to which longer gradients are shortened.
+        /// Largest norm of gradients; larger ones are clipped to it.
         gradient_norm: Option<Decimal> [1e-6..=1e6],
-        /// By what each example is turned, anew in every epoch.
+        /// The symmetries by which each example is randomly transformed in every epoch.
         symmetry: SymmetryGroup = SymmetryGroup::None,
         /// Weight of the largest absolute error in the loss.
         max_weight: Decimal [0.0..=100.0] = TrainOptions::default().max_weight,
         /// Weight of the auxiliary branch at half resolution in the loss.
         auxiliary_weight: Decimal [0.0..=100.0] = TrainOptions::default().auxiliary_weight,
-        /// How often an epoch shows each verified design: by default each of its images once. They are few beside thousands of patterns
-        /// that are drawn, and where designs are nothing else is known.
+        /// How often an epoch repeats each verified design; the default is once per image. Designs are few compared with the
+        /// samples, and samples do not cover their region.
         verified_weight: u32 [1..=1000] = 8,
-        /// Names the random numbers.
+        /// Seed of the random numbers.
         seed: Seed,
     }
 }
@@ -157,7 +150,7 @@ impl Stage for TrainStage {
         true
     }
 
-    /// Gradients of the others are summed in another order than they were.
+    /// The order in which gradients of the other networks are summed has changed.
     fn revision(&self) -> u32 {
         u32::from(self.parameters.network != NetworkKind::Physics)
     }
@@ -173,7 +166,7 @@ impl Stage for TrainStage {
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        let scene = super::scene_of_inputs(job.inputs)?;
+        let scene = scene::of_inputs(job.inputs)?;
         let start = start(job.inputs)?;
         let found = examples::read(job.inputs, &scene, self.parameters.verified_weight)?;
         let constants = match self.parameters.network.has_constants() {
@@ -200,20 +193,20 @@ impl Stage for TrainStage {
     }
 }
 
-/// The weights of the training to begin with, if there is one.
+/// Returns the weights of the training to start from, if any.
 fn start(inputs: &[Artifact]) -> Result<Option<Vec<u8>>, StageError> {
     let mut start = None;
     for input in inputs {
         if model::is_in(input) && start.replace(model::weights(input)?).is_some() {
-            let message = "a training begins with one other at most, and two are among its inputs";
+            let message = "a training can start from only one other training; `needs` names two";
             return Err(StageError::input(message));
         }
     }
     Ok(start)
 }
 
-/// The linear response of a scene, by one biquadratic element per cell: on finer meshes it differs by less than what
-/// the network learns anyway.
+/// Computes the linear response of a scene with one biquadratic element per cell. Finer meshes change it by less than the
+/// network corrects.
 fn constants(scene: &Scene) -> Result<Constants, StageError> {
     let failed = |e: &dyn std::fmt::Display| StageError::failed(format!("no linear response: {e}"));
     let response = LinearResponse::new(scene, Mesh::biquadratic(1)).map_err(|e| failed(&e))?;

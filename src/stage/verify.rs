@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use super::design::{self, PlannedDesign, swing_of};
 use super::results::of_targets;
-use super::{foresight, patterns, solution};
+use super::{drive_check, patterns, scene, solution};
 use deaflow_base::{Canonical, Document, Fields, InputError, Map, Node};
 use deaflow_content::{Components, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows};
 use deaflow_design::{Goal, Moment, Objective};
@@ -115,7 +115,7 @@ impl Kind for VerifyKind {
         }
         let node = stage.node.peek("needs").unwrap_or(stage.node);
         compared::refuse(&designs, node)?;
-        let mut check = foresight::of_simulations(stage);
+        let mut check = drive_check::check_simulations(stage);
         check.warnings.splice(..0, compared::warnings(&designs));
         Ok(check)
     }
@@ -123,7 +123,7 @@ impl Kind for VerifyKind {
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let map = stage.fields(WHAT, &keys())?;
         let solver = SolverParameters::read(&map, MESH)?;
-        let scene = super::scene_in_states_of(stage, scene)?;
+        let scene = scene::read_all_states(stage, scene)?;
         let scene = match solver.follows_time() {
             true => solver.decisive(&scene),
             // Designs may be for an amplitude about the bias.

@@ -46,7 +46,7 @@ const FORM: Form = Form {
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
     let simulation = Simulation::read(arguments, &FORM)?;
     let scene = &simulation.scene;
-    if let Some(faint) = stage::of_faint_drive(&scene.at_largest_voltages()) {
+    if let Some(faint) = stage::weak_drive_warning(&scene.at_largest_voltages()) {
         output.warn(faint);
     }
     let probe = arguments.point.on(scene)?;

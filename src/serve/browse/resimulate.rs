@@ -9,7 +9,7 @@ use crate::state::ServerState;
 use deaflow_base::ArtifactId;
 use deaflow_field::{Field, Mesh, Simulation};
 use deaflow_pattern::Pattern;
-use deaflow_stage::audit;
+use deaflow_stage::audit::Resimulator;
 
 /// Returns a row and its new simulations as a frame: `?row=`, and `?audit=DIGEST` of an audit that has found the mesh
 /// of a dataset without one.
@@ -28,16 +28,16 @@ pub fn resimulate(state: &ServerState, request: &Request, digest: &str) -> Resul
         .ok()
         .map(|mut found| found.swap_remove(0));
     let made_by = made_by(state, request.parameter("audit"))?;
-    let setting = audit::again(&set, &scene, row, made_by.as_deref());
-    let setting = setting.map_err(|error| ApiError::new(409, error.to_string()))?;
-    let own = setting.as_labelled(&pattern)?;
-    let finer = setting.on_finer(&pattern)?;
+    let resimulator = Resimulator::new(&set, &scene, row, made_by.as_deref());
+    let resimulator = resimulator.map_err(|error| ApiError::new(409, error.to_string()))?;
+    let own = resimulator.as_labelled(&pattern)?;
+    let finer = resimulator.on_finer(&pattern)?;
     let document = document(
         &set.digest(),
         row,
         label.as_ref(),
-        (&own, setting.mesh),
-        (&finer, setting.finer),
+        (&own, resimulator.mesh),
+        (&finer, resimulator.finer),
     );
     let [columns, rows] = pattern.raster().sides();
     let mut arrays = vec![(

@@ -1,9 +1,9 @@
-//! What the artifact of an accuracy stage says, and the file of the command: errors. Times are no content.
+//! The artifact of an accuracy stage, and the file of the command: errors. Times are not part of it.
 
 use deaflow_accuracy::{Benchmark, FamilyError, Measured, PatternError};
 use deaflow_content::{Accuracy, FamilyErrors, Mismatches, PatternErrors, ReferenceErrors};
 
-/// What is said of the methods.
+/// Returns the content of the artifact.
 pub fn content(benchmark: &Benchmark, measured: &[Measured]) -> Accuracy {
     let families = 0..benchmark.families.len();
     Accuracy {

@@ -1,17 +1,19 @@
-//! What the artifact of an audit stage says, and reads back.
+//! Writes and reads the artifact of an audit stage.
 
 use deaflow_content::{AreaHistogram, AttributeError, Audit, DisplacementHistogram, Json, ResimulatedRows};
 use deaflow_dataset::audit::{Finding, LabelCheck, Report, Severity};
+use deaflow_orchestrator::StageError;
 use deaflow_scene::Scene;
+use deaflow_store::Artifact;
 
-/// The content of the artifact.
+/// Returns the content of the artifact.
 ///
 /// # Errors
-/// When it cannot be written as JSON.
+/// If it cannot be written as JSON.
 pub fn content(report: Report, scene: Scene) -> Result<Audit, AttributeError> {
     let (findings, summary) = (Json::of_list(&report.findings)?, Json::of(&report.summary)?);
     let resimulated = &report.resimulated;
-    // What is not known is negative.
+    // Unknown values are stored as negative numbers.
     let known = |value: Option<f64>| value.unwrap_or(-1.0);
     Ok(Audit {
         findings,
@@ -54,7 +56,16 @@ fn compared(label: &LabelCheck) -> [f64; 2] {
     }
 }
 
-/// Why nothing may be made from a dataset with these findings, if nothing may.
+/// Reads the findings of an audit.
+///
+/// # Errors
+/// If the artifact cannot be read.
+pub fn findings(artifact: &Artifact) -> Result<Vec<Finding>, StageError> {
+    let findings = Audit::open(artifact)?.findings().read()?.value();
+    findings.map_err(|e| StageError::in_artifact(artifact, e))
+}
+
+/// Returns why a dataset with these findings must not be used, if so.
 #[must_use]
 pub fn objection(findings: &[Finding]) -> Option<String> {
     let errors: Vec<String> = findings

@@ -1,4 +1,4 @@
-//! What a dataset says of the scene and the effects that it was simulated with, against those of the audit.
+//! Compares the scene and the effects that a dataset declares with those of the audit.
 
 use super::source::Source;
 use deaflow_dataset::audit::{Finding, Severity};
@@ -6,7 +6,7 @@ use deaflow_fem::SetupError;
 use deaflow_fem::screening::resolve;
 use deaflow_scene::{Effects, Scene};
 
-/// What a file says of its scene that contradicts the scene at hand. What is only known of a material changes no label.
+/// Returns a finding if a file declares another scene. Properties of the material do not count: they change no label.
 pub fn other_scene(source: &Source, scene: &Scene) -> Result<Option<Finding>, SetupError> {
     let Some(said) = source.scene.as_deref() else {
         return Ok(None);
@@ -18,7 +18,7 @@ pub fn other_scene(source: &Source, scene: &Scene) -> Result<Option<Finding>, Se
             return Ok(Some(Finding::whole("provenance", Severity::Error, message)));
         }
     };
-    // What a scene leaves open a file states beside it.
+    // With `effects: auto` the file declares its effects in an attribute of their own.
     let effects = !said.auto && said.effects != resolve(scene)?.effects;
     let parts = [
         ("geometry", said.geometry != scene.geometry),
@@ -35,7 +35,7 @@ pub fn other_scene(source: &Source, scene: &Scene) -> Result<Option<Finding>, Se
     Ok((!differing.is_empty()).then(|| Finding::whole("provenance", Severity::Error, message)))
 }
 
-/// Whether other effects were simulated, as a dataset says, than those of the scene.
+/// Returns a finding if a dataset declares other effects than those of the scene.
 pub fn other_effects(source: &Source, scene: &Scene) -> Result<Option<Finding>, SetupError> {
     let Some(said) = source.effects.as_deref() else {
         return Ok(None);

@@ -1,4 +1,4 @@
-//! Where an artifact comes from: back to the sample stages and their seeds, or to files.
+//! Traces an artifact back to the sample stages and their seeds, or to files.
 
 use std::collections::BTreeMap;
 
@@ -7,38 +7,38 @@ use deaflow_base::{ActionKey, ArtifactId};
 use deaflow_dataset::audit::{Finding, Severity};
 use deaflow_store::{Artifact, Lookup, Store, StoreError};
 
-/// The kinds of stages that read files of a person.
+/// The kinds of stages that read data from files.
 const FROM_FILES: [&str; 2] = [patterns::NAME, import::NAME];
 
-/// The artifacts that an artifact was made from, as its provenance names them, out of the store that it stands in.
+/// Opens the inputs of an artifact, which its provenance names, in its store.
 ///
 /// # Errors
-/// When the artifact itself cannot be read.
+/// If the artifact itself cannot be read.
 pub fn inputs(artifact: &Artifact) -> Result<Vec<Result<Artifact, StoreError>>, StoreError> {
     let provenance = artifact.provenance()?;
     let names = provenance.get("inputs").map_or("", String::as_str).lines();
-    // What is no digest names no artifact.
+    // Words that are not digests are skipped.
     let inputs = names.filter_map(|name| name.parse::<ArtifactId>().ok());
     Ok(inputs.map(|digest| artifact.sibling(&digest)).collect())
 }
 
-/// Everything that an artifact was made from.
+/// The ancestors of an artifact.
 #[derive(Debug, Default)]
 pub struct Lineage {
-    /// Artifacts that were looked at, chunks included.
+    /// Number of artifacts, including chunks.
     pub artifacts: usize,
-    /// Seeds by the digest of the samples that they gave.
+    /// Seeds by the digest of their samples.
     pub seeds: BTreeMap<ArtifactId, String>,
-    /// Whether any of it was read from files of a person, which no seed gives.
+    /// Whether any of the data was read from files.
     pub from_files: bool,
-    /// What is wrong with it.
+    /// The problems found.
     pub findings: Vec<Finding>,
 }
 
-/// Follows an artifact back through the records of its store.
+/// Traces an artifact back through the records of its store.
 ///
 /// # Errors
-/// When the store cannot be read; what is missing or damaged in it is a finding.
+/// If the store cannot be read. Missing or damaged artifacts are findings, not errors.
 pub fn trace(store: &Store, artifact: &Artifact) -> Result<Lineage, StoreError> {
     let mut lineage = Lineage::default();
     let mut open = vec![artifact.digest()];
@@ -72,7 +72,7 @@ pub fn trace(store: &Store, artifact: &Artifact) -> Result<Lineage, StoreError> 
     Ok(lineage)
 }
 
-/// What one artifact was made from, by its record.
+/// Returns the inputs of one artifact according to its record.
 fn step(store: &Store, artifact: &Artifact, lineage: &mut Lineage) -> Result<Vec<ArtifactId>, StoreError> {
     let provenance = artifact.provenance()?;
     let text = |name: &str| provenance.get(name).map_or("", String::as_str);

@@ -1,4 +1,4 @@
-//! Datasets as an audit reads them: an artifact of a solve or balance stage, or a file from elsewhere in the layout of
+//! Reads datasets for an audit: an artifact of a solve, import or balance stage, or a file from elsewhere in the layout of
 //! `deaflow solve`.
 
 use std::ops::Range;
@@ -10,12 +10,13 @@ use deaflow_dataset::audit::{
     AuditError, Batch, Columns, Discretisation, Finding, Level, NO_NUMBER, Origin, RowSource, Severity,
 };
 use deaflow_dataset::{Bins, is_overlong};
-use deaflow_fem::SolverParameters;
+use deaflow_fem::{Method, SceneSimulators, SetupError, SolverParameters};
 use deaflow_field::{Mesh, Outcome};
 use deaflow_pattern::Raster;
+use deaflow_scene::Scene;
 use deaflow_store::{Artifact, RowFile, StoreError};
 
-/// The arrays that are read.
+/// The arrays of a dataset.
 const ARRAYS: [&str; 14] = [
     "patterns",
     "displacement",
@@ -33,50 +34,50 @@ const ARRAYS: [&str; 14] = [
     EDGES,
 ];
 
-/// Edges of the bins.
+/// The array of the bin edges.
 const EDGES: &str = "histogram/edges";
 
-/// The most bins that are read.
+/// The largest number of bins.
 const MOST_BINS: usize = 100_000;
 
-/// Patterns that are read at a time.
-const AT_A_TIME: usize = 1024;
+/// Patterns that are read at once.
+const BATCH: usize = 1024;
 
-/// Whole numbers from here on are not exact in columns of floating point.
-const MOST_WHOLE: f64 = 9e15;
+/// Larger integers are not exact as floats.
+const MAX_INTEGER: f64 = 9e15;
 
-/// Files whose rows stand end to end.
+/// A dataset: the concatenated rows of one or more files.
 pub struct Source {
-    /// The cells of its patterns.
+    /// The raster of its patterns.
     raster: Raster,
     segments: Vec<Segment>,
-    /// What the dataset says of its rows.
+    /// The columns of its rows.
     pub columns: Columns,
-    /// How its fields were found.
+    /// The declared mesh and kind of its fields.
     pub declared: Discretisation,
-    /// How they were solved, where that is said.
+    /// The declared solver.
     pub solver: Option<SolverParameters>,
-    /// What a balanced dataset says of its level.
+    /// The level of a balanced dataset.
     pub level: Option<Level>,
-    /// The samples that `source` counts, where they are at hand.
+    /// The samples to which the column `source` refers, if available.
     pub origins: Option<Vec<Origin>>,
-    /// The bins of the largest displacement, where they are known.
+    /// The bins of the largest displacement, if known.
     pub bins: Option<Bins>,
-    /// What is wrong already.
+    /// Problems found while reading.
     pub findings: Vec<Finding>,
-    /// The scene that it says it was made with.
+    /// The declared scene.
     pub scene: Option<String>,
-    /// The effects that were simulated, decided where the scene leaves that open.
+    /// The declared effects; with `effects: auto` those that were turned on.
     pub effects: Option<String>,
 }
 
-/// One file. It is opened when it is read: there may be more of them than a process may hold open.
+/// One file. It is opened only while it is read, because a process cannot hold many files open.
 struct Segment {
     file: RowsOf,
     rows: Range<usize>,
 }
 
-/// Whose rows they are.
+/// A file with rows.
 #[derive(Clone)]
 enum RowsOf {
     File(PathBuf),
@@ -147,15 +148,15 @@ impl Source {
         }
         if source.is_readable() {
             source.columns = source.read_columns()?;
-            source.findings.extend(meshless(&source)?);
+            source.findings.extend(invalid_meshes(&source)?);
         }
         Ok(source)
     }
 
-    /// A file from elsewhere, of patterns on these cells.
+    /// Opens a file from elsewhere with patterns on a raster.
     ///
     /// # Errors
-    /// When it is no HDF5 file, or a column cannot be read.
+    /// If it is not an HDF5 file, or a column cannot be read.
     pub fn of_file(path: &Path, raster: Raster) -> Result<Self, StoreError> {
         if Artifact::is_at(path) {
             return Self::of_artifact(&Artifact::open(path)?, raster);
@@ -163,14 +164,14 @@ impl Source {
         let mut source = Self::open(raster, std::iter::once(RowsOf::File(path.to_owned())))?;
         let file = RowFile::open(path)?;
         if source.is_readable() {
-            // Elements that stand in other files, or not at all, are refused before work is done on the others.
+            // Refuse arrays with missing or external data before any work.
             for name in ["patterns", "displacement"] {
                 file.numbers(name, 0..0)?;
             }
         }
         source.scene = file.attribute("scene")?;
         source.effects = file.attribute("effects")?;
-        source.take_solver(file.attribute("solver")?.as_deref());
+        source.set_solver(file.attribute("solver")?.as_deref());
         source.declared = source.declaration();
         if let Some([count]) = file.shape(EDGES)?.as_deref()
             && *count <= MOST_BINS
@@ -180,19 +181,19 @@ impl Source {
         Ok(source)
     }
 
-    /// An artifact of a solve or a balance stage, of patterns on these cells.
+    /// Opens an artifact of a solve, import or balance stage with patterns on a raster.
     ///
     /// # Errors
-    /// When it, or one of its chunks, is missing or damaged, or a column cannot be read.
+    /// If it or one of its chunks is missing or damaged, or a column cannot be read.
     pub fn of_artifact(artifact: &Artifact, raster: Raster) -> Result<Self, StoreError> {
         let files = files(artifact)?;
-        // Every byte is verified before the library reads it.
+        // Verify every byte before the HDF5 library reads it.
         files.iter().try_for_each(|file| file.file_digest().map(drop))?;
         let mut source = Self::open(raster, files.iter().cloned().map(RowsOf::Artifact))?;
         let text = |name| StoredAttribute::<String>::new(artifact, name).text();
         source.scene = text("scene")?;
         source.effects = text("effects")?;
-        source.take_solver(text("solver")?.as_deref());
+        source.set_solver(text("solver")?.as_deref());
         source.declared = source.declaration();
         match Labelled::open(artifact)? {
             Some(Labelled::Solved(view)) => {
@@ -215,8 +216,8 @@ impl Source {
         Ok(source)
     }
 
-    /// How fields were solved, as a file says.
-    fn take_solver(&mut self, said: Option<&str>) {
+    /// Parses the declared solver.
+    fn set_solver(&mut self, said: Option<&str>) {
         match said.map(SolverParameters::from_text).transpose() {
             Ok(solver) => self.solver = solver,
             Err(error) => {
@@ -227,12 +228,24 @@ impl Source {
         }
     }
 
-    /// How many rows there are.
+    /// Returns simulators that solve its rows again, with the same history in time.
+    ///
+    /// # Errors
+    /// If the scene cannot be simulated.
+    pub fn simulators(&self, scene: &Scene, method: Method, residual: f64) -> Result<SceneSimulators, SetupError> {
+        let simulators = SceneSimulators::new(scene, method, residual)?;
+        Ok(match &self.solver {
+            Some(solver) => simulators.through(solver),
+            None => simulators,
+        })
+    }
+
+    /// Returns the number of rows.
     pub fn len(&self) -> usize {
         self.segments.last().map_or(0, |segment| segment.rows.end)
     }
 
-    /// Whether patterns and displacements have the shapes of a dataset.
+    /// Whether patterns and displacements have valid shapes.
     pub fn is_readable(&self) -> bool {
         self.findings.iter().all(|finding| finding.check != "shape")
     }
@@ -250,8 +263,8 @@ impl Source {
         }
     }
 
-    /// A balanced dataset does not repeat how its samples were solved: they stand beside it in the store. Where they do not
-    /// any more, the mesh is found out as for a file from elsewhere.
+    /// Copies the meshes, errors and solver of the samples of a balanced dataset, which does not repeat them, from the store.
+    /// If the samples are missing, the mesh is determined as for a file from elsewhere.
     fn inherit(&mut self, balanced: &BalancedView<'_>) -> Result<(), StoreError> {
         let from = balanced.source().read()?;
         let (mut meshes, mut errors) = (Vec::new(), Vec::new());
@@ -290,15 +303,15 @@ impl Source {
         Ok(())
     }
 
-    /// Its rows, as what others are made from.
+    /// Returns its rows as origins of others.
     fn as_origins(&self) -> Result<Vec<Origin>, StoreError> {
         let mut origins = Vec::with_capacity(self.len());
         for segment in &self.segments {
             let file = segment.file.open()?;
             let families = self.columns.family.as_deref().unwrap_or_default();
             let families = families.get(segment.rows.clone()).unwrap_or_default();
-            for start in (0..segment.rows.len()).step_by(AT_A_TIME) {
-                let end = (start + AT_A_TIME).min(segment.rows.len());
+            for start in (0..segment.rows.len()).step_by(BATCH) {
+                let end = (start + BATCH).min(segment.rows.len());
                 let cells = file.numbers("patterns", start..end)?;
                 origins.extend(cells.chunks(self.raster.cells()).zip(start..).map(|(cells, row)| {
                     let cells: Vec<u8> = cells.iter().map(|&cell| cell as u8).collect();
@@ -316,9 +329,9 @@ impl Source {
         let texts = |path: &str| self.column(path, |file, _| file.texts(path));
         let words = |path: &str| self.column(path, |file, _| file.words(path));
         let numbers = |path: &str| self.column(path, |file, n| file.numbers(path, 0..n));
-        let whole = |path: &str| {
+        let integers = |path: &str| {
             let exact =
-                |number: f64| (number.fract() == 0.0 && (0.0..MOST_WHOLE).contains(&number)).then_some(number as u64);
+                |number: f64| (number.fract() == 0.0 && (0.0..MAX_INTEGER).contains(&number)).then_some(number as u64);
             let all = numbers(path)?;
             Ok::<_, StoreError>(all.map(|all| all.into_iter().map(|n| exact(n).unwrap_or(NO_NUMBER)).collect()))
         };
@@ -336,13 +349,13 @@ impl Source {
             orbit: texts("orbit")?,
             mesh: meshes,
             error: numbers("discretisation_error")?,
-            source: whole("source")?,
-            symmetry: whole("symmetry")?,
-            bin: whole("bin")?,
+            source: integers("source")?,
+            symmetry: integers("symmetry")?,
+            bin: integers("bin")?,
         })
     }
 
-    /// A column of all files; `None` unless all have it.
+    /// Reads a column of all files; `None` unless all have it.
     fn column<T>(
         &self,
         path: &str,
@@ -360,7 +373,7 @@ impl Source {
     }
 }
 
-/// Words of other programs stand for fields unless they are known to stand for none.
+/// Whether a row has a field. Unknown outcomes of other programs count as fields.
 fn has_field(word: &str) -> bool {
     let without = [
         "no-estimate",
@@ -373,8 +386,8 @@ fn has_field(word: &str) -> bool {
     Outcome::names_field(word) || !without.contains(&word)
 }
 
-/// What is wrong with the shapes of a file; no row can be read then.
-fn misshapen(file: &RowFile, raster: Raster) -> Result<Option<Finding>, StoreError> {
+/// Returns a finding if arrays of a file have the wrong shape; no row can be read then.
+fn wrong_array_shapes(file: &RowFile, raster: Raster) -> Result<Option<Finding>, StoreError> {
     let ([columns, rows], [across, up]) = (raster.sides(), raster.corner_sides());
     let wanted = [("patterns", vec![rows, columns]), ("displacement", vec![up, across, 2])];
     let mut lengths = Vec::new();
@@ -394,30 +407,31 @@ fn misshapen(file: &RowFile, raster: Raster) -> Result<Option<Finding>, StoreErr
     Ok((!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, wrong.join("; "))))
 }
 
-/// What is wrong with the shapes of a file, as far as that can be told from what was found before.
+/// Returns the first problem with the shapes of a file.
 fn wrong_shapes(file: &RowFile, raster: Raster, path: &Path) -> Result<Option<Finding>, StoreError> {
-    if let Some(finding) = misshapen(file, raster)? {
+    if let Some(finding) = wrong_array_shapes(file, raster)? {
         return Ok(Some(finding));
     }
     let Some(rows) = file.shape("patterns")?.and_then(|shape| shape.first().copied()) else {
         return Ok(None);
     };
-    match overlong(rows as u64, raster, path) {
+    match too_many_rows(rows as u64, raster, path) {
         Some(finding) => Ok(Some(finding)),
-        None => misfitting(file, rows),
+        None => wrong_column_lengths(file, rows),
     }
 }
 
-/// Whether a file declares more rows than its bytes can hold: somebody would wait for ever, or for memory that is not there.
-fn overlong(rows: u64, raster: Raster, path: &Path) -> Option<Finding> {
+/// Returns a finding if a file declares more rows than its bytes can hold: reading it would take for ever or exceed the
+/// memory.
+fn too_many_rows(rows: u64, raster: Raster, path: &Path) -> Option<Finding> {
     let bytes = std::fs::metadata(path).map_or(0, |found| found.len());
     let message = format!("`patterns` is said to have {rows} rows, more than a file of {bytes} bytes holds");
     is_overlong(rows, raster, bytes).then(|| Finding::whole("shape", Severity::Error, message))
 }
 
-/// Columns that have not one value for each pattern. They are looked at before they are read: a few bytes can declare
-/// terabytes.
-fn misfitting(file: &RowFile, rows: usize) -> Result<Option<Finding>, StoreError> {
+/// Returns a finding if columns do not have one value per pattern. It is checked before reading, because a few bytes can
+/// declare terabytes.
+fn wrong_column_lengths(file: &RowFile, rows: usize) -> Result<Option<Finding>, StoreError> {
     let mut wrong = Vec::new();
     for name in ARRAYS {
         if ["patterns", "displacement", EDGES].contains(&name) {
@@ -434,8 +448,8 @@ fn misfitting(file: &RowFile, rows: usize) -> Result<Option<Finding>, StoreError
     Ok((!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, message())))
 }
 
-/// Whether a dataset names a mesh for each row, and one is none.
-fn meshless(source: &Source) -> Result<Option<Finding>, StoreError> {
+/// Returns a finding if the mesh of a row is invalid.
+fn invalid_meshes(source: &Source) -> Result<Option<Finding>, StoreError> {
     let numbers = |path: &str| source.column(path, |file, n| file.numbers(path, 0..n));
     let (Some(elements), Some(order)) = (numbers("elements_per_cell")?, numbers("order")?) else {
         return Ok(None);
@@ -454,7 +468,7 @@ fn mesh(elements: f64, order: f64) -> Option<Mesh> {
         .flatten()
 }
 
-/// The bins between edges; `None` unless they are equal.
+/// Returns the bins between edges; `None` unless they have equal widths.
 fn bins(edges: &[f64]) -> Option<Bins> {
     let (first, last) = (*edges.first()?, *edges.last()?);
     let bins = Bins::new(first, last, edges.len() - 1).ok()?;
@@ -462,7 +476,7 @@ fn bins(edges: &[f64]) -> Option<Bins> {
     edges.iter().enumerate().all(is_equal).then_some(bins)
 }
 
-/// The samples that a solve stage has set aside.
+/// Returns a finding for the unstable samples of a solve stage.
 fn unstable(outcomes: &[String]) -> Option<Finding> {
     let rows: Vec<usize> = (0..outcomes.len()).collect();
     let mut kinds: Vec<&String> = outcomes.iter().collect();

@@ -1,4 +1,4 @@
-//! What the artifact of a calibrate stage says, and how it is read.
+//! Writes and reads the artifact of a calibrate stage.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,11 +10,18 @@ use deaflow_scene::Scene;
 use deaflow_store::{Artifact, StoreError};
 use deaflow_surrogate::{COVERAGE, Calibration, CalibrationParts, DifficultyParts, FALSE_ALARM, NoveltyParts};
 
-/// What a calibration is of.
+/// Makes a struct from the fields of the same names of another.
+macro_rules! copied {
+    ($from:ident => $to:ident { $($field:ident),* } $(, $other:ident: $value:expr)?) => {
+        $to { $($field: $from.$field,)* $($other: $value)? }
+    };
+}
+
+/// The model and the patterns of a calibration.
 pub(super) struct Origin<'a> {
     /// Family of each pattern.
     pub families: &'a [String],
-    /// Families that the model learned from.
+    /// Families that the model was trained on.
     pub trained: &'a BTreeSet<String>,
     /// The artifact of the model.
     pub model: String,
@@ -26,7 +33,7 @@ pub(super) struct Origin<'a> {
     pub scene: Scene,
 }
 
-/// The content of the artifact.
+/// Returns the content of the artifact.
 pub(super) fn content(calibration: &Calibration, origin: Origin<'_>) -> content::Calibration {
     let mut counts: BTreeMap<&String, u64> = BTreeMap::new();
     for family in origin.families {
@@ -45,22 +52,10 @@ pub(super) fn content(calibration: &Calibration, origin: Origin<'_>) -> content:
             .keys()
             .map(|family| u64::from(origin.trained.contains(*family)))
             .collect(),
-        difficulty: Difficulty {
-            centre: difficulty.centre,
-            deviation: difficulty.deviation,
-            range: difficulty.range,
-            coefficients: difficulty.coefficients,
-            places: difficulty.places,
-            scores: difficulty.scores,
-        },
-        novelty: Novelty {
-            centre: novelty.centre,
-            deviation: novelty.deviation,
-            factor: novelty.factor,
-            places: novelty.places,
-            spreads: novelty.spreads,
-            threshold: [novelty.threshold],
-        },
+        difficulty: copied!(difficulty => Difficulty { centre, deviation, range, coefficients, places, scores }),
+        novelty: copied!(
+            novelty => Novelty { centre, deviation, factor, places, spreads }, threshold: [novelty.threshold]
+        ),
         residuals: residuals
             .chunks_exact(2 * raster.corners())
             .map(|values| SingleField {
@@ -77,32 +72,32 @@ pub(super) fn content(calibration: &Calibration, origin: Origin<'_>) -> content:
     }
 }
 
-/// A calibration with what it is of.
+/// A calibration with its model and patterns.
 pub struct CalibratedModel {
     /// The artifact of the model.
     pub model: String,
     /// BLAKE3 of the bytes of the model.
     pub weights: String,
-    /// What it was calibrated on.
+    /// The families of the calibration patterns.
     pub families: Vec<CalibratedFamily>,
-    /// The scene of both.
+    /// The scene of the model and the patterns.
     pub scene: Scene,
-    /// Its intervals and flags.
+    /// The calibration itself.
     pub calibration: Calibration,
 }
 
-/// Patterns of a calibration.
+/// The patterns of one family in a calibration.
 pub struct CalibratedFamily {
     /// The family.
     pub name: String,
-    /// How many patterns.
+    /// Number of patterns.
     pub samples: u64,
-    /// Whether the model learned from the family.
+    /// Whether the model was trained on the family.
     pub familiar: bool,
 }
 
 impl CalibratedModel {
-    /// The families on whose patterns the intervals were made, with how many there were.
+    /// Lists the families of the calibration patterns with their numbers.
     #[must_use]
     pub fn basis(&self) -> String {
         let list = |familiar: bool| {
@@ -117,10 +112,10 @@ impl CalibratedModel {
     }
 }
 
-/// What a calibrate stage made; none where the artifact is of another kind.
+/// Reads the artifact of a calibrate stage; `None` if it is of another kind.
 ///
 /// # Errors
-/// When its arrays do not fit together.
+/// If its arrays are missing or inconsistent.
 pub fn read(artifact: &Artifact) -> Result<Option<CalibratedModel>, StageError> {
     if artifact.kind() != "calibrate" {
         return Ok(None);
@@ -143,29 +138,17 @@ pub fn read(artifact: &Artifact) -> Result<Option<CalibratedModel>, StageError> 
     }))
 }
 
-/// The arrays of the calibration itself.
+/// Reads the arrays of the calibration itself.
 fn parts(view: &content::CalibrationView<'_>) -> Result<CalibrationParts, StoreError> {
     let (difficulty, novelty) = (view.difficulty().read()?, view.novelty().read()?);
     let [threshold] = novelty.threshold;
     let residuals = view.residuals().read()?;
     Ok(CalibrationParts {
         raster: residuals.first().map_or(Raster::PAPER, |field| field.raster),
-        difficulty: DifficultyParts {
-            centre: difficulty.centre,
-            deviation: difficulty.deviation,
-            range: difficulty.range,
-            coefficients: difficulty.coefficients,
-            places: difficulty.places,
-            scores: difficulty.scores,
-        },
+        difficulty: copied!(difficulty => DifficultyParts { centre, deviation, range, coefficients, places, scores }),
         residuals: residuals.into_iter().flat_map(|field| field.values).collect(),
-        novelty: NoveltyParts {
-            centre: novelty.centre,
-            deviation: novelty.deviation,
-            factor: novelty.factor,
-            places: novelty.places,
-            spreads: novelty.spreads,
-            threshold,
-        },
+        novelty: copied!(
+            novelty => NoveltyParts { centre, deviation, factor, places, spreads }, threshold: threshold
+        ),
     })
 }

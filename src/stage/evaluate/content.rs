@@ -1,18 +1,28 @@
-//! What the artifact of an evaluate stage says.
+//! The artifact of an evaluate stage.
 
 use std::collections::BTreeSet;
 
+use super::calibrated::Calibrated;
 use super::predictors::NamedPredictor;
-use super::{Calibrated, EvaluationRow};
 use deaflow_content as content;
 use deaflow_content::{ALL_FAMILIES, Evaluation, PatternScores, Scores};
 use deaflow_scene::Scene;
-use deaflow_surrogate::{Coverage, OBJECTIVES, PatternScore, Score};
+use deaflow_surrogate::{Coverage, Judged, OBJECTIVES, PatternScore, Score};
 
 /// Bins of the area fraction between 0 and 1.
 const BINS: f64 = 20.0;
 
-/// The content of the artifact.
+/// The errors of all predictors on one pattern.
+pub struct EvaluationRow {
+    /// Family of the pattern.
+    pub family: String,
+    /// Its area fraction.
+    pub area: f64,
+    /// The errors.
+    pub judged: Judged,
+}
+
+/// Returns the content of the artifact.
 pub fn evaluation(
     predictors: &[NamedPredictor],
     calibrated: &[Calibrated],
@@ -26,7 +36,7 @@ pub fn evaluation(
         of_family.collect::<Vec<&EvaluationRow>>()
     };
     let groups: Vec<Vec<&EvaluationRow>> = families.iter().map(|family| members(family)).collect();
-    // Of all families together, by area fraction: bins of 5 %, those that have patterns.
+    // The non-empty bins of the area fraction, 5 % wide, over all families.
     let bin = |row: &EvaluationRow| (row.area * BINS).round() as u64;
     let bins: BTreeSet<u64> = rows.iter().map(bin).collect();
     let in_bin = |k: &u64| rows.iter().filter(|row| bin(row) == *k).collect();
@@ -45,13 +55,13 @@ pub fn evaluation(
     }
 }
 
-/// Whether each predictor learned from each family; from all of them in the end.
+/// Returns whether each predictor was trained on each family; the last value of each is whether on all of them.
 fn trained(predictors: &[NamedPredictor], families: &[&str]) -> Vec<u64> {
     let of_one = |predictor: &NamedPredictor| {
         let (_, single) = families.split_last().unwrap_or((&ALL_FAMILIES, &[]));
-        let learned: Vec<bool> = single.iter().map(|family| predictor.learned_from(family)).collect();
-        let every = learned.iter().all(|learned| *learned);
-        learned.into_iter().chain([every]).map(u64::from).collect::<Vec<_>>()
+        let trained: Vec<bool> = single.iter().map(|family| predictor.is_trained_on(family)).collect();
+        let every = trained.iter().all(|trained| *trained);
+        trained.into_iter().chain([every]).map(u64::from).collect::<Vec<_>>()
     };
     predictors.iter().flat_map(of_one).collect()
 }
@@ -143,7 +153,7 @@ fn coverage(
     }
 }
 
-/// A number of each group of patterns by each of `n` calibrations.
+/// Returns a value for each of `n` calibrations and each group of patterns.
 fn by_group<T>(n: usize, groups: &[Vec<&EvaluationRow>], value: &dyn Fn(&[Coverage]) -> T) -> Vec<T> {
     let of_one = |k: usize| {
         groups.iter().map(move |group| {

@@ -1,4 +1,4 @@
-//! What is evaluated: a trained model, or an estimate that is to be beaten.
+//! The predictors of an evaluation: trained models, and estimates to compare them with.
 
 use std::collections::BTreeSet;
 
@@ -10,24 +10,24 @@ use deaflow_scene::Scene;
 use deaflow_store::Artifact;
 use deaflow_surrogate::Surrogate;
 
-/// A predictor with what it is called.
+/// A predictor with its name.
 pub struct NamedPredictor {
     name: String,
     families: BTreeSet<String>,
     digest: String,
-    answers: Answers,
+    predictor: ModelOrEstimate,
 }
 
-enum Answers {
+enum ModelOrEstimate {
     Model(Box<Surrogate>),
     Estimate(Box<Solver>),
 }
 
 impl NamedPredictor {
-    /// The model in an artifact; none where the artifact is something else.
+    /// Loads the model in an artifact; `None` if the artifact has no model.
     ///
     /// # Errors
-    /// When it is damaged.
+    /// If it is damaged.
     pub fn model(artifact: &Artifact) -> Result<Option<Self>, StageError> {
         if !model::is_in(artifact) {
             return Ok(None);
@@ -37,14 +37,14 @@ impl NamedPredictor {
             name: surrogate.kind().name().to_owned(),
             families: model::families(artifact)?,
             digest: artifact.digest().to_string(),
-            answers: Answers::Model(Box::new(surrogate)),
+            predictor: ModelOrEstimate::Model(Box::new(surrogate)),
         }))
     }
 
-    /// An estimate in a scene, with one bilinear element per cell: the cheapest, and what a network has to beat.
+    /// Sets up an estimate in a scene with one bilinear element per cell, the cheapest: a network should be more accurate.
     ///
     /// # Errors
-    /// When there is none in this scene.
+    /// If the method cannot estimate in this scene.
     pub fn estimate(method: Method, scene: &Scene) -> Result<Self, StageError> {
         let parameters = SolverParameters::new(method, Mesh::bilinear(1));
         let solver = parameters.build(scene).map_err(StageError::failed)?;
@@ -52,38 +52,38 @@ impl NamedPredictor {
             name: method.to_string(),
             families: BTreeSet::new(),
             digest: String::new(),
-            answers: Answers::Estimate(Box::new(solver)),
+            predictor: ModelOrEstimate::Estimate(Box::new(solver)),
         })
     }
 
-    /// The network of a model.
+    /// Returns the network of a model.
     pub fn surrogate(&self) -> Option<&Surrogate> {
-        match &self.answers {
-            Answers::Model(surrogate) => Some(surrogate),
-            Answers::Estimate(_) => None,
+        match &self.predictor {
+            ModelOrEstimate::Model(surrogate) => Some(surrogate),
+            ModelOrEstimate::Estimate(_) => None,
         }
     }
 
-    /// The network or the method.
+    /// Returns the name of the network or the method.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Whether it learned from a family.
-    pub fn learned_from(&self, family: &str) -> bool {
+    /// Whether it was trained on a family.
+    pub fn is_trained_on(&self, family: &str) -> bool {
         self.families.contains(family)
     }
 
-    /// The digest of the artifact of a model; empty for an estimate.
+    /// Returns the digest of the artifact of a model; empty for an estimate.
     pub fn digest(&self) -> &str {
         &self.digest
     }
 
-    /// What says what the field of a pattern is.
+    /// Returns the network or the solver.
     pub fn predictor(&self) -> &dyn Predictor {
-        match &self.answers {
-            Answers::Model(surrogate) => surrogate.as_ref(),
-            Answers::Estimate(solver) => solver.as_ref(),
+        match &self.predictor {
+            ModelOrEstimate::Model(surrogate) => surrogate.as_ref(),
+            ModelOrEstimate::Estimate(solver) => solver.as_ref(),
         }
     }
 }

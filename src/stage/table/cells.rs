@@ -1,13 +1,13 @@
-//! What stands in the cells of a table: values of axes, and results of stages.
+//! The cells of a table: values of axes, and results of stages.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::columns::{Column, Row, What};
-use super::unit;
+use super::columns::{Column, Content, Row};
+use crate::results::unit;
 use deaflow_base::{Canonical, Dimension, NodeValue, Quantity};
 use deaflow_orchestrator::StageError;
 
-/// Dimensions that values of axes are tried as, a pure number first.
+/// The dimensions that the values of an axis may have, in the order in which they are tried.
 const DIMENSIONS: [Dimension; 10] = [
     Dimension::Number,
     Dimension::Length,
@@ -21,20 +21,20 @@ const DIMENSIONS: [Dimension; 10] = [
     Dimension::Resistance,
 ];
 
-/// Longest word in a cell, in bytes: that of texts in artifacts.
+/// The longest word in a cell, in bytes: that of texts in artifacts.
 const LONGEST: usize = deaflow_store::TEXT_WIDTH;
 
-/// Where each cell comes from: rows of columns.
+/// The source of each cell: rows of columns.
 pub struct Cells(Vec<Vec<Cell>>);
 
 enum Cell {
-    /// The value of an axis as it stands in the file, where the row has it.
+    /// The value of an axis as written in the file; empty if the row does not have it.
     Axis(String),
-    /// One of these needs has the result.
+    /// The result of one of these needs.
     Needs(Vec<usize>),
 }
 
-/// What stands in a cell.
+/// The value of a cell.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Typed {
     /// Nothing.
@@ -46,7 +46,7 @@ pub enum Typed {
 }
 
 impl Typed {
-    /// As CSV has it.
+    /// Returns the text for CSV.
     pub fn text(&self) -> String {
         match self {
             Self::Empty => String::new(),
@@ -55,7 +55,7 @@ impl Typed {
         }
     }
 
-    /// The number, if it is one.
+    /// Returns the number, if it is one.
     pub fn number(&self) -> Option<f64> {
         match self {
             Self::Number(number) => Some(*number),
@@ -66,22 +66,21 @@ impl Typed {
 
 impl Cells {
     pub fn new(columns: &[Column], rows: &[Row]) -> Self {
-        let cell = |column: &Column, row: &Row| match &column.what {
-            What::Axis => Cell::Axis(
-                row.axes
-                    .get(&column.name)
-                    .map_or_else(String::new, |node| match node.value() {
-                        NodeValue::Number(text) | NodeValue::Text(text) => text.clone(),
-                        NodeValue::Bool(value) => value.to_string(),
-                        _ => String::new(),
-                    }),
-            ),
-            What::Result { stage, .. } => {
+        let cell = |column: &Column, row: &Row| match &column.content {
+            Content::Axis => Cell::Axis(row.axes.get(&column.name).map_or_else(
+                String::new,
+                |node| match node.value() {
+                    NodeValue::Number(text) | NodeValue::Text(text) => text.clone(),
+                    NodeValue::Bool(value) => value.to_string(),
+                    _ => String::new(),
+                },
+            )),
+            Content::Result { stage, .. } => {
                 let own = row
                     .needs
                     .iter()
                     .filter(|(name, _)| stage.as_ref().is_none_or(|stage| stage == name));
-                Cell::Needs(own.map(|(_, place)| *place).collect())
+                Cell::Needs(own.map(|(_, index)| *index).collect())
             }
         };
         Self(
@@ -91,16 +90,16 @@ impl Cells {
         )
     }
 
-    /// How many rows there are.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.0.len()
     }
 
-    /// The cells by where they come from, and no names of stages.
+    /// Returns the canonical form of the sources, without names of stages.
     pub fn canonical(&self) -> Canonical {
         let cell = |cell: &Cell| match cell {
             Cell::Axis(text) => Canonical::from(text.as_str()),
-            Cell::Needs(places) => places.iter().map(|&place| Canonical::from(place as u64)).collect(),
+            Cell::Needs(needs) => needs.iter().map(|&need| Canonical::from(need as u64)).collect(),
         };
         self.0
             .iter()
@@ -108,17 +107,17 @@ impl Cells {
             .collect()
     }
 
-    /// A column with its unit, given what each need is worth.
+    /// Returns a column with its unit, given the results of each need.
     ///
     /// # Errors
-    /// When no stage has the result, or several of a row have it.
+    /// If no stage has the result, or several stages of a row have it.
     pub fn column(
         &self,
         at: usize,
         column: &Column,
         results: &[BTreeMap<String, f64>],
     ) -> Result<(Vec<Typed>, &'static str), StageError> {
-        let What::Result { result, .. } = &column.what else {
+        let Content::Result { result, .. } = &column.content else {
             let texts = self.0.iter().filter_map(|row| match row.get(at) {
                 Some(Cell::Axis(text)) => Some(text.as_str()),
                 _ => None,
@@ -127,14 +126,14 @@ impl Cells {
         };
         let mut cells = Vec::with_capacity(self.rows());
         for row in &self.0 {
-            let Some(Cell::Needs(places)) = row.get(at) else {
+            let Some(Cell::Needs(needs)) = row.get(at) else {
                 continue;
             };
-            let mut values = places.iter().filter_map(|&place| results.get(place)?.get(result));
+            let mut values = needs.iter().filter_map(|&need| results.get(need)?.get(result));
             let value = values.next();
             if values.next().is_some() {
                 return Err(StageError::input(format!(
-                    "`{}` is a result of several stages that the table needs: write STAGE.{result}",
+                    "`{}` is a result of several needed stages: write STAGE.{result}",
                     column.name
                 )));
             }
@@ -147,13 +146,13 @@ impl Cells {
     }
 
     fn no_such_result(&self, at: usize, column: &Column, results: &[BTreeMap<String, f64>]) -> StageError {
-        let places = self.0.iter().filter_map(|row| match row.get(at) {
-            Some(Cell::Needs(places)) => Some(places),
+        let needs = self.0.iter().filter_map(|row| match row.get(at) {
+            Some(Cell::Needs(needs)) => Some(needs),
             _ => None,
         });
-        let names: BTreeSet<&str> = places
+        let names: BTreeSet<&str> = needs
             .flatten()
-            .filter_map(|&place| results.get(place))
+            .filter_map(|&need| results.get(need))
             .flat_map(|results| results.keys().map(String::as_str))
             .collect();
         let names: Vec<&str> = names.into_iter().take(40).collect();
@@ -165,7 +164,7 @@ impl Cells {
     }
 }
 
-/// Values of an axis as numbers in one unit, if all are; else as words.
+/// Converts the values of an axis to numbers in one unit if possible, else to words.
 fn typed(name: &str, texts: &[&str]) -> Result<(Vec<Typed>, &'static str), StageError> {
     for dimension in DIMENSIONS {
         let number = |text: &&str| match text.is_empty() {
@@ -182,7 +181,8 @@ fn typed(name: &str, texts: &[&str]) -> Result<(Vec<Typed>, &'static str), Stage
     }
     if let Some(long) = texts.iter().find(|text| text.len() > LONGEST) {
         return Err(StageError::input(format!(
-            "the column `{name}`: {long:?} is longer than {LONGEST} bytes; zip the axis with one of short words, and name that"
+            "the column `{name}`: {long:?} is longer than {LONGEST} bytes; zip the axis with one of short words, and use \
+             that one as the column"
         )));
     }
     let word = |text: &&str| match text.is_empty() {
@@ -197,7 +197,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_of_an_axis_have_one_unit() {
+    fn the_values_of_an_axis_have_one_unit() {
         let numbers = |texts: &[&str]| {
             let (cells, unit) = typed("x", texts).unwrap();
             (cells.iter().map(Typed::number).collect::<Vec<_>>(), unit)

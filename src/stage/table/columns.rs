@@ -1,18 +1,20 @@
-//! What stands in the columns of a table, and which stages belong to a row.
+//! The columns of a table, and the stages of each row.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use deaflow_base::{InputError, Node, NodeValue};
 
-use super::MOST_COLUMNS;
 use crate::results::words_of;
 use deaflow_orchestrator::suggestion;
+
+/// The largest number of columns.
+pub const MOST_COLUMNS: usize = 100;
 
 /// A row: one combination of values.
 pub struct Row {
     /// The axes with their values.
     pub axes: BTreeMap<String, Node>,
-    /// Places of the stages among the needs, by their names in the file.
+    /// Names of its stages in the file, with their indices in `needs`.
     pub needs: Vec<(String, usize)>,
 }
 
@@ -20,15 +22,15 @@ pub struct Row {
 pub struct Column {
     /// Its name.
     pub name: String,
-    /// What stands in it.
-    pub what: What,
+    /// Its content.
+    pub content: Content,
 }
 
-/// What stands in a column.
-pub enum What {
+/// The content of a column.
+pub enum Content {
     /// The value of an axis.
     Axis,
-    /// A result of the stage of this name, or of the one stage that has it.
+    /// A result of the stage of this name, or of the only stage that has it.
     Result {
         /// Name of the stage in the file.
         stage: Option<String>,
@@ -37,10 +39,10 @@ pub enum What {
     },
 }
 
-/// The rows as the sweep gives them.
+/// Reads the rows that the orchestrator adds for a sweep.
 ///
 /// # Errors
-/// When they have another form.
+/// If they have another form.
 pub fn rows(rows: Option<&Node>) -> Result<Vec<Row>, InputError> {
     let Some(rows) = rows else {
         return Ok(Vec::new());
@@ -56,10 +58,10 @@ pub fn rows(rows: Option<&Node>) -> Result<Vec<Row>, InputError> {
                 .map(|(key, value)| Ok((key.text("an axis")?.to_owned(), value.clone())))
                 .collect::<Result<_, InputError>>()?,
             needs: needs
-                .map(|(key, place)| {
+                .map(|(key, index)| {
                     Ok((
                         key.text("a stage")?.to_owned(),
-                        place.integer("a place", 0, u64::MAX)? as usize,
+                        index.integer("an index", 0, u64::MAX)? as usize,
                     ))
                 })
                 .collect::<Result<_, InputError>>()?,
@@ -68,10 +70,10 @@ pub fn rows(rows: Option<&Node>) -> Result<Vec<Row>, InputError> {
     rows.list("rows")?.iter().map(row).collect()
 }
 
-/// The kinds of the needs by their names.
+/// Reads the kinds of the needs by stage name.
 ///
 /// # Errors
-/// When they have another form.
+/// If they have another form.
 pub fn kinds(kinds: Option<&Node>) -> Result<BTreeMap<String, String>, InputError> {
     let entries = kinds.map(|kinds| kinds.entries("kinds")).transpose()?;
     let entries = entries.unwrap_or_default().iter();
@@ -80,10 +82,10 @@ pub fn kinds(kinds: Option<&Node>) -> Result<BTreeMap<String, String>, InputErro
         .collect()
 }
 
-/// The columns of a list of names.
+/// Reads the columns from a list of names.
 ///
 /// # Errors
-/// When a name is there twice, is that of no axis and no result, or an axis has values that are no words or numbers.
+/// If a name is repeated or is neither an axis nor a result, or the values of an axis are lists or mappings.
 pub fn columns(node: &Node, rows: &[Row], kinds: &BTreeMap<String, String>) -> Result<Vec<Column>, InputError> {
     let names = node.list("columns")?;
     if !(1..=MOST_COLUMNS).contains(&names.len()) {
@@ -99,21 +101,22 @@ pub fn columns(node: &Node, rows: &[Row], kinds: &BTreeMap<String, String>) -> R
         }
         columns.push(Column {
             name: name.to_owned(),
-            what: what(node, name, rows, kinds)?,
+            content: content(node, name, rows, kinds)?,
         });
     }
     Ok(columns)
 }
 
-/// An axis, or else a result. A word before a dot that is the name of a need says whose.
-fn what(node: &Node, name: &str, rows: &[Row], kinds: &BTreeMap<String, String>) -> Result<What, InputError> {
+/// Finds the axis or the result of a name. If the part before the first dot is the name of a need, the result is of that
+/// stage.
+fn content(node: &Node, name: &str, rows: &[Row], kinds: &BTreeMap<String, String>) -> Result<Content, InputError> {
     let mut values = rows.iter().filter_map(|row| row.axes.get(name)).peekable();
     if values.peek().is_some() {
         return match values.find(|value| matches!(value.value(), NodeValue::List(_) | NodeValue::Map(_))) {
             Some(_) => Err(node
                 .error(format!("the values of `{name}` are lists or mappings"))
-                .help("zip them with an axis of words or numbers, and name that")),
-            None => Ok(What::Axis),
+                .help("zip them with an axis of words or numbers, and use that one as the column")),
+            None => Ok(Content::Axis),
         };
     }
     let is_need = |stage: &str| rows.iter().flat_map(|row| &row.needs).any(|(need, _)| need == stage);
@@ -130,7 +133,7 @@ fn what(node: &Node, name: &str, rows: &[Row], kinds: &BTreeMap<String, String>)
         .map(|(need, _)| *need)
         .collect();
     match &having[..] {
-        // Nothing is known of a kind without words.
+        // The results of a kind without words are not known.
         [] if !of.is_empty() && of.iter().all(|(_, words)| !words.is_empty()) => {
             let axes = rows.iter().flat_map(|row| row.axes.keys().map(String::as_str));
             let words = of.iter().flat_map(|(_, words)| words.iter().copied());
@@ -139,7 +142,7 @@ fn what(node: &Node, name: &str, rows: &[Row], kinds: &BTreeMap<String, String>)
                 Some(_) => words.collect(),
             };
             let known: Vec<&str> = known.into_iter().collect();
-            let message = format!("`{name}` is neither an axis nor a result of what the table needs");
+            let message = format!("`{name}` is neither an axis nor a result of a needed stage");
             Err(node.error(message).help(suggestion(result, &known)))
         }
         [_, _, ..] => {
@@ -147,7 +150,7 @@ fn what(node: &Node, name: &str, rows: &[Row], kinds: &BTreeMap<String, String>)
             let message = format!("`{name}` is a result of {}", having.join(" and "));
             Err(node.error(message).help(format!("write {}", names.join(" or "))))
         }
-        _ => Ok(What::Result {
+        _ => Ok(Content::Result {
             stage: stage.map(str::to_owned),
             result: result.to_owned(),
         }),

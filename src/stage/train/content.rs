@@ -1,20 +1,20 @@
-//! What the artifact of a training says.
+//! The artifact of a train stage.
 
 use deaflow_content::{Curves, LeftOutLabels, Lines, Metrics, Training};
 use deaflow_scene::Scene;
 use deaflow_surrogate as surrogate;
 use deaflow_surrogate::{Ending, EpochReport, Examples, LeftOut, NetworkKind, Trained, Why};
 
-/// Labels that a warning names one by one.
+/// The number of labels that a warning lists.
 const NAMED: usize = 5;
 
-/// What a user should know: a line each.
+/// Returns the warnings of a training.
 fn warnings(unstable: u64, left_out: &[LeftOut], trained: &Trained) -> Vec<String> {
     let mut lines = Vec::new();
     if unstable > 0 {
         lines.push(format!("{unstable} samples without a stable solution are left out"));
     }
-    // What is held out stands in another input: nothing is lost.
+    // Labels that are held out are in another input, so nothing is lost.
     let left_out: Vec<&LeftOut> = left_out.iter().filter(|label| label.why != Why::HeldOut).collect();
     if !left_out.is_empty() {
         let named: Vec<String> = left_out.iter().take(NAMED).map(ToString::to_string).collect();
@@ -30,14 +30,14 @@ fn warnings(unstable: u64, left_out: &[LeftOut], trained: &Trained) -> Vec<Strin
     }
     if let Ending::Diverged(epoch) = trained.ending {
         lines.push(format!(
-            "the training diverged in epoch {epoch}: the weights of epoch {} are kept; a smaller learning rate may help",
+            "the training diverged in epoch {epoch}: the weights of epoch {} are kept; try a smaller learning rate",
             trained.best_epoch
         ));
     }
     lines
 }
 
-/// The artifact of a training.
+/// Returns the artifact of a training.
 pub fn training(trained: Trained, examples: &Examples, network: NetworkKind, scene: Scene) -> Training {
     let warnings = warnings(examples.unstable, &examples.left_out, &trained);
     Training {
@@ -56,7 +56,7 @@ pub fn training(trained: Trained, examples: &Examples, network: NetworkKind, sce
 
 fn curves(epochs: &[EpochReport]) -> Curves {
     let curve = |value: fn(&EpochReport) -> f64| epochs.iter().map(value).collect();
-    // Where nothing is shown more than once epochs are judged by the validation error.
+    // If no example is repeated, epochs are judged by the validation error.
     let is_judged = epochs.iter().any(|e| e.judged_rmse_mm != e.validation_rmse_mm);
     Curves {
         judged_rmse: is_judged.then(|| curve(|e| e.judged_rmse_mm)),
@@ -87,7 +87,7 @@ fn metrics(metrics: &[surrogate::Metrics]) -> Metrics {
     }
 }
 
-/// The word that stands in artifacts.
+/// Returns the word that is stored.
 fn ending(ending: Ending) -> &'static str {
     match ending {
         Ending::Complete => "complete",
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_user_should_know_is_told_and_nothing_else() {
+    fn only_unusual_trainings_have_warnings() {
         assert_eq!(warnings(0, &[], &trained(Ending::Complete)), Vec::<String>::new());
         assert_eq!(warnings(0, &[], &trained(Ending::Patience)), Vec::<String>::new());
         let left_out = |row| LeftOut {
@@ -122,22 +122,22 @@ mod tests {
             why: Why::BeyondSide(50.0),
         };
         let many: Vec<LeftOut> = (0..8).map(left_out).collect();
-        let told = warnings(3, &many, &trained(Ending::Diverged(4)));
-        assert_eq!(told[0], "3 samples without a stable solution are left out");
+        let found = warnings(3, &many, &trained(Ending::Diverged(4)));
+        assert_eq!(found[0], "3 samples without a stable solution are left out");
         assert!(
-            told[1].starts_with("8 labels are left out: row 0 of input 2: 100.000 mm are more than"),
-            "{told:?}"
+            found[1].starts_with("8 labels are left out: row 0 of input 2: 100.000 mm are more than"),
+            "{found:?}"
         );
-        assert!(told[1].ends_with("; and 3 more, under `left_out/`"), "{told:?}");
+        assert!(found[1].ends_with("; and 3 more, under `left_out/`"), "{found:?}");
         assert!(
-            told[2].starts_with("the training diverged in epoch 4: the weights of epoch 2 are kept"),
-            "{told:?}"
+            found[2].starts_with("the training diverged in epoch 4: the weights of epoch 2 are kept"),
+            "{found:?}"
         );
-        assert_eq!(told.len(), 3);
+        assert_eq!(found.len(), 3);
     }
 
     #[test]
-    fn labels_left_out_stand_in_the_artifact() {
+    fn labels_left_out_are_listed_in_the_artifact() {
         let left_out = LeftOut {
             input: 1,
             row: 7,

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::{foresight, model};
+use crate::{drive_check, model};
 use deaflow_content::{Labelled, VerificationView, files};
 use deaflow_dataset::Split;
 use deaflow_field::Outcome;
@@ -12,16 +12,16 @@ use deaflow_scene::Scene;
 use deaflow_store::Artifact;
 use deaflow_surrogate::{Collector, Examples, Label, LabelError, LabelledRow, Origin};
 
-/// Rows that are read together: some tens of megabytes.
+/// Rows that are read at once: some tens of megabytes.
 const BLOCK: usize = 512;
 
-/// The family under which metrics of verified designs stand.
+/// The family of verified designs in the metrics.
 const VERIFIED: &str = "verified";
 
-/// The examples of all inputs, in their scene. An epoch shows a verified design `verified_weight` times.
+/// Reads the examples of all inputs. An epoch repeats a verified design `verified_weight` times.
 ///
 /// # Errors
-/// When an input lacks what is needed, its arrays do not fit together, or nothing is left.
+/// If arrays of an input are missing or inconsistent, or no example is left.
 pub fn read(inputs: &[Artifact], scene: &Scene, verified_weight: u32) -> Result<Examples, StageError> {
     let mut collector = Collector::new(scene.symmetries());
     let datasets = inputs
@@ -45,13 +45,13 @@ pub fn read(inputs: &[Artifact], scene: &Scene, verified_weight: u32) -> Result<
         .map_err(|none| match none.all_unstable {
             true => StageError::Advised {
                 source: none.into(),
-                help: foresight::advice(scene),
+                help: drive_check::stability_advice(scene),
             },
             false => StageError::input(none),
         })
 }
 
-/// How many samples have no stable solution.
+/// Returns the number of samples without a stable solution.
 fn unstable(artifact: &Artifact) -> Result<u64, StageError> {
     match Labelled::open(artifact)? {
         Some(Labelled::Solved(view)) => Ok(view.unstable().outcome().rows()? as u64),
@@ -59,9 +59,9 @@ fn unstable(artifact: &Artifact) -> Result<u64, StageError> {
     }
 }
 
-/// Reads one file, whose rows begin at a place in an input; gives how many there are.
+/// Reads one file, whose rows start at the row `first` of an input; returns their number.
 fn read_file(file: &Artifact, (input, first): (usize, usize), collector: &mut Collector) -> Result<usize, StageError> {
-    let labelled = Labelled::open(file)?.ok_or_else(|| wrong(file, "it holds no labelled patterns"))?;
+    let labelled = Labelled::open(file)?.ok_or_else(|| wrong(file, "it has no labelled patterns"))?;
     let patterns = labelled.patterns()?;
     let (count, families) = (patterns.len(), labelled.families()?.unwrap_or_default());
     let origins: Vec<Origin> = match &labelled {
@@ -103,7 +103,7 @@ fn read_file(file: &Artifact, (input, first): (usize, usize), collector: &mut Co
     Ok(count)
 }
 
-/// Of which sample each row of a balanced set is an image, and by which symmetry; nothing of others.
+/// Returns the sample and the symmetry of which each row of a balanced set is an image; empty for other sets.
 fn images(labelled: &Labelled<'_>) -> Result<Vec<(u64, Symmetry)>, StageError> {
     let Labelled::Balanced(view) = labelled else {
         return Ok(Vec::new());
@@ -115,7 +115,7 @@ fn images(labelled: &Labelled<'_>) -> Result<Vec<(u64, Symmetry)>, StageError> {
         .collect()
 }
 
-/// Reads the designs of a verify stage that have a field; fields stand in the order of these.
+/// Reads the designs of a verify stage that have a field; the fields are in the order of these designs.
 fn read_verified(view: &VerificationView<'_>, input: usize, collector: &mut Collector) -> Result<(), StageError> {
     let fields = view.simulated_rows()?;
     collector.begin(fields.iter().filter(|field| field.is_none()).count() as u64);

@@ -1,4 +1,4 @@
-//! What a run sees of a training, and what it keeps of it.
+//! Reports the progress of a training to its run, and stores its checkpoints.
 
 use std::cell::Cell;
 
@@ -6,26 +6,27 @@ use deaflow_base::Stopped;
 use deaflow_orchestrator::Job;
 use deaflow_surrogate::{EpochReport, Monitor};
 
-/// Notes within an epoch.
+/// Progress notes per epoch.
 const NOTES: f64 = 10.0;
 
-/// The name under which a training is kept.
+/// The name of the checkpoint.
 const STATE: &str = "training";
 
-/// Shows a training to the run that it is part of, which keeps its state.
+/// Reports the progress of a training to the job that runs it.
 pub struct Follow<'a, 'j> {
     job: &'a Job<'j>,
-    /// The tenth of the epoch that was last told of, if any was: the first step of all says that the examples are read.
-    told: Cell<Option<u32>>,
+    /// The tenth of the epoch that was last reported. The first step is reported too: it shows that the examples have been
+    /// read.
+    reported: Cell<Option<u32>>,
     rmse_mm: Cell<Option<f64>>,
 }
 
 impl<'a, 'j> Follow<'a, 'j> {
-    /// Nothing seen yet.
+    /// Starts with nothing reported.
     pub fn new(job: &'a Job<'j>) -> Self {
         Self {
             job,
-            told: Cell::new(None),
+            reported: Cell::new(None),
             rmse_mm: Cell::new(None),
         }
     }
@@ -34,7 +35,7 @@ impl<'a, 'j> Follow<'a, 'j> {
 impl Monitor for Follow<'_, '_> {
     fn step(&self, epoch: u32, done: f64, loss: f64) {
         let tenth = (NOTES * done) as u32;
-        if Some(tenth) == self.told.replace(Some(tenth)) {
+        if Some(tenth) == self.reported.replace(Some(tenth)) {
             return;
         }
         self.job.progress.part(done);
@@ -70,6 +71,8 @@ impl Monitor for Follow<'_, '_> {
     }
 
     fn unusable(&self) {
-        self.job.scratch.report_unused("it is not a state of this training");
+        self.job
+            .scratch
+            .report_unused("it is not a checkpoint of this training");
     }
 }

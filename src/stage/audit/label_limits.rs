@@ -1,48 +1,66 @@
-//! What a dataset says of its own exactness, and what it is held to. A file must not loosen its own check: only who audits may
-//! allow more than is usual.
+//! The limits that an audit sets for the labels of a dataset, given what the dataset declares of its accuracy. A file
+//! from elsewhere must not loosen its own check: only the user may allow a larger error than usual.
 
 use super::source::Source;
-use super::{PER_RESIDUAL, Request, SAME, Trust, USUAL_ACCURACY};
 use deaflow_dataset::audit::{Finding, Severity};
 use deaflow_fem::Method;
 use deaflow_scene::Scene;
 
-/// The residual to which fields are solved where nothing is said.
+/// The relative residual to which fields are solved if nothing is declared.
 const USUAL_TOLERANCE: f64 = 1e-8;
 
-/// The residual whose error, at the most, is what labels may differ by.
+/// A label that is solved again differs by the tolerance of the solver, which stops at a residual; the relative error of
+/// the displacement is at most this many times larger.
+const PER_RESIDUAL: f64 = 10.0;
+
+/// The smallest relative difference that counts. Last bits differ between solutions: estimates of 300 images of patterns
+/// differed from the images of their estimates by at most 5e-7 of the largest displacement.
+const SAME: f64 = 1e-5;
+
+/// The largest residual whose error stays below [`SAME`].
 const LOOSEST: f64 = SAME / PER_RESIDUAL;
 
-/// What the labels of a dataset are held to.
+/// The assumed accuracy if nothing is declared, as a fraction of the membrane's side: 0.02 mm of 50 mm.
+pub const USUAL_ACCURACY: f64 = 4e-4;
+
+/// Whether the declarations of a dataset are trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trust {
+    /// It was made by the pipeline in which it is audited: yes.
+    Pipeline,
+    /// It comes from elsewhere: no.
+    Nothing,
+}
+
+/// The limits for the labels of a dataset.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Held {
-    /// How labels are solved again.
+pub struct LabelLimits {
+    /// The method that solves labels again.
     pub method: Method,
-    /// To which relative residual.
+    /// Its relative residual.
     pub residual: f64,
-    /// How far they may differ then, relative to the largest displacement.
+    /// The allowed difference, relative to the largest displacement.
     pub tolerance: f64,
-    /// The error that all rows may have, mm.
+    /// The allowed error of all rows, mm.
     pub accuracy: Option<f64>,
-    /// The error that a row may declare for itself, mm.
+    /// The largest error that a row may declare, mm.
     pub most_declared: Option<f64>,
 }
 
-/// What a dataset is held to, and what it declares beyond that.
-pub fn held(source: &Source, scene: &Scene, request: &Request, trust: Trust) -> (Held, Vec<Finding>) {
+/// Returns the limits for the labels of a dataset, with findings if it declares larger errors than usual. `asked` is the
+/// accuracy in mm that the user allows.
+pub fn label_limits(source: &Source, scene: &Scene, asked: Option<f64>, trust: Trust) -> (LabelLimits, Vec<Finding>) {
     let solver = source.solver.as_ref();
     let declared = solver.map_or(USUAL_TOLERANCE, |solver| solver.tolerance());
     let usual = USUAL_ACCURACY * scene.side_mm();
     let residual = match trust {
-        Trust::Pipeline => declared,
         Trust::Nothing if declared > LOOSEST => USUAL_TOLERANCE,
-        Trust::Nothing => declared,
+        _ => declared,
     };
-    let asked = request.accuracy.map(|accuracy| accuracy.value());
     let said = solver
         .and_then(|solver| solver.accuracy())
         .map(|accuracy| accuracy.value());
-    let held = Held {
+    let limits = LabelLimits {
         method: solver.map_or(Method::Newton, |solver| solver.method()),
         residual,
         tolerance: (PER_RESIDUAL * residual).max(SAME),
@@ -59,7 +77,7 @@ pub fn held(source: &Source, scene: &Scene, request: &Request, trust: Trust) -> 
         .is_none()
         .then(|| loose_accuracy(source, said, usual, trust))
         .flatten();
-    (held, [tolerance, accuracy].into_iter().flatten().collect())
+    (limits, [tolerance, accuracy].into_iter().flatten().collect())
 }
 
 fn loose_tolerance(declared: f64, trust: Trust) -> Finding {
@@ -80,7 +98,7 @@ fn loose_accuracy(source: &Source, said: Option<f64>, usual: f64, trust: Trust) 
         Trust::Nothing => "; labels are held to that unless --accuracy says otherwise",
     };
     let errors = source.columns.error.iter().flatten().enumerate();
-    // What is no length is no error either.
+    // NaN and negative numbers are not errors either.
     let loose = errors.filter(|(_, error)| !(0.0..=usual).contains(*error));
     let rows: Vec<usize> = loose.map(|(row, _)| row).collect();
     if !rows.is_empty() {

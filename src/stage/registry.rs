@@ -1,0 +1,36 @@
+//! The table of all kinds of stages.
+
+use crate::{
+    accuracy, audit, balance, calibrate, design, evaluate, import, patterns, sample, scene, solve, table, train, verify,
+};
+use deaflow_orchestrator::{Kind, MOST_STAGES, Registry};
+use deaflow_scene::Scene;
+
+/// The kinds whose results a table may collect: all others.
+static COLLECTED: [&dyn Kind; 12] = [
+    &sample::SampleKind,
+    &patterns::PatternsKind,
+    &solve::SolveKind,
+    &import::ImportKind,
+    &balance::BalanceKind,
+    &train::TrainKind,
+    &design::DesignKind,
+    &verify::VerifyKind,
+    &accuracy::AccuracyKind,
+    &audit::AuditKind,
+    &calibrate::CalibrateKind,
+    &evaluate::EvaluateKind,
+];
+
+static TABLE: table::TableKind = table::TableKind { collected: &COLLECTED };
+
+/// All kinds of stages, and how a scene is checked.
+#[must_use]
+pub fn registry() -> Registry {
+    Registry {
+        kinds: COLLECTED.into_iter().chain([&TABLE as &dyn Kind]).collect(),
+        check_scene: |node| scene::read(node).map(|_| ()),
+        scene_schema: Scene::schema,
+        most_stages: MOST_STAGES,
+    }
+}

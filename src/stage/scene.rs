@@ -1,0 +1,98 @@
+//! Reads and checks the scenes of stages.
+
+use deaflow_base::{Fields, InputError, Node, Schema};
+use deaflow_content::StoredAttribute;
+use deaflow_dataset::Device;
+use deaflow_fem::effects::Model;
+use deaflow_orchestrator::StageError;
+use deaflow_scene::{Difference, Scene, States};
+use deaflow_store::Artifact;
+
+/// The key of the state of a stage that simulates one drive.
+pub const STATE: &str = "state";
+
+/// Declares [`STATE`].
+pub fn with_state(fields: Fields) -> Fields {
+    let schema = Schema::matching(&States::name_pattern());
+    fields.optional(
+        STATE,
+        schema.description("The state of the device to simulate, if the scene has several."),
+    )
+}
+
+/// Reads a scene and checks that it can be simulated. What `effects: auto` would turn on is checked as far as that is
+/// known without a solution.
+pub fn read(node: &Node) -> Result<Scene, InputError> {
+    let scene = Scene::read(node)?;
+    let mut effects = scene.effects.clone();
+    if scene.auto {
+        effects.strain_stiffening = scene.properties.strain_stiffening.clone();
+    }
+    let decided = scene.with_effects(effects);
+    let states = decided.in_states();
+    match states.iter().find_map(|(_, scene)| Model::new(scene).err()) {
+        None => Ok(scene),
+        Some(error) => {
+            let section = if scene.auto { "properties" } else { "effects" };
+            Err(node.peek(section).unwrap_or(node).error(error.to_string()))
+        }
+    }
+}
+
+/// Reads the scene of a stage with all states of its device; the pipeline must have one.
+pub fn read_all_states(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
+    let missing = || {
+        stage
+            .error("this stage needs a scene, but the pipeline has none")
+            .help("add `scene: FILE` or an inline mapping")
+    };
+    read(scene.ok_or_else(missing)?)
+}
+
+/// Reads the scene of a stage in the state that the stage names.
+pub fn read_in_state(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
+    let read = read_all_states(stage, scene)?;
+    let names: Vec<&str> = read.states.iter().map(|(name, _)| name).collect();
+    match stage.peek(STATE) {
+        Some(node) => {
+            let state = read.in_state(node.text(STATE)?);
+            state.map_err(|unknown| node.error(unknown.to_string()).help(unknown.help()))
+        }
+        None if names.is_empty() => Ok(read),
+        None => Err(stage
+            .error("this stage simulates one drive; name the `state` of the scene")
+            .help(format!(
+                "allowed: {}; `design` and `verify` stages simulate all states",
+                names.join(", ")
+            ))),
+    }
+}
+
+/// Returns the device of a scene as datasets describe it.
+pub fn device_of(scene: &Scene) -> Device {
+    let parts = scene.parts();
+    Device::new(scene.membrane(), scene.groups(), scene.symmetries(), parts.as_deref())
+}
+
+/// Returns the scene of all inputs. A model cannot be made from inputs of different scenes.
+pub fn of_inputs(inputs: &[Artifact]) -> Result<Scene, StageError> {
+    let mut common: Option<Scene> = None;
+    for input in inputs {
+        let missing = || StageError::in_artifact(input, "it does not name the scene it was made with");
+        let scene: Option<Scene> = StoredAttribute::new(input, "scene").read()?;
+        let scene = scene.ok_or_else(missing)?;
+        match &common {
+            Some(other) if *other != scene => return Err(differ(other, &scene)),
+            _ => common = Some(scene),
+        }
+    }
+    common.ok_or_else(|| StageError::input("the stage has no inputs"))
+}
+
+fn differ(one: &Scene, other: &Scene) -> StageError {
+    let list = match one.differences(other) {
+        differences if differences.is_empty() => String::new(),
+        differences => format!(": {}", Difference::listed(&differences)),
+    };
+    StageError::input(format!("the inputs were made with different scenes{list}"))
+}
