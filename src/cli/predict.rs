@@ -17,7 +17,7 @@ use super::text::Text;
 use super::{CliError, Exit, Output, model, write};
 use deaflow_base::{Digest, Progress};
 use deaflow_content::{Packed, SolveFile};
-use deaflow_field::{Field, Predictor};
+use deaflow_field::{Field, OutcomeKind, Predictor};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 use deaflow_stage::direct;
@@ -117,12 +117,10 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     }
     let cell_mm = scene.map(|scene| scene.membrane().cell_mm());
     let result = |(index, field): (usize, &Field)| SampleResult {
-        id: SampleId { index, state: None },
         file: names[index].clone(),
-        outcome: PREDICTED.to_owned(),
         peak: Some(Peak::of(field, cell_mm)),
         along_mm: probe.map(|probe| probe.of(field)),
-        ..SampleResult::default()
+        ..SampleResult::new(SampleId { index, state: None }, OutcomeKind::Predicted)
     };
     let results: Vec<SampleResult> = fields.iter().enumerate().map(result).collect();
     let mut document = results::document(&results, patterns.len(), probe.as_ref());
@@ -177,9 +175,6 @@ fn predict(
     Ok((fields, seconds))
 }
 
-/// The outcome of a prediction.
-const PREDICTED: &str = "predicted";
-
 fn content(
     surrogate: &Surrogate,
     patterns: &[Pattern],
@@ -193,7 +188,7 @@ fn content(
         .unzip();
     SolveFile {
         patterns: patterns.to_vec(),
-        outcome: vec![PREDICTED.to_owned(); patterns.len()],
+        outcome: vec![OutcomeKind::Predicted; patterns.len()],
         max_displacement: fields.iter().map(Field::max_magnitude).collect(),
         displacement: Packed(fields.iter().flat_map(Field::values).copied().collect()),
         at_point,

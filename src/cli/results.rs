@@ -12,7 +12,7 @@ use super::table::{self, Cell};
 use super::text::Text;
 use super::tone::Tone;
 use deaflow_fem::CriticalVoltage;
-use deaflow_field::{Field, Mesh};
+use deaflow_field::{Field, Mesh, OutcomeKind};
 use deaflow_report::{error, uncertainty};
 
 /// Up to this many patterns are listed one by one.
@@ -37,14 +37,14 @@ impl fmt::Display for SampleId {
 }
 
 /// The result for one pattern.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct SampleResult {
     /// The pattern.
     pub id: SampleId,
     /// The file that it was read from; empty if that is not known.
     pub file: String,
-    /// The name of the outcome.
-    pub outcome: String,
+    /// The outcome.
+    pub outcome: OutcomeKind,
     /// A description of the outcome, if there is no stable solution.
     pub failure: Option<String>,
     /// The largest displacement, if there is a solution.
@@ -84,6 +84,22 @@ pub struct CriticalBracket {
 }
 
 impl SampleResult {
+    /// A result without further data.
+    pub fn new(id: SampleId, outcome: OutcomeKind) -> Self {
+        Self {
+            id,
+            file: String::new(),
+            outcome,
+            failure: None,
+            peak: None,
+            along_mm: None,
+            accuracy: None,
+            wrinkled_fraction: None,
+            near_limit: None,
+            critical: None,
+        }
+    }
+
     /// The estimated error in mm, for a requested accuracy.
     fn error_mm(&self) -> Option<f64> {
         self.accuracy?.error_mm
@@ -166,7 +182,7 @@ fn list(results: &[SampleResult], probe: Option<&Probe>) -> table::Table {
         let mut row = vec![Cell::from(result.id.index)];
         row.extend(has_files.then(|| Cell::from(&result.file)));
         row.extend(has_states.then(|| Cell::from(result.id.state.as_deref().unwrap_or("-"))));
-        row.push(Cell::toned(&result.outcome, Tone::of_solve(&result.outcome)));
+        row.push(Cell::toned(result.outcome.name(), Tone::of_solve(result.outcome)));
         let peak = result.peak.map(|peak| format!("{:.4}{error} mm", peak.mm));
         row.push(Cell::from(peak.unwrap_or("-".to_owned())));
         // With a point it may be below the line, where a dash would take a line of its own.
@@ -184,7 +200,7 @@ fn list(results: &[SampleResult], probe: Option<&Probe>) -> table::Table {
 fn summary(results: &[SampleResult], file: Option<&Path>) -> Text {
     let counts = counts(results);
     let counted: Vec<String> = counts.iter().map(|(outcome, n)| format!("{outcome} {n}")).collect();
-    let tone = match counts.keys().any(|outcome| Tone::of_solve(outcome) == Tone::Bad) {
+    let tone = match results.iter().any(|result| !result.outcome.has_field()) {
         true => Tone::Caution,
         false => Tone::Plain,
     };
@@ -218,7 +234,7 @@ fn summary(results: &[SampleResult], file: Option<&Path>) -> Text {
 fn counts(results: &[SampleResult]) -> BTreeMap<&str, usize> {
     let mut counts = BTreeMap::new();
     for result in results {
-        *counts.entry(result.outcome.as_str()).or_insert(0) += 1;
+        *counts.entry(result.outcome.name()).or_insert(0) += 1;
     }
     counts
 }
@@ -370,14 +386,13 @@ mod tests {
     use crate::tone::Screen;
 
     fn result(index: usize, mm: Option<f64>) -> SampleResult {
+        let outcome = mm.map_or(OutcomeKind::PullIn, |_| OutcomeKind::Converged);
         SampleResult {
-            id: SampleId { index, state: None },
-            outcome: mm.map_or("pull-in", |_| "converged").to_owned(),
             peak: mm.map(|mm| Peak {
                 mm,
                 at_mm: Some([25.0, 1.004]),
             }),
-            ..SampleResult::default()
+            ..SampleResult::new(SampleId { index, state: None }, outcome)
         }
     }
 

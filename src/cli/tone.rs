@@ -7,6 +7,7 @@ use anstream::AutoStream;
 use clap::ColorChoice;
 use clap::builder::styling::{AnsiColor, Style};
 
+use deaflow_field::OutcomeKind;
 use deaflow_orchestrator::Outcome;
 
 /// The width of a terminal that does not report it.
@@ -39,11 +40,11 @@ impl Tone {
         }
     }
 
-    /// Returns the tone of the outcome of a solution, by its name.
-    pub fn of_solve(outcome: &str) -> Self {
+    /// Returns the tone of the outcome of a solution.
+    pub fn of_solve(outcome: OutcomeKind) -> Self {
         match outcome {
-            "converged" => Self::Good,
-            "estimated" | "predicted" => Self::Plain,
+            OutcomeKind::Converged => Self::Good,
+            OutcomeKind::Estimated | OutcomeKind::Predicted => Self::Plain,
             _ => Self::Bad,
         }
     }
@@ -118,6 +119,6 @@ mod tests {
         assert_eq!(Tone::Plain.paint("x", true), "x");
         assert_eq!(Tone::Caution.paint("", true), "");
         assert_eq!(Tone::of(Outcome::Reused), Tone::Dim);
-        assert_eq!(Tone::of_solve("pull-in"), Tone::Bad);
+        assert_eq!(Tone::of_solve(OutcomeKind::PullIn), Tone::Bad);
     }
 }

@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::error::{AttributeError, Fault};
-use deaflow_scene::Scene;
+use deaflow_scene::{Effects, Scene};
 
 /// A value that stands in an attribute as text.
 pub trait Attribute: Sized {
@@ -32,18 +32,25 @@ impl Attribute for String {
     }
 }
 
-impl Attribute for Scene {
-    fn into_text(self) -> Option<String> {
-        Some(self.to_text())
-    }
+/// Types that are stored as YAML.
+macro_rules! yaml {
+    ($($type:ty),*) => {$(
+        impl Attribute for $type {
+            fn into_text(self) -> Option<String> {
+                Some(self.to_text())
+            }
 
-    fn from_text(name: &'static str, text: Option<&str>) -> Result<Self, Fault> {
-        Self::from_text(required(name, text)?).map_err(|source| Fault::Attribute {
-            name,
-            source: AttributeError::Input(source),
-        })
-    }
+            fn from_text(name: &'static str, text: Option<&str>) -> Result<Self, Fault> {
+                Self::from_text(required(name, text)?).map_err(|source| Fault::Attribute {
+                    name,
+                    source: AttributeError::Input(source),
+                })
+            }
+        }
+    )*};
 }
+
+yaml!(Effects, Scene);
 
 impl<A: Attribute> Attribute for Option<A> {
     fn into_text(self) -> Option<String> {

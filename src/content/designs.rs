@@ -6,9 +6,9 @@ use super::intervals::{DesignInterval, DesignIntervals};
 use super::macros::arrays;
 use super::part::LongTexts;
 use super::solutions::SolvedHistories;
-use deaflow_field::{Field, Outcome};
+use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::{CELLS, Pattern, Role};
-use deaflow_scene::Scene;
+use deaflow_scene::{Effects, Scene};
 use deaflow_store::StoreError;
 
 /// Units along a side of the membrane that a genome of the genetic algorithm has.
@@ -232,7 +232,7 @@ arrays! {
         /// The patterns.
         rows: DesignRows = group(""),
         /// How the simulation ended.
-        outcome: Vec<String> = array("outcome", "", [row]),
+        outcome: Vec<OutcomeKind> = array("outcome", "", [row]),
         /// Simulated displacement at the cell corners; one row for each pattern with a field, in their order.
         displacement: Vec<Field> = array("displacement", "mm", [simulated_row, corner_y, corner_x, xy]),
         /// Predicted minus simulated displacement; one row for each pattern with a field that is not `own`, in their order.
@@ -250,7 +250,7 @@ arrays! {
         /// How they were solved, in the keys of a solve stage.
         solver: String = attribute("solver"),
         /// The effects that were simulated.
-        effects: String = attribute("effects"),
+        effects: Effects = attribute("effects"),
     }
 }
 
@@ -293,8 +293,8 @@ impl VerificationView<'_> {
     /// When they do not have a row for each pattern with a field.
     pub fn simulated_rows(&self) -> Result<Vec<Option<usize>>, StoreError> {
         let mut next = 0;
-        let row = |outcome: &String| {
-            let row = Outcome::names_field(outcome).then_some(next);
+        let row = |outcome: &OutcomeKind| {
+            let row = outcome.has_field().then_some(next);
             next += usize::from(row.is_some());
             row
         };

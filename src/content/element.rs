@@ -1,7 +1,7 @@
 //! What an array may hold: numbers, texts, patterns and fields, row by row or packed into one list of numbers.
 
 use super::error::ElementError;
-use deaflow_field::Field;
+use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::{Pattern, PatternForm, Raster, Role};
 use deaflow_store::{Artifact, Data, ElementType, StoreError};
 
@@ -182,21 +182,28 @@ impl Element for Field {
     }
 }
 
-impl Row for Role {
-    type Value = String;
-    const EXTENTS: &'static [usize] = &[];
+/// Enums that are stored as words.
+macro_rules! words {
+    ($($type:ty),*) => {$(
+        impl Row for $type {
+            type Value = String;
+            const EXTENTS: &'static [usize] = &[];
+        }
+
+        impl Element for $type {
+            fn pack(rows: Vec<Self>) -> Vec<String> {
+                rows.iter().map(|row| row.name().to_owned()).collect()
+            }
+
+            fn unpack(values: Vec<String>, _: Raster) -> Result<Vec<Self>, ElementError> {
+                let row = |word: String| Self::from_name(&word).ok_or(ElementError::Word(word));
+                values.into_iter().map(row).collect()
+            }
+        }
+    )*};
 }
 
-impl Element for Role {
-    fn pack(rows: Vec<Self>) -> Vec<String> {
-        rows.iter().map(|role| role.name().to_owned()).collect()
-    }
-
-    fn unpack(values: Vec<String>, _: Raster) -> Result<Vec<Self>, ElementError> {
-        let role = |word: String| Self::from_name(&word).ok_or(ElementError::Word(word));
-        values.into_iter().map(role).collect()
-    }
-}
+words!(Role, OutcomeKind);
 
 /// Rows whose values stay in one list: those of many fields are not copied, and may be NaN in files that allow it.
 #[derive(Clone, Debug, PartialEq)]

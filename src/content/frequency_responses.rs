@@ -3,9 +3,9 @@
 use super::attribute::Lines;
 use super::element::Packed;
 use super::macros::arrays;
-use deaflow_field::Field;
+use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::Pattern;
-use deaflow_scene::Scene;
+use deaflow_scene::{Effects, Scene};
 
 arrays! {
     /// How patterns respond to a small alternating voltage about their equilibria. A pattern without a stable equilibrium has NaN, and so has a
@@ -14,7 +14,7 @@ arrays! {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
         /// How the search for the equilibrium ended.
-        outcome: Vec<String> = array("outcome", "", [sample]),
+        outcome: Vec<OutcomeKind> = array("outcome", "", [sample]),
         /// Voltage of the equilibrium, about which the voltage alternates.
         bias: Vec<f64> = array("bias", "V", [sample]),
         /// Displacement of the equilibrium at the cell corners.
@@ -44,7 +44,7 @@ arrays! {
         /// How it was solved.
         solver: String = attribute("solver"),
         /// The effects that were simulated.
-        effects: String = attribute("effects"),
+        effects: Effects = attribute("effects"),
         /// What the response leaves out, one to a line.
         warnings: Lines = attribute("warnings"),
     }

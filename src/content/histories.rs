@@ -3,9 +3,9 @@
 use super::attribute::Lines;
 use super::element::{Packed, PerBody};
 use super::macros::arrays;
-use deaflow_field::Field;
+use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::Pattern;
-use deaflow_scene::Scene;
+use deaflow_scene::{Effects, Scene};
 
 arrays! {
     /// How patterns move in time. What is asked for beyond the time at which a pattern loses its last stable state is NaN.
@@ -42,7 +42,7 @@ arrays! {
         body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, time, body]),
         /// How the simulation ended: `converged`, `pull-in`, `not-elliptic` or `slack` at once, `delayed-pull-in` or `delayed-slack` later,
         /// `iteration-limit` or `work-limit`.
-        outcome: Vec<String> = array("outcome", "", [sample]),
+        outcome: Vec<OutcomeKind> = array("outcome", "", [sample]),
         /// The last time with a stable state and the first without; 0, 0 where that is not so.
         time_bracket: Vec<[f64; 2]> = array("time_bracket", "s", [sample, bound]),
         /// Where the drive begins with more than the membrane bears, the highest voltage that it bears at once and the lowest that it does not; 0, 0
@@ -69,7 +69,7 @@ arrays! {
         /// How it was solved.
         solver: String = attribute("solver"),
         /// The effects that were simulated.
-        effects: String = attribute("effects"),
+        effects: Effects = attribute("effects"),
         /// Effects that matter and were left out, one to a line.
         warnings: Lines = attribute("warnings"),
     }

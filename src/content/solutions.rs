@@ -7,8 +7,8 @@ use super::element::{Packed, PerBody};
 use super::macros::arrays;
 use super::observations::{Meshes, Observations};
 use super::samples::SampleRows;
-use deaflow_field::Field;
-use deaflow_scene::Scene;
+use deaflow_field::{Field, OutcomeKind};
+use deaflow_scene::{Effects, Scene};
 
 /// The kinds of stages whose artifacts these are.
 pub const SOLVED: [&str; 2] = ["solve", "import"];
@@ -19,7 +19,7 @@ arrays! {
         /// The patterns that have a field.
         rows: SampleRows = group(""),
         /// How the simulation ended; `converged` of what was imported.
-        outcome: Vec<String> = array("outcome", "", [sample]),
+        outcome: Vec<OutcomeKind> = array("outcome", "", [sample]),
         /// Displacement at the cell corners.
         displacement: Vec<Field> = array("displacement", "mm", [sample, corner_y, corner_x, xy]),
         /// Largest displacement magnitude over the corners.
@@ -41,7 +41,7 @@ arrays! {
         /// How it was solved, in the keys of a solve stage; not known of what was imported.
         solver: Option<String> = attribute("solver"),
         /// The effects that were simulated; not known of what was imported.
-        effects: Option<String> = attribute("effects"),
+        effects: Option<Effects> = attribute("effects"),
     }
 }
 
@@ -52,7 +52,7 @@ arrays! {
         /// The patterns.
         rows: SampleRows = group(""),
         /// How the simulation ended.
-        outcome: Vec<String> = array("outcome", "", [sample]),
+        outcome: Vec<OutcomeKind> = array("outcome", "", [sample]),
         /// Highest voltage with a stable equilibrium and lowest without; 0, 0 where the outcome is `iteration-limit`, `work-limit` or `no-estimate`.
         voltage_bracket: Vec<[f64; 2]> = array("voltage_bracket", "V", [sample, bound]),
         /// Where times were asked for, the last time with a stable state and the first without; 0, 0 where it is not lost in time.

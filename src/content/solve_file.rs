@@ -5,8 +5,9 @@ use super::element::{Packed, PerCell};
 use super::intervals::PredictionIntervals;
 use super::macros::arrays;
 use super::observations::{Meshes, Observations};
-use deaflow_field::Field;
+use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::Pattern;
+use deaflow_scene::Effects;
 use deaflow_store::{Data, Dataset, Object};
 
 arrays! {
@@ -20,7 +21,7 @@ arrays! {
         displacement: Packed<Field> = array("displacement", "mm", [sample, corner_y, corner_x, xy]),
         /// How the simulation ended: `converged`, `pull-in`, `not-elliptic`, `slack`, `iteration-limit` or `work-limit`; of estimates `estimated` or
         /// `no-estimate`; `predicted` where nothing was simulated, so that nothing is known of stability.
-        outcome: Vec<String> = array("outcome", "", [sample]),
+        outcome: Vec<OutcomeKind> = array("outcome", "", [sample]),
         /// Largest displacement magnitude over the corners; NaN where there is none.
         max_displacement: Vec<f64> = array("max_displacement", "mm", [sample]),
         /// Where a point was asked about, how far it moves along the direction that was asked for, or in all without one; NaN where there is no
@@ -43,7 +44,7 @@ arrays! {
         /// How it was solved, in the keys of a solve stage.
         solver: Option<String> = attribute("solver"),
         /// The effects that were simulated.
-        effects: Option<String> = attribute("effects"),
+        effects: Option<Effects> = attribute("effects"),
         /// Effects that matter and were left out, one to a line.
         warnings: Option<Lines> = attribute("warnings"),
         /// The point that was asked about, from the lower left corner, and its direction.

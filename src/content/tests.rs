@@ -1,9 +1,9 @@
 //! Declarations are written and read alike, and what does not fit together is refused.
 
 use super::*;
-use deaflow_field::Field;
+use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::{Pattern, Raster};
-use deaflow_scene::Scene;
+use deaflow_scene::{Effects, Scene};
 use deaflow_store::{Artifact, Object, Provenance, Store};
 
 /// Puts an object into a store of its own.
@@ -27,7 +27,7 @@ fn rows(n: usize) -> SampleRows {
 fn solutions() -> Solutions {
     Solutions {
         rows: rows(2),
-        outcome: vec!["converged".into(); 2],
+        outcome: vec![OutcomeKind::Converged; 2],
         displacement: vec![Field::zero(Raster::PAPER); 2],
         max_displacement: vec![0.0; 2],
         newton_iterations: Some(vec![5, 6]),
@@ -40,13 +40,13 @@ fn solutions() -> Solutions {
         history: None,
         unstable: Unstable {
             rows: rows(1),
-            outcome: vec!["pull-in".into()],
+            outcome: vec![OutcomeKind::PullIn],
             voltage_bracket: vec![[5000.0, 5010.0]],
             time_bracket: None,
         },
         scene: Scene::vhb4910(),
         solver: Some("{ method: newton }".into()),
-        effects: Some("{}".into()),
+        effects: Some(Effects::default()),
     }
 }
 

@@ -2,9 +2,9 @@
 
 use super::element::Packed;
 use super::macros::arrays;
-use deaflow_field::Field;
+use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::Pattern;
-use deaflow_scene::Scene;
+use deaflow_scene::{Effects, Scene};
 
 arrays! {
     /// How patterns vibrate about their equilibria. A pattern without a stable equilibrium has NaN.
@@ -12,7 +12,7 @@ arrays! {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
         /// How the search for the equilibrium ended.
-        outcome: Vec<String> = array("outcome", "", [sample]),
+        outcome: Vec<OutcomeKind> = array("outcome", "", [sample]),
         /// Displacement of the equilibrium at the cell corners.
         displacement: Packed<Field> = array("displacement", "mm", [sample, corner_y, corner_x, xy]),
         /// Number of the mode, from 1.
@@ -28,6 +28,6 @@ arrays! {
         /// How it was solved.
         solver: String = attribute("solver"),
         /// The effects that were simulated.
-        effects: String = attribute("effects"),
+        effects: Effects = attribute("effects"),
     }
 }

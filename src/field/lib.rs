@@ -4,6 +4,7 @@ mod displacement;
 mod feasibility;
 mod mesh;
 mod observation;
+mod outcome_kind;
 mod simulate;
 mod simulators;
 mod states;
@@ -12,6 +13,7 @@ pub use displacement::{CORNERS, Field, FieldError};
 pub use feasibility::Feasibility;
 pub use mesh::{Mesh, Order};
 pub use observation::{Charged, Motion, Observation};
+pub use outcome_kind::OutcomeKind;
 pub use simulate::{
     Differentiable, Evaluator, NO_FIELD, Outcome, PredictError, Predictor, Simulation, Simulator, WithGradient,
 };

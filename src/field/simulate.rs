@@ -6,6 +6,7 @@ use std::fmt;
 
 use super::displacement::Field;
 use super::observation::Observation;
+use super::outcome_kind::OutcomeKind;
 use deaflow_pattern::Pattern;
 
 /// The status in artifacts of a pattern without a field.
@@ -67,22 +68,27 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// The word that stands in files: `converged`, `estimated`, `no-estimate`, `pull-in`, `not-elliptic`, `slack`,
-    /// `iteration-limit`, `work-limit`; in time `delayed-pull-in`, `delayed-slack`.
+    /// Returns its kind.
+    #[must_use]
+    pub fn kind(&self) -> OutcomeKind {
+        match self {
+            Self::Converged => OutcomeKind::Converged,
+            Self::Estimated => OutcomeKind::Estimated,
+            Self::NoEstimate => OutcomeKind::NoEstimate,
+            Self::PullIn { .. } => OutcomeKind::PullIn,
+            Self::NotElliptic { .. } => OutcomeKind::NotElliptic,
+            Self::Slack { .. } => OutcomeKind::Slack,
+            Self::DelayedPullIn { .. } => OutcomeKind::DelayedPullIn,
+            Self::DelayedSlack { .. } => OutcomeKind::DelayedSlack,
+            Self::IterationLimit => OutcomeKind::IterationLimit,
+            Self::WorkLimit => OutcomeKind::WorkLimit,
+        }
+    }
+
+    /// Returns the word in files, as in [`OutcomeKind`].
     #[must_use]
     pub fn name(&self) -> &'static str {
-        match self {
-            Self::Converged => "converged",
-            Self::Estimated => "estimated",
-            Self::NoEstimate => "no-estimate",
-            Self::PullIn { .. } => "pull-in",
-            Self::NotElliptic { .. } => "not-elliptic",
-            Self::Slack { .. } => "slack",
-            Self::DelayedPullIn { .. } => "delayed-pull-in",
-            Self::DelayedSlack { .. } => "delayed-slack",
-            Self::IterationLimit => "iteration-limit",
-            Self::WorkLimit => "work-limit",
-        }
+        self.kind().name()
     }
 
     /// The voltages between which the stable branch ends, in V; `None` where it does not, or is not known to.
@@ -101,13 +107,7 @@ impl Outcome {
                 last_stable,
                 first_unstable,
             } => Some([last_stable, first_unstable]),
-            Self::Converged
-            | Self::Estimated
-            | Self::NoEstimate
-            | Self::DelayedPullIn { .. }
-            | Self::DelayedSlack { .. }
-            | Self::IterationLimit
-            | Self::WorkLimit => None,
+            _ => None,
         }
     }
 
@@ -136,15 +136,7 @@ impl Outcome {
     /// Whether there is a field, be it that of an equilibrium or an estimate.
     #[must_use]
     pub fn has_field(&self) -> bool {
-        matches!(self, Self::Converged | Self::Estimated)
-    }
-
-    /// Whether a word in a file stands for an outcome with a field.
-    #[must_use]
-    pub fn names_field(word: &str) -> bool {
-        [Self::Converged, Self::Estimated]
-            .iter()
-            .any(|outcome| outcome.name() == word)
+        self.kind().has_field()
     }
 }
 

@@ -263,6 +263,7 @@ impl fmt::Display for RoundsSummary {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use deaflow_field::OutcomeKind;
     use deaflow_pattern::Role;
 
     fn row(name: &str, role: Role, predicted: f64, simulated: Option<f64>, distance: Option<f64>) -> RowSummary {
@@ -279,7 +280,7 @@ mod tests {
             difference_mm: simulated.map(|simulated| predicted - simulated),
             distance_mm: distance,
             interval: None,
-            outcome: "converged".into(),
+            outcome: OutcomeKind::Converged,
             status: "met".into(),
             gain_own_area: None,
             gain_equal_area: None,

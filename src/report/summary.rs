@@ -13,7 +13,7 @@ use super::format::{change, counted, percents, three, uncertainty};
 use super::intervals::{self, NetworkInterval};
 use super::presenter::Headline;
 use deaflow_content::{Verification, predicted_rows};
-use deaflow_field::NO_FIELD;
+use deaflow_field::{NO_FIELD, OutcomeKind};
 use deaflow_pattern::Role;
 use deaflow_store::{Artifact, StoreError};
 
@@ -65,7 +65,7 @@ pub struct RowSummary {
     /// The prediction of a calibrated network, if there is one.
     pub interval: Option<NetworkInterval>,
     /// The outcome of the simulation.
-    pub outcome: String,
+    pub outcome: OutcomeKind,
     /// `met`, or the violated constraints.
     pub status: String,
     /// Gain over the intuitive design at its own area, a fraction; `None` if a given displacement is to be reached, as
@@ -188,7 +188,7 @@ impl VerificationSummary {
         if let Some(predicted) = best.predicted_mm {
             text += &format!(", predicted {predicted:.3} mm");
         }
-        let word = simulation_word(&best.outcome);
+        let word = simulation_word(best.outcome);
         text += &format!(", {word} {mm:.3} mm");
         if let Some(error) = best.simulated_error_mm {
             text += &format!(" {} (mesh)", uncertainty(error));
@@ -290,7 +290,7 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, StoreError> {
                 .map(|(predicted, simulated)| predicted - simulated),
             distance_mm: with_target.map(|row| component.distance[row]),
             interval: None,
-            outcome: outcomes[k].clone(),
+            outcome: outcomes[k],
             status: statuses[k].clone(),
             gain_own_area: None,
             gain_equal_area: None,
@@ -389,9 +389,9 @@ impl fmt::Display for VerificationSummary {
 }
 
 /// How a simulated displacement is called.
-fn simulation_word(outcome: &str) -> &'static str {
+fn simulation_word(outcome: OutcomeKind) -> &'static str {
     match outcome {
-        "estimated" => "estimated",
+        OutcomeKind::Estimated => "estimated",
         _ => "simulated",
     }
 }
@@ -408,7 +408,7 @@ impl fmt::Display for Line<'_> {
             None => write!(f, "  no prediction       ")?,
         }
         match row.simulated_mm {
-            Some(mm) => write!(f, "  {} {mm:>7.3} mm", simulation_word(&row.outcome))?,
+            Some(mm) => write!(f, "  {} {mm:>7.3} mm", simulation_word(row.outcome))?,
             None => write!(f, "  no stable solution was found: {}", row.outcome)?,
         }
         if let Some(error) = row.simulated_error_mm {

@@ -12,7 +12,7 @@ use deaflow_base::{Canonical, Declared, Digest, DigestWriter, Fields, InputError
 use deaflow_content::{FROM_FILE, SampleRows, Solutions, Unstable};
 use deaflow_dataset::Device;
 use deaflow_dataset::import::{ImportError, ImportFile, MAX_ROWS, Rows};
-use deaflow_field::{Field, Outcome};
+use deaflow_field::{Field, OutcomeKind};
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Plan, Stage, StageError};
 use deaflow_pattern::Raster;
 use deaflow_scene::{Difference, Scene};
@@ -222,7 +222,7 @@ fn changed(why: &str) -> StageError {
 fn solutions(rows: Rows, range: Range<usize>, scene: &Scene) -> Solutions {
     let n = rows.len();
     Solutions {
-        outcome: vec![Outcome::Converged.name().to_owned(); n],
+        outcome: vec![OutcomeKind::Converged; n],
         max_displacement: rows.fields.iter().map(Field::max_magnitude).collect(),
         displacement: rows.fields,
         rows: SampleRows {

@@ -3,7 +3,7 @@
 
 use deaflow_content::{Labelled, SOLVED, files};
 use deaflow_dataset::Split;
-use deaflow_field::{Field, Outcome};
+use deaflow_field::{Field, OutcomeKind};
 use deaflow_orchestrator::{Job, StageError};
 use deaflow_pattern::Pattern;
 use deaflow_store::Artifact;
@@ -78,8 +78,7 @@ fn read_chunk(
             test.map(|(row, _)| row).collect()
         }
         Labelled::Solved(view) => {
-            let estimated = Outcome::Estimated.name();
-            if view.outcome().read()?.iter().any(|outcome| outcome == estimated) {
+            if view.outcome().read()?.contains(&OutcomeKind::Estimated) {
                 return Err(wrong("its fields are estimates, which cannot be used to judge a model"));
             }
             (0..patterns.len()).collect()

@@ -2,7 +2,7 @@
 
 use deaflow_content::{Meshes, Observations, Packed, SampleRows, Solutions, SolvedHistories, Unstable};
 use deaflow_fem::{AccurateHistory, AccurateSimulation, History, Solver};
-use deaflow_field::{Field, Motion};
+use deaflow_field::{Field, Motion, OutcomeKind};
 use deaflow_scene::{Effects, Scene};
 
 /// Returns the results of one chunk of samples; those without a field are stored separately.
@@ -37,7 +37,7 @@ pub fn solutions(
         },
         scene: scene.clone(),
         solver: Some(settings),
-        effects: Some(effects.to_text()),
+        effects: Some(effects.clone()),
     }
 }
 
@@ -83,9 +83,8 @@ pub fn solved_histories(stable: &[&History]) -> SolvedHistories {
     }
 }
 
-fn outcomes(results: &[AccurateSimulation], rows: &[usize]) -> Vec<String> {
-    let outcome = |&i: &usize| results[i].simulation.outcome.name().to_owned();
-    rows.iter().map(outcome).collect()
+fn outcomes(results: &[AccurateSimulation], rows: &[usize]) -> Vec<OutcomeKind> {
+    rows.iter().map(|&i| results[i].simulation.outcome.kind()).collect()
 }
 
 fn brackets(results: &[AccurateSimulation], rows: &[usize]) -> Vec<[f64; 2]> {

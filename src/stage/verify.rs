@@ -296,7 +296,7 @@ impl Stage for VerifyStage {
 
     fn unstable(&self, artifact: &Artifact) -> Result<u64, StageError> {
         let outcomes = Verification::open(artifact)?.outcome().read()?;
-        Ok(outcomes.iter().filter(|o| !Outcome::names_field(o)).count() as u64)
+        Ok(outcomes.iter().filter(|o| !o.has_field()).count() as u64)
     }
 }
 
@@ -363,7 +363,7 @@ impl VerifyStage {
             .collect();
         let follows_time = self.solver.follows_time() && !in_states;
         Verification {
-            outcome: simulated.iter().map(|s| s.outcome.name().to_owned()).collect(),
+            outcome: simulated.iter().map(|s| s.outcome.kind()).collect(),
             displacement: solved().filter_map(|(_, fields)| fields.first().cloned()).collect(),
             difference: solved()
                 .filter_map(|(row, fields)| difference(prediction(row)?.first()?, fields.first()?))
@@ -390,7 +390,7 @@ impl VerifyStage {
             rows,
             scene: self.scene.clone(),
             solver: format!("{{ {} }}", self.solver),
-            effects: effects.to_text(),
+            effects: effects.clone(),
         }
     }
 }

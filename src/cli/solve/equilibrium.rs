@@ -173,7 +173,7 @@ fn results(
                 state: run.state.clone(),
             },
             file: simulation.names[index].clone(),
-            outcome: solution.outcome.name().to_owned(),
+            outcome: solution.outcome.kind(),
             failure: field.is_none().then(|| format!("{}{on}", solution.outcome)),
             peak: field.map(|field| Peak::of(field, Some(cell_mm))),
             along_mm: field.and_then(|field| Some(probe?.of(field))),
@@ -245,7 +245,7 @@ fn content(simulation: &Simulation<'_>, runs: &[StateRun], probe: Option<Probe>,
         displacement: Packed(displacement),
         outcome: solutions
             .iter()
-            .map(|solution| solution.simulation.outcome.name().to_owned())
+            .map(|solution| solution.simulation.outcome.kind())
             .collect(),
         max_displacement: fields()
             .map(|field| field.map_or(f64::NAN, Field::max_magnitude))
@@ -261,7 +261,7 @@ fn content(simulation: &Simulation<'_>, runs: &[StateRun], probe: Option<Probe>,
         cells: with_cells.then(|| cells::fields(&cells, scene.membrane().raster)),
         scene: scene.with_effects(screened.scene.effects.clone()).to_text(),
         solver: Some(simulation.solver()),
-        effects: Some(screened.effects()),
+        effects: Some(screened.scene.effects.clone()),
         warnings: Some(Lines(warnings.to_vec())),
         ..SolveFile::default()
     }

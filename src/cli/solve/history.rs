@@ -298,10 +298,7 @@ fn histories(
         kinetic: of_instant(|instant| instant.kinetic),
         dissipated: of_instant(|instant| instant.dissipated),
         supplied: of_instant(|instant| instant.supplied),
-        outcome: followed
-            .iter()
-            .map(|one| one.history.outcome.name().to_owned())
-            .collect(),
+        outcome: followed.iter().map(|one| one.history.outcome.kind()).collect(),
         time_bracket: bracket(|history| history.outcome.time_bracket()),
         voltage_bracket: bracket(|history| history.outcome.bracket()),
         watched_corner: followed
@@ -319,7 +316,7 @@ fn histories(
         solve_seconds: each(&|one| one.seconds),
         scene: scene.clone(),
         solver: simulation.solver(),
-        effects: screened.effects(),
+        effects: screened.scene.effects.clone(),
         warnings: Lines(screened.warnings_in_time.clone()),
     }
 }

@@ -104,7 +104,7 @@ fn content(
     }
     Vibrations {
         patterns: simulation.patterns.clone(),
-        outcome: found.iter().map(|one| one.outcome.name().to_owned()).collect(),
+        outcome: found.iter().map(|one| one.outcome.kind()).collect(),
         displacement: Packed(displacement),
         mode: (1..=count as u64).collect(),
         frequencies: Packed(frequencies),
@@ -112,7 +112,7 @@ fn content(
         solve_seconds,
         scene: scene.clone(),
         solver: simulation.solver(),
-        effects: scene.effects.to_text(),
+        effects: scene.effects.clone(),
     }
 }
 

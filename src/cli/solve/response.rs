@@ -248,7 +248,7 @@ fn content(
     let outcomes = |one| (0..frequencies.len()).map(move |at| outcome_at(one, at).to_owned());
     FrequencyResponses {
         patterns: simulation.patterns.clone(),
-        outcome: found.iter().map(|one| one.outcome.name().to_owned()).collect(),
+        outcome: found.iter().map(|one| one.outcome.kind()).collect(),
         bias: vec![scene.voltage_v(); found.len()],
         displacement: Packed(displacement),
         slope: Packed(slope),
@@ -265,7 +265,7 @@ fn content(
         solve_seconds: Vec::new(),
         scene: simulation.scene.with_effects(scene.effects.clone()),
         solver: simulation.solver(),
-        effects: scene.effects.to_text(),
+        effects: scene.effects.clone(),
         warnings: Lines(warnings(scene)),
     }
 }

@@ -7,12 +7,9 @@ use super::error::ImportError;
 use super::shape::{DISPLACEMENT, PATTERNS, count_rows};
 use crate::is_overlong;
 use deaflow_base::open_regular;
-use deaflow_field::Outcome;
+use deaflow_field::OutcomeKind;
 use deaflow_hdf::{Found, HdfError, HdfFile};
 use deaflow_pattern::Raster;
-
-/// Outcome of a field that a surrogate predicted.
-const PREDICTED: &str = "predicted";
 
 /// An HDF5 file with both arrays at its root.
 pub struct Hdf {
@@ -89,7 +86,8 @@ fn check_outcomes(file: &HdfFile, len: usize) -> Result<(), ImportError> {
         return Ok(());
     }
     let outcomes = file.texts("outcome").map_err(unreadable)?;
-    let is_approximate = |outcome: &String| [Outcome::Estimated.name(), PREDICTED].contains(&outcome.as_str());
+    let approximate = [OutcomeKind::Estimated, OutcomeKind::Predicted];
+    let is_approximate = |outcome: &String| approximate.iter().any(|kind| kind.name() == outcome);
     match outcomes.iter().position(is_approximate) {
         None => Ok(()),
         Some(row) => Err(ImportError::Estimate {

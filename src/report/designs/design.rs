@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::objective::{Objective, TargetPoint};
 use crate::drawing::{Background, DeformedMembrane};
 use crate::intervals::NetworkInterval;
+use deaflow_field::OutcomeKind;
 use deaflow_pattern::{Pattern, Role};
 use deaflow_scene::Scene;
 
@@ -62,7 +63,7 @@ pub struct Design {
     /// The prediction of a calibrated network, if there is one.
     pub interval: Option<NetworkInterval>,
     /// The outcome of the simulation; `None` without a simulation.
-    pub outcome: Option<String>,
+    pub outcome: Option<OutcomeKind>,
     /// Comparison with other designs.
     pub compared: Comparison,
 }

@@ -89,11 +89,11 @@ fn lost(source: &ArtifactReader<'_>) -> Result<Option<String>, ReportError> {
     };
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for outcome in &outcomes {
-        *counts.entry(outcome).or_default() += 1;
+        *counts.entry(outcome.name()).or_default() += 1;
     }
     let outcomes: Vec<String> = match (counts.len(), outcomes.len()) {
         (0, _) => return Ok(None),
-        (1, 1) => outcomes.clone(),
+        (1, 1) => vec![outcomes[0].to_string()],
         _ => counts
             .into_iter()
             .map(|(outcome, count)| format!("{count} {outcome}"))

@@ -6,6 +6,7 @@ use crate::designs::{Design, Role, StateField, TargetMotion, role_title};
 use crate::drawing::{Background, direction};
 use crate::format::{change, mm, percents, three, uncertainty};
 use deaflow_base::unbroken;
+use deaflow_field::OutcomeKind;
 use deaflow_pattern::CELLS;
 
 /// The folder of the files of a report, relative to its page.
@@ -206,10 +207,10 @@ fn simulated(design: &Design) -> Option<String> {
 /// Returns the remarks on a design, with their classes.
 fn remarks(design: &Design) -> Vec<(&'static str, String)> {
     let mut remarks = Vec::new();
-    match (design.simulated_mm, design.outcome.as_deref()) {
+    match (design.simulated_mm, design.outcome) {
         (None, Some(outcome)) => remarks.push(("warning", format!("Simulation ended: {outcome}"))),
         (None, None) => remarks.push(("note", "Not verified: the membrane is drawn as predicted".to_owned())),
-        (Some(_), Some("estimated")) => remarks.push(("note", "Estimated, not an equilibrium".to_owned())),
+        (Some(_), Some(OutcomeKind::Estimated)) => remarks.push(("note", "Estimated, not an equilibrium".to_owned())),
         (Some(_), _) => {}
     }
     if let Some(interval) = design.interval.as_ref().filter(|interval| interval.out_of_distribution) {

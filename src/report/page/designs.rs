@@ -156,7 +156,7 @@ fn row(design: &Design) -> Vec<String> {
     let simulated = match (design.simulated_mm, design.error_mm, &design.outcome) {
         (Some(value), Some(error), _) => format!("{} {}", mm(value), uncertainty(error)),
         (Some(value), None, _) => mm(value),
-        (None, _, Some(outcome)) => outcome.clone(),
+        (None, _, Some(outcome)) => outcome.to_string(),
         (None, _, None) => "not verified".to_owned(),
     };
     let met = match design.status.as_str() {

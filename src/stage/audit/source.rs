@@ -1,6 +1,7 @@
 //! Reads datasets for an audit: an artifact of a solve, import or balance stage, or a file from elsewhere in the layout of
 //! `deaflow solve`.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -11,7 +12,7 @@ use deaflow_dataset::audit::{
 };
 use deaflow_dataset::{Bins, is_overlong};
 use deaflow_fem::{Method, SceneSimulators, SetupError, SolverParameters};
-use deaflow_field::{Mesh, Outcome};
+use deaflow_field::{Mesh, OutcomeKind};
 use deaflow_pattern::Raster;
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, RowFile, StoreError};
@@ -375,15 +376,7 @@ impl Source {
 
 /// Whether a row has a field. Unknown outcomes of other programs count as fields.
 fn has_field(word: &str) -> bool {
-    let without = [
-        "no-estimate",
-        "pull-in",
-        "not-elliptic",
-        "slack",
-        "iteration-limit",
-        "work-limit",
-    ];
-    Outcome::names_field(word) || !without.contains(&word)
+    OutcomeKind::from_name(word).is_none_or(OutcomeKind::has_field)
 }
 
 /// Returns a finding if arrays of a file have the wrong shape; no row can be read then.
@@ -477,13 +470,13 @@ fn bins(edges: &[f64]) -> Option<Bins> {
 }
 
 /// Returns a finding for the unstable samples of a solve stage.
-fn unstable(outcomes: &[String]) -> Option<Finding> {
+fn unstable(outcomes: &[OutcomeKind]) -> Option<Finding> {
     let rows: Vec<usize> = (0..outcomes.len()).collect();
-    let mut kinds: Vec<&String> = outcomes.iter().collect();
-    kinds.sort_unstable();
-    kinds.dedup();
-    let count = |kind: &&String| outcomes.iter().filter(|outcome| outcome == kind).count();
-    let counts: Vec<String> = kinds.iter().map(|kind| format!("{kind} {}", count(kind))).collect();
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for outcome in outcomes {
+        *counts.entry(outcome.name()).or_default() += 1;
+    }
+    let counts: Vec<String> = counts.iter().map(|(kind, count)| format!("{kind} {count}")).collect();
     let message = format!(
         "samples without a stable solution, by their rows under `unstable/`: {}",
         counts.join(", ")

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::{drive_check, model};
 use deaflow_content::{Labelled, VerificationView, files};
 use deaflow_dataset::Split;
-use deaflow_field::Outcome;
+use deaflow_field::OutcomeKind;
 use deaflow_orchestrator::StageError;
 use deaflow_pattern::{Pattern, Raster, Symmetry};
 use deaflow_scene::Scene;
@@ -75,9 +75,10 @@ fn read_file(file: &Artifact, (input, first): (usize, usize), collector: &mut Co
             view.split().read()?.into_iter().map(split).collect::<Result<_, _>>()?
         }
         Labelled::Solved(view) => {
-            let converged = |word: String| Outcome::names_field(&word);
-            let outcomes = view.outcome().read()?.into_iter().map(converged);
-            outcomes.map(|converged| Origin::Solved { converged }).collect()
+            let origin = |outcome: OutcomeKind| Origin::Solved {
+                converged: outcome.has_field(),
+            };
+            view.outcome().read()?.into_iter().map(origin).collect()
         }
         Labelled::Verified(_) => Vec::new(),
     };

@@ -3,11 +3,10 @@ use deaflow_content::{
     BalanceCounts, Balanced, Components, DesignRows, Histograms, LongTexts, Observations, Packed, SampleRows,
     Solutions, Unstable, Verification,
 };
-use deaflow_field::CORNERS;
-use deaflow_field::Field;
+use deaflow_field::{CORNERS, Field, OutcomeKind};
 use deaflow_pattern::{Raster, Role};
 use deaflow_pattern::{Symmetries, Symmetry};
-use deaflow_scene::Scene;
+use deaflow_scene::{Effects, Scene};
 use deaflow_store::{Data, Dataset, Object, Provenance, Store};
 use deaflow_surrogate::{Example, LeftOut, SPLIT_SEED, Why};
 
@@ -60,11 +59,15 @@ fn words(words: &[&str]) -> Vec<String> {
     words.iter().map(|word| (*word).to_owned()).collect()
 }
 
+fn kinds(words: &[&str]) -> Vec<OutcomeKind> {
+    words.iter().map(|word| OutcomeKind::from_name(word).unwrap()).collect()
+}
+
 fn solved(patterns: &[Pattern], outcomes: &[&str], unstable: &[&str]) -> Object {
     let n = patterns.len();
     let content = Solutions {
         rows: sample_rows(patterns),
-        outcome: words(outcomes),
+        outcome: kinds(outcomes),
         displacement: vec![field(1.0); n],
         max_displacement: vec![1.0; n],
         newton_iterations: Some(vec![1; n]),
@@ -74,7 +77,7 @@ fn solved(patterns: &[Pattern], outcomes: &[&str], unstable: &[&str]) -> Object 
         history: None,
         unstable: Unstable {
             rows: sample_rows(&vec![pattern(0); unstable.len()]),
-            outcome: words(unstable),
+            outcome: kinds(unstable),
             voltage_bracket: vec![[0.0; 2]; unstable.len()],
             time_bracket: None,
         },
@@ -282,7 +285,7 @@ fn verified(patterns: &[Pattern], outcomes: &[&str], fields: &[Field]) -> Object
             interval: None,
             states: None,
         },
-        outcome: words(outcomes),
+        outcome: kinds(outcomes),
         displacement: fields.to_vec(),
         difference: fields.to_vec(),
         states: None,
@@ -297,7 +300,7 @@ fn verified(patterns: &[Pattern], outcomes: &[&str], fields: &[Field]) -> Object
         },
         scene: Scene::vhb4910(),
         solver: String::new(),
-        effects: String::new(),
+        effects: Effects::default(),
     };
     content.object().of_kind("verify")
 }
