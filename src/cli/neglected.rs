@@ -6,7 +6,7 @@ use std::thread::{Builder, JoinHandle};
 use super::CliError;
 use deaflow_base::{Digest, build};
 use deaflow_content::SOLVED;
-use deaflow_fem::screening::Screened;
+use deaflow_fem::screening::ScreenedScene;
 use deaflow_orchestrator::{Pipeline, StageSpec};
 use deaflow_scene::Scene;
 use deaflow_store::Store;
@@ -90,7 +90,7 @@ fn screened((scene, in_time): &SimulatedScene, store: &Store) -> Result<Vec<Stri
     if let Some(known) = store.memo(&of) {
         return Ok(known);
     }
-    let screened = Screened::new(scene).map_err(|e| CliError::bad_input(e.to_string()))?;
+    let screened = ScreenedScene::new(scene).map_err(|e| CliError::bad_input(e.to_string()))?;
     let found = if *in_time {
         screened.warnings_in_time
     } else {

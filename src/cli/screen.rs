@@ -10,7 +10,7 @@ use super::{CliError, Exit, Output, table};
 use deaflow_base::InputError;
 use deaflow_content::named_patterns;
 use deaflow_fem::WorkLimit;
-use deaflow_fem::screening::{self, Row, Screening, Status, Trial};
+use deaflow_fem::screening::{self, Row, Screening, Status, TestPattern};
 use deaflow_pattern::PatternForm;
 use deaflow_scene::Scene;
 use deaflow_stage as stage;
@@ -126,7 +126,7 @@ fn screen(scene: Scene, patterns: &[String], limit: WorkLimit) -> Result<Screeni
 }
 
 /// Reads the patterns of each argument, and names them after it.
-fn named(arguments: &[String], form: PatternForm) -> Result<Vec<Trial>, InputError> {
+fn named(arguments: &[String], form: PatternForm) -> Result<Vec<TestPattern>, InputError> {
     let mut all = Vec::new();
     for argument in arguments {
         let patterns = named_patterns(argument, form)?;
@@ -137,7 +137,7 @@ fn named(arguments: &[String], form: PatternForm) -> Result<Vec<Trial>, InputErr
             } else {
                 argument.clone()
             };
-            Trial::new(&name, pattern)
+            TestPattern::new(&name, pattern)
         }));
     }
     Ok(all)

@@ -1,13 +1,13 @@
-//! Solutions whose discretisation error is known.
+//! Solutions with an estimated discretisation error.
 //!
-//! A pattern is solved on a ladder of meshes, coarse to fine, until the error of a solution, estimated from the next finer
-//! one, is small enough. The coarser of the two is the answer: the difference between them is its error but for the error
-//! of the finer one, so the estimate is sharp. (Extrapolating to the error of the finer one needs the order of
-//! convergence, which is not known: the displacement has r log r singularities at the corners of electrodes, and a
-//! straight electrode along the mesh none.) Over random, block, disc, ring, stripe, curve, bar and single-cell patterns the
-//! true error was at most 1.3 times the difference between the bilinear and the biquadratic solution on one mesh. It was at
-//! most 1.6 times that between two biquadratic ones up to 5.25 kV in the default scene, and 1.9 times at 6 kV, where many
-//! patterns are close to their loss of stability. The factors leave room beyond.
+//! A pattern is solved on a sequence of meshes, coarse to fine, until the error of a solution, estimated from the next
+//! finer one, is small enough. The coarser of the two is the result: their difference is its error up to the error of
+//! the finer one, so the estimate is sharp. (Extrapolation to the error of the finer one needs the order of
+//! convergence, which is unknown: the displacement has r log r singularities at the corners of electrodes, but none at
+//! a straight electrode along the mesh.) For random, block, disc, ring, stripe, curve, bar and single-cell patterns the
+//! true error was at most 1.3 times the difference between the bilinear and the biquadratic solution on one mesh. It
+//! was at most 1.6 times that between two biquadratic ones up to 5.25 kV in the default scene, and 1.9 times at 6 kV,
+//! where many patterns are close to their loss of stability. The factors below are larger.
 
 use std::sync::OnceLock;
 
@@ -21,8 +21,7 @@ use super::error::SetupError;
 use super::solver::{MembraneSolver, SolveOptions};
 use super::work::WorkLimit;
 
-/// A mesh of the ladder, and the ratio of the true error to the difference from the next one
-/// that is reckoned with.
+/// The meshes, each with the assumed ratio of the true error to the difference from the next one.
 pub(super) const LADDER: [(Mesh, f64); 5] = [
     (Mesh::bilinear(1), 2.0),
     (Mesh::biquadratic(1), 2.5),
@@ -31,49 +30,50 @@ pub(super) const LADDER: [(Mesh, f64); 5] = [
     (Mesh::biquadratic(8), 2.5),
 ];
 
-/// The mesh that has the last word on stability where a coarser one leaves doubt. Coarse meshes are too stiff and lose
-/// stability too late, by some per cent of voltage; four biquadratic elements per cell by a few parts in a thousand.
-const JUDGE: usize = 3;
+/// Index of the mesh that decides about stability if a coarser one does not prove it. Coarse meshes are too stiff and
+/// become unstable at a voltage some per cent too high; four biquadratic elements per cell at one a few parts in a
+/// thousand too high.
+const DECIDING_MESH: usize = 3;
 
-/// The first rung of the ladder that is solved loosely where it only tells the error of the one before: the coarser ones take a small part of
-/// the time, and are as a rule climbed past.
+/// Index of the first mesh with a loose tolerance if it only gives the error of the one before: coarser meshes take
+/// little time, and their solutions are rarely the last.
 const FIRST_LOOSE: usize = 2;
 
-/// The relative residual to which such a solution is found, in units of the accuracy over the side of the membrane. It is then off by less than a
-/// fiftieth of the accuracy, of which the ratios of the ladder leave more room.
-const LOOSENESS: f64 = 0.5;
+/// Relative residual of such a solution, in units of the accuracy over the side of the membrane. Its error is below a
+/// fiftieth of the accuracy, which the ratios of the meshes cover.
+const LOOSE_RESIDUAL: f64 = 0.5;
 
-/// The loosest residual of all.
-const LOOSEST: f64 = 1e-3;
+/// Largest relative residual.
+const MAX_RESIDUAL: f64 = 1e-3;
 
 /// A solution with its estimated discretisation error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AccurateSimulation {
-    /// The result on the mesh that was picked.
+    /// The result on the selected mesh.
     pub simulation: Simulation,
-    /// That mesh.
+    /// The selected mesh.
     pub mesh: Mesh,
-    /// Estimate of the largest displacement error over the cell corners in mm; present exactly when the outcome is
-    /// converged. It is larger than was asked for where even the finest mesh does not reach that.
+    /// Estimate of the largest displacement error at a cell corner in mm; present exactly if the outcome is converged.
+    /// It exceeds the requested accuracy if even the finest mesh does not reach it.
     pub discretisation_error: Option<f64>,
 }
 
-/// Simulates patterns to an accuracy.
+/// Simulates patterns with a requested accuracy.
 pub struct AccurateSolver {
     scene: Scene,
     accuracy_mm: f64,
     tolerance: f64,
-    /// The relative residual of a solution that only tells the error of a coarser one.
+    /// Relative residual of a solution that only gives the error of a coarser one.
     loose: f64,
     limit: WorkLimit,
     rungs: [OnceLock<MembraneSolver>; LADDER.len()],
 }
 
 impl AccurateSolver {
-    /// A solver for a scene, an accuracy in mm and a relative residual.
+    /// Creates a solver for a scene, an accuracy in mm and a relative residual.
     ///
     /// # Errors
-    /// When the accuracy is not a positive number or the tolerance is out of range.
+    /// If the accuracy is not a positive number or the tolerance is out of range.
     pub fn new(scene: &Scene, accuracy_mm: f64, tolerance: f64) -> Result<Self, SetupError> {
         if !(accuracy_mm.is_finite() && accuracy_mm > 0.0) {
             return Err(SetupError::Accuracy { found: accuracy_mm });
@@ -90,7 +90,7 @@ impl AccurateSolver {
         Ok(solver)
     }
 
-    /// The same with another limit of work for each pattern on each mesh.
+    /// Sets the work limit of each pattern on each mesh.
     #[must_use]
     pub fn within(self, limit: WorkLimit) -> Self {
         Self {
@@ -100,15 +100,15 @@ impl AccurateSolver {
         }
     }
 
-    /// One result per pattern, in order, whatever the company and the number of threads.
+    /// Simulates patterns in order; results do not depend on the other patterns or the number of threads.
     ///
     /// # Errors
-    /// When the preconditioner of a finer mesh cannot be set up.
+    /// If the preconditioner of a finer mesh cannot be computed.
     pub fn simulate(&self, patterns: &[Pattern]) -> Result<Vec<AccurateSimulation>, SetupError> {
         patterns.par_iter().map(|pattern| self.raise_load(pattern)).collect()
     }
 
-    /// The accuracy that was asked for, in mm.
+    /// Returns the requested accuracy in mm.
     pub(super) fn accuracy_mm(&self) -> f64 {
         self.accuracy_mm
     }
@@ -124,23 +124,23 @@ impl AccurateSolver {
             };
             let settles = |error: Option<f64>| error.is_some_and(|error| error <= self.accuracy_mm || last);
             let is_loose = rung + 1 >= FIRST_LOOSE && self.loose > self.tolerance;
-            let (mut fine, mut sure) = match is_loose {
-                true => self.rung(rung + 1)?.simulate_roughly(pattern, self.loose),
+            let (mut fine, mut proven) = match is_loose {
+                true => self.rung(rung + 1)?.simulate_to(pattern, self.loose),
                 false => self.solve(rung + 1, pattern)?,
             };
             let mut error = error_by(&fine);
-            // What does not settle it may be the answer itself.
+            // A solution that does not end the loop may be the result of the next pass.
             if is_loose && !settles(error) {
-                (fine, sure) = self.solve(rung + 1, pattern)?;
+                (fine, proven) = self.solve(rung + 1, pattern)?;
                 error = error_by(&fine);
             }
             if settles(error) {
-                return match self.refuted(rung, sure, pattern)? {
-                    Some(refutation) => Ok(answer(JUDGE, refutation, None)),
+                return match self.contradiction(rung, proven, pattern)? {
+                    Some(contradiction) => Ok(answer(DECIDING_MESH, contradiction, None)),
                     None => Ok(answer(rung, coarse, error)),
                 };
             }
-            // Where a finer mesh finds no stable state there is no number to be trusted.
+            // If a finer mesh is unstable, the coarse solution is not reliable.
             if fine.field.is_none() {
                 return Ok(answer(rung + 1, fine, None));
             }
@@ -152,22 +152,22 @@ impl AccurateSolver {
         }
     }
 
-    /// What the judge says against an answer on this rung, if anything. It is asked only where the finer of the two solutions
-    /// leaves doubt and is coarser than the judge.
-    fn refuted(&self, rung: usize, sure: bool, pattern: &Pattern) -> Result<Option<Simulation>, SetupError> {
-        if sure || rung + 1 >= JUDGE {
+    /// Returns the solution of the deciding mesh if it contradicts the result. It is computed only if the finer
+    /// solution has no proof of stability and is coarser than that mesh.
+    fn contradiction(&self, rung: usize, proven: bool, pattern: &Pattern) -> Result<Option<Simulation>, SetupError> {
+        if proven || rung + 1 >= DECIDING_MESH {
             return Ok(None);
         }
-        let (verdict, _) = self.solve(JUDGE, pattern)?;
+        let (verdict, _) = self.solve(DECIDING_MESH, pattern)?;
         Ok(verdict.field.is_none().then_some(verdict))
     }
 
-    /// The solution on a mesh, and whether its stability is beyond doubt.
+    /// Returns the solution on a mesh, and whether its stability is proven.
     fn solve(&self, rung: usize, pattern: &Pattern) -> Result<(Simulation, bool), SetupError> {
-        Ok(self.rung(rung)?.simulate_surely(pattern))
+        Ok(self.rung(rung)?.simulate_with_proof(pattern))
     }
 
-    /// The solver of a mesh, set up when it is first needed.
+    /// Returns the solver of a mesh; creates it on first use.
     pub(super) fn rung(&self, rung: usize) -> Result<&MembraneSolver, SetupError> {
         if let Some(solver) = self.rungs[rung].get() {
             return Ok(solver);
@@ -181,14 +181,14 @@ impl AccurateSolver {
     }
 }
 
-/// The relative residual of a solution that only tells the error of another.
+/// Returns the relative residual of a solution that only gives the error of another.
 fn loose(scene: &Scene, accuracy_mm: f64) -> f64 {
-    // A charge is held by a search for its voltage, of which each step needs all digits.
+    // A prescribed charge is reached by a search for its voltage, each step of which needs full accuracy.
     if scene.drive.charge.is_some() {
         return 0.0;
     }
     let [width, height] = scene.membrane().size_mm;
-    (LOOSENESS * accuracy_mm / f64::max(width, height)).min(LOOSEST)
+    (LOOSE_RESIDUAL * accuracy_mm / f64::max(width, height)).min(MAX_RESIDUAL)
 }
 
 fn answer(rung: usize, simulation: Simulation, discretisation_error: Option<f64>) -> AccurateSimulation {
@@ -256,8 +256,7 @@ mod tests {
             assert!(solver.loose > 100.0 * solver.tolerance);
             let rung = solver.rung(FIRST_LOOSE).unwrap();
             for (at, pattern) in patterns().iter().enumerate() {
-                let [(fully, _), (loosely, _)] =
-                    [solver.tolerance, solver.loose].map(|r| rung.simulate_roughly(pattern, r));
+                let [(fully, _), (loosely, _)] = [solver.tolerance, solver.loose].map(|r| rung.simulate_to(pattern, r));
                 let off = fully.field.unwrap().max_difference(&loosely.field.unwrap());
                 assert!(
                     off < accuracy / 50.0,

@@ -1,8 +1,8 @@
-//! Where a pattern is active on a mesh, element by element.
+//! The activity of a pattern on each element.
 //!
-//! Electrodes whose edges lie within elements, as a fringe field has them, are told of point by point: the activities of the points of an
-//! element are such that the integral over it of activity times any function of the degree of its gradients is exact, and so are the forces
-//! of the voltage at rest. Near an edge they may be a little below 0, or above what the strongest electrode there has.
+//! Electrode edges within elements, as with a fringe field, have an activity for each point: the integral over the
+//! element of activity times any function of the degree of its gradients is exact, and so are the forces of the voltage
+//! at rest. Near an edge, activities may be slightly below 0 or above that of the strongest electrode.
 
 use std::sync::Arc;
 
@@ -17,57 +17,57 @@ use super::layout::NodeLayout;
 use super::memory::Memory;
 use super::precision::{Both, Precision};
 
-/// Where a pattern is active on a grid of elements.
+/// The activity of a pattern on a grid.
 #[derive(Clone, Debug)]
 pub struct Activity {
     grid: Grid,
-    /// Of each element, in rows of [`NodeLayout::part`] numbers.
+    /// Activity of each element, in rows of [`NodeLayout::part`] numbers.
     values: Both,
-    /// The sides of each column and each row of elements; where they are not all 1.
+    /// Sides of each column and each row of elements, if not all 1.
     sides: Option<[Both; 2]>,
-    /// Of each of its points, where they differ.
+    /// Activity of each point, if the points of an element differ.
     points: Option<Arc<Points>>,
-    /// Whether each element is active or bare, and nothing between.
+    /// Whether each element is either active or bare.
     is_binary: bool,
-    /// An energy beside that of the law.
+    /// An additional energy.
     memory: Option<Arc<Memory>>,
 }
 
-/// Activities within elements.
+/// Activities at points.
 #[derive(Debug)]
 struct Points {
-    /// Of each point, in lines of [`NodeLayout::part`] numbers for the points of each row of elements.
+    /// Activity of each point, in lines of [`NodeLayout::part`] numbers for the points of each row of elements.
     values: Both,
-    /// The most that an electrode in the element has.
+    /// Activity of the strongest electrode in each element.
     strongest: Both,
 }
 
-/// What the points of an element are active to, and what the strongest electrode in it is.
+/// Activities of the points of an element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Within<const N: usize> {
-    /// Of each point.
+    /// Activity of each point.
     pub points: [f64; N],
-    /// Of the strongest electrode.
+    /// Activity of the strongest electrode.
     pub strongest: f64,
 }
 
 impl Activity {
-    /// The activity of a pattern whose electrodes all have the full load.
+    /// Creates the activity of a pattern whose electrodes all have the full load.
     #[must_use]
     pub fn new(grid: &Grid, pattern: &Pattern) -> Self {
         Self::from_shares(grid, |x, y| f64::from(u8::from(pattern.is_active(x, y))))
     }
 
-    /// The activity of a pattern whose groups of electrodes have these shares of the load.
+    /// Creates the activity of a pattern with a share of the load for each electrode group.
     ///
     /// # Panics
-    /// When a cell belongs to a group that has none.
+    /// If a cell belongs to a group without share.
     #[must_use]
     pub fn of_groups(grid: &Grid, pattern: &Pattern, loads: &[f64]) -> Self {
         Self::from_shares(grid, |x, y| load_of(pattern.group(x, y), loads))
     }
 
-    /// Cells (column, row) that are active to a share: what derivatives with respect to the pattern are derivatives of.
+    /// Creates an activity from a share for each cell (column, row), with respect to which patterns are differentiated.
     #[must_use]
     pub fn from_shares(grid: &Grid, share: impl Fn(usize, usize) -> f64) -> Self {
         let layout = grid.layout();
@@ -76,7 +76,7 @@ impl Activity {
         Self::of_values(grid, values)
     }
 
-    /// Elements (column, row) that are active to a share.
+    /// Creates an activity from a share for each element (column, row).
     #[must_use]
     pub fn from_elements(grid: &Grid, share: impl Fn(usize, usize) -> f64) -> Self {
         let layout = grid.layout();
@@ -87,7 +87,7 @@ impl Activity {
         Self::of_values(grid, values)
     }
 
-    /// Elements (column, row) whose points, of these weights, differ.
+    /// Creates an activity whose points, of these weights, differ in each element (column, row).
     #[must_use]
     pub fn from_points<const N: usize>(
         grid: &Grid,
@@ -125,7 +125,7 @@ impl Activity {
                 values[row * layout.part() + column] = 0.0;
             }
         }
-        // Beyond the last element 1, by which kernels divide.
+        // Past the last element it is 1, because kernels divide by it.
         let width = |at: usize| if at < columns { grid.sides([at, 0])[0] } else { 1.0 };
         let widths = || Both::new((0..layout.part()).map(width).collect());
         let heights = || Both::new((0..rows).map(|at| grid.sides([0, at])[1]).collect());
@@ -139,7 +139,7 @@ impl Activity {
         }
     }
 
-    /// The same with an energy beside that of the law.
+    /// Adds an energy.
     #[must_use]
     pub fn with_memory(&self, memory: Memory) -> Self {
         Self {
@@ -148,37 +148,37 @@ impl Activity {
         }
     }
 
-    /// The room of an energy beside that of the law, if there is one and nobody else looks at it.
+    /// Returns the additional energy for reuse, unless it is shared.
     #[must_use]
     pub fn into_memory(self) -> Option<Memory> {
         Arc::into_inner(self.memory?)
     }
 
-    /// An energy beside that of the law.
+    /// Returns the additional energy.
     #[must_use]
     pub fn memory(&self) -> Option<&Memory> {
         self.memory.as_deref()
     }
 
-    /// Whether each element is active or bare, and nothing between.
+    /// Returns whether each element is either active or bare.
     #[must_use]
     pub fn is_binary(&self) -> bool {
         self.is_binary
     }
 
-    /// The elements.
+    /// Returns the grid.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// The activity of each element, in rows of [`NodeLayout::part`] numbers.
+    /// Returns the activity of each element, in rows of [`NodeLayout::part`] numbers.
     #[must_use]
     pub fn elements(&self) -> &[f64] {
         self.values.double()
     }
 
-    /// The activity of point `q` of the elements of a row, of so many points each.
+    /// Returns the activity of point `q` of the elements of a row; `points` is the number of points of an element.
     #[must_use]
     pub fn at_point(&self, row: usize, q: usize, points: usize) -> &[f64] {
         let part = self.grid.layout().part();
@@ -188,7 +188,7 @@ impl Activity {
         }
     }
 
-    /// The activity of the strongest electrode in each element of a row.
+    /// Returns the activity of the strongest electrode in each element of a row.
     #[must_use]
     pub fn strongest(&self, row: usize) -> &[f64] {
         let part = self.grid.layout().part();
@@ -196,14 +196,14 @@ impl Activity {
         &all.double()[row * part..][..part]
     }
 
-    /// The active area of an element (column, row), in units of the mean area of elements.
+    /// Returns the active area of an element (column, row), in units of the mean area of elements.
     #[must_use]
     pub fn area(&self, [column, row]: [usize; 2]) -> f64 {
         let share = self.values.double()[row * self.grid.layout().part() + column];
         share * self.grid.size(0, column) * self.grid.size(1, row)
     }
 
-    /// What kernels read.
+    /// Returns the data for kernels.
     #[must_use]
     pub(super) fn view<T: Precision>(&self) -> View<'_, T> {
         let part = self.grid.layout().part();
@@ -228,10 +228,10 @@ impl Activity {
     }
 }
 
-/// The share of the load that a group of electrodes has; none of what is bare.
+/// Returns the share of the load of an electrode group; 0 for bare cells.
 ///
 /// # Panics
-/// When the group has none.
+/// If the group has none.
 #[must_use]
 pub fn load_of(group: u8, loads: &[f64]) -> f64 {
     match group {
@@ -240,31 +240,31 @@ pub fn load_of(group: u8, loads: &[f64]) -> f64 {
     }
 }
 
-/// An activity in one precision; the fields are those of [`Activity`].
+/// An activity in one precision, for kernels.
 #[derive(Clone, Copy)]
 pub(super) struct View<'a, T> {
-    /// Of the points of elements.
+    /// Activity of the points of elements.
     pub values: &'a [T],
-    /// From a row of elements to the next, and from one of their points to the next.
+    /// Distance from a row of elements to the next, and from one point to the next.
     pub strides: [usize; 2],
-    /// Of the strongest electrode in each element, in rows of [`NodeLayout::part`] numbers.
+    /// Activity of the strongest electrode in each element, in rows of [`NodeLayout::part`] numbers.
     pub strongest: &'a [T],
     pub sides: Option<[&'a [T]; 2]>,
-    /// Whether all elements have the same sides.
+    /// Whether all elements have equal sides.
     pub is_uniform: bool,
-    /// The coefficients of an energy beside that of the law, and their [`Memory::weight`].
+    /// Coefficients of the additional energy, and their [`Memory::weight`].
     pub memory: Option<(&'a [T], f64)>,
 }
 
 impl<T: Precision> View<'_, T> {
-    /// Of point `q` of the elements from `first` on of a row.
+    /// Returns the activity of point `q` of the elements of a row, from `first` on.
     #[inline(always)]
     pub fn at<S: Simd>(&self, simd: S, [first, row]: [usize; 2], q: usize) -> Wide<S, T> {
         let [rows, points] = self.strides;
         Wide::load(simd, &self.values[row * rows + q * points + first..])
     }
 
-    /// The same as it counts for a loss of stability: what is a part of an electrode is lost no sooner than all of it.
+    /// Returns the activity for checks of stability, where part of an electrode counts as the whole.
     #[inline(always)]
     pub fn within_electrode<S: Simd>(&self, simd: S, part: usize, [first, row]: [usize; 2], q: usize) -> Wide<S, T> {
         let active = self.at(simd, [first, row], q);
@@ -273,7 +273,7 @@ impl<T: Precision> View<'_, T> {
     }
 }
 
-/// Whether there can be a field in an element (column, row): not in frames and bodies.
+/// Returns whether an element (column, row) can have an electric field: not in frames and bodies.
 fn is_electric(grid: &Grid, [column, row]: [usize; 2]) -> bool {
     let [along, across] = grid.per_cell();
     grid.is_membrane(column / along, row / across)

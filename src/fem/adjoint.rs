@@ -1,8 +1,8 @@
-//! The gradient of a functional of the displacement with respect to all cells, from one more linear solve.
+//! The gradient of a functional of the displacement with respect to all cells, from one additional linear solution.
 //!
-//! With equilibrium R(u, S) = 0 and a functional J(u), dJ/dS = −ψ · ∂R/∂S where Aψ = ∂J/∂u and A is the tangent, which is
-//! symmetric (for instance Bendsøe and Sigmund, Topology Optimization, 2003, section 1.2.2). The energy is linear in the
-//! activity S, so ∂R/∂S is the difference between the active and the bare stress.
+//! With the equilibrium R(u, S) = 0 and a functional J(u), dJ/dS = −ψ · ∂R/∂S, where Aψ = ∂J/∂u with the symmetric
+//! tangent A (for instance Bendsøe and Sigmund, Topology Optimization, 2003, section 1.2.2). The energy is linear in
+//! the activity S, so ∂R/∂S is the difference between the active and the bare stress.
 
 use deaflow_field::{Field, Order};
 
@@ -13,10 +13,11 @@ use super::newton::{self, NewtonFailure, Workspace};
 use super::operator::{Activity, Operator, from_rest, on_sides, per_side};
 use super::precondition::Laplacian;
 
-/// dJ/dS of each cell, `[y][x]`, for J = Σ weights · u over the cell corners, with u in units of [`super::grid::Grid::unit_mm`].
+/// Computes dJ/dS of each cell, `[y][x]`, for J = Σ weights · u over the cell corners, with u in units of
+/// [`super::grid::Grid::unit_mm`].
 ///
 /// # Errors
-/// When the tangent at `u` is not positive definite.
+/// If the tangent at `u` is not positive definite.
 pub fn gradient<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
@@ -30,7 +31,7 @@ pub fn gradient<L: Material>(
     Ok(of_cells(operator, u, &adjoint))
 }
 
-/// The gradient of J with u in mm under the law of a model; `None` when the tangent at `u` is not positive definite.
+/// Computes the gradient of J with u in mm for a model; `None` if the tangent at `u` is not positive definite.
 pub struct InMm<'a> {
     pub activity: &'a Activity,
     pub laplacian: &'a Laplacian,
@@ -43,21 +44,18 @@ impl WithMaterial for InMm<'_> {
     type Output = Option<Vec<f64>>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Vec<f64>> {
-        let operator = Operator {
-            material: &material(1.0),
-            activity: self.activity,
-            pulled: 1.0,
-        };
+        let material = material(1.0);
+        let operator = Operator::new(&material, self.activity);
         let found = gradient(&operator, self.laplacian, EXACT, self.u, self.weights, self.workspace);
         let unit = self.activity.grid().unit_mm();
         Some(found.ok()?.iter().map(|g| g * unit).collect())
     }
 }
 
-/// Relative residual to which the adjoint is solved for.
+/// Relative residual of the adjoint solution.
 const EXACT: f64 = 1e-9;
 
-/// −ψ · ∂R/∂S, added up over the elements of each cell.
+/// Computes −ψ · ∂R/∂S, summed over the elements of each cell.
 #[must_use]
 pub fn of_cells<L: Material>(operator: &Operator<'_, L>, u: &[f64], adjoint: &[f64]) -> Vec<f64> {
     match operator.activity.grid().order() {
@@ -153,11 +151,7 @@ mod tests {
                 })
                 .into();
             let activity = Activity::from_shares(&grid, |x, y| shares[y * CELLS + x]);
-            let operator = Operator {
-                material: &material,
-                activity: &activity,
-                pulled: 1.0,
-            };
+            let operator = Operator::new(&material, &activity);
             let gradient = gradient(&operator, &laplacian, 1e-10, &u, &weights, &mut workspace).unwrap();
             let largest = differences.iter().map(|(_, slope)| slope.abs()).fold(0.0, f64::max);
             for (cell, slope) in differences {

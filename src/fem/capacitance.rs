@@ -1,11 +1,13 @@
-//! The inverse Laplacian of a membrane with frames and bodies, from that of the rectangle around it: the capacitance-matrix method (Buzbee,
-//! Dorr, George and Golub, SIAM J. Numer. Anal. 8 (1971) 722; Proskurowski and Widlund, Math. Comp. 30 (1976) 433).
+//! The inverse Laplacian of a membrane with frames and bodies, from that of its bounding rectangle by the
+//! capacitance-matrix method (Buzbee, Dorr, George and Golub, SIAM J. Numer. Anal. 8 (1971) 722; Proskurowski and
+//! Widlund, Math. Comp. 30 (1976) 433).
 //!
-//! With the inverse A⁻¹ of the rectangle's Laplacian the solution is A⁻¹(r + s), with forces s on the nodes of frames and bodies that share an
-//! element with free ones, such that it vanishes there on frames, is rigid on bodies, and s balances the force on each body. S, the inverse
-//! restricted to those nodes, is dense and small; its own inverse is kept. Inside frames and bodies the solution is then what it should be,
-//! because zero and rigid motions are harmonic. The iterations of conjugate gradients are those of the rectangle. Of the first solution only
-//! the values on those few nodes are wanted, which sums over its modes give, so that a solve takes little more than one on the rectangle.
+//! With the inverse A⁻¹ of the Laplacian of the rectangle the solution is A⁻¹(r + s). The forces s act on the nodes of
+//! frames and bodies that share an element with free ones, such that the solution vanishes on frames and is rigid on
+//! bodies, and s balances the force on each body. S, the inverse restricted to those nodes, is dense and small; its own
+//! inverse is stored. Inside frames and bodies the solution is then correct, because zero and rigid motions are
+//! harmonic. The number of conjugate-gradient iterations is that of the rectangle. The first solution is needed at
+//! those few nodes only, as sums over its modes, so the total takes little more than one solution on the rectangle.
 
 use std::sync::Arc;
 
@@ -15,34 +17,34 @@ use super::krylov::dot;
 use super::precondition::{ModalNodes, Rectangle, RectangleScratch};
 use super::supports::{Pose, RigidNodes, Supports};
 
-/// Nodes beyond which S is not kept, which takes 10 MB of numbers and a second: the solution on the rectangle is then restricted to what frames
-/// and bodies allow.
+/// Largest number of nodes for which S⁻¹ is stored, which takes 10 MB and a second. Beyond it the solution on the
+/// rectangle is projected onto admissible motions.
 const MOST: usize = 1600;
 
-/// How the inverse of the rectangle is made that of the membrane.
+/// Corrects the inverse of the rectangle to that of the membrane.
 pub(super) struct Capacitance {
     supports: Arc<Supports>,
     correction: Option<Correction>,
 }
 
-/// Room for [`Capacitance::solve`].
+/// Vectors for [`Capacitance::solve`].
 pub(super) struct CapacitanceScratch {
     force: Vec<f32>,
-    /// Of each component, on the nodes of S: the values of the first solution, then the forces on them.
+    /// For each component at the nodes of S: values of the first solution, then forces.
     values: [Vec<f32>; 2],
     /// S⁻¹ of the values.
     images: [Vec<f32>; 2],
 }
 
-/// S⁻¹, and what of it bodies see.
+/// S⁻¹, and its products with rigid motions.
 struct Correction {
-    /// The nodes of frames, then those of each body.
+    /// Nodes of frames, then those of each body.
     nodes: ModalNodes,
     /// `[node][node]`.
     inverse: Vec<f32>,
     /// S⁻¹ of 1, X and Y on the nodes of each body, `[body][function][node]`.
     rigid: Vec<[Vec<f64>; 3]>,
-    /// Where the nodes of each body begin.
+    /// Index of the first node of each body.
     starts: Vec<usize>,
 }
 
@@ -62,7 +64,7 @@ impl Capacitance {
         }
     }
 
-    /// Writes the solution for `r`, which frames and bodies leave as it is, into `z`.
+    /// Writes the solution for an admissible `r` into `z`.
     pub(super) fn solve(
         &self,
         rectangle: &Rectangle,
@@ -144,12 +146,13 @@ impl Correction {
         })
     }
 
-    /// How many nodes there are.
+    /// Returns the number of nodes.
     fn count(&self) -> usize {
         self.inverse.len().isqrt()
     }
 
-    /// From values of the solution on the rectangle to the forces that frames and bodies put there. Returns how the bodies move.
+    /// Converts values of the solution on the rectangle to the forces of frames and bodies. Returns the motions of
+    /// bodies.
     fn correct(
         &self,
         supports: &Supports,
@@ -182,7 +185,7 @@ impl Correction {
         motions
     }
 
-    /// How the bodies move: (EᵀS⁻¹E + K) d = g + EᵀS⁻¹b with the rigid motions E, the springs K and the forces g.
+    /// Solves for the motions of bodies: (EᵀS⁻¹E + K) d = g + EᵀS⁻¹b with the rigid motions E, springs K and forces g.
     fn motions(
         &self,
         supports: &Supports,
@@ -196,7 +199,7 @@ impl Correction {
         }
         let size = 3 * bodies.len();
         let unit = |at: usize| std::array::from_fn(|k| if k == at { 1.0 } else { 0.0 });
-        // Eᵀ of a vector of values on the nodes, by component.
+        // Eᵀ of nodal values, by component.
         let seen = |body: usize, values: &dyn Fn(usize, usize) -> f64| -> [f64; 3] {
             let nodes: &RigidNodes = &bodies[body].edge;
             let mut sum = [0.0; 3];
@@ -236,7 +239,7 @@ impl Correction {
     }
 }
 
-/// A rigid motion as weights of 1, X and Y in each component.
+/// Returns a rigid motion as weights of 1, X and Y in each component.
 fn weights(pose: &Pose, [p, q, turn]: [f64; 3]) -> [[f64; 3]; 2] {
     let ([a, b], [c, d]) = (pose.swept([1.0, 0.0]), pose.swept([0.0, 1.0]));
     [[p, turn * a, turn * c], [q, turn * b, turn * d]]

@@ -1,4 +1,4 @@
-//! Solutions with the state of every cell: what an engineer asks of a membrane beside its displacement.
+//! Solutions with the state of every cell.
 
 use rayon::prelude::*;
 
@@ -9,7 +9,7 @@ use super::observable::{CellState, Tension};
 use super::solver::{MembraneSolver, MeshSolution};
 
 impl MembraneSolver {
-    /// The displacement in mm of the corners of elements, `[y][x]`.
+    /// Returns the displacement in mm of the corners of elements, `[y][x]`.
     #[must_use]
     pub fn corner_displacements(&self, solution: &MeshSolution) -> Vec<[f64; 2]> {
         let (layout, unit) = (self.grid.layout(), self.grid.unit_mm());
@@ -20,7 +20,7 @@ impl MembraneSolver {
             .collect()
     }
 
-    /// Where the corners of elements lie along x and y, in mm.
+    /// Returns the positions of the corners of elements along x and y, in mm.
     #[must_use]
     pub fn corner_places(&self) -> [Vec<f64>; 2] {
         let (elements, size) = (self.grid.elements(), self.scene.membrane().size_mm);
@@ -32,7 +32,7 @@ impl MembraneSolver {
         })
     }
 
-    /// Simulates patterns and keeps the states of their cells, `[y][x]`; `None` where there is no stable solution.
+    /// Simulates patterns and returns the states of their cells, `[y][x]`; `None` without a stable solution.
     #[must_use]
     pub fn simulate_cells(&self, patterns: &[Pattern]) -> Vec<(Simulation, Option<Vec<CellState>>)> {
         let each = |pattern: &Pattern| {
@@ -45,7 +45,7 @@ impl MembraneSolver {
     }
 }
 
-/// The part of the membrane that is wrinkled or slack.
+/// Returns the share of the membrane that is wrinkled or slack.
 #[must_use]
 pub fn wrinkled_fraction(states: &[CellState]) -> f64 {
     let wrinkled = states.iter().filter(|state| state.tension != Tension::Taut).count();

@@ -1,9 +1,10 @@
-//! Equilibria at a given charge.
+//! Equilibria at a prescribed charge.
 //!
-//! On electrodes that conduct, with the electric energy e(u) at the voltage of the scene in units of the membrane and the charge Q₀(u) there, a
-//! charge Q makes the share s = (Q/Q₀)² of the load. Equilibria are those at that voltage; their energy U + Q²/2C has another tangent,
-//! K + (2s/e) g gᵀ with g the forces of the full load, which is stable along one more direction than K at a fixed voltage. Sprayed charge that stays
-//! where it is resists being spread: it thickens the membrane by a term of its own, a ← a + q²λp⁻⁶ with q = D₀/√(με).
+//! For conducting electrodes, let e(u) be the electric energy at the voltage of the scene in units of the membrane, and
+//! Q₀(u) the charge. A charge Q then has the share s = (Q/Q₀)² of the load, and the equilibria are those at that
+//! voltage. Their energy U + Q²/2C has another tangent, K + (2s/e) g gᵀ with the forces g of the full load, so at most
+//! one negative eigenvalue of K at fixed voltage becomes positive. Sprayed immobile charge resists the expansion of the
+//! electrodes: it adds a term to the stiffness in thickness, a ← a + q²λp⁻⁶ with q = D₀/√(με).
 
 use deaflow_field::Charged;
 use deaflow_scene::Scene;
@@ -17,33 +18,33 @@ use super::operator::{Activity, Operator, metrics};
 use super::stability::{Stability, judge};
 use super::stored::{Units, content, integral};
 
-/// Smallest step of the charge, in units of all of it.
-const SMALLEST: f64 = 1e-3;
-/// Work that is allowed, in units of that for a voltage: each step takes the factors of its matrix.
+/// Smallest step, as a share of the charge.
+const MIN_STEP: f64 = 1e-3;
+/// Work limit relative to that at a voltage, because each step factorises a matrix.
 pub const WORK: f64 = 6.0;
-/// Newton steps for each charge at most.
-const MOST_STEPS: usize = 12;
-const MOST_HALVINGS: u32 = 8;
+/// Maximum number of Newton steps at each charge.
+const MAX_NEWTON_STEPS: usize = 12;
+const MAX_HALVINGS: u32 = 8;
 
-/// Loading by charge, with what it leads to.
+/// A load stepping by charge, and its last state.
 pub struct ChargedLoading {
-    /// How it ended, in shares of the load of the scene.
+    /// The load stepping, in shares of the load of the scene.
     pub loading: Loading,
-    /// Voltage and stability of the last state; none where no charge is there.
+    /// Voltage and stability of the last state; `None` without charge.
     pub charged: Option<Charged>,
 }
 
-/// A state at a charge.
+/// An equilibrium at a charge.
 pub struct ChargedState {
     /// The displacement.
     pub u: Vec<f64>,
     /// Share of the load.
     share: f64,
-    /// Its voltage and stability.
+    /// Voltage and stability.
     pub charged: Charged,
 }
 
-/// Moves `u` from rest to the equilibrium at the charge of a scene whose electrodes conduct.
+/// Moves `u` from rest to the equilibrium at the charge of a scene with conducting electrodes.
 pub fn conducting<L: Material, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
     scene: &Scene,
@@ -60,7 +61,7 @@ pub fn conducting<L: Material, F: Fn(f64) -> L>(
     u.fill(0.0);
     let system = System { problem, scene };
     if system.at_full_load(u).0 <= 0.0 {
-        // Without an electrode there is nothing that a charge could be put on.
+        // Without electrodes there is no charge.
         total.ending = LoadingEnd::Stable;
         return ChargedLoading {
             loading: total,
@@ -74,7 +75,7 @@ pub fn conducting<L: Material, F: Fn(f64) -> L>(
     }
     let mut reached: Option<ChargedState> = None;
     let (mut at, mut step) = (0.0, 1.0_f64);
-    // How the last step moved the membrane, for all of the charge.
+    // Change of the displacement in the last step, per share of the charge.
     let mut slope: Option<Vec<f64>> = None;
     while at < 1.0 {
         let target = f64::min(at + step, 1.0);
@@ -94,14 +95,14 @@ pub fn conducting<L: Material, F: Fn(f64) -> L>(
                 at = target;
                 step *= 1.5;
             }
-            Err(refusal) => {
+            Err(failure) => {
                 match &reached {
                     Some(state) => u.copy_from_slice(&state.u),
                     None => u.fill(0.0),
                 }
-                if step <= SMALLEST || matches!(refusal, ChargeFailure::Work) {
+                if step <= MIN_STEP || matches!(failure, ChargeFailure::Work) {
                     let stable = reached.as_ref().map_or(0.0, |state| state.share);
-                    total.ending = match refusal {
+                    total.ending = match failure {
                         ChargeFailure::Lost(loss, unstable) => LoadingEnd::Lost { stable, unstable, loss },
                         ChargeFailure::Unknown => LoadingEnd::Unknown { stable },
                         ChargeFailure::Work => LoadingEnd::WorkLimit { stable },
@@ -123,20 +124,21 @@ pub fn conducting<L: Material, F: Fn(f64) -> L>(
     }
 }
 
-/// Why a state is not accepted.
+/// Why a step fails.
 pub enum ChargeFailure {
-    /// What is lost, and the share of the load there.
+    /// The lost property, and the share of the load.
     Lost(Loss, f64),
-    /// The iteration did not end.
+    /// The iteration did not converge.
     Unknown,
-    /// It took more work than is allowed.
+    /// The work limit was reached.
     Work,
 }
 
-/// The equilibrium with a charge on electrodes that conduct, from a state nearby; steps and residual are those of the loading then.
+/// Finds the equilibrium at a charge on conducting electrodes from a nearby state; updates steps and residual of the
+/// load stepping.
 ///
 /// # Errors
-/// When there is no stable one that the iteration finds.
+/// If the iteration finds no stable one.
 pub fn near<L: Material, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
     scene: &Scene,
@@ -153,7 +155,7 @@ struct System<'a, 'b, F> {
 }
 
 impl<L: Material, F: Fn(f64) -> L> System<'_, '_, F> {
-    /// The charge at the full load, and its electric energy in units of the membrane.
+    /// Returns the charge at the full load, and its electric energy in units of the membrane.
     fn at_full_load(&self, u: &[f64]) -> (f64, f64) {
         let activity = self.problem.activity;
         let laws = [0.0, 1.0].map(|share| (self.problem.material)(share));
@@ -163,7 +165,7 @@ impl<L: Material, F: Fn(f64) -> L> System<'_, '_, F> {
         (found.charge, 0.5 * found.driven * voltage / units.energy)
     }
 
-    /// The equilibrium at a charge, from a state nearby.
+    /// Finds the equilibrium at a charge from a nearby state.
     fn solve(
         &self,
         charge: f64,
@@ -175,16 +177,12 @@ impl<L: Material, F: Fn(f64) -> L> System<'_, '_, F> {
         let mut u = start.to_vec();
         let [mut residual, mut forces, mut trial] = [0; 3].map(|_| vec![0.0; u.len()]);
         let mut goal = f64::NAN;
-        for step in 0..=MOST_STEPS {
+        for step in 0..=MAX_NEWTON_STEPS {
             let (full, energy) = self.at_full_load(&u);
             let share = (charge / full).powi(2);
             let size = self.residual(&u, share, &mut residual).ok_or(ChargeFailure::Unknown)?;
             let law = (self.problem.material)(share);
-            let operator = Operator {
-                material: &law,
-                activity,
-                pulled: 1.0,
-            };
+            let operator = Operator::new(&law, activity);
             if step == 0 {
                 let mut rest = vec![0.0; u.len()];
                 self.residual(&vec![0.0; u.len()], share, &mut rest)
@@ -241,7 +239,7 @@ impl<L: Material, F: Fn(f64) -> L> System<'_, '_, F> {
                     break;
                 }
                 halvings += 1;
-                if halvings > MOST_HALVINGS {
+                if halvings > MAX_HALVINGS {
                     return Err(lost(Loss::Stability));
                 }
                 length *= 0.5;
@@ -250,32 +248,24 @@ impl<L: Material, F: Fn(f64) -> L> System<'_, '_, F> {
         Err(ChargeFailure::Unknown)
     }
 
-    /// The residual at a share of the load, and its norm; `None` where the state is none that a membrane can have.
+    /// Computes the residual at a share of the load, and returns its norm; `None` if the state is not admissible.
     fn residual(&self, u: &[f64], share: f64, out: &mut [f64]) -> Option<f64> {
         if !share.is_finite() {
             return None;
         }
         let law = (self.problem.material)(share);
-        let operator = Operator {
-            material: &law,
-            activity: self.problem.activity,
-            pulled: 1.0,
-        };
+        let operator = Operator::new(&law, self.problem.activity);
         let smallest = operator.residual(u, out);
         let size = norm(out);
         (smallest > 0.0 && size.is_finite()).then_some(size)
     }
 
-    /// The forces of the full load.
+    /// Computes the forces of the full load.
     fn forces(&self, u: &[f64], out: &mut [f64]) {
         let mut without = vec![0.0; out.len()];
         for (share, out) in [(1.0, &mut *out), (0.0, &mut without)] {
             let law = (self.problem.material)(share);
-            let operator = Operator {
-                material: &law,
-                activity: self.problem.activity,
-                pulled: 1.0,
-            };
+            let operator = Operator::new(&law, self.problem.activity);
             operator.residual(u, out);
         }
         out.iter_mut()
@@ -283,7 +273,7 @@ impl<L: Material, F: Fn(f64) -> L> System<'_, '_, F> {
             .for_each(|(with, without)| *with -= without);
     }
 
-    /// How many eigenvalues of the tangent are negative at a fixed voltage, and at a fixed charge.
+    /// Returns the number of negative eigenvalues of the tangent at fixed voltage and at fixed charge.
     fn inertia(
         &self,
         operator: &Operator<'_, L>,
@@ -295,20 +285,20 @@ impl<L: Material, F: Fn(f64) -> L> System<'_, '_, F> {
         let at_voltage = factors.negative_pivots();
         let mut forces = vec![0.0; u.len()];
         self.forces(u, &mut forces);
-        // The sign of a determinant: a rank of one lifts one eigenvalue above zero, or none.
+        // By the sign of a determinant: the rank-one term makes at most one negative eigenvalue positive.
         let lifted = 1.0 + 2.0 * share / energy * dot(&forces, &factors.solve(&forces)) < 0.0;
         Some((at_voltage, at_voltage - usize::from(lifted && at_voltage > 0)))
     }
 }
 
-/// The area of all electrodes on the prestretched membrane, in units of m².
+/// Returns the area of all electrodes on the prestretched membrane in m².
 fn electrode_area(activity: &Activity) -> f64 {
     let grid = activity.grid();
     let elements = grid.layout().each_element().map(|element| activity.area(element));
     elements.sum::<f64>() * (1e-3 * grid.unit_mm()).powi(2)
 }
 
-/// The same with a charge that was sprayed evenly over the electrodes.
+/// Adds a charge sprayed evenly over the electrodes to an activity.
 #[must_use]
 pub fn sprayed(activity: &Activity, scene: &Scene, charge: f64) -> Activity {
     let layout = activity.grid().layout();
@@ -334,7 +324,8 @@ pub fn sprayed(activity: &Activity, scene: &Scene, charge: f64) -> Activity {
     activity.with_memory(Memory::new(layout, &values))
 }
 
-/// The energy of the field of charge that was sprayed, in units of μH times the mean area of elements, of a membrane that remembers nothing else.
+/// Returns the energy of the field of sprayed charge, in units of μH times the mean area of elements, if the memory
+/// holds nothing else.
 #[must_use]
 pub fn energy_of_sprayed(activity: &Activity, u: &[f64]) -> f64 {
     let numbers = activity.memory().map(Memory::view).unwrap_or_default();
@@ -344,7 +335,7 @@ pub fn energy_of_sprayed(activity: &Activity, u: &[f64]) -> f64 {
     integral(activity, &spread)
 }
 
-/// Moves `u` from rest to the equilibrium with charge that was sprayed evenly over the electrodes.
+/// Moves `u` from rest to the equilibrium with a charge sprayed evenly over the electrodes.
 pub fn immobile<L: Material, F: Fn(f64) -> L>(
     problem: &Problem<'_, F>,
     scene: &Scene,
@@ -367,11 +358,7 @@ pub fn immobile<L: Material, F: Fn(f64) -> L>(
     while at < 1.0 {
         let target = f64::min(at + step, 1.0);
         let activity = with(target);
-        let operator = Operator {
-            material: &law,
-            activity: &activity,
-            pulled: 1.0,
-        };
+        let operator = Operator::new(&law, &activity);
         let result = newton::solve(&operator, problem.laplacian, problem.tolerance, u, workspace);
         let (Ok(progress) | Err((_, progress))) = result;
         total.steps += progress.steps;
@@ -387,7 +374,7 @@ pub fn immobile<L: Material, F: Fn(f64) -> L>(
             continue;
         }
         u.copy_from_slice(&reached);
-        if workspace.is_spent() || step <= SMALLEST {
+        if workspace.is_spent() || step <= MIN_STEP {
             total.ending = match (workspace.is_spent(), stability) {
                 (true, _) => LoadingEnd::WorkLimit { stable: at },
                 (_, Some(Stability::Slack)) => LoadingEnd::Lost {

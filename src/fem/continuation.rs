@@ -1,8 +1,8 @@
-//! From rest to the full load.
+//! Load stepping from rest to the full load.
 //!
-//! The full load is tried at once. Only where that does not lead to a stable equilibrium the load, which is proportional
-//! to V², is raised in steps from the last stable state; steps that fail are halved until the loss of stability lies
-//! between two voltages one part in a thousand apart.
+//! The full load is tried at once. If that does not give a stable equilibrium, the load, which is proportional to V²,
+//! is raised in steps from the last stable state; failing steps are halved until the loss of stability is bracketed by
+//! two voltages one part in a thousand apart.
 
 use super::material::Material;
 use super::newton::{self, NewtonFailure, Workspace};
@@ -11,34 +11,34 @@ use super::precondition::Laplacian;
 use super::stability::{Stability, judge, same_basin};
 use super::supports::Supports;
 
-/// How the loading ended.
+/// How the load stepping ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LoadingEnd {
     /// A stable equilibrium at the full load.
     Stable,
     /// Stability is lost between two shares of the full load.
     Lost {
-        /// The highest share at which a stable equilibrium was found.
+        /// The highest share with a stable equilibrium.
         stable: f64,
-        /// The lowest share at which none was found.
+        /// The lowest share without one.
         unstable: f64,
-        /// What went first.
+        /// What is lost first.
         loss: Loss,
     },
-    /// The iteration did not end; nothing is known beyond a stable equilibrium.
+    /// The iteration did not converge.
     Unknown {
-        /// The share at which that was found; 0 is rest.
+        /// The highest share with a stable equilibrium; 0 is rest.
         stable: f64,
     },
-    /// The work that is allowed is done; nothing is known beyond a stable equilibrium.
+    /// The work limit was reached.
     WorkLimit {
-        /// The share at which that was found; 0 is rest.
+        /// The highest share with a stable equilibrium; 0 is rest.
         stable: f64,
     },
 }
 
 impl LoadingEnd {
-    /// The highest share of the full load at which a stable equilibrium was found; 0 is rest.
+    /// Returns the highest share of the full load with a stable equilibrium; 0 is rest.
     pub fn stable(self) -> f64 {
         match self {
             Self::Stable => 1.0,
@@ -47,32 +47,32 @@ impl LoadingEnd {
     }
 }
 
-/// What an equilibrium can lose on the way.
+/// The property that an equilibrium loses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Loss {
     /// Stability.
     Stability,
     /// Ellipticity.
     Ellipticity,
-    /// Tension, in a membrane that wrinkles.
+    /// Tension, if the membrane can wrinkle.
     Tension,
 }
 
-/// The end of the loading and the work that it took.
+/// End and work of a load stepping.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loading {
     /// How it ended.
     pub ending: LoadingEnd,
-    /// Newton steps over all load steps, failed ones included.
+    /// Newton steps over all load steps, including failed ones.
     pub steps: u32,
     /// Relative residual of the last attempt.
     pub residual: f64,
-    /// Whether the last stable state is stable beyond doubt: see [`Stability::Stable`].
+    /// Whether the stability of the last state is proven: see [`Stability::Stable`].
     pub pointwise: bool,
 }
 
 impl Loading {
-    /// Nothing done yet, from a share.
+    /// The start of a load stepping from a share.
     fn from(stable: f64) -> Self {
         Self {
             ending: LoadingEnd::Unknown { stable },
@@ -83,7 +83,7 @@ impl Loading {
     }
 }
 
-/// Why a load step is not accepted.
+/// Why a load step fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum StepFailure {
     Lost(Loss),
@@ -91,22 +91,22 @@ enum StepFailure {
     Work,
 }
 
-/// Relative width of the bracket in load: one part in a thousand of voltage.
+/// Relative width of the bracket in load: one part in a thousand of the voltage.
 const BRACKET: f64 = 2e-3;
-/// Prestress, in units of μλp², that is none.
-const LOOSE: f64 = 1e-9;
-/// Load steps before the loading is given up.
+/// Prestress, in units of μλp², that counts as none.
+const NO_PRESTRESS: f64 = 1e-9;
+/// Maximum number of load steps.
 const MAX_LOAD_STEPS: u32 = 200;
 
-/// The first step of a search for a loss between two loads, in units of their difference.
-const FIRST: f64 = 0.5;
+/// First step of a search between two loads, in units of their difference.
+const FIRST_STEP: f64 = 0.5;
 
-/// Where loading begins and ends, as shares of the full load.
+/// Range of a load stepping, as shares of the full load.
 #[derive(Clone, Copy, Debug)]
 pub struct LoadRange {
-    /// The share of the state that it begins with.
+    /// Share of the first state.
     pub from: f64,
-    /// The share that is wanted.
+    /// Requested share.
     pub to: f64,
     /// The first step.
     pub step: f64,
@@ -120,20 +120,20 @@ impl LoadRange {
     };
 }
 
-/// One membrane under a load that can be scaled.
+/// The equilibrium problem of one membrane with a variable load.
 pub struct Problem<'a, F> {
-    /// Its elements, and where it is active.
+    /// Elements and activity.
     pub activity: &'a Activity,
     /// The preconditioner.
     pub laplacian: &'a Laplacian,
     /// The law at a share of the full load.
     pub material: F,
-    /// Relative residual at which an equilibrium counts as found.
+    /// Relative residual of an equilibrium.
     pub tolerance: f64,
 }
 
 impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
-    /// Moves `u`, whatever it was, from rest to the full load, or to the last stable state on the way there.
+    /// Moves `u` from rest to the full load, or to the last stable state before it.
     pub fn load(&self, u: &mut [f64], workspace: &mut Workspace) -> Loading {
         match self.rest(u, workspace) {
             Ok(()) => self.raise_load(LoadRange::FROM_REST, u, workspace),
@@ -141,31 +141,31 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         }
     }
 
-    /// Moves `u`, whatever it was, to rest: the state without voltage, in which only the loads of bodies pull.
+    /// Moves `u` to the state without voltage, loaded only by the forces on bodies.
     ///
     /// # Errors
-    /// When these are more than the membrane bears.
+    /// If these make the membrane unstable.
     pub fn rest(&self, u: &mut [f64], workspace: &mut Workspace) -> Result<(), Loading> {
         u.fill(0.0);
         if !self.is_loaded() {
             return Ok(());
         }
         let mut total = Loading::from(0.0);
-        let (mut borne, mut step) = (0.0, 1.0_f64);
+        let (mut applied, mut step) = (0.0, 1.0_f64);
         let mut reached = u.to_vec();
         workspace.begin_again();
         for _ in 0..MAX_LOAD_STEPS {
-            let pulled = f64::min(borne + step, 1.0);
+            let pulled = f64::min(applied + step, 1.0);
             match self.attempt([0.0, pulled], Some(&reached), u, workspace, &mut total) {
                 Ok(()) if pulled >= 1.0 => return Ok(()),
                 Ok(()) => {
-                    borne = pulled;
+                    applied = pulled;
                     reached.copy_from_slice(u);
                 }
-                Err(refusal) => {
+                Err(failure) => {
                     u.copy_from_slice(&reached);
-                    if refusal == StepFailure::Work || step <= BRACKET {
-                        total.ending = ending(refusal, 0.0, 0.0);
+                    if failure == StepFailure::Work || step <= BRACKET {
+                        total.ending = ending(failure, 0.0, 0.0);
                         return Err(total);
                     }
                     step *= 0.5;
@@ -175,13 +175,13 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         Err(total)
     }
 
-    /// Whether bodies are pulled.
+    /// Returns whether forces act on bodies.
     fn is_loaded(&self) -> bool {
         self.activity.grid().supports().is_some_and(Supports::is_loaded)
     }
 
-    /// How loading to a share ends, from rest, where stability is expected to be lost between a lower share and that one. `u` is
-    /// then the last stable state.
+    /// Loads from rest through two shares, between which a loss of stability is expected. `u` is then the last stable
+    /// state.
     pub fn load_through(&self, [low, high]: [f64; 2], u: &mut [f64], workspace: &mut Workspace) -> LoadingEnd {
         if let Err(loading) = self.rest(u, workspace) {
             return loading.ending;
@@ -198,12 +198,12 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         let search = LoadRange {
             from: low,
             to: high,
-            step: FIRST * (high - low),
+            step: FIRST_STEP * (high - low),
         };
         self.raise_load(search, u, workspace).ending
     }
 
-    /// Moves `u` on from a stable state, to a higher load or to the last stable state on the way there.
+    /// Moves `u` from a stable state to a higher load, or to the last stable state before it.
     pub fn raise_load(&self, range: LoadRange, u: &mut [f64], workspace: &mut Workspace) -> Loading {
         let mut total = Loading::from(range.from);
         let (mut stable, mut step) = (range.from, range.step.min(range.to - range.from));
@@ -220,33 +220,34 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
                 Ok(()) => {
                     reached.get_or_insert_with(|| vec![0.0; u.len()]).copy_from_slice(u);
                     stable = share;
-                    // Right after a failure a longer step would fail again: the search would shrink by a quarter, not by half.
+                    // After a failure, a longer step would fail again and reduce the bracket by a quarter instead of a
+                    // half.
                     step = if failed { step } else { 1.5 * step }.min(range.to - stable);
                     failed = false;
                 }
-                Err(refusal) => {
+                Err(failure) => {
                     failed = true;
                     match &reached {
                         Some(reached) => u.copy_from_slice(reached),
                         None => u.fill(0.0),
                     }
-                    if refusal == StepFailure::Work {
-                        total.ending = ending(refusal, stable, share);
+                    if failure == StepFailure::Work {
+                        total.ending = ending(failure, stable, share);
                         return total;
                     }
-                    if stable == 0.0 && refusal != StepFailure::Limit && self.is_loose_at_rest() {
+                    if stable == 0.0 && failure != StepFailure::Limit && self.is_loose_at_rest() {
                         let loss = Loss::Tension;
                         total.ending = ending(StepFailure::Lost(loss), stable, share);
                         return total;
                     }
                     if step <= BRACKET * share {
-                        total.ending = ending(refusal, stable, share);
+                        total.ending = ending(failure, stable, share);
                         return total;
                     }
                     step = (0.5 * step).min(self.largest_step(stable));
                 }
             }
-            // A membrane that does not move takes no Newton step that would notice.
+            // A membrane that does not move makes no Newton steps, which would check the limit.
             if workspace.is_spent() {
                 total.ending = LoadingEnd::WorkLimit { stable };
                 return total;
@@ -256,15 +257,15 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         total
     }
 
-    /// Whether the membrane bears no compression and has no prestress to lose: then any load that moves it takes all tension
-    /// from somewhere, and there is no first stable state to look for.
+    /// Returns whether the membrane wrinkles and has no prestress: any load that moves it then removes the tension
+    /// somewhere, so there is no stable state to search for.
     fn is_loose_at_rest(&self) -> bool {
         let identity = [[1.0, 0.0], [0.0, 1.0]];
         let unloaded = (self.material)(0.0);
-        unloaded.wrinkles() && unloaded.self_stress(identity)[0][0].abs() < LOOSE
+        unloaded.wrinkles() && unloaded.self_stress(identity)[0][0].abs() < NO_PRESTRESS
     }
 
-    /// The largest step worth a try from rest; huge voltages come down to it at once.
+    /// Returns the largest useful step from rest, which limits huge voltages.
     fn largest_step(&self, stable: f64) -> f64 {
         let material = (self.material)(1.0);
         if stable > 0.0 {
@@ -274,7 +275,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         }
     }
 
-    /// `shares` are those of the full load and of the loads of bodies.
+    /// Solves at shares of the full load and of the forces on bodies, and checks stability.
     fn attempt(
         &self,
         [share, pulled]: [f64; 2],
@@ -317,8 +318,8 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
     }
 }
 
-fn ending(refusal: StepFailure, stable: f64, unstable: f64) -> LoadingEnd {
-    match refusal {
+fn ending(failure: StepFailure, stable: f64, unstable: f64) -> LoadingEnd {
+    match failure {
         StepFailure::Limit => LoadingEnd::Unknown { stable },
         StepFailure::Work => LoadingEnd::WorkLimit { stable },
         StepFailure::Lost(loss) => LoadingEnd::Lost { stable, unstable, loss },

@@ -1,8 +1,9 @@
-//! The voltage at which a membrane that is covered everywhere loses stability, which no solution is needed for.
+//! The critical voltage of a fully active membrane, which needs no solution.
 //!
-//! Held along its edge and covered everywhere, a membrane does not move, whatever the voltage, since the stress of the electrodes is the
-//! same everywhere. Such a uniform state is stable as long as the law is strongly elliptic there, and no longer (van Hove, Proc. K. Ned.
-//! Akad. Wet. 50 (1947) 18). Rigid bodies inside give way, so that with them stability is lost at that voltage at the latest.
+//! A membrane that is held along its edge and active everywhere does not move at any voltage, because the stress of the
+//! electrodes is uniform. Such a uniform state is stable exactly as long as the law is strongly elliptic there (van
+//! Hove, Proc. K. Ned. Akad. Wet. 50 (1947) 18). With rigid bodies inside, stability is lost at that voltage at the
+//! latest.
 
 use super::effects::{Model, WithMaterial};
 use super::error::SetupError;
@@ -10,20 +11,21 @@ use super::material::Material;
 use super::sheet::Sheet;
 use deaflow_scene::Scene;
 
-/// The share of that voltage from which on other patterns lose stability: a single cell, which goes first, at 0.29 to 0.30 of the load.
+/// Lowest critical voltage of all patterns relative to that voltage: a single cell, at 0.29 to 0.30 of the load.
 pub const FIRST_LOST: f64 = 0.54;
 
-/// The share from which on most are lost: those of large areas with straight edges, which bear most of those with bare parts, go at 0.45 of the
-/// load. It is that of one half, and of a square of 0.64 of the membrane (`deaflow solve --path`, two meshes).
+/// Critical voltage of large areas with straight edges relative to that voltage, at 0.45 of the load: most patterns are
+/// unstable above it. It was computed for one half and for a square of 0.64 of the membrane (`deaflow solve --path`,
+/// two meshes).
 pub const MOST_LOST: f64 = 0.672;
 
-/// Halvings of the interval of loads: as far as a double tells them apart.
+/// Number of bisections, to the precision of a double.
 const HALVINGS: usize = 52;
 
-/// The load at which ellipticity is lost, in units of that of the scene.
+/// Finds the share of the load at which ellipticity is lost.
 struct Lost {
     distortion: [f64; 2],
-    /// The largest load that is looked at.
+    /// Largest share to check.
     most: f64,
 }
 
@@ -45,11 +47,12 @@ impl WithMaterial for Lost {
     }
 }
 
-/// The voltage in V at which a membrane that is covered everywhere loses stability, where that is less than `reach` times the voltage of the
-/// scene; `None` where it is more, nothing is driven by a voltage, or the membrane wrinkles. Effects are those that the scene names.
+/// Returns the critical voltage in V of a fully active membrane, if it is below `reach` times the voltage of the scene.
+/// `None` if it is higher, the drive has no voltage, or the membrane can wrinkle. The effects are those that the scene
+/// names.
 ///
 /// # Errors
-/// When the effects of the scene cannot be simulated.
+/// If the effects of the scene cannot be simulated.
 pub fn covered_limit(scene: &Scene, reach: f64) -> Result<Option<f64>, SetupError> {
     let voltage = scene.voltage_v();
     if scene.drive.charge.is_some() || voltage <= 0.0 {
@@ -76,7 +79,7 @@ mod tests {
         let expected = 1000.0 * (critical / scene.kappa()).sqrt();
         let found = covered_limit(&scene, 20.0).unwrap().unwrap();
         assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
-        // The same from above, and nothing from far below.
+        // From above it is the same; from far below, nothing is found.
         let above = covered_limit(&scene.at_voltage(2.0 * expected), 1.0).unwrap().unwrap();
         assert!((above / expected - 1.0).abs() < 1e-9, "{above}");
         assert_eq!(covered_limit(&scene.at_voltage(0.9 * expected), 1.0), Ok(None));

@@ -1,55 +1,55 @@
-//! Where stability is lost, with an error: the losses on two meshes, extrapolated.
+//! The critical voltage with an error, extrapolated from two meshes.
 //!
-//! A mesh makes a membrane too stiff, and it loses stability too late: smooth displacements by next to nothing, those around
-//! the corners of electrodes by some per cent, because a corner is singular and the error there falls hardly faster than the
-//! side of an element. How much of the difference of two meshes is still to come therefore depends on the pattern, from a
-//! hundredth to nearly all of it. The estimate takes a middle share of it away, and its error spans the rest; `docs/effects.md` has the
-//! patterns that the shares were found with, on eight biquadratic elements per cell.
+//! A mesh makes a membrane too stiff, so the critical voltage is too high: hardly for smooth displacements, by some per
+//! cent around the corners of electrodes, where the solution is singular and the error decreases only about linearly
+//! with the element size. The remaining change, relative to that between two meshes, therefore depends on the pattern,
+//! from a hundredth to nearly one. The estimate subtracts a middle share, and its error covers the rest;
+//! `docs/effects.md` lists the patterns from which the shares were determined, on eight biquadratic elements per cell.
 
 use deaflow_field::Mesh;
 
-/// What a mesh of half the side takes away from the voltage of the finer mesh, in units of what it took from the coarser one:
-/// the middle, and how far the truth may lie on either side of it.
-const STILL_TO_COME: f64 = 0.45;
-const EITHER_SIDE: f64 = 0.5;
-/// The part of a voltage that is taken away beside, and spanned, where the two differ at all: along the steps of a thin curve the
-/// difference of two coarse meshes tells too little.
-const SLOW: f64 = 3e-3;
-/// The part of a voltage that the searches leave open, and what meshes do to a limit that hardly changes.
-const SEARCHED: f64 = 2e-3;
-/// The part of a voltage by which the loss on a coarse mesh alone may lie too high.
+/// Remaining decrease of the critical voltage in units of that from the coarser to the finer mesh: middle value and
+/// half-width.
+const REMAINING: f64 = 0.45;
+const REMAINING_ERROR: f64 = 0.5;
+/// Share of a voltage that is also subtracted and added to the error if the two meshes differ: along the steps of a
+/// thin curve the difference of two coarse meshes is too small.
+const SLOW_CONVERGENCE: f64 = 3e-3;
+/// Share of a voltage left open by the searches, and by meshes if the critical voltage hardly changes.
+const SEARCH_ERROR: f64 = 2e-3;
+/// Largest share by which the critical voltage on a coarse mesh may be too high.
 pub(super) const COARSE: f64 = 0.12;
 
-/// The voltage at which stability is lost, and how sure it is.
+/// A critical voltage with its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CriticalVoltage {
     /// The estimate in V.
     pub voltage: f64,
-    /// How far the truth may lie on either side, in V; `None` where no finer mesh says anything.
+    /// Error on either side in V; `None` without a result on a finer mesh.
     pub error: Option<f64>,
-    /// The loss on the coarser mesh, in V.
+    /// The critical voltage on the coarser mesh.
     pub coarse: MeshLimit,
-    /// That on the finer one; `None` where it was not found.
+    /// That on the finer mesh; `None` if it was not found.
     pub fine: Option<MeshLimit>,
 }
 
-/// The loss of stability on one mesh.
+/// The critical voltage on one mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshLimit {
     /// The mesh.
     pub mesh: Mesh,
-    /// In V, the middle of the two voltages between which it lies.
+    /// Middle of the bracket in V.
     pub voltage: f64,
 }
 
 impl CriticalVoltage {
-    /// The estimate from the losses on two meshes, the finer of half the side.
+    /// Extrapolates from two meshes, the finer of half the element size.
     pub(super) fn new(coarse: MeshLimit, fine: Option<MeshLimit>) -> Self {
         let estimate = |fine: MeshLimit| {
             let fall = coarse.voltage - fine.voltage;
-            let slow = (SLOW * fine.voltage).min(fall.abs());
-            let error = EITHER_SIDE * fall.abs() + slow + SEARCHED * fine.voltage;
-            (fine.voltage - STILL_TO_COME * fall - slow, error)
+            let slow = (SLOW_CONVERGENCE * fine.voltage).min(fall.abs());
+            let error = REMAINING_ERROR * fall.abs() + slow + SEARCH_ERROR * fine.voltage;
+            (fine.voltage - REMAINING * fall - slow, error)
         };
         let (voltage, error) = fine
             .map(estimate)
@@ -62,13 +62,13 @@ impl CriticalVoltage {
         }
     }
 
-    /// The voltages in V between which the truth is expected. Where the error is not known the lower one is that of the
-    /// worst pattern that is known.
+    /// Returns the voltages in V that bracket the true critical voltage. Without an error the lower one is that of the
+    /// worst known pattern.
     #[must_use]
     pub fn interval(&self) -> [f64; 2] {
         match self.error {
             Some(error) => [self.voltage - error, self.voltage + error],
-            None => [(1.0 - COARSE) * self.voltage, (1.0 + SEARCHED) * self.voltage],
+            None => [(1.0 - COARSE) * self.voltage, (1.0 + SEARCH_ERROR) * self.voltage],
         }
     }
 }
@@ -87,8 +87,8 @@ mod tests {
 
     #[test]
     fn the_estimate_and_its_error_are_those_of_the_formula() {
-        // V₂ − 0.45 (V₁ − V₂) − s and 0.5 |V₁ − V₂| + s + 0.002 V₂ by hand, with s = 0.003 V₂ where the meshes differ by more
-        // than that, else all of the difference.
+        // V₂ − 0.45 (V₁ − V₂) − s and 0.5 |V₁ − V₂| + s + 0.002 V₂ by hand, with s = 0.003 V₂ if the meshes differ by
+        // more than that, else the whole difference.
         for (on_one, on_two, voltage, error) in [
             (7100.0, 7000.0, 6934.0, 85.0),
             (7010.0, 7000.0, 6985.5, 29.0),
@@ -100,7 +100,7 @@ mod tests {
             let [low, high] = limit.interval();
             assert!((low - voltage + error).abs() < 1e-9 && (high - voltage - error).abs() < 1e-9);
         }
-        // One mesh alone: 12 % too high at the worst.
+        // One mesh only: up to 12 % too high.
         let alone = found(5000.0, None);
         let [low, high] = alone.interval();
         assert_eq!((alone.voltage, alone.error), (5000.0, None));

@@ -1,8 +1,9 @@
 //! The dynamic stiffness K + ΓK_A − ω²M of a membrane, assembled and factorised.
 //!
-//! It is symmetric, complex where Γ is, and indefinite above the first natural frequency. A complex matrix A + iB is factorised as the real
-//! symmetric one of twice the size that has [A −B; −B −A] in place of each entry, with pivots chosen within dense blocks
-//! (Bunch and Kaufman, Math. Comp. 31 (1977) 163); steps of refinement make up for pivots that are small all the same.
+//! It is symmetric, complex if Γ is, and indefinite above the first natural frequency. A complex matrix A + iB is
+//! factorised as the real symmetric one of twice the size with [A −B; −B −A] in place of each entry, with pivoting
+//! within dense blocks (Bunch and Kaufman, Math. Comp. 31 (1977) 163); iterative refinement corrects the error of small
+//! pivots.
 
 use std::sync::{Arc, OnceLock};
 
@@ -11,15 +12,15 @@ use deaflow_linalg::{Indefinite, IndefiniteOrder, SparseColMat, SymbolicSparseCo
 use super::eigenvalue::dot;
 use super::newton::norm;
 
-/// A response of which the forces are so small a part of its inertia is a free vibration: about the rounding of natural frequencies.
+/// A response with a smaller ratio of forces to inertia is a free vibration: about the rounding of natural frequencies.
 const FREE: f64 = 1e-10;
-/// Relative residual at which refinement ends, and the largest that is accepted where it does not get there.
+/// Relative residual at which refinement ends, and the largest accepted one.
 const REFINED: f64 = 1e-13;
 const ACCEPTED: f64 = 1e-8;
-/// Steps of refinement at most.
+/// Maximum number of refinement steps.
 const MOST_STEPS: usize = 8;
 
-/// The matrices on and below the diagonal, in the order of one structure.
+/// The matrices on and below the diagonal, with a common structure.
 pub struct DynamicStiffness {
     symbolic: SymbolicSparseColMat<usize>,
     stiff: Vec<f64>,
@@ -28,30 +29,30 @@ pub struct DynamicStiffness {
     orders: Arc<Orders>,
 }
 
-/// The orders of elimination of the matrix and of the one of twice the size, for all matrices of one structure.
+/// Elimination orders of the matrix and of the one of twice the size, for all matrices of one structure.
 #[derive(Default)]
 pub struct Orders([OnceLock<Option<IndefiniteOrder>>; 2]);
 
-/// A frequency, for the matrices.
+/// A frequency.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct At {
-    /// Γ: its real and imaginary part.
+    /// Γ: real and imaginary part.
     pub viscous: [f64; 2],
     /// ω² in units of the membrane.
     pub square: f64,
 }
 
-/// What a force leads to.
+/// The result of a solution.
 pub enum Solved {
-    /// The response: its real and its imaginary part.
+    /// The response: real and imaginary part.
     Response([Vec<f64>; 2]),
-    /// The frequency is a natural one, as far as rounding can tell.
+    /// The frequency is a natural one within rounding.
     Resonance,
 }
 
 impl DynamicStiffness {
-    /// From the tangent, that with the instantaneous stiffness of relaxed branches of modulus 1, and the mass; all matrices that share orders
-    /// have one structure.
+    /// Combines the tangent, the tangent with the instantaneous stiffness of relaxed branches of modulus 1, and the
+    /// mass; matrices that share orders must have one structure.
     #[must_use]
     pub fn new(
         tangent: SparseColMat<usize, f64>,
@@ -73,14 +74,14 @@ impl DynamicStiffness {
         }
     }
 
-    /// The response to real forces at a frequency; `None` when it could not be solved: memory is short, or rounding too large.
+    /// Returns the response to real forces at a frequency; `None` if memory is short or rounding too large.
     #[must_use]
     pub fn solve(&self, at: At, forces: &[f64], probe: &[f64]) -> Option<Solved> {
         let [response] = self.solve_each(at, [forces], probe)?;
         Some(response)
     }
 
-    /// The same of several forces, for which the matrix is factorised once.
+    /// Returns the responses to several forces, with one factorisation.
     #[must_use]
     pub fn solve_each<const N: usize>(&self, at: At, each: [&[f64]; N], probe: &[f64]) -> Option<[Solved; N]> {
         let real = self.real(at);
@@ -98,7 +99,7 @@ impl DynamicStiffness {
             Some(imaginary) => Indefinite::new(order(1)?, self.interleaved(&real, imaginary))?,
         };
         let solve = |forces: &[f64], steps| self.refined(&factors, (&real, imaginary.as_deref()), forces, steps);
-        // A mode that the forces do not excite would spoil the response too.
+        // A mode that the forces do not excite would also disturb the response.
         if self.heavy.is_some() && at.square > 0.0 && self.is_free(at, &solve(probe, 1).0, probe) {
             return Some(each.map(|_| Solved::Resonance));
         }
@@ -112,7 +113,7 @@ impl DynamicStiffness {
         found.collect::<Option<Vec<_>>>()?.try_into().ok()
     }
 
-    /// Whether forces are so small a part of the inertia of the response that it is a free vibration.
+    /// Returns whether the forces are so small relative to the inertia of the response that it is a free vibration.
     fn is_free(&self, at: At, response: &[Vec<f64>; 2], forces: &[f64]) -> bool {
         let Some(heavy) = &self.heavy else {
             return false;
@@ -126,7 +127,7 @@ impl DynamicStiffness {
         inertia > 0.0 && norm(forces) <= FREE * inertia || inertia.is_nan()
     }
 
-    /// The real part.
+    /// Returns the real part.
     fn real(&self, at: At) -> Vec<f64> {
         let mut sum = self.stiff.clone();
         let parts = [(&self.viscous, at.viscous[0]), (&self.heavy, -at.square)];
@@ -138,7 +139,8 @@ impl DynamicStiffness {
         sum
     }
 
-    /// A solution with so many steps of refinement at most, the first among them, and its relative residual.
+    /// Returns a solution with at most this number of refinement steps, including the first solution, and its relative
+    /// residual.
     fn refined(
         &self,
         factors: &Indefinite<'_>,
@@ -192,7 +194,7 @@ impl DynamicStiffness {
         best
     }
 
-    /// Adds the image of a vector under a matrix, times a factor.
+    /// Adds the product of a matrix and a vector, times a factor.
     fn add_image(&self, values: &[f64], factor: f64, vector: &[f64], out: &mut [f64]) {
         let (starts, rows) = (self.symbolic.col_ptr(), self.symbolic.row_idx());
         for (column, range) in starts.windows(2).enumerate() {
@@ -210,7 +212,7 @@ impl DynamicStiffness {
         }
     }
 
-    /// Where the entries of the matrix of twice the size stand.
+    /// Returns the structure of the matrix of twice the size.
     fn doubled(&self) -> SymbolicSparseColMat<usize> {
         let count = 2 * self.symbolic.ncols();
         let (mut starts, mut places) = (vec![0], Vec::with_capacity(4 * self.stiff.len()));
@@ -230,7 +232,7 @@ impl DynamicStiffness {
         SymbolicSparseColMat::new_checked(count, count, starts, None, places)
     }
 
-    /// Its entries.
+    /// Returns its entries.
     fn interleaved(&self, real: &[f64], imaginary: &[f64]) -> Vec<f64> {
         let mut entries = Vec::with_capacity(4 * self.stiff.len());
         let rows = self.symbolic.row_idx();
@@ -251,7 +253,7 @@ impl DynamicStiffness {
 mod tests {
     use super::*;
 
-    /// [2 1; 1 3] with the viscous part [1 0; 0 2] and the mass 1.
+    /// [2 1; 1 3] with the viscous part [1 0; 0 2] and unit mass.
     fn small() -> DynamicStiffness {
         let symbolic = SymbolicSparseColMat::new_checked(2, 2, vec![0, 2, 3], None, vec![0, 1, 1]);
         let matrix = |entries: [f64; 3]| SparseColMat::new(symbolic.clone(), entries.to_vec());

@@ -1,155 +1,161 @@
-//! Why a membrane cannot be simulated.
+//! Errors of setting up a simulation.
 
-/// Options that no solver can be made of.
+/// An error of setting up a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SetupError {
     /// Elements per cell out of range.
     #[error("elements_per_cell is {found}; allowed: 1 to 8")]
     ElementsPerCell {
-        /// What was asked for.
+        /// Requested elements per cell.
         found: usize,
     },
     /// Tolerance out of range.
     #[error("the tolerance is {found:e}; allowed: 1e-12 to 1e-2")]
     Tolerance {
-        /// What was asked for.
+        /// Requested tolerance.
         found: f64,
     },
-    /// Accuracy that no mesh can have.
+    /// Accuracy that is not a positive length.
     #[error("the accuracy is {found} mm; allowed: positive lengths")]
     Accuracy {
-        /// What was asked for.
+        /// Requested accuracy in mm.
         found: f64,
     },
-    /// The half-active membrane at rest, about which a response is linearised, is not stable.
+    /// The half-active membrane at rest, about which the response is linearised, is unstable.
     #[error(
         "a half-active membrane is unstable at this voltage, so there is no linear response; \
          `method: newton` reports the critical voltage of each pattern"
     )]
     Unstable,
-    /// What looks into a solution was asked of an accuracy, or of an estimate.
+    /// A request that needs a solution on one mesh, for an accuracy or an estimate.
     #[error("states of cells, load paths and drawn membranes need `method: newton` and a mesh instead of `accuracy`")]
     SeveralMeshes,
-    /// The prestretch is beyond what the elastomer can be stretched.
+    /// The prestretch exceeds the limiting stretch of the elastomer.
     #[error("at a prestretch of {prestretch} the elastomer is beyond its limiting stretch: its energy is infinite")]
     LimitingStretch {
         /// The prestretch.
         prestretch: f64,
     },
-    /// Electrodes that were laid on a membrane with unequal prestretch have an anisotropic law.
+    /// Stiff electrodes on unequal prestretch, whose law is anisotropic.
     #[error(
         "stiff electrodes need equal prestretch along x and y; found {} and {}",
         prestretch[0], prestretch[1]
     )]
     StiffElectrodes {
-        /// Along x and y.
+        /// Prestretch along x and y.
         prestretch: [f64; 2],
     },
-    /// The law of an electrode knows whether it is there, not what voltage it has.
+    /// Stiff electrodes with several voltages: their law depends on presence, not on voltage.
     #[error("stiff electrodes need one voltage for all electrode groups; the voltages of this scene differ")]
     StiffGroups,
-    /// A pattern of another scene.
+    /// A pattern with an electrode group that the scene does not have.
     #[error(
-        "cell [y={y}][x={x}] of a pattern belongs to electrode group {group}; the scene has voltages for {groups} groups"
+        "cell [y={y}][x={x}] of a pattern belongs to electrode group {group}; the scene has voltages for {groups} \
+         groups"
     )]
     Group {
         /// Row of the cell.
         y: usize,
-        /// Its column.
+        /// Column of the cell.
         x: usize,
-        /// Its group.
+        /// Group of the cell.
         group: u8,
-        /// How many there are.
+        /// Number of groups.
         groups: usize,
     },
-    /// The membrane is not stable before any voltage is applied.
+    /// The membrane is unstable without voltage.
     #[error("at this prestretch the membrane is unstable without voltage: rank-one convexity is lost at rest")]
     UnstableAtRest,
-    /// A term of Ogden's law that is none, or too many of them.
+    /// Invalid number or exponents of the terms of Ogden's law.
     #[error(
         "Ogden's law takes one to {} terms with exponents other than 0",
         super::energy::MOST_TERMS
     )]
     OgdenTerms,
-    /// The fringe field reaches too far to be a matter of the edges of cells.
+    /// The fringe field reaches beyond half a cell.
     #[error(
         "the fringe field reaches {reach_mm:.3} mm beyond the edge of an electrode, more than half a cell \
          ({cell_mm:.3} mm): the membrane is too thick for its cells"
     )]
     FringeField {
-        /// How far the effective edge moves, in mm.
+        /// Displacement of the effective edge in mm.
         reach_mm: f64,
         /// Side of a cell in mm.
         cell_mm: f64,
     },
-    /// A drive by charge where a voltage is needed.
+    /// A prescribed charge where a voltage is needed.
     #[error(
         "natural frequencies and frequency responses need a voltage; the drive of this scene is a charge: \
          give `voltage` instead"
     )]
     Charge,
-    /// A response to changes of a voltage that is zero.
+    /// A linear response about zero voltage.
     #[error("there is no linear response about a bias of 0 V, since the force grows with the square of the voltage")]
     NoBias,
-    /// Electrodes with a charge on a membrane that moves and wrinkles, whose energy is not in proportion to the square of a voltage.
+    /// Charged electrodes on a membrane with inertia and wrinkles, whose energy is not proportional to the square of a
+    /// voltage.
     #[error(
-        "cannot simulate `inertia` and `wrinkling` together with a conducting `charge` or a `source`: remove one of them"
+        "cannot simulate `inertia` and `wrinkling` together with a conducting `charge` or a `source`: remove one of \
+         them"
     )]
     MovingCharge,
-    /// Electrodes with a resistance, and what they are not simulated with.
+    /// Electrode resistance with an incompatible setting.
     #[error("cannot simulate electrodes with a resistance together with {with}: remove one of them")]
     Resistance {
-        /// What it is.
+        /// The incompatible setting.
         with: &'static str,
     },
-    /// Electrodes with a resistance that nothing feeds.
+    /// Electrode resistance without leads.
     #[error("electrodes with a resistance need `leads`: add them to the scene")]
     Leads,
-    /// A part of an electrode that no lead reaches.
-    #[error("pattern {pattern}: an island of {cells} {} at cell [y={y}][x={x}] has no lead", if *cells == 1 { "cell" } else { "cells" })]
+    /// Part of an electrode without a lead.
+    #[error(
+        "pattern {pattern}: an island of {cells} {} at cell [y={y}][x={x}] has no lead",
+        if *cells == 1 { "cell" } else { "cells" }
+    )]
     Island {
-        /// The pattern, counted from 0 among those that were given.
+        /// Index of the pattern among the given ones.
         pattern: usize,
-        /// How many cells it has.
+        /// Number of cells.
         cells: usize,
         /// Row of its lowest, then leftmost cell.
         y: usize,
-        /// The column.
+        /// Column of that cell.
         x: usize,
     },
-    /// A density that nothing says.
+    /// Inertia without density.
     #[error("inertia needs a density: add `density` to `properties`")]
     Density,
-    /// A mesh of which nothing moves.
+    /// A mesh without free nodes.
     #[error(
         "there are no natural frequencies, since all nodes of this mesh are fixed: use more cells, more elements per \
          cell, or biquadratic elements"
     )]
     NothingMoves,
-    /// Creep that is no matter of three equilibria.
+    /// Creep that three equilibria do not describe.
     #[error("cannot estimate a state at a time from three equilibria: {why}")]
     ThreeSolves {
-        /// What it is for, and what the scene has.
+        /// Condition, and what the scene has.
         why: &'static str,
     },
-    /// Nothing that swings.
+    /// An amplitude without oscillation.
     #[error("cannot compute an amplitude at a frequency: {why}")]
     Swing {
-        /// What it is of, and what the scene has.
+        /// Condition, and what the scene has.
         why: &'static str,
     },
-    /// A history whose states are no matter of estimates.
+    /// A history that cannot be estimated step by step.
     #[error("cannot estimate states step by step: {why}")]
     StepEstimates {
-        /// What it is for, and what the scene has.
+        /// Condition, and what the scene has.
         why: &'static str,
     },
-    /// A drive that changes too often within the time that is asked for.
+    /// A history of too many time steps.
     #[error("the history needs about {count:.0} steps; allowed: at most {most}. Request a shorter time or fewer times")]
     Steps {
-        /// Steps of its last pass at least.
+        /// Minimum number of steps of the last pass.
         count: f64,
-        /// Steps of a pass at most.
+        /// Maximum number of steps of a pass.
         most: usize,
     },
     /// The eigenvectors of the preconditioner did not converge.
@@ -158,7 +164,7 @@ pub enum SetupError {
 }
 
 impl SetupError {
-    /// Whether another scene or request is all that helps.
+    /// Returns whether only another scene or request helps.
     #[must_use]
     pub fn is_of_the_scene(&self) -> bool {
         matches!(

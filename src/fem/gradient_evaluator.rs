@@ -1,12 +1,13 @@
-//! Finite elements that say how a field changes with its pattern, for searches along the gradient.
+//! The finite-element evaluator with gradients, for the local search of designs.
 
 use super::{LinearResponse, MembraneSolver, SetupError, SolveOptions};
 use deaflow_field::{Differentiable, Field, Mesh, PredictError, Predictor, Simulator, WithGradient};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
-/// A scene without wrinkling and fringe fields, where it has them: the energy is not linear in the activity of cells with them, and there is
-/// no adjoint. Its gradient says which cells to try; what they gain is simulated with them.
+/// Returns the scene without wrinkling and fringe field, if it has one of them: with them the energy is not linear in
+/// the activity of cells, so there is no adjoint. The gradient then only selects cells; their effect is simulated with
+/// them.
 pub(super) fn linear_in_cells(scene: &Scene) -> Option<Scene> {
     let mut effects = scene.effects.clone();
     let differs = effects.wrinkling.is_some() || effects.fringe_field.is_some();
@@ -14,40 +15,43 @@ pub(super) fn linear_in_cells(scene: &Scene) -> Option<Scene> {
     differs.then(|| scene.with_effects(effects))
 }
 
-/// The derivative by the activity of each cell in each group, which have these shares of the load, from that of one with all of it.
+/// Returns the derivative with respect to the activity of each cell in each group, given that of a cell with the full
+/// load. `loads` are the shares of the groups.
 pub(super) fn of_groups(loads: &[f64], of_cells: &[f64]) -> Vec<f64> {
     let each = loads.iter();
     each.flat_map(|load| of_cells.iter().map(move |cell| load * cell))
         .collect()
 }
 
-/// Newton's method on a mesh, with the adjoint.
+/// Newton's method on a mesh, with the adjoint method.
 pub struct GradientEvaluator {
     solver: MembraneSolver,
-    /// That of [`linear_in_cells`].
+    /// The solver of the scene from [`linear_in_cells`].
     plain: Option<MembraneSolver>,
-    /// Of each group of electrodes its share of the load.
+    /// Share of the load of each electrode group.
     loads: Vec<f64>,
-    /// What its linear response is made of.
+    /// The scene and slowness of its linear response.
     scene: Scene,
     slowness: f64,
 }
 
 impl GradientEvaluator {
-    /// For a scene whose effects are decided.
+    /// Creates an evaluator for a scene with decided effects.
     ///
     /// # Errors
-    /// When the scene cannot be simulated.
+    /// If the scene cannot be simulated.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
         Self::slowed(scene, 0.0)
     }
 
-    /// The same with branches that have no time to relax, of a modulus in units of μλp².
+    /// Like [`GradientEvaluator::new`], with viscoelastic branches that have no time to relax, of a modulus in units of
+    /// μλp².
     ///
     /// # Errors
     /// As [`GradientEvaluator::new`].
     pub(super) fn slowed(scene: &Scene, slowness: f64) -> Result<Self, SetupError> {
-        // One biquadratic element per cell errs by less than 0.1 % of the displacement; a gain that it sees is one.
+        // The error of one biquadratic element per cell is below 0.1 % of the displacement, accurate enough for the
+        // sign of a gain.
         let options = SolveOptions::on(Mesh::biquadratic(1));
         let plain = linear_in_cells(scene).map(|plain| MembraneSolver::slowed(&plain, slowness, options));
         Ok(Self {
@@ -89,7 +93,7 @@ impl Differentiable for GradientEvaluator {
         Ok(self.solver.fields_near(&start, patterns))
     }
 
-    /// On one bilinear element in each cell, and `None` where the half-active membrane is not stable, or charge is given and no voltage.
+    /// Uses one bilinear element per cell; `None` if the half-active membrane is unstable, or the drive is a charge.
     fn at_rest(&self, weights: &[Field]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
         if self.scene.drive.charge.is_some() {
             return Ok(None);

@@ -1,8 +1,8 @@
-//! The elements of a membrane: how they divide its cells, and their sides.
+//! The grid of elements of a membrane.
 //!
-//! Laws are written for equal prestretch. With λ = √(λ₁λ₂) and D = diag(λ₁, λ₂)/λ the deformation gradient is F = λ f with f = (I + ∇u) D,
-//! so a membrane with unequal prestretch is one with prestretch λ whose elements are shorter by D, and which rests at f = D. D has the
-//! determinant 1: areas stay what they are.
+//! Laws assume equal prestretch. With λ = √(λ₁λ₂) and D = diag(λ₁, λ₂)/λ the deformation gradient is F = λ f with f =
+//! (I + ∇u) D. So a membrane with unequal prestretch is one with prestretch λ whose elements are shorter by D, and
+//! which is at rest at f = D. D has the determinant 1, so areas do not change.
 
 use std::sync::Arc;
 
@@ -14,19 +14,19 @@ use super::layout::NodeLayout;
 use super::sheet::{Mount, Sheet};
 use super::supports::{Pose, Supports};
 
-/// The thinnest element, in units of a cell's side.
+/// Smallest width of an element, in units of the side of a cell.
 pub const THINNEST: f64 = 1e-3;
-/// The most elements along a cell: those of the finest mesh, and two that strips add.
+/// Largest number of elements along a cell: that of the finest mesh, and two for strips.
 const MOST: usize = Mesh::MOST_ELEMENTS + 2;
 
-/// The elements of a membrane. Their sizes are the same in every cell, symmetric about its middle, and 1 on the mean: the unit along either
-/// side is that which the elements would have if all had the same.
+/// The grid of elements. Their sizes are the same in every cell, symmetric about its middle, with the mean 1: the unit
+/// along each side is the size of uniform elements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     raster: Raster,
     order: Order,
     axes: [Axis; 2],
-    /// Sides of a mean element, shorter by D, in units of the root of its area: their product is 1.
+    /// Mean sides of elements, shorter by D, in units of the root of their area: their product is 1.
     sides: [f64; 2],
     /// D.
     rest: [f64; 2],
@@ -35,11 +35,11 @@ pub struct Grid {
     supports: Option<Arc<Supports>>,
 }
 
-/// The elements along a side of a cell.
+/// The elements along one side of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Axis {
     count: usize,
-    /// Where they differ.
+    /// Sizes, if they differ.
     sizes: Option<[f64; MOST]>,
 }
 
@@ -48,7 +48,7 @@ impl Axis {
         Self { count, sizes: None }
     }
 
-    /// No larger than a cell divided by `count`, with edges at a distance of `strip` from its sides.
+    /// Elements no larger than a cell divided by `count`, with edges at a distance of `strip` from its sides.
     fn along_strips(count: usize, strip: f64) -> Self {
         let strip = strip.max(THINNEST);
         let count = |width: f64| (width * count as f64 - 1e-9).ceil() as usize;
@@ -85,14 +85,15 @@ impl Axis {
 }
 
 impl Grid {
-    /// Elements of one size.
+    /// Creates a grid of uniform elements.
     #[must_use]
     pub fn uniform(mesh: Mesh, sheet: &Sheet) -> Self {
         Self::new(mesh.order(), sheet, [Axis::uniform(mesh.elements_per_cell()); 2])
     }
 
-    /// Elements no larger than those of a mesh, with edges at a distance of `strips` from the sides of each cell, along x and y in units of
-    /// the cell's sides, up to ½. A strip thinner than [`THINNEST`] is made that wide, and a gap that is thinner is closed.
+    /// Creates a grid with elements no larger than those of a mesh, and edges at a distance of `strips` from the sides
+    /// of each cell, along x and y in units of its sides, up to ½. Thinner strips are widened to [`THINNEST`], and
+    /// thinner gaps closed.
     #[must_use]
     pub fn along_strips(mesh: Mesh, sheet: &Sheet, strips: [f64; 2]) -> Self {
         let axis = |strip| Axis::along_strips(mesh.elements_per_cell(), strip);
@@ -116,41 +117,43 @@ impl Grid {
         };
         if let Some(parts) = &sheet.parts {
             let mounts: Vec<Mount> = sheet.mounts.iter().map(|mount| mount.in_units(grid.unit_mm)).collect();
-            grid.supports = Some(Arc::new(Supports::new(&grid, parts, &mounts)));
+            let position = |node| grid.node_position(node);
+            let supports = Supports::new(grid.layout(), grid.per_cell(), position, parts, &mounts);
+            grid.supports = Some(Arc::new(supports));
         }
         grid
     }
 
-    /// What its cells are; nothing where all of them are membrane.
+    /// Returns the parts of the sheet; `None` if all cells are membrane.
     #[must_use]
     pub fn parts(&self) -> Option<&Parts> {
         self.parts.as_deref()
     }
 
-    /// Whether a cell (column, row) is membrane.
+    /// Returns whether a cell (column, row) is membrane.
     #[must_use]
     pub fn is_membrane(&self, x: usize, y: usize) -> bool {
         self.parts().is_none_or(|parts| parts.at(x, y) == Part::Membrane)
     }
 
-    /// What holds nodes inside the rectangle; nothing where all of them are free.
+    /// Returns the supports of nodes inside the rectangle; `None` if all are free.
     #[must_use]
     pub fn supports(&self) -> Option<&Supports> {
         self.supports.as_deref()
     }
 
-    /// The same, to keep.
+    /// Like [`Self::supports`], with shared ownership.
     #[must_use]
     pub fn shared_supports(&self) -> Option<Arc<Supports>> {
         self.supports.clone()
     }
 
-    /// Leaves of a vector what changes of a displacement that are allowed see of it.
+    /// Projects a vector onto the admissible changes of a displacement.
     pub fn restrict<T: Real>(&self, u: &[T], vector: &mut [T]) {
         self.restrict_at(&self.poses(u), vector);
     }
 
-    /// The same of a displacement that has the bodies at some poses.
+    /// Like [`Self::restrict`], for bodies at some poses.
     pub fn restrict_at<T: Real>(&self, poses: &[Pose], vector: &mut [T]) {
         self.layout().clear_frame(vector);
         if let Some(supports) = self.supports() {
@@ -158,7 +161,7 @@ impl Grid {
         }
     }
 
-    /// Whether any of its nodes is free to move.
+    /// Returns whether a node is free to move.
     #[must_use]
     pub fn moves(&self) -> bool {
         let rest = vec![0.0; self.layout().vector_len()];
@@ -167,27 +170,27 @@ impl Grid {
         free.iter().any(|free| *free != 0.0)
     }
 
-    /// Where the bodies are at a displacement.
+    /// Returns the poses of the bodies at a displacement.
     #[must_use]
     pub fn poses<T: Real>(&self, u: &[T]) -> Vec<Pose> {
         self.supports().map_or_else(Vec::new, |supports| supports.poses(u))
     }
 
-    /// Where they are half-way in a step from a displacement by a change of it.
+    /// Returns the poses of the bodies half-way in a step from a displacement.
     #[must_use]
     pub fn poses_between(&self, u: &[f64], change: &[f64]) -> Vec<Pose> {
         self.supports()
             .map_or_else(Vec::new, |supports| supports.poses_between(u, change))
     }
 
-    /// Makes a change of a displacement lead where the motion of every body is rigid.
+    /// Corrects a change of displacement so that the motion of every body is rigid.
     pub fn settle_change(&self, u: &[f64], change: &mut [f64]) {
         if let Some(supports) = self.supports() {
             supports.settle_change(u, change);
         }
     }
 
-    /// How bodies have moved at a displacement; none where there are none.
+    /// Returns the motions of bodies at a displacement; `None` without bodies.
     #[must_use]
     pub fn motions(&self, u: &[f64]) -> Option<Vec<Motion>> {
         let poses = self.poses(u);
@@ -198,16 +201,16 @@ impl Grid {
         (!poses.is_empty()).then(|| poses.iter().map(motion).collect())
     }
 
-    /// Makes the motion of bodies rigid that nearly is: what a step along the tangent leaves.
+    /// Corrects a displacement so that the motion of every body is rigid, as needed after a step along the tangent.
     pub fn settle<T: Real>(&self, u: &mut [T]) {
         if let Some(supports) = self.supports() {
             supports.settle(u);
         }
     }
 
-    /// Where a node (column, row) lies on the prestretched membrane, in units of [`Grid::unit_mm`].
+    /// Returns the position of a node (column, row) on the prestretched membrane, in units of [`Grid::unit_mm`].
     #[must_use]
-    pub fn node_place(&self, node: [usize; 2]) -> [f64; 2] {
+    pub fn node_position(&self, node: [usize; 2]) -> [f64; 2] {
         let degree = self.layout().degree();
         [0, 1].map(|axis| {
             let (element, inner) = (node[axis] / degree, node[axis] % degree);
@@ -220,80 +223,81 @@ impl Grid {
         })
     }
 
-    /// The cells.
+    /// Returns the raster of cells.
     #[must_use]
     pub fn raster(&self) -> Raster {
         self.raster
     }
 
-    /// Polynomial order.
+    /// Returns the polynomial order.
     #[must_use]
     pub fn order(&self) -> Order {
         self.order
     }
 
-    /// Elements along the sides of a cell.
+    /// Returns the number of elements along the sides of a cell.
     #[must_use]
     pub fn per_cell(&self) -> [usize; 2] {
         self.axes.map(|axis| axis.count)
     }
 
-    /// Columns and rows of elements.
+    /// Returns the numbers of columns and rows of elements.
     #[must_use]
     pub fn elements(&self) -> [usize; 2] {
         let ([columns, rows], [along, across]) = (self.raster.sides(), self.per_cell());
         [columns * along, rows * across]
     }
 
-    /// How vectors lie in memory.
+    /// Returns the layout of vectors.
     #[must_use]
     pub fn layout(&self) -> NodeLayout {
         NodeLayout::new(self.elements(), self.order)
     }
 
-    /// The root of the mean area of elements in mm: the unit of displacements.
+    /// Returns the root of the mean area of elements in mm, which is the unit of displacements.
     #[must_use]
     pub fn unit_mm(&self) -> f64 {
         self.unit_mm
     }
 
-    /// Whether all elements are squares of side 1, and rest at f = I.
+    /// Returns whether all elements are squares of side 1, at rest at f = I.
     #[must_use]
     pub fn is_plain(&self) -> bool {
         self.is_uniform() && self.sides == [1.0; 2] && self.rest == [1.0; 2]
     }
 
-    /// Whether all elements have the same size.
+    /// Returns whether all elements have the same size.
     #[must_use]
     pub fn is_uniform(&self) -> bool {
         self.axes.iter().all(|axis| axis.sizes.is_none())
     }
 
-    /// f at rest.
+    /// Returns f at rest.
     #[must_use]
     pub fn rest(&self) -> [f64; 2] {
         self.rest
     }
 
-    /// The sides of an element (column, row), shorter by D, in units of [`Grid::unit_mm`]: derivatives along them are those in f.
+    /// Returns the sides of an element (column, row), shorter by D, in units of [`Grid::unit_mm`]: derivatives along
+    /// them give f.
     #[must_use]
     pub fn sides(&self, element: [usize; 2]) -> [f64; 2] {
         [0, 1].map(|axis| self.size(axis, element[axis]) * self.sides[axis])
     }
 
-    /// The size of an element by its column, for axis 0, or its row.
+    /// Returns the size of an element by its column for axis 0, or its row for axis 1.
     #[must_use]
     pub fn size(&self, axis: usize, at: usize) -> f64 {
         self.axes[axis].size(at)
     }
 
-    /// Where an element begins, by its column or row.
+    /// Returns the start of an element by its column or row.
     #[must_use]
     pub fn start(&self, axis: usize, at: usize) -> f64 {
         self.axes[axis].start(at)
     }
 
-    /// Where the middle of an element lies in its cell, by its column or row, in units of the cell's side.
+    /// Returns the middle of an element in its cell by its column or row, in units of the side of the cell.
     #[must_use]
     pub fn middle_in_cell(&self, axis: usize, at: usize) -> f64 {
         let Axis { count, .. } = self.axes[axis];
@@ -303,7 +307,7 @@ impl Grid {
 
 #[cfg(test)]
 impl Grid {
-    /// Elements of one size on the membrane of the source paper.
+    /// Uniform elements on the membrane of the source paper.
     pub fn paper(mesh: Mesh) -> Self {
         Self::uniform(mesh, &Sheet::paper())
     }

@@ -15,7 +15,8 @@ pub fn deformation<V: Value>(gradient: Tensor<V>) -> Tensor<V> {
     [[a + one, b], [c, d + one]]
 }
 
-/// Returns a deformation of given c⁻¹, along xx, xy and yy, and j². It is unique up to a rotation, which isotropic materials do not see.
+/// Returns a deformation with given c⁻¹, along xx, xy and yy, and j². It is unique up to a rotation, which does not
+/// matter for isotropic materials.
 #[inline(always)]
 #[must_use]
 pub fn deformation_of_metric([xx, xy, yy, square]: [f64; 4]) -> Tensor<f64> {

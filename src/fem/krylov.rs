@@ -1,6 +1,6 @@
-//! Preconditioned conjugate gradients (Hestenes and Stiefel, J. Res. NBS 49 (1952) 409) that notice negative curvature.
+//! Preconditioned conjugate gradients (Hestenes and Stiefel, J. Res. NBS 49 (1952) 409) that detect negative curvature.
 //!
-//! They work in single precision: Newton's method corrects whatever they leave, and halved vectors move twice as fast.
+//! They work in single precision for half the memory traffic: Newton's method corrects the error.
 
 use crate::registers::dispatch_widest;
 
@@ -9,19 +9,19 @@ use crate::registers::dispatch_widest;
 pub enum KrylovEnd {
     /// The residual is small enough.
     Converged,
-    /// A direction along which the operator is not positive: it is not positive definite.
+    /// The operator is not positive definite along a direction.
     NegativeCurvature,
     /// Too many iterations.
     Limit,
 }
 
-/// The vectors that the iteration works on.
+/// The vectors of the iteration.
 pub struct Scratch {
     /// The right-hand side on entry, the residual afterwards.
     pub residual: Vec<f32>,
     /// The solution.
     pub solution: Vec<f32>,
-    /// Iterations made in all solves.
+    /// Total number of iterations.
     pub iterations: u32,
     preconditioned: Vec<f32>,
     direction: Vec<f32>,
@@ -29,7 +29,7 @@ pub struct Scratch {
 }
 
 impl Scratch {
-    /// Room for vectors of a length.
+    /// Creates vectors of a length.
     #[must_use]
     pub fn new(len: usize) -> Self {
         Self {
@@ -43,8 +43,8 @@ impl Scratch {
     }
 }
 
-/// Iterations after which conjugate gradients give up; the preconditioner leaves a condition number of a few units away
-/// from a loss of stability.
+/// Maximum number of iterations; with the preconditioner the condition number is a few units except near a loss of
+/// stability.
 const LIMIT: usize = 100;
 
 /// Solves `operator` · solution = residual from zero until the Euclidean norm of the residual, 1 on entry, is at most
@@ -91,15 +91,20 @@ pub fn conjugate_gradients(
     KrylovEnd::Limit
 }
 
-/// Numbers whose products are summed in single precision before the sum goes on in double precision.
-const RUN: usize = 512;
+/// Number of products that are summed in single precision before the double-precision sum.
+const SINGLE_SUMS: usize = 512;
 
-/// Σ aᵢbᵢ, in an order that depends on the length alone.
+/// Σ aᵢbᵢ, summed in an order that depends on the length alone.
 #[must_use]
 pub fn dot(a: &[f32], b: &[f32]) -> f64 {
     dispatch_widest(
         #[inline(always)]
-        || a.chunks(RUN).zip(b.chunks(RUN)).map(|(a, b)| short_dot(a, b)).sum(),
+        || {
+            a.chunks(SINGLE_SUMS)
+                .zip(b.chunks(SINGLE_SUMS))
+                .map(|(a, b)| short_dot(a, b))
+                .sum()
+        },
     )
 }
 
@@ -138,7 +143,7 @@ fn retreat(r: &mut [f32], alpha: f32, q: &[f32]) -> f64 {
         #[inline(always)]
         || {
             let mut total = 0.0;
-            for (r, q) in r.chunks_mut(RUN).zip(q.chunks(RUN)) {
+            for (r, q) in r.chunks_mut(SINGLE_SUMS).zip(q.chunks(SINGLE_SUMS)) {
                 r.iter_mut().zip(q).for_each(|(r, q)| *r -= alpha * q);
                 total += short_dot(r, r);
             }

@@ -1,10 +1,14 @@
-//! How a membrane is simulated: finite elements on the prestretched configuration.
+//! The simulation of membranes: finite elements on the prestretched configuration.
 //!
-//! Everything is dimensionless: stress is divided by μλp², lengths by the side of an element, so two numbers describe a
-//! scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ; with unequal prestretch λp is √(λ₁λ₂), and grid says how. The modules are the
-//! method, from the point to the answer: kinematics, energy and effects; sheet, grid, element, layout and lanes; operator; gemm, modes and precondition; krylov, work, newton,
-//! direct and dynamic_stiffness; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response, margin, path, covered, critical, limit,
-//! observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of `field`, simulators, and screening.
+//! All quantities are dimensionless: stress is divided by μλp², lengths by the side of an element. So two numbers
+//! describe a scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ; for unequal prestretch, λp is √(λ₁λ₂) as described in
+//! [`grid`]. The modules follow the method, from the point to the result: kinematics, energy and effects; sheet, grid,
+//! element, layout, sampling and lanes; operator; gemm, modes and precondition; krylov, work, newton, direct and
+//! dynamic_stiffness; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response,
+//! margin, path, covered, critical, limit, observable, gradient_evaluator and safety_margins; evaluator, which
+//! implements the traits of `field`; simulators and screening.
+//! limit, observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of
+//! `field`, simulators, and screening.
 
 mod accurate;
 pub mod activity;
@@ -47,6 +51,7 @@ pub mod precondition;
 pub mod registers;
 mod response;
 mod safety_margins;
+mod sampling;
 pub mod screening;
 pub mod sheet;
 mod simulators;
@@ -80,7 +85,7 @@ pub use time::{
     HistorySolver, Instant, MOST_MODES, StepEstimate, StepEstimates, Swing, ThreeSolves, USUAL_TIME_ERROR, Vibration,
     at_bias, at_peak, creep_settings, history_check,
 };
-pub use work::{USUAL_SECONDS, WorkLimit};
+pub use work::{DEFAULT_SECONDS, WorkLimit};
 
 #[cfg(test)]
 mod tests;

@@ -1,4 +1,4 @@
-//! The search for critical voltages on two meshes, and whether a pattern surely keeps a voltage.
+//! The search for critical voltages on two meshes, and the check whether a pattern is stable at a voltage on any mesh.
 
 use std::sync::OnceLock;
 
@@ -17,30 +17,31 @@ use super::operator::{Activity, Operator};
 use super::solver::{MembraneSolver, MeshSolution, SolveOptions};
 use super::work::WorkLimit;
 
-/// The smallest eigenvalue of the tangent against the Laplacian, on one biquadratic element per cell, above which no pattern was
-/// found to be within a tenth of its critical voltage: 0.40 was the largest at it, 0.29 the smallest a tenth below it.
-const CLEAR: f32 = 0.5;
-/// The load in units of the critical one of a membrane that is active everywhere, below which no pattern is within a tenth of
-/// its critical voltage: a single cell, which goes first, is lost at 0.30.
-const FAR: f64 = 0.24;
-/// The part of the usual work for a pattern that a look at whether a finer mesh could refuse it may take on each mesh.
-const WATCHING: f64 = 0.25;
-/// How far above a voltage the finer mesh must be stable for the voltage to be kept beyond doubt.
-const ROOM: f64 = 1.08;
+/// Smallest eigenvalue of the tangent against the Laplacian, on one biquadratic element per cell, above which no
+/// pattern was within a tenth of its critical voltage: 0.40 was the largest at the critical voltage, 0.29 the smallest
+/// a tenth below it.
+const CLEAR_EIGENVALUE: f32 = 0.5;
+/// IsLoadFar, in units of the critical one of a fully active membrane, below which no pattern is within a tenth of its
+/// critical voltage: the lowest one, of a single cell, is at 0.30.
+const FAR_LOAD: f64 = 0.24;
+/// Share of the default work limit for a check on each mesh.
+const CHECK_SHARE: f64 = 0.25;
+/// A finer mesh must be stable up to this multiple of a voltage to prove stability there.
+const FINE_MARGIN: f64 = 1.08;
 
 /// Finds critical voltages on two meshes.
 pub struct CriticalSearch {
     coarse: MembraneSolver,
-    /// Set up when it is first needed; `None` where it cannot be.
+    /// Created on first use; `None` if that fails.
     fine: OnceLock<Option<MembraneSolver>>,
 }
 
 impl CriticalSearch {
-    /// The search that belongs to a mesh: on that mesh where it is biquadratic and can be halved, or else on the nearest such, and on one
-    /// of half the side.
+    /// Creates the search that belongs to a mesh: on that mesh if it is biquadratic and can be halved, otherwise on the
+    /// nearest such mesh, and on one of half the element size.
     ///
     /// # Errors
-    /// When an option is out of range.
+    /// If an option is out of range.
     pub fn new(scene: &Scene, options: SolveOptions) -> Result<Self, SetupError> {
         let side = match options.mesh.order() {
             Order::Bilinear => 1,
@@ -53,7 +54,7 @@ impl CriticalSearch {
         })
     }
 
-    /// The solver on half the side.
+    /// Returns the solver on half the element size.
     fn fine(&self) -> Option<&MembraneSolver> {
         let set_up = || {
             let options = SolveOptions {
@@ -66,32 +67,33 @@ impl CriticalSearch {
         self.fine.get_or_init(set_up).as_ref()
     }
 
-    /// The search that watches over solutions on a mesh: on at most two biquadratic elements per cell and four.
+    /// Creates the search that checks solutions on a mesh: on at most two and four biquadratic elements per cell.
     ///
     /// # Errors
-    /// When an option is out of range.
-    pub fn beside(scene: &Scene, options: SolveOptions) -> Result<Self, SetupError> {
+    /// If an option is out of range.
+    pub fn for_solutions_on(scene: &Scene, options: SolveOptions) -> Result<Self, SetupError> {
         let mesh = match options.mesh.order() {
             Order::Bilinear => options.mesh,
             Order::Biquadratic => Mesh::biquadratic(options.mesh.elements_per_cell().min(2)),
         };
         let search = Self::new(scene, SolveOptions { mesh, ..options })?;
-        let limit = search.coarse.scaled(WorkLimit::default().part(WATCHING));
+        let limit = search.coarse.scaled(WorkLimit::default().part(CHECK_SHARE));
         Ok(search.within(limit))
     }
 
-    /// Whether no pattern loses stability anywhere near the voltage of a scene: nothing need be solved to know that all keep it.
+    /// Returns whether the voltage of a scene is far below all critical voltages, so that every pattern is stable
+    /// without a solution.
     ///
     /// # Errors
-    /// When the effects of the scene cannot be simulated.
+    /// If the effects of the scene cannot be simulated.
     pub fn is_far_from_any(scene: &Scene) -> Result<bool, SetupError> {
-        Ok(scene.voltage_v() <= 0.0 || Model::new(scene)?.with(Load))
+        Ok(scene.voltage_v() <= 0.0 || Model::new(scene)?.with(IsLoadFar))
     }
 
-    /// The same of patterns that do not wrinkle at the voltage of the scene: they are those of a membrane that cannot.
+    /// The same for patterns that do not wrinkle at the voltage of the scene, as on a membrane without wrinkling.
     ///
     /// # Errors
-    /// When the effects of the scene cannot be simulated.
+    /// If the effects of the scene cannot be simulated.
     pub fn is_far_from_any_taut(scene: &Scene) -> Result<bool, SetupError> {
         let effects = Effects {
             wrinkling: None,
@@ -100,7 +102,7 @@ impl CriticalSearch {
         Self::is_far_from_any(&scene.with_effects(effects))
     }
 
-    /// The critical voltage of a pattern that loses stability on the coarser mesh at a voltage in V.
+    /// Returns the critical voltage of a pattern, given that on the coarser mesh in V.
     #[must_use]
     pub fn refine(&self, pattern: &Pattern, on_coarse: f64) -> CriticalVoltage {
         let coarse = MeshLimit {
@@ -110,11 +112,11 @@ impl CriticalSearch {
         let fine = self.fine();
         CriticalVoltage::new(
             coarse,
-            fine.and_then(|fine| fine.limit_between(pattern, around(on_coarse))),
+            fine.and_then(|fine| fine.limit_between(pattern, search_range(on_coarse))),
         )
     }
 
-    /// The same with another limit of work for a pattern on the coarser mesh, of which each search on the finer one may take half.
+    /// Sets the work limit of a pattern on the coarser mesh; each search on the finer one may take half.
     #[must_use]
     pub fn within(self, limit: WorkLimit) -> Self {
         Self {
@@ -123,14 +125,14 @@ impl CriticalSearch {
         }
     }
 
-    /// How far a pattern is stable up to the voltage of the scene by the coarser mesh alone.
+    /// Returns the stable range of a pattern up to the voltage of the scene on the coarser mesh.
     #[must_use]
-    pub fn look(&self, pattern: &Pattern) -> Stability {
+    pub fn stable_range(&self, pattern: &Pattern) -> Stability {
         self.coarse.solve(pattern).stability(self.coarse.mesh())
     }
 
-    /// The critical voltage of a pattern that loses stability on some mesh at a voltage in V: another than the coarser one serves to
-    /// look in the right place.
+    /// Returns the critical voltage of a pattern, given that on some mesh in V; for another than the coarser mesh it is
+    /// a guess.
     #[must_use]
     pub fn from(&self, pattern: &Pattern, mesh: Mesh, voltage: f64) -> CriticalVoltage {
         if mesh == self.coarse.mesh() {
@@ -141,84 +143,90 @@ impl CriticalSearch {
             .unwrap_or_else(|| CriticalVoltage::new(found, None))
     }
 
-    /// The critical voltage of a pattern that has no stable state on the coarser mesh at the voltage of the scene.
+    /// Returns the critical voltage of a pattern without a stable state on the coarser mesh at the voltage of the
+    /// scene.
     #[must_use]
     pub fn below_scene(&self, pattern: &Pattern) -> Option<CriticalVoltage> {
-        match self.look(pattern) {
+        match self.stable_range(pattern) {
             Stability::Lost(found) => Some(self.refine(pattern, found.voltage)),
             Stability::Never | Stability::UpTo(_) => None,
         }
     }
 
-    /// Whether a pattern is stable at the voltage of the scene whatever the mesh: that voltage lies below the
-    /// [interval](CriticalVoltage::interval) of its critical one. Far below it, this takes one solution on the coarser mesh.
+    /// Returns whether a pattern is stable at the voltage of the scene on any mesh: the voltage is below the
+    /// [interval](CriticalVoltage::interval) of the critical one. Far below it, this takes one solution on the coarser
+    /// mesh.
     #[must_use]
-    pub fn keeps(&self, pattern: &Pattern) -> bool {
-        matches!(self.watch(pattern), Watched::Kept)
+    pub fn is_certainly_stable(&self, pattern: &Pattern) -> bool {
+        matches!(self.check(pattern), StabilityCheck::Stable)
     }
 
-    /// The critical voltage of a pattern that a finer mesh could refuse at the voltage of the scene, without one where it was not found;
-    /// `None` where the pattern [keeps](CriticalSearch::keeps) that voltage.
+    /// Returns the critical voltage of a pattern that may be unstable on a finer mesh at the voltage of the scene:
+    /// `Some(None)` if it was not found, `None` if the pattern [is stable](CriticalSearch::is_certainly_stable).
     #[must_use]
-    pub fn doubt(&self, pattern: &Pattern) -> Option<Option<CriticalVoltage>> {
-        match self.watch(pattern) {
-            Watched::Kept => None,
-            Watched::OnCoarse(voltage) => Some(Some(self.refine(pattern, voltage))),
-            Watched::OnFine(fine) => Some(Some(CriticalVoltage::new(fine, None))),
-            Watched::OnBoth(found) => Some(Some(found)),
-            Watched::Nothing => Some(None),
+    pub fn uncertain_limit(&self, pattern: &Pattern) -> Option<Option<CriticalVoltage>> {
+        match self.check(pattern) {
+            StabilityCheck::Stable => None,
+            StabilityCheck::OnCoarse(voltage) => Some(Some(self.refine(pattern, voltage))),
+            StabilityCheck::OnFine(fine) => Some(Some(CriticalVoltage::new(fine, None))),
+            StabilityCheck::OnBoth(found) => Some(Some(found)),
+            StabilityCheck::Unknown => Some(None),
         }
     }
 
-    fn watch(&self, pattern: &Pattern) -> Watched {
+    fn check(&self, pattern: &Pattern) -> StabilityCheck {
         let solution = self.coarse.solve(pattern);
         if !solution.outcome.is_converged() {
             return match solution.stability(self.coarse.mesh()) {
-                Stability::Lost(found) => Watched::OnCoarse(found.voltage),
-                Stability::Never | Stability::UpTo(_) => Watched::Nothing,
+                Stability::Lost(found) => StabilityCheck::OnCoarse(found.voltage),
+                Stability::Never | Stability::UpTo(_) => StabilityCheck::Unknown,
             };
         }
         if self.coarse.is_clear_of_loss(pattern, &solution) {
-            return Watched::Kept;
+            return StabilityCheck::Stable;
         }
         let voltage = self.coarse.scene.voltage_v();
-        match self.fine().map(|fine| fine.search(pattern, [voltage, ROOM * voltage])) {
-            Some(LimitSearch::NoLoss) => Watched::Kept,
-            Some(LimitSearch::Nothing) | None => Watched::Nothing,
+        match self
+            .fine()
+            .map(|fine| fine.search(pattern, [voltage, FINE_MARGIN * voltage]))
+        {
+            Some(LimitSearch::NoLoss) => StabilityCheck::Stable,
+            Some(LimitSearch::Nothing) | None => StabilityCheck::Unknown,
             Some(LimitSearch::Limit(fine)) => {
-                let Some(coarse) = self.coarse.limit_between(pattern, around(fine.voltage)) else {
-                    return Watched::OnFine(fine);
+                let Some(coarse) = self.coarse.limit_between(pattern, search_range(fine.voltage)) else {
+                    return StabilityCheck::OnFine(fine);
                 };
                 let found = CriticalVoltage::new(coarse, Some(fine));
                 match voltage < found.interval()[0] {
-                    true => Watched::Kept,
-                    false => Watched::OnBoth(found),
+                    true => StabilityCheck::Stable,
+                    false => StabilityCheck::OnBoth(found),
                 }
             }
         }
     }
 
-    /// The critical voltage of a pattern where it is expected near a voltage in V; `None` where it is not found within a fifth above.
+    /// Returns the critical voltage of a pattern near an expected one in V; `None` if it is not found up to a fifth
+    /// above it.
     fn near(&self, pattern: &Pattern, expected: f64) -> Option<CriticalVoltage> {
         let coarse = self.near_on_coarse(pattern, expected)?;
         Some(self.refine(pattern, coarse.voltage))
     }
 
-    /// The same by the coarser mesh alone.
+    /// The same on the coarser mesh only.
     #[must_use]
     pub fn near_on_coarse(&self, pattern: &Pattern, expected: f64) -> Option<CriticalVoltage> {
-        let coarse = self.coarse.limit_between(pattern, around(expected))?;
+        let coarse = self.coarse.limit_between(pattern, search_range(expected))?;
         Some(CriticalVoltage::new(coarse, None))
     }
 }
 
-/// Where a loss is looked for on one mesh when another has it at a voltage.
-fn around(voltage: f64) -> [f64; 2] {
+/// Range of a search on one mesh, given the critical voltage on another.
+fn search_range(voltage: f64) -> [f64; 2] {
     [0.9 * voltage, 1.2 * voltage]
 }
 
 impl MeshSolution {
-    /// How far a pattern is stable by this solution of it.
+    /// Returns the stable range of a pattern according to this solution.
     #[must_use]
     pub(super) fn stability(&self, mesh: Mesh) -> Stability {
         match self.outcome.bracket() {
@@ -233,8 +241,8 @@ impl MeshSolution {
 }
 
 impl MembraneSolver {
-    /// The loss of stability on this mesh, where it is expected between two voltages in V, whatever the voltage of the scene. `None`
-    /// where it is not lost up to the higher one, or nothing is known.
+    /// Returns the critical voltage on this mesh, expected between two voltages in V, whatever the voltage of the
+    /// scene. `None` if the pattern is stable up to the higher one, or nothing was found.
     #[must_use]
     pub fn limit_between(&self, pattern: &Pattern, expected: [f64; 2]) -> Option<MeshLimit> {
         match self.search(pattern, expected) {
@@ -247,7 +255,7 @@ impl MembraneSolver {
         let Ok((model, voltage)) = self.driven() else {
             return LimitSearch::Nothing;
         };
-        let ending = model.with(Between {
+        let ending = model.with(SearchBetween {
             solver: self,
             activity: &model.activity(&self.grid, pattern),
             expected: expected.map(|expected| (expected / voltage).powi(2)),
@@ -262,9 +270,9 @@ impl MembraneSolver {
         }
     }
 
-    /// Whether the tangent at a solution is positive definite by so much that no mesh comes near a loss of stability there.
+    /// Returns whether the smallest eigenvalue at a solution is so large that no mesh is near a loss of stability.
     fn is_clear_of_loss(&self, pattern: &Pattern, solution: &MeshSolution) -> bool {
-        self.model.with(Clear {
+        self.model.with(IsClear {
             solver: self,
             activity: &self.model.activity(&self.grid, pattern),
             u: &solution.displacement,
@@ -272,70 +280,67 @@ impl MembraneSolver {
     }
 }
 
-/// Whether the load at the scene's voltage is far below that of any loss.
-struct Load;
+/// Checks whether the load at the voltage of the scene is far below all critical loads.
+struct IsLoadFar;
 
-impl WithMaterial for Load {
+impl WithMaterial for IsLoadFar {
     type Output = bool;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
         let full = material(1.0);
-        !full.wrinkles() && full.load() < FAR * 0.5 * full.largest_load()
+        !full.wrinkles() && full.load() < FAR_LOAD * 0.5 * full.largest_load()
     }
 }
 
-/// What is found of a pattern at the voltage of a scene.
-enum Watched {
-    /// It is stable there whatever the mesh.
-    Kept,
-    /// It is lost on the coarser mesh at this voltage in V.
+/// Stability of a pattern at the voltage of a scene.
+enum StabilityCheck {
+    /// Stable on any mesh.
+    Stable,
+    /// Unstable on the coarser mesh from this voltage in V.
     OnCoarse(f64),
-    /// It is lost on the finer mesh alone, as far as is known.
+    /// Unstable on the finer mesh, with no result on the coarser one.
     OnFine(MeshLimit),
-    /// It is lost on both, too near to tell.
+    /// Critical voltage on both meshes too close to decide.
     OnBoth(CriticalVoltage),
-    /// Nothing is known.
-    Nothing,
+    /// Unknown.
+    Unknown,
 }
 
-/// What a search for a loss of stability ends with.
+/// Result of a search for a loss of stability.
 enum LimitSearch {
     Limit(MeshLimit),
     /// Stable up to the end.
     NoLoss,
-    /// Nothing is known.
+    /// Unknown.
     Nothing,
 }
 
-struct Clear<'a> {
+struct IsClear<'a> {
     solver: &'a MembraneSolver,
     activity: &'a Activity,
     u: &'a [f64],
 }
 
-impl WithMaterial for Clear<'_> {
+impl WithMaterial for IsClear<'_> {
     type Output = bool;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
-        let operator = Operator {
-            material: &material(1.0),
-            activity: self.activity,
-            pulled: 1.0,
-        };
+        let material = material(1.0);
+        let operator = Operator::new(&material, self.activity);
         let laplacian = &self.solver.laplacian;
         let mut workspace = Workspace::new(self.u.len(), laplacian);
-        probe(&operator, laplacian, CLEAR, self.u, &mut workspace) == krylov::KrylovEnd::Converged
+        probe(&operator, laplacian, CLEAR_EIGENVALUE, self.u, &mut workspace) == krylov::KrylovEnd::Converged
     }
 }
 
-struct Between<'a> {
+struct SearchBetween<'a> {
     solver: &'a MembraneSolver,
     activity: &'a Activity,
     /// Shares of the full load.
     expected: [f64; 2],
 }
 
-impl WithMaterial for Between<'_> {
+impl WithMaterial for SearchBetween<'_> {
     type Output = LoadingEnd;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> LoadingEnd {

@@ -1,4 +1,4 @@
-//! How far a membrane is from losing stability.
+//! The distance of a solution from the loss of stability.
 
 use deaflow_pattern::Pattern;
 
@@ -11,37 +11,41 @@ use super::newton::Workspace;
 use super::operator::{Activity, Operator};
 use super::solver::{MembraneSolver, MeshSolution};
 
-/// The highest load in units of the critical one of a membrane that is active everywhere: 50 times its voltage.
-pub(super) const HIGHEST: f64 = 2500.0;
-/// The highest load at which a margin is searched for, in the same units: 3 times the voltage. Membranes without stiffening are
-/// lost far below; with it, every step beyond is dear and says little.
-const REACH: f64 = 9.0;
-/// Where the scene has no voltage, one to measure the load by.
-const SOME_VOLTAGE: f64 = 1e3;
+/// Highest load of a path, in units of the critical one of a fully active membrane: 50 times its voltage.
+pub(super) const MAX_PATH_LOAD: f64 = 2500.0;
+/// Highest load of a search for a margin, in the same units: 3 times the voltage. Membranes without stiffening lose
+/// stability far below; with it, further steps are expensive and tell little.
+const MAX_SEARCH_LOAD: f64 = 9.0;
+/// Reference voltage in V for a scene without voltage.
+const REFERENCE_VOLTAGE: f64 = 1e3;
 
-/// How far a solution is from losing stability.
+/// The distance of a solution from the loss of stability.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StabilityReport {
-    /// The smallest eigenvalue μ of K v = μ L v, with the tangent K at the solution and the Laplacian L: without unit, near
-    /// 1 for a bare membrane at rest, zero where stability is lost. `None` without a stable solution.
+    /// The smallest eigenvalue μ of K v = μ L v, with the tangent K at the solution and the Laplacian L: dimensionless,
+    /// near 1 for a bare membrane at rest, zero at the loss of stability. `None` without a stable solution.
     pub smallest_eigenvalue: Option<f64>,
-    /// The voltages in V between which stability is lost, at most one part in a thousand apart; `None` where it is not lost
-    /// below 3 times the critical voltage of a membrane that is active everywhere, or nothing is known.
+    /// The voltages in V that bracket the loss of stability, at most one part in a thousand apart; `None` if it is
+    /// unknown or above 3 times the critical voltage of a fully active membrane.
     pub critical: Option<[f64; 2]>,
-    /// The critical voltage over that of the scene; `None` where either is missing or zero.
+    /// The critical voltage over that of the scene; `None` if either is unknown or zero.
     pub margin: Option<f64>,
 }
 
 impl MembraneSolver {
-    /// The physics with the voltage in V of its full load: those of the scene, or at some voltage where the scene has none.
+    /// Returns the model and the voltage in V of its full load: those of the scene, or a reference voltage if the scene
+    /// has none.
     pub(super) fn driven(&self) -> Result<(Model, f64), SetupError> {
         match self.scene.voltage_v() {
-            0.0 => Ok((Model::new(&self.scene.at_voltage(SOME_VOLTAGE))?, SOME_VOLTAGE)),
+            0.0 => Ok((
+                Model::new(&self.scene.at_voltage(REFERENCE_VOLTAGE))?,
+                REFERENCE_VOLTAGE,
+            )),
             voltage => Ok((self.model.clone(), voltage)),
         }
     }
 
-    /// How far a solution of [`MembraneSolver::solve`] for this pattern is from losing stability.
+    /// Returns the distance of a solution of [`MembraneSolver::solve`] for this pattern from the loss of stability.
     #[must_use]
     pub fn stability(&self, pattern: &Pattern, solution: &MeshSolution) -> StabilityReport {
         let activity = self.model.activity(&self.grid, pattern);
@@ -64,9 +68,9 @@ impl MembraneSolver {
         }
     }
 
-    /// The voltages between which stability is lost, going on from the stable state `u`, which is lost.
+    /// Returns the voltages that bracket the loss of stability, from the stable state `u`, which is overwritten.
     fn critical(&self, activity: &Activity, eigenvalue: f64, u: &mut [f64]) -> Option<[f64; 2]> {
-        let onward = Onward {
+        let search = SearchOn {
             solver: self,
             activity,
             eigenvalue,
@@ -74,16 +78,16 @@ impl MembraneSolver {
         };
         let (model, voltage) = self.driven().ok()?;
         let shares = if self.scene.voltage_v() > 0.0 {
-            model.with(onward)?
+            model.with(search)?
         } else {
-            // Nothing has moved at no voltage or at any share of it, so the scale is another one.
-            model.with(FromRest(onward))?
+            // Without voltage nothing has moved, so the load steps start at rest.
+            model.with(FromRest(search))?
         };
         Some(shares.map(|share| share.sqrt() * voltage))
     }
 }
 
-/// The smallest eigenvalue at a solution.
+/// Computes the smallest eigenvalue at a solution.
 struct Smallest<'a> {
     solver: &'a MembraneSolver,
     activity: &'a Activity,
@@ -94,17 +98,14 @@ impl WithMaterial for Smallest<'_> {
     type Output = Option<f64>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<f64> {
-        let operator = Operator {
-            material: &material(1.0),
-            activity: self.activity,
-            pulled: 1.0,
-        };
+        let material = material(1.0);
+        let operator = Operator::new(&material, self.activity);
         smallest(&operator, &self.solver.laplacian, self.u, None).map(|pair| pair.value)
     }
 }
 
-/// The shares of the full load between which stability is lost, on from a solution at the full load.
-struct Onward<'a> {
+/// Finds the shares of the full load that bracket the loss of stability, from a solution at the full load.
+struct SearchOn<'a> {
     solver: &'a MembraneSolver,
     activity: &'a Activity,
     eigenvalue: f64,
@@ -112,18 +113,18 @@ struct Onward<'a> {
 }
 
 /// The same, from rest.
-struct FromRest<'a>(Onward<'a>);
+struct FromRest<'a>(SearchOn<'a>);
 
-impl Onward<'_> {
+impl SearchOn<'_> {
     fn raise_load<L: Material, F: Fn(f64) -> L>(self, material: F, from: f64) -> Option<[f64; 2]> {
         let full = material(1.0);
         let unit = 0.5 * full.largest_load() / full.load();
         let problem = self.solver.problem(self.activity, material);
-        // Towards a fold the eigenvalue falls like the root of the distance to it.
+        // Near a fold the eigenvalue decreases like the root of the distance to it.
         let guess = self.eigenvalue.clamp(1e-2, 1.0).powi(2);
         let range = LoadRange {
             from,
-            to: (REACH * unit).max(from),
+            to: (MAX_SEARCH_LOAD * unit).max(from),
             step: guess * from.max(0.25 * unit),
         };
         let mut workspace = Workspace::new(self.u.len(), &self.solver.laplacian);
@@ -134,7 +135,7 @@ impl Onward<'_> {
     }
 }
 
-impl WithMaterial for Onward<'_> {
+impl WithMaterial for SearchOn<'_> {
     type Output = Option<[f64; 2]>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {

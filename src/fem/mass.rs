@@ -1,7 +1,7 @@
-//! The mass of a membrane: ρ of its area, in units in which it is 1.
+//! The mass matrix of a membrane: density times area, in units in which both are 1.
 //!
-//! On a tensor-product mesh it is M⊗M with the one-dimensional mass matrices. Frames and rigid bodies see of an image what they see of any
-//! force: a body is as heavy as the membrane that would be in its place.
+//! On a tensor-product mesh it is M⊗M with the one-dimensional mass matrices. The image is projected onto admissible
+//! motions like any force: a body is as heavy as the membrane in its place.
 
 use crate::registers::dispatch;
 use deaflow_linalg::Mat;
@@ -13,25 +13,25 @@ use super::layout::NodeLayout;
 use super::modes::line_matrices;
 use deaflow_field::Order;
 
-/// Entries of a row on either side of the diagonal at most.
+/// Largest number of entries of a row on either side of the diagonal.
 const REACH: usize = 2;
 
-/// The entries of a row from [`REACH`] before the diagonal to as many after it.
+/// Entries of a row from [`REACH`] before the diagonal to [`REACH`] after it.
 type Band = [f64; 2 * REACH + 1];
 
 /// The mass matrix of a grid.
 pub struct Mass {
     layout: NodeLayout,
-    /// Along x, of each offset from the diagonal the entries of all interior nodes.
+    /// Along x, for each offset from the diagonal, the entries of all interior nodes.
     along: [Vec<f64>; 2 * REACH + 1],
-    /// Along y, of each interior node.
+    /// Along y, for each interior node.
     across: Vec<Band>,
-    /// Where the nodes of a row lie in it.
+    /// Index of each node of a row.
     places: Vec<usize>,
 }
 
 impl Mass {
-    /// The consistent mass of a grid, or the one in which each node has what is about it.
+    /// Creates the consistent or the lumped mass matrix of a grid.
     #[must_use]
     pub fn new(grid: &Grid, lumped: bool) -> Self {
         let layout = grid.layout();
@@ -57,7 +57,7 @@ impl Mass {
         }
     }
 
-    /// Its image of a vector, at interior nodes.
+    /// Multiplies with a vector, at interior nodes.
     pub fn apply<T: Real>(&self, vector: &[T], out: &mut [T]) {
         dispatch(
             #[inline(always)]
@@ -123,7 +123,7 @@ fn band(mass: &Mat<f64>) -> Vec<Band> {
     (0..n).map(|row| std::array::from_fn(|at| entry(row, at))).collect()
 }
 
-/// Sums over the rows, with what the ends of the line take of their neighbours.
+/// Returns row sums, including the coupling of the end nodes to the fixed ones.
 fn diagonal(mass: &Mat<f64>, grid: &Grid, axis: usize) -> Vec<Band> {
     let n = mass.nrows();
     let mut sums: Vec<f64> = (0..n)
@@ -131,7 +131,7 @@ fn diagonal(mass: &Mat<f64>, grid: &Grid, axis: usize) -> Vec<Band> {
         .collect();
     let last = grid.elements()[axis] - 1;
     let ends = [(0, grid.sides([0; 2])[axis]), (n - 1, grid.sides([last; 2])[axis])];
-    // The mass that a node at the end shares with the one on the edge: h/6 of linear elements; h/15 and −h/30 of quadratic ones.
+    // The coupling of an end node to the fixed one: h/6 for linear elements; h/15 and −h/30 for quadratic ones.
     match grid.order() {
         Order::Bilinear => ends.into_iter().for_each(|(at, size)| sums[at] += size / 6.0),
         Order::Biquadratic => {

@@ -1,10 +1,10 @@
-//! The eigenvectors of a line of elements, which diagonalise the Laplacian of a rectangle along one direction.
+//! Eigenvectors of a line of elements, which diagonalise the Laplacian of a rectangle along one direction.
 
 use deaflow_linalg::{Eigen, Mat, eigen, product};
 
 use super::element::Line;
 
-/// Stiffness and mass of a line of elements, at the interior nodes; `size` is the length of an element.
+/// Returns stiffness and mass of a line of elements at the interior nodes; `size` returns the length of an element.
 pub fn line_matrices<const A: usize>(
     elements: usize,
     line: &Line<A>,
@@ -26,12 +26,13 @@ pub fn line_matrices<const A: usize>(
     (interior(stiffness), interior(mass))
 }
 
-/// The even or odd eigenvectors of KQ = MQΛ with QᵀMQ = I at the nodes up to the middle, and their eigenvalues.
+/// Returns the even or odd eigenvectors of KQ = MQΛ with QᵀMQ = I, at the nodes up to the middle, and their
+/// eigenvalues.
 pub fn half_modes(stiffness: &Mat<f64>, mass: &Mat<f64>, odd: bool) -> Option<(Mat<f64>, Vec<f64>)> {
     let n = stiffness.nrows();
     let count = if odd { n / 2 } else { n.div_ceil(2) };
     let sign = if odd { -1.0 } else { 1.0 };
-    // The basis (eᵢ ± e₋ᵢ)/√2, and a node in the middle by itself.
+    // The basis is (eᵢ ± e₋ᵢ)/√2, and the middle node alone.
     let is_middle = |i: usize| n % 2 == 1 && i == n / 2;
     let norm = |i: usize| if is_middle(i) { 0.5 } else { 0.5_f64.sqrt() };
     let reduce = |m: &Mat<f64>| {
@@ -45,7 +46,7 @@ pub fn half_modes(stiffness: &Mat<f64>, mass: &Mat<f64>, odd: bool) -> Option<(M
     Some((Mat::from_fn(count, count, |i, k| scale(i) * vectors[(i, k)]), values))
 }
 
-/// Eigenvectors Q and eigenvalues of KQ = MQΛ with QᵀMQ = I, by way of M^(−½).
+/// Returns eigenvectors Q and eigenvalues of KQ = MQΛ with QᵀMQ = I, by means of M^(−½).
 fn generalised_eigen(stiffness: &Mat<f64>, mass: &Mat<f64>) -> Option<(Mat<f64>, Vec<f64>)> {
     let n = mass.nrows();
     if n == 0 {

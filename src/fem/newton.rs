@@ -1,8 +1,8 @@
 //! Inexact Newton iteration at one load.
 //!
-//! The forcing terms are those of Eisenstat and Walker (SIAM J. Sci. Comput. 17 (1996) 16), choice 2; γ = 0.9 and α = 1.3
-//! were the fastest of fifteen pairs, by little. A step is halved until no element is turned over and the residual falls.
-//! Residuals are in double precision, steps in single: rounding in a step is one more part of its inexactness.
+//! The forcing terms are those of Eisenstat and Walker (SIAM J. Sci. Comput. 17 (1996) 16), choice 2; γ = 0.9 and α =
+//! 1.3 were slightly faster than fourteen other pairs. A step is halved until no element is inverted and the residual
+//! falls. Residuals are in double precision, steps in single precision: rounding adds to the inexactness of a step.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use super::operator::Operator;
 use super::precondition::{Laplacian, LaplacianScratch};
 use super::work::{SWEEP, WorkLimit, factors};
 
-/// What stopped the iteration.
+/// Why the iteration stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NewtonFailure {
     /// The tangent is not positive definite.
@@ -26,53 +26,53 @@ pub enum NewtonFailure {
     LineSearch,
     /// Too many steps.
     Limit,
-    /// More work than is allowed.
+    /// The work limit was reached.
     Work,
 }
 
-/// Newton steps made and the relative residual reached.
+/// Number of Newton steps and final relative residual.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
-    /// Steps.
+    /// Number of steps.
     pub steps: u32,
     /// ‖R‖/‖R(u = 0)‖.
     pub residual: f64,
 }
 
-/// A residual at rest that serves iterations that follow each other in time.
+/// A residual at rest that serves several iterations in time.
 #[derive(Clone, Copy, Debug)]
 struct Reference {
     load: f64,
     residual: f64,
-    /// How often it still may.
+    /// Number of uses left.
     uses: u32,
 }
 
 impl Reference {
-    /// While the load is the same and the membrane remembers about the same.
+    /// Returns it for another use while the load is the same.
     fn reused(self, load: f64) -> Option<Self> {
         let uses = self.uses.checked_sub(1).filter(|_| self.load == load)?;
         Some(Self { uses, ..self })
     }
 }
 
-/// Vectors that the iteration works on.
+/// The vectors of the iteration.
 pub struct Workspace {
     residual: Vec<f64>,
     trial: Vec<f64>,
     trial_residual: Vec<f64>,
-    /// The displacement in single precision, where the tangent is taken.
+    /// The displacement in single precision, for the tangent.
     single: Vec<f32>,
-    /// And what the operator keeps of it.
+    /// Moduli of the tangent at the points.
     moduli: Vec<f32>,
     krylov: krylov::Scratch,
     laplacian: LaplacianScratch,
-    /// The structure of the tangent, once it has been factorised.
+    /// The structure of the tangent after its first factorisation.
     structure: Option<Arc<Structure>>,
     limit: WorkLimit,
-    /// Whether iterations begin next to where they end.
+    /// Whether iterations start near their end.
     near: bool,
-    /// What residuals of these are relative to.
+    /// The reference of relative residuals.
     reference: Option<Reference>,
     /// Work other than conjugate gradients, and their iterations before the count began.
     other_work: u64,
@@ -80,7 +80,7 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// Room for vectors of a length, with the usual limit of work.
+    /// Creates vectors of a length, with the default work limit.
     #[must_use]
     pub fn new(len: usize, laplacian: &Laplacian) -> Self {
         Self {
@@ -100,43 +100,43 @@ impl Workspace {
         }
     }
 
-    /// The same for iterations that begin next to where they end, as steps in time do: a first step then goes as far as a linear one leads,
-    /// with one system in place of two.
+    /// Prepares for iterations that start near their end, such as time steps: the first step is then a full linear one,
+    /// with one system instead of two.
     #[must_use]
     pub fn near(self) -> Self {
         Self { near: true, ..self }
     }
 
-    /// Makes residuals relative to those at rest of what is solved next, and of all that follows while the load is the same.
+    /// Makes later residuals relative to those at rest of the next problem, while its load stays the same.
     pub fn refer_anew(&mut self) {
         self.reference = None;
     }
 
-    /// Counts work from here on, against another limit than before.
+    /// Starts counting work against a new limit.
     pub fn begin(&mut self, limit: WorkLimit) {
         self.limit = limit;
         self.begin_again();
     }
 
-    /// Counts work from here on.
+    /// Starts counting work.
     pub fn begin_again(&mut self) {
         self.other_work = 0;
         self.iterations_before = self.krylov.iterations;
     }
 
-    /// Work since the count began, in the units of [`WorkLimit`].
+    /// Returns the work since the count began, in the units of [`WorkLimit`].
     #[must_use]
     pub fn work(&self) -> u64 {
         self.other_work + u64::from(self.krylov.iterations - self.iterations_before)
     }
 
-    /// Whether no more work is allowed.
+    /// Returns whether the work limit is reached.
     #[must_use]
     pub fn is_spent(&self) -> bool {
         self.limit.is_spent(self.work())
     }
 
-    /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
+    /// Factorises the tangent at `u`; `None` if a pivot is zero or memory is short.
     pub fn factorise<L: Material>(&mut self, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
         self.other_work += factors(u.len());
         if self.structure.is_none() {
@@ -145,13 +145,13 @@ impl Workspace {
         self.structure.as_ref()?.factorise(operator, u)
     }
 
-    /// Conjugate-gradient iterations of all that was solved in this room.
+    /// Returns the conjugate-gradient iterations of all solutions with these vectors.
     #[must_use]
     pub fn krylov_iterations(&self) -> u32 {
         self.krylov.iterations
     }
 
-    /// A displacement in single precision.
+    /// Converts a displacement to single precision.
     pub fn single(&mut self, u: &[f64]) -> &[f32] {
         narrow(u, 1.0, &mut self.single);
         &self.single
@@ -160,21 +160,21 @@ impl Workspace {
 
 const MAX_STEPS: u32 = 25;
 const MAX_HALVINGS: u32 = 8;
-/// Steps in time that have the same reference.
-const USES: u32 = 8;
-/// The first forcing term, and the largest.
-const LOOSEST: f64 = 0.02;
-/// The smallest forcing term that single precision can meet.
-const TIGHTEST: f64 = 1e-5;
-/// The residual at which a probe of the tangent has seen every mode.
-const PROBED: f64 = 1e-5;
-/// Load per element below which the residual at rest is rounding: the pattern is uniform or the voltage zero.
+/// Number of time steps with the same reference.
+const REFERENCE_USES: u32 = 8;
+/// First and largest forcing term.
+const MAX_FORCING: f64 = 0.02;
+/// Smallest forcing term that single precision reaches.
+const MIN_FORCING: f64 = 1e-5;
+/// Residual at which a probe of the tangent has seen every mode.
+const PROBE_TOLERANCE: f64 = 1e-5;
+/// Residual at rest per load and element below which it is rounding: the pattern is uniform or the voltage zero.
 const ROUNDING: f64 = 1e-14;
 
-/// Moves `u` to the equilibrium nearby, until the residual is `tolerance` times that of the undisplaced membrane.
+/// Moves `u` to a nearby equilibrium, until the residual is `tolerance` times that of the undisplaced membrane.
 ///
 /// # Errors
-/// With the progress made until then, when it does not get there; `u` is then where it got to.
+/// If it does not converge, with the progress; `u` is then the last iterate.
 pub fn solve<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
@@ -183,7 +183,7 @@ pub fn solve<L: Material>(
     workspace: &mut Workspace,
 ) -> Result<Progress, (NewtonFailure, Progress)> {
     let load = operator.material.load();
-    // The load of elements is rounded too, though its forces may cancel.
+    // The loads of elements are rounded even if their forces cancel.
     let rounding = (ROUNDING * load).max(operator.rounding());
     let is_displaced = u.iter().any(|&u| u != 0.0);
     let known = workspace.reference.filter(|_| workspace.near && is_displaced);
@@ -202,7 +202,7 @@ pub fn solve<L: Material>(
             Reference {
                 load,
                 residual: norm(&workspace.residual),
-                uses: USES,
+                uses: REFERENCE_USES,
             }
         }
     };
@@ -214,10 +214,10 @@ pub fn solve<L: Material>(
         size = norm(&workspace.residual);
     }
     let goal = (tolerance * reference).max(rounding * (u.len() as f64).sqrt());
-    // What a Newton step leaves is of the order of the square of what there was.
+    // The residual after a Newton step is of the order of the square of the one before.
     let mut forcing = match workspace.near {
         true => size / reference,
-        false => LOOSEST,
+        false => MAX_FORCING,
     };
     for steps in 0..MAX_STEPS {
         let progress = Progress {
@@ -230,8 +230,8 @@ pub fn solve<L: Material>(
         if workspace.is_spent() {
             return Err((NewtonFailure::Work, progress));
         }
-        // A last step need not do better than the goal.
-        let inner = forcing.max(0.5 * goal / size).clamp(TIGHTEST, LOOSEST);
+        // The last step need not be more accurate than the goal.
+        let inner = forcing.max(0.5 * goal / size).clamp(MIN_FORCING, MAX_FORCING);
         find_step(operator, laplacian, inner, size, u, workspace).map_err(|trouble| (trouble, progress))?;
         let Some(new_size) = line_search(operator, size, u, workspace) else {
             return Err((NewtonFailure::LineSearch, progress));
@@ -250,21 +250,22 @@ pub fn solve<L: Material>(
     }
 }
 
-/// How chord steps are made.
+/// Settings of chord steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChordSteps {
-    /// How many.
+    /// Number of steps.
     pub count: u32,
-    /// Relative residual to which each is solved.
+    /// Relative residual of each linear solution.
     pub inner: f64,
-    /// The unit of energy of the linear operator over that of the actual one.
+    /// Unit of energy of the linear operator relative to that of the actual one.
     pub unit: f64,
 }
 
-/// Makes steps −A⁻¹R from where `u` is with one matrix A, the tangent of `linear` at rest; `rest` is zero everywhere. `u` is then where the last step led to; the residual is relative to that at the start.
+/// Makes steps −A⁻¹R from `u` with one matrix A, the tangent of `linear` at rest; `rest` is zero everywhere. The
+/// returned residual is relative to that at the start.
 ///
 /// # Errors
-/// With the progress made until then, when A is not positive definite, or a step turns an element over.
+/// If A is not positive definite or a step inverts an element, with the progress.
 pub fn chord<L: Material>(
     [actual, linear]: [&Operator<'_, L>; 2],
     laplacian: &Laplacian,
@@ -299,11 +300,11 @@ pub fn chord<L: Material>(
     Ok(progress)
 }
 
-/// Solves A ψ = `load` with the tangent A at `u`, until the residual is `tolerance` times the load: each round in single
-/// precision corrects what the last one left.
+/// Solves A ψ = `load` with the tangent A at `u`, until the residual is `tolerance` times the load; each
+/// single-precision solution corrects the remaining residual.
 ///
 /// # Errors
-/// When the tangent is not positive definite, or single precision makes no headway on it.
+/// If the tangent is not positive definite, or single precision does not reduce the residual.
 pub fn solve_tangent<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
@@ -334,8 +335,8 @@ pub fn solve_tangent<L: Material>(
     Err(NewtonFailure::Limit)
 }
 
-/// The Newton step −A⁻¹R, divided by −‖R‖, into the solution of the Krylov workspace: by conjugate gradients, and by factors of the
-/// matrix where those take too long, which they do next to a loss of stability.
+/// Computes the Newton step −A⁻¹R, divided by −‖R‖, into the solution of the Krylov workspace: by conjugate gradients,
+/// or by a factorisation if they take too long, as near a loss of stability.
 fn find_step<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
@@ -381,8 +382,8 @@ fn find_step<L: Material>(
     }
 }
 
-/// How conjugate gradients end with the tangent at `u`, less `shift` times the Laplacian, on a random load, which has a part
-/// along every mode: a negative eigenvalue cannot hide from them, and they end well only where there is none.
+/// Runs conjugate gradients with the tangent at `u`, minus `shift` times the Laplacian, on a random load. The load
+/// contains every mode, so the iteration converges only without negative eigenvalues.
 pub fn probe<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
@@ -393,7 +394,7 @@ pub fn probe<L: Material>(
     let mut stream = Stream::new(0, "stability probe", 0);
     let load = operator.activity.grid().random_load(&mut stream, u);
     if load.iter().all(|force| *force == 0.0) {
-        // There are no nodes but those of the frame.
+        // All nodes are fixed by the frame.
         return KrylovEnd::Converged;
     }
     let Workspace {
@@ -409,7 +410,7 @@ pub fn probe<L: Material>(
     let poses = operator.activity.grid().poses(u);
     let mut harmonic = vec![0.0; if shift > 0.0 { single.len() } else { 0 }];
     conjugate_gradients(
-        PROBED,
+        PROBE_TOLERANCE,
         krylov,
         |p, image| {
             operator.tangent_at(single, moduli, p, image);
@@ -422,7 +423,7 @@ pub fn probe<L: Material>(
     )
 }
 
-/// Moves `u` along the step as far as the residual falls; returns its new norm.
+/// Moves `u` along the step until the residual falls; returns the new norm.
 fn line_search<L: Material>(
     operator: &Operator<'_, L>,
     size: f64,
@@ -454,7 +455,7 @@ fn line_search<L: Material>(
     None
 }
 
-/// Euclidean norm, in an order that depends on the length alone.
+/// Euclidean norm, summed in an order that depends on the length alone.
 #[must_use]
 pub fn norm(a: &[f64]) -> f64 {
     dispatch_widest(
@@ -471,7 +472,7 @@ pub fn norm(a: &[f64]) -> f64 {
     )
 }
 
-/// The largest entry, whatever its sign.
+/// Largest absolute value.
 #[must_use]
 pub fn largest(a: &[f64]) -> f64 {
     a.iter().fold(0.0, |largest: f64, a| largest.max(a.abs()))

@@ -1,7 +1,7 @@
-//! What an engineer asks of a solution: stretches, fields and stresses, cell by cell.
+//! The state of each cell: stretches, fields and stresses.
 //!
-//! They are those of the mean deformation gradient of a cell. Stresses at points next to a corner of the electrode grow
-//! with the refinement of the mesh without end; the mean does not.
+//! They are those of the mean deformation gradient of a cell. Stresses at points near a corner of an electrode increase
+//! without limit under mesh refinement; those of the mean do not.
 
 use deaflow_field::Mesh;
 use deaflow_pattern::Pattern;
@@ -14,20 +14,20 @@ use super::kinematics::{Tensor, determinant, squared_stretches};
 use super::material::Material;
 use super::operator::{Activity, load_of};
 
-/// How a cell bears its load.
+/// The state of tension of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tension {
     /// No principal stress is negative.
     Taut,
-    /// One is: a real membrane wrinkles there. With wrinkling simulated, the stress across wrinkles is the small rest that
-    /// the law leaves.
+    /// One is: a real membrane wrinkles. If wrinkling is simulated, the stress across the wrinkles is a small
+    /// regularisation.
     Wrinkled,
-    /// Both are: a real membrane hangs loose.
+    /// Both are: a real membrane is slack.
     Slack,
 }
 
 impl Tension {
-    /// The number that stands in files: 0 taut, 1 wrinkled, 2 slack.
+    /// Returns the number used in files: 0 taut, 1 wrinkled, 2 slack.
     #[must_use]
     pub fn code(self) -> u8 {
         match self {
@@ -38,41 +38,41 @@ impl Tension {
     }
 }
 
-/// The state of one cell. Stresses are those of elastomer and electrodes together, divided by the thickness of the
+/// The state of one cell. Stresses are those of elastomer and electrodes together, relative to the thickness of the
 /// elastomer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellState {
     /// In-plane stretches from the undeformed state, larger first.
     pub stretches: [f64; 2],
-    /// True electric field V/h in V/m; zero where there is no electrode, or one without voltage.
+    /// True electric field V/h in V/m; zero without electrode or voltage.
     pub electric_field: f64,
     /// First Piola–Kirchhoff stress in Pa, `[component][material direction]`.
     pub piola: Tensor<f64>,
-    /// Principal Cauchy stresses in the plane in Pa, larger first; a negative one means that a real membrane wrinkles.
+    /// Principal Cauchy stresses in the plane in Pa, larger first; at a negative one, a real membrane wrinkles.
     pub stresses: [f64; 2],
-    /// What they mean.
+    /// State of tension.
     pub tension: Tension,
 }
 
-/// The least favourable states of the cells of a membrane: what effects are called for by.
+/// Extreme states of the cells of a membrane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Survey {
-    /// The smallest principal Cauchy stress, in units of μ.
+    /// Smallest principal Cauchy stress, in units of μ.
     pub smallest_stress: f64,
-    /// Share of the prestretched area that is wrinkled.
+    /// Wrinkled share of the prestretched area.
     pub wrinkled: f64,
-    /// Share that is slack.
+    /// Slack share of it.
     pub slack: f64,
-    /// The largest I₁ − 3.
+    /// Largest I₁ − 3.
     pub largest_strain: f64,
-    /// The largest true electric field in V/m.
+    /// Largest true electric field in V/m.
     pub largest_field: f64,
-    /// The smallest and the largest J, area over undeformed area.
+    /// Smallest and largest J, the area over the undeformed area.
     pub areas: [f64; 2],
 }
 
 impl Survey {
-    /// Of the states of all cells under a shear modulus in Pa.
+    /// Summarises the states of all cells, with the shear modulus in Pa.
     #[must_use]
     pub fn of(cells: &[CellState], shear_modulus_pa: f64) -> Self {
         let share = |tension: Tension| {
@@ -97,15 +97,17 @@ impl Survey {
     }
 }
 
-/// The state of each cell, `[y][x]`, from nodal displacements on a mesh that was asked for, in units of [`Grid::unit_mm`].
+/// Returns the state of each cell, `[y][x]`, from nodal displacements on a requested mesh, in units of
+/// [`Grid::unit_mm`].
+///
 /// # Errors
-/// When the effects of the scene cannot be simulated.
+/// If the effects of the scene cannot be simulated.
 pub fn cell_states(scene: &Scene, mesh: Mesh, pattern: &Pattern, u: &[f64]) -> Result<Vec<CellState>, SetupError> {
     let model = Model::new(scene)?;
     Ok(states(scene, &model, &model.grid(mesh), pattern, u))
 }
 
-/// The same for a model at hand.
+/// Like [`cell_states`], for a given model and grid.
 pub(super) fn states(scene: &Scene, model: &Model, grid: &Grid, pattern: &Pattern, u: &[f64]) -> Vec<CellState> {
     let activity = model.activity(grid, pattern);
     model.with(States {
@@ -131,7 +133,7 @@ impl WithMaterial for States<'_> {
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Vec<CellState> {
         let (material, grid) = (material(1.0), self.activity.grid());
         let (raster, integrals) = (grid.raster(), [0, 1].map(|axis| along_side(grid, axis)));
-        // Values of a scene are texts, which are not read again for each cell.
+        // Parsed once, because scene values are stored as text.
         let scale = Scale {
             prestretch: self.scene.mean_prestretch(),
             modulus: self.scene.shear_modulus_pa(),
@@ -148,15 +150,15 @@ impl WithMaterial for States<'_> {
     }
 }
 
-/// A compression that rounding can cause, in units of the shear modulus.
+/// Compression below this, in units of the shear modulus, is rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// What all cells have in common.
+/// Constants of all cells.
 struct Scale {
     prestretch: f64,
-    /// In Pa.
+    /// Shear modulus in Pa.
     modulus: f64,
-    /// In V and in m.
+    /// Voltage in V and thickness in m.
     voltage: f64,
     thickness: f64,
 }
@@ -193,7 +195,7 @@ impl States<'_> {
         }
     }
 
-    /// The mean activity of a cell.
+    /// Returns the mean activity of a cell.
     fn share(&self, x: usize, y: usize) -> f64 {
         let [m, n] = self.activity.grid().per_cell();
         let elements = (0..m * n).map(|i| [x * m + i % m, y * n + i / m]);
@@ -202,7 +204,7 @@ impl States<'_> {
     }
 }
 
-/// Principal values of σ = P Fᵀ, larger first, for an incompressible membrane.
+/// Returns the principal values of σ = P Fᵀ, larger first, for an incompressible membrane.
 fn principal_stresses(piola: Tensor<f64>, f: Tensor<f64>) -> [f64; 2] {
     let entry = |i: usize, k: usize| piola[i][0] * f[k][0] + piola[i][1] * f[k][1];
     let (mean, half_gap) = (0.5 * (entry(0, 0) + entry(1, 1)), 0.5 * (entry(0, 0) - entry(1, 1)));
@@ -210,7 +212,8 @@ fn principal_stresses(piola: Tensor<f64>, f: Tensor<f64>) -> [f64; 2] {
     [mean + radius, mean - radius]
 }
 
-/// The nodes along a side of a cell, counted from its corner, with their weights in the integral over the side: that along y for axis 1.
+/// Returns the nodes along a side of a cell, relative to its corner, with their weights for the integral along the
+/// side; axis 1 is y.
 fn along_side(grid: &Grid, axis: usize) -> Vec<(usize, f64)> {
     let degree = grid.layout().degree();
     let weights: &[f64] = if degree == 1 {
@@ -229,7 +232,7 @@ fn along_side(grid: &Grid, axis: usize) -> Vec<(usize, f64)> {
     nodes.collect()
 }
 
-/// The mean of f over a cell: by the divergence theorem that of ∇u is an integral of u along its sides.
+/// Returns the mean of f over a cell: by the divergence theorem that of ∇u is an integral of u along its sides.
 fn mean_deformation(grid: &Grid, integrals: &[Vec<(usize, f64)>; 2], u: &[f64], x: usize, y: usize) -> Tensor<f64> {
     let (layout, per_cell) = (grid.layout(), grid.per_cell());
     let [right, up] = per_cell.map(|count| count * layout.degree());

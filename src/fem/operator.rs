@@ -24,6 +24,18 @@ pub struct Operator<'a, L> {
     pub pulled: f64,
 }
 
+impl<'a, L> Operator<'a, L> {
+    /// The equilibrium with the whole loads of bodies.
+    #[must_use]
+    pub fn new(material: &'a L, activity: &'a Activity) -> Self {
+        Self {
+            material,
+            activity,
+            pulled: 1.0,
+        }
+    }
+}
+
 impl<L: Material> Operator<'_, L> {
     /// How vectors lie in memory.
     #[must_use]

@@ -1,6 +1,6 @@
-//! Powers with any exponent, in lanes: from roots, products and short series, without the bits of a number.
+//! Powers with real exponents in SIMD lanes, from roots, products and short series.
 //!
-//! Both halves keep relative accuracy near 1, so xᵖ − 1 has as many correct digits as x − 1.
+//! Both functions keep their relative accuracy near 1, so xᵖ − 1 has as many correct digits as x − 1.
 
 use super::lanes::Value;
 
@@ -15,20 +15,20 @@ const INVERSE_FACTORIALS: [f64; 13] = {
     inverse
 };
 
-/// (1 + d)ᵖ − 1 for 1 + d > 0. In double precision the relative error is a few 1e-15 where |p ln(1 + d)| is below 16 and
-/// 1 + d lies between 1/100 and 100, and grows slowly beyond.
+/// Returns (1 + d)ᵖ − 1 for 1 + d > 0. In double precision the relative error is a few 1e-15 if |p ln(1 + d)| is below
+/// 16 and 1 + d is between 1/100 and 100, and increases slowly outside.
 #[inline(always)]
 pub fn power_minus_one<V: Value>(d: V, exponent: f64) -> V {
     exponential_minus_one(d.constant(exponent) * logarithm_of_one_plus(d))
 }
 
-/// Where |d| is smaller, ln(1 + d) takes no root.
+/// For smaller |d|, ln(1 + d) needs no root.
 const NEAR_ONE: f64 = 0.25;
-/// Where |z| is smaller, exp z takes no square.
+/// For smaller |z|, exp z needs no square.
 const NEAR_ZERO: f64 = 0.4;
 
-/// ln(1 + d). With y = (1 + d)^(1/n), ln(1 + d) = 2n artanh((y − 1)/(y + 1)), where n is 16, or 1 if all lanes are near 1; y − 1 is d over
-/// the other factors of yⁿ − 1: nothing cancels.
+/// Returns ln(1 + d). With y = (1 + d)^(1/n), ln(1 + d) = 2n artanh((y − 1)/(y + 1)), where n is 16, or 1 if all lanes
+/// are near 1; y − 1 is d over the other factors of yⁿ − 1, without cancellation.
 #[inline(always)]
 pub fn logarithm_of_one_plus<V: Value>(d: V) -> V {
     let one = d.constant(1.0);
@@ -42,7 +42,7 @@ pub fn logarithm_of_one_plus<V: Value>(d: V) -> V {
         let factors = (half + one) * (quarter + one) * ((eighth + one) * (next * next));
         (d * factors.recip(), 32.0)
     };
-    // Two interleaved chains wait half as long for each other.
+    // Two interleaved chains halve the latency.
     let square = t * t;
     let fourth = square * square;
     let (mut sum, mut other) = if V::SINGLE {
@@ -61,7 +61,7 @@ pub fn logarithm_of_one_plus<V: Value>(d: V) -> V {
     one.constant(twice) * t * sum
 }
 
-/// exp z − 1: the series at z/32, squared five times in the form e ← e(e + 2), or at z if all lanes are near 0.
+/// Returns exp z − 1: the series at z/32, squared five times in the form e ← e(e + 2), or at z if all lanes are near 0.
 #[inline(always)]
 pub fn exponential_minus_one<V: Value>(z: V) -> V {
     if is_within(z, NEAR_ZERO) {
@@ -74,7 +74,7 @@ pub fn exponential_minus_one<V: Value>(z: V) -> V {
     e
 }
 
-/// exp z − 1 for |z| up to 0.4.
+/// Returns exp z − 1 for |z| up to 0.4.
 #[inline(always)]
 fn short_exponential<V: Value>(z: V) -> V {
     let factor = |n: usize| z.constant(INVERSE_FACTORIALS[n]);
@@ -90,7 +90,7 @@ fn short_exponential<V: Value>(z: V) -> V {
     z * odd.madd(z, even)
 }
 
-/// Whether all lanes lie between ∓`limit`.
+/// Returns whether all lanes are between ∓`limit`.
 #[inline(always)]
 fn is_within<V: Value>(x: V, limit: f64) -> bool {
     !x.madd(x, x.constant(-limit * limit)).any_positive()

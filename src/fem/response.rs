@@ -1,8 +1,8 @@
-//! The linear response of a membrane to a pattern, and chord steps from there: what a surrogate has to beat.
+//! The linear response of a membrane to a pattern, with chord steps: the baseline for surrogates.
 //!
-//! The membrane is linearised once, about rest with every cell half active, so one operator serves all patterns. Its
-//! solution misses the non-linear one by a few per cent; each chord step, one more solve with the same operator, takes
-//! about a tenth of what is missing. What comes of it is no equilibrium, and nothing is known of its stability.
+//! The membrane is linearised once, about rest with every cell half active, so one operator serves all patterns. The
+//! error of the linear response is a few per cent; each chord step, one more solution with the same operator, reduces
+//! it to about a tenth. The result is not an equilibrium, and its stability is unknown.
 
 use rayon::prelude::*;
 
@@ -19,14 +19,14 @@ use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 use super::solver::checked;
 
-/// Relative residual to which a linear system is solved, in two or three iterations: the error of an estimate is then
-/// within 1 % of what exact solutions would leave.
+/// Relative residual of a linear solution, reached in two or three iterations: the error of an estimate is then within
+/// 1 % of that with exact solutions.
 pub(super) const INNER: f64 = 3e-3;
 
-/// Relative residual to which the response to one cell is solved: a sum over all cells is then exact to single precision.
+/// Relative residual of the response to one cell: a sum over all cells is then exact in single precision.
 const EXACT: f64 = 1e-9;
 
-/// A margin that rounding to single precision cannot have caused.
+/// A margin larger than rounding in single precision.
 const CLEAR: f64 = 1e-3;
 
 /// Predicts displacements by the linearised membrane.
@@ -38,15 +38,16 @@ pub struct LinearResponse {
 }
 
 impl LinearResponse {
-    /// The response of a scene on a mesh.
+    /// Computes the response of a scene on a mesh.
     ///
     /// # Errors
-    /// When the mesh is out of range, or when the half-active membrane is not stable at the scene's voltage.
+    /// If the mesh is out of range, or the half-active membrane is unstable at the voltage of the scene.
     pub fn new(scene: &Scene, mesh: Mesh) -> Result<Self, SetupError> {
         Self::slowed(scene, 0.0, mesh)
     }
 
-    /// The same with branches that have no time to relax, of a modulus in units of μλp².
+    /// Like [`LinearResponse::new`], with viscoelastic branches that have no time to relax, of a modulus in units of
+    /// μλp².
     ///
     /// # Errors
     /// As [`LinearResponse::new`].
@@ -66,8 +67,8 @@ impl LinearResponse {
         }
     }
 
-    /// The estimate of each pattern after so many chord steps beyond the linear response, in order. The outcome is
-    /// [`Outcome::Estimated`], or [`Outcome::NoEstimate`] where the steps lead nowhere.
+    /// Estimates each pattern with this number of chord steps after the linear response, in order. The outcome is
+    /// [`Outcome::Estimated`], or [`Outcome::NoEstimate`] if the steps fail.
     #[must_use]
     pub fn simulate(&self, patterns: &[Pattern], chord_steps: u32) -> Vec<Simulation> {
         let workspace = || (self.rest.clone(), Workspace::new(self.rest.len(), &self.laplacian));
@@ -87,16 +88,16 @@ impl LinearResponse {
             .collect()
     }
 
-    /// The fields alone; `None` where the steps lead nowhere.
+    /// Returns only the fields; `None` if the steps fail.
     #[must_use]
     pub fn predict(&self, patterns: &[Pattern], chord_steps: u32) -> Vec<Option<Field>> {
         let results = self.simulate(patterns, chord_steps).into_iter();
         results.map(|result| result.field).collect()
     }
 
-    /// The linear responses to single cells (column, row), each the only active one: the response to a pattern is the sum
-    /// over its active cells, because at rest the forces are linear in the activity. Fringe fields are left out, which
-    /// reach into neighbouring cells; `None` where the linear system cannot be solved.
+    /// Returns the linear responses to single active cells (column, row): the response to a pattern is the sum over its
+    /// active cells, because at rest the forces are linear in the activity. Fringe fields are left out, because they
+    /// reach into neighbouring cells; `None` if the linear system cannot be solved.
     #[must_use]
     pub fn to_cells(&self, cells: &[(usize, usize)]) -> Option<Vec<Field>> {
         let workspace = || Workspace::new(self.rest.len(), &self.laplacian);
@@ -107,15 +108,17 @@ impl LinearResponse {
         fields.collect()
     }
 
-    /// The linear response to the loads of bodies, without electrodes, which adds to that; `None` where the linear system cannot be solved.
+    /// Returns the linear response to the forces on bodies, to be added to that of the electrodes; `None` if the linear
+    /// system cannot be solved.
     #[must_use]
     pub fn to_loads(&self) -> Option<Field> {
         let workspace = &mut Workspace::new(self.rest.len(), &self.laplacian);
         self.to_activity(|_, _| 0.0, 1.0, workspace)
     }
 
-    /// Functionals Σ weights · u over the cell corners, u in mm: what the loads of bodies make each without electrodes, and its derivative by
-    /// the activity of each cell, `[y][x]`, in this response. `None` where a linear system cannot be solved.
+    /// For functionals Σ weights · u over the cell corners, with u in mm, returns the value without electrodes under
+    /// the forces on bodies, and the derivative with respect to the activity of each cell, `[y][x]`. `None` if a linear
+    /// system cannot be solved.
     #[must_use]
     pub fn of_functionals(&self, weights: &[Field]) -> Option<Vec<WithGradient<f64>>> {
         let loaded = self.to_loads()?;
@@ -166,21 +169,13 @@ impl LinearResponse {
             },
         }
     }
-
-    fn operator<'a, L>(&self, material: &'a L, activity: &'a Activity) -> Operator<'a, L> {
-        Operator {
-            material,
-            activity,
-            pulled: 1.0,
-        }
-    }
 }
 
-/// The linear response and so many chord steps from there, as a simulator of its own.
+/// The linear response with chord steps, as a simulator.
 pub struct Estimator {
     /// The linear response.
     pub response: LinearResponse,
-    /// Steps beyond it.
+    /// Number of chord steps after it.
     pub chord_steps: u32,
 }
 
@@ -190,7 +185,7 @@ impl Simulator for Estimator {
     }
 }
 
-/// The smallest ellipticity margin of the half-active membrane at rest.
+/// Computes the smallest margin of ellipticity of the half-active membrane at rest.
 struct Ellipticity<'a>(&'a LinearResponse);
 
 impl WithMaterial for Ellipticity<'_> {
@@ -198,14 +193,12 @@ impl WithMaterial for Ellipticity<'_> {
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> f64 {
         let response = self.0;
-        let margins = response
-            .operator(&material(1.0), &response.half_active)
-            .margins(&response.rest);
+        let margins = Operator::new(&material(1.0), &response.half_active).margins(&response.rest);
         margins.ellipticity
     }
 }
 
-/// The linear response of a pattern and chord steps from there.
+/// Computes the linear response of a pattern and chord steps.
 struct Steps<'a> {
     response: &'a LinearResponse,
     activity: &'a Activity,
@@ -214,7 +207,7 @@ struct Steps<'a> {
     workspace: &'a mut Workspace,
 }
 
-/// Where the steps led.
+/// The result of the steps.
 struct Estimate {
     steps: u32,
     residual: f64,
@@ -229,8 +222,8 @@ impl WithMaterial for Steps<'_> {
             response, u, workspace, ..
         } = self;
         let material = material(1.0);
-        let actual = response.operator(&material, self.activity);
-        let linear = response.operator(&material, &response.half_active);
+        let actual = Operator::new(&material, self.activity);
+        let linear = Operator::new(&material, &response.half_active);
         u.fill(0.0);
         let ended = newton::chord(
             [&actual, &linear],
@@ -245,7 +238,7 @@ impl WithMaterial for Steps<'_> {
             workspace,
         );
         let (Ok(progress) | Err((_, progress))) = ended;
-        // What is farther from balance than the membrane at rest is worse than no estimate; so is NaN.
+        // A state with a larger residual than at rest, or NaN, is worse than no estimate.
         let nearer = progress.residual < 1.0;
         let elliptic = actual.margins(workspace.single(u)).ellipticity > CLEAR || actual.margins(u).ellipticity > 0.0;
         Estimate {
@@ -256,11 +249,11 @@ impl WithMaterial for Steps<'_> {
     }
 }
 
-/// The linear response to an activity, solved exactly.
+/// Computes the linear response to an activity exactly.
 struct ToActivity<'a> {
     response: &'a LinearResponse,
     activity: &'a Activity,
-    /// The share of the loads of bodies.
+    /// Share of the forces on bodies.
     pulled: f64,
     workspace: &'a mut Workspace,
 }
@@ -274,11 +267,11 @@ impl WithMaterial for ToActivity<'_> {
         let mut load = vec![0.0; response.rest.len()];
         let pulled = Operator {
             pulled: self.pulled,
-            ..response.operator(&material, self.activity)
+            ..Operator::new(&material, self.activity)
         };
         pulled.residual(&response.rest, &mut load);
         load.iter_mut().for_each(|force| *force = -*force);
-        let linear = response.operator(&material, &response.half_active);
+        let linear = Operator::new(&material, &response.half_active);
         let solution = newton::solve_tangent(
             &linear,
             &response.laplacian,
@@ -300,8 +293,8 @@ mod tests {
 
     #[test]
     fn chord_steps_approach_the_solution_from_a_few_per_cent() {
-        // Component RMSE at κ = 0.0221, measured with a numpy prototype: linear 0.006 mm and one chord step 0.0006 mm for
-        // random small grids, 0.024 and 0.0029 mm for a 4 × 4 grid.
+        // Component RMSE at κ = 0.0221, measured with a numpy prototype: linear 0.006 mm and one chord step 0.0006 mm
+        // for random small grids, 0.024 and 0.0029 mm for a 4 × 4 grid.
         let scene = Scene::vhb4910().at_voltage(5250.0 * (0.0221_f64 / 0.025489).sqrt());
         let options = SolveOptions::default();
         let mut stream = Stream::new(2, "response test", 0);

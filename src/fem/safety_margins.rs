@@ -1,4 +1,4 @@
-//! Margins from pull-in and breakdown, which take a simulation to know.
+//! Margins from pull-in and breakdown, computed by simulation.
 
 use rayon::prelude::*;
 
@@ -8,20 +8,20 @@ use deaflow_field::{Feasibility, Mesh, PredictError, Simulator};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
-/// Says which patterns keep their margins.
+/// Checks the margins of patterns.
 pub struct SafetyMargins {
-    /// At the voltage times the margin, which every pattern must keep whatever the mesh.
+    /// Search at the voltage times the margin, at which every pattern must be stable on any mesh.
     pull_in: Option<CriticalSearch>,
-    /// With the field compared with the breakdown strength, and the largest ratio allowed.
+    /// Solver for the breakdown ratio, and the largest allowed ratio.
     breakdown: Option<(MembraneSolver, f64)>,
 }
 
 impl SafetyMargins {
-    /// For a scene whose effects are decided: pull-in and breakdown must be at least these many times away, each where it is
-    /// given. `None` where neither is.
+    /// Creates the check for a scene with decided effects: voltages of pull-in and breakdown must be at least these
+    /// multiples of the voltage, if given. `None` without any.
     ///
     /// # Errors
-    /// When the scene cannot be simulated.
+    /// If the scene cannot be simulated.
     pub fn new(scene: &Scene, pull_in: Option<f64>, breakdown: Option<f64>) -> Result<Option<Self>, SetupError> {
         let options = SolveOptions::on(Mesh::biquadratic(1));
         let pull_in = pull_in.map(|margin| {
@@ -48,7 +48,10 @@ impl Feasibility for SafetyMargins {
     fn feasible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
         let mut verdicts = vec![true; patterns.len()];
         if let Some(search) = &self.pull_in {
-            verdicts = patterns.par_iter().map(|pattern| search.keeps(pattern)).collect();
+            verdicts = patterns
+                .par_iter()
+                .map(|pattern| search.is_certainly_stable(pattern))
+                .collect();
         }
         if let Some((solver, most)) = &self.breakdown {
             for (verdict, result) in verdicts.iter_mut().zip(solver.simulate(patterns)) {

@@ -1,21 +1,21 @@
-//! The prestretched sheet that elements divide.
+//! The prestretched sheet before its division into elements.
 
 use std::sync::Arc;
 
 use deaflow_pattern::{Membrane, Parts, Raster};
 use deaflow_scene::Scene;
 
-/// What pulls a rigid body.
+/// Forces on a rigid body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mount {
-    /// The force on its centroid over μH, along x and y in mm.
+    /// Force on its centroid over μH, along x and y in mm.
     pub load: [f64; 2],
-    /// The stiffness of a spring that draws the centroid back, over μH.
+    /// Stiffness of a spring on its centroid over μH.
     pub spring: f64,
 }
 
 impl Mount {
-    /// The same in units of a length in mm, to which forces over μH are in proportion.
+    /// Converts the force over μH from mm to a unit of length.
     #[must_use]
     pub fn in_units(self, unit_mm: f64) -> Self {
         Self {
@@ -25,20 +25,20 @@ impl Mount {
     }
 }
 
-/// A rectangle with its cells, prestretched along its sides.
+/// A prestretched rectangle of cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sheet {
-    /// Its cells and sides.
+    /// Cells and sides.
     pub membrane: Membrane,
     /// λ₁ along x and λ₂ along y.
     pub prestretch: [f64; 2],
-    /// What its cells are; nothing where all of them are membrane.
+    /// Parts of the sheet; `None` if all cells are membrane.
     pub parts: Option<Arc<Parts>>,
-    /// What pulls each body.
+    /// Forces on each body.
     pub mounts: Vec<Mount>,
 }
 
-/// What pulls the bodies of a scene: forces in N over μH in N/m are lengths in m.
+/// Returns the forces on the bodies of a scene: N over μH in N/m is a length in m.
 fn mounts(scene: &Scene) -> Vec<Mount> {
     let stiffness = scene.shear_modulus_pa() * scene.thickness_mm() * 1e-3;
     let bodies = scene.geometry.bodies.iter().flatten().map(|body| Mount {
@@ -49,7 +49,7 @@ fn mounts(scene: &Scene) -> Vec<Mount> {
 }
 
 impl Sheet {
-    /// That of a scene.
+    /// Returns the sheet of a scene.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
         Self {
@@ -60,13 +60,13 @@ impl Sheet {
         }
     }
 
-    /// Its cells.
+    /// Returns its raster.
     #[must_use]
     pub fn raster(&self) -> Raster {
         self.membrane.raster
     }
 
-    /// D = diag(λ₁, λ₂)/√(λ₁λ₂), the identity where both are equal.
+    /// Returns D = diag(λ₁, λ₂)/√(λ₁λ₂), the identity for equal prestretch.
     #[must_use]
     pub fn distortion(&self) -> [f64; 2] {
         let [along, across] = self.prestretch;
@@ -77,7 +77,7 @@ impl Sheet {
 
 #[cfg(test)]
 impl Sheet {
-    /// That of the source paper.
+    /// The sheet of the source paper.
     pub fn paper() -> Self {
         Self {
             membrane: Membrane::square(50.0),

@@ -1,4 +1,4 @@
-//! The simulators of one scene, each set up once.
+//! The simulators of one scene, each created once.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -22,17 +22,17 @@ pub struct SceneSimulators {
     scene: Scene,
     method: Method,
     tolerance: f64,
-    /// What is asked of a history, where the displacement is that at its end.
+    /// The request of a history whose last displacement is the result.
     history: Option<HistoryRequest>,
     ready: Mutex<BTreeMap<SimulatorKind, SharedSimulator>>,
 }
 
 impl SceneSimulators {
-    /// For a scene, and the method and tolerance of labels. Effects that the scene leaves open are those of the screening,
-    /// whatever a dataset says of them. Those that leave the displacement alone are not simulated.
+    /// Creates simulators for a scene, with the method and tolerance of labels. Screening decides effects that the
+    /// scene leaves open. Effects that do not change the displacement are left out.
     ///
     /// # Errors
-    /// When the effects cannot be simulated.
+    /// If the effects cannot be simulated.
     pub fn new(scene: &Scene, method: Method, tolerance: f64) -> Result<Self, SetupError> {
         let scene = resolve(scene)?;
         let effects = Effects {
@@ -49,7 +49,7 @@ impl SceneSimulators {
         })
     }
 
-    /// The same through the time of the drive, where a solver went through it.
+    /// Simulates the drive in time if `solver` does.
     #[must_use]
     pub fn through(self, solver: &SolverParameters) -> Self {
         Self {
@@ -94,11 +94,11 @@ impl Simulators for SceneSimulators {
 }
 
 impl Simulator for HistorySolver {
-    /// The states at the end.
+    /// Returns the states at the end.
     fn simulate(&self, patterns: &[Pattern]) -> Vec<Simulation> {
         let each = patterns.par_iter().map(|pattern| match self.displace(pattern) {
             Ok(found) => last_state(&found).simulation,
-            // A drive of too many steps, which no solver went through either.
+            // A drive with too many steps, which no other solver simulates either.
             Err(_) => Simulation {
                 outcome: Outcome::WorkLimit,
                 field: None,

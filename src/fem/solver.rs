@@ -1,4 +1,4 @@
-//! The simulator that the rest of the program uses: a scene and a mesh, ready for any number of patterns.
+//! The finite-element solver of a scene on one mesh, for any number of patterns.
 
 use rayon::prelude::*;
 
@@ -21,7 +21,7 @@ use super::precondition::Laplacian;
 use super::sheet::Sheet;
 use super::work::WorkLimit;
 
-/// Mesh and tolerance of a solve.
+/// Mesh and tolerance of a solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveOptions {
     /// The mesh, with 1 to 8 elements along the side of a cell.
@@ -40,7 +40,7 @@ impl Default for SolveOptions {
 }
 
 impl SolveOptions {
-    /// A mesh, with the usual tolerance.
+    /// A mesh with the default tolerance.
     #[must_use]
     pub fn on(mesh: Mesh) -> Self {
         Self {
@@ -50,7 +50,7 @@ impl SolveOptions {
     }
 }
 
-/// A mesh that is in range.
+/// Checks the range of elements per cell.
 pub(super) fn checked(mesh: Mesh) -> Result<Mesh, SetupError> {
     if mesh.is_solvable() {
         Ok(mesh)
@@ -64,22 +64,22 @@ pub(super) fn checked(mesh: Mesh) -> Result<Mesh, SetupError> {
 /// A solution with the resolution of the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshSolution {
-    /// How it ended.
+    /// Outcome.
     pub outcome: Outcome,
-    /// The highest voltage in V at which a stable equilibrium was found; 0 is rest.
+    /// The highest voltage in V with a stable equilibrium; 0 is rest.
     pub last_stable: f64,
-    /// Nodal displacements in units of [`Grid::unit_mm`], laid out as [`Grid::layout`] says; those of the last stable state where the outcome is
-    /// not converged.
+    /// Nodal displacements in units of [`Grid::unit_mm`], in the order of [`Grid::layout`]; those of the last stable
+    /// state if the outcome is not converged.
     pub displacement: Vec<f64>,
     /// Newton steps over all load steps.
     pub newton_iterations: u32,
-    /// Conjugate-gradient iterations within them.
+    /// Conjugate-gradient iterations in these steps.
     pub krylov_iterations: u32,
     /// Work in the units of [`WorkLimit`].
     pub work: u64,
     /// Relative residual at the end.
     pub residual: f64,
-    /// Where the drive is a charge, what that makes.
+    /// Voltages and charges, if the drive is a charge.
     pub charged: Option<Charged>,
 }
 
@@ -88,7 +88,7 @@ pub struct MembraneSolver {
     pub(super) scene: Scene,
     pub(super) model: Model,
     mesh: Mesh,
-    /// The elements of solutions: up to two more along a cell than was asked for.
+    /// The grid of the solutions, which a fringe field refines by up to two elements along a cell.
     pub(super) grid: Grid,
     pub(super) tolerance: f64,
     pub(super) laplacian: Laplacian,
@@ -96,15 +96,15 @@ pub struct MembraneSolver {
 }
 
 impl MembraneSolver {
-    /// A solver for a scene.
+    /// Creates a solver for a scene.
     ///
     /// # Errors
-    /// When an option is out of range.
+    /// If an option is out of range.
     pub fn new(scene: &Scene, options: SolveOptions) -> Result<Self, SetupError> {
         Self::of_model(scene, Model::new(scene)?, options)
     }
 
-    /// A solver for a scene with branches that have no time to relax, of a modulus in units of μλp².
+    /// Creates a solver with viscoelastic branches that have no time to relax, of a modulus in units of μλp².
     ///
     /// # Errors
     /// As [`MembraneSolver::new`].
@@ -112,8 +112,8 @@ impl MembraneSolver {
         Self::of_model(scene, Model::new(scene)?.slowed(slowness), options)
     }
 
-    /// A solver on elements of another solver for the scene with a fringe field, so that solutions with it and without it differ by nothing
-    /// else.
+    /// Creates a solver on the grid of another solver, so that solutions with and without a fringe field have the same
+    /// elements.
     ///
     /// # Errors
     /// As [`MembraneSolver::new`].
@@ -121,7 +121,7 @@ impl MembraneSolver {
         Self::of_grid(scene, Model::new(scene)?, options.mesh, grid, options.tolerance)
     }
 
-    /// A solver for a scene whose elastomer stiffens by a law that the scene does not know, in place of its own.
+    /// Creates a solver with a custom stiffening law instead of that of the scene.
     ///
     /// # Errors
     /// As [`MembraneSolver::new`].
@@ -152,58 +152,58 @@ impl MembraneSolver {
         Ok(solver.within(limit))
     }
 
-    /// The same with another limit of work for each pattern. Where a fringe field adds elements, it is divided by the root of the
-    /// ratio of unknowns: an iteration takes longer, and as many are needed.
+    /// Sets the work limit of each pattern. If a fringe field adds elements, the limit is divided by the root of the
+    /// ratio of unknowns, because each iteration takes longer.
     #[must_use]
     pub fn within(self, limit: WorkLimit) -> Self {
         let limit = self.scaled(limit);
         self.within_iterations(limit)
     }
 
-    /// A limit of work on the elements that there are.
+    /// Scales a work limit to the grid of the solutions.
     pub(super) fn scaled(&self, limit: WorkLimit) -> WorkLimit {
         let asked = Grid::uniform(self.mesh, &Sheet::of(&self.scene));
         let [asked, all] = [&asked, &self.grid].map(|grid| grid.layout().vector_len() as f64);
         limit.part((asked / all).sqrt())
     }
 
-    /// The same with a limit of work on the elements that there are.
+    /// Sets a work limit that is already scaled to the grid of the solutions.
     #[must_use]
     pub(super) fn within_iterations(self, limit: WorkLimit) -> Self {
         Self { limit, ..self }
     }
 
-    /// The mesh that was asked for. With a fringe field solutions have up to two elements more along a cell.
+    /// Returns the requested mesh. With a fringe field, solutions have up to two more elements along a cell.
     #[must_use]
     pub fn mesh(&self) -> Mesh {
         self.mesh
     }
 
-    /// The elements of solutions.
+    /// Returns the grid of the solutions.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// Simulates one pattern and keeps the whole nodal solution.
+    /// Simulates one pattern and returns the nodal solution.
     #[must_use]
     pub fn solve(&self, pattern: &Pattern) -> MeshSolution {
-        self.solve_in(pattern, &mut self.room(self.limit)).0
+        self.solve_in(pattern, &mut self.scratch(self.limit)).0
     }
 
-    /// The same with a limit of work of its own, as [`MembraneSolver::within`] takes it.
+    /// Like [`Self::solve`], with its own work limit as in [`MembraneSolver::within`].
     #[must_use]
     pub fn solve_within(&self, pattern: &Pattern, limit: WorkLimit) -> MeshSolution {
-        self.solve_in(pattern, &mut self.room(self.scaled(limit))).0
+        self.solve_in(pattern, &mut self.scratch(self.scaled(limit))).0
     }
 
-    /// The displacement of a solution at the cell corners, in mm.
+    /// Returns the displacement of a solution at the cell corners, in mm.
     #[must_use]
     pub fn field(&self, solution: &MeshSolution) -> Field {
         self.grid.sample(&solution.displacement)
     }
 
-    /// What [`Simulator::simulate`] keeps of a solution of this pattern.
+    /// Converts a solution of this pattern to the result of [`Simulator::simulate`].
     #[must_use]
     pub fn simulation(&self, pattern: &Pattern, solution: &MeshSolution) -> Simulation {
         let converged = solution.outcome.is_converged();
@@ -227,37 +227,37 @@ impl MembraneSolver {
         }
     }
 
-    /// The displacement at the cell corners, in mm, of patterns that differ little from that of a solution: equilibria next to it, to
-    /// [`NEAR`] of the residual at rest. Whether they are stable is not asked; `None` where there is none.
+    /// Returns the displacements at the cell corners, in mm, of patterns that differ little from that of a solution:
+    /// equilibria near it with a residual of [`NEAR`] times that at rest. Their stability is not checked; `None` if
+    /// there is none.
     #[must_use]
     pub(super) fn fields_near(&self, solution: &MeshSolution, patterns: &[Pattern]) -> Vec<Option<Field>> {
-        // A charge is held by a search for its voltage, from rest.
+        // A prescribed charge needs a search for its voltage, from rest.
         if !solution.outcome.is_converged() || self.scene.drive.charge.is_some() {
             return self.simulate(patterns).into_iter().map(|found| found.field).collect();
         }
-        let room = || {
-            let room = self.room(self.limit);
-            Room {
-                workspace: room.workspace.near(),
-                ..room
+        let scratch = || {
+            let scratch = self.scratch(self.limit);
+            Scratch {
+                workspace: scratch.workspace.near(),
+                ..scratch
             }
         };
-        let near = |room: &mut Room, pattern: &Pattern| {
-            room.displacement.copy_from_slice(&solution.displacement);
-            let found = self.model.with(Near {
+        let near = |scratch: &mut Scratch, pattern: &Pattern| {
+            scratch.displacement.copy_from_slice(&solution.displacement);
+            let found = self.model.with(SolveNear {
                 solver: self,
                 activity: &self.model.activity(&self.grid, pattern),
-                room,
+                scratch,
             });
-            found.then(|| self.grid.sample(&room.displacement))
+            found.then(|| self.grid.sample(&scratch.displacement))
         };
-        patterns.par_iter().map_init(room, near).collect()
+        patterns.par_iter().map_init(scratch, near).collect()
     }
 
-    /// The gradient of J = Σ weights · u, with u in mm at the cell corners, with respect to the activity of each cell,
-    /// `[y][x]`, at a solution of [`MembraneSolver::solve`]. It is that of letting the activity of a cell vary
-    /// between 0 and 1. `None` when the solution is not a converged one, and
-    /// with wrinkling, a fringe field or a charge in place of a voltage, where the energy is not linear in the activity of a cell.
+    /// Returns the gradient of J = Σ weights · u, with u in mm at the cell corners, with respect to the activity of
+    /// each cell, `[y][x]`, which varies between 0 and 1. `None` if the solution is not converged, or if the energy is
+    /// not linear in the activity: with wrinkling, a fringe field or a prescribed charge.
     #[must_use]
     pub fn gradient(&self, pattern: &Pattern, solution: &MeshSolution, weights: &Field) -> Option<Vec<f64>> {
         let is_charged = self.scene.drive.charge.is_some();
@@ -273,73 +273,74 @@ impl MembraneSolver {
         })
     }
 
-    /// The state of each cell, `[y][x]`, in a solution of this pattern.
+    /// Returns the state of each cell, `[y][x]`, in a solution of this pattern.
     #[must_use]
     pub fn cell_states(&self, pattern: &Pattern, solution: &MeshSolution) -> Vec<CellState> {
         states(&self.scene, &self.model, &self.grid, pattern, &solution.displacement)
     }
 
-    /// The least favourable states of the cells in a solution of this pattern.
+    /// Returns the extreme states of the cells in a solution of this pattern.
     #[must_use]
     pub fn survey(&self, pattern: &Pattern, solution: &MeshSolution) -> Survey {
         Survey::of(&self.cell_states(pattern, solution), self.scene.shear_modulus_pa())
     }
 
-    /// Simulates one pattern, and says whether the stability of the result is beyond doubt: a pointwise condition that is
-    /// sufficient holds everywhere. It stops to hold well before stability is lost.
-    pub(super) fn simulate_surely(&self, pattern: &Pattern) -> (Simulation, bool) {
-        self.simulate_roughly(pattern, self.tolerance)
+    /// Simulates one pattern, and returns whether a sufficient pointwise condition proves the stability of the result.
+    /// It fails well before stability is lost.
+    pub(super) fn simulate_with_proof(&self, pattern: &Pattern) -> (Simulation, bool) {
+        self.simulate_to(pattern, self.tolerance)
     }
 
-    /// The same to another relative residual.
-    pub(super) fn simulate_roughly(&self, pattern: &Pattern, tolerance: f64) -> (Simulation, bool) {
-        let (solution, sure) = self.solve_to(tolerance, pattern, &mut self.room(self.limit));
-        (self.simulation(pattern, &solution), sure)
+    /// Like [`Self::simulate_with_proof`], with another relative residual.
+    pub(super) fn simulate_to(&self, pattern: &Pattern, tolerance: f64) -> (Simulation, bool) {
+        let (solution, proven) = self.solve_to(tolerance, pattern, &mut self.scratch(self.limit));
+        (self.simulation(pattern, &solution), proven)
     }
 
-    /// Room for iterations.
+    /// Creates the vectors of an iteration.
     pub(super) fn workspace(&self) -> Workspace {
-        self.room(self.limit).workspace
+        self.scratch(self.limit).workspace
     }
 
-    fn room(&self, limit: WorkLimit) -> Room {
+    fn scratch(&self, limit: WorkLimit) -> Scratch {
         let len = self.grid.layout().vector_len();
         let mut workspace = Workspace::new(len, &self.laplacian);
         workspace.begin(limit);
-        Room {
+        Scratch {
             displacement: vec![0.0; len],
             workspace,
         }
     }
 
-    /// Loads a pattern, and says whether the stability of the result is beyond doubt. The displacement is taken out of the room.
-    fn solve_in(&self, pattern: &Pattern, room: &mut Room) -> (MeshSolution, bool) {
-        self.solve_to(self.tolerance, pattern, room)
+    /// Solves a pattern, and returns whether a pointwise condition proves its stability. Takes the displacement out of
+    /// `scratch`.
+    fn solve_in(&self, pattern: &Pattern, scratch: &mut Scratch) -> (MeshSolution, bool) {
+        self.solve_to(self.tolerance, pattern, scratch)
     }
 
-    /// The same to another relative residual.
-    fn solve_to(&self, tolerance: f64, pattern: &Pattern, room: &mut Room) -> (MeshSolution, bool) {
-        let before = room.workspace.krylov_iterations();
+    /// Like [`Self::solve_in`], with another relative residual.
+    fn solve_to(&self, tolerance: f64, pattern: &Pattern, scratch: &mut Scratch) -> (MeshSolution, bool) {
+        let before = scratch.workspace.krylov_iterations();
         let ChargedLoading { loading, charged } = self.model.with(Load {
             solver: self,
             tolerance,
             activity: &self.model.activity(&self.grid, pattern),
-            room,
+            scratch,
         });
         let solution = MeshSolution {
             outcome: self.outcome(loading.ending),
             last_stable: loading.ending.stable().sqrt() * self.scene.voltage_v(),
-            displacement: std::mem::take(&mut room.displacement),
+            displacement: std::mem::take(&mut scratch.displacement),
             newton_iterations: loading.steps,
-            krylov_iterations: room.workspace.krylov_iterations() - before,
-            work: room.workspace.work(),
+            krylov_iterations: scratch.workspace.krylov_iterations() - before,
+            work: scratch.workspace.work(),
             residual: loading.residual,
             charged,
         };
         (solution, loading.pointwise)
     }
 
-    /// The equilibrium of an activity under a law, as continuation and paths take it.
+    /// Returns the equilibrium problem of an activity, for load stepping and paths.
     pub(super) fn problem<'a, F>(&'a self, activity: &'a Activity, material: F) -> Problem<'a, F> {
         Problem {
             activity,
@@ -349,7 +350,7 @@ impl MembraneSolver {
         }
     }
 
-    /// How a loading ended, in volts.
+    /// Converts the end of a loading to an outcome in volts.
     pub(super) fn outcome(&self, ending: LoadingEnd) -> Outcome {
         match ending {
             LoadingEnd::Stable => Outcome::Converged,
@@ -380,7 +381,7 @@ impl MembraneSolver {
         }
     }
 
-    /// What the effects of the scene say beside the displacement.
+    /// Returns results of effects beside the displacement.
     fn observe(&self, pattern: &Pattern, solution: &MeshSolution) -> Observation {
         let effects = &self.scene.effects;
         let mut observation = Observation {
@@ -406,12 +407,12 @@ impl MembraneSolver {
     }
 }
 
-/// Loading a pattern.
+/// Loads a pattern.
 struct Load<'a> {
     solver: &'a MembraneSolver,
     tolerance: f64,
     activity: &'a Activity,
-    room: &'a mut Room,
+    scratch: &'a mut Scratch,
 }
 
 impl WithMaterial for Load<'_> {
@@ -422,10 +423,10 @@ impl WithMaterial for Load<'_> {
             tolerance: self.tolerance,
             ..self.solver.problem(self.activity, material)
         };
-        let Room {
+        let Scratch {
             displacement: u,
             workspace,
-        } = self.room;
+        } = self.scratch;
         let Some(charge) = &self.solver.scene.drive.charge else {
             return ChargedLoading {
                 loading: problem.load(u, workspace),
@@ -441,36 +442,33 @@ impl WithMaterial for Load<'_> {
     }
 }
 
-/// The relative residual at which equilibria next to a known one are found: a hundred thousandth of what a cell changes, or less.
+/// Relative residual of equilibria near a known one: at most 1e-5 of the change by a single cell.
 const NEAR: f64 = 1e-7;
 
-/// From where the room is to the equilibrium of an activity next to it; whether there is one.
-struct Near<'a> {
+/// Finds an equilibrium near the displacement of `scratch`; returns whether there is one.
+struct SolveNear<'a> {
     solver: &'a MembraneSolver,
     activity: &'a Activity,
-    room: &'a mut Room,
+    scratch: &'a mut Scratch,
 }
 
-impl WithMaterial for Near<'_> {
+impl WithMaterial for SolveNear<'_> {
     type Output = bool;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
-        let operator = Operator {
-            material: &material(1.0),
-            activity: self.activity,
-            pulled: 1.0,
-        };
-        let Room {
+        let material = material(1.0);
+        let operator = Operator::new(&material, self.activity);
+        let Scratch {
             displacement: u,
             workspace,
-        } = self.room;
+        } = self.scratch;
         workspace.begin_again();
         newton::solve(&operator, &self.solver.laplacian, NEAR, u, workspace).is_ok()
     }
 }
 
-/// What one thread needs to solve one pattern after another.
-struct Room {
+/// The vectors of one thread, reused for its patterns.
+struct Scratch {
     displacement: Vec<f64>,
     workspace: Workspace,
 }
@@ -480,11 +478,11 @@ impl Simulator for MembraneSolver {
         patterns
             .par_iter()
             .map_init(
-                || self.room(self.limit),
-                |room, pattern| {
-                    let (solution, _) = self.solve_in(pattern, room);
+                || self.scratch(self.limit),
+                |scratch, pattern| {
+                    let (solution, _) = self.solve_in(pattern, scratch);
                     let simulation = self.simulation(pattern, &solution);
-                    room.displacement = solution.displacement;
+                    scratch.displacement = solution.displacement;
                     simulation
                 },
             )

@@ -1,10 +1,10 @@
-//! Whether an equilibrium is one that a membrane can be found in.
+//! The stability of an equilibrium.
 //!
-//! Two things are asked. Strong ellipticity at every quadrature point: without it the solution depends on the mesh. And a
-//! positive definite tangent: without it the equilibrium is a saddle. The second is first tried pointwise, with a null
-//! Lagrangian added, which is sufficient and costs a sweep. Where that does not decide, conjugate gradients probe the
-//! tangent; and where these take too long, the matrix is factorised and its negative pivots are counted (Sylvester's law
-//! of inertia).
+//! Two conditions are checked: strong ellipticity at every quadrature point, without which the solution depends on the
+//! mesh, and a positive definite tangent, without which the equilibrium is a saddle. The second is first tried
+//! pointwise with an added null Lagrangian, which is sufficient and takes one pass over the points. If that does not
+//! decide, conjugate gradients probe the tangent; if these take too long, the matrix is factorised and its negative
+//! pivots are counted (Sylvester's law of inertia).
 
 use super::krylov::KrylovEnd;
 use super::material::Material;
@@ -12,35 +12,35 @@ use super::newton::{Workspace, probe};
 use super::operator::Operator;
 use super::precondition::Laplacian;
 
-/// What an equilibrium is.
+/// The stability of an equilibrium.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stability {
-    /// A minimum of the energy, elliptic everywhere.
+    /// A minimum of the energy, with ellipticity everywhere.
     Stable {
-        /// The pointwise condition shows it. That stops to hold well before stability is lost.
+        /// Whether the pointwise condition proves it. That condition fails well before stability is lost.
         pointwise: bool,
     },
     /// The tangent is not positive definite.
     Unstable,
-    /// Rank-one convexity is lost somewhere.
+    /// Rank-one convexity is lost at a point.
     NotElliptic,
-    /// A membrane that wrinkles has no tension left somewhere.
+    /// A membrane that can wrinkle has lost all tension at a point.
     Slack,
 }
 
-/// A margin that rounding to single precision cannot have caused.
+/// A margin larger than rounding in single precision.
 const CLEAR: f64 = 1e-3;
-/// A compression that rounding can cause in a membrane that has no tension to begin with.
+/// Compression below this is rounding in a membrane without tension.
 pub(super) const LOOSE: f64 = 1e-9;
 
-/// Judges the equilibrium `u`.
+/// Determines the stability of the equilibrium `u`.
 pub fn judge<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
     u: &[f64],
     workspace: &mut Workspace,
 ) -> Stability {
-    // Nearly always single precision is enough to see that all is well.
+    // Single precision usually suffices to prove stability.
     let quick = operator.margins(workspace.single(u));
     if quick.ellipticity > CLEAR && quick.convexity > CLEAR && quick.tension > CLEAR {
         return Stability::Stable { pointwise: true };
@@ -65,9 +65,9 @@ pub fn judge<L: Material>(
     }
 }
 
-/// Whether the energy is convex along the segment from the last stable state, the one at rest where there is none, to an
-/// equilibrium: then both lie in one basin, and the membrane goes from one to the other without a snap. It is looked at
-/// in three places between them.
+/// Returns whether the energy is convex along the segment from the last stable state, or from rest without one, to an
+/// equilibrium. Then both are in one basin, and the membrane moves between them without snapping. It is checked at
+/// three points.
 pub fn same_basin<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
@@ -99,8 +99,8 @@ mod tests {
 
     #[test]
     fn the_probe_agrees_with_the_inertia() {
-        // A half-active membrane held at rest is no equilibrium, but its tangent has an inertia: the null Lagrangian makes
-        // the membrane stable beyond the loss of pointwise convexity, up to some load.
+        // A half-active membrane held at rest is no equilibrium, but its tangent has an inertia. With the null
+        // Lagrangian the membrane stays stable beyond the loss of pointwise convexity, up to some load.
         let grid = Grid::paper(Mesh::new(1, Order::Bilinear));
         let laplacian = Laplacian::new(&grid).unwrap();
         let mut workspace = Workspace::new(grid.layout().vector_len(), &laplacian);
@@ -109,11 +109,7 @@ mod tests {
         let mut seen = [false, false];
         for step in 0..16 {
             let material = NeoHookean::of(1.0 / 729.0, 0.6 + 0.05 * f64::from(step));
-            let operator = Operator {
-                material: &material,
-                activity: &activity,
-                pulled: 1.0,
-            };
+            let operator = Operator::new(&material, &activity);
             let positive = Factorisation::new(&operator, &u).unwrap().negative_pivots() == 0;
             let expected = if positive {
                 KrylovEnd::Converged

@@ -1,4 +1,4 @@
-//! What a membrane stores, and the charge on its electrodes, at one time.
+//! The energy of a membrane and the charge on its electrodes, at one time.
 
 use crate::registers::dispatch;
 
@@ -9,21 +9,22 @@ use crate::operator::Activity;
 use deaflow_field::Order;
 use deaflow_scene::Scene;
 
-/// Sums over the membrane.
+/// Integrals over the membrane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Content {
-    /// Elastic energy of the equilibrium law, in J.
+    /// Elastic energy of the equilibrium law in J.
     pub elastic: f64,
-    /// Charge on all electrodes, in C.
+    /// Charge on all electrodes in C.
     pub charge: f64,
-    /// The charge of each group times its share of the voltage, in C: times the voltage it is twice the electric energy.
+    /// Sum over the groups of charge times share of the voltage, in C: times the voltage it is twice the electric
+    /// energy.
     pub driven: f64,
 }
 
-/// Units of sums.
+/// Units of integrals.
 #[derive(Clone, Copy, Debug)]
 pub struct Units {
-    /// Of energies, in J.
+    /// Unit of energy in J.
     pub energy: f64,
 }
 
@@ -38,7 +39,7 @@ impl Units {
     }
 }
 
-/// The integral of a number per area at each point, which stand in rows of elements, in these by the points of an element.
+/// Integrates a density given at each point, in rows of elements for each of their points.
 #[must_use]
 pub fn integral(activity: &Activity, at_points: &[f64]) -> f64 {
     let (grid, layout) = (activity.grid(), activity.grid().layout());
@@ -49,7 +50,7 @@ pub fn integral(activity: &Activity, at_points: &[f64]) -> f64 {
     })
 }
 
-/// The same of the sums over the elements of a row, times their widths, at each of their points in turn.
+/// Integrates, given the sum over the elements of a row, times their widths, for each of their points.
 #[must_use]
 pub fn integral_of_rows(activity: &Activity, sum: impl Fn(usize) -> f64) -> f64 {
     let grid = activity.grid();
@@ -63,7 +64,7 @@ pub fn integral_of_rows(activity: &Activity, sum: impl Fn(usize) -> f64) -> f64 
         .sum()
 }
 
-/// The sum of the logarithms of positive numbers that are neither tiny nor huge, one for several of them.
+/// Sums the logarithms of positive numbers that are neither tiny nor huge, with one logarithm for several of them.
 #[must_use]
 pub fn sum_of_logarithms(numbers: impl Iterator<Item = f64>) -> f64 {
     let (mut sum, mut product, mut count) = (0.0, 1.0_f64, 0_u8);
@@ -78,7 +79,7 @@ pub fn sum_of_logarithms(numbers: impl Iterator<Item = f64>) -> f64 {
     sum + product.ln()
 }
 
-/// The weights of the points of an element.
+/// Returns the weights of the points of an element.
 fn weights(order: Order) -> Vec<f64> {
     let of = |line: &[f64]| line.iter().flat_map(|y| line.iter().map(move |x| x * y)).collect();
     match order {
@@ -87,7 +88,7 @@ fn weights(order: Order) -> Vec<f64> {
     }
 }
 
-/// What is stored at a metric, under laws without voltage and with it, which is so many V.
+/// Computes the content at a metric, for the laws without and with voltage, given in V.
 #[must_use]
 pub fn content<L: Material>(
     [unloaded, loaded]: [&L; 2],

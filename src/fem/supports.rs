@@ -1,26 +1,26 @@
-//! Nodes that do not move freely: those that a frame holds, and those of rigid bodies, which move as t + (R(θ) − I)(X − Xc).
+//! Constrained nodes: those fixed by a frame, and those of rigid bodies, which move as t + (R(θ) − I)(X − Xc).
 //!
-//! A body's rigid motion is kept as the displacements of its nodes, so vectors are as long with bodies as without. A change of it lies in the
-//! span of three vectors, the columns of T: two translations, and the rotation J R (X − Xc) with the quarter turn J. Forces f on the nodes act
-//! on the body as Tᵀf; they are kept as T(TᵀT)⁻¹Tᵀf, which has the same products with rigid changes. So conjugate gradients and norms know
-//! nothing of bodies. Elements inside a body rotate with it: neither their energy, which is that of bare membrane, nor the forces on the body
-//! depend on the rotation.
+//! The rigid motion of a body is stored as displacements of its nodes, so vectors have the same length with and without
+//! bodies. A change of it is in the span of three vectors, the columns of T: two translations, and the rotation J R (X
+//! − Xc) with the quarter turn J. Nodal forces f act on the body as Tᵀf; they are stored as T(TᵀT)⁻¹Tᵀf, which has the
+//! same products with rigid changes. So conjugate gradients and norms need no special case. Elements inside a body
+//! rotate with it: neither their energy, which is that of bare membrane, nor the forces on the body depend on the
+//! rotation.
 
-use super::grid::Grid;
 use super::lanes::Real;
 use super::layout::NodeLayout;
 use super::sheet::Mount;
 use deaflow_pattern::{Part, Parts};
 
-/// What holds the nodes of a grid.
+/// The constrained nodes of a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Supports {
-    /// From one component to the other.
+    /// Offset from one component to the other.
     plane: usize,
-    /// Places of held nodes inside the rectangle, in the plane of the first component.
+    /// Indices of fixed nodes inside the rectangle, for the first component.
     held: Vec<usize>,
     bodies: Vec<Rigid>,
-    /// Of `held`, those that share an element with a node that moves.
+    /// Those of `held` that share an element with a movable node.
     held_edge: Vec<usize>,
 }
 
@@ -29,24 +29,24 @@ pub struct Supports {
 pub struct Rigid {
     /// All its nodes.
     pub nodes: RigidNodes,
-    /// Those that share an element with a node that is not the body's.
+    /// Those that share an element with a node that does not belong to the body.
     pub edge: RigidNodes,
-    /// What pulls it.
+    /// The forces on it.
     pub mount: Mount,
 }
 
-/// Nodes that move as one.
+/// Nodes with one rigid motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigidNodes {
-    /// From one component to the other.
+    /// Offset from one component to the other.
     plane: usize,
-    /// Their places, in the plane of the first component.
+    /// Indices of the nodes, for the first component.
     places: Vec<usize>,
-    /// X − Xc of each, Xc the centroid of the body's cells.
+    /// X − Xc of each, with the centroid Xc of the cells of the body.
     arms: Vec<[f64; 2]>,
 }
 
-/// Where a body is.
+/// The pose of a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// t, of the centroid.
@@ -56,20 +56,20 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// At rest.
+    /// The pose at rest.
     pub const REST: Self = Self {
         translation: [0.0; 2],
         turn: [1.0, 0.0],
     };
 
-    /// θ in radians, −π to π, counter-clockwise.
+    /// Returns θ in radians, −π to π, counter-clockwise.
     #[must_use]
     pub fn angle(&self) -> f64 {
         self.turn[1].atan2(self.turn[0])
     }
 
-    /// Half-way between two poses: the mean translation, and half of the turn from one to the other. What moves a body from the first to the last
-    /// lies in the span of T there.
+    /// Returns the pose half-way between two: the mean translation, and half of the rotation. The motion from the first
+    /// to the last is in the span of T there.
     #[must_use]
     pub fn between(first: &Self, last: &Self) -> Self {
         let middle = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
@@ -81,13 +81,13 @@ impl Pose {
         }
     }
 
-    /// R a.
+    /// Returns R a.
     fn turned(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [c, s] = self.turn;
         [c * x - s * y, s * x + c * y]
     }
 
-    /// J R a, which a changes by per radian.
+    /// Returns J R a, the change of a per radian.
     #[must_use]
     pub fn swept(&self, arm: [f64; 2]) -> [f64; 2] {
         let [x, y] = self.turned(arm);
@@ -96,18 +96,28 @@ impl Pose {
 }
 
 impl Supports {
-    /// Those of a grid; none where nothing is held but the edge of the rectangle.
+    /// Creates the supports of nodes with this layout. `per_cell` are the elements along the sides of a cell, and
+    /// `position` is that of a node (column, row) in units of the grid.
     #[must_use]
-    pub fn new(grid: &Grid, parts: &Parts, mounts: &[Mount]) -> Self {
-        let layout = grid.layout();
-        let owners = Owners::new(grid, parts);
+    pub fn new(
+        layout: NodeLayout,
+        per_cell: [usize; 2],
+        position: impl Fn([usize; 2]) -> [f64; 2],
+        parts: &Parts,
+        mounts: &[Mount],
+    ) -> Self {
+        let owners = Owners {
+            parts,
+            layout,
+            step: per_cell.map(|count| count * layout.degree()),
+        };
         let mut supports = Self {
             plane: layout.vector_len() / 2,
             held: Vec::new(),
             held_edge: Vec::new(),
             bodies: Vec::new(),
         };
-        let centroids = centroids(grid, parts);
+        let centroids = centroids(owners.step, &position, parts);
         for mount in mounts {
             supports.bodies.push(Rigid {
                 nodes: RigidNodes::none(supports.plane),
@@ -127,7 +137,7 @@ impl Supports {
                     }
                 }
                 Owner::Body(body) => {
-                    let [x, y] = grid.node_place([column, row]);
+                    let [x, y] = position([column, row]);
                     let (rigid, [cx, cy]) = (&mut supports.bodies[body], centroids[body]);
                     let arm = [x - cx, y - cy];
                     rigid.nodes.push(place, arm);
@@ -140,19 +150,19 @@ impl Supports {
         supports
     }
 
-    /// The bodies, in their order.
+    /// Returns the bodies in their order.
     #[must_use]
     pub fn bodies(&self) -> &[Rigid] {
         &self.bodies
     }
 
-    /// From the place of the first component of a node to that of the second.
+    /// Returns the offset from the first component of a node to the second.
     #[must_use]
     pub fn plane(&self) -> usize {
         self.plane
     }
 
-    /// Leaves nothing on held nodes.
+    /// Sets fixed nodes to zero.
     pub fn clear_held<T: Real>(&self, vector: &mut [T]) {
         for &at in &self.held {
             vector[at] = T::default();
@@ -160,32 +170,32 @@ impl Supports {
         }
     }
 
-    /// Places of held nodes that share an element with a node that moves, in the plane of the first component.
+    /// Returns the indices of fixed nodes that share an element with a movable node, for the first component.
     #[must_use]
     pub fn held_edge(&self) -> &[usize] {
         &self.held_edge
     }
 
-    /// Whether a body is loaded, so that the membrane does not rest where it would without.
+    /// Returns whether a force acts on a body, so that the state of rest differs from that of the membrane.
     #[must_use]
     pub fn is_loaded(&self) -> bool {
         self.bodies.iter().any(|body| body.mount.load != [0.0; 2])
     }
 
-    /// Where the bodies are.
+    /// Returns the poses of the bodies.
     #[must_use]
     pub fn poses<T: Real>(&self, u: &[T]) -> Vec<Pose> {
         self.bodies.iter().map(|body| body.nodes.pose(u)).collect()
     }
 
-    /// Makes the motion of every body rigid that nearly is: what a step along the tangent leaves.
+    /// Corrects a displacement so that the motion of every body is rigid, as needed after a step along the tangent.
     pub fn settle<T: Real>(&self, u: &mut [T]) {
         for body in &self.bodies {
             body.nodes.place(&body.nodes.pose(u), u);
         }
     }
 
-    /// Where the bodies are half-way in a step from `u` by `change`.
+    /// Returns the poses half-way in a step from `u` by `change`.
     #[must_use]
     pub fn poses_between(&self, u: &[f64], change: &[f64]) -> Vec<Pose> {
         if self.bodies.is_empty() {
@@ -196,14 +206,14 @@ impl Supports {
         pairs.map(|(first, last)| Pose::between(&first, &last)).collect()
     }
 
-    /// Makes a change from `u` lead where the motion of every body is rigid. It is found from the change itself, so that a small one has no
-    /// rounding of the displacement.
+    /// Corrects a change from `u` so that the motion of every body is rigid. It is computed from the change itself, so
+    /// that a small one is not rounded like the displacement.
     pub fn settle_change(&self, u: &[f64], change: &mut [f64]) {
         let halfway = self.poses_between(u, change);
         for (body, middle) in self.bodies.iter().zip(halfway) {
             let motion = body.nodes.motion(&middle, body.nodes.force(&middle, change));
             let first = body.nodes.pose(u);
-            // The turn of Δt + 2 sin ½Δθ J Rₘ (X − Xc), and where Rₘ is half of it.
+            // The rotation by Δt + 2 sin ½Δθ J Rₘ (X − Xc), with Rₘ half of it.
             let s = (0.5 * motion[2]).clamp(-1.0, 1.0);
             let c = (1.0 - s * s).sqrt();
             let [x, y] = first.turn;
@@ -212,12 +222,12 @@ impl Supports {
         }
     }
 
-    /// Leaves of a vector what changes that are allowed see of it: nothing on held nodes, and on bodies its rigid part.
+    /// Projects a vector onto admissible changes: zero at fixed nodes, rigid on bodies.
     pub fn restrict<T: Real>(&self, poses: &[Pose], vector: &mut [T]) {
         self.restrict_with(poses, vector, |_, force| force);
     }
 
-    /// The same, with the forces on each body changed on the way.
+    /// Like [`Self::restrict`]; `change` modifies the force on each body.
     pub fn restrict_with<T: Real>(
         &self,
         poses: &[Pose],
@@ -231,7 +241,7 @@ impl Supports {
         }
     }
 
-    /// The energy that loads and springs have at some poses, without unit.
+    /// Returns the dimensionless energy of forces and springs at some poses.
     #[must_use]
     pub fn energy(&self, poses: &[Pose]) -> f64 {
         let each = self.bodies.iter().zip(poses).map(|(body, pose)| {
@@ -256,18 +266,18 @@ impl RigidNodes {
         self.arms.push(arm);
     }
 
-    /// How many there are.
+    /// Returns their number.
     #[must_use]
     pub fn len(&self) -> usize {
         self.places.len()
     }
 
-    /// Their places and arms.
+    /// Returns their indices and arms.
     pub fn iter(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
         self.places.iter().copied().zip(self.arms.iter().copied())
     }
 
-    /// The pose that fits their displacements best.
+    /// Returns the pose that fits their displacements best.
     fn pose<T: Real>(&self, u: &[T]) -> Pose {
         let (count, plane) = (self.len() as f64, self.plane);
         let (mut arm, mut shift) = ([0.0; 2], [0.0; 2]);
@@ -309,7 +319,7 @@ impl RigidNodes {
         }
     }
 
-    /// Tᵀf: force and moment about the centroid.
+    /// Returns Tᵀf: force and moment about the centroid.
     #[must_use]
     pub fn force<T: Real>(&self, pose: &Pose, vector: &[T]) -> [f64; 3] {
         let (mut force, plane) = ([0.0; 3], self.plane);
@@ -320,7 +330,8 @@ impl RigidNodes {
         force
     }
 
-    /// The fall of the moment of nodal forces as the body turns, −Σ R(X − Xc) · f: the curvature of the rotation.
+    /// Returns the curvature of the rotation, −Σ R(X − Xc) · f: the decrease of the moment of nodal forces with the
+    /// angle.
     #[must_use]
     pub fn curvature(&self, pose: &Pose, forces: &[f64]) -> f64 {
         let each = self.iter().map(|(at, arm)| {
@@ -330,7 +341,7 @@ impl RigidNodes {
         -each.sum::<f64>()
     }
 
-    /// (TᵀT)⁻¹ times a force and moment.
+    /// Returns (TᵀT)⁻¹ times a force and moment.
     #[must_use]
     pub fn motion(&self, pose: &Pose, [p, q, moment]: [f64; 3]) -> [f64; 3] {
         let count = self.len() as f64;
@@ -354,44 +365,34 @@ impl RigidNodes {
         }
     }
 
-    /// Writes a force and moment as forces on the nodes.
+    /// Writes a force and moment as nodal forces.
     pub fn spread<T: Real>(&self, pose: &Pose, force: [f64; 3], vector: &mut [T]) {
         self.write(pose, self.motion(pose, force), vector);
     }
 }
 
-/// Whose a node is.
+/// The part that a node belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Owner {
-    /// It moves freely.
+enum Owner {
+    /// Free membrane.
     Free,
-    /// A frame holds it.
+    /// The frame.
     Frame,
-    /// It moves with a body.
+    /// A body.
     Body(usize),
 }
 
-/// The owners of nodes.
-pub struct Owners<'a> {
+/// Determines the owners of nodes.
+struct Owners<'a> {
     parts: &'a Parts,
     layout: NodeLayout,
-    /// Nodes along a cell less one.
+    /// Number of nodes along a cell minus one.
     step: [usize; 2],
 }
 
-impl<'a> Owners<'a> {
-    /// Those of a grid.
-    pub fn new(grid: &Grid, parts: &'a Parts) -> Self {
-        let layout = grid.layout();
-        Self {
-            parts,
-            layout,
-            step: grid.per_cell().map(|count| count * layout.degree()),
-        }
-    }
-
-    /// The owner of a node.
-    pub fn of(&self, column: usize, row: usize) -> Owner {
+impl Owners<'_> {
+    /// Returns the owner of a node.
+    fn of(&self, column: usize, row: usize) -> Owner {
         let mut owner = Owner::Free;
         for (x, y) in self.cells(column, row) {
             match self.parts.at(x, y) {
@@ -405,7 +406,7 @@ impl<'a> Owners<'a> {
         if inside { owner } else { Owner::Frame }
     }
 
-    /// The cells that a node belongs to.
+    /// Returns the cells of a node.
     fn cells(&self, column: usize, row: usize) -> impl Iterator<Item = (usize, usize)> {
         let [columns, rows] = self.parts.raster().sides();
         let range = |at: usize, step: usize, count: usize| {
@@ -421,7 +422,8 @@ impl<'a> Owners<'a> {
         across.flat_map(move |y| along.clone().map(move |x| (x, y)))
     }
 
-    /// Whether a node shares an element with one of another owner. A body all around which there is frame has no edge but beside that.
+    /// Returns whether a node shares an element with one of another owner. A body enclosed by a frame has an edge only
+    /// next to it.
     fn is_beside_other(&self, column: usize, row: usize) -> bool {
         let (degree, own) = (self.layout.degree(), self.of(column, row));
         let range = |at: usize, count: usize| {
@@ -440,14 +442,13 @@ impl<'a> Owners<'a> {
     }
 }
 
-/// The centroid of each body's cells.
-fn centroids(grid: &Grid, parts: &Parts) -> Vec<[f64; 2]> {
+/// Returns the centroid of the cells of each body, with `step` nodes along a cell.
+fn centroids(step: [usize; 2], position: impl Fn([usize; 2]) -> [f64; 2], parts: &Parts) -> Vec<[f64; 2]> {
     let mut sums = vec![([0.0; 2], 0.0); parts.bodies()];
     let raster = parts.raster();
-    let step = grid.per_cell().map(|count| count * grid.layout().degree());
     for (x, y) in (0..raster.cells()).map(|at| (at % raster.columns(), at / raster.columns())) {
         if let Part::Body(body) = parts.at(x, y) {
-            let [low, high] = [0, 1].map(|more| grid.node_place([(x + more) * step[0], (y + more) * step[1]]));
+            let [low, high] = [0, 1].map(|more| position([(x + more) * step[0], (y + more) * step[1]]));
             let (sum, count) = &mut sums[body];
             *sum = [0, 1].map(|axis| sum[axis] + 0.5 * (low[axis] + high[axis]));
             *count += 1.0;

@@ -24,7 +24,7 @@ use deaflow_design::{
     SearchStep, StateError, Subject, Target, Targets, Watch,
 };
 use deaflow_fem::Method as Evaluation;
-use deaflow_fem::screening::decided_states;
+use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{
     GradientEvaluator, SafetyMargins, SetupError, Swing, ThreeSolves, at_peak, breakdown_strength, revision_of,
 };
@@ -450,7 +450,7 @@ impl DesignStage {
         let limits = self.constraints.constraints().limits();
         let ready = || -> Result<Ready, SetupError> {
             let (mut gradient, mut margins) = (Vec::new(), Vec::new());
-            for scene in decided_states(&self.scene)? {
+            for scene in resolved_states(&self.scene)? {
                 gradient.push(match moment {
                     Moment::Equilibrium => Box::new(GradientEvaluator::new(&scene)?) as Box<dyn Differentiable + Send>,
                     Moment::After(time) => Box::new(ThreeSolves::new(&scene, time.value())?.gradient(&scene)?),

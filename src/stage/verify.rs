@@ -13,7 +13,7 @@ use super::{drive_check, patterns, scene, solution};
 use deaflow_base::{Canonical, Document, Fields, InputError, Map, Node};
 use deaflow_content::{Components, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows};
 use deaflow_design::{Goal, Moment, Objective};
-use deaflow_fem::screening::decided_states;
+use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{AccurateHistory, AccurateSimulation, History, SetupError, Solver, SolverParameters, Swing};
 use deaflow_field::{Field, Mesh, Outcome, StateFields};
 use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
@@ -262,7 +262,7 @@ impl Stage for VerifyStage {
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let failed = StageError::failed;
-        let states = decided_states(&self.scene).map_err(failed)?;
+        let states = resolved_states(&self.scene).map_err(failed)?;
         let solvers = Solvers::new(&self.solver, &states).map_err(failed)?;
         let (own, designs): (Vec<&Artifact>, Vec<&Artifact>) =
             job.inputs.iter().partition(|input| input.kind() == patterns::NAME);
@@ -337,7 +337,7 @@ impl VerifyStage {
                 let swings = || {
                     Ok(Swings {
                         own: swing(&self.solver)?,
-                        beside: self.solver.beside().as_ref().map(swing).transpose()?,
+                        beside: self.solver.with_comparison_mesh().as_ref().map(swing).transpose()?,
                     })
                 };
                 let swings = swings().map_err(|e: SetupError| format!("its design is meant at {frequency}: {e}"))?;
@@ -432,7 +432,7 @@ impl Solvers {
     /// For scenes whose effects are decided.
     fn new(solver: &SolverParameters, states: &[Scene]) -> Result<Self, SetupError> {
         let both = states.iter().map(|scene| {
-            let beside = solver.beside().map(|other| other.build(scene));
+            let beside = solver.with_comparison_mesh().map(|other| other.build(scene));
             Ok((solver.build(scene)?, beside.transpose()?))
         });
         both.collect::<Result<_, _>>().map(Self)

@@ -374,7 +374,7 @@ mod tests {
     #[test]
     fn to_mend_the_english_changes_no_digest() {
         let base = sample("mm", 0.0).digest().unwrap();
-        let mut described = sample("mm", 0.0).attribute("warnings", "strain stiffening is neglected");
+        let mut described = sample("mm", 0.0).attribute("warnings", "strain stiffening is off");
         let dataset = described.datasets.get_mut("a/b").unwrap();
         dataset.description = "displacement of the corners".to_owned();
         dataset.axes = vec!["sample".to_owned(), "x".to_owned()];

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use deaflow::base::{Canonical, Declared, Document, Fields, InputError, Node, Stream};
 use deaflow::fem::effects::{EFFECTS, Effect, Significance, Solutions};
-use deaflow::fem::screening::{Status, Trial, screen_for};
+use deaflow::fem::screening::{Status, TestPattern, screen_for};
 use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::{Mesh, Simulator};
 use deaflow::orchestrator::{
@@ -125,7 +125,7 @@ impl Effect for Sag {
             "ρgL/μ",
             number,
             if stable { 0.01 } else { 0.0 },
-            "sags".to_owned(),
+            "the membrane would sag".to_owned(),
         ))
     }
 }
@@ -134,9 +134,9 @@ impl Effect for Sag {
 fn an_effect_is_screened_beside_those_of_the_table() {
     let table: Vec<&dyn Effect> = EFFECTS.iter().copied().chain([&Sag as _]).collect();
     let scene = Scene::vhb4910();
-    let half = Trial {
-        to_the_limit: false,
-        ..Trial::new("half", Pattern::from_fn(Raster::PAPER, |x, _| x < 25))
+    let half = TestPattern {
+        find_critical_voltage: false,
+        ..TestPattern::new("half", Pattern::from_fn(Raster::PAPER, |x, _| x < 25))
     };
     let screening = screen_for(&table, &scene, &[half]).unwrap();
     assert_eq!(screening.rows.len(), EFFECTS.len() + 1);

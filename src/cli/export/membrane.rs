@@ -1,7 +1,7 @@
 //! The deformed membrane of a design with stresses and electric field, for three-dimensional viewers.
 
 use crate::CliError;
-use deaflow_fem::screening::Screened;
+use deaflow_fem::screening::ScreenedScene;
 use deaflow_fem::{CellState, MembraneSolver, SolveOptions, WorkLimit};
 use deaflow_pattern as pattern;
 use deaflow_stage::designs::Design;
@@ -32,7 +32,7 @@ pub struct Membrane {
 /// # Errors
 /// When the solver cannot be set up, or the membrane has no stable state at this voltage.
 pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliError> {
-    let screened = Screened::for_patterns(
+    let screened = ScreenedScene::for_patterns(
         &design.scene,
         std::slice::from_ref(&design.pattern),
         WorkLimit::default(),

@@ -12,7 +12,7 @@ use crate::results::{AccuracyResult, CriticalBracket, Peak, SampleId, SampleResu
 use crate::{CliError, Exit, Output};
 use deaflow_base::Progress;
 use deaflow_content::{Lines, Observations, Packed, SolveFile};
-use deaflow_fem::screening::{NOT_EACH, Screened, resolve_states};
+use deaflow_fem::screening::{CHECKED_ON, ScreenedScene, resolve_states};
 use deaflow_fem::{
     AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SolveOptions, Solver, SolverParameters,
     wrinkled_fraction,
@@ -79,7 +79,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
 /// What the patterns do in one state.
 struct StateRun {
     state: Option<String>,
-    screened: Screened,
+    screened: ScreenedScene,
     solver: Solver,
     solutions: Vec<AccurateSimulation>,
     seconds: Vec<f64>,
@@ -97,7 +97,7 @@ impl StateRun {
         parameters: &SolverParameters,
     ) -> Result<Self, CliError> {
         let patterns = &simulation.patterns;
-        let screened = Screened::for_patterns(scene, patterns, parameters.work_limit())?;
+        let screened = ScreenedScene::for_patterns(scene, patterns, parameters.work_limit())?;
         let solver = parameters.build(&screened.scene)?;
         let threads = rayon::current_num_threads();
         let mut solutions = Vec::with_capacity(patterns.len());
@@ -132,7 +132,7 @@ impl StateRun {
     fn warnings(&self) -> impl Iterator<Item = String> {
         let state = self.state.as_ref().map(|state| format!("in state {state}: "));
         let state = state.unwrap_or_default();
-        let advice = |warning: &str| match warning.contains(NOT_EACH) && warning.contains('`') {
+        let advice = |warning: &str| match warning.contains(CHECKED_ON) {
             true => "; `--set effects.electromechanical_stability=true` checks each pattern",
             false => "",
         };
@@ -287,13 +287,17 @@ fn near_limit(
         return Ok(none);
     }
     let tolerance = parameters.tolerance();
-    let search = CriticalSearch::beside(scene, SolveOptions { mesh, tolerance })?;
+    let search = CriticalSearch::for_solutions_on(scene, SolveOptions { mesh, tolerance })?;
     let is_far_where_taut = scene.effects.wrinkling.is_some() && CriticalSearch::is_far_from_any_taut(scene)?;
     let is_in_question = |AccurateSimulation { simulation, .. }: &AccurateSimulation| {
         let is_taut = simulation.observation.wrinkled_fraction() == Some(0.0);
         simulation.field.is_some() && !(is_far_where_taut && is_taut)
     };
     let solved = patterns.par_iter().zip(solutions);
-    let doubt = |(pattern, solution)| is_in_question(solution).then(|| search.doubt(pattern)).flatten();
+    let doubt = |(pattern, solution)| {
+        is_in_question(solution)
+            .then(|| search.uncertain_limit(pattern))
+            .flatten()
+    };
     Ok(solved.map(doubt).collect())
 }

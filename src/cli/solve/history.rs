@@ -10,7 +10,7 @@ use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
 use deaflow_base::{Dimension, Quantity, Time};
 use deaflow_content::{Histories, Lines, Packed};
-use deaflow_fem::screening::Screened;
+use deaflow_fem::screening::ScreenedScene;
 use deaflow_fem::{AccurateHistory, History, HistorySolver, Instant, USUAL_TIME_ERROR};
 use deaflow_field::{Field, Mesh, Motion};
 use deaflow_report::figures::{self, histories_sheet};
@@ -154,7 +154,7 @@ const FORM: Form = Form {
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
     let simulation = Simulation::read(arguments, &FORM)?;
     let times = arguments.history.times(&simulation.scene)?;
-    let screened = Screened::for_patterns(&simulation.scene, &simulation.patterns, arguments.time.work_limit())?;
+    let screened = ScreenedScene::for_patterns(&simulation.scene, &simulation.patterns, arguments.time.work_limit())?;
     let parameters = arguments.parameters();
     let solver = parameters.history_solver(&screened.scene, times.clone())?;
     let (followed, displacement) = follow(&simulation, &solver)?;
@@ -246,7 +246,7 @@ fn follow(simulation: &Simulation<'_>, solver: &HistorySolver) -> Result<(Vec<Pa
 /// The arrays of all histories.
 fn histories(
     simulation: &Simulation<'_>,
-    screened: &Screened,
+    screened: &ScreenedScene,
     times: &[f64],
     followed: &[PatternHistory],
     displacement: Vec<f64>,

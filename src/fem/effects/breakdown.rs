@@ -1,13 +1,13 @@
-//! Dielectric breakdown: the true field in each cell against the field that the elastomer stands.
+//! Dielectric breakdown: the true electric field in each cell relative to the breakdown field of the elastomer.
 //!
-//! It changes no displacement: it is read off a solution.
+//! It is computed from a solution and does not change it.
 
 use super::effect::{Effect, Examined, Significance, Solutions, Verdict};
 use crate::CellState;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Breakdown, Effects, HuangStrength, Scene};
 
-/// The largest E/E_B over the cells; `thickness` is the undeformed one in mm.
+/// Returns the largest E/E_B over the cells; `thickness` is the undeformed one in mm.
 #[must_use]
 pub fn breakdown_ratio(law: &Breakdown, thickness: f64, states: &[CellState]) -> f64 {
     let strength = |state: &CellState| law.strength(thickness, state.stretches[0] * state.stretches[1]);
@@ -17,7 +17,7 @@ pub fn breakdown_ratio(law: &Breakdown, thickness: f64, states: &[CellState]) ->
         .fold(0.0, f64::max)
 }
 
-/// E/E_B of an active cell that has not moved: what a membrane that snaps has at least.
+/// Returns E/E_B of an active cell at rest, a lower bound for an unstable membrane.
 #[must_use]
 pub fn breakdown_ratio_at_rest(law: &Breakdown, scene: &Scene) -> f64 {
     let area = scene.mean_prestretch().powi(2);
@@ -25,16 +25,16 @@ pub fn breakdown_ratio_at_rest(law: &Breakdown, scene: &Scene) -> f64 {
     field / law.strength(scene.thickness_mm(), area)
 }
 
-/// The strength of a scene: that of its effect, or what is known of the material.
+/// Returns the breakdown strength of the effect of a scene, or that of its material data.
 #[must_use]
 pub fn breakdown_strength(scene: &Scene) -> Option<Breakdown> {
     let known = &scene.properties.dielectric_breakdown;
     scene.effects.dielectric_breakdown.clone().or_else(|| known.clone())
 }
 
-/// The strength of a scene, or that of the acrylic elastomer that most such membranes are made of.
+/// Returns the breakdown strength of a scene, or that of the usual acrylic elastomer.
 #[must_use]
-pub fn breakdown_strength_or_usual(scene: &Scene) -> Breakdown {
+pub fn breakdown_strength_or_default(scene: &Scene) -> Breakdown {
     breakdown_strength(scene).unwrap_or(Breakdown::Huang(HuangStrength {}))
 }
 
@@ -57,7 +57,7 @@ impl Effect for DielectricBreakdown {
     }
 
     fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
-        effects.dielectric_breakdown = Some(breakdown_strength_or_usual(scene));
+        effects.dielectric_breakdown = Some(breakdown_strength_or_default(scene));
     }
 
     fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Significance> {
@@ -69,32 +69,31 @@ impl Effect for DielectricBreakdown {
         let Some(worst) = solutions.worst(|one| one.field) else {
             return open(Verdict::Unknown, "no patterns".to_owned());
         };
-        let unsettled = |one: &Examined| !one.outcome.is_converged();
-        let state = if unsettled(worst) { ", at rest" } else { "" };
+        let unstable = |one: &Examined| !one.outcome.is_converged();
+        let state = if unstable(worst) { ", at rest" } else { "" };
         let known = Significance::known(
             quantity,
             worst.field,
             THRESHOLD,
-            format!("is largest for `{}`{state}", worst.pattern),
+            format!("the field is largest for `{}`{state}", worst.pattern),
         );
-        // A membrane that snaps gets thinner: at rest it has the least.
-        let Some(one) = solutions.examined.iter().find(|one| unsettled(one)) else {
+        // An unstable membrane gets thinner, so the field at rest is a lower bound.
+        let Some(one) = solutions.examined.iter().find(|one| unstable(one)) else {
             return Some(known);
         };
         let (pattern, field) = (&one.pattern, one.field);
         match (known.verdict, one.outcome.bracket()) {
-            (Verdict::CalledFor, _) => Some(known),
+            (Verdict::Significant, _) => Some(known),
             (_, Some(_)) => open(
                 Verdict::Unknown,
                 format!(
-                    "is not known for `{pattern}`, which is not stable: it has {field:.2} at rest, and more as it snaps"
+                    "the field of `{pattern}` is unknown: the pattern is unstable; {field:.2} at rest, more during \
+                     pull-in"
                 ),
             ),
             (_, None) => open(
-                Verdict::GivenUp,
-                format!(
-                    "is not known for `{pattern}`, which takes more work than is allowed: it has {field:.2} at rest"
-                ),
+                Verdict::WorkLimit,
+                format!("the field of `{pattern}` is unknown: the work limit was reached; {field:.2} at rest"),
             ),
         }
     }
@@ -138,11 +137,11 @@ mod tests {
             first_unstable: 991.0,
         };
         for (fields, outcome, verdict, number) in [
-            ([0.5, 0.4], Outcome::Converged, Verdict::NotCalledFor, Some(0.5)),
+            ([0.5, 0.4], Outcome::Converged, Verdict::NotSignificant, Some(0.5)),
             ([0.5, 0.4], lost, Verdict::Unknown, None),
-            ([0.5, 0.4], Outcome::WorkLimit, Verdict::GivenUp, None),
-            ([0.9, 0.4], lost, Verdict::CalledFor, Some(0.9)),
-            ([0.5, 0.9], lost, Verdict::CalledFor, Some(0.9)),
+            ([0.5, 0.4], Outcome::WorkLimit, Verdict::WorkLimit, None),
+            ([0.9, 0.4], lost, Verdict::Significant, Some(0.9)),
+            ([0.5, 0.9], lost, Verdict::Significant, Some(0.9)),
         ] {
             let one = |pattern: &str, field, outcome| Examined {
                 pattern: pattern.to_owned(),
@@ -156,8 +155,8 @@ mod tests {
                 .assess_solutions(&Scene::vhb4910(), &solutions)
                 .unwrap();
             assert_eq!((found.verdict, found.number), (verdict, number), "{found:?}");
-            let doubted = matches!(verdict, Verdict::Unknown | Verdict::GivenUp);
-            assert_eq!(found.change.starts_with("is not known for `b`"), doubted, "{found:?}");
+            let doubted = matches!(verdict, Verdict::Unknown | Verdict::WorkLimit);
+            assert_eq!(found.change.contains("`b`"), doubted, "{found:?}");
         }
     }
 

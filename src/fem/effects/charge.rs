@@ -1,4 +1,4 @@
-//! Charge control: a charge is given, and the voltage follows from it.
+//! Charge control: the charge is prescribed, and the voltage follows.
 
 use super::effect::{Effect, Significance, Verdict};
 use deaflow_scene::effects::names;
@@ -22,8 +22,8 @@ impl Effect for ChargeControl {
 
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         Some(match &scene.drive.charge {
-            Some(_) => Significance::open("–", Verdict::CalledFor, 0.0, "the drive is a charge".to_owned()),
-            None => Significance::does_not_arise("the drive is a voltage"),
+            Some(_) => Significance::open("–", Verdict::Significant, 0.0, "the drive is a charge".to_owned()),
+            None => Significance::not_applicable("the drive is a voltage"),
         })
     }
 }

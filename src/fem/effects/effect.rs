@@ -1,8 +1,8 @@
-//! What screening asks of an effect.
+//! The interface of effects to screening.
 //!
-//! An effect has a number without unit that says how much it matters, and a threshold above which it is called for. The number
-//! of an effect that moves the membrane is how much: solutions with it are compared with solutions without it. Others follow from the
-//! scene alone, or from solutions for a few patterns.
+//! An effect has a dimensionless number and a threshold above which it is significant. For an effect that changes the
+//! displacement the number comes from solutions with and without it; others are judged by the scene alone, or by
+//! solutions for a few patterns.
 
 use crate::critical::CriticalVoltage;
 use deaflow_field::Outcome;
@@ -10,19 +10,19 @@ use deaflow_scene::{Effects, Scene};
 
 /// An effect beyond the base model.
 pub trait Effect: Sync {
-    /// Its name in a scene.
+    /// Returns its name in a scene.
     fn name(&self) -> &'static str;
 
-    /// What it costs over the base model, in words; `benches/effects.rs` measures it.
+    /// Returns its cost over the base model in words, as measured by `benches/effects.rs`.
     fn cost(&self) -> &'static str;
 
-    /// Whether it is among these effects of a scene; `None` where it cannot be simulated yet.
+    /// Returns whether it is among these effects of a scene; `None` if it cannot be simulated.
     fn is_on(&self, effects: &Effects, scene: &Scene) -> Option<bool> {
         let _ = (effects, scene);
         None
     }
 
-    /// Turns it on with the parameters that the scene knows; does nothing where it cannot be simulated.
+    /// Turns it on with the parameters of the scene; does nothing if it cannot be simulated.
     fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
         let _ = (effects, scene);
     }
@@ -32,92 +32,93 @@ pub trait Effect: Sync {
         let _ = effects;
     }
 
-    /// Whether it shows in time alone: no equilibrium has it.
+    /// Returns whether it acts in time only, so that no equilibrium contains it.
     fn needs_time(&self) -> bool {
         false
     }
 
-    /// Whether it is judged by what it does to the displacement: solutions with it are compared with solutions without it.
-    fn moves_membrane(&self) -> bool {
+    /// Returns whether it is judged by comparing displacements with and without it.
+    fn changes_displacement(&self) -> bool {
         false
     }
 
-    /// How much it matters; `None` where a solution tells.
+    /// Judges it by the scene alone; `None` if that takes solutions.
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         let _ = scene;
         None
     }
 
-    /// How much it matters by solutions of the scene; `None` where the scene tells.
+    /// Judges it by solutions of the scene; `None` if the scene alone decides.
     fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Significance> {
         let _ = (scene, solutions);
         None
     }
 }
 
-/// How much an effect matters.
+/// How significant an effect is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Significance {
-    /// What the number is, as a formula.
+    /// Formula of the number.
     pub quantity: String,
-    /// The number; `None` where it cannot be computed or does not arise.
+    /// The number; `None` if it cannot be computed or does not apply.
     pub number: Option<f64>,
-    /// Above it the effect is called for.
+    /// The effect is significant above this number.
     pub threshold: f64,
-    /// How far the true number may lie on either side, where that is known.
+    /// Error of the number on either side, if known.
     pub error: Option<f64>,
-    /// Whether it is called for.
+    /// Whether it is significant.
     pub verdict: Verdict,
-    /// What it does, in words that follow its name: `changes the electric stress by -3.0 %`.
+    /// What would change if it were switched on, as a sentence: `the displacement of `one cell` would rise by about 5
+    /// %`.
     pub change: String,
 }
 
-/// The number of an effect that moves the membrane: the largest difference over the cell corners, over the largest displacement
-/// without it.
+/// The number of an effect that changes the displacement: largest difference at a cell corner, relative to the largest
+/// displacement without it.
 pub const DISPLACED: &str = "max |Δu|/max |u|";
 
-/// Whether an effect is called for.
+/// Whether an effect is significant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// The number is above the threshold.
-    CalledFor,
-    /// It is not, or the question does not arise.
-    NotCalledFor,
-    /// What is not given, or a state that there is none of, decides.
+    Significant,
+    /// The number is below the threshold, or the effect does not apply.
+    NotSignificant,
+    /// Data or a stable state is missing.
     Unknown,
-    /// The work that is allowed was done before it was known.
-    GivenUp,
+    /// The work limit was reached before it was known.
+    WorkLimit,
 }
 
 impl Verdict {
-    /// `yes`, `no` or `unknown`.
+    /// Returns `yes`, `no` or `unknown`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::CalledFor => "yes",
-            Self::NotCalledFor => "no",
-            Self::Unknown | Self::GivenUp => "unknown",
+            Self::Significant => "yes",
+            Self::NotSignificant => "no",
+            Self::Unknown | Self::WorkLimit => "unknown",
         }
     }
 }
 
 impl Significance {
-    /// One by a number.
+    /// Compares a number with a threshold.
     #[must_use]
     pub fn known(quantity: &str, number: f64, threshold: f64, change: String) -> Self {
-        // Rounding alone is no reason.
+        // The margin allows for rounding.
         let verdict = match number > threshold + 1e-9 {
-            true => Verdict::CalledFor,
-            false => Verdict::NotCalledFor,
+            true => Verdict::Significant,
+            false => Verdict::NotSignificant,
         };
         Self {
-            // No negative zero.
+            // Avoids a negative zero.
             number: Some(number + 0.0),
             ..Self::open(quantity, verdict, threshold, change)
         }
     }
 
-    /// One without a number.
+    /// Creates a verdict without a number.
     #[must_use]
     pub fn open(quantity: &str, verdict: Verdict, threshold: f64, change: String) -> Self {
         Self {
@@ -130,56 +131,55 @@ impl Significance {
         }
     }
 
-    /// One of an effect that moves the membrane and lacks data.
-    pub(super) fn lacks_data(matters_if: &str) -> Self {
-        let change = format!("no data: matters from about {matters_if}");
+    /// An effect on the displacement without material data; `condition` says when it would be significant.
+    pub(super) fn lacks_data(condition: &str) -> Self {
+        let change = format!("no data; significant for about {condition}");
         Self::open(DISPLACED, Verdict::Unknown, SMALL, change)
     }
 
-    /// One of a question that does not arise.
-    pub(super) fn does_not_arise(why: &str) -> Self {
-        Self::open("–", Verdict::NotCalledFor, 0.0, why.to_owned())
+    /// An effect that does not apply to the scene.
+    pub(super) fn not_applicable(why: &str) -> Self {
+        Self::open("–", Verdict::NotSignificant, 0.0, why.to_owned())
     }
 }
 
-/// What the solutions for a few patterns say, on a coarse mesh.
+/// Results for a few patterns on a coarse mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct Solutions<'a> {
-    /// One for each pattern.
+    /// One result for each pattern.
     pub examined: &'a [Examined],
 }
 
-/// What the solution for a pattern says.
+/// Result for one pattern.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Examined {
     /// Name of the pattern.
     pub pattern: String,
-    /// How its simulation ends at the voltage of the scene.
+    /// Outcome at the voltage of the scene.
     pub outcome: Outcome,
-    /// Largest E/E_B over the cells; where there is no stable state, that of the membrane at rest.
+    /// Largest E/E_B over the cells; without a stable state, that of the membrane at rest.
     pub field: f64,
-    /// Where it loses stability; `None` where that was not asked and it has a stable state at the voltage of the scene.
+    /// Its critical voltage; `None` if it was not searched for and the pattern is stable at the voltage of the scene.
     pub stability: Option<Stability>,
 }
 
-/// How far a pattern is stable.
+/// The range of voltages in which a pattern is stable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stability {
-    /// Up to a voltage at which it is lost.
+    /// Stable up to a critical voltage.
     Lost(CriticalVoltage),
-    /// Nowhere.
+    /// Unstable at any voltage.
     Never,
-    /// At least up to this voltage in V: the search ended there.
+    /// Stable at least up to this voltage in V, at which the search ended.
     UpTo(f64),
 }
 
 impl Solutions<'_> {
-    /// The largest of some numbers, and the pattern that has it.
+    /// Returns the pattern with the largest number.
     pub(super) fn worst(&self, number: impl Fn(&Examined) -> f64) -> Option<&Examined> {
         self.examined.iter().max_by(|a, b| number(a).total_cmp(&number(b)))
     }
 }
 
-/// Change of displacement, as a share of the largest, that is worth an effect; and of stiffness, where an effect cannot be
-/// simulated yet.
+/// Threshold of a relative change of displacement, or of stiffness for estimates without a solution.
 pub const SMALL: f64 = 0.02;

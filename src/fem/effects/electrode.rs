@@ -2,7 +2,7 @@
 //!
 //! A layer of shear modulus μₑ and thickness Hₑ adds μₑHₑ ½(i + j⁻² − 3) per prestretched area where the membrane is
 //! active; in units of μH that is χ = μₑHₑ/μH times ½(i + j⁻² − 3). (It is the composite membrane of, for instance,
-//! Bozlar et al., Appl. Phys. Lett. 101 (2012) 091907, with thin electrodes.) Without effect as χ → 0.
+//! Bozlar et al., Appl. Phys. Lett. 101 (2012) 091907, with thin electrodes.) The effect vanishes as χ → 0.
 
 use super::effect::{Effect, Significance};
 use super::strip::Strip;
@@ -12,7 +12,7 @@ use deaflow_base::two_digits;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Electrode, Scene};
 
-/// Electrodes that resist stretching, if χ is not zero.
+/// Electrodes with stiffness χ, which may be 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stiff {
     /// χ = μₑHₑ/μH.
@@ -20,7 +20,7 @@ pub struct Stiff {
 }
 
 impl Stiff {
-    /// The electrodes of a scene.
+    /// Creates the electrodes of a scene.
     #[must_use]
     pub fn new(scene: &Scene, electrode: &Electrode) -> Self {
         let layer = electrode.shear_modulus.value() * electrode.thickness.value();
@@ -29,14 +29,14 @@ impl Stiff {
         }
     }
 
-    /// φ of an active point.
+    /// Returns φ of an active point.
     #[inline(always)]
     pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
         let thinning = at.dilation * (at.area + at.area.constant(1.0)) * (at.inverse * at.inverse);
         at.area.constant(0.5 * self.ratio) * (at.growth() - thinning)
     }
 
-    /// The derivatives of φ of an active point.
+    /// Returns the derivatives of φ of an active point.
     #[inline(always)]
     pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
         let stiffness = at.area.constant(self.ratio);
@@ -74,7 +74,7 @@ impl Effect for ElectrodeStiffness {
         effects.electrode_stiffness = None;
     }
 
-    fn moves_membrane(&self) -> bool {
+    fn changes_displacement(&self) -> bool {
         true
     }
 
@@ -82,8 +82,9 @@ impl Effect for ElectrodeStiffness {
         let unknown = scene.effects.electrode_stiffness.is_none() && scene.properties.electrode_stiffness.is_none();
         unknown.then(|| {
             // Pa·mm are mN/m.
-            let least = 1e-3 * Strip::new(scene).least_electrode() * scene.shear_modulus_pa() * scene.thickness_mm();
-            Significance::lacks_data(&format!("μe He > {} N/m", two_digits(least)))
+            let threshold =
+                1e-3 * Strip::new(scene).significant_electrode() * scene.shear_modulus_pa() * scene.thickness_mm();
+            Significance::lacks_data(&format!("μe He > {} N/m", two_digits(threshold)))
         })
     }
 }

@@ -1,18 +1,20 @@
-//! Fringe field: the field of an electrode bulges out at its edges, so that it acts like a larger one.
+//! Fringe field: the field beyond the edges of an electrode makes it act like a larger one.
 //!
-//! The permittivity of an elastomer is several times that of air, so the field stays inside: next to the edge it obeys
-//! Laplace's equation in a layer of half-thickness h/2, with a given potential on the electrode and no flux through the bare
-//! face. The conformal map of that half-covered strip gives the charge of an electrode that is longer by
-//! (2/π) ln 2 · h/2 = (ln 2/π)h = 0.2206 h (the end correction of a strip that is wide on one side; Maxwell, Treatise on
-//! Electricity and Magnetism, vol. 1, chapter XII, for the edge of a plate between two planes, which is the same problem).
-//! The edge of an active region therefore moves outward by d = 0.2206 H/λp², with H/λp² the thickness of the prestretched
-//! membrane: the region is dilated by a square of half-width d. Nothing is active beyond the frame. Without effect as H → 0.
+//! The permittivity of an elastomer is several times that of air, so the field stays inside: near the edge it obeys
+//! Laplace's equation in a layer of half-thickness h/2, with a given potential on the electrode and no flux through the
+//! bare face. The conformal map of that half-covered strip gives the charge of an electrode that is longer by (2/π) ln
+//! 2 · h/2 = (ln 2/π)h = 0.2206 h (the end correction of a strip that is wide on one side; Maxwell, Treatise on
+//! Electricity and Magnetism, vol. 1, chapter XII, for the edge of a plate between two planes, which is the same
+//! problem). The edge of an active region therefore moves outward by d = 0.2206 H/λp², with the thickness H/λp² of the
+//! prestretched membrane: the region is dilated by a square of half-width d. Nothing is active on the frame. The effect
+//! vanishes as H → 0.
 //!
-//! Where the strip is narrow in a bilinear element, the elements are those without a fringe field: the edge of the dilated region lies
-//! within them, and their points are active to what makes the forces of the voltage exact (see [`Activity`]). The displacement has a kink at
-//! the edge, which wider strips feel, and which costs biquadratic elements what they are for. There elements end where the strip ends, which
-//! takes up to two elements more along a cell: nine times the work on the coarsest mesh, 1.6 times on the finest. Either way errors of a mesh
-//! are those without a fringe field.
+//! If the strip is narrow in a bilinear element, the elements are those without a fringe field: the edge of the dilated
+//! region lies within them, and the activities of their points make the forces of the voltage exact (see [`Activity`]).
+//! At the edge the displacement has a kink, which matters for wider strips, and reduces the accuracy of biquadratic
+//! elements. There elements end at the end of the strip, which takes up to two more elements along a cell: nine times
+//! the work on the coarsest mesh, 1.6 times on the finest. In both cases the errors of a mesh are those without a
+//! fringe field.
 
 use std::f64::consts::{LN_2, PI};
 
@@ -27,23 +29,23 @@ use deaflow_pattern::Pattern;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, On, Scene};
 
-/// Strips that are narrower than this share of a bilinear element lie within it. Errors in the largest displacement are those without a
-/// fringe field up to a sixteenth, and more than twice as large at a quarter.
-const WITHIN: f64 = 1.0 / 16.0;
+/// Strips narrower than this share of a bilinear element lie within it. Up to a sixteenth, errors in the largest
+/// displacement are those without a fringe field; at a quarter they are more than twice as large.
+const MAX_WIDTH_WITHIN: f64 = 1.0 / 16.0;
 
-/// How far edges move.
+/// The displacement of electrode edges by the fringe field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fringe {
-    /// Along x and y in units of a cell's sides, at most a half.
+    /// Along x and y in units of the sides of a cell, at most a half.
     shift: [f64; 2],
     sheet: Sheet,
 }
 
 impl Fringe {
-    /// The fringe of a scene.
+    /// Creates the fringe field of a scene.
     ///
     /// # Errors
-    /// When it reaches further than half a cell.
+    /// If it reaches beyond half a cell.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
         let sheet = Sheet::of(scene);
         let (reach_mm, sides) = (LN_2 / PI * scene.prestretched_thickness_mm(), sheet.membrane.cell_mm());
@@ -57,21 +59,21 @@ impl Fringe {
         })
     }
 
-    /// The elements that a mesh has here.
+    /// Returns the grid of a mesh.
     #[must_use]
     pub fn grid(&self, mesh: Mesh) -> Grid {
-        let widest = self.shift[0].max(self.shift[1]) * mesh.elements_per_cell() as f64;
+        let width = self.shift[0].max(self.shift[1]) * mesh.elements_per_cell() as f64;
         match mesh.order() {
-            Order::Bilinear if widest < WITHIN => Grid::uniform(mesh, &self.sheet),
+            Order::Bilinear if width < MAX_WIDTH_WITHIN => Grid::uniform(mesh, &self.sheet),
             _ => Grid::along_strips(mesh, &self.sheet, self.shift),
         }
     }
 
-    /// The dilated pattern on a grid of [`Fringe::grid`]; its groups of electrodes have these shares of the load. Where the fringes of two
-    /// groups meet, the stronger one acts.
+    /// Returns the dilated pattern on a grid of [`Fringe::grid`], with a share of the load for each electrode group.
+    /// Where the fringe fields of two groups meet, the stronger one acts.
     ///
     /// # Panics
-    /// When a cell belongs to a group that has no share.
+    /// If a cell belongs to a group without share.
     #[must_use]
     pub fn activity(&self, grid: &Grid, pattern: &Pattern, loads: &[f64]) -> Activity {
         match (grid.is_uniform(), grid.order()) {
@@ -81,11 +83,11 @@ impl Fringe {
         }
     }
 
-    /// On elements that end where the strips end.
+    /// For elements that end at the end of the strips.
     fn along_strips(&self, grid: &Grid, pattern: &Pattern, loads: &[f64]) -> Activity {
         let (per_cell, raster) = (grid.per_cell(), pattern.raster());
         let strips = self.shift.map(|shift| shift.max(THINNEST));
-        // A strip that is too thin for an element is a thin one that is active in part.
+        // A strip too thin for an element is widened, with a reduced activity.
         let strengths = [0, 1].map(|axis| self.shift[axis] / strips[axis]);
         let zone_of = [0, 1].map(|axis| -> Vec<usize> {
             let strip = strips[axis];
@@ -106,7 +108,7 @@ impl Fringe {
         })
     }
 
-    /// On elements of one size.
+    /// For uniform elements.
     fn within_elements<const A: usize, const N: usize>(
         &self,
         grid: &Grid,
@@ -115,8 +117,8 @@ impl Fringe {
         loads: &[f64],
     ) -> Activity {
         let (per_cell, raster) = (grid.per_cell(), pattern.raster());
-        // Of each element along a cell.
-        let parts: [Vec<[Shares<A>; 3]>; 2] = [0, 1].map(|axis| {
+        // For each element along a cell.
+        let parts: [Vec<[ZoneShares<A>; 3]>; 2] = [0, 1].map(|axis| {
             let zones = |at| zones_in(line, [at, per_cell[axis]], self.shift[axis]);
             (0..per_cell[axis]).map(zones).collect()
         });
@@ -131,7 +133,7 @@ impl Fringe {
             };
             for (loads, across) in loads.iter().zip(across) {
                 for (load, along) in loads.iter().zip(along) {
-                    if *load == 0.0 || !along.is_there() || !across.is_there() {
+                    if *load == 0.0 || !along.is_present() || !across.is_present() {
                         continue;
                     }
                     within.strongest = within.strongest.max(*load);
@@ -145,24 +147,24 @@ impl Fringe {
     }
 }
 
-/// What a zone of a cell is of the points of an element along an axis: its part of the integral of each point's basis function, over the
-/// weight of the point.
+/// The shares of a zone of a cell at the points of an element along an axis: the integral of the basis function of each
+/// point over the zone, over the weight of the point.
 #[derive(Clone, Copy, Debug)]
-struct Shares<const A: usize> {
+struct ZoneShares<const A: usize> {
     of_points: [f64; A],
-    /// How much of the element it takes.
+    /// Part of the length of the element in the zone.
     length: f64,
 }
 
-impl<const A: usize> Shares<A> {
-    fn is_there(&self) -> bool {
+impl<const A: usize> ZoneShares<A> {
+    fn is_present(&self) -> bool {
         self.length > 0.0
     }
 }
 
-/// The shares of the strip at the beginning of a cell, of what lies between and of the strip at its end in an element, the one of so many.
-fn zones_in<const A: usize>(line: &Line<A>, [at, count]: [usize; 2], strip: f64) -> [Shares<A>; 3] {
-    // In units of the element, from its beginning.
+/// Returns the shares of the first strip, the middle and the last strip of a cell in element `at` of `count` along it.
+fn zones_in<const A: usize>(line: &Line<A>, [at, count]: [usize; 2], strip: f64) -> [ZoneShares<A>; 3] {
+    // In units of the element, from its start.
     let place = |cell: f64| (cell * count as f64 - at as f64).clamp(0.0, 1.0);
     let edges = [0.0, place(strip), place(1.0 - strip), 1.0];
     std::array::from_fn(|zone| {
@@ -172,37 +174,37 @@ fn zones_in<const A: usize>(line: &Line<A>, [at, count]: [usize; 2], strip: f64)
             let factor = |other: usize| (x - line.points[other]) / (line.points[q] - line.points[other]);
             others.map(factor).product()
         };
-        // Gauss's points integrate polynomials of this degree exactly.
+        // Gauss quadrature is exact for polynomials of this degree.
         let integral = |q: usize| -> f64 {
             let sum = |p: usize| line.weights[p] * basis(q, from + (to - from) * line.points[p]);
             (to - from) * (0..A).map(sum).sum::<f64>()
         };
-        Shares {
+        ZoneShares {
             of_points: std::array::from_fn(|q| integral(q) / line.weights[q]),
             length: to - from,
         }
     })
 }
 
-/// How much of a zone beside a cell is active.
+/// Returns the activity of a zone of a bare cell.
 fn strength([x, y]: [usize; 2], [along, across]: [f64; 2]) -> f64 {
     match (x, y) {
         (_, 1) => along,
         (1, _) => across,
-        // Where both strips are wide enough this is 1.
+        // If both strips are wide enough this is 1.
         _ => along.min(across),
     }
 }
 
-/// [`zones`] of all cells, row by row.
+/// Returns [`zones`] of all cells, row by row.
 fn zones_of_cells(pattern: &Pattern, loads: &[f64]) -> Vec<[[f64; 3]; 3]> {
     let raster = pattern.raster();
     let cells = (0..raster.cells()).map(|i| [i % raster.columns(), i / raster.columns()]);
     cells.map(|[x, y]| zones(pattern, x, y, loads)).collect()
 }
 
-/// The load of each of the nine zones of a cell, `[y][x]`, under the dilated pattern: its own of an active one, and of a bare one the largest of
-/// the active neighbours next to the zone.
+/// Returns the load of each of the nine zones of a cell, `[y][x]`, in the dilated pattern: that of an active cell, or
+/// for a bare one the largest of the active neighbours next to the zone.
 fn zones(pattern: &Pattern, x: usize, y: usize, loads: &[f64]) -> [[f64; 3]; 3] {
     let [columns, rows] = pattern.raster().sides();
     let load = |dx: usize, dy: usize| {
@@ -244,14 +246,14 @@ impl Effect for FringeField {
         effects.fringe_field = None;
     }
 
-    fn moves_membrane(&self) -> bool {
+    fn changes_displacement(&self) -> bool {
         true
     }
 
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         let refusal = Fringe::new(scene).err()?;
-        let change = format!("is more than can be simulated: {refusal}");
-        Some(Significance::open(DISPLACED, Verdict::CalledFor, SMALL, change))
+        let change = format!("it cannot be simulated: {refusal}");
+        Some(Significance::open(DISPLACED, Verdict::Significant, SMALL, change))
     }
 }
 
@@ -261,7 +263,7 @@ mod tests {
     use deaflow_pattern::Raster;
     use deaflow_pattern::Symmetry;
 
-    /// The areas of elements that are active, in cells, where they end with the strips or not.
+    /// Returns the active areas of elements, in cells.
     fn areas(mesh: Mesh, fringe: &Fringe, pattern: &Pattern) -> Vec<f64> {
         let grid = fringe.grid(mesh);
         let activity = fringe.activity(&grid, pattern, &[1.0]);
@@ -279,11 +281,11 @@ mod tests {
         }
     }
 
-    /// The active area in cells on bilinear elements; on biquadratic ones, which end with the strips, it is the same.
+    /// Returns the active area in cells on bilinear elements, and checks that it is the same on biquadratic ones.
     fn total(fringe: &Fringe, per_cell: usize, pattern: &Pattern) -> f64 {
         let [within, along] = [Mesh::bilinear(per_cell), Mesh::biquadratic(per_cell)]
             .map(|mesh| areas(mesh, fringe, pattern).iter().sum::<f64>());
-        // To first order: the corners of a strip too thin for an element are smaller by a thousandth than they should be.
+        // To first order: the corners of a strip too thin for an element are too small by a thousandth.
         let thinnest = fringe.shift[0].min(THINNEST);
         assert!(
             (within - along).abs() < 4.1 * THINNEST * thinnest + 1e-7,

@@ -1,4 +1,4 @@
-//! Rigid inclusions: the bodies of the geometry, which are on wherever there are some.
+//! Rigid inclusions: the bodies of the geometry, which are always simulated.
 
 use super::effect::{Effect, Significance, Verdict};
 use deaflow_scene::effects::names;
@@ -22,8 +22,13 @@ impl Effect for RigidInclusion {
 
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         Some(match &scene.geometry.bodies {
-            Some(_) => Significance::open("–", Verdict::CalledFor, 0.0, "the geometry has rigid bodies".to_owned()),
-            None => Significance::does_not_arise("the scene has no rigid part"),
+            Some(_) => Significance::open(
+                "–",
+                Verdict::Significant,
+                0.0,
+                "the geometry has rigid bodies".to_owned(),
+            ),
+            None => Significance::not_applicable("the scene has no rigid part"),
         })
     }
 }

@@ -1,4 +1,4 @@
-//! Inertia: screened by the frequency of the force over that of the first mode.
+//! Inertia, judged by the frequency of the force relative to the first natural frequency.
 
 use super::effect::{Effect, Significance, Verdict};
 use deaflow_scene::effects::names;
@@ -8,8 +8,8 @@ use deaflow_scene::{Effects, Scene};
 pub struct Inertia;
 
 const THRESHOLD: f64 = 0.1;
-/// The density of elastomers in kg/m³, near enough for a frequency where none is given.
-const USUAL_DENSITY: f64 = 1000.0;
+/// Density of elastomers in kg/m³, accurate enough for a frequency if the scene gives none.
+const DEFAULT_DENSITY: f64 = 1000.0;
 
 impl Effect for Inertia {
     fn name(&self) -> &'static str {
@@ -38,15 +38,15 @@ impl Effect for Inertia {
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         let Some(frequency) = scene.drive.force_frequency_hz() else {
             let change = "the drive is static".to_owned();
-            return Some(Significance::open("f/f1", Verdict::NotCalledFor, THRESHOLD, change));
+            return Some(Significance::open("f/f1", Verdict::NotSignificant, THRESHOLD, change));
         };
-        let density = scene.density().unwrap_or(USUAL_DENSITY);
-        // f₁₁ = ½ √(μ/ρ) √((λ₁/Lx)² + (λ₂/Ly)²), in the limit of large prestretch.
+        let density = scene.density().unwrap_or(DEFAULT_DENSITY);
+        // f₁₁ = ½ √(μ/ρ) √((λ₁/Lx)² + (λ₂/Ly)²), for large prestretch.
         let speed = (scene.shear_modulus_pa() / density).sqrt();
         let (prestretch, size) = (scene.prestretch(), scene.membrane().size_mm);
         let [along, across] = [0, 1].map(|axis| prestretch[axis] / (2e-3 * size[axis]));
         let first = along.hypot(across) * speed;
-        let change = format!("grows towards the first mode, at {first:.0} Hz");
+        let change = format!("the response would grow towards the first mode at {first:.0} Hz");
         Some(Significance::known("f/f1", frequency / first, THRESHOLD, change))
     }
 }

@@ -1,9 +1,8 @@
-//! What is simulated beyond the base model, one effect per file: what it adds to the energy or reads off a solution, and how
-//! screening tells whether a scene calls for it.
+//! The effects beyond the base model, one per file: their part of the energy or their evaluation of a solution, and
+//! their screening.
 //!
-//! A [`Model`] is the only place where effects are put together: it picks, once per pattern, the law that the effects of the
-//! scene call for. Without any it is the base law, whose kernels know of no effect. Elastic laws that stiffen stand beside
-//! the base one in [`super::energy`].
+//! Only [`Model`] combines effects: once per pattern it selects the law for the effects of the scene. Without any it is
+//! the base law, whose kernels are independent of effects. Stiffening laws are in [`super::energy`].
 
 mod breakdown;
 mod charge;
@@ -21,7 +20,7 @@ mod strip;
 mod viscoelasticity;
 mod wrinkling;
 
-pub use breakdown::{breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength, breakdown_strength_or_usual};
+pub use breakdown::{breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength, breakdown_strength_or_default};
 pub use effect::{DISPLACED, Effect, Examined, SMALL, Significance, Solutions, Stability, Verdict};
 pub use electrode::Stiff;
 pub use fringe::Fringe;
@@ -30,7 +29,7 @@ pub use permittivity::Decaying;
 pub(super) use pull_in::NEAR;
 pub use wrinkling::{RESIDUAL, TensionField};
 
-/// The effects in the order in which screening lists them.
+/// The effects in the order of the screening table.
 pub static EFFECTS: [&dyn Effect; 12] = [
     &stiffening::StrainStiffening,
     &electrode::ElectrodeStiffness,

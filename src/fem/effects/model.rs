@@ -1,4 +1,4 @@
-//! From a scene to the law of a point of its membrane.
+//! The physical model of a scene: its law at a point of the membrane.
 
 use super::{Decaying, Fringe, Stiff, TensionField};
 use crate::energy::{Compound, Elasticity, Isotropic, Neo, NeoHookean, Stiffened};
@@ -13,13 +13,13 @@ use deaflow_pattern::Pattern;
 use deaflow_scene::laws::StiffeningLaw;
 use deaflow_scene::{PermittivityDecay, Scene, Stiffening};
 
-/// The physics of a scene, ready for any pattern.
+/// The physical model of a scene, for any pattern.
 #[derive(Clone, Debug)]
 pub struct Model {
     sheet: Sheet,
-    /// The share of the load that each group of electrodes has.
+    /// Share of the load of each electrode group.
     loads: Vec<f64>,
-    /// √(λ₁λ₂); laws are written for it, and [`Grid`] sees to the difference of λ₁ and λ₂.
+    /// √(λ₁λ₂), which the laws assume; [`Grid`] handles the difference of λ₁ and λ₂.
     prestretch: f64,
     kappa: f64,
     stiffening: Option<Stiffened>,
@@ -29,24 +29,24 @@ pub struct Model {
     wrinkles: bool,
     /// γ of branches that have no time to relax, in units of μλp².
     slowness: f64,
-    /// Whether the drive is a charge.
+    /// Whether the charge is prescribed.
     has_charge: bool,
 }
 
-/// Work that is the same under every law.
+/// A computation that is generic over the law.
 pub trait WithMaterial {
-    /// What comes of it.
+    /// Its result.
     type Output;
-    /// Does it. `law` is the law at a share of the full load, which is proportional to V².
+    /// Runs it. `material` returns the law at a share of the full load, which is proportional to V².
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output;
 }
 
-/// Does work under a law whose type it does not know, so that it is compiled once.
+/// Runs a computation with a type-erased law, so that it is compiled once.
 fn run<W: WithMaterial>(work: W, material: &(dyn Fn(f64) -> AnyMaterial + Sync)) -> W::Output {
     work.run(material)
 }
 
-/// The margins of finite energy and of ellipticity at rest, without voltage.
+/// Computes the margins of finite energy and of ellipticity at rest, without voltage.
 struct AtRest([f64; 2]);
 
 impl WithMaterial for AtRest {
@@ -62,15 +62,15 @@ impl WithMaterial for AtRest {
 }
 
 impl Model {
-    /// The physics of a scene.
+    /// Creates the model of a scene.
     ///
     /// # Errors
-    /// When its effects cannot be simulated together, or not at its measures.
+    /// If its effects cannot be simulated together, or not with its dimensions.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
         Self::with_law(scene, scene.effects.strain_stiffening.as_ref().map(Stiffening::law))
     }
 
-    /// The physics of a scene whose elastomer stiffens by any law, whatever the scene says of that.
+    /// Creates the model of a scene with a custom stiffening law instead of its own.
     ///
     /// # Errors
     /// As [`Model::new`].
@@ -112,14 +112,14 @@ impl Model {
         }
     }
 
-    /// The same physics with viscoelastic branches of a modulus γ, in units of μλp², that have relaxed at the prestretch and have no time to
-    /// relax from there.
+    /// Adds viscoelastic branches of a modulus γ, in units of μλp², that are relaxed at the prestretch and have no time
+    /// to relax from there.
     #[must_use]
     pub fn slowed(self, slowness: f64) -> Self {
         Self { slowness, ..self }
     }
 
-    /// Does work under the law of the scene. Here, and only here, the type of the law is put together.
+    /// Runs a computation with the law of the scene. Only here the type of the law is composed.
     pub fn with<W: WithMaterial>(&self, work: W) -> W::Output {
         let (prestretch, kappa) = (self.prestretch, self.kappa);
         match self.stiffening {
@@ -134,14 +134,14 @@ impl Model {
         }
     }
 
-    /// Whether effects leave the law at a point as it is.
+    /// Returns whether no effect changes the law at a point.
     fn is_base_law(&self) -> bool {
         self.electrode.is_none() && self.decay.is_none() && !self.wrinkles
     }
 
-    /// Whether branches that have no time to relax are part of the law, which goes with the base model where the membrane is at f = I at rest:
-    /// there ½γ(tr c + j⁻²) is added to ½(tr c + a j⁻²). The law is then in units of (1 + γ)μH, and loads of bodies and charges are in units of
-    /// μH.
+    /// Returns whether branches that have no time to relax are part of the law. That is possible with the base model at
+    /// rest at f = I: there ½γ(tr c + j⁻²) is added to ½(tr c + a j⁻²). The law is then in units of (1 + γ)μH, while
+    /// forces on bodies and charges are in units of μH.
     #[must_use]
     pub fn law_takes_slowness(&self) -> bool {
         let [along, across] = self.sheet.prestretch;
@@ -168,7 +168,7 @@ impl Model {
         }
     }
 
-    /// The elements that a mesh has here: a fringe field wants some to end where it ends.
+    /// Returns the grid of a mesh; a fringe field needs element edges at its end.
     #[must_use]
     pub fn grid(&self, mesh: Mesh) -> Grid {
         match &self.fringe {
@@ -177,10 +177,10 @@ impl Model {
         }
     }
 
-    /// Where a pattern is active; with a fringe field on a grid of [`Model::grid`].
+    /// Returns the activity of a pattern; with a fringe field the grid must be that of [`Model::grid`].
     ///
     /// # Panics
-    /// When a cell belongs to a group of electrodes that the scene has not.
+    /// If a cell belongs to an electrode group that the scene does not have.
     #[must_use]
     pub fn activity(&self, grid: &Grid, pattern: &Pattern) -> Activity {
         self.slow(match &self.fringe {
@@ -189,7 +189,7 @@ impl Model {
         })
     }
 
-    /// An activity with what branches that have no time to relax add.
+    /// Adds the branches that have no time to relax to an activity.
     #[must_use]
     pub fn slow(&self, activity: Activity) -> Activity {
         if self.slowness == 0.0 || self.law_takes_slowness() {
@@ -201,13 +201,13 @@ impl Model {
         activity.with_memory(Memory::new(layout, &values))
     }
 
-    /// The share of the load that each group of electrodes has.
+    /// Returns the share of the load of each electrode group.
     #[must_use]
     pub fn loads(&self) -> &[f64] {
         &self.loads
     }
 
-    /// Whether the energy is linear in the activity of each cell.
+    /// Returns whether the energy is linear in the activity of each cell.
     #[must_use]
     pub fn is_linear_in_cells(&self) -> bool {
         self.fringe.is_none() && !self.wrinkles

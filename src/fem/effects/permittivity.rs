@@ -1,9 +1,9 @@
 //! Stretch-dependent permittivity: ε(J) = ε J^(−s).
 //!
-//! At a given voltage the electric energy per undeformed volume is −½ ε(J)(V/H)²J² (Zhao and Suo, J. Appl. Phys. 104 (2008)
-//! 123530, for deformation-dependent permittivity), so per prestretched area and in units of μH it is −½ b jⁿ with n = 2 − s.
-//! Where ε was measured on the undeformed elastomer, J = λp²j makes b = κλp²·λp^(−2s); where it was measured on the
-//! prestretched membrane, J counts from there and b = κλp². Without effect as s → 0.
+//! At a given voltage the electric energy per undeformed volume is −½ ε(J)(V/H)²J² (Zhao and Suo, J. Appl. Phys. 104
+//! (2008) 123530, for deformation-dependent permittivity), so per prestretched area and in units of μH it is −½ b jⁿ
+//! with n = 2 − s. If ε was measured on the undeformed elastomer, J = λp²j gives b = κλp²·λp^(−2s); on the prestretched
+//! membrane, J is relative to it and b = κλp². The effect vanishes as s → 0.
 
 use super::effect::{Effect, Significance};
 use super::strip::Strip;
@@ -14,7 +14,7 @@ use deaflow_base::two_digits;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, PermittivityDecay, PermittivityReference, Scene};
 
-/// A dielectric whose permittivity falls with the stretch, or an ideal one with s = 0.
+/// A dielectric whose permittivity decreases with the stretch, or an ideal one with s = 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decaying {
     /// b.
@@ -24,7 +24,7 @@ pub struct Decaying {
 }
 
 impl Decaying {
-    /// The ideal dielectric at prestretch λp and κ.
+    /// Creates the ideal dielectric at prestretch λp and κ.
     #[must_use]
     pub fn ideal(prestretch: f64, kappa: f64) -> Self {
         Self {
@@ -33,7 +33,7 @@ impl Decaying {
         }
     }
 
-    /// The dielectric at prestretch λp and κ.
+    /// Creates the dielectric at prestretch λp and κ.
     #[must_use]
     pub fn new(decay: &PermittivityDecay, prestretch: f64, kappa: f64) -> Self {
         let exponent = decay.exponent.to_f64();
@@ -47,13 +47,13 @@ impl Decaying {
         }
     }
 
-    /// Whether the permittivity is the same at all stretches.
+    /// Returns whether the permittivity is constant.
     #[must_use]
     pub fn is_ideal(&self) -> bool {
         self.exponent == 0.0
     }
 
-    /// b j^(−s).
+    /// Returns b j^(−s).
     #[inline(always)]
     fn pull<V: Value>(&self, at: &Invariants<V>) -> V {
         let pull = at.area.constant(self.pull);
@@ -63,13 +63,13 @@ impl Decaying {
         pull.madd(power_minus_one(at.dilation, -self.exponent), pull)
     }
 
-    /// φ of an active point.
+    /// Returns φ of an active point.
     #[inline(always)]
     pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
         at.area.constant(-0.5) * self.pull(at) * at.area * at.area
     }
 
-    /// The derivatives of φ of an active point.
+    /// Returns the derivatives of φ of an active point.
     #[inline(always)]
     pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
         let n = 2.0 - self.exponent;
@@ -77,13 +77,13 @@ impl Decaying {
         Slopes::of_area(pull * at.area, at.area.constant(n - 1.0) * pull)
     }
 
-    /// −φⱼ at rest.
+    /// Returns −φⱼ at rest.
     #[must_use]
     pub fn load(&self) -> f64 {
         0.5 * (2.0 - self.exponent) * self.pull
     }
 
-    /// −φⱼⱼ at rest, in units of the load.
+    /// Returns −φⱼⱼ at rest, in units of the load.
     #[must_use]
     pub fn softening(&self) -> f64 {
         1.0 - self.exponent
@@ -114,7 +114,7 @@ impl Effect for StretchDependentPermittivity {
         effects.stretch_dependent_permittivity = None;
     }
 
-    fn moves_membrane(&self) -> bool {
+    fn changes_displacement(&self) -> bool {
         true
     }
 
@@ -124,6 +124,6 @@ impl Effect for StretchDependentPermittivity {
             &scene.properties.stretch_dependent_permittivity,
         ];
         (on.is_none() && known.is_none())
-            .then(|| Significance::lacks_data(&format!("s > {}", two_digits(Strip::new(scene).least_decay()))))
+            .then(|| Significance::lacks_data(&format!("s > {}", two_digits(Strip::new(scene).significant_decay()))))
     }
 }

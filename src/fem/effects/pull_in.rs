@@ -1,5 +1,5 @@
-//! Electromechanical stability: how far the voltage is from the one at which stability is lost. [`crate`] computes it in
-//! its modules stability, continuation and margin.
+//! Electromechanical stability: the distance of the voltage from the critical voltage, which the modules `stability`,
+//! `continuation` and `margin` compute.
 
 use super::effect::{Effect, Significance, Solutions, Stability, Verdict};
 use crate::critical::{COARSE, CriticalVoltage};
@@ -9,7 +9,7 @@ use deaflow_scene::{Effects, On, Scene};
 /// The effect.
 pub struct ElectromechanicalStability;
 
-/// Above this share of the critical κ it is called for.
+/// Threshold of κ/κ(critical).
 pub const NEAR: f64 = 0.6;
 
 impl Effect for ElectromechanicalStability {
@@ -31,15 +31,15 @@ impl Effect for ElectromechanicalStability {
 
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         if scene.drive.charge.is_some() {
-            return Some(Significance::does_not_arise("the drive is a charge"));
+            return Some(Significance::not_applicable("the drive is a charge"));
         }
-        (scene.voltage_v() <= 0.0).then(|| Significance::does_not_arise("there is no voltage"))
+        (scene.voltage_v() <= 0.0).then(|| Significance::not_applicable("there is no voltage"))
     }
 
     fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Significance> {
         let quantity = "κ/κ(critical)";
         let open = |verdict, change| Some(Significance::open(quantity, verdict, NEAR, change));
-        let share = |voltage: f64| (scene.voltage_v() / voltage).powi(2);
+        let ratio = |voltage: f64| (scene.voltage_v() / voltage).powi(2);
         let known = || {
             solutions
                 .examined
@@ -47,8 +47,8 @@ impl Effect for ElectromechanicalStability {
                 .filter_map(|one| Some((&one.pattern, one.stability?)))
         };
         if let Some((pattern, _)) = known().find(|(_, stability)| *stability == Stability::Never) {
-            let change = format!("is lost by `{pattern}` at any voltage: it has no tension to lose");
-            return open(Verdict::CalledFor, change);
+            let change = format!("`{pattern}` is unstable at any voltage: it has no tension");
+            return open(Verdict::Significant, change);
         }
         let lost = known().filter_map(|(pattern, stability)| match stability {
             Stability::Lost(limit) => Some((pattern, limit)),
@@ -61,40 +61,40 @@ impl Effect for ElectromechanicalStability {
         });
         let least = searched.min_by(|a, b| a.1.total_cmp(&b.1));
         let by_first = first.map(|(pattern, limit)| {
-            let ratio = share(limit.voltage);
-            let room = 100.0 * (limit.voltage / scene.voltage_v() - 1.0);
-            let place = if room < 0.0 { "below" } else { "above" };
+            let number = ratio(limit.voltage);
+            let distance = 100.0 * (limit.voltage / scene.voltage_v() - 1.0);
+            let side = if distance < 0.0 { "below" } else { "above" };
             let [low, high] = limit.interval();
             let is_open = low <= scene.voltage_v() && scene.voltage_v() <= high;
             let doubt = match (is_open, limit.error) {
                 (false, _) => "",
-                (true, Some(_)) => ", which is less than its error",
-                (true, None) => "; a finer mesh could have it on the other side",
+                (true, Some(_)) => ", less than its error",
+                (true, None) => "; a finer mesh could decide otherwise",
             };
             let change = format!(
-                "is lost by `{pattern}` at {}, {:.0} % {place} the voltage of the drive{doubt}",
-                voltage(&limit),
-                room.abs()
+                "`{pattern}` becomes unstable at {}, {:.0} % {side} the voltage of the drive{doubt}",
+                format_voltage(&limit),
+                distance.abs()
             );
-            let known = Significance::known(quantity, ratio, NEAR, change.clone());
+            let known = Significance::known(quantity, number, NEAR, change.clone());
             match limit.error {
                 Some(error) => Significance {
-                    error: Some(2.0 * ratio * error / limit.voltage),
+                    error: Some(2.0 * number * error / limit.voltage),
                     ..known
                 },
-                // A finer mesh, for which there was no more work, could say otherwise.
-                None if known.verdict == Verdict::NotCalledFor && share(limit.interval()[0]) > NEAR => {
-                    let more = ", and a finer mesh takes more work than is allowed";
-                    Significance::open(quantity, Verdict::GivenUp, NEAR, change + more)
+                // A finer mesh, which the work limit did not allow, could decide otherwise.
+                None if known.verdict == Verdict::NotSignificant && ratio(limit.interval()[0]) > NEAR => {
+                    let more = "; a finer mesh exceeds the work limit";
+                    Significance::open(quantity, Verdict::WorkLimit, NEAR, change + more)
                 }
                 None => known,
             }
         });
-        // What a coarse mesh bears a finer one may not.
-        let surely = |reached: f64| (1.0 - COARSE) * reached;
+        // A finer mesh may be unstable at a lower voltage than a coarse one.
+        let certain = |reached: f64| (1.0 - COARSE) * reached;
         match (by_first, least) {
-            (Some(found), _) if found.verdict == Verdict::CalledFor => Some(found),
-            (_, Some((pattern, reached))) if share(surely(reached)) > NEAR => {
+            (Some(found), _) if found.verdict == Verdict::Significant => Some(found),
+            (_, Some((pattern, reached))) if ratio(certain(reached)) > NEAR => {
                 let known = match reached > 0.0 {
                     true => format!(
                         ": it is stable up to {:.1} times the voltage",
@@ -102,25 +102,25 @@ impl Effect for ElectromechanicalStability {
                     ),
                     false => String::new(),
                 };
-                let change = format!("was not found for `{pattern}` with the work that is allowed{known}");
-                open(Verdict::GivenUp, change)
+                let change = format!("the critical voltage of `{pattern}` was not found within the work limit{known}");
+                open(Verdict::WorkLimit, change)
             }
             (Some(found), _) => Some(found),
             (None, Some((_, reached))) => {
-                let below = (100.0 * share(surely(reached)) - 1e-6).ceil() / 100.0;
+                let below = (100.0 * ratio(certain(reached)) - 1e-6).ceil() / 100.0;
                 let change = format!(
                     "below {below}: stable at {:.1} times the voltage on a coarse mesh",
                     reached / scene.voltage_v()
                 );
-                open(Verdict::NotCalledFor, change)
+                open(Verdict::NotSignificant, change)
             }
             (None, None) => open(Verdict::Unknown, "no patterns".to_owned()),
         }
     }
 }
 
-/// A voltage with its error as people say it.
-fn voltage(limit: &CriticalVoltage) -> String {
+/// Formats a critical voltage with its error.
+fn format_voltage(limit: &CriticalVoltage) -> String {
     let (unit, scale) = if limit.voltage < 1e3 { ("V", 1.0) } else { ("kV", 1e-3) };
     let volts = scale * limit.voltage;
     match limit.error {
@@ -155,38 +155,42 @@ mod tests {
     }
 
     #[test]
-    fn a_search_that_was_given_up_is_no_reason_for_no() {
-        // √(1/0.6) = 1.291, and 1.291/0.88 = 1.467: what a coarse mesh bears up to there is far enough from a loss.
+    fn a_search_that_reached_the_work_limit_leaves_the_verdict_open() {
+        // √(1/0.6) = 1.291, and 1.291/0.88 = 1.467: stable up to there on a coarse mesh is far enough from a loss.
         for (found, verdict, number) in [
-            (vec![found_at(2000.0), Stability::UpTo(1460.0)], Verdict::GivenUp, None),
+            (
+                vec![found_at(2000.0), Stability::UpTo(1460.0)],
+                Verdict::WorkLimit,
+                None,
+            ),
             (
                 vec![Stability::UpTo(0.0), Stability::UpTo(3000.0)],
-                Verdict::GivenUp,
+                Verdict::WorkLimit,
                 None,
             ),
             (
                 vec![found_at(2000.0), Stability::UpTo(1470.0)],
-                Verdict::NotCalledFor,
+                Verdict::NotSignificant,
                 Some(0.25),
             ),
             (
                 vec![found_at(1250.0), Stability::UpTo(500.0)],
-                Verdict::CalledFor,
+                Verdict::Significant,
                 Some(0.64),
             ),
             (
                 vec![Stability::UpTo(1470.0), Stability::UpTo(3000.0)],
-                Verdict::NotCalledFor,
+                Verdict::NotSignificant,
                 None,
             ),
             (
                 vec![Stability::UpTo(3000.0), Stability::Never],
-                Verdict::CalledFor,
+                Verdict::Significant,
                 None,
             ),
-            // By a coarse mesh alone: a finer one could have it at 0.88 of the voltage.
-            (vec![found_at(1460.0)], Verdict::GivenUp, None),
-            (vec![found_at(1600.0)], Verdict::NotCalledFor, Some(0.390_625)),
+            // On a coarse mesh only: with a finer one the critical voltage could be 0.88 times as high.
+            (vec![found_at(1460.0)], Verdict::WorkLimit, None),
+            (vec![found_at(1600.0)], Verdict::NotSignificant, Some(0.390_625)),
         ] {
             let assessment = assess(&found);
             let rounded = assessment.number.map(|number| (1e9 * number).round() / 1e9);
@@ -203,7 +207,7 @@ mod tests {
         );
         let open = assess(&[found_at(1050.0)]).change;
         assert!(
-            open.ends_with("5 % above the voltage of the drive; a finer mesh could have it on the other side"),
+            open.ends_with("5 % above the voltage of the drive; a finer mesh could decide otherwise"),
             "{open}"
         );
         let far = assess(&[Stability::UpTo(3_162.277_660_168)]);
@@ -213,17 +217,17 @@ mod tests {
         );
         let given_up = assess(&[found_at(2000.0), Stability::UpTo(1230.0)]).change;
         assert!(
-            given_up.starts_with("was not found for `p1`") && given_up.ends_with("1.2 times the voltage"),
+            given_up.contains("`p1` was not found") && given_up.ends_with("1.2 times the voltage"),
             "{given_up}"
         );
         let nothing = assess(&[Stability::UpTo(0.0)]).change;
-        assert!(nothing.ends_with("with the work that is allowed"), "{nothing}");
+        assert!(nothing.ends_with("within the work limit"), "{nothing}");
         let never = assess(&[Stability::Never]).change;
-        assert!(never.contains("lost by `p0` at any voltage"), "{never}");
+        assert!(never.contains("`p0` is unstable at any voltage"), "{never}");
     }
 
     #[test]
-    fn without_a_voltage_the_question_does_not_arise() {
+    fn without_a_voltage_stability_does_not_apply() {
         let scene = Scene::vhb4910().at_voltage(0.0);
         assert_eq!(
             ElectromechanicalStability.assess(&scene).unwrap().change,

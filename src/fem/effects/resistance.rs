@@ -1,4 +1,4 @@
-//! Resistance of the electrodes: screened by the time in which they charge.
+//! Electrode resistance, judged by the charging time of the electrodes.
 
 use std::f64::consts::PI;
 
@@ -29,7 +29,7 @@ impl Effect for ElectrodeResistance {
         Some(effects.electrode_resistance.is_some())
     }
 
-    /// Only where the electrodes are wired, and nothing stands against it.
+    /// Does nothing without leads or with an incompatible effect.
     fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
         if scene.leads.is_none() || scene.conflict_of_resistance(effects).is_some() {
             return;
@@ -47,22 +47,22 @@ impl Effect for ElectrodeResistance {
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         let Some(frequency) = scene.drive.voltage_frequency_hz() else {
             let change = "the drive is static".to_owned();
-            return Some(Significance::open(QUANTITY, Verdict::NotCalledFor, THRESHOLD, change));
+            return Some(Significance::open(QUANTITY, Verdict::NotSignificant, THRESHOLD, change));
         };
         let simulated = scene.effects.electrode_resistance.as_ref();
         let simulated = simulated.map(|effect| &effect.sheet_resistance);
         let Some(resistance) = simulated.or(scene.properties.sheet_resistance.as_ref()) else {
-            let change = "delays the voltage by a time that needs `sheet_resistance`: judged by 1 kHz".to_owned();
+            let change = "the voltage would lag; without `sheet_resistance` it is judged by 1 kHz".to_owned();
             return Some(Significance::known("f/(1 kHz)", frequency / 1e3, 1.0, change));
         };
         let capacitance = scene.permittivity() / (1e-3 * scene.prestretched_thickness_mm());
-        // The current flows through both sheets. Λ₁ is the lowest eigenvalue of −Δ on an electrode as long as the membrane with its lead at one
-        // end: a quarter of a wave.
+        // The current flows through both sheets. Λ₁ is the lowest eigenvalue of −Δ on an electrode as long as the
+        // membrane with a lead at one end: a quarter of a wave.
         let sheets = 2.0 * resistance.value();
         let [width, height] = scene.membrane().size_mm;
         let eigenvalue = (0.5 * PI / (1e-3 * width.max(height))).powi(2);
         let time = sheets * capacitance / eigenvalue;
-        let change = format!("delays the voltage at the far end by {time:.1e} s");
+        let change = format!("the voltage at the far end would lag by {time:.1e} s");
         Some(Significance::known(
             QUANTITY,
             2.0 * PI * frequency * time,

@@ -1,5 +1,5 @@
-//! Strain stiffening: elastomers of finite chains. The laws are in [`deaflow_scene::laws`];
-//! their kernels are in [`crate::energy`].
+//! Strain stiffening of elastomers with finite chains. The laws are in [`deaflow_scene::laws`], their kernels in
+//! [`crate::energy`].
 
 use super::effect::{Effect, Significance};
 use super::strip::Strip;
@@ -30,12 +30,12 @@ impl Effect for StrainStiffening {
         effects.strain_stiffening = None;
     }
 
-    fn moves_membrane(&self) -> bool {
+    fn changes_displacement(&self) -> bool {
         true
     }
 
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         let unknown = scene.effects.strain_stiffening.is_none() && scene.properties.strain_stiffening.is_none();
-        unknown.then(|| Significance::lacks_data(&format!("Jm < {:.0}", Strip::new(scene).least_jm())))
+        unknown.then(|| Significance::lacks_data(&format!("Jm < {:.0}", Strip::new(scene).significant_jm())))
     }
 }

@@ -1,4 +1,5 @@
-//! Viscoelasticity: Maxwell branches beside the equilibrium law, screened by how much they change by the end of the drive.
+//! Viscoelasticity: Maxwell branches in parallel with the equilibrium law, judged by their remaining influence at the
+//! end of the drive.
 
 use super::effect::{Effect, SMALL, Significance, Verdict};
 use deaflow_scene::effects::names;
@@ -7,23 +8,23 @@ use deaflow_scene::{Effects, Scene, Viscoelasticity as Branches};
 /// The effect.
 pub struct Viscoelasticity;
 
-/// The branches of a scene: those of its effect, or what is known of the material.
+/// Returns the branches of the effect of a scene, or those of its material data.
 fn branches(scene: &Scene) -> Option<&Branches> {
     let simulated = scene.effects.viscoelasticity.as_ref();
     simulated.or(scene.properties.viscoelasticity.as_ref())
 }
 
-/// What is looked at.
-enum Asked {
-    /// All states on the way.
+/// The time of interest.
+enum TimeSpan {
+    /// All times.
     History,
-    /// The state after so many seconds.
+    /// The state at this time in s.
     Hold(f64),
-    /// An oscillation with this angular frequency of the force in 1/s.
+    /// An oscillation with this angular frequency of the force in rad/s.
     Period(f64),
 }
 
-impl Asked {
+impl TimeSpan {
     fn of(scene: &Scene) -> Option<Self> {
         let drive = &scene.drive;
         if drive.oscillates() {
@@ -38,7 +39,7 @@ impl Asked {
         }
     }
 
-    /// The share of a branch that shows: with a relaxation time in s and its 4g.
+    /// Returns the share of a branch that has not relaxed, from its relaxation time in s and its weight 4g.
     fn share(&self, time: f64, weight: f64) -> f64 {
         match self {
             Self::History => 1.0,
@@ -72,9 +73,9 @@ impl Effect for Viscoelasticity {
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         let quantity = "Σ 4Gφ/(μ λp²)";
         let open = |verdict, why: &str| Some(Significance::open(quantity, verdict, SMALL, why.to_owned()));
-        let asked = Asked::of(scene);
-        if asked.is_none() && scene.drive.rest.is_none() {
-            return open(Verdict::NotCalledFor, "the drive has no time");
+        let span = TimeSpan::of(scene);
+        if span.is_none() && scene.drive.rest.is_none() {
+            return open(Verdict::NotSignificant, "the drive is static");
         }
         let Some(known) = branches(scene) else {
             return open(Verdict::Unknown, "no data");
@@ -87,12 +88,12 @@ impl Effect for Viscoelasticity {
                 .iter()
                 .map(|branch| (branch.modulus.value(), branch.time.value()))
         };
-        let creep: f64 = asked.as_ref().map_or(0.0, |asked| {
+        let creep: f64 = span.as_ref().map_or(0.0, |span| {
             each()
-                .map(|(modulus, time)| weight(modulus) * asked.share(time, weight(modulus)))
+                .map(|(modulus, time)| weight(modulus) * span.share(time, weight(modulus)))
                 .sum()
         });
-        // Prestretch that has not relaxed is a stress beside that of the law.
+        // A prestretch that has not relaxed adds a stress to that of the law.
         let left: f64 = scene.drive.rest.as_ref().map_or(0.0, |rest| {
             let share = |(modulus, time): (f64, f64)| modulus / scene.shear_modulus_pa() * (-rest.value() / time).exp();
             each().map(share).sum()
@@ -102,14 +103,14 @@ impl Effect for Viscoelasticity {
                 "Σ (G/μ) e^(−rest/τ)",
                 left,
                 SMALL,
-                format!("leaves {:.0} % of the stress of the prestretch to relax", 100.0 * left),
+                format!("{:.0} % of the prestress would still relax", 100.0 * left),
             ));
         }
-        let change = match asked {
-            Some(Asked::History) => "lets the displacement creep while the voltage changes",
-            Some(Asked::Hold(_)) if creep > SMALL => "has not relaxed when the drive ends",
-            Some(Asked::Hold(_)) => "has relaxed when the drive ends",
-            Some(Asked::Period(_)) | None => "resists the oscillation",
+        let change = match span {
+            Some(TimeSpan::History) => "the displacement would creep while the voltage changes",
+            Some(TimeSpan::Hold(_)) if creep > SMALL => "the membrane would not be relaxed when the drive ends",
+            Some(TimeSpan::Hold(_)) => "the membrane would be relaxed when the drive ends",
+            Some(TimeSpan::Period(_)) | None => "the membrane would resist the oscillation",
         };
         Some(Significance::known(quantity, creep, SMALL, change.to_owned()))
     }

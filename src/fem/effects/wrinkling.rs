@@ -1,4 +1,4 @@
-//! Wrinkling by tension-field theory: a membrane that folds instead of bearing compression.
+//! Wrinkling by tension-field theory: a membrane that wrinkles instead of bearing compression.
 //!
 //! The energy is replaced by its relaxation (Pipkin, IMA J. Appl. Math. 36 (1986) 85; with an electric field Greaney,
 //! Meere and Zurlo, J. Mech. Phys. Solids 122 (2019) 84). With
@@ -10,10 +10,10 @@
 //! slack     … and P₁ = φ₁(l₁, w) ≤ 0       constant
 //! ```
 //!
-//! The natural width w of the ideal neo-Hookean dielectric is λ₁^(−½)(1 − κλ₁²)^(−¼) in total stretches. Other potentials
-//! take Newton steps on the nearly linear l₂³φ₂ as a function of l₂⁴, kept between bounds; from below by the width without
-//! voltage, which is that of uniaxial tension, λ₁^(−½), for every law. In the wrinkled branch φ is a
-//! function of x₁ = l₁² alone; with D = x₁ − x₂, η = P₁/2l₁ and η′ = dη/dx₁
+//! The natural width w of the ideal neo-Hookean dielectric is λ₁^(−½)(1 − κλ₁²)^(−¼) in total stretches. For other
+//! potentials it is computed by Newton steps on the nearly linear l₂³φ₂ as a function of l₂⁴, kept between bounds; the
+//! lower one is the width without voltage, which is that of uniaxial tension, λ₁^(−½), for every law. In the wrinkled
+//! branch φ is a function of x₁ = l₁² alone; with D = x₁ − x₂, η = P₁/2l₁ and η′ = dη/dx₁
 //!
 //! ```text
 //! φᵢ  = η x₁/D,                    φⱼ  = −2ηj/D,
@@ -21,11 +21,11 @@
 //! dP₁/dl₁ = φ₁₁ − φ₁₂²/φ₂₂
 //! ```
 //!
-//! Ellipticity is lost where dP₁/dl₁ = 0 (Zurlo, arXiv 1908.06690, calls it the tension-extension inequality), at the latest
-//! where there is no natural width: κλ₁² = 1.
+//! Ellipticity is lost where dP₁/dl₁ = 0 (Zurlo, arXiv 1908.06690, calls it the tension-extension inequality), at the
+//! latest where no natural width exists: κλ₁² = 1.
 //!
-//! A share [`RESIDUAL`] of the flat potential is left to wrinkled and slack membrane, so that displacements across wrinkles
-//! stay determined and elements do not turn over. It vanishes where wrinkling begins, as does its slope.
+//! Wrinkled and slack membrane keeps a share [`RESIDUAL`] of the flat potential, so that displacements across wrinkles
+//! are determined and elements are not inverted. It vanishes where wrinkling begins, as does its slope.
 
 use pulp::{Simd, WithSimd};
 
@@ -41,15 +41,15 @@ pub const RESIDUAL: f64 = 1e-3;
 const SMALLEST_GAP: f64 = 1e-12;
 /// Compression below this is rounding.
 const SMALLEST_COMPRESSION: f64 = 1e-12;
-/// A relative change of the squared width after which one Newton step more is exact, and that rounding to single precision
-/// stays below.
+/// Relative change of the squared width after which one more Newton step is exact; rounding in single precision is
+/// smaller.
 const SETTLED: f64 = 1e-5;
-/// The square of a width beyond any real one.
+/// Upper bound of the squared width.
 const LARGEST_WIDTH: f64 = 1e12;
-/// Stress across at the natural width that rounding and the last Newton step may leave.
+/// Tolerance of the stress across at the natural width, for rounding and the last Newton step.
 const WIDTH_TOLERANCE: f64 = 1e-4;
 
-/// The natural width falls with about the root of the length, so each step halves the error at least.
+/// The natural width varies about like the inverse root of the length, so each step at least halves the error.
 const FIXED_POINT_STEPS: u32 = 60;
 
 /// A potential without compression.
@@ -58,12 +58,12 @@ pub struct TensionField<P> {
     flat: P,
 }
 
-/// Principal stretches and what the flat potential says of them.
+/// Principal stretches and the derivatives of the flat potential.
 struct Principal<V> {
     /// x₁ and x₁ − x₂.
     first: V,
     gap: V,
-    /// Negative of φ₂: positive where the membrane wrinkles.
+    /// −φ₂, positive where the membrane wrinkles.
     compression: V,
     slopes: Slopes<V>,
 }
@@ -73,14 +73,14 @@ struct Strip<V> {
     /// P₁ and dP₁/dl₁.
     stress: V,
     stiffness: V,
-    /// φ₂ and φ₂₂ at what was found to be the natural width.
+    /// φ₂ and φ₂₂ at the computed natural width.
     across: V,
     lateral: V,
     at: Invariants<V>,
 }
 
 impl<P: Potential> TensionField<P> {
-    /// The relaxation of a potential.
+    /// Relaxes a potential.
     #[must_use]
     pub fn new(flat: P) -> Self {
         Self { flat }
@@ -103,7 +103,7 @@ impl<P: Potential> TensionField<P> {
         }
     }
 
-    /// φ₁, φ₂, φ₁₁, φ₁₂ and φ₂₂ at squared stretches.
+    /// Returns φ₁, φ₂, φ₁₁, φ₁₂ and φ₂₂ at squared stretches.
     #[inline(always)]
     fn derivatives<V: Value>(&self, at: &Invariants<V>, first: V, second: V, active: V) -> [V; 5] {
         let s = slopes_apart(&self.flat, at, active);
@@ -119,8 +119,8 @@ impl<P: Potential> TensionField<P> {
         ]
     }
 
-    /// The square of the natural width at x₁: Newton steps on l₂³φ₂ as a function of l₂⁴, between bounds, until they have
-    /// settled in all lanes, and one more.
+    /// Returns the square of the natural width at x₁: Newton steps on l₂³φ₂ as a function of l₂⁴, between bounds, until
+    /// they have converged in all lanes, and one more.
     #[inline(always)]
     fn width<V: Value>(&self, first: V, active: V) -> V {
         let [mut low, mut x] = self.flat.natural_width(first, active);
@@ -130,7 +130,7 @@ impl<P: Potential> TensionField<P> {
         for _ in 0..self.flat.width_steps() {
             let at = Invariants::of_squares(first, x);
             let [_, across, _, _, lateral] = self.derivatives(&at, first, x, active);
-            // Where the potential is infinite the stretch is too large.
+            // An infinite potential means that the stretch is too large.
             let inside = self.flat.admissible(&at);
             let excess = inside.choose(across, one);
             high = excess.choose(x, high);
@@ -139,7 +139,7 @@ impl<P: Potential> TensionField<P> {
             let slope = (active.constant(3.0) * across).madd(two.recip(), lateral);
             let square = x.madd(x, -(four * across * x * two * slope.recip()));
             let newton = square.max(active.constant(0.0)).sqrt();
-            // A step that rounding alone carries out of bounds is a good one.
+            // A step out of bounds by rounding only is accepted.
             let below = low * active.constant(1.0 - SETTLED) - newton;
             let above = newton - high * active.constant(1.0 + SETTLED);
             let misled = below.max(above).max(-inside).max(-slope);
@@ -169,7 +169,7 @@ impl<P: Potential> TensionField<P> {
         }
     }
 
-    /// The state without stress, which is as wide as it is long: the fixed point of the natural width.
+    /// Returns the state without stress, which has equal stretches: the fixed point of the natural width.
     #[inline(always)]
     fn unloaded<V: Value>(&self, active: V) -> Invariants<V> {
         let mut x = active.constant(1.0);
@@ -189,7 +189,7 @@ impl<P: Potential> TensionField<P> {
         })
     }
 
-    /// The slopes of a membrane that wrinkles where it would be compressed, with the residual of the flat potential.
+    /// Returns the slopes of a wrinkled membrane, with the residual of the flat potential.
     #[inline(always)]
     fn relaxed<V: Value>(
         &self,
@@ -202,7 +202,7 @@ impl<P: Potential> TensionField<P> {
         let zero = number(0.0);
         let x = principal.first;
         let inverse = x.sqrt().recip();
-        // A slack membrane has neither stress nor stiffness.
+        // Slack membrane has neither stress nor stiffness.
         let stress = strip.stress.max(zero);
         let stiffness = strip.stress.choose(strip.stiffness, zero);
         let eta = number(0.5) * stress * inverse;
@@ -308,7 +308,7 @@ impl<P: Potential> Potential for TensionField<P> {
         }
         let strip = self.strip_apart(principal.first, active);
         let missed = active.constant(WIDTH_TOLERANCE) - strip.across.max(-strip.across);
-        // What is left of the flat potential in slack membrane says nothing.
+        // In slack membrane the residual of the flat potential is not checked.
         let is_slack = strip.stress.choose(taut.is_loose, active.constant(1.0));
         Watched {
             slopes: self.relaxed(at, &principal, &strip, active),
@@ -343,7 +343,7 @@ impl Effect for Wrinkling {
         effects.wrinkling = None;
     }
 
-    fn moves_membrane(&self) -> bool {
+    fn changes_displacement(&self) -> bool {
         true
     }
 }

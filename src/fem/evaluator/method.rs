@@ -1,28 +1,28 @@
-//! How a field is found: `newton`, `linear` or `chord:N`.
+//! The solution methods: `newton`, `linear` or `chord:N`.
 
 use std::fmt;
 use std::str::FromStr;
 
 use deaflow_base::{Canonical, InputError, Node, Parameter, Schema, nearest};
 
-/// How a field is found.
+/// A solution method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// The linear response of the half-active membrane: an estimate.
+    /// The linear response of the half-active membrane, an estimate.
     Linear,
-    /// So many chord steps beyond the linear response: a better estimate.
+    /// This number of chord steps after the linear response, a better estimate.
     Chord(u32),
-    /// Newton's method, until the membrane is in a stable equilibrium.
+    /// Newton's method to a stable equilibrium.
     Newton,
 }
 
-/// More chord steps than this never pay: Newton's method is done long before.
+/// Newton's method takes less time than more chord steps.
 const MOST_STEPS: u32 = 50;
 
 const ALLOWED: &str = "allowed: newton, linear, chord:N with N from 1 to 50";
 
 impl Method {
-    /// Chord steps beyond the linear response; `None` for Newton's method.
+    /// Returns the number of chord steps after the linear response; `None` for Newton's method.
     #[must_use]
     pub fn chord_steps(self) -> Option<u32> {
         match self {
@@ -68,7 +68,7 @@ pub struct UnknownMethod {
 
 impl std::error::Error for UnknownMethod {}
 
-/// What is allowed instead.
+/// Formats the suggestion and the allowed values.
 impl fmt::Display for UnknownMethod {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(near) = self.near {

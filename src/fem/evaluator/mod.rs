@@ -1,4 +1,4 @@
-//! Every method behind the traits of `field`: its name, its declared parameters, and the solver that they give.
+//! The solver behind the traits of `field`: methods, declared parameters and construction.
 
 mod method;
 mod parameters;

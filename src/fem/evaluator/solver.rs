@@ -1,4 +1,4 @@
-//! The solver that parameters give: Newton's method on one mesh, on the mesh that each pattern needs, or an estimate.
+//! The solver: Newton's method on one mesh or on a mesh for each pattern, an estimate, or a history.
 
 use std::borrow::Cow;
 
@@ -17,7 +17,7 @@ use deaflow_field::{Evaluator, Field, Mesh, Observation, PredictError, Predictor
 use deaflow_pattern::{Pattern, PatternForm};
 use deaflow_scene::{Effects, Leads, Scene, Unreached};
 
-/// A solver that is ready for the patterns of a scene.
+/// A solver for the patterns of a scene.
 pub struct Solver {
     parameters: SolverParameters,
     form: PatternForm,
@@ -25,27 +25,39 @@ pub struct Solver {
     engine: Engine,
 }
 
+impl SolverParameters {
+    /// Creates the solver for a scene.
+    ///
+    /// # Errors
+    /// As [`Solver::new`].
+    pub fn build(&self, scene: &Scene) -> Result<Solver, SetupError> {
+        Solver::new(scene, self)
+    }
+}
+
 enum Engine {
     /// Newton's method on one mesh.
     Fixed(Box<MembraneSolver>),
-    /// Newton's method on the mesh that each pattern needs.
+    /// Newton's method on a mesh for each pattern.
     Accurate(Box<AccurateSolver>),
     /// Chord steps from the linear response on one mesh.
     Estimate(Box<Estimator>, Mesh),
-    /// Through the time of the drive.
+    /// The drive in time.
     History(Box<HistorySolver>),
 }
 
 impl Solver {
-    /// The solver for a scene, whose effects are decided first where it says `effects: auto`.
+    /// Creates the solver for a scene; effects are decided first with `effects: auto`.
     ///
     /// # Errors
-    /// When the mesh or the tolerance is out of range, the membrane has no linear response, or its effects cannot be simulated.
+    /// If the mesh or tolerance is out of range, the membrane has no linear response, or its effects cannot be
+    /// simulated.
     pub fn new(scene: &Scene, parameters: &SolverParameters) -> Result<Self, SetupError> {
         Self::slowed(scene, parameters, 0.0)
     }
 
-    /// The same with branches that have no time to relax, of a modulus in units of μλp²: for one mesh, and no history.
+    /// Like [`Solver::new`], with viscoelastic branches that have no time to relax, of a modulus in units of μλp²; for
+    /// one mesh without history.
     ///
     /// # Errors
     /// As [`Solver::new`].
@@ -85,19 +97,19 @@ impl Solver {
         })
     }
 
-    /// Its parameters.
+    /// Returns its parameters.
     #[must_use]
     pub fn parameters(&self) -> &SolverParameters {
         &self.parameters
     }
 
-    /// Whether results come with an estimate of their discretisation error.
+    /// Returns whether results have an estimate of their discretisation error.
     #[must_use]
     pub fn estimates_errors(&self) -> bool {
         self.parameters.accuracy().is_some()
     }
 
-    /// The effects of a scene that results say something about beside the displacement: none where they are estimates or histories.
+    /// Returns the effects that results report beside the displacement: none for estimates and histories.
     #[must_use]
     pub fn observed<'a>(&self, effects: &'a Effects) -> Cow<'a, Effects> {
         match self.engine {
@@ -106,10 +118,10 @@ impl Solver {
         }
     }
 
-    /// Newton's method on one mesh, for what looks into a solution.
+    /// Returns the solver on one mesh with Newton's method, for details of a solution.
     ///
     /// # Errors
-    /// When it is another method, or each pattern has a mesh of its own.
+    /// If it is another method, or the mesh depends on the pattern.
     pub fn on_one_mesh(&self) -> Result<&MembraneSolver, SetupError> {
         match &self.engine {
             Engine::Fixed(solver) => Ok(solver),
@@ -117,10 +129,10 @@ impl Solver {
         }
     }
 
-    /// One result per pattern, in order; on a fixed mesh without an estimate of its error.
+    /// Simulates patterns in order; results on a fixed mesh have no error estimate.
     ///
     /// # Errors
-    /// When a pattern has groups of electrodes without voltage or a part that no lead reaches, or a finer mesh cannot be set up.
+    /// If a pattern has electrode groups without voltage or a part without a lead, or a finer mesh cannot be set up.
     pub fn simulate(&self, patterns: &[Pattern]) -> Result<Vec<AccurateSimulation>, SetupError> {
         self.check(patterns)?;
         match &self.engine {
@@ -135,7 +147,7 @@ impl Solver {
         }
     }
 
-    /// The same with the histories that lead there, where the parameters ask for such.
+    /// Like [`Solver::simulate`], with the histories if the parameters ask for them.
     ///
     /// # Errors
     /// As [`Solver::simulate`].
@@ -166,7 +178,7 @@ impl Solver {
         Err(SetupError::Group { y, x, group, groups })
     }
 
-    /// The same with the state of every cell, `None` where there is no stable solution.
+    /// Like [`Solver::simulate`], with the state of every cell; `None` without a stable solution.
     ///
     /// # Errors
     /// As [`Solver::on_one_mesh`].
@@ -178,10 +190,10 @@ impl Solver {
     }
 }
 
-/// Refuses patterns with a part that no lead reaches, where leads are known.
+/// Checks that every part of the electrodes has a lead, if leads are given.
 ///
 /// # Errors
-/// When there is one.
+/// If a part has none.
 pub fn check_leads(leads: Option<&Leads>, patterns: &[Pattern]) -> Result<(), SetupError> {
     let Some(leads) = leads else {
         return Ok(());
@@ -196,10 +208,10 @@ pub fn check_leads(leads: Option<&Leads>, patterns: &[Pattern]) -> Result<(), Se
     }
 }
 
-/// The state of every cell of each pattern; `None` where there is no stable solution.
+/// The state of every cell of each pattern; `None` without a stable solution.
 pub type CellStates = Vec<Option<Vec<CellState>>>;
 
-/// The state at the end of a history.
+/// Returns the state at the end of a history.
 pub(crate) fn last_state(found: &AccurateHistory) -> AccurateSimulation {
     let history = &found.history;
     let field = history.fields.last().filter(|_| history.outcome.is_converged());
@@ -223,7 +235,7 @@ pub(crate) fn last_state(found: &AccurateHistory) -> AccurateSimulation {
     }
 }
 
-/// Results on one mesh, without estimates of their errors.
+/// Wraps results of one mesh, without error estimates.
 fn on(mesh: Mesh, simulations: Vec<Simulation>) -> Vec<AccurateSimulation> {
     let each = |simulation| AccurateSimulation {
         simulation,

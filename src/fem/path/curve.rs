@@ -1,9 +1,9 @@
 //! The curve of equilibria in the space of displacement and load, and steps of a given arc length along it.
 //!
-//! Load control fails at a fold, where the load has an extremum along the curve; the arc length of (u, load) does not
-//! (Riks, J. Appl. Mech. 39 (1972) 1060; Keller's pseudo-arc length, in Applications of Bifurcation Theory, 1977, 359). The
-//! bordered system is solved by block elimination with the factors of the tangent, which are kept for as long as they
-//! reduce the residual well: a factorisation costs as much as tens of back-substitutions.
+//! Load control fails at a fold, where the load has an extremum along the curve; arc-length control of (u, load) does
+//! not (Riks, J. Appl. Mech. 39 (1972) 1060; Keller's pseudo-arc length, in Applications of Bifurcation Theory, 1977,
+//! 359). The bordered system is solved by block elimination with the factors of the tangent, which are kept as long as
+//! they reduce the residual well: a factorisation costs as much as tens of back-substitutions.
 
 use std::sync::Arc;
 
@@ -15,35 +15,35 @@ use crate::newton::{Workspace, norm};
 use crate::operator::Operator;
 use crate::stability::LOOSE;
 
-/// A factor by which an iteration must reduce the residual for the factors to be kept.
-const GOOD: f64 = 0.25;
-/// Iterations of a corrector, and factorisations within them.
+/// Factors are kept if an iteration reduces the residual by at least this factor.
+const GOOD_REDUCTION: f64 = 0.25;
+/// Maximum number of iterations of a corrector, and of factorisations in it.
 const MAX_ITERATIONS: u32 = 30;
-const MAX_REFRESHED: u32 = 4;
-/// Residual per unknown, in units of the load, that is rounding.
+const MAX_FACTORISATIONS: u32 = 4;
+/// Residual per unknown, in units of the load, that counts as rounding.
 const ROUNDING: f64 = 1e-14;
-/// Change of the load with which its derivative is taken, in units of the curve.
-const NUDGE: f64 = 1e-3;
+/// Change of the load for its derivative, in units of the curve.
+const LOAD_DIFFERENCE: f64 = 1e-3;
 
-/// A direction along the curve, of length 1 in the units of the curve.
+/// A direction along the curve, of unit length.
 struct Tangent {
     u: Vec<f64>,
     share: f64,
 }
 
-/// An equilibrium on the curve, and what is known of it.
-pub struct Station {
+/// An equilibrium on the curve, with its properties.
+pub struct CurvePoint {
     /// Displacements.
     pub u: Vec<f64>,
     /// Share of the full load.
     pub share: f64,
     /// Negative eigenvalues of the tangent matrix.
     pub negative: usize,
-    /// The least margin of ellipticity.
+    /// Smallest margin of ellipticity.
     pub ellipticity: f64,
-    /// The least tension, positive unless the law wrinkles and has gone slack somewhere.
+    /// Smallest tension, negative only if the membrane can wrinkle and is slack at a point.
     pub tension: f64,
-    /// The smallest det f.
+    /// Smallest det f.
     pub smallest_det: f64,
     factors: Factorisation,
     /// du/dshare.
@@ -51,23 +51,23 @@ pub struct Station {
     tangent: Tangent,
 }
 
-impl Station {
-    /// Whether the load rises along the curve.
+impl CurvePoint {
+    /// Returns whether the load rises along the curve.
     pub fn rises(&self) -> bool {
         self.tangent.share > 0.0
     }
 
-    /// Whether a membrane that wrinkles has no tension left somewhere.
+    /// Returns whether a membrane that can wrinkle has lost all tension at a point.
     pub fn is_slack(&self) -> bool {
         self.tension < -LOOSE
     }
 
-    /// Whether the equations mean something: elliptic and in tension everywhere.
+    /// Returns whether the equations are valid: elliptic and in tension everywhere.
     pub fn is_sound(&self) -> bool {
         self.ellipticity > 0.0 && !self.is_slack()
     }
 
-    /// Whether the equilibrium is one that a membrane can be found in.
+    /// Returns whether the equilibrium is stable.
     pub fn is_stable(&self) -> bool {
         self.negative == 0 && self.is_sound()
     }
@@ -75,28 +75,28 @@ impl Station {
 
 /// A step along the curve.
 pub struct Step {
-    /// Where it leads.
-    pub to: Station,
-    /// Cosine of the angle between the directions at both ends.
+    /// The new state.
+    pub to: CurvePoint,
+    /// Cosine of the angle between the tangents at both ends.
     pub cosine: f64,
-    /// Whether the first factors did until the end.
+    /// Whether no further factorisation was needed.
     pub easy: bool,
 }
 
-/// The equilibria of a problem.
+/// The curve of equilibria of a problem.
 pub struct Curve<'a, F> {
     problem: &'a Problem<'a, F>,
     structure: Arc<Structure>,
-    /// The unit of loads: the share at which a membrane that is active everywhere loses stability.
+    /// The unit of loads: the share at which a fully active membrane loses stability.
     unit: f64,
-    /// The unit of displacements: the norm of the linear response to that load; zero where nothing moves.
+    /// The unit of displacements: the norm of the linear response to that load; zero if nothing moves.
     movement: f64,
-    /// The norm of the residual at rest under that load.
+    /// The norm of the residual at rest at that load.
     reference: f64,
 }
 
 impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
-    /// The curve through the state at rest; `None` when memory is short.
+    /// Creates the curve through rest; `None` if memory is short.
     pub fn new(problem: &'a Problem<'a, F>) -> Option<Self> {
         let material = (problem.material)(1.0);
         let unit = 0.5 * material.largest_load() / material.load();
@@ -119,38 +119,38 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
         Some(curve)
     }
 
-    /// The unit of loads.
+    /// Returns the unit of loads.
     pub fn unit(&self) -> f64 {
         self.unit
     }
 
-    /// Whether there is no electrode, so that no load does anything.
+    /// Returns whether there is no electrode, so that the load has no effect.
     pub fn is_bare(&self) -> bool {
         self.problem.activity.elements().iter().all(|&active| active == 0.0)
     }
 
-    /// How far a state is from rest.
-    pub fn distance(&self, at: &Station) -> f64 {
+    /// Returns the distance of a state from rest.
+    pub fn distance(&self, at: &CurvePoint) -> f64 {
         self.product(&at.u, at.share, &at.u, at.share).sqrt()
     }
 
-    /// The state at rest, from where the load can only rise.
-    pub fn rest(&self) -> Option<Station> {
+    /// Returns the state at rest, with the tangent in the direction of rising load.
+    pub fn rest(&self) -> Option<CurvePoint> {
         let mut u = vec![0.0; self.problem.activity.grid().layout().vector_len()];
         let mut workspace = Workspace::new(u.len(), self.problem.laplacian);
         self.problem.rest(&mut u, &mut workspace).ok()?;
         self.station(u, 0.0, None)
     }
 
-    /// The smallest eigenvalue of a state, from that of a neighbour.
-    pub fn eigenpair(&self, at: &Station, near: Option<&Eigenpair>) -> Option<Eigenpair> {
+    /// Returns the smallest eigenvalue of a state, starting from that of a neighbour.
+    pub fn eigenpair(&self, at: &CurvePoint, near: Option<&Eigenpair>) -> Option<Eigenpair> {
         self.with_operator(at.share, |operator| {
             smallest(operator, self.problem.laplacian, &at.u, near)
         })
     }
 
-    /// Steps along the curve by an arc length; `None` when the curve is not found again.
-    pub fn step(&self, from: &Station, arc: f64) -> Option<Step> {
+    /// Steps along the curve by an arc length; `None` if no equilibrium is found.
+    pub fn step(&self, from: &CurvePoint, arc: f64) -> Option<Step> {
         let (u, share, easy) = self.correct(from, arc)?;
         let to = self.station(u, share, Some(&from.tangent))?;
         let (a, b) = (&from.tangent, &to.tangent);
@@ -161,9 +161,9 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
         })
     }
 
-    /// The equilibrium in the plane at an arc length from a state, across its tangent; and whether it was found without
-    /// another factorisation.
-    fn correct(&self, from: &Station, arc: f64) -> Option<(Vec<f64>, f64, bool)> {
+    /// Finds the equilibrium in the plane normal to the tangent of a state at an arc length; also returns whether no
+    /// further factorisation was needed.
+    fn correct(&self, from: &CurvePoint, arc: f64) -> Option<(Vec<f64>, f64, bool)> {
         let Tangent { u: along, share: rise } = &from.tangent;
         let mut u: Vec<f64> = from.u.iter().zip(along).map(|(u, t)| u + arc * t).collect();
         let mut share = from.share + arc * rise;
@@ -180,9 +180,9 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
             if size <= self.goal(share) {
                 return Some((u, share, renewals == 0));
             }
-            if size > GOOD * last {
+            if size > GOOD_REDUCTION * last {
                 renewals += 1;
-                if renewals > MAX_REFRESHED {
+                if renewals > MAX_FACTORISATIONS {
                     return None;
                 }
                 let factors = self.factors(&u, share)?;
@@ -194,7 +194,7 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
                 .as_ref()
                 .map_or((&from.factors, &from.slope), |(factors, slope)| (factors, slope));
             let back = factors.solve(&force);
-            // Both unknowns move, and stay in the plane.
+            // The update stays in the plane.
             let shift = self.product(&back, 0.0, along, 0.0) / self.product(slope, 1.0, along, *rise);
             let changes = back.iter().zip(slope).map(|(b, s)| shift * s - b);
             u.iter_mut().zip(changes).for_each(|(u, change)| *u += change);
@@ -204,7 +204,7 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
         None
     }
 
-    /// The residual that counts as rounding or as small enough.
+    /// Returns the norm of the residual to be reached.
     fn goal(&self, share: f64) -> f64 {
         let relative = (share / self.unit).abs();
         let load = (self.problem.material)(1.0).load() * self.unit;
@@ -212,14 +212,14 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
         (self.problem.tolerance * self.reference + rounding) * relative.max(1e-6)
     }
 
-    fn station(&self, u: Vec<f64>, share: f64, before: Option<&Tangent>) -> Option<Station> {
+    fn station(&self, u: Vec<f64>, share: f64, before: Option<&Tangent>) -> Option<CurvePoint> {
         let factors = self.factors(&u, share)?;
         let slope = self.slope(&factors, &u, share);
         let along = before.map_or(1.0, |t| self.product(&slope, 1.0, &t.u, t.share));
         let length = self.product(&slope, 1.0, &slope, 1.0).sqrt().copysign(along);
         let (_, smallest_det) = self.residual(&u, share);
         let margins = self.with_operator(share, |operator| operator.margins(&u));
-        Some(Station {
+        Some(CurvePoint {
             negative: factors.negative_pivots(),
             ellipticity: margins.ellipticity,
             tension: margins.tension,
@@ -235,7 +235,7 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
         })
     }
 
-    /// The inner product in which arcs are measured.
+    /// The inner product for arc lengths.
     fn product(&self, u: &[f64], share: f64, v: &[f64], other: f64) -> f64 {
         let movement = if self.movement > 0.0 {
             dot(u, v) / (self.movement * self.movement)
@@ -247,14 +247,10 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
 
     fn with_operator<R>(&self, share: f64, work: impl FnOnce(&Operator<'_, L>) -> R) -> R {
         let material = (self.problem.material)(share);
-        work(&Operator {
-            material: &material,
-            activity: self.problem.activity,
-            pulled: 1.0,
-        })
+        work(&Operator::new(&material, self.problem.activity))
     }
 
-    /// The residual and the smallest det f.
+    /// Returns the residual and the smallest det f.
     fn residual(&self, u: &[f64], share: f64) -> (Vec<f64>, f64) {
         let mut force = vec![0.0; u.len()];
         let smallest_det = self.with_operator(share, |operator| operator.residual(u, &mut force));
@@ -267,8 +263,8 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
 
     /// du/dshare along the curve.
     fn slope(&self, factors: &Factorisation, u: &[f64], share: f64) -> Vec<f64> {
-        let nudge = NUDGE * self.unit;
-        let (low, high) = ((share - nudge).max(0.0), share + nudge);
+        let difference = LOAD_DIFFERENCE * self.unit;
+        let (low, high) = ((share - difference).max(0.0), share + difference);
         let (below, above) = (self.residual(u, low).0, self.residual(u, high).0);
         let force: Vec<f64> = below.iter().zip(above).map(|(b, a)| (b - a) / (high - low)).collect();
         factors.solve(&force)

@@ -1,8 +1,8 @@
-//! Load paths: the equilibria of a membrane from rest to where stability is lost, and beyond.
+//! Load paths: equilibria of a membrane from rest to the loss of stability and beyond.
 //!
-//! A solve at one voltage says whether the membrane survives it. A path says how it gets there and what ends it: a fold,
-//! where the voltage has a maximum along the curve of equilibria and the membrane snaps; a bifurcation, where another
-//! branch takes over below the fold; or a loss of ellipticity, beyond which the equations mean nothing.
+//! A solution at one voltage shows whether the membrane is stable there. A path shows how it gets there and what ends
+//! it: a fold, where the voltage has a maximum along the curve of equilibria and the membrane snaps; a bifurcation,
+//! where another branch crosses below the fold; or a loss of ellipticity, beyond which the equations are not valid.
 
 pub(super) mod curve;
 pub(super) mod trace;
@@ -16,23 +16,23 @@ use super::operator::Activity;
 use super::solver::MembraneSolver;
 
 use curve::Curve;
-use trace::{Mark, Trace, follow};
+use trace::{PathState, Trace, follow};
 
-/// What happens on a path.
+/// Kind of an event on a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventKind {
-    /// The voltage has an extremum along the path. The first one is where the membrane snaps.
+    /// The voltage has an extremum along the path. The membrane snaps at the first one.
     Fold,
-    /// An eigenvalue of the tangent changes sign while the voltage goes on rising or falling: another branch crosses.
+    /// An eigenvalue of the tangent changes sign while the voltage keeps rising or falling: another branch crosses.
     Bifurcation,
-    /// Rank-one convexity is lost somewhere in the membrane.
+    /// Rank-one convexity is lost at a point.
     NotElliptic,
-    /// A membrane that wrinkles has lost all tension somewhere.
+    /// A membrane that can wrinkle has lost all tension at a point.
     Slack,
 }
 
 impl EventKind {
-    /// The word that stands in files: `fold`, `bifurcation`, `not-elliptic`, `slack`.
+    /// Returns the word used in files: `fold`, `bifurcation`, `not-elliptic`, `slack`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -49,22 +49,22 @@ impl EventKind {
 pub enum PathEnd {
     /// Rank-one convexity is lost.
     NotElliptic,
-    /// A membrane that wrinkles has lost all tension somewhere.
+    /// A membrane that can wrinkle has lost all tension at a point.
     Slack,
-    /// Some element is squeezed to nearly no area.
+    /// An element has almost no area left.
     Squeezed,
-    /// Past a fold the branch became stable again, and was followed well beyond the first limit.
+    /// After a fold the branch became stable again, and was followed well beyond the first limit.
     Recovered,
-    /// 50 times the critical voltage of a membrane that is active everywhere was reached without a limit.
+    /// 50 times the critical voltage of a fully active membrane was reached without a limit.
     NoLimit,
-    /// The path has very many points.
+    /// The maximum number of points was reached.
     Points,
-    /// The curve was not found again.
+    /// The next point was not found.
     Lost,
 }
 
 impl PathEnd {
-    /// The word that stands in files: `not-elliptic`, `slack`, `squeezed`, `recovered`, `no-limit`, `points`, `lost`.
+    /// Returns the word used in files: `not-elliptic`, `slack`, `squeezed`, `recovered`, `no-limit`, `points`, `lost`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -84,46 +84,46 @@ impl PathEnd {
 pub struct PathPoint {
     /// Voltage in V.
     pub voltage: f64,
-    /// Largest displacement magnitude over the cell corners, in mm.
+    /// Largest displacement at a cell corner in mm.
     pub max_displacement: f64,
-    /// Displacement magnitude, in mm, at the corner of [`LoadPath::watched`].
+    /// Displacement in mm at the corner of [`LoadPath::watched`].
     pub displacement: f64,
-    /// The smallest eigenvalue μ of K v = μ L v, with the Laplacian L: near 1 at rest, zero where stability is lost.
+    /// The smallest eigenvalue μ of K v = μ L v, with the Laplacian L: near 1 at rest, zero at the loss of stability.
     pub smallest_eigenvalue: f64,
-    /// How many eigenvalues of the tangent are negative.
+    /// Number of negative eigenvalues of the tangent.
     pub negative_eigenvalues: usize,
-    /// Whether a membrane can be found in this state: no negative eigenvalue, and elliptic everywhere.
+    /// Whether the state is stable: no negative eigenvalue, and elliptic everywhere.
     pub stable: bool,
 }
 
-/// Something that happens on a path.
+/// An event on a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathEvent {
-    /// What.
+    /// Kind.
     pub kind: EventKind,
-    /// Where, in V, to one part in 10⁴ or better.
+    /// Voltage in V, to one part in 10⁴ or better.
     pub voltage: f64,
-    /// The point just before it.
+    /// Index of the point just before it.
     pub point: usize,
 }
 
 /// The path of one pattern.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadPath {
-    /// From rest on, in the order of the path. The voltage falls past a fold.
+    /// Points in order from rest. The voltage falls after a fold.
     pub points: Vec<PathPoint>,
-    /// What happens, in the order of the path; the first one ends the stable part.
+    /// Events in order; the first one ends the stable part.
     pub events: Vec<PathEvent>,
     /// Why it ends.
     pub end: PathEnd,
-    /// The corner of the cells (column, row) that moves most at the limit, or at the end where there is no limit.
+    /// The cell corner (column, row) that moves most at the limit, or at the end without a limit.
     pub watched: [usize; 2],
-    /// The displacement there.
+    /// Displacement there.
     pub limit_field: Field,
 }
 
 impl LoadPath {
-    /// What ends the part that begins at rest: the voltage there is the highest that the membrane bears.
+    /// Returns the event that ends the stable part from rest, at the highest stable voltage.
     #[must_use]
     pub fn limit(&self) -> Option<PathEvent> {
         self.events.first().copied()
@@ -131,7 +131,7 @@ impl LoadPath {
 }
 
 impl MembraneSolver {
-    /// The path of one pattern. Whatever the voltage of the scene, it begins at rest. `None` where memory is short.
+    /// Follows the path of one pattern from rest, whatever the voltage of the scene. `None` if memory is short.
     #[must_use]
     pub fn path(&self, pattern: &Pattern) -> Option<LoadPath> {
         let (model, voltage) = self.driven().ok()?;
@@ -146,41 +146,41 @@ impl MembraneSolver {
 struct Follow<'a> {
     solver: &'a MembraneSolver,
     activity: &'a Activity,
-    /// The voltage at the full load.
+    /// Voltage at the full load.
     voltage: f64,
 }
 
-/// What is kept of a mark.
+/// Data kept of a state.
 type Kept = (PathPoint, Field);
 
 impl Follow<'_> {
-    fn keep(&self, mark: Mark) -> Kept {
+    fn keep(&self, state: PathState) -> Kept {
         let solver = self.solver;
-        let field = solver.grid.sample(&mark.u);
+        let field = solver.grid.sample(&state.u);
         let point = PathPoint {
-            voltage: mark.share.max(0.0).sqrt() * self.voltage,
+            voltage: state.share.max(0.0).sqrt() * self.voltage,
             max_displacement: field.max_magnitude(),
             displacement: 0.0,
-            smallest_eigenvalue: mark.eigenvalue,
-            negative_eigenvalues: mark.negative,
-            stable: mark.stable,
+            smallest_eigenvalue: state.eigenvalue,
+            negative_eigenvalues: state.negative,
+            stable: state.stable,
         };
         (point, field)
     }
 
     fn finish(&self, trace: Trace<Kept>) -> Option<LoadPath> {
-        let event = |happening: &trace::Happening| PathEvent {
-            kind: happening.kind,
-            voltage: happening.share.max(0.0).sqrt() * self.voltage,
-            point: happening.mark,
+        let event = |event: &trace::TraceEvent| PathEvent {
+            kind: event.kind,
+            voltage: event.share.max(0.0).sqrt() * self.voltage,
+            point: event.state,
         };
-        let events: Vec<PathEvent> = trace.happenings.iter().map(event).collect();
+        let events: Vec<PathEvent> = trace.events.iter().map(event).collect();
         let at = events
             .first()
-            .map_or(trace.marks.len().checked_sub(1)?, |limit| limit.point);
-        let limit_field = trace.marks.get(at)?.1.clone();
+            .map_or(trace.states.len().checked_sub(1)?, |limit| limit.point);
+        let limit_field = trace.states.get(at)?.1.clone();
         let watched = furthest(&limit_field);
-        let points = trace.marks.into_iter().map(|(point, field)| {
+        let points = trace.states.into_iter().map(|(point, field)| {
             let [x, y] = field.at_corner(watched[0], watched[1]);
             PathPoint {
                 displacement: x.hypot(y),
@@ -203,12 +203,12 @@ impl WithMaterial for Follow<'_> {
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<LoadPath> {
         let problem = self.solver.problem(self.activity, material);
         let curve = Curve::new(&problem)?;
-        let trace = follow(&curve, |mark| self.keep(mark));
+        let trace = follow(&curve, |state| self.keep(state));
         self.finish(trace)
     }
 }
 
-/// The corner that moves most.
+/// Returns the corner that moves most.
 fn furthest(field: &Field) -> [usize; 2] {
     let [columns, rows] = field.raster().corner_sides();
     let corners = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));

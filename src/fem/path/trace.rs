@@ -1,33 +1,33 @@
-//! Following the curve of equilibria from rest: how long the steps are, what happens on the way, and where to stop.
+//! Tracing the curve of equilibria from rest: step lengths, events and end.
 
 use crate::eigenvalue::Eigenpair;
-use crate::margin::HIGHEST;
+use crate::margin::MAX_PATH_LOAD;
 use crate::material::Material;
 
-use super::curve::{Curve, Station};
+use super::curve::{Curve, CurvePoint};
 use super::{EventKind, PathEnd};
 
-/// The first step, and the longest in units of the distance from rest, at least [`NEAR`].
-const FIRST: f64 = 0.003;
-const LONGEST: f64 = 0.05;
+/// First step, and largest step in units of the distance from rest, which is at least [`NEAR`].
+const FIRST_STEP: f64 = 0.003;
+const MAX_STEP: f64 = 0.05;
 const NEAR: f64 = 1.0;
-/// Steps this short lead nowhere.
-const SHORTEST: f64 = 1e-7;
-/// A step around a bend sharper than this is made in smaller ones.
-const STRAIGHT: f64 = 0.97;
-/// Points after which the path ends.
-const MOST_POINTS: usize = 240;
-/// Elements squeezed to this part of their area are nearly turned over.
-const SQUEEZED: f64 = 0.02;
-/// How far a branch is followed that became stable again, in units of the load at the first limit.
-const BEYOND: f64 = 1.2;
-/// Relative width in load at which an event is located; voltages are twice as sharp.
-const LOCATED: f64 = 2e-5;
-/// Width in arc length at which a fold is located.
-const NARROW: f64 = 1e-3;
+/// Smallest step.
+const MIN_STEP: f64 = 1e-7;
+/// Steps with a smaller cosine of the angle between their ends are halved.
+const MIN_COSINE: f64 = 0.97;
+/// Maximum number of points.
+const MAX_POINTS: usize = 240;
+/// Elements with less than this share of their area end the path.
+const MIN_AREA: f64 = 0.02;
+/// Range in which a branch that became stable again is followed, in units of the load at the first limit.
+const RECOVERY_RANGE: f64 = 1.2;
+/// Relative width in load to which an event is located; voltages are twice as accurate.
+const EVENT_WIDTH: f64 = 2e-5;
+/// Width in arc length to which a fold is located.
+const FOLD_WIDTH: f64 = 1e-3;
 
 /// An equilibrium on the path.
-pub struct Mark {
+pub struct PathState {
     /// Displacements.
     pub u: Vec<f64>,
     /// Share of the full load.
@@ -36,75 +36,75 @@ pub struct Mark {
     pub negative: usize,
     /// The smallest eigenvalue against the Laplacian.
     pub eigenvalue: f64,
-    /// Stable and elliptic.
+    /// Whether it is stable and elliptic.
     pub stable: bool,
 }
 
-/// Something that happens on the path.
-pub struct Happening {
-    /// What.
+/// An event on the path.
+pub struct TraceEvent {
+    /// Kind.
     pub kind: EventKind,
     /// Share of the full load.
     pub share: f64,
-    /// The mark before it.
-    pub mark: usize,
+    /// Index of the state before it.
+    pub state: usize,
 }
 
-/// A path as it was followed.
+/// A traced path.
 pub struct Trace<M> {
-    /// What the caller keeps of each mark.
-    pub marks: Vec<M>,
-    /// In the order in which they happen.
-    pub happenings: Vec<Happening>,
+    /// Data that the caller keeps of each state.
+    pub states: Vec<M>,
+    /// Events in order.
+    pub events: Vec<TraceEvent>,
     /// Why it ends.
     pub end: PathEnd,
 }
 
-/// Follows a curve. `keep` says what is kept of each mark.
-pub fn follow<L: Material, F: Fn(f64) -> L, M>(curve: &Curve<'_, F>, keep: impl Fn(Mark) -> M) -> Trace<M> {
-    let mut follower = Follower {
+/// Traces a curve. `keep` converts each state to the data to keep.
+pub fn follow<L: Material, F: Fn(f64) -> L, M>(curve: &Curve<'_, F>, keep: impl Fn(PathState) -> M) -> Trace<M> {
+    let mut tracer = Tracer {
         curve,
         keep,
         near: None,
         trace: Trace {
-            marks: Vec::new(),
-            happenings: Vec::new(),
+            states: Vec::new(),
+            events: Vec::new(),
             end: PathEnd::Lost,
         },
     };
     if let Some(rest) = curve.rest() {
-        follower.trace.end = follower.follow(rest);
+        tracer.trace.end = tracer.follow(rest);
     }
-    follower.trace
+    tracer.trace
 }
 
-struct Follower<'a, F, K, M> {
+struct Tracer<'a, F, K, M> {
     curve: &'a Curve<'a, F>,
     keep: K,
     near: Option<Eigenpair>,
     trace: Trace<M>,
 }
 
-impl<L: Material, F: Fn(f64) -> L, K: Fn(Mark) -> M, M> Follower<'_, F, K, M> {
-    fn follow(&mut self, rest: Station) -> PathEnd {
+impl<L: Material, F: Fn(f64) -> L, K: Fn(PathState) -> M, M> Tracer<'_, F, K, M> {
+    fn follow(&mut self, rest: CurvePoint) -> PathEnd {
         let mut here = rest;
-        let mut arc = FIRST;
+        let mut arc = FIRST_STEP;
         self.record(&here);
-        while self.trace.marks.len() < MOST_POINTS {
+        while self.trace.states.len() < MAX_POINTS {
             if let Some(end) = self.end(&here) {
                 return end;
             }
-            let longest = LONGEST * self.curve.distance(&here).max(NEAR);
+            let longest = MAX_STEP * self.curve.distance(&here).max(NEAR);
             arc = arc.min(longest);
-            let step = self.curve.step(&here, arc).filter(|step| step.cosine > STRAIGHT);
+            let step = self.curve.step(&here, arc).filter(|step| step.cosine > MIN_COSINE);
             let Some(step) = step else {
                 arc *= 0.5;
-                if arc < SHORTEST {
+                if arc < MIN_STEP {
                     return PathEnd::Lost;
                 }
                 continue;
             };
-            let next = if self.eventful(&here, &step.to) {
+            let next = if self.has_event(&here, &step.to) {
                 self.locate(here, step.to, arc)
             } else {
                 step.to
@@ -116,17 +116,17 @@ impl<L: Material, F: Fn(f64) -> L, K: Fn(Mark) -> M, M> Follower<'_, F, K, M> {
         PathEnd::Points
     }
 
-    /// Whether the path ends at a state.
-    fn end(&self, at: &Station) -> Option<PathEnd> {
-        let first = self.trace.happenings.first();
-        let recovered = first.is_some_and(|first| at.is_stable() && at.share > BEYOND * first.share);
+    /// Returns why the path ends at a state, if it does.
+    fn end(&self, at: &CurvePoint) -> Option<PathEnd> {
+        let first = self.trace.events.first();
+        let recovered = first.is_some_and(|first| at.is_stable() && at.share > RECOVERY_RANGE * first.share);
         if at.ellipticity <= 0.0 {
             Some(PathEnd::NotElliptic)
         } else if at.is_slack() {
             Some(PathEnd::Slack)
-        } else if at.smallest_det < SQUEEZED {
+        } else if at.smallest_det < MIN_AREA {
             Some(PathEnd::Squeezed)
-        } else if at.share > HIGHEST * self.curve.unit() || self.curve.is_bare() {
+        } else if at.share > MAX_PATH_LOAD * self.curve.unit() || self.curve.is_bare() {
             Some(PathEnd::NoLimit)
         } else if recovered {
             Some(PathEnd::Recovered)
@@ -135,21 +135,21 @@ impl<L: Material, F: Fn(f64) -> L, K: Fn(Mark) -> M, M> Follower<'_, F, K, M> {
         }
     }
 
-    /// Whether something worth telling lies between two states.
-    fn eventful(&self, here: &Station, next: &Station) -> bool {
+    /// Returns whether an event lies between two states.
+    fn has_event(&self, here: &CurvePoint, next: &CurvePoint) -> bool {
         here.rises() != next.rises() || here.is_sound() != next.is_sound() || here.is_stable() != next.is_stable()
     }
 
-    /// Narrows an event down between two states an arc length apart, records what lies before it, and returns the state
-    /// after it.
-    fn locate(&mut self, mut before: Station, mut after: Station, mut arc: f64) -> Station {
+    /// Locates an event between two states an arc length apart, records the state before it, and returns the one after
+    /// it.
+    fn locate(&mut self, mut before: CurvePoint, mut after: CurvePoint, mut arc: f64) -> CurvePoint {
         while !self.is_located(&before, &after, arc) {
-            // The curve was found over the whole arc, so over half of it too but for rounding.
+            // The step over the whole arc succeeded, so that over half of it does, except for rounding.
             let Some(middle) = self.curve.step(&before, 0.5 * arc) else {
                 break;
             };
             arc *= 0.5;
-            if self.eventful(&before, &middle.to) {
+            if self.has_event(&before, &middle.to) {
                 after = middle.to;
             } else {
                 before = middle.to;
@@ -173,25 +173,25 @@ impl<L: Material, F: Fn(f64) -> L, K: Fn(Mark) -> M, M> Follower<'_, F, K, M> {
             (EventKind::Bifurcation, 0.5 * (before.share + after.share))
         };
         self.record(&before);
-        self.trace.happenings.push(Happening {
+        self.trace.events.push(TraceEvent {
             kind,
             share,
-            mark: self.trace.marks.len() - 1,
+            state: self.trace.states.len() - 1,
         });
         after
     }
 
-    fn is_located(&self, before: &Station, after: &Station, arc: f64) -> bool {
-        let sharp = (after.share - before.share).abs() <= LOCATED * after.share;
+    fn is_located(&self, before: &CurvePoint, after: &CurvePoint, arc: f64) -> bool {
+        let sharp = (after.share - before.share).abs() <= EVENT_WIDTH * after.share;
         let fold = before.rises() != after.rises();
-        sharp && (!fold || arc <= NARROW * self.curve.distance(before).max(NEAR)) || arc < SHORTEST
+        sharp && (!fold || arc <= FOLD_WIDTH * self.curve.distance(before).max(NEAR)) || arc < MIN_STEP
     }
 
-    fn record(&mut self, at: &Station) {
+    fn record(&mut self, at: &CurvePoint) {
         let found = self.curve.eigenpair(at, self.near.as_ref());
         let eigenvalue = found.as_ref().map_or(f64::NAN, |pair| pair.value);
         self.near = found.or(self.near.take());
-        self.trace.marks.push((self.keep)(Mark {
+        self.trace.states.push((self.keep)(PathState {
             u: at.u.clone(),
             share: at.share,
             negative: at.negative,

@@ -1,45 +1,45 @@
-//! What an effect does to the displacement: a solution with it against one without it.
+//! The influence of an effect on the displacement: a solution with it against one without it.
 //!
-//! Both are solved for, with all that is not linear about them, because an effect that is small at rest need not be so near a loss of
-//! stability. Where a solution is lost below the voltage of the scene, the two are compared a little below the loss.
+//! Both solutions are nonlinear, because an effect that is small at rest can be large near a loss of stability. If a
+//! solution loses stability below the voltage of the scene, the two are compared just below that voltage.
 
 use crate::effects::{DISPLACED, SMALL, Significance, Verdict};
 use deaflow_field::{Field, Outcome};
 
-/// What an effect does to one pattern.
+/// The influence of an effect on one pattern.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
     /// Name of the pattern.
     pub pattern: String,
-    /// How its simulation ends at the voltage of the scene without the effect and with it.
+    /// Outcomes at the voltage of the scene without and with the effect.
     pub outcomes: [Outcome; 2],
-    /// What the effect does to its displacement; `None` where there is no voltage at which both solutions are known.
+    /// Difference of the displacements; `None` if no voltage has both solutions.
     pub displacement: Option<Displacement>,
 }
 
-/// How two displacements differ.
+/// Difference of two displacement fields.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Displacement {
-    /// The voltage in V at which they are compared: that of the scene, or one just below a loss of stability.
+    /// Voltage of the comparison in V: that of the scene, or one just below a loss of stability.
     pub voltage: f64,
-    /// The largest difference over the cell corners, over the largest displacement without the effect.
+    /// Largest difference at a cell corner, relative to the largest displacement without the effect.
     pub difference: f64,
-    /// The change of the largest displacement, over that without the effect.
+    /// Change of the largest displacement, relative to that without the effect.
     pub change: f64,
 }
 
-/// Displacements in mm that are rounding.
-const NOTHING: f64 = 1e-12;
-/// The share of the difference from which the change of the largest displacement stands for all of it.
-const TELLING: f64 = 0.7;
+/// Displacements in mm below this are rounding errors.
+const ROUNDING: f64 = 1e-12;
+/// If the change of the largest displacement is at least this share of the difference, it is reported with its sign.
+const REPRESENTATIVE: f64 = 0.7;
 
 impl Displacement {
-    /// How two fields in mm at a voltage in V differ.
+    /// Compares two fields in mm at a voltage in V.
     #[must_use]
     pub fn between(without: &Field, with: &Field, voltage: f64) -> Self {
         let [before, after] = [without, with].map(Field::max_magnitude);
-        // Where nothing moves without the effect, all that moves is its doing.
-        let scale = if before > NOTHING { before } else { after.max(NOTHING) };
+        // Without motion in the first field, the second one is the scale.
+        let scale = if before > ROUNDING { before } else { after.max(ROUNDING) };
         Self {
             voltage,
             difference: without.max_difference(with) / scale,
@@ -49,7 +49,7 @@ impl Displacement {
 }
 
 impl Comparison {
-    /// Whether the effect decides about stability at the voltage of the scene.
+    /// Returns whether the effect changes the stability at the voltage of the scene.
     #[must_use]
     pub fn is_decisive(&self) -> bool {
         let lost = |outcome: &Outcome| outcome.bracket().is_some();
@@ -57,7 +57,7 @@ impl Comparison {
         (without.is_converged() && lost(with)) || (lost(without) && with.is_converged())
     }
 
-    /// Whether the comparison was given up.
+    /// Returns whether a simulation ended before its stability was known.
     #[must_use]
     pub fn is_unknown(&self) -> bool {
         let ends = |outcome: &Outcome| outcome.is_converged() || outcome.bracket().is_some();
@@ -69,7 +69,7 @@ impl Comparison {
     }
 }
 
-/// How much an effect matters by what it does to some patterns: to the one that it changes most, or whose stability it decides about.
+/// Judges an effect by the pattern whose stability it changes, or else by the one whose displacement it changes most.
 pub fn assess(comparisons: &[Comparison]) -> Significance {
     let largest = comparisons
         .iter()
@@ -80,27 +80,27 @@ pub fn assess(comparisons: &[Comparison]) -> Significance {
     let number = largest.displacement.map(|d| d.difference);
     let by_number = Significance {
         number,
-        ..Significance::known(DISPLACED, largest.difference(), SMALL, in_words(largest))
+        ..Significance::known(DISPLACED, largest.difference(), SMALL, describe(largest))
     };
     if let Some(decisive) = comparisons.iter().find(|one| one.is_decisive()) {
         let [without, with] = decisive.outcomes;
         return Significance {
-            verdict: Verdict::CalledFor,
+            verdict: Verdict::Significant,
             change: format!(
-                "decides whether `{}` is stable: {without} without it, {with} with it",
+                "the stability of `{}` would change: {without} without it, {with} with it",
                 decisive.pattern
             ),
             ..by_number
         };
     }
     match comparisons.iter().find(|one| one.is_unknown()) {
-        Some(unknown) if by_number.verdict != Verdict::CalledFor => Significance {
-            verdict: Verdict::GivenUp,
+        Some(unknown) if by_number.verdict != Verdict::Significant => Significance {
+            verdict: Verdict::WorkLimit,
             change: format!(
-                "could not be judged by `{}` with the work that is allowed, as is often so where a pattern is lost: `deaflow screen` with \
-                 a longer time limit may tell more{}",
+                "the influence on `{}` is unknown: the work limit was reached, probably because the pattern is \
+                 unstable; try `deaflow screen` with a longer time limit{}",
                 unknown.pattern,
-                number.map_or_else(String::new, |_| format!("; by the others it {}", by_number.change))
+                number.map_or_else(String::new, |_| format!("; for other patterns, {}", by_number.change))
             ),
             ..by_number
         },
@@ -108,7 +108,8 @@ pub fn assess(comparisons: &[Comparison]) -> Significance {
     }
 }
 
-fn in_words(comparison: &Comparison) -> String {
+/// Describes the change of displacement as a sentence.
+fn describe(comparison: &Comparison) -> String {
     let pattern = &comparison.pattern;
     let Some(Displacement {
         voltage,
@@ -116,24 +117,23 @@ fn in_words(comparison: &Comparison) -> String {
         change,
     }) = comparison.displacement
     else {
-        return format!("leaves `{pattern}` without a stable state at any voltage, as it is without it");
+        return format!("`{pattern}` would remain unstable at any voltage");
     };
     let near_loss = comparison.outcomes.iter().any(|outcome| !outcome.is_converged());
-    let place = if near_loss {
-        format!(" at {voltage:.0} V, just below its loss of stability")
+    let at_voltage = if near_loss {
+        format!(" at {voltage:.0} V, just below the critical voltage")
     } else {
         String::new()
     };
     if difference < 5e-4 {
-        return format!("changes the displacement by less than 0.1 %{place}");
+        return format!("the displacement would change by less than 0.1 %{at_voltage}");
     }
-    let telling = change.abs() >= TELLING * difference;
-    let (verb, size) = match telling {
-        true if change > 0.0 => ("raises", format!("about {:.1} %", 100.0 * change)),
-        true => ("lowers", format!("about {:.1} %", -100.0 * change)),
-        false => ("changes", format!("up to {:.1} %", 100.0 * difference)),
+    let (verb, size) = match change.abs() >= REPRESENTATIVE * difference {
+        true if change > 0.0 => ("rise", format!("about {:.1} %", 100.0 * change)),
+        true => ("fall", format!("about {:.1} %", -100.0 * change)),
+        false => ("change", format!("up to {:.1} %", 100.0 * difference)),
     };
-    format!("{verb} the displacement of `{pattern}` by {size}{place}")
+    format!("the displacement of `{pattern}` would {verb} by {size}{at_voltage}")
 }
 
 #[cfg(test)]
@@ -182,8 +182,8 @@ mod tests {
     fn a_verdict_is_that_of_the_pattern_that_changes_most() {
         let converged = [Outcome::Converged; 2];
         for (numbers, verdict) in [
-            ([0.001, 0.019], Verdict::NotCalledFor),
-            ([0.001, 0.021], Verdict::CalledFor),
+            ([0.001, 0.019], Verdict::NotSignificant),
+            ([0.001, 0.021], Verdict::Significant),
         ] {
             let all = numbers.map(|number| one(converged, Some(number)));
             let found = assess(&all);
@@ -191,45 +191,39 @@ mod tests {
         }
         assert_eq!(
             assess(&[one(converged, Some(0.0213))]).change,
-            "lowers the displacement of `p` by about 2.1 %"
+            "the displacement of `p` would fall by about 2.1 %"
         );
         assert_eq!(assess(&[]).verdict, Verdict::Unknown);
     }
 
     #[test]
-    fn an_effect_that_decides_about_stability_is_called_for_whatever_its_number() {
+    fn an_effect_that_changes_the_stability_is_significant_whatever_its_number() {
         for outcomes in [[Outcome::Converged, lost()], [lost(), Outcome::Converged]] {
             let found = assess(&[one(outcomes, Some(0.001))]);
-            assert_eq!(found.verdict, Verdict::CalledFor);
-            assert!(
-                found.change.starts_with("decides whether `p` is stable"),
-                "{}",
-                found.change
-            );
+            assert_eq!(found.verdict, Verdict::Significant);
+            assert!(found.change.starts_with("the stability of `p`"), "{}", found.change);
         }
         let found = assess(&[one([lost(), lost()], Some(0.01))]);
-        assert_eq!(found.verdict, Verdict::NotCalledFor);
+        assert_eq!(found.verdict, Verdict::NotSignificant);
         assert!(
-            found.change.ends_with("just below its loss of stability"),
+            found.change.ends_with("just below the critical voltage"),
             "{}",
             found.change
         );
     }
 
     #[test]
-    fn what_was_given_up_is_not_known_unless_another_pattern_says_so() {
-        let given_up = one([Outcome::Converged, Outcome::WorkLimit], None);
-        let found = assess(&[given_up.clone(), one([Outcome::Converged; 2], Some(0.01))]);
-        assert_eq!((found.verdict, found.number), (Verdict::GivenUp, Some(0.01)));
+    fn the_work_limit_leaves_the_verdict_open_unless_another_pattern_decides() {
+        let stopped = one([Outcome::Converged, Outcome::WorkLimit], None);
+        let found = assess(&[stopped.clone(), one([Outcome::Converged; 2], Some(0.01))]);
+        assert_eq!((found.verdict, found.number), (Verdict::WorkLimit, Some(0.01)));
         assert!(
-            found
-                .change
-                .contains("a longer time limit may tell more; by the others it lowers"),
+            found.change.contains("; for other patterns, the displacement"),
             "{}",
             found.change
         );
-        assert_eq!(assess(std::slice::from_ref(&given_up)).number, None);
-        let found = assess(&[given_up, one([Outcome::Converged; 2], Some(0.03))]);
-        assert_eq!(found.verdict, Verdict::CalledFor);
+        assert_eq!(assess(std::slice::from_ref(&stopped)).number, None);
+        let found = assess(&[stopped, one([Outcome::Converged; 2], Some(0.03))]);
+        assert_eq!(found.verdict, Verdict::Significant);
     }
 }

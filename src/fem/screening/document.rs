@@ -1,11 +1,11 @@
-//! A screening as a document.
+//! The JSON document of a screening.
 
 use serde_json::{Value, json};
 
 use super::{Comparison, Row, Screening, Status};
 
 impl Screening {
-    /// One row for each effect, those that are simulated, and the warnings: what `deaflow screen --json` prints.
+    /// Returns the rows, the simulated effects and the warnings, as `deaflow screen --json` prints them.
     #[must_use]
     pub fn document(&self) -> Value {
         let row = |row: &Row| {
@@ -31,7 +31,6 @@ impl Screening {
     }
 }
 
-/// What an effect does to one pattern.
 fn comparison(one: &Comparison) -> Value {
     let [without, with] = one.outcomes.map(|outcome| outcome.name());
     json!({

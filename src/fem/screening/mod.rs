@@ -1,22 +1,21 @@
-//! Which effects a scene calls for.
+//! Which effects are significant in a scene.
 //!
-//! An effect that moves the membrane is judged by how much: solutions with it are compared with solutions without it, for a few
-//! patterns, between them as extreme as patterns are. Those that cannot be simulated yet are judged by the scene alone, and stability and breakdown
-//! by the solutions.
+//! An effect that changes the displacement is judged by solutions with and without it for a few patterns, including
+//! extreme ones. Effects in time are judged by the scene alone, stability and breakdown by the solutions.
 
-mod bench;
+mod comparer;
 mod comparison;
 mod document;
+mod examine;
+mod resolve;
 mod row;
 mod screen;
-mod screened;
-mod solution;
+mod test_pattern;
 #[cfg(test)]
 mod tests;
-mod trial;
 
 pub use comparison::{Comparison, Displacement};
-pub use row::{NOT_EACH, Row, Status};
+pub use resolve::{ScreenedScene, resolve, resolve_states, resolved_states};
+pub use row::{CHECKED_ON, Row, Status};
 pub use screen::{Screening, screen, screen_for, screen_within};
-pub use screened::{Screened, decided_states, resolve, resolve_states};
-pub use trial::{Trial, reference_patterns, watch_patterns, watch_patterns_with};
+pub use test_pattern::{TestPattern, reference_patterns};

@@ -1,25 +1,27 @@
-//! What is known about an effect in a scene.
+//! The screening result of one effect, and its warning.
 
-use super::comparison::Comparison;
+use super::comparison::{Comparison, assess};
 use crate::effects::{DISPLACED, Effect, Significance, Verdict};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
 
-/// What is known about an effect in a scene.
+/// The screening result of one effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// Its name in a scene.
     pub effect: &'static str,
-    /// How much it matters.
+    /// Number, threshold and verdict.
     pub assessment: Significance,
     /// Whether it is simulated.
     pub status: Status,
-    /// What it would cost, in words.
+    /// Its cost, in words.
     pub cost: &'static str,
-    /// Whether it shows in time alone.
+    /// Whether it acts in time only, so that no equilibrium contains it.
     pub needs_time: bool,
-    /// What it does to the displacement of each pattern; none where it is judged otherwise.
+    /// Influence on the displacement of each pattern; empty for effects judged otherwise.
     pub comparisons: Vec<Comparison>,
+    /// Number of patterns whose critical voltage was searched for; 0 for effects judged otherwise.
+    pub stability_checks: usize,
 }
 
 /// Whether an effect is simulated.
@@ -29,12 +31,12 @@ pub enum Status {
     On,
     /// It could be simulated and is not.
     Off,
-    /// It cannot be simulated yet.
+    /// It cannot be simulated.
     NotAvailable,
 }
 
 impl Status {
-    /// `on`, `off` or `not available`.
+    /// Returns `on`, `off` or `not available`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -45,11 +47,11 @@ impl Status {
     }
 }
 
-/// What is said of the critical voltage where each pattern's own is left out.
-pub const NOT_EACH: &str = "not computed for each pattern";
+/// Part of the warning that the stability of most patterns was not checked.
+pub const CHECKED_ON: &str = "stability was checked on";
 
 impl Row {
-    pub(super) fn new(effect: &dyn Effect, judged: Judged, effects: &Effects, scene: &Scene) -> Self {
+    pub(super) fn new(effect: &dyn Effect, judged: Judgement, effects: &Effects, scene: &Scene) -> Self {
         let status = match effect.is_on(effects, scene) {
             Some(true) => Status::On,
             Some(false) => Status::Off,
@@ -62,36 +64,47 @@ impl Row {
             cost: effect.cost(),
             needs_time: effect.needs_time(),
             comparisons: judged.comparisons,
+            stability_checks: judged.stability_checks,
         }
     }
 
-    /// The warning that belongs to an effect that is called for and not simulated: what it does, how much, and from when that matters. So
-    /// does one to an effect whose comparison took more work than is allowed.
+    /// Returns a warning if the effect is not simulated, and is significant or could not be judged within the work
+    /// limit.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
-        self.said().map(|said| said.text())
+        self.to_warning().map(|warning| warning.text())
     }
 
-    pub(super) fn said(&self) -> Option<Said> {
+    pub(super) fn to_warning(&self) -> Option<Warning> {
         match self.status {
             Status::On => None,
-            // A pattern that loses it is found out all the same: what is left out is how far the others are from it.
-            Status::Off if self.effect == names::STABILITY => self.says(["is", "are"], NOT_EACH),
-            Status::Off => self.says(["is", "are"], "neglected"),
-            Status::NotAvailable => self.says(["cannot", "cannot"], "be simulated yet"),
+            // A pattern that is unstable is detected anyway; what is missing is the distance of the others from it.
+            Status::Off if self.effect == names::STABILITY => {
+                let patterns = match self.stability_checks {
+                    1 => "one pattern".to_owned(),
+                    n => format!("{n} patterns"),
+                };
+                self.warn(Problem::Other(format!(
+                    "electromechanical {CHECKED_ON} {patterns} only"
+                )))
+            }
+            Status::Off => self.warn(Problem::Off),
+            Status::NotAvailable => self.warn(Problem::Other(format!("{} cannot be simulated", spoken(self.effect)))),
         }
     }
 
-    /// The same where an equilibrium is looked for: no effect of time is in it.
-    pub(super) fn said_of_equilibrium(&self) -> Option<Said> {
+    /// The same for an equilibrium, which ignores effects in time.
+    pub(super) fn to_equilibrium_warning(&self) -> Option<Warning> {
         match self.status {
-            Status::On if self.needs_time => self.says(["is", "are"], "left out of an equilibrium"),
-            _ => self.said(),
+            Status::On if self.needs_time => self.warn(Problem::Other(format!(
+                "an equilibrium ignores {}",
+                spoken(self.effect)
+            ))),
+            _ => self.to_warning(),
         }
     }
 
-    /// What it does, after its state, where it is called for.
-    fn says(&self, verbs: [&'static str; 2], state: &'static str) -> Option<Said> {
+    fn warn(&self, problem: Problem) -> Option<Warning> {
         let Significance {
             quantity,
             threshold,
@@ -101,85 +114,109 @@ impl Row {
             ..
         } = &self.assessment;
         let reason = match (verdict, number) {
-            (Verdict::NotCalledFor | Verdict::Unknown, _) => return None,
-            (Verdict::CalledFor, Some(number)) if quantity != DISPLACED => {
-                format!(" ({quantity} is {number:.3}, and above {threshold} it matters)")
+            (Verdict::NotSignificant | Verdict::Unknown, _) => return None,
+            (Verdict::Significant, Some(number)) if quantity != DISPLACED => {
+                format!(" ({quantity} = {number:.3}, threshold {threshold})")
             }
-            (Verdict::CalledFor, Some(number)) if number > threshold => {
-                format!(", and matters from {:.0} % on", 100.0 * threshold)
+            (Verdict::Significant, Some(number)) if number > threshold => {
+                format!(" (threshold {:.0} %)", 100.0 * threshold)
             }
             _ => String::new(),
         };
-        Some(Said {
+        let acts = *verdict == Verdict::Significant && (quantity == DISPLACED || self.needs_time);
+        let condition = match problem {
+            Problem::Off if acts => "switched on, ",
+            _ => "",
+        };
+        Some(Warning {
             effects: vec![self.effect],
-            verbs,
-            state,
-            change: format!("{change}{reason}"),
-            is_given_up: *verdict == Verdict::GivenUp,
+            problem,
+            change: format!("{condition}{change}{reason}"),
+            is_work_limit: *verdict == Verdict::WorkLimit,
         })
     }
 }
 
-/// A warning about effects of which the same is to be said.
-pub(super) struct Said {
-    effects: Vec<&'static str>,
-    /// Before the state, of one effect and of several.
-    verbs: [&'static str; 2],
-    state: &'static str,
-    change: String,
-    is_given_up: bool,
+/// The name of an effect in a sentence.
+fn spoken(effect: &str) -> String {
+    effect.replace('_', " ")
 }
 
-impl Said {
+/// Why an effect has a warning.
+#[derive(PartialEq)]
+enum Problem {
+    /// It is off.
+    Off,
+    /// Another reason, as a sentence.
+    Other(String),
+}
+
+/// A warning about effects with the same message.
+pub(super) struct Warning {
+    effects: Vec<&'static str>,
+    problem: Problem,
+    change: String,
+    is_work_limit: bool,
+}
+
+impl Warning {
     fn text(&self) -> String {
-        let names: Vec<String> = self.effects.iter().map(|name| name.replace('_', " ")).collect();
-        let Self { state, change, .. } = self;
+        let Self { problem, change, .. } = self;
+        if let Problem::Other(sentence) = problem {
+            return format!("{sentence}; {change}");
+        }
+        let names: Vec<String> = self.effects.iter().copied().map(spoken).collect();
         match names.split_last() {
             Some((last, others)) if !others.is_empty() => {
-                let [_, verb] = self.verbs;
-                format!("{} and {last} {verb} {state}; they {change}", others.join(", "))
+                format!("{} and {last} are off; {change}", others.join(", "))
             }
-            _ => format!("{} {} {state}; it {change}", names.concat(), self.verbs[0]),
+            _ => format!("{} is off; {change}", names.concat()),
         }
     }
 
-    /// The warnings as texts: effects that could not be judged, for the same reason, have one.
-    pub fn together(all: impl Iterator<Item = Self>) -> Vec<String> {
-        let mut told: Vec<Self> = Vec::new();
+    /// Formats warnings; effects that reached the work limit in the same way share one.
+    pub fn merged(all: impl Iterator<Item = Self>) -> Vec<String> {
+        let mut merged: Vec<Self> = Vec::new();
         for one in all {
-            let same = told.iter_mut().find(|other| {
-                one.is_given_up && other.is_given_up && (other.state, &other.change) == (one.state, &one.change)
+            let same = merged.iter_mut().find(|other| {
+                let is_work_limit = one.is_work_limit && other.is_work_limit;
+                is_work_limit
+                    && one.problem == Problem::Off
+                    && other.problem == Problem::Off
+                    && one.change == other.change
             });
             match same {
                 Some(other) => other.effects.extend(one.effects),
-                None => told.push(one),
+                None => merged.push(one),
             }
         }
-        told.iter().map(Self::text).collect()
+        merged.iter().map(Self::text).collect()
     }
 }
 
-/// How much an effect matters, and the comparisons that say so.
-pub(super) struct Judged {
+/// The assessment of an effect, with what it was derived from.
+pub(super) struct Judgement {
     pub assessment: Significance,
     pub comparisons: Vec<Comparison>,
+    pub stability_checks: usize,
 }
 
-impl Judged {
-    /// By its comparisons.
-    pub fn by(comparisons: Vec<Comparison>) -> Self {
+impl From<Vec<Comparison>> for Judgement {
+    fn from(comparisons: Vec<Comparison>) -> Self {
         Self {
-            assessment: super::comparison::assess(&comparisons),
+            assessment: assess(&comparisons),
             comparisons,
+            stability_checks: 0,
         }
     }
 }
 
-impl From<Significance> for Judged {
+impl From<Significance> for Judgement {
     fn from(assessment: Significance) -> Self {
         Self {
             assessment,
             comparisons: Vec::new(),
+            stability_checks: 0,
         }
     }
 }
@@ -189,29 +226,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn effects_that_cannot_be_judged_for_one_reason_have_one_warning() {
-        let said = |effect: &'static str, change: &str, is_given_up: bool| Said {
+    fn effects_that_reach_the_work_limit_in_the_same_way_share_a_warning() {
+        let warning = |effect: &'static str, change: &str, is_work_limit: bool| Warning {
             effects: vec![effect],
-            verbs: ["is", "are"],
-            state: "neglected",
+            problem: Problem::Off,
             change: change.to_owned(),
-            is_given_up,
+            is_work_limit,
         };
         let all = [
-            said(names::STIFFENING, "could not be judged by `p`", true),
-            said(names::FRINGE, "could not be judged by `p`", true),
-            said(names::BREAKDOWN, "lowers it", false),
-            said(names::WRINKLING, "could not be judged by `p`", true),
-            said(names::STABILITY, "could not be judged by `q`", true),
-            said(names::INERTIA, "lowers it", false),
+            warning(names::STIFFENING, "unknown for `p`", true),
+            warning(names::FRINGE, "unknown for `p`", true),
+            warning(names::BREAKDOWN, "it falls", false),
+            warning(names::WRINKLING, "unknown for `p`", true),
+            warning(names::CHARGE, "unknown for `q`", true),
+            warning(names::INERTIA, "it falls", false),
         ];
         assert_eq!(
-            Said::together(all.into_iter()),
+            Warning::merged(all.into_iter()),
             [
-                "strain stiffening, fringe field and wrinkling are neglected; they could not be judged by `p`",
-                "dielectric breakdown is neglected; it lowers it",
-                "electromechanical stability is neglected; it could not be judged by `q`",
-                "inertia is neglected; it lowers it",
+                "strain stiffening, fringe field and wrinkling are off; unknown for `p`",
+                "dielectric breakdown is off; it falls",
+                "charge control is off; unknown for `q`",
+                "inertia is off; it falls",
             ]
         );
     }

@@ -1,5 +1,5 @@
-//! A charge in place of a voltage. The numbers of the half-active square are those of an independent program (sparse Newton iteration on the
-//! energy, 50² bilinear elements).
+//! Prescribed charges. The numbers of the half-active square are those of an independent program (sparse Newton
+//! iteration on the energy, 50² bilinear elements).
 
 use super::*;
 use deaflow_field::Charged;
@@ -7,7 +7,8 @@ use deaflow_field::Charged;
 fn charged(drive: &str, cells: usize) -> Scene {
     Scene::from_text(&format!(
         "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: {cells} }}, \
-         material: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ charge: {drive} }} }}"
+         material: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ charge: \
+         {drive} }} }}"
     ))
     .unwrap()
 }
@@ -53,7 +54,7 @@ fn a_conducting_electrode_has_the_known_voltage_and_the_equilibrium_of_it() {
 
 #[test]
 fn sprayed_charge_moves_the_membrane_as_it_should_and_never_pulls_in() {
-    // q = D₀/√(με) of the undeformed area of the electrode, a ninth of half of the square.
+    // q = D₀/√(με) for the undeformed area of the electrode, a ninth of half of the square.
     let of = |q: f64| q * (45e3 * 4.7 * 8.854_187_812_8e-12_f64).sqrt() * 0.05 * 0.05 / 18.0;
     for (q, moved) in [
         (3.0, 0.10273243056745333),
@@ -87,8 +88,8 @@ fn past_the_fold_a_voltage_would_snap_and_a_charge_does_not() {
         assert_eq!((found.negative_at_voltage, found.negative_at_charge), (0, 0));
         before = now;
     }
-    // The last stable state lies past the fold: there one eigenvalue is negative at a held voltage, and none at a held charge. Beyond it the charge
-    // flows to one place: a second direction is lost, which nothing heals.
+    // The last stable state is past the fold: there one eigenvalue is negative at fixed voltage, and none at fixed
+    // charge. Beyond it the charge concentrates: a second direction becomes unstable at fixed charge too.
     let (outcome, field, found) = solved(&charged("{ total: 5 uC }", 10), &block);
     let found = found.unwrap();
     assert!(

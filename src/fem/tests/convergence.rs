@@ -1,4 +1,4 @@
-//! Orders of convergence, and errors on the patterns that matter.
+//! Orders of convergence, and errors on typical patterns.
 
 use super::*;
 use crate::grid::Grid;
@@ -6,7 +6,8 @@ use crate::grid::Grid;
 #[test]
 fn smooth_solutions_converge_with_the_order_of_the_elements() {
     for (order, expected) in [(Order::Bilinear, 2.0), (Order::Biquadratic, 3.0)] {
-        // Cells of other shapes than squares, and unequal prestretch; at 3 cells along a side the slope is not yet that of fine meshes.
+        // Cells that are not squares, and unequal prestretch; with 3 cells along a side the order is not yet
+        // asymptotic.
         for sheet in sheets().filter(|sheet| sheet.raster().rows() > 3) {
             let errors = [1, 2].map(|per_cell| manufactured_error(Mesh::new(per_cell, order), &sheet));
             let slope = (errors[0] / errors[1]).log2();
@@ -21,8 +22,8 @@ fn smooth_solutions_converge_with_the_order_of_the_elements() {
 
 #[test]
 fn errors_on_patterns_are_those_that_labels_are_chosen_by() {
-    // RMS in mm at κ = 0.0221 against a converged solution, measured with other codes: half pattern, bilinear with 1 and
-    // 2 elements per cell 2e-4 and 5e-5; random small grid 5.5e-3 and 1.4e-3, and biquadratic 7.5e-4 and 2e-4.
+    // RMS in mm at κ = 0.0221 against a converged solution, measured with other codes: half pattern, bilinear with 1
+    // and 2 elements per cell 2e-4 and 5e-5; random small grid 5.5e-3 and 1.4e-3, and biquadratic 7.5e-4 and 2e-4.
     let scene = Scene::vhb4910().at_voltage(5250.0 * (0.0221_f64 / 0.025489).sqrt());
     let run = |per_cell, order| {
         let solver = MembraneSolver::new(&scene, options(per_cell, order)).unwrap();
@@ -60,8 +61,8 @@ fn every_mesh_comes_closer() {
     }
 }
 
-/// The displacement that the manufactured load belongs to, and its gradient, at a point of the unit square; lengths in
-/// units of the side, or of the root of the area.
+/// The displacement of the manufactured solution and its gradient at a point of the unit square; lengths in units of
+/// the side, or of the root of the area.
 fn manufactured(x: f64, y: f64) -> ([f64; 2], [[f64; 2]; 2]) {
     use std::f64::consts::PI;
     let (sx, cx) = (PI * x).sin_cos();
@@ -75,17 +76,13 @@ fn manufactured(x: f64, y: f64) -> ([f64; 2], [[f64; 2]; 2]) {
     (u, gradient)
 }
 
-/// The Rayleigh quotient of u = sin(πx)sin(πy) e₁ under the tangent at rest and the mass of the mesh, lengths in units of
+/// Rayleigh quotient of u = sin(πx)sin(πy) e₁ with the tangent at rest and the mass of the mesh, lengths in units of
 /// the side.
 fn rayleigh_quotient(mesh: Mesh, material: &NeoHookean) -> f64 {
     let grid = Grid::paper(mesh);
     use std::f64::consts::PI;
     let activity = Activity::from_shares(&grid, |_, _| 1.0);
-    let operator = Operator {
-        material,
-        activity: &activity,
-        pulled: 1.0,
-    };
+    let operator = Operator::new(material, &activity);
     let (mut mode, mut image) = (
         vec![0.0; grid.layout().vector_len()],
         vec![0.0; grid.layout().vector_len()],
@@ -110,7 +107,8 @@ fn rayleigh_quotient(mesh: Mesh, material: &NeoHookean) -> f64 {
 
 #[test]
 fn the_lowest_mode_about_rest_has_the_closed_form_frequency() {
-    // H9: at κ = 3λ⁻⁸ exactly, f = (λ/2L)√(μ/ρ)√(m² + n²) = 216.50635 Hz for m = n = 1, μ = 25 kPa, ρ = 960 kg/m³, λ = 3.
+    // H9: at κ = 3λ⁻⁸ exactly, f = (λ/2L)√(μ/ρ)√(m² + n²) = 216.50635 Hz for m = n = 1, μ = 25 kPa, ρ = 960 kg/m³, λ =
+    // 3.
     let material = NeoHookean::new(3.0, 3.0 * 3.0_f64.powi(-8));
     for (mesh, precision) in [
         (Mesh::new(2, Order::Bilinear), 2e-4),
@@ -122,7 +120,7 @@ fn the_lowest_mode_about_rest_has_the_closed_form_frequency() {
     }
 }
 
-/// The L² error of the solution under the load ∫ p(∇u) : ∇N of a known smooth u, integrated by a finer rule.
+/// L² error of the solution under the load ∫ p(∇u) : ∇N of a smooth u, integrated by a finer rule.
 fn manufactured_error(mesh: Mesh, sheet: &Sheet) -> f64 {
     let grid = Grid::uniform(mesh, sheet);
     let material = NeoHookean::new(2.0, 0.05);
@@ -130,11 +128,7 @@ fn manufactured_error(mesh: Mesh, sheet: &Sheet) -> f64 {
     // The root of the area, and the sides, in units of displacements.
     let [width, height] = sheet.membrane.size_mm.map(|side| side / grid.unit_mm());
     let (length, rest) = ((width * height).sqrt(), grid.rest());
-    let operator = Operator {
-        material: &material,
-        activity: &activity,
-        pulled: 1.0,
-    };
+    let operator = Operator::new(&material, &activity);
     let mut load = vec![0.0; grid.layout().vector_len()];
     each_point(&grid, |place, weight, shapes| {
         let (_, [[a, b], [c, d]]) = manufactured(place[0], place[1]);
@@ -165,7 +159,7 @@ fn manufactured_error(mesh: Mesh, sheet: &Sheet) -> f64 {
 /// Column, row, value and slopes of a basis function.
 type Shape = (usize, usize, f64, [f64; 2]);
 
-/// Calls `visit` with place, weight and basis functions at the points of a 5 × 5 Gauss rule on each element.
+/// Calls `visit` with position, weight and basis functions at the points of a 5 × 5 Gauss rule on each element.
 fn each_point(grid: &Grid, mut visit: impl FnMut([f64; 2], f64, &[Shape])) {
     // Abramowitz and Stegun, table 25.4, n = 5, on [−1, 1].
     let rule = [

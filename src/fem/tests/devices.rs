@@ -3,7 +3,7 @@
 use super::*;
 use crate::precondition::Laplacian;
 
-/// A scene of VHB 4910, 1 mm thick, by the rest of its geometry.
+/// A scene of VHB 4910, 1 mm thick, with this geometry.
 fn scene(geometry: &str, voltage: f64) -> Scene {
     Scene::from_text(&format!(
         "geometry: {{ thickness: 1 mm, {geometry} }}\nmaterial: {{ model: neo-hookean, shear_modulus: 45 kPa, \
@@ -14,13 +14,14 @@ fn scene(geometry: &str, voltage: f64) -> Scene {
 
 const DISC: &str =
     "side: 50 mm, prestretch: 3, cells: 50, frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 20 mm } } }";
-const HUB: &str = "side: 50 mm, prestretch: 3, cells: 25, frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 22 mm } }, \
-                   held: [{ rectangle: [[21 mm, 21 mm], [29 mm, 27 mm]] }] }";
+const HUB: &str = "side: 50 mm, prestretch: 3, cells: 25, frame: { opening: { disc: { centre: [25 mm, 25 mm], \
+                   radius: 22 mm } }, held: [{ rectangle: [[21 mm, 21 mm], [29 mm, 27 mm]] }] }";
 const TIP: &str = "size: [60 mm, 30 mm], prestretch: [3, 4], cells: [30, 18], \
                    bodies: [{ rectangle: [[38 mm, 10 mm], [46 mm, 20 mm]], load: [0.02 N, 0.01 N], spring: 2 N/m }]";
-const ROTORS: &str = "side: 50 mm, prestretch: 3, cells: 25, frame: { held: [{ disc: { centre: [44 mm, 44 mm], radius: 3 mm } }] }, \
-                      bodies: [{ polygon: [[10 mm, 18 mm], [30 mm, 18 mm], [30 mm, 24 mm], [16 mm, 24 mm], [16 mm, 36 mm], [10 mm, 36 mm]] }, \
-                      { disc: { centre: [36 mm, 34 mm], radius: 5 mm }, load: [0 N, -30 mN] }]";
+const ROTORS: &str = "side: 50 mm, prestretch: 3, cells: 25, frame: { held: [{ disc: { centre: [44 mm, 44 mm], \
+                      radius: 3 mm } }] }, bodies: [{ polygon: [[10 mm, 18 mm], [30 mm, 18 mm], [30 mm, 24 mm], \
+                      [16 mm, 24 mm], [16 mm, 36 mm], [10 mm, 36 mm]] }, { disc: { centre: [36 mm, 34 mm], \
+                      radius: 5 mm }, load: [0 N, -30 mN] }]";
 
 const ALL: [&str; 4] = [DISC, HUB, TIP, ROTORS];
 
@@ -28,7 +29,7 @@ fn solver_of(scene: &Scene, mesh: Mesh) -> MembraneSolver {
     MembraneSolver::new(scene, SolveOptions { mesh, tolerance: 1e-11 }).unwrap()
 }
 
-/// What is active on the right of an oblique line.
+/// Active on the right of an oblique line.
 fn half_of(scene: &Scene) -> Pattern {
     let membrane = scene.membrane();
     let [width, height] = membrane.size_mm;
@@ -38,7 +39,7 @@ fn half_of(scene: &Scene) -> Pattern {
     })
 }
 
-/// A displacement that frames and bodies allow, with turned bodies.
+/// An admissible displacement with rotated bodies.
 fn allowed(grid: &Grid, size: f64, phase: f64) -> Vec<f64> {
     let mut u: Vec<f64> = (0..grid.layout().vector_len())
         .map(|i| size * (i as f64 * 0.61 + phase).sin())
@@ -77,7 +78,7 @@ fn the_laplacian_is_inverted_whatever_frames_and_bodies_do() {
         grid.restrict(&at, &mut wanted);
         let (mut r, mut found) = (vec![0.0; at.len()], vec![0.0; at.len()]);
         operator.laplacian(&at, &wanted, &mut r);
-        // Springs belong to the preconditioner.
+        // The preconditioner includes springs.
         let supports = grid.supports().unwrap();
         let springs: Vec<[f64; 3]> = supports
             .bodies()
@@ -112,12 +113,8 @@ fn residual_and_tangent_are_derivatives_on_what_is_allowed() {
         let grid = Grid::uniform(mesh, &Sheet::of(&scene));
         let activity = Activity::new(&grid, &random_on(grid.raster(), 2));
         let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
-        let operator = Operator {
-            material: &material,
-            activity: &activity,
-            pulled: 1.0,
-        };
-        // Near an equilibrium, where bodies have turned, but not at it.
+        let operator = Operator::new(&material, &activity);
+        // Near an equilibrium with rotated bodies.
         let mut u = solver_of(&scene, mesh).solve(&half_of(&scene)).displacement;
         u.iter_mut()
             .zip(allowed(&grid, 0.01, 0.4))
@@ -125,7 +122,7 @@ fn residual_and_tangent_are_derivatives_on_what_is_allowed() {
         grid.settle(&mut u);
         let mut du: Vec<f64> = (0..u.len()).map(|i| (i as f64 * 0.37).cos()).collect();
         grid.restrict(&u, &mut du);
-        // Along a path of allowed displacements: bodies turn, so that their nodes leave straight lines.
+        // Along a path of admissible displacements: bodies rotate, so that their nodes leave straight lines.
         let moved = |by: f64| {
             let mut moved: Vec<f64> = u.iter().zip(&du).map(|(u, d)| u + by * d).collect();
             if let Some(supports) = grid.supports() {
@@ -189,11 +186,8 @@ fn factors_and_conjugate_gradients_agree_and_take_as_many_iterations_as_on_the_r
         let solution = solver.solve(&pattern);
         assert_eq!(solution.outcome, Outcome::Converged, "{geometry}");
         let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
-        let operator = Operator {
-            material: &material,
-            activity: &Activity::new(solver.grid(), &pattern),
-            pulled: 1.0,
-        };
+        let activity = Activity::new(solver.grid(), &pattern);
+        let operator = Operator::new(&material, &activity);
         let mut u = vec![0.0; solution.displacement.len()];
         newton_by_factors(&operator, &vec![0.0; u.len()], &mut u);
         let gap = u
@@ -214,7 +208,8 @@ fn factors_and_conjugate_gradients_agree_and_take_as_many_iterations_as_on_the_r
     }
 }
 
-/// Axisymmetric displacements at 5 kV by a method of high order; a staircase of cells errs by the first power of their side.
+/// Axisymmetric displacements at 5 kV by a high-order method; the error of a staircase of cells is of first order in
+/// their side.
 #[test]
 fn a_disc_frame_has_the_axisymmetric_displacement_up_to_its_staircase() {
     let known = [(10.0, 1.0482346137), (15.0, 0.4077393084), (5.0, 0.5241173068)];
@@ -256,12 +251,13 @@ fn a_free_body_is_where_no_force_is_left_and_a_spring_draws_it_back() {
     let free = at("");
     // The active left half pushes it to the right.
     assert!(free > 0.5, "{free}");
-    // Linearly: a spring of the stiffness of the membrane halves the motion, a load of the spring's force undoes that.
+    // Linear: a spring with the stiffness of the membrane halves the motion, a load equal to the force of the spring
+    // restores it.
     let drawn = at(", spring: 50 N/m");
     assert!(drawn > 0.1 * free && drawn < 0.9 * free, "{drawn}");
     let force = 0.05 * drawn;
     assert!((at(&format!(", spring: 50 N/m, load: [{force} N, 0 N]")) - at("")).abs() < 0.2 * free);
-    // Held at the same place by a load alone as by the spring.
+    // A load alone holds it at the same position as the spring.
     assert!((at(&format!(", load: [{} N, 0 N]", -force)) - drawn).abs() < 1e-6);
 }
 
@@ -315,7 +311,7 @@ fn the_gradient_of_a_displacement_agrees_with_differences_beside_frames_and_bodi
 
 #[test]
 fn paths_and_limits_of_devices_are_those_of_their_membranes() {
-    // A frame that leaves a square of half the side leaves the membrane of that square.
+    // A frame with a square opening of half the side gives the membrane of that square.
     let framed = scene(
         "side: 50 mm, prestretch: 3, cells: 20, frame: { opening: { rectangle: [[10 mm, 15 mm], [35 mm, 40 mm]] } }",
         12e3,
@@ -350,7 +346,7 @@ fn a_body_with_frame_all_around_it_moves() {
         assert!(y.abs() < 1e-9 * x && motion.rotation.abs() < 1e-9, "{mesh:?}: {x} {y}");
         x
     });
-    // On one element a cell nothing but the body is free.
+    // With one element per cell only the body is free.
     assert!(moved[0] > 0.0 && (moved[0] / moved[2] - 1.0).abs() < 0.2, "{moved:?}");
     assert!((moved[1] / moved[2] - 1.0).abs() < 0.02, "{moved:?}");
 }

@@ -1,4 +1,4 @@
-//! The discrete operators against each other, against differences, and on fields that they must reproduce.
+//! The discrete operators against each other, finite differences, and fields that they must reproduce.
 
 use super::*;
 use crate::element::{Bilinear, Biquadratic, Element};
@@ -13,11 +13,7 @@ fn residual_and_tangent_are_derivatives_of_the_energy() {
         let (kappa, [along, across]) = (0.0255, sheet.prestretch);
         let material = NeoHookean::new((along * across).sqrt(), kappa);
         let activity = Activity::new(&grid, &random_on(sheet.raster(), 4));
-        let operator = Operator {
-            material: &material,
-            activity: &activity,
-            pulled: 1.0,
-        };
+        let operator = Operator::new(&material, &activity);
         let wave = |phase: f64, size: f64| {
             let mut v: Vec<f64> = (0..layout.vector_len())
                 .map(|i| size * (i as f64 * 0.61 + phase).sin())
@@ -50,18 +46,14 @@ fn residual_and_tangent_are_derivatives_of_the_energy() {
             vec![0.0; layout.vector_len()],
         );
         let material = &bare;
-        let operator = Operator {
-            material,
-            activity: &activity,
-            pulled: 1.0,
-        };
+        let operator = Operator::new(material, &activity);
         operator.residual(&zero, &mut r);
         assert!(r.iter().all(|force| force.abs() <= operator.rounding()));
     }
 }
 
-/// The total energy as the theory states it, ∫ W(FΛ) dX/(λ₁λ₂) with W = ½(tr FᵀF + J⁻² − 3) − ½κJ² where there is an electrode, in units of
-/// μH and the area of an element.
+/// The total energy of the theory, ∫ W(FΛ) dX/(λ₁λ₂) with W = ½(tr FᵀF + J⁻² − 3) − ½κJ² at electrodes, in units of μH
+/// and the area of an element.
 pub fn energy(sheet: &Sheet, activity: &Activity, kappa: f64, u: &[f64]) -> f64 {
     match activity.grid().order() {
         Order::Bilinear => energy_of::<Bilinear, 4>(sheet, activity, kappa, u),
@@ -103,11 +95,7 @@ fn affine_displacements_of_a_uniform_membrane_are_in_equilibrium() {
         let grid = Grid::paper(Mesh::new(1, order));
         let material = NeoHookean::new(2.0, 0.05);
         let activity = Activity::new(&grid, &Pattern::from_fn(Raster::PAPER, |_, _| true));
-        let operator = Operator {
-            material: &material,
-            activity: &activity,
-            pulled: 1.0,
-        };
+        let operator = Operator::new(&material, &activity);
         let mut u = vec![0.0; grid.layout().vector_len()];
         for (row, column) in places(&grid) {
             let (x, y) = (column as f64, row as f64);
@@ -128,11 +116,7 @@ fn conjugate_gradients_and_factors_find_the_same_solution() {
     let activity = Activity::new(&grid, &random(5));
     let mut u = vec![0.0; grid.layout().vector_len()];
     newton_by_factors(
-        &Operator {
-            material: &material,
-            activity: &activity,
-            pulled: 1.0,
-        },
+        &Operator::new(&material, &activity),
         &vec![0.0; grid.layout().vector_len()],
         &mut u,
     );

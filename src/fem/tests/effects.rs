@@ -1,4 +1,4 @@
-//! Membranes with effects: closed forms, symmetry, the direction in which displacements change, and reasons to refuse.
+//! Membranes with effects: closed forms, symmetry, signs of changes, and errors.
 
 use super::scenes::{PointWork, arruda_boyce, combinations, decay, electrode, gent, ogden, scene, with_law, yeoh};
 use super::*;
@@ -18,7 +18,7 @@ fn wrinkling() -> Effects {
     }
 }
 
-/// One of each.
+/// One of each effect.
 fn single_effects() -> Vec<(&'static str, Effects)> {
     vec![
         ("gent", stiffening(gent(60.0))),
@@ -83,7 +83,7 @@ fn each_effect_moves_the_membrane_the_way_it_should() {
         let ratio = size.unwrap() / base_size.unwrap();
         match name {
             "fringe" => assert!(ratio > 1.001 && ratio < 1.05, "{name}: {ratio}"),
-            // Nothing wrinkles here.
+            // Nothing wrinkles in this scene.
             "wrinkling" => assert!((ratio - 1.0).abs() < 1e-12, "{name}: {ratio}"),
             _ => assert!(ratio > 0.3 && ratio < 0.97, "{name}: {ratio}"),
         }
@@ -137,7 +137,7 @@ fn bisect(rising: impl Fn(f64) -> f64) -> f64 {
     low
 }
 
-/// ‖R‖ of the strip at e under the law of a scene.
+/// ‖R‖ of the strip at e with the law of a scene.
 struct StripResidual(f64);
 
 impl PointWork for StripResidual {
@@ -145,11 +145,7 @@ impl PointWork for StripResidual {
     fn run<L: Material>(self, material: &L) -> f64 {
         let grid = Grid::paper(Mesh::new(1, Order::Biquadratic));
         let activity = Activity::new(&grid, &half());
-        let operator = Operator {
-            material,
-            activity: &activity,
-            pulled: 1.0,
-        };
+        let operator = Operator::new(material, &activity);
         let mut residual = vec![0.0; grid.layout().vector_len()];
         operator.residual(&strip(grid, self.0), &mut residual);
         norm(&residual)
@@ -177,8 +173,8 @@ fn a_stiffening_strip_is_in_equilibrium_where_the_closed_form_says() {
 
 #[test]
 fn a_wrinkled_strip_is_in_equilibrium_where_the_closed_form_says() {
-    // As H5 at λp = 1.2 with the tension field in the active half: P₁ = a − a⁻²s − κ/s, s = √(1 − κa²), but for the share that
-    // is left to the flat membrane; P₁₁ = b − b⁻³/λp² in the other half.
+    // As H5 at λp = 1.2 with the tension field in the active half: P₁ = a − a⁻²s − κ/s, s = √(1 − κa²), except for the
+    // share of the flat membrane; P₁₁ = b − b⁻³/λp² in the other half.
     let share = crate::effects::RESIDUAL;
     let scene = scene(1.2, 20_797.0, wrinkling());
     let kappa = scene.kappa();
@@ -238,7 +234,8 @@ fn a_membrane_without_prestretch_and_voltage_is_not_slack() {
 
 #[test]
 fn a_wrinkled_membrane_has_no_compression_and_is_softer() {
-    // At λp = 1.2 and 19 kV the middle of the frame's sides wrinkles; the flat membrane bears 0.18 μ of compression there.
+    // At λp = 1.2 and 19 kV the middle of the sides of the frame wrinkles; there the compression of the flat membrane
+    // is 0.18 μ.
     for law in [None, Some(gent(30.0))] {
         let at = |wrinkling: bool| {
             let effects = Effects {
@@ -278,8 +275,8 @@ fn surveys_tell_the_homogeneous_state() {
 
 #[test]
 fn states_of_cells_are_the_closed_forms_at_any_deformation() {
-    // P = μ(F − J⁻²F⁻ᵀ) − ε(V/H)²J²F⁻ᵀ, principal values of σ = PFᵀ, and E = VJ/H, at 45 kPa, 1 mm, λp = 3 and 5.25 kV, by
-    // mpmath; electrodes with χ = 0.3 add μλpχ(f − j⁻²f⁻ᵀ) to P.
+    // P = μ(F − J⁻²F⁻ᵀ) − ε(V/H)²J²F⁻ᵀ, principal values of σ = PFᵀ, and E = VJ/H, at 45 kPa, 1 mm, λp = 3 and 5.25 kV,
+    // by mpmath; electrodes with χ = 0.3 add μλpχ(f − j⁻²f⁻ᵀ) to P.
     let coated = Effects {
         electrode_stiffness: Some(electrode(0.3)),
         ..Effects::default()
@@ -352,18 +349,14 @@ fn gradients_are_given_where_the_energy_is_linear_in_the_activity() {
     }
 }
 
-/// The forces and the tangent of an undisplaced membrane, of which elements need not be asked one by one.
+/// Forces and tangent of an undisplaced membrane, which are computed without a loop over elements.
 struct AtRest<'a>(&'a Activity);
 
 impl PointWork for AtRest<'_> {
     type Output = ();
 
     fn run<L: Material>(self, material: &L) {
-        let operator = Operator {
-            material,
-            activity: self.0,
-            pulled: 1.0,
-        };
+        let operator = Operator::new(material, self.0);
         let rest = vec![0.0; operator.layout().vector_len()];
         let [mut found, mut expected] = [rest.clone(), rest.clone()];
         operator.residual_at_rest(&rest, &mut found);

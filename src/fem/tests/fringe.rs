@@ -1,4 +1,4 @@
-//! Fringe fields: errors of all meshes, whatever the width of the strip.
+//! Fringe fields: errors of all meshes for any width of the strip.
 
 use crate::{AccurateSolver, MembraneSolver, SolveOptions};
 use deaflow_base::Stream;
@@ -8,7 +8,8 @@ use deaflow_scene::{On, Scene};
 
 use std::f64::consts::{LN_2, PI};
 
-/// The default membrane, as thick as makes the strip a share of a cell wide, at a share of its critical voltage.
+/// The default membrane with a thickness that makes the strip this share of a cell wide, at a share of its critical
+/// voltage.
 fn scene(strip: f64, share: f64, fringe: bool) -> Scene {
     let thickness = 9.0 * strip * PI / LN_2;
     let base = Scene::vhb4910();
@@ -48,7 +49,7 @@ fn largest(field: &Field) -> f64 {
     field.max_difference(&Field::zero(Raster::PAPER))
 }
 
-/// The largest difference to a finer solution, over the largest displacement.
+/// Largest difference to a finer solution, relative to the largest displacement.
 fn errors(coarse: &[Field], fine: &[Field]) -> Vec<f64> {
     let pairs = coarse.iter().zip(fine);
     pairs
@@ -74,7 +75,7 @@ fn errors_are_those_without_a_fringe_field_on_every_mesh() {
         for (mesh, plain) in meshes.iter().zip(&plain) {
             let found = errors(&solve(&on, *mesh), &truth);
             let pairs = found.iter().zip(plain);
-            // Single cells and checkers grow by it, so that their singular corners come closer to each other or go apart.
+            // Single cells and chessboards grow with it, so that the distances of their singular corners change.
             assert!(
                 pairs.into_iter().all(|(found, plain)| *found < 2.0 * plain),
                 "{strip}, {mesh}: {found:?} {plain:?}"

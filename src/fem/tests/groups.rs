@@ -1,4 +1,4 @@
-//! Groups of electrodes with voltages of their own.
+//! Electrode groups with their own voltages.
 
 use super::*;
 use crate::GradientEvaluator;
@@ -48,7 +48,8 @@ fn groups_of_one_voltage_are_one_electrode_and_one_without_voltage_is_none() {
         assert_eq!(moved(&equal, &pattern), moved(&one, &union), "{effects}");
         for (drive, group) in [("voltages: [4 kV, 0 V]", 1), ("voltages: [0 V, 4 kV]", 2)] {
             let alone = moved(&scene(PLATE, drive, effects), &pattern);
-            // An electrode without voltage ends the fringe field of its neighbour, which reaches over what is bare.
+            // An electrode without voltage ends the fringe field of its neighbour, which otherwise reaches into bare
+            // cells.
             if effects.contains("fringe") {
                 continue;
             }
@@ -85,11 +86,8 @@ fn a_strip_of_two_voltages_has_the_closed_form_displacement() {
         let model = Model::new(&scene).unwrap();
         let grid = model.grid(Mesh::biquadratic(1));
         let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
-        let operator = Operator {
-            material: &material,
-            activity: &model.activity(&grid, &pattern),
-            pulled: 1.0,
-        };
+        let activity = model.activity(&grid, &pattern);
+        let operator = Operator::new(&material, &activity);
         let (layout, [columns, rows]) = (grid.layout(), grid.layout().nodes());
         let mut u = vec![0.0; layout.vector_len()];
         // The strip is prescribed on the frame and must come out inside.
@@ -114,7 +112,7 @@ fn a_strip_of_two_voltages_has_the_closed_form_displacement() {
 
 #[test]
 fn limits_and_brackets_are_of_the_largest_voltage() {
-    // Where group 2 is without electrodes, the limit is that of group 1, whatever voltage group 2 has.
+    // If group 2 has no electrodes, the critical voltage is that of group 1, whatever the voltage of group 2.
     let bare = |x: usize, y: usize| u8::from((5..12).contains(&x) && (4..11).contains(&y));
     let one = scene(PLATE, "voltage: 12 kV", "{}");
     let two = scene(PLATE, "voltages: [6 kV, 12 kV]", "{}");
@@ -143,7 +141,7 @@ fn gradients_say_what_each_group_adds() {
     let slope = |fields: &StateFields| {
         let scaled = |by: f64| Field::from_values(raster, weights.values().iter().map(|w| by * w).collect()).unwrap();
         assert_eq!(fields.len(), 2);
-        // Of the first state as it is, of the second three times and reversed.
+        // Of the first state unchanged, of the second three times and reversed.
         vec![scaled(1.0), scaled(-3.0)]
     };
     let (fields, gradient) = states.gradient(&pattern, &slope).unwrap().unwrap();

@@ -1,18 +1,17 @@
-//! Patterns and scenes that simulators get wrong: nothing may loop, overflow, return numbers that are none, or call
-//! converged what is not a stable equilibrium.
+//! Difficult patterns and scenes: no infinite loop, overflow or NaN, and no unstable state reported as converged.
 
 use proptest::prelude::*;
 
 use super::*;
 
-/// Cells that are active by chance.
+/// Random active cells.
 fn scattered(raster: Raster, share: f64, index: u64) -> Pattern {
     let mut stream = Stream::new(11, "hard", index);
     let bits: Vec<bool> = (0..raster.cells()).map(|_| stream.chance(share)).collect();
     Pattern::from_fn(raster, |x, y| bits[y * raster.columns() + x])
 }
 
-/// How far a cell is from the middle, where the sides are 50.
+/// Distance of a cell from the middle, with sides of 50.
 fn radius(raster: Raster, x: usize, y: usize) -> f64 {
     let from_middle = |at: usize, side: usize| (at as f64 + 0.5) * 50.0 / side as f64 - 25.0;
     from_middle(x, raster.columns()).hypot(from_middle(y, raster.rows()))
@@ -36,7 +35,7 @@ fn hard_patterns(raster: Raster) -> Vec<Pattern> {
     ]
 }
 
-/// What must hold of any result, recomputed from the solution alone.
+/// Properties of any result, recomputed from the solution alone.
 fn check(scene: &Scene, pattern: &Pattern) -> Result<Outcome, String> {
     let solver = solver(scene, 1);
     let solution = solver.solve(pattern);
@@ -54,11 +53,8 @@ fn check(scene: &Scene, pattern: &Pattern) -> Result<Outcome, String> {
         return Err(format!("{} at {voltage} V", solution.outcome));
     }
     let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
-    let operator = Operator {
-        material: &material,
-        activity: &Activity::new(grid, pattern),
-        pulled: 1.0,
-    };
+    let activity = Activity::new(grid, pattern);
+    let operator = Operator::new(&material, &activity);
     let (mut rest, mut force) = (
         vec![0.0; grid.layout().vector_len()],
         vec![0.0; grid.layout().vector_len()],
@@ -104,8 +100,8 @@ fn so_it_does_on_other_devices() {
             1.25 * prestretch
         );
         let tip = format!(
-            "side: 50 mm, cells: 25, prestretch: {prestretch}, frame: {{ opening: {{ disc: {{ centre: [25 mm, 25 mm], radius: 22 mm }} }} }}, \
-             bodies: [{{ polygon: [[20 mm, 18 mm], [34 mm, 20 mm], [22 mm, 30 mm]] }}]"
+            "side: 50 mm, cells: 25, prestretch: {prestretch}, frame: {{ opening: {{ disc: {{ centre: [25 mm, 25 mm], \
+             radius: 22 mm }} }} }}, bodies: [{{ polygon: [[20 mm, 18 mm], [34 mm, 20 mm], [22 mm, 30 mm]] }}]"
         );
         for (geometry, voltage) in [rectangle, tip]
             .iter()
@@ -124,7 +120,7 @@ fn so_it_does_on_other_devices() {
     }
 }
 
-/// The scene at a κ: the voltage is what it takes.
+/// The scene with the voltage for a κ.
 fn at_kappa(side: f64, thickness: f64, modulus: f64, kappa: f64) -> Scene {
     let unit = Scene::with_values(side, thickness, 3.0, modulus, 4.7, 1.0);
     unit.at_voltage((kappa / unit.kappa()).sqrt())

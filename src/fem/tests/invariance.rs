@@ -1,4 +1,4 @@
-//! What must not change the result, or change it in a known way.
+//! Changes that leave the result unchanged, or change it in a known way.
 
 use super::*;
 

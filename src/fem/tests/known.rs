@@ -14,17 +14,13 @@ fn strip_stretch(kappa: f64) -> f64 {
     low
 }
 
-/// The strip on a square mesh: its displacement is prescribed on the frame and must come out inside. Above e = 0.2 the
-/// state is not a stable one of the square and others lie nearby, so there the start is the closed form itself.
+/// The strip on a square mesh: its displacement is prescribed on the frame and must be found inside. Above e = 0.2 the
+/// state is not a stable one of the square and others are near, so the iteration starts at the closed form.
 fn solve_strip(scene: &Scene, grid: &Grid) -> Vec<f64> {
     let e = strip_stretch(scene.kappa());
     let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
     let activity = Activity::new(grid, &half());
-    let operator = Operator {
-        material: &material,
-        activity: &activity,
-        pulled: 1.0,
-    };
+    let operator = Operator::new(&material, &activity);
     let (last, degree) = (grid.layout().nodes()[0] - 1, grid.order().degree() as f64);
     let mut u = vec![0.0; grid.layout().vector_len()];
     for (row, column) in places(grid) {

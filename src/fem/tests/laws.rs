@@ -14,7 +14,7 @@ use deaflow_scene::{Effects, On, PermittivityReference, Stiffening};
 
 const ENTRIES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
 
-/// Energy, stress and tangent against each other at random gradients; returns how many points wrinkle.
+/// Checks energy, stress and tangent against each other at random gradients; returns the number of wrinkled points.
 struct Derivatives {
     active: f64,
     size: f64,
@@ -33,7 +33,7 @@ impl PointWork for Derivatives {
             }
             let f = deformation(gradient);
             let wrinkles = material.wrinkles() && material.margins(f, self.active).tension != 1.0;
-            // Without natural width there is no energy.
+            // Without a natural width the energy is not defined.
             if wrinkles && material.ellipticity(f, self.active) <= 0.0 {
                 continue;
             }
@@ -92,7 +92,7 @@ fn stress_and_tangent_are_derivatives_of_the_energy_in_every_combination() {
     }
 }
 
-/// The effects of a scene whose elastomer stiffens by a law that is given in YAML.
+/// The effects of a scene with a stiffening law in YAML.
 fn effects_with(law: &str) -> Effects {
     let document = Document::from_text(Path::new("law"), law).unwrap();
     Effects {
@@ -124,8 +124,8 @@ impl PointWork for EnergyAt {
 
 #[test]
 fn energies_are_those_of_the_published_laws() {
-    // W/μ per undeformed volume at λp = 1.3 and 3, by mpmath with 40 digits from the principal stretches of λp f: the laws of
-    // docs/effects.md, that of Arruda and Boyce by quadrature of ½m from I₁ = 3. κ = 0.0254889931661.
+    // W/μ per undeformed volume at λp = 1.3 and 3, by mpmath with 40 digits from the principal stretches of λp f: the
+    // laws of docs/effects.md, that of Arruda and Boyce by quadrature of ½m from I₁ = 3. κ = 0.0254889931661.
     let law = |law| Effects {
         strain_stiffening: Some(law),
         ..Effects::default()
@@ -246,7 +246,7 @@ fn only_the_voltage_stresses_an_undisplaced_membrane() {
     }
 }
 
-/// The largest difference between the laws of two scenes, in stress and tangent, at some gradients and both activities.
+/// Largest difference between the laws of two scenes, in stress and tangent, at some gradients and both activities.
 fn law_gap(one: &Scene, other: &Scene) -> f64 {
     struct Samples;
     impl PointWork for Samples {
@@ -279,7 +279,7 @@ fn every_effect_reduces_to_the_base_model() {
         };
         law_gap(&base, &scene(3.0, 5.25e3, effects))
     };
-    // Exactly the base law, and laws that approach it as a parameter grows.
+    // The base law, and laws that approach it as a parameter grows.
     assert!(stiffened(yeoh(0.0, 0.0)) < 1e-14);
     assert!(stiffened(ogden(&[(45e3, 2.0)])) < 1e-13);
     for limit in [1e4, 1e6] {
@@ -395,7 +395,7 @@ fn a_state_beyond_the_limiting_stretch_is_not_admissible() {
     }
 }
 
-/// The nominal field √κ of a free membrane at an equal stretch, from the law's own stress, which is linear in κ.
+/// The nominal field √κ of a free membrane at an equal stretch, from the stress of the law, which is linear in κ.
 fn free_field(stiffening: &Stiffening, stretch: f64) -> f64 {
     let at = |voltage: f64| {
         let effects = Effects {
@@ -473,7 +473,7 @@ fn arruda_and_boyces_response_is_the_inverse_langevin_function() {
 
 #[test]
 fn a_locking_stretch_raises_the_modulus_of_the_undeformed_elastomer() {
-    // By 3/(5λL²) and terms in λL⁻⁴: at λL = 30 the second are 1e-6. The modulus is that of a small shear.
+    // By 3/(5λL²) and terms in λL⁻⁴: at λL = 30 the latter are 1e-6. The modulus is that of small shear.
     let effects = Effects {
         strain_stiffening: Some(arruda_boyce(30.0)),
         ..Effects::default()
@@ -499,7 +499,7 @@ fn ogdens_energy_is_the_sum_of_powers_at_equal_and_unequal_stretches() {
                 power(prestretch * a) + power(prestretch * b) + power(third) - 3.0
             };
             let exact: f64 = terms.iter().map(|(m, alpha)| m / 45e3 / alpha * sum(*alpha)).sum();
-            // Principal stretches a and b under some rotation and on some axes.
+            // Principal stretches a and b with some rotation and axes.
             let turn = |angle: f64| [[angle.cos(), -angle.sin()], [angle.sin(), angle.cos()]];
             let product = |p: Tensor<f64>, q: Tensor<f64>| -> Tensor<f64> {
                 std::array::from_fn(|i| std::array::from_fn(|k| p[i][0] * q[0][k] + p[i][1] * q[1][k]))

@@ -1,4 +1,4 @@
-//! Critical voltages and the errors that they state.
+//! Critical voltages and their errors.
 
 use std::time::Instant;
 
@@ -17,7 +17,7 @@ fn radius(x: usize, y: usize) -> f64 {
     (x as f64 - 24.5).hypot(y as f64 - 24.5)
 }
 
-/// Squares of a side in cells that are active by chance.
+/// Random active squares of a side in cells.
 fn chance(side: usize, share: f64, seed: u64) -> Pattern {
     let mut stream = Stream::new(seed, "limits", side as u64);
     let n = CELLS.div_ceil(side);
@@ -25,7 +25,7 @@ fn chance(side: usize, share: f64, seed: u64) -> Pattern {
     Pattern::from_fn(Raster::PAPER, |x, y| on[y / side * n + x / side])
 }
 
-/// The cells within a distance of a cubic Bézier curve between points drawn by chance.
+/// Cells within a distance of a cubic Bézier curve between random points.
 fn curve(width: f64, seed: u64) -> Pattern {
     let mut stream = Stream::new(seed, "limits", 0);
     let corners: [[f64; 2]; 4] = std::array::from_fn(|_| std::array::from_fn(|_| stream.range(4.0, 46.0)));
@@ -101,7 +101,7 @@ fn patterns() -> Vec<(&'static str, Pattern)> {
     ]
 }
 
-/// Names of scene and pattern, the scene at a voltage beyond the limit, and the pattern.
+/// Names of scene and pattern, the scene at a voltage above the critical one, and the pattern.
 fn cases() -> Vec<(String, Scene, Pattern)> {
     let base = Scene::vhb4910().at_voltage(11.5e3);
     let gent = |jm: &str| {
@@ -136,10 +136,10 @@ fn cases() -> Vec<(String, Scene, Pattern)> {
         .collect()
 }
 
-/// The critical voltage in V on a mesh, looked for about an estimate.
+/// The critical voltage in V on a mesh, near an estimate.
 fn on_mesh(scene: &Scene, mesh: Mesh, pattern: &Pattern, found: &CriticalVoltage) -> Option<f64> {
     let [low, high] = found.interval();
-    // Far closer than the search goes.
+    // Much more accurate than the search.
     let options = SolveOptions {
         tolerance: 1e-6,
         ..SolveOptions::on(mesh)
@@ -149,7 +149,7 @@ fn on_mesh(scene: &Scene, mesh: Mesh, pattern: &Pattern, found: &CriticalVoltage
     Some(patient.limit_between(pattern, [0.995 * low, 1.01 * high])?.voltage)
 }
 
-/// Prints what docs/effects.md says of critical voltages, for other patterns and scenes: an hour of one core.
+/// Prints the table of critical voltages in docs/effects.md for other patterns and scenes, in an hour of one core:
 /// `cargo test --release --lib stated_errors_cover_the_limits_of_eight_elements -- --ignored --nocapture`
 #[test]
 #[ignore = "an hour of one core"]
@@ -187,7 +187,7 @@ fn stated_errors_cover_the_limits_of_eight_elements_per_cell() {
 
 #[test]
 fn a_stated_error_covers_what_a_finer_mesh_finds() {
-    // One element per cell is 6 % too high for rings; four leave less than 1 %.
+    // One element per cell gives 6 % too much for rings; four less than 1 %.
     let scene = Scene::vhb4910().at_voltage(8e3);
     let search = CriticalSearch::new(&scene, SolveOptions::on(Mesh::biquadratic(1))).unwrap();
     for (pattern, one, four) in [(rings(0), 7183.0, 6821.0), (one_cell(), 6105.0, 6023.0)] {
@@ -201,7 +201,7 @@ fn a_stated_error_covers_what_a_finer_mesh_finds() {
 
 #[test]
 fn a_margin_from_pull_in_holds_on_finer_meshes_too() {
-    // The limits are those of eight elements per cell; one element bears 6 % more of the rings.
+    // The critical voltages are those of eight elements per cell; one element gives 6 % more for the rings.
     for (pattern, truth) in [(rings(0), 6776.0), (one_cell(), 6023.0)] {
         let scene = Scene::vhb4910().at_voltage(truth / 1.2);
         let verdict = |margin| {

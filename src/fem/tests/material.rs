@@ -1,4 +1,4 @@
-//! Homogeneous states of a free membrane: what the law says without any mesh.
+//! Homogeneous states of a free membrane: properties of the law without a mesh.
 
 use crate::energy::{MaterialPoint, NeoHookean};
 use crate::kinematics::Tensor;
@@ -24,7 +24,7 @@ fn stiffness(kappa: f64, stretch: f64) -> f64 {
     material.tangent(at(stretch - 1.0), 1.0, at(1.0))[0][0] + null
 }
 
-/// The stretch at which a membrane under an equal dead load snaps, and √κ there.
+/// Critical stretch of a membrane under an equal dead load, and √κ there.
 fn pull_in(dead: f64, mut low: f64, mut high: f64) -> (f64, f64) {
     for _ in 0..100 {
         let middle = 0.5 * (low + high);

@@ -1,4 +1,4 @@
-//! Cases with known answers. H-numbers are those of the theory page; closed forms are restated where they are used.
+//! Cases with known results. H-numbers refer to the theory page; closed forms are repeated where they are used.
 
 mod charge;
 mod convergence;
@@ -37,11 +37,20 @@ fn half() -> Pattern {
     Pattern::from_fn(Raster::PAPER, |x, _| x < CELLS / 2)
 }
 
+/// A square membrane of VHB 4910, 1 mm thick, with ten cells along a side.
+pub(crate) fn square_of_ten(drive: &str, effects: &str, more: &str) -> Scene {
+    Scene::from_text(&format!(
+        "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, \
+         shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ {drive} }}, effects: {{ {effects} }}{more} }}"
+    ))
+    .unwrap()
+}
+
 fn random(index: u64) -> Pattern {
     random_on(Raster::PAPER, index)
 }
 
-/// A pattern of cells that are active by chance.
+/// A pattern of random active cells.
 fn random_on(raster: Raster, index: u64) -> Pattern {
     let mut stream = Stream::new(7, "fem test", index);
     let bits: Vec<bool> = (0..raster.cells()).map(|_| stream.chance(0.5)).collect();
@@ -111,7 +120,8 @@ fn newton_by_factors<L: Material>(operator: &Operator<'_, L>, load: &[f64], u: &
     panic!("residual {:e}", norm(&r));
 }
 
-/// Compares the gradient of a weighted sum of displacements with differences of fourth order in the activity of some cells.
+/// Compares the gradient of a weighted sum of displacements with fourth-order differences in the activity of some
+/// cells.
 fn check_gradient(
     scene: &Scene,
     solver: &MembraneSolver,
@@ -128,11 +138,8 @@ fn check_gradient(
             let own = f64::from(u8::from(pattern.is_active(x, y)));
             own + if y * columns + x == cell { by } else { 0.0 }
         };
-        let operator = Operator {
-            material: &material,
-            activity: &Activity::from_shares(grid, share),
-            pulled: 1.0,
-        };
+        let activity = Activity::from_shares(grid, share);
+        let operator = Operator::new(&material, &activity);
         let mut u = solution.displacement.clone();
         newton_by_factors(&operator, &vec![0.0; u.len()], &mut u);
         let field = grid.sample(&u);

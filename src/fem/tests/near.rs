@@ -1,4 +1,4 @@
-//! Equilibria that are found from one next to them.
+//! Equilibria computed from a nearby one.
 
 use super::scenes::{gent, scene};
 use super::*;

@@ -1,4 +1,4 @@
-//! What has no stable equilibrium gets a reason and no numbers.
+//! A pattern without stable equilibrium has an outcome and no numbers.
 
 use super::*;
 
@@ -81,11 +81,7 @@ fn the_inertia_counts_the_unstable_modes() {
     let u = vec![0.0; grid.layout().vector_len()];
     let negative = |kappa: f64| {
         let material = NeoHookean::new(3.0, kappa);
-        let operator = Operator {
-            material: &material,
-            activity: &activity,
-            pulled: 1.0,
-        };
+        let operator = Operator::new(&material, &activity);
         Factorisation::new(&operator, &u).unwrap().negative_pivots()
     };
     assert_eq!(negative(0.334_f64.powi(2)), 0);

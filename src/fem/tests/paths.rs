@@ -1,4 +1,4 @@
-//! Load paths: where they end, what lies on them, and what lies beyond a fold.
+//! Load paths: ends, points and events, and states beyond a fold.
 
 use super::*;
 use crate::continuation::{LoadingEnd, Problem};
@@ -26,7 +26,8 @@ fn path(scene: &Scene, order: Order, pattern: &Pattern) -> LoadPath {
 
 #[test]
 fn limits_are_those_of_an_independent_analysis() {
-    // At 25 kPa, in V, by an independent analysis with one element per cell. A straight electrode needs no fine mesh, a single cell a better one.
+    // At 25 kPa, in V, by an independent analysis with one element per cell. A single cell needs a finer mesh than a
+    // straight electrode.
     for (pattern, order, known, within) in [
         (half(), Order::Bilinear, 5500.0, 0.01),
         (one_cell(), Order::Biquadratic, 4550.0, 1e-3),
@@ -136,7 +137,7 @@ fn margins_of_uniform_membranes_have_closed_forms() {
     assert!(report.critical.is_some() && report.margin.is_none());
 }
 
-/// A membrane that stiffens once it has snapped: g′ = −a j⁻³ − S b j + c (j − 1)³.
+/// A membrane that stiffens after snapping: g′ = −a j⁻³ − S b j + c (j − 1)³.
 struct Stiffening {
     thickness: f64,
     pull: f64,
@@ -245,11 +246,7 @@ fn a_stiffening_membrane_snaps_to_another_stable_branch() {
         // Every state on the way is an equilibrium.
         for mark in &trace.marks {
             let material = Stiffening::new(mark.share);
-            let operator = Operator {
-                material: &material,
-                activity: problem.activity,
-                pulled: 1.0,
-            };
+            let operator = Operator::new(&material, problem.activity);
             let mut force = vec![0.0; mark.u.len()];
             assert!(operator.residual(&mark.u, &mut force) > 0.0);
             assert!(norm(&force) < 1e-8);

@@ -1,4 +1,4 @@
-//! Membranes that are not the source paper's square: other sides, other cells, unequal prestretch.
+//! Membranes other than the square of the source paper: other sides, other cells, unequal prestretch.
 
 use super::*;
 use deaflow_base::{Decimal, Length};
@@ -29,10 +29,11 @@ fn simulate(scene: &Scene, mesh: Mesh, pattern: &Pattern) -> Field {
     result.field.unwrap()
 }
 
-/// The half-active strip: its displacement is prescribed on the frame and must come out inside.
+/// The half-active strip: its displacement is prescribed on the frame and must be found inside.
 #[test]
 fn the_strip_has_the_closed_form_displacement_and_stress() {
-    // a − a⁻³λ₂⁻² − κλ₂²a = b − b⁻³λ₂⁻² with a = λ₁(1 + e), b = λ₁(1 − e), by mpmath: (kV, u in the middle in mm, P₁₁ in Pa) at 45 kPa and 1 mm.
+    // a − a⁻³λ₂⁻² − κλ₂²a = b − b⁻³λ₂⁻² with a = λ₁(1 + e), b = λ₁(1 − e), by mpmath: (kV, u in the middle in mm, P₁₁
+    // in Pa) at 45 kPa and 1 mm.
     let rows = [
         ([3.0, 4.0], 1.0, 0.185899056254, 133889.6197),
         ([3.0, 4.0], 3.0, 1.77884081994, 125264.273415),
@@ -54,11 +55,8 @@ fn the_strip_has_the_closed_form_displacement_and_stress() {
             let grid = Grid::uniform(mesh, &Sheet::of(&scene));
             let (layout, [columns, rows]) = (grid.layout(), grid.layout().nodes());
             let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
-            let operator = Operator {
-                material: &material,
-                activity: &Activity::new(&grid, &pattern),
-                pulled: 1.0,
-            };
+            let activity = Activity::new(&grid, &pattern);
+            let operator = Operator::new(&material, &activity);
             let mut u = vec![0.0; layout.vector_len()];
             for (row, column) in places(&grid) {
                 let inside = (1..columns - 1).contains(&column) && (1..rows - 1).contains(&row);
@@ -86,8 +84,8 @@ fn the_strip_has_the_closed_form_displacement_and_stress() {
 
 #[test]
 fn a_membrane_that_is_active_everywhere_is_lost_at_the_closed_form_voltage() {
-    // εE² = μ(λm² + 3J⁻²) with the smaller stretch λm; with unequal prestretch the mode is of short waves, and 25 biquadratic elements along a
-    // side bear 0.02 % and 0.08 % more.
+    // εE² = μ(λm² + 3J⁻²) with the smaller stretch λm; for unequal prestretch the mode has short waves, and 25
+    // biquadratic elements along a side give 0.02 % and 0.08 % more.
     for (prestretch, exact, above) in [
         ([3.0, 3.0], 10983.8219587, 1e-4),
         ([3.0, 4.0], 8230.47777316, 5e-4),
@@ -102,7 +100,7 @@ fn a_membrane_that_is_active_everywhere_is_lost_at_the_closed_form_voltage() {
             unstable > exact && stable < exact * (1.0 + above),
             "{prestretch:?}: {stable} {unstable} {exact}"
         );
-        // Before that it does not move.
+        // Below it, nothing moves.
         let field = simulate(&scene.at_voltage(0.9 * exact), Mesh::bilinear(1), &all);
         assert_eq!(field.max_magnitude(), 0.0);
     }
@@ -201,7 +199,7 @@ fn hard_rasters_are_solved() {
             assert!(states.len() == raster.cells() && states.iter().all(|state| state.stretches[1] > 0.0));
             largest.push(result.field.unwrap().max_magnitude());
         }
-        // Corners of cells lie on the frame where there is one cell across.
+        // With one cell across, the corners of cells are on the frame.
         let moves = sides.iter().all(|&side| side > 1);
         assert_eq!(largest.iter().all(|&mm| mm > 0.0), moves, "{sides:?}: {largest:?}");
     }

@@ -1,4 +1,4 @@
-//! Scenes with effects, and access to their laws.
+//! Scenes with effects, and their laws.
 
 use super::*;
 use crate::effects::{Model, WithMaterial};
@@ -90,7 +90,7 @@ pub fn combinations() -> Vec<Effects> {
     .collect()
 }
 
-/// Does something with the law of a scene at full load.
+/// Runs a function with the law of a scene at full load.
 pub fn with_law<T>(scene: &Scene, work: impl PointWork<Output = T>) -> T {
     struct AtFullLoad<W>(W);
     impl<W: PointWork> WithMaterial for AtFullLoad<W> {

@@ -87,11 +87,7 @@ impl WithMaterial for Differentiate<'_> {
             combined(cosine, &imaginary, -sine, &real),
         ];
         let law = material(1.0);
-        let static_operator = Operator {
-            material: &law,
-            activity,
-            pulled: 1.0,
-        };
+        let static_operator = Operator::new(&law, activity);
         let mut forced = Forced {
             operator: &static_operator,
             u,
@@ -101,11 +97,7 @@ impl WithMaterial for Differentiate<'_> {
         // The derivative of F, which is linear in the load.
         for (share, sign) in [(1.0 - NUDGE, 1.0), (1.0 + NUDGE, -1.0)] {
             let material = &material(share);
-            let operator = Operator {
-                material,
-                activity,
-                pulled: 1.0,
-            };
+            let operator = Operator::new(material, activity);
             let mut image = vec![0.0; u.len()];
             operator.tangent(u, &adjoint[0], &mut image);
             add(&mut forced.sum, sign * per_volt / (2.0 * NUDGE), &image);
@@ -214,6 +206,7 @@ mod tests {
     use crate::continuation::LoadingEnd;
     use crate::operator::Activity;
     use crate::solver::SolveOptions;
+    use crate::tests::square_of_ten;
     use crate::work::WorkLimit;
     use deaflow_base::Stream;
     use deaflow_field::Mesh;
@@ -221,12 +214,7 @@ mod tests {
     use deaflow_scene::Scene;
 
     fn scene(effects: &str) -> Scene {
-        Scene::from_text(&format!(
-            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, \
-             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ voltage: 5 kV }}, effects: {{ {effects} }}, \
-             properties: {{ density: 960 }} }}"
-        ))
-        .unwrap()
+        square_of_ten("voltage: 5 kV", effects, ", properties: { density: 960 }")
     }
 
     fn weights() -> Field {

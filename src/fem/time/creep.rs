@@ -197,6 +197,7 @@ fn crept(pole: f64, branches: &[Branch], time_s: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tests::square_of_ten;
     use crate::time::{HistoryOptions, HistoryRequest, HistorySolver};
     use deaflow_field::{Differentiable, Field, Mesh, Predictor};
     use deaflow_pattern::{Pattern, Raster};
@@ -231,12 +232,9 @@ mod tests {
     }
 
     fn scene(more: &str) -> Scene {
-        Scene::from_text(&format!(
-            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, \
-             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ voltage: 5 kV{more} }}, effects: {{ viscoelasticity: \
-             {{ branches: [{{ modulus: 60 kPa, time: 1 s }}, {{ modulus: 30 kPa, time: 10 s }}] }} }} }}"
-        ))
-        .unwrap()
+        let effects =
+            "viscoelasticity: { branches: [{ modulus: 60 kPa, time: 1 s }, { modulus: 30 kPa, time: 10 s }] }";
+        square_of_ten(&format!("voltage: 5 kV{more}"), effects, "")
     }
 
     fn odd() -> Pattern {

@@ -38,11 +38,7 @@ pub fn equilibrium<L: Material, F>(
         residual: 0.0,
     };
     for _ in 0..CORRECTIONS {
-        let operator = Operator {
-            material,
-            activity: &activity,
-            pulled: 1.0,
-        };
+        let operator = Operator::new(material, &activity);
         let before = u.to_vec();
         let found = newton::solve(&operator, problem.laplacian, tolerance, u, workspace);
         let (Ok(progress) | Err((_, progress))) = found;

@@ -339,11 +339,7 @@ impl<'a> About<'a> {
         let grid = &self.solver.solver.grid;
         let law = material(1.0);
         let tangent = |activity: &Activity| {
-            let operator = Operator {
-                material: &law,
-                activity,
-                pulled: 1.0,
-            };
+            let operator = Operator::new(&law, activity);
             structure.tangent(&operator, self.u)
         };
         let with_branches = match self.solver.branches.is_empty() {
@@ -370,11 +366,8 @@ impl<'a> About<'a> {
     fn forces<L: Material>(&self, material: &impl Fn(f64) -> L) -> Vec<f64> {
         let residual = |share: f64| {
             let mut residual = vec![0.0; self.u.len()];
-            let operator = Operator {
-                material: &material(share),
-                activity: self.activity,
-                pulled: 1.0,
-            };
+            let material = material(share);
+            let operator = Operator::new(&material, self.activity);
             operator.residual(self.u, &mut residual);
             residual
         };

@@ -114,11 +114,8 @@ impl WithMaterial for Lowest<'_> {
     type Output = Vec<(f64, Vec<f64>)>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
-        let operator = Operator {
-            material: &material(1.0),
-            activity: self.activity,
-            pulled: 1.0,
-        };
+        let material = material(1.0);
+        let operator = Operator::new(&material, self.activity);
         lowest(&operator, &self.solver.laplacian, self.mass, self.u, self.count)
     }
 }

@@ -297,11 +297,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         };
         let passage = self.passage(&change, [from, to]);
         let material = (transient.problem.material)(self.share(passage, 0.5 * (from + to)));
-        let operator = Operator {
-            material: &material,
-            activity: &remembered,
-            pulled: 1.0,
-        };
+        let operator = Operator::new(&material, &remembered);
         self.viscous = viscous;
         self.dissipated += self.branches - self.stored_in_branches();
         let pairs = self.u.iter_mut().zip(&change);
@@ -404,11 +400,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         for iteration in 0..LIMIT {
             let passage = self.passage(&change, [from, to]);
             let material = (motion.transient.problem.material)(self.share(passage, 0.5 * (from + to)));
-            let operator = Operator {
-                material: &material,
-                activity,
-                pulled: 1.0,
-            };
+            let operator = Operator::new(&material, activity);
             let halfway = grid.poses_between(&self.u, &change);
             operator.residual_between(&self.u, &change, &halfway, &mut forces);
             let moved: Vec<f64> = change

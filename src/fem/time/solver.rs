@@ -147,14 +147,11 @@ impl Evaluator for StepEstimates {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tests::square_of_ten;
     use deaflow_pattern::Raster;
 
     fn scene(voltage: &str, more: &str, effects: &str) -> Scene {
-        Scene::from_text(&format!(
-            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, \
-             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ voltage: {voltage}{more} }}, effects: {{ {effects} }} }}"
-        ))
-        .unwrap()
+        square_of_ten(&format!("voltage: {voltage}{more}"), effects, "")
     }
 
     const CREEP: &str =

@@ -146,18 +146,14 @@ impl Evaluator for Swing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tests::square_of_ten;
     use crate::time::{HistoryOptions, HistoryRequest, HistorySolver};
     use crate::{Method, WorkLimit};
     use deaflow_field::Mesh;
     use deaflow_pattern::Raster;
 
     fn scene(drive: &str, effects: &str) -> Scene {
-        Scene::from_text(&format!(
-            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, \
-             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ {drive} }}, effects: {{ {effects} }}, \
-             properties: {{ density: 960 }} }}"
-        ))
-        .unwrap()
+        square_of_ten(drive, effects, ", properties: { density: 960 }")
     }
 
     const BRANCHES: &str =

@@ -6,6 +6,7 @@ mod charges;
 
 use super::coefficients::Coefficients;
 use super::*;
+use crate::tests::square_of_ten;
 use crate::{MembraneSolver, SolveOptions, WorkLimit};
 use deaflow_field::{Field, Mesh, Outcome, Simulator};
 use deaflow_pattern::{Pattern, Raster};
@@ -202,7 +203,8 @@ fn a_long_strip_creeps_as_it_should() {
     ];
     for (law, known) in cases {
         let scene = scene(&format!(
-            "geometry: {{ size: [50 mm, 400 mm], thickness: 1 mm, prestretch: 3, cells: [4, 32] }}, drive: {{ voltage: 5250 V }}, {}",
+            "geometry: {{ size: [50 mm, 400 mm], thickness: 1 mm, prestretch: 3, cells: [4, 32] }}, drive: {{ voltage: \
+             5250 V }}, {}",
             one(law)
         ));
         let times: Vec<f64> = known.iter().map(|(time, _)| *time).collect();
@@ -452,7 +454,8 @@ fn a_voltage_that_jumps_down_lets_the_membrane_creep_back() {
 
 #[test]
 fn the_lowest_modes_are_those_of_the_square() {
-    let still = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }, drive: { voltage: 0 V }, properties: { density: 960 }";
+    let still = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }, drive: { voltage: 0 V }, \
+                 properties: { density: 960 }";
     let bare = Pattern::from_fn(Raster::PAPER, |_, _| false);
     let solver = MembraneSolver::new(&scene(still), SolveOptions::on(Mesh::bilinear(1))).unwrap();
     for (lumped, first, third) in [(false, 290.8201495, 459.5889078), (true, 290.6288603, 458.8335354)] {
@@ -573,8 +576,9 @@ fn a_history_ends_where_its_work_is_done() {
 fn viscous_motion_comes_to_rest_with_its_energy_in_balance() {
     for law in LAWS {
         let scene = scene(&format!(
-            "{SQUARE}, drive: {{ voltage: 4 kV, waveform: {{ ramp: {{ time: 5 ms }} }} }}, properties: {{ density: 960 }}, \
-             effects: {{ inertia: {{}}, viscoelasticity: {{ law: {law}, branches: [{{ modulus: 45 kPa, time: 1 ms }}] }} }}"
+            "{SQUARE}, drive: {{ voltage: 4 kV, waveform: {{ ramp: {{ time: 5 ms }} }} }}, \
+             properties: {{ density: 960 }}, effects: {{ inertia: {{}}, viscoelasticity: {{ law: {law}, \
+             branches: [{{ modulus: 45 kPa, time: 1 ms }}] }} }}"
         ));
         let request = HistoryRequest {
             times: vec![0.1],
@@ -698,12 +702,11 @@ fn electrodes_that_are_cut_off_keep_their_charge_while_the_membrane_creeps() {
         ("immobile: 0.6 uC", "linear"),
         ("immobile: 0.6 uC", "finite"),
     ] {
-        let scene = Scene::from_text(&format!(
-            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, \
-             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ charge: {{ {charge} }} }}, effects: {{ viscoelasticity: \
-             {{ law: {law}, branches: [{{ modulus: 60 kPa, time: 1 s }}, {{ modulus: 30 kPa, time: 10 s }}] }} }} }}"
-        ))
-        .unwrap();
+        let effects = format!(
+            "viscoelasticity: {{ law: {law}, branches: [{{ modulus: 60 kPa, time: 1 s }}, \
+             {{ modulus: 30 kPa, time: 10 s }}] }}"
+        );
+        let scene = square_of_ten(&format!("charge: {{ {charge} }}"), &effects, "");
         let pattern = Pattern::from_fn(ten(), |x, y| (x * 7 + y * 3) % 5 < 2);
         let mesh = Mesh::bilinear(1);
         let options = HistoryOptions {
@@ -750,12 +753,8 @@ fn a_charge_is_held_on_what_cannot_bear_its_voltage() {
     // Past the fold the voltage of a conducting electrode falls while its charge rises; sprayed charge never loses
     // stability.
     let scene = |charge: &str| {
-        Scene::from_text(&format!(
-            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, \
-             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ charge: {{ {charge} }} }}, effects: {{ viscoelasticity: \
-             {{ branches: [{{ modulus: 20 kPa, time: 1 s }}] }} }} }}"
-        ))
-        .unwrap()
+        let effects = "viscoelasticity: { branches: [{ modulus: 20 kPa, time: 1 s }] }";
+        square_of_ten(&format!("charge: {{ {charge} }}"), effects, "")
     };
     let pattern = Pattern::from_fn(ten(), |x, _| x < 5);
     let ends = ["total: 14 uC", "immobile: 14 uC"].map(|charge| {
@@ -792,14 +791,6 @@ fn a_charge_is_held_on_what_cannot_bear_its_voltage() {
     }
 }
 
-fn small(drive: &str, effects: &str, more: &str) -> Scene {
-    Scene::from_text(&format!(
-        "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }}, material: {{ model: neo-hookean, shear_modulus: \
-         45 kPa, relative_permittivity: 4.7 }}, drive: {{ {drive} }}, effects: {{ {effects} }}{more} }}"
-    ))
-    .unwrap()
-}
-
 fn follow(scene: &Scene, pattern: &Pattern, times: Vec<f64>) -> History {
     let options = SolveOptions {
         mesh: Mesh::bilinear(1),
@@ -815,13 +806,17 @@ fn a_motion_from_rest_is_the_same_under_laws_that_change_nothing() {
     let drive = "voltage: 3 kV, waveform: { ramp: { time: 0.02 s } }";
     let inertia = "inertia: { density: 960 kg/m3 }";
     let half = Pattern::from_fn(ten(), |x, _| x < 5);
-    let plain = follow(&small(drive, inertia, ""), &half, vec![0.02]);
+    let plain = follow(&square_of_ten(drive, inertia, ""), &half, vec![0.02]);
     assert_eq!(plain.outcome, Outcome::Converged);
     for effect in [
         "stretch_dependent_permittivity: { exponent: 0 }",
         "strain_stiffening: { model: gent, jm: 1e12 }",
     ] {
-        let found = follow(&small(drive, &format!("{inertia}, {effect}"), ""), &half, vec![0.02]);
+        let found = follow(
+            &square_of_ten(drive, &format!("{inertia}, {effect}"), ""),
+            &half,
+            vec![0.02],
+        );
         assert_eq!(found.outcome, Outcome::Converged, "{effect}");
         let difference = found.fields[0].max_difference(&plain.fields[0]);
         assert!(
@@ -830,7 +825,7 @@ fn a_motion_from_rest_is_the_same_under_laws_that_change_nothing() {
         );
     }
     let gent = format!("{inertia}, strain_stiffening: {{ model: gent, jm: 60 }}");
-    let stiff = follow(&small(drive, &gent, ""), &half, vec![0.02]);
+    let stiff = follow(&square_of_ten(drive, &gent, ""), &half, vec![0.02]);
     assert_eq!(stiff.outcome, Outcome::Converged);
     let last = stiff.instants.last().unwrap();
     let balance = last.stored + last.electric + last.kinetic + last.dissipated - last.supplied;
@@ -842,7 +837,7 @@ fn electrodes_over_all_of_a_membrane_charge_without_moving_it_in_the_end() {
     let resistance = "electrode_resistance: { sheet_resistance: 1 MOhm }";
     let full = Pattern::from_fn(ten(), |_, _| true);
     for volts in ["10 V", "3 kV"] {
-        let scene = small(&format!("voltage: {volts}"), resistance, ", leads: [left]");
+        let scene = square_of_ten(&format!("voltage: {volts}"), resistance, ", leads: [left]");
         let history = follow(&scene, &full, vec![0.001, 0.05, 1.0]);
         assert_eq!(history.outcome, Outcome::Converged, "{volts}");
         assert!(history.fields[2].max_magnitude() < 1e-9);
@@ -855,9 +850,10 @@ fn electrodes_over_all_of_a_membrane_charge_without_moving_it_in_the_end() {
 fn loads_and_springs_of_bodies_are_in_the_balance_of_energies() {
     let scene = |body: &str| {
         Scene::from_text(&format!(
-            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10, bodies: [{{ rectangle: [[20 mm, 20 mm], [30 mm, \
-             30 mm]]{body} }}] }}, material: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: \
-             {{ voltage: 3 kV }}, effects: {{ viscoelasticity: {{ branches: [{{ modulus: 45 kPa, time: 1 s }}] }} }} }}"
+            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10, \
+             bodies: [{{ rectangle: [[20 mm, 20 mm], [30 mm, 30 mm]]{body} }}] }}, material: {{ model: neo-hookean, \
+             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ voltage: 3 kV }}, \
+             effects: {{ viscoelasticity: {{ branches: [{{ modulus: 45 kPa, time: 1 s }}] }} }} }}"
         ))
         .unwrap()
     };
@@ -882,7 +878,7 @@ fn loads_and_springs_of_bodies_are_in_the_balance_of_energies() {
 
 #[test]
 fn charges_are_in_proportion_to_voltages_however_low() {
-    let scene = small("voltage: 3 kV, source: { resistance: 1000 GOhm }", "", "");
+    let scene = square_of_ten("voltage: 3 kV, source: { resistance: 1000 GOhm }", "", "");
     let half = Pattern::from_fn(ten(), |x, _| x < 5);
     let history = follow(&scene, &half, vec![1e-6, 1e-3, 1.0]);
     let ratios: Vec<f64> = history.asked().map(|now| now.charge / now.voltage).collect();

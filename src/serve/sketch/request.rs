@@ -232,7 +232,7 @@ fn missing_parameters(effect: &dyn Effect, scene: &Scene) -> ApiError {
     let (name, found) = (effect.name(), effect.assess(scene));
     let reason = match found {
         Some(found) if found.verdict != Verdict::Unknown => {
-            return ApiError::bad_request(format!("`{name}` {}", found.change));
+            return ApiError::bad_request(format!("`{name}`: {}", found.change));
         }
         Some(found) => format!(": {}", found.change),
         None => String::new(),

@@ -3,7 +3,7 @@
 use super::request::SketchRequest;
 use crate::http::{ApiError, Request, Response};
 use crate::state::ServerState;
-use deaflow_fem::screening::{Trial, resolve, screen as screened};
+use deaflow_fem::screening::{TestPattern, resolve, screen as screened};
 
 /// Screens the scene with the pattern, as `deaflow screen SCENE PATTERN`.
 ///
@@ -15,5 +15,7 @@ pub fn screen(state: &ServerState, request: &Request) -> Result<Response, ApiErr
     let setup = drawn.setup(state)?;
     let pattern = drawn.pattern(&setup.scene)?;
     let scene = resolve(&setup.scene)?;
-    Ok(screened(&scene, &[Trial::new("drawn", pattern)])?.document().into())
+    Ok(screened(&scene, &[TestPattern::new("drawn", pattern)])?
+        .document()
+        .into())
 }

@@ -116,7 +116,7 @@ fn refine(setup: &SimulationSetup, pattern: &Pattern, bracket: [f64; 2]) -> Resu
     let middle = 0.5 * (bracket[0] + bracket[1]);
     let scene = setup.scene.at_voltage(middle).with_effects(setup.scene.effects.clone());
     // The usual finer meshes would take too long here.
-    let search = CriticalSearch::beside(&scene, SolveOptions::on(setup.mesh))?;
+    let search = CriticalSearch::for_solutions_on(&scene, SolveOptions::on(setup.mesh))?;
     let found = search.from(pattern, setup.mesh, middle);
     Ok(CriticalVoltage {
         voltage: found.voltage,

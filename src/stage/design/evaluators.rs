@@ -4,7 +4,7 @@ use std::fmt;
 
 use deaflow_base::{Canonical, Frequency, InputError, Node, Parameter, Schema, Time};
 use deaflow_design::{Candidate, Cause, Evaluators, Goal, Moment};
-use deaflow_fem::screening::decided_states;
+use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{Method, SetupError, SolverParameters, Swing, ThreeSolves, UnknownMethod, creep_settings};
 use deaflow_field::{Evaluator, Field, InStates, Mesh};
 use deaflow_orchestrator::{Expectation, ResultSource, StageDeclaration};
@@ -151,7 +151,7 @@ fn each(
     one: impl Fn(&Scene) -> Result<Box<dyn Evaluator>, SetupError>,
 ) -> Result<InStates<Box<dyn Evaluator>>, Cause> {
     let each = || {
-        decided_states(scene)?
+        resolved_states(scene)?
             .iter()
             .map(one)
             .collect::<Result<_, SetupError>>()

@@ -40,8 +40,8 @@ fn a_wrinkled_strip_has_the_closed_form_width_energy_and_stress() {
 
 #[test]
 fn a_thousandth_of_the_flat_energy_is_left_to_wrinkled_and_slack_membrane() {
-    // W/μ at κ = 0.1: flat ½(λ₁² + λ₂² + J⁻² − 3 − κJ²), wrinkled ½(λ₁² + 2λ₁⁻¹s − 3), slack the flat one at equal stretches λ
-    // with λ⁻² − λ⁻⁸ = κ, 1.018417469132: −0.05181180781512 there. By mpmath.
+    // W/μ at κ = 0.1: flat ½(λ₁² + λ₂² + J⁻² − 3 − κJ²), wrinkled ½(λ₁² + 2λ₁⁻¹s − 3), slack the flat one at equal
+    // stretches λ with λ⁻² − λ⁻⁸ = κ, 1.018417469132: −0.05181180781512 there. By mpmath.
     for prestretch in [1.0, 1.2] {
         let field = field(prestretch, 0.1, Neo::new(prestretch));
         for (l1, l2, energy) in [

@@ -1,4 +1,4 @@
-//! Predictions of screening against what effects do on a mesh sixteen times as fine, in scenes and patterns drawn at random.
+//! Predictions of screening against solutions on sixteen times as many elements, for random scenes and patterns.
 
 use std::fmt::Write;
 
@@ -9,7 +9,7 @@ use deaflow_base::Stream;
 use deaflow_field::Simulator;
 use deaflow_scene::laws::{ArrudaBoyce, MooneyRivlin};
 
-/// What is drawn: an effect, by one of its laws.
+/// The effects and laws of the random scenes.
 const DRAWN: [(&str, &str); 9] = [
     (names::STIFFENING, "gent"),
     (names::STIFFENING, "yeoh"),
@@ -21,10 +21,10 @@ const DRAWN: [(&str, &str); 9] = [
     (names::FRINGE, ""),
     (names::WRINKLING, ""),
 ];
-/// The mesh that has the last word.
+/// The reference mesh.
 const FINE: Mesh = Mesh::biquadratic(4);
 
-/// Four digits.
+/// Rounds to five digits.
 fn number(value: f64) -> Decimal {
     format!("{value:.4e}").parse().unwrap()
 }
@@ -92,7 +92,7 @@ fn stiffening(law: &str, scene: &Scene, stream: &mut Stream) -> Stiffening {
     }
 }
 
-/// A scene without effects that knows what it takes to simulate one.
+/// A scene without effects but with the data of one.
 fn scene(effect: &str, law: &str, stream: &mut Stream) -> Scene {
     let low = effect == names::WRINKLING;
     let prestretch = if low {
@@ -109,7 +109,7 @@ fn scene(effect: &str, law: &str, stream: &mut Stream) -> Scene {
     };
     let thickness = number(thickness).to_f64();
     let modulus = number(stream.range(20e3, 600e3)).to_f64();
-    // Up to a little below where a uniform active membrane loses stability; patterns do earlier.
+    // Up to just below the loss of stability of a uniform active membrane; patterns lose it earlier.
     let field = stream.range(0.1, 0.6) * (prestretch.powi(-2) + 3.0 * prestretch.powi(-8)).sqrt();
     let permittivity = 4.7;
     let voltage = 1e-3 * thickness * field * (modulus / (permittivity * 8.854_187_812_8e-12)).sqrt();
@@ -130,7 +130,7 @@ fn scene(effect: &str, law: &str, stream: &mut Stream) -> Scene {
     scene
 }
 
-/// What an effect does to a pattern on the fine mesh; `None` where a solution is lost.
+/// Returns the influence of an effect on the fine mesh; `None` if a solution is unstable.
 fn actual(effect: &dyn Effect, scene: &Scene, pattern: &Pattern) -> Option<Displacement> {
     let mut effects = Effects::default();
     effect.turn_on(&mut effects, scene);
@@ -141,7 +141,7 @@ fn actual(effect: &dyn Effect, scene: &Scene, pattern: &Pattern) -> Option<Displ
     Some(Displacement::between(&without?, &with?, scene.voltage_v()))
 }
 
-/// Predicted and actual difference agree within a factor of 1.5 or half a per cent of displacement.
+/// Returns whether both differences agree within a factor of 1.5 or half a per cent of displacement.
 fn agree(predicted: f64, actual: f64) -> bool {
     let ratio = predicted / actual.max(1e-12);
     (predicted - actual).abs() <= 0.005 || (1.0 / 1.5..=1.5).contains(&ratio)
@@ -153,7 +153,7 @@ struct Drawn {
     actual: Displacement,
 }
 
-/// Draws scenes until as many are known on both meshes.
+/// Draws scenes until `count` of them are stable on both meshes.
 fn draw(effect_name: &str, law: &str, count: usize) -> Vec<Drawn> {
     let effect = *EFFECTS.iter().find(|effect| effect.name() == effect_name).unwrap();
     let mut found = Vec::new();
@@ -161,9 +161,9 @@ fn draw(effect_name: &str, law: &str, count: usize) -> Vec<Drawn> {
         let mut stream = Stream::new(5, &format!("screening {effect_name} {law}"), index);
         let scene = scene(effect_name, law, &mut stream);
         let (name, pattern) = pattern(&mut stream);
-        let trial = Trial {
-            to_the_limit: false,
-            ..Trial::new(name, pattern.clone())
+        let trial = TestPattern {
+            find_critical_voltage: false,
+            ..TestPattern::new(name, pattern.clone())
         };
         let screening = screen_for(&[effect], &scene, &[trial]).unwrap();
         let comparison = screening.rows[0].comparisons.first();
@@ -171,7 +171,7 @@ fn draw(effect_name: &str, law: &str, count: usize) -> Vec<Drawn> {
         let Some(predicted) = predicted.filter(|p| p.voltage == scene.voltage_v()) else {
             continue;
         };
-        // Scenes that hardly move say nothing; nor do those in which wrinkling does nothing at all.
+        // Most scenes without wrinkles are skipped.
         if effect_name == names::WRINKLING && predicted.difference == 0.0 && index % 4 > 0 {
             continue;
         }
@@ -191,7 +191,8 @@ fn draw(effect_name: &str, law: &str, count: usize) -> Vec<Drawn> {
 
 fn report(count: usize) -> (String, usize) {
     let mut text = String::from(
-        "| effect | law | pattern | predicted max \\|Δu\\| % | actual | predicted change of max \\|u\\| % | actual |\n|---|---|---|---|---|---|---|\n",
+        "| effect | law | pattern | predicted max \\|Δu\\| % | actual | predicted change of max \\|u\\| % | actual \
+         |\n|---|---|---|---|---|---|---|\n",
     );
     let mut failed = 0;
     for (effect, law) in DRAWN {
@@ -228,7 +229,7 @@ fn predictions_agree_with_a_fine_mesh() {
     assert_eq!(failed, 0, "\n{text}");
 }
 
-/// `cargo test --lib -- --ignored --nocapture predictions_agree_in_thirty_scenes` prints what docs/effects.md shows a part of.
+/// `cargo test --lib -- --ignored --nocapture predictions_agree_in_thirty_scenes` prints the data of docs/effects.md.
 #[test]
 #[ignore = "takes minutes"]
 fn predictions_agree_in_thirty_scenes_of_each_effect() {

@@ -36,7 +36,8 @@ impl Strip {
         }
     }
 
-    /// The potential at the far end after each of so many steps of a length, with the voltage of the lead at a time, all in units of time.
+    /// The potential at the far end after each of a number of steps, with the voltage of the lead as a function of
+    /// time, all in units of time.
     fn far_end(&self, length: f64, steps: usize, volts: impl Fn(f64) -> f64) -> Vec<f64> {
         let far = self.circuit.capacitance.len() - 1;
         let mut charge = vec![0.0; far + 1];
@@ -196,7 +197,8 @@ fn what_has_charged_is_the_equilibrium_and_no_resistance_is_none() {
 fn errors_in_time_fall_with_the_square_of_the_step_and_energies_balance() {
     let scene = scene(&format!(
         "{SQUARE}, drive: {{ voltage: 5 kV, waveform: {{ ramp: {{ time: 0.1 ms }} }} }}, leads: [left], effects: {{ \
-         electrode_resistance: {{ sheet_resistance: 50 kOhm }}, viscoelasticity: {{ branches: [{{ modulus: 45 kPa, time: 0.1 ms }}] }} }}"
+         electrode_resistance: {{ sheet_resistance: 50 kOhm }}, viscoelasticity: {{ branches: [{{ modulus: 45 kPa, \
+         time: 0.1 ms }}] }} }}"
     ));
     let at = |accuracy_mm: f64| {
         let request = HistoryRequest {
@@ -263,8 +265,8 @@ fn cells_may_be_leads_and_corners_conduct_nothing() {
 
 #[test]
 fn a_patterned_membrane_is_that_of_an_independent_program() {
-    // The same elements with a potential that is biquadratic, by backward Euler extrapolated from four step lengths: what differs while it
-    // charges is the potential between the corners of elements.
+    // The same elements with a potential that is biquadratic, by backward Euler extrapolated from four step lengths:
+    // what differs while it charges is the potential between the corners of elements.
     let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 4 kV }}, {RESISTANCE}"));
     let found = history(
         &scene,

@@ -44,11 +44,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
                 Ok((activity, progress)) => {
                     self.pass.newton_steps += progress.steps;
                     self.pass.residual = progress.residual;
-                    let operator = Operator {
-                        material: &material,
-                        activity: &activity,
-                        pulled: 1.0,
-                    };
+                    let operator = Operator::new(&material, &activity);
                     let stability = judge(&operator, problem.laplacian, &u, workspace);
                     self.viscous.recycle(activity);
                     match stability {
@@ -96,16 +92,11 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             Some(_) => None,
         };
         let unit = slowed.as_ref().map_or(1.0, |_| 1.0 + slowness);
-        let actual = Operator {
-            material: &material,
-            activity: &remembered,
-            pulled: 1.0,
-        };
-        let linear = Operator {
-            material: slowed.as_ref().unwrap_or(&material),
-            activity: at_rest.as_ref().unwrap_or(half_active),
-            pulled: 1.0,
-        };
+        let actual = Operator::new(&material, &remembered);
+        let linear = Operator::new(
+            slowed.as_ref().unwrap_or(&material),
+            at_rest.as_ref().unwrap_or(half_active),
+        );
         let rest = vec![0.0; guess.len()];
         let (mut u, count, inner) = match how {
             StepEstimate::Linear => (rest.clone(), 1, INNER_UNCORRECTED),

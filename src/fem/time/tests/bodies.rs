@@ -1,4 +1,5 @@
-//! Rigid bodies with inertia: balances of energy, order of convergence, symmetries, and agreement with natural frequencies and responses.
+//! Rigid bodies with inertia: energy balance, order of convergence, symmetries, and comparison with natural frequencies
+//! and responses.
 
 use std::f64::consts::TAU;
 
@@ -13,7 +14,8 @@ use deaflow_pattern::Symmetry;
 /// A bar in the middle, which electrodes on either side turn, with a pull.
 fn bar(pull: &str) -> String {
     format!(
-        "geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10, bodies: [{{ rectangle: [[10 mm, 20 mm], [40 mm, 30 mm]]{pull} }}] }}"
+        "geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10, bodies: [{{ rectangle: [[10 mm, 20 mm], \
+         [40 mm, 30 mm]]{pull} }}] }}"
     )
 }
 
@@ -48,7 +50,7 @@ pub fn open_balance(found: &History) -> f64 {
     open.fold(0.0, |largest: f64, open| largest.max(open.abs())) / size
 }
 
-/// The coarsest, a finer and the finest of histories within some accuracies in mm, each of which has a truer one to be held against.
+/// The coarsest, a finer and the finest of histories for several accuracies in mm, each with a more accurate reference.
 pub fn by_steps(accuracies: &[f64], within: impl Fn(f64) -> History) -> [History; 3] {
     let mut found: Vec<History> = accuracies.iter().copied().map(within).collect();
     let finest = found.pop().unwrap();
@@ -82,7 +84,8 @@ fn bodies_that_turn_keep_their_energy_and_move_to_second_order() {
         (", load: [2 mN, -1 mN], spring: 1 N/m", branch),
     ] {
         let scene = scene(&format!(
-            "{}, drive: {{ voltage: 5 kV, {ramp} }}, properties: {{ density: 960 }}, effects: {{ inertia: {{}}, {more} }}",
+            "{}, drive: {{ voltage: 5 kV, {ramp} }}, properties: {{ density: 960 }}, effects: {{ inertia: {{}}, {more} \
+             }}",
             bar(pull)
         ));
         let times = vec![4e-3, 8e-3];
@@ -186,13 +189,24 @@ fn a_body_swings_at_the_natural_frequencies_of_its_membrane() {
 #[test]
 fn transposed_devices_move_as_transposed_and_symmetric_bodies_do_not_turn() {
     let scenes = [
-        ("[50 mm, 30 mm]", "[4, 3]", "[10, 6]", "[[10 mm, 5 mm], [30 mm, 15 mm]], load: [1 mN, 2 mN]"),
-        ("[30 mm, 50 mm]", "[3, 4]", "[6, 10]", "[[5 mm, 10 mm], [15 mm, 30 mm]], load: [2 mN, 1 mN]"),
+        (
+            "[50 mm, 30 mm]",
+            "[4, 3]",
+            "[10, 6]",
+            "[[10 mm, 5 mm], [30 mm, 15 mm]], load: [1 mN, 2 mN]",
+        ),
+        (
+            "[30 mm, 50 mm]",
+            "[3, 4]",
+            "[6, 10]",
+            "[[5 mm, 10 mm], [15 mm, 30 mm]], load: [2 mN, 1 mN]",
+        ),
     ]
     .map(|(size, prestretch, cells, rectangle)| {
         scene(&format!(
-            "geometry: {{ size: {size}, thickness: 1 mm, prestretch: {prestretch}, cells: {cells}, bodies: [{{ rectangle: {rectangle} }}] }}, \
-             drive: {{ voltage: 4 kV, waveform: {{ ramp: {{ time: 5 ms }} }} }}, {MOVING}"
+            "geometry: {{ size: {size}, thickness: 1 mm, prestretch: {prestretch}, cells: {cells}, \
+             bodies: [{{ rectangle: {rectangle} }}] }}, drive: {{ voltage: 4 kV, \
+             waveform: {{ ramp: {{ time: 5 ms }} }} }}, {MOVING}"
         ))
     });
     let wide = Pattern::from_fn(Raster::new(10, 6).unwrap(), |x, y| (x * x + 3 * y + x * y) % 7 < 3);
@@ -230,8 +244,9 @@ fn transposed_devices_move_as_transposed_and_symmetric_bodies_do_not_turn() {
 fn bodies_come_to_rest_at_their_equilibrium() {
     for law in LAWS {
         let scene = scene(&format!(
-            "{}, drive: {{ voltage: 4.5 kV, waveform: {{ ramp: {{ time: 5 ms }} }} }}, properties: {{ density: 960 }}, effects: {{ inertia: {{}}, \
-             viscoelasticity: {{ law: {law}, branches: [{{ modulus: 45 kPa, time: 1 ms }}] }} }}",
+            "{}, drive: {{ voltage: 4.5 kV, waveform: {{ ramp: {{ time: 5 ms }} }} }}, \
+             properties: {{ density: 960 }}, effects: {{ inertia: {{}}, viscoelasticity: {{ law: {law}, \
+             branches: [{{ modulus: 45 kPa, time: 1 ms }}] }} }}",
             bar(", load: [5 mN, 2 mN], spring: 1 N/m")
         ));
         let found = within(&scene, &turning(), vec![0.2], 1e-2);

@@ -1,4 +1,5 @@
-//! Charges and sources with inertia, and charges with the finite law: balances of energy, orders, equilibria and frequencies.
+//! Charges and sources with inertia, and charges with the finite law: energy balances, orders, equilibria and
+//! frequencies.
 
 use std::f64::consts::TAU;
 
@@ -129,7 +130,8 @@ fn a_stiff_source_is_a_voltage_and_a_weak_one_does_nothing() {
 
 #[test]
 fn a_body_in_a_charged_membrane_swings_at_its_linear_frequency() {
-    // All of the membrane is an electrode: nothing moves but by the small load of the body, about a charged equilibrium at rest.
+    // The whole membrane is an electrode: it moves only by the small force on the body, about a charged equilibrium at
+    // rest.
     let all = Pattern::from_fn(ten(), |x, y| !((3..6).contains(&x) && (4..6).contains(&y)));
     let geometry = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10, bodies: \
                     [{ rectangle: [[15 mm, 20 mm], [30 mm, 30 mm]], load: [20 uN, 0 N] }] }";
@@ -150,11 +152,7 @@ fn a_body_in_a_charged_membrane_swings_at_its_linear_frequency() {
             true => sprayed(&plain, &charged, 4e-6),
             false => plain,
         };
-        let operator = Operator {
-            material: &law,
-            activity: &activity,
-            pulled: 1.0,
-        };
+        let operator = Operator::new(&law, &activity);
         let modes = lowest(&operator, &solver.laplacian, &mass, &none, 4);
         let per_second = crate::time::modes::wave_speed(&charged).unwrap() / (1e-3 * solver.grid.unit_mm());
         let hertz: Vec<f64> = modes.iter().map(|(value, _)| value.sqrt() * per_second / TAU).collect();
@@ -246,7 +244,7 @@ fn charge_that_stays_does_not_pull_in_at_once() {
 
 #[test]
 fn conducting_charge_creeps_by_the_finite_law_to_second_order() {
-    let scene = small(
+    let scene = square_of_ten(
         "charge: { total: 1.5 uC }",
         "viscoelasticity: { law: finite, branches: [{ modulus: 60 kPa, time: 1 s }, { modulus: 30 kPa, time: 10 s }] }",
         "",
@@ -263,7 +261,7 @@ fn conducting_charge_creeps_by_the_finite_law_to_second_order() {
             "{error:e} {said:e}"
         );
     }
-    let linear = small(
+    let linear = square_of_ten(
         "charge: { total: 1.5 uC }",
         "viscoelasticity: { law: linear, branches: [{ modulus: 60 kPa, time: 1 s }, { modulus: 30 kPa, time: 10 s }] }",
         "",

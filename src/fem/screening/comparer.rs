@@ -1,9 +1,9 @@
-//! Where solutions with an effect are compared with solutions without it, within the work that each pattern is allowed.
+//! Compares solutions with and without an effect, within the work limit of each pattern.
 
 use rayon::prelude::*;
 
 use super::comparison::{Comparison, Displacement};
-use super::trial::Trial;
+use super::test_pattern::TestPattern;
 use crate::effects::Model;
 use crate::grid::Grid;
 use crate::sheet::Sheet;
@@ -12,33 +12,34 @@ use deaflow_field::Mesh;
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
-/// The part of all work of a pattern that one solution may take.
+/// Share of the work for a pattern that one solution may take.
 const EACH: f64 = 0.25;
-/// The voltage of a comparison over that at which stability is lost.
+/// Ratio of the voltage of a comparison to the critical voltage.
 const BELOW: f64 = 0.95;
 
-/// The patterns, and what is known of them in the scene as it stands.
-pub struct Bench {
+/// The patterns and their solutions in the current scene.
+pub struct Comparer {
     patterns: Vec<(String, Pattern)>,
     each: WorkLimit,
-    /// The work that is left for each pattern.
+    /// Remaining work for each pattern.
     left: Vec<WorkLimit>,
-    current: Option<Side>,
+    current: Option<SolvedScene>,
 }
 
 /// The solutions of all patterns in one scene on one mesh.
-pub struct Side {
+pub struct SolvedScene {
     solver: MembraneSolver,
     solutions: Vec<MeshSolution>,
 }
 
-/// How solutions that are compared are found. Bilinear elements would get the effect of a fringe field on a single cell wrong by half.
+/// Options of the compared solutions. With bilinear elements the influence of a fringe field on a single cell would be
+/// wrong by half.
 const OPTIONS: SolveOptions = SolveOptions {
     mesh: Mesh::biquadratic(1),
     tolerance: 1e-7,
 };
 
-/// The elements on which two scenes are compared: those that the one with a fringe field wants.
+/// The grid for comparing two scenes: that of the one with a fringe field, if any.
 fn elements([current, other]: [&Scene; 2]) -> Result<Grid, SetupError> {
     let fringed = [current, other]
         .into_iter()
@@ -49,13 +50,11 @@ fn elements([current, other]: [&Scene; 2]) -> Result<Grid, SetupError> {
     }
 }
 
-impl Bench {
-    /// The patterns of `trials` that are compared; `limit` is the work for each of them.
-    pub fn new(trials: &[Trial], limit: WorkLimit) -> Self {
-        let compared = trials.iter().filter(|trial| trial.compared);
-        let patterns: Vec<_> = compared
-            .map(|trial| (trial.name.clone(), trial.pattern.clone()))
-            .collect();
+impl Comparer {
+    /// Takes the test patterns that are compared; `limit` is the work for each of them.
+    pub fn new(tests: &[TestPattern], limit: WorkLimit) -> Self {
+        let compared = tests.iter().filter(|test| test.compared);
+        let patterns: Vec<_> = compared.map(|test| (test.name.clone(), test.pattern.clone())).collect();
         Self {
             each: limit.part(EACH),
             left: vec![limit; patterns.len()],
@@ -64,7 +63,7 @@ impl Bench {
         }
     }
 
-    fn solve(&mut self, scene: &Scene, grid: Grid) -> Result<Side, SetupError> {
+    fn solve(&mut self, scene: &Scene, grid: Grid) -> Result<SolvedScene, SetupError> {
         let solver = MembraneSolver::on_grid(scene, OPTIONS, grid)?;
         let work = self.patterns.par_iter().zip(&self.left);
         let solutions: Vec<MeshSolution> = work
@@ -73,31 +72,31 @@ impl Bench {
         for (left, solution) in self.left.iter_mut().zip(&solutions) {
             *left = left.less(solution.work);
         }
-        Ok(Side { solver, solutions })
+        Ok(SolvedScene { solver, solutions })
     }
 
-    /// Solves for all patterns in another scene than that as it stands, whose solutions are known on the same elements from then on.
+    /// Solves for all patterns in another scene, and in the current scene if its solutions are on another grid.
     ///
     /// # Errors
-    /// When a scene cannot be simulated.
-    pub fn prepare(&mut self, current: &Scene, other: &Scene) -> Result<Side, SetupError> {
+    /// If a scene cannot be simulated.
+    pub fn prepare(&mut self, current: &Scene, other: &Scene) -> Result<SolvedScene, SetupError> {
         let grid = elements([current, other])?;
-        if self.current.as_ref().is_none_or(|side| side.solver.grid != grid) {
+        if self.current.as_ref().is_none_or(|current| current.solver.grid != grid) {
             self.current = Some(self.solve(current, grid.clone())?);
         }
         self.solve(other, grid)
     }
 
-    /// Takes a side for that of the scene as it stands from here on.
-    pub fn adopt(&mut self, side: Side) {
-        self.current = Some(side);
+    /// Makes a scene the current one.
+    pub fn adopt(&mut self, scene: SolvedScene) {
+        self.current = Some(scene);
     }
 
-    /// Compares the scene as it stands with another one, which has the effect where `other_has_it` and lacks it otherwise.
+    /// Compares the current scene with another one; `other_has_it` says which of them has the effect.
     ///
     /// # Errors
-    /// When either scene cannot be simulated at a lower voltage.
-    pub fn compare(&mut self, other: &Side, other_has_it: bool) -> Result<Vec<Comparison>, SetupError> {
+    /// If either scene cannot be simulated at a lower voltage.
+    pub fn compare(&mut self, other: &SolvedScene, other_has_it: bool) -> Result<Vec<Comparison>, SetupError> {
         let Some(current) = &self.current else {
             return Ok(Vec::new());
         };
@@ -126,10 +125,10 @@ impl Bench {
     }
 }
 
-/// How the displacement differs at the voltage of the scene or, where a solution is lost on the way there, just below; and the work
-/// that took.
+/// Compares displacements at the voltage of the scene or, if a solution loses stability before, just below that
+/// voltage; also returns the work.
 fn displacement(
-    [without, with]: [&Side; 2],
+    [without, with]: [&SolvedScene; 2],
     solutions: [&MeshSolution; 2],
     pattern: &Pattern,
     limit: WorkLimit,
@@ -149,14 +148,14 @@ fn displacement(
     };
     let voltage = BELOW * lowest;
     let mut work = 0;
-    let mut at = |side: &Side| {
+    let mut field_of = |side: &SolvedScene| {
         let scene = side.solver.scene.at_voltage(voltage);
         let solver = MembraneSolver::on_grid(&scene, OPTIONS, side.solver.grid.clone())?;
         let solution = solver.solve_within(pattern, limit);
         work += solution.work;
         Ok(solution.outcome.is_converged().then(|| solver.field(&solution)))
     };
-    let (before, after) = (at(without)?, at(with)?);
+    let (before, after) = (field_of(without)?, field_of(with)?);
     let displacement = before
         .zip(after)
         .map(|(before, after)| Displacement::between(&before, &after, voltage));

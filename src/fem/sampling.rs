@@ -1,0 +1,121 @@
+//! Transfer between cells and nodes: activities, displacements and forces at the cell corners.
+
+use deaflow_base::Stream;
+use deaflow_field::Field;
+
+use super::grid::Grid;
+use super::lanes::Real;
+#[cfg(doc)]
+use super::layout::NodeLayout;
+
+impl Grid {
+    /// Writes the activity of each element, that of its cell (column, row), in rows of [`NodeLayout::part`] numbers.
+    pub fn write_activity<T: Real>(&self, share: impl Fn(usize, usize) -> f64, activity: &mut [T]) {
+        let (layout, [along, across]) = (self.layout(), self.per_cell());
+        let part = layout.part();
+        for (cell_row, rows) in activity.chunks_exact_mut(across * part).enumerate() {
+            let (first, others) = rows.split_at_mut(part);
+            for (cell, elements) in first[..layout.columns()].chunks_exact_mut(along).enumerate() {
+                elements.fill(T::from_f64(share(cell, cell_row)));
+            }
+            others.chunks_exact_mut(part).for_each(|row| row.copy_from_slice(first));
+        }
+    }
+
+    /// Returns the index of component `c` of the cell corner at (column, row) in a vector.
+    fn corner(&self, c: usize, column: usize, row: usize) -> usize {
+        let layout = self.layout();
+        let [along, across] = self.per_cell().map(|count| count * layout.degree());
+        layout.index(c, column * along, row * across)
+    }
+
+    /// Returns forces at the cell corners as nodal forces: the transpose of sampling at a displacement `u`.
+    #[must_use]
+    pub fn spread(&self, corners: &Field, u: &[f64]) -> Vec<f64> {
+        let (layout, [columns, _]) = (self.layout(), self.raster().corner_sides());
+        let mut vector = vec![0.0; layout.vector_len()];
+        for (at, value) in corners.values().iter().enumerate() {
+            let (c, x, y) = (at % 2, at / 2 % columns, at / 2 / columns);
+            vector[self.corner(c, x, y)] = *value;
+        }
+        self.restrict(u, &mut vector);
+        vector
+    }
+
+    /// Returns random nodal forces at a displacement `u`, with a part along every mode: normal deviates at the cell
+    /// corners, or at all nodes if the corners may all be fixed.
+    #[must_use]
+    pub fn random_load(&self, stream: &mut Stream, u: &[f64]) -> Vec<f64> {
+        if self.raster().sides().contains(&1) || self.supports().is_some() {
+            let mut vector: Vec<f64> = (0..self.layout().vector_len()).map(|_| stream.normal()).collect();
+            self.restrict(u, &mut vector);
+            return vector;
+        }
+        let forces = (0..self.raster().corners() * 2).map(|_| stream.normal()).collect();
+        self.spread(
+            &Field::from_values(self.raster(), forces).expect("normal deviates are finite"),
+            u,
+        )
+    }
+
+    /// Returns the displacement at the cell corners in mm from nodal values in units of [`Grid::unit_mm`].
+    #[must_use]
+    pub fn sample(&self, vector: &[f64]) -> Field {
+        let [columns, rows] = self.raster().corner_sides();
+        let mut values = Vec::with_capacity(self.raster().corners() * 2);
+        for y in 0..rows {
+            for x in 0..columns {
+                for c in 0..2 {
+                    values.push(self.unit_mm() * vector[self.corner(c, x, y)]);
+                }
+            }
+        }
+        Field::from_values(self.raster(), values).expect("a solution is finite")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sheet::Sheet;
+    use deaflow_field::{Mesh, Order};
+    use deaflow_pattern::{Membrane, Raster};
+
+    fn grid(mesh: Mesh) -> Grid {
+        let membrane = Membrane {
+            raster: Raster::new(50, 32).unwrap(),
+            size_mm: [50.0, 8.0],
+        };
+        let sheet = Sheet {
+            membrane,
+            ..Sheet::paper()
+        };
+        Grid::uniform(mesh, &sheet)
+    }
+
+    #[test]
+    fn activity_follows_the_cells() {
+        let grid = grid(Mesh::bilinear(3));
+        let (layout, width) = (grid.layout(), grid.layout().part());
+        let mut activity = vec![0.0; layout.rows() * width];
+        grid.write_activity(|x, y| if (x, y) == (49, 7) { 1.0 } else { 0.0 }, &mut activity);
+        assert_eq!(activity.iter().sum::<f64>(), 9.0);
+        assert_eq!(activity[22 * width + 148], 1.0);
+    }
+
+    #[test]
+    fn sampling_picks_the_corners_of_the_cells() {
+        for order in [Order::Bilinear, Order::Biquadratic] {
+            let grid = grid(Mesh::new(2, order));
+            let layout = grid.layout();
+            let mut vector = vec![0.0; layout.vector_len()];
+            let step = 2 * order.degree();
+            vector[layout.index(1, 7 * step, 30 * step)] = 4.0;
+            // √(½ · ⅛) mm
+            assert_eq!(grid.sample(&vector).at_corner(7, 30), [0.0, 1.0]);
+            let spread = grid.spread(&grid.sample(&vector), &vector);
+            assert_eq!(spread[layout.index(1, 7 * step, 30 * step)], 1.0);
+            assert_eq!(spread.iter().sum::<f64>(), 1.0);
+        }
+    }
+}

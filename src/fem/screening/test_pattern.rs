@@ -1,0 +1,104 @@
+//! The test patterns of a screening.
+
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+
+/// A test pattern of a screening.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TestPattern {
+    /// Its name in the rows.
+    pub name: String,
+    /// The pattern.
+    pub pattern: Pattern,
+    /// Whether its critical voltage is searched for, which is the expensive part.
+    pub find_critical_voltage: bool,
+    /// Whether solutions with and without each effect are compared.
+    pub compared: bool,
+}
+
+impl TestPattern {
+    /// Creates a test pattern for all checks.
+    #[must_use]
+    pub fn new(name: &str, pattern: Pattern) -> Self {
+        Self {
+            name: name.to_owned(),
+            pattern,
+            find_critical_voltage: true,
+            compared: true,
+        }
+    }
+}
+
+/// Returns a pattern with electrodes of the group with the highest voltage.
+fn pattern(scene: &Scene, cells: impl Fn(usize, usize) -> bool) -> Pattern {
+    let group = scene.strongest_group();
+    Pattern::from_groups(scene.membrane().raster, |x, y| if cells(x, y) { group } else { 0 })
+}
+
+fn half_plane(scene: &Scene) -> TestPattern {
+    let [columns, _] = scene.membrane().raster.sides();
+    TestPattern::new("half plane", pattern(scene, |x, _| x < columns / 2))
+}
+
+fn middle(scene: &Scene) -> (usize, usize) {
+    let [columns, rows] = scene.membrane().raster.sides();
+    (columns / 2, rows / 2)
+}
+
+fn one_cell(scene: &Scene) -> TestPattern {
+    let middle = middle(scene);
+    TestPattern::new("one cell", pattern(scene, |x, y| (x, y) == middle))
+}
+
+/// Returns the default test patterns: half of the membrane, a single cell, the whole membrane, a disc with a radius of
+/// 0.3 times the shorter side, a chessboard of five by five blocks, and all but a single cell. Their electrodes belong
+/// to the group with the highest voltage.
+#[must_use]
+pub fn reference_patterns(scene: &Scene) -> Vec<TestPattern> {
+    let membrane = scene.membrane();
+    let ([width, height], [columns, rows]) = (membrane.size_mm, membrane.raster.sides());
+    let from_centre = |x: usize, y: usize| {
+        let [x, y] = membrane.centre_mm(x, y);
+        (x - 0.5 * width).hypot(y - 0.5 * height)
+    };
+    let radius = 0.3 * width.min(height);
+    let middle = middle(scene);
+    vec![
+        half_plane(scene),
+        one_cell(scene),
+        TestPattern::new("all active", pattern(scene, |_, _| true)),
+        TestPattern::new("disc", pattern(scene, |x, y| from_centre(x, y) < radius)),
+        TestPattern::new(
+            "blocks",
+            pattern(scene, |x, y| (5 * x / columns + 5 * y / rows).is_multiple_of(2)),
+        ),
+        TestPattern::new("one hole", pattern(scene, |x, y| (x, y) != middle)),
+    ]
+}
+
+/// Returns the test patterns for the warnings of a run: half of the membrane, which moves most, and a single cell,
+/// which has the lowest critical voltage. They take some tens of milliseconds.
+pub(super) fn warning_patterns(scene: &Scene) -> Vec<TestPattern> {
+    let half = TestPattern {
+        find_critical_voltage: false,
+        ..half_plane(scene)
+    };
+    vec![half, one_cell(scene)]
+}
+
+/// Largest number of given patterns that effects are compared on.
+const MAX_GIVEN: usize = 4;
+
+/// Like [`warning_patterns`], but effects are compared on some of the given patterns.
+pub(super) fn warning_patterns_with(scene: &Scene, given: &[Pattern]) -> Vec<TestPattern> {
+    let count = given.len().min(MAX_GIVEN);
+    let named = (0..count).map(|i| i * given.len() / count).map(|at| TestPattern {
+        find_critical_voltage: false,
+        ..TestPattern::new(&format!("pattern {at}"), given[at].clone())
+    });
+    let extreme = warning_patterns(scene).into_iter().map(|test| TestPattern {
+        compared: given.is_empty(),
+        ..test
+    });
+    named.chain(extreme).collect()
+}
