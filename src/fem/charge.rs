@@ -9,13 +9,13 @@
 use deaflow_field::Charged;
 use deaflow_scene::Scene;
 
-use super::continuation::{Loading, LoadingEnd, Loss, Problem};
+use super::continuation::{Loading, LoadingEnd, Problem};
 use super::eigenvalue::dot;
 use super::material::Material;
 use super::memory::{self, Memory, NUMBERS, line};
 use super::newton::{self, Workspace, norm};
 use super::operator::{Activity, Operator, metrics};
-use super::stability::{Stability, judge};
+use super::stability::{LOOSE, Loss, Stability, judge};
 use super::stored::{Units, content, integral};
 
 /// Smallest step, as a share of the charge.
@@ -52,12 +52,7 @@ pub fn conducting<L: Material, F: Fn(f64) -> L>(
     u: &mut [f64],
     workspace: &mut Workspace,
 ) -> ChargedLoading {
-    let mut total = Loading {
-        ending: LoadingEnd::Unknown { stable: 0.0 },
-        steps: 0,
-        residual: 0.0,
-        pointwise: false,
-    };
+    let mut total = Loading::from(0.0);
     u.fill(0.0);
     let system = System { problem, scene };
     if system.at_full_load(u).0 <= 0.0 {
@@ -107,10 +102,9 @@ pub fn conducting<L: Material, F: Fn(f64) -> L>(
                         ChargeFailure::Unknown => LoadingEnd::Unknown { stable },
                         ChargeFailure::Work => LoadingEnd::WorkLimit { stable },
                     };
-                    let charged = reached.map(|state| state.charged);
                     return ChargedLoading {
                         loading: total,
-                        charged,
+                        charged: reached.map(|state| state.charged),
                     };
                 }
                 step *= 0.5;
@@ -190,28 +184,8 @@ impl<L: Material, F: Fn(f64) -> L> System<'_, '_, F> {
                 goal = (self.problem.tolerance * norm(&rest)).max(operator.rounding() * (u.len() as f64).sqrt());
             }
             total.residual = size;
-            let lost = |loss| ChargeFailure::Lost(loss, share);
             if size <= goal {
-                let margins = operator.margins(&u);
-                if margins.ellipticity <= 0.0 {
-                    return Err(lost(Loss::Ellipticity));
-                }
-                if margins.tension < -super::stability::LOOSE {
-                    return Err(lost(Loss::Tension));
-                }
-                let (at_voltage, at_charge) = self
-                    .inertia(&operator, &u, (share, energy), workspace)
-                    .ok_or(ChargeFailure::Unknown)?;
-                if at_charge > 0 {
-                    return Err(lost(Loss::Stability));
-                }
-                let charged = Charged {
-                    charge,
-                    voltage: Some(self.scene.voltage_v() * share.sqrt()),
-                    negative_at_voltage: at_voltage,
-                    negative_at_charge: at_charge,
-                };
-                return Ok(ChargedState { u, share, charged });
+                return self.accept(&operator, u, (charge, share, energy), workspace);
             }
             if workspace.is_spent() {
                 return Err(ChargeFailure::Work);
@@ -222,30 +196,61 @@ impl<L: Material, F: Fn(f64) -> L> System<'_, '_, F> {
             let (direct, along) = (factors.solve(&residual), factors.solve(&forces));
             let weight = 2.0 * share / energy;
             let factor = weight * dot(&forces, &direct) / (1.0 + weight * dot(&forces, &along));
-            let mut length = 1.0;
-            let mut halvings = 0;
-            loop {
-                let pairs = direct.iter().zip(&along);
-                let moved = u
-                    .iter()
-                    .zip(pairs)
-                    .map(|(u, (direct, along))| u - length * (direct - factor * along));
-                let mut next: Vec<f64> = moved.collect();
-                activity.grid().settle(&mut next);
-                let (full, _) = self.at_full_load(&next);
-                let new = self.residual(&next, (charge / full).powi(2), &mut trial);
-                if new.is_some_and(|new| new < size) {
-                    u = next;
-                    break;
-                }
-                halvings += 1;
-                if halvings > MAX_HALVINGS {
-                    return Err(lost(Loss::Stability));
-                }
-                length *= 0.5;
-            }
+            let pairs = direct.iter().zip(&along);
+            let change: Vec<f64> = pairs.map(|(direct, along)| direct - factor * along).collect();
+            u = self
+                .damped_step(charge, &u, &change, size, &mut trial)
+                .ok_or(ChargeFailure::Lost(Loss::Stability, share))?;
         }
         Err(ChargeFailure::Unknown)
+    }
+
+    /// Checks the stability of the equilibrium `u` at a charge, a share of the load and the electric energy at the full
+    /// load.
+    fn accept(
+        &self,
+        operator: &Operator<'_, L>,
+        u: Vec<f64>,
+        (charge, share, energy): (f64, f64, f64),
+        workspace: &mut Workspace,
+    ) -> Result<ChargedState, ChargeFailure> {
+        let lost = |loss| Err(ChargeFailure::Lost(loss, share));
+        let margins = operator.margins(&u);
+        if margins.ellipticity <= 0.0 {
+            return lost(Loss::Ellipticity);
+        }
+        if margins.tension < -LOOSE {
+            return lost(Loss::Tension);
+        }
+        let (at_voltage, at_charge) = self
+            .inertia(operator, &u, (share, energy), workspace)
+            .ok_or(ChargeFailure::Unknown)?;
+        if at_charge > 0 {
+            return lost(Loss::Stability);
+        }
+        let charged = Charged {
+            charge,
+            voltage: Some(self.scene.voltage_v() * share.sqrt()),
+            negative_at_voltage: at_voltage,
+            negative_at_charge: at_charge,
+        };
+        Ok(ChargedState { u, share, charged })
+    }
+
+    /// Moves by −`change`, halved until the residual is below `size`; `None` if it never is.
+    fn damped_step(&self, charge: f64, u: &[f64], change: &[f64], size: f64, trial: &mut [f64]) -> Option<Vec<f64>> {
+        let mut length = 1.0;
+        for _ in 0..=MAX_HALVINGS {
+            let mut next: Vec<f64> = u.iter().zip(change).map(|(u, change)| u - length * change).collect();
+            self.problem.activity.grid().settle(&mut next);
+            let (full, _) = self.at_full_load(&next);
+            let new = self.residual(&next, (charge / full).powi(2), trial);
+            if new.is_some_and(|new| new < size) {
+                return Some(next);
+            }
+            length *= 0.5;
+        }
+        None
     }
 
     /// Computes the residual at a share of the load, and returns its norm; `None` if the state is not admissible.
@@ -346,12 +351,7 @@ pub fn immobile<L: Material, F: Fn(f64) -> L>(
     let area = electrode_area(problem.activity);
     let law = (problem.material)(0.0);
     let with = |share: f64| sprayed(problem.activity, scene, share.sqrt() * charge);
-    let mut total = Loading {
-        ending: LoadingEnd::Unknown { stable: 0.0 },
-        steps: 0,
-        residual: 0.0,
-        pointwise: false,
-    };
+    let mut total = Loading::from(0.0);
     u.fill(0.0);
     let mut reached = u.to_vec();
     let (mut at, mut step) = (0.0, 1.0_f64);
@@ -375,22 +375,14 @@ pub fn immobile<L: Material, F: Fn(f64) -> L>(
         }
         u.copy_from_slice(&reached);
         if workspace.is_spent() || step <= MIN_STEP {
-            total.ending = match (workspace.is_spent(), stability) {
-                (true, _) => LoadingEnd::WorkLimit { stable: at },
-                (_, Some(Stability::Slack)) => LoadingEnd::Lost {
+            total.ending = match stability {
+                _ if workspace.is_spent() => LoadingEnd::WorkLimit { stable: at },
+                Some(Stability::Lost(loss)) => LoadingEnd::Lost {
                     stable: at,
                     unstable: target,
-                    loss: Loss::Tension,
+                    loss,
                 },
-                (_, Some(other)) => LoadingEnd::Lost {
-                    stable: at,
-                    unstable: target,
-                    loss: match other {
-                        Stability::NotElliptic => Loss::Ellipticity,
-                        _ => Loss::Stability,
-                    },
-                },
-                (_, None) => LoadingEnd::Unknown { stable: at },
+                _ => LoadingEnd::Unknown { stable: at },
             };
             return ChargedLoading {
                 loading: total,

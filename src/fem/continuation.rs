@@ -8,7 +8,7 @@ use super::material::Material;
 use super::newton::{self, NewtonFailure, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
-use super::stability::{Stability, judge, same_basin};
+use super::stability::{Loss, Stability, judge, same_basin};
 use super::supports::Supports;
 
 /// How the load stepping ended.
@@ -47,17 +47,6 @@ impl LoadingEnd {
     }
 }
 
-/// The property that an equilibrium loses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Loss {
-    /// Stability.
-    Stability,
-    /// Ellipticity.
-    Ellipticity,
-    /// Tension, if the membrane can wrinkle.
-    Tension,
-}
-
 /// End and work of a load stepping.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loading {
@@ -73,7 +62,7 @@ pub struct Loading {
 
 impl Loading {
     /// The start of a load stepping from a share.
-    fn from(stable: f64) -> Self {
+    pub(super) fn from(stable: f64) -> Self {
         Self {
             ending: LoadingEnd::Unknown { stable },
             steps: 0,
@@ -305,9 +294,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
                     total.pointwise = pointwise;
                     Ok(())
                 }
-                Stability::Unstable => Err(StepFailure::Lost(Loss::Stability)),
-                Stability::NotElliptic => Err(StepFailure::Lost(Loss::Ellipticity)),
-                Stability::Slack => Err(StepFailure::Lost(Loss::Tension)),
+                Stability::Lost(loss) => Err(StepFailure::Lost(loss)),
             },
             Err((NewtonFailure::NegativeCurvature | NewtonFailure::LineSearch, _)) => {
                 Err(StepFailure::Lost(Loss::Stability))

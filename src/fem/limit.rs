@@ -8,7 +8,7 @@ use deaflow_scene::{Effects, Scene};
 
 use super::continuation::LoadingEnd;
 use super::critical::{CriticalVoltage, MeshLimit};
-use super::effects::{Model, Stability, WithMaterial};
+use super::effects::{Model, StableRange, WithMaterial};
 use super::error::SetupError;
 use super::krylov;
 use super::material::Material;
@@ -127,8 +127,8 @@ impl CriticalSearch {
 
     /// Returns the stable range of a pattern up to the voltage of the scene on the coarser mesh.
     #[must_use]
-    pub fn stable_range(&self, pattern: &Pattern) -> Stability {
-        self.coarse.solve(pattern).stability(self.coarse.mesh())
+    pub fn stable_range(&self, pattern: &Pattern) -> StableRange {
+        self.coarse.solve(pattern).stable_range(self.coarse.mesh())
     }
 
     /// Returns the critical voltage of a pattern, given that on some mesh in V; for another than the coarser mesh it is
@@ -148,8 +148,8 @@ impl CriticalSearch {
     #[must_use]
     pub fn below_scene(&self, pattern: &Pattern) -> Option<CriticalVoltage> {
         match self.stable_range(pattern) {
-            Stability::Lost(found) => Some(self.refine(pattern, found.voltage)),
-            Stability::Never | Stability::UpTo(_) => None,
+            StableRange::Lost(found) => Some(self.refine(pattern, found.voltage)),
+            StableRange::Nowhere | StableRange::UpTo(_) => None,
         }
     }
 
@@ -177,9 +177,9 @@ impl CriticalSearch {
     fn check(&self, pattern: &Pattern) -> StabilityCheck {
         let solution = self.coarse.solve(pattern);
         if !solution.outcome.is_converged() {
-            return match solution.stability(self.coarse.mesh()) {
-                Stability::Lost(found) => StabilityCheck::OnCoarse(found.voltage),
-                Stability::Never | Stability::UpTo(_) => StabilityCheck::Unknown,
+            return match solution.stable_range(self.coarse.mesh()) {
+                StableRange::Lost(found) => StabilityCheck::OnCoarse(found.voltage),
+                StableRange::Nowhere | StableRange::UpTo(_) => StabilityCheck::Unknown,
             };
         }
         if self.coarse.is_clear_of_loss(pattern, &solution) {
@@ -228,13 +228,13 @@ fn search_range(voltage: f64) -> [f64; 2] {
 impl MeshSolution {
     /// Returns the stable range of a pattern according to this solution.
     #[must_use]
-    pub(super) fn stability(&self, mesh: Mesh) -> Stability {
+    pub(super) fn stable_range(&self, mesh: Mesh) -> StableRange {
         match self.outcome.bracket() {
-            None => Stability::UpTo(self.last_stable),
-            Some([stable, _]) if stable <= 0.0 => Stability::Never,
+            None => StableRange::UpTo(self.last_stable),
+            Some([stable, _]) if stable <= 0.0 => StableRange::Nowhere,
             Some([stable, unstable]) => {
                 let voltage = 0.5 * (stable + unstable);
-                Stability::Lost(CriticalVoltage::new(MeshLimit { mesh, voltage }, None))
+                StableRange::Lost(CriticalVoltage::new(MeshLimit { mesh, voltage }, None))
             }
         }
     }

@@ -9,7 +9,7 @@ use deaflow_scene::laws::StiffeningLaw;
 
 use super::adjoint;
 use super::charge::{self, ChargedLoading};
-use super::continuation::{LoadingEnd, Loss, Problem};
+use super::continuation::{LoadingEnd, Problem};
 use super::effects::{Model, WithMaterial, breakdown_ratio};
 use super::error::SetupError;
 use super::grid::Grid;
@@ -19,6 +19,7 @@ use super::observable::{CellState, Survey, states};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 use super::sheet::Sheet;
+use super::stability::Loss;
 use super::work::WorkLimit;
 
 /// Mesh and tolerance of a solution.

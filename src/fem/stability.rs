@@ -20,12 +20,19 @@ pub enum Stability {
         /// Whether the pointwise condition proves it. That condition fails well before stability is lost.
         pointwise: bool,
     },
+    /// Not stable.
+    Lost(Loss),
+}
+
+/// The condition that an equilibrium violates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Loss {
     /// The tangent is not positive definite.
-    Unstable,
+    Stability,
     /// Rank-one convexity is lost at a point.
-    NotElliptic,
+    Ellipticity,
     /// A membrane that can wrinkle has lost all tension at a point.
-    Slack,
+    Tension,
 }
 
 /// A margin larger than rounding in single precision.
@@ -47,20 +54,20 @@ pub fn judge<L: Material>(
     }
     let margins = operator.margins(u);
     if margins.ellipticity <= 0.0 {
-        return Stability::NotElliptic;
+        return Stability::Lost(Loss::Ellipticity);
     }
     if margins.tension < -LOOSE {
-        return Stability::Slack;
+        return Stability::Lost(Loss::Tension);
     }
     if margins.convexity > 0.0 {
         return Stability::Stable { pointwise: true };
     }
     match probe(operator, laplacian, 0.0, u, workspace) {
         KrylovEnd::Converged => Stability::Stable { pointwise: false },
-        KrylovEnd::NegativeCurvature => Stability::Unstable,
+        KrylovEnd::NegativeCurvature => Stability::Lost(Loss::Stability),
         KrylovEnd::Limit => match workspace.factorise(operator, u) {
             Some(factors) if factors.negative_pivots() == 0 => Stability::Stable { pointwise: false },
-            _ => Stability::Unstable,
+            _ => Stability::Lost(Loss::Stability),
         },
     }
 }

@@ -55,6 +55,20 @@ pub trait Effect: Sync {
     }
 }
 
+/// Implements [`Effect::is_on`] and [`Effect::turn_off`] for a field of [`Effects`].
+macro_rules! switch {
+    ($field:ident) => {
+        fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
+            Some(effects.$field.is_some())
+        }
+
+        fn turn_off(&self, effects: &mut Effects) {
+            effects.$field = None;
+        }
+    };
+}
+pub(super) use switch;
+
 /// How significant an effect is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Significance {
@@ -160,16 +174,16 @@ pub struct Examined {
     /// Largest E/E_B over the cells; without a stable state, that of the membrane at rest.
     pub field: f64,
     /// Its critical voltage; `None` if it was not searched for and the pattern is stable at the voltage of the scene.
-    pub stability: Option<Stability>,
+    pub stability: Option<StableRange>,
 }
 
 /// The range of voltages in which a pattern is stable.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Stability {
+pub enum StableRange {
     /// Stable up to a critical voltage.
     Lost(CriticalVoltage),
     /// Unstable at any voltage.
-    Never,
+    Nowhere,
     /// Stable at least up to this voltage in V, at which the search ended.
     UpTo(f64),
 }

@@ -4,7 +4,7 @@
 //! active; in units of μH that is χ = μₑHₑ/μH times ½(i + j⁻² − 3). (It is the composite membrane of, for instance,
 //! Bozlar et al., Appl. Phys. Lett. 101 (2012) 091907, with thin electrodes.) The effect vanishes as χ → 0.
 
-use super::effect::{Effect, Significance};
+use super::effect::{Effect, Significance, switch};
 use super::strip::Strip;
 use crate::energy::{Invariants, Slopes, relief};
 use crate::lanes::Value;
@@ -62,16 +62,10 @@ impl Effect for ElectrodeStiffness {
         "1.7× a solve"
     }
 
-    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
-        Some(effects.electrode_stiffness.is_some())
-    }
+    switch!(electrode_stiffness);
 
     fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
         effects.electrode_stiffness = scene.properties.electrode_stiffness.clone();
-    }
-
-    fn turn_off(&self, effects: &mut Effects) {
-        effects.electrode_stiffness = None;
     }
 
     fn changes_displacement(&self) -> bool {

@@ -18,7 +18,7 @@
 
 use std::f64::consts::{LN_2, PI};
 
-use super::effect::{DISPLACED, Effect, SMALL, Significance, Verdict};
+use super::effect::{DISPLACED, Effect, SMALL, Significance, Verdict, switch};
 use crate::element::Line;
 use crate::error::SetupError;
 use crate::grid::{Grid, THINNEST};
@@ -234,16 +234,10 @@ impl Effect for FringeField {
         "1.4× to 6× a solve"
     }
 
-    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
-        Some(effects.fringe_field.is_some())
-    }
+    switch!(fringe_field);
 
     fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
         effects.fringe_field = Fringe::new(scene).is_ok().then_some(On {});
-    }
-
-    fn turn_off(&self, effects: &mut Effects) {
-        effects.fringe_field = None;
     }
 
     fn changes_displacement(&self) -> bool {

@@ -21,7 +21,7 @@ mod viscoelasticity;
 mod wrinkling;
 
 pub use breakdown::{breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength, breakdown_strength_or_default};
-pub use effect::{DISPLACED, Effect, Examined, SMALL, Significance, Solutions, Stability, Verdict};
+pub use effect::{DISPLACED, Effect, Examined, SMALL, Significance, Solutions, StableRange, Verdict};
 pub use electrode::Stiff;
 pub use fringe::Fringe;
 pub use model::{Model, WithMaterial};

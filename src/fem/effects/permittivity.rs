@@ -5,7 +5,7 @@
 //! with n = 2 − s. If ε was measured on the undeformed elastomer, J = λp²j gives b = κλp²·λp^(−2s); on the prestretched
 //! membrane, J is relative to it and b = κλp². The effect vanishes as s → 0.
 
-use super::effect::{Effect, Significance};
+use super::effect::{Effect, Significance, switch};
 use super::strip::Strip;
 use crate::energy::{Invariants, Slopes};
 use crate::lanes::Value;
@@ -102,16 +102,10 @@ impl Effect for StretchDependentPermittivity {
         "2× a solve"
     }
 
-    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
-        Some(effects.stretch_dependent_permittivity.is_some())
-    }
+    switch!(stretch_dependent_permittivity);
 
     fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
         effects.stretch_dependent_permittivity = scene.properties.stretch_dependent_permittivity.clone();
-    }
-
-    fn turn_off(&self, effects: &mut Effects) {
-        effects.stretch_dependent_permittivity = None;
     }
 
     fn changes_displacement(&self) -> bool {

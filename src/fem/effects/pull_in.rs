@@ -1,7 +1,7 @@
 //! Electromechanical stability: the distance of the voltage from the critical voltage, which the modules `stability`,
 //! `continuation` and `margin` compute.
 
-use super::effect::{Effect, Significance, Solutions, Stability, Verdict};
+use super::effect::{Effect, Significance, Solutions, StableRange, Verdict};
 use crate::critical::{COARSE, CriticalVoltage};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, On, Scene};
@@ -46,17 +46,17 @@ impl Effect for ElectromechanicalStability {
                 .iter()
                 .filter_map(|one| Some((&one.pattern, one.stability?)))
         };
-        if let Some((pattern, _)) = known().find(|(_, stability)| *stability == Stability::Never) {
+        if let Some((pattern, _)) = known().find(|(_, stability)| *stability == StableRange::Nowhere) {
             let change = format!("`{pattern}` is unstable at any voltage: it has no tension");
             return open(Verdict::Significant, change);
         }
         let lost = known().filter_map(|(pattern, stability)| match stability {
-            Stability::Lost(limit) => Some((pattern, limit)),
+            StableRange::Lost(limit) => Some((pattern, limit)),
             _ => None,
         });
         let first = lost.min_by(|a, b| a.1.voltage.total_cmp(&b.1.voltage));
         let searched = known().filter_map(|(pattern, stability)| match stability {
-            Stability::UpTo(voltage) => Some((pattern, voltage)),
+            StableRange::UpTo(voltage) => Some((pattern, voltage)),
             _ => None,
         });
         let least = searched.min_by(|a, b| a.1.total_cmp(&b.1));
@@ -136,8 +136,8 @@ mod tests {
     use crate::effects::Examined;
     use deaflow_field::{Mesh, Outcome};
 
-    fn assess(found: &[Stability]) -> Significance {
-        let one = |(i, stability): (usize, &Stability)| Examined {
+    fn assess(found: &[StableRange]) -> Significance {
+        let one = |(i, stability): (usize, &StableRange)| Examined {
             pattern: format!("p{i}"),
             outcome: Outcome::Converged,
             field: 0.5,
@@ -149,9 +149,9 @@ mod tests {
         ElectromechanicalStability.assess_solutions(&scene, &solutions).unwrap()
     }
 
-    fn found_at(voltage: f64) -> Stability {
+    fn found_at(voltage: f64) -> StableRange {
         let mesh = Mesh::biquadratic(1);
-        Stability::Lost(CriticalVoltage::new(MeshLimit { mesh, voltage }, None))
+        StableRange::Lost(CriticalVoltage::new(MeshLimit { mesh, voltage }, None))
     }
 
     #[test]
@@ -159,32 +159,32 @@ mod tests {
         // √(1/0.6) = 1.291, and 1.291/0.88 = 1.467: stable up to there on a coarse mesh is far enough from a loss.
         for (found, verdict, number) in [
             (
-                vec![found_at(2000.0), Stability::UpTo(1460.0)],
+                vec![found_at(2000.0), StableRange::UpTo(1460.0)],
                 Verdict::WorkLimit,
                 None,
             ),
             (
-                vec![Stability::UpTo(0.0), Stability::UpTo(3000.0)],
+                vec![StableRange::UpTo(0.0), StableRange::UpTo(3000.0)],
                 Verdict::WorkLimit,
                 None,
             ),
             (
-                vec![found_at(2000.0), Stability::UpTo(1470.0)],
+                vec![found_at(2000.0), StableRange::UpTo(1470.0)],
                 Verdict::NotSignificant,
                 Some(0.25),
             ),
             (
-                vec![found_at(1250.0), Stability::UpTo(500.0)],
+                vec![found_at(1250.0), StableRange::UpTo(500.0)],
                 Verdict::Significant,
                 Some(0.64),
             ),
             (
-                vec![Stability::UpTo(1470.0), Stability::UpTo(3000.0)],
+                vec![StableRange::UpTo(1470.0), StableRange::UpTo(3000.0)],
                 Verdict::NotSignificant,
                 None,
             ),
             (
-                vec![Stability::UpTo(3000.0), Stability::Never],
+                vec![StableRange::UpTo(3000.0), StableRange::Nowhere],
                 Verdict::Significant,
                 None,
             ),
@@ -210,19 +210,19 @@ mod tests {
             open.ends_with("5 % above the voltage of the drive; a finer mesh could decide otherwise"),
             "{open}"
         );
-        let far = assess(&[Stability::UpTo(3_162.277_660_168)]);
+        let far = assess(&[StableRange::UpTo(3_162.277_660_168)]);
         assert_eq!(
             far.change,
             "below 0.13: stable at 3.2 times the voltage on a coarse mesh"
         );
-        let given_up = assess(&[found_at(2000.0), Stability::UpTo(1230.0)]).change;
+        let given_up = assess(&[found_at(2000.0), StableRange::UpTo(1230.0)]).change;
         assert!(
             given_up.contains("`p1` was not found") && given_up.ends_with("1.2 times the voltage"),
             "{given_up}"
         );
-        let nothing = assess(&[Stability::UpTo(0.0)]).change;
+        let nothing = assess(&[StableRange::UpTo(0.0)]).change;
         assert!(nothing.ends_with("within the work limit"), "{nothing}");
-        let never = assess(&[Stability::Never]).change;
+        let never = assess(&[StableRange::Nowhere]).change;
         assert!(never.contains("`p0` is unstable at any voltage"), "{never}");
     }
 

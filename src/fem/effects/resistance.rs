@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::effect::{Effect, Significance, Verdict};
+use super::effect::{Effect, Significance, Verdict, switch};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
 
@@ -25,9 +25,7 @@ impl Effect for ElectrodeResistance {
         true
     }
 
-    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
-        Some(effects.electrode_resistance.is_some())
-    }
+    switch!(electrode_resistance);
 
     /// Does nothing without leads or with an incompatible effect.
     fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
@@ -38,10 +36,6 @@ impl Effect for ElectrodeResistance {
             .properties
             .sheet_resistance
             .map(|sheet_resistance| deaflow_scene::ElectrodeResistance { sheet_resistance });
-    }
-
-    fn turn_off(&self, effects: &mut Effects) {
-        effects.electrode_resistance = None;
     }
 
     fn assess(&self, scene: &Scene) -> Option<Significance> {

@@ -1,7 +1,7 @@
 //! Strain stiffening of elastomers with finite chains. The laws are in [`deaflow_scene::laws`], their kernels in
 //! [`crate::energy`].
 
-use super::effect::{Effect, Significance};
+use super::effect::{Effect, Significance, switch};
 use super::strip::Strip;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
@@ -18,16 +18,10 @@ impl Effect for StrainStiffening {
         "2.3× a solve, Ogden 3 to 4×"
     }
 
-    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
-        Some(effects.strain_stiffening.is_some())
-    }
+    switch!(strain_stiffening);
 
     fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
         effects.strain_stiffening = scene.properties.strain_stiffening.clone();
-    }
-
-    fn turn_off(&self, effects: &mut Effects) {
-        effects.strain_stiffening = None;
     }
 
     fn changes_displacement(&self) -> bool {

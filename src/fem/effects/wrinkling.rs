@@ -29,7 +29,7 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::effect::Effect;
+use super::effect::{Effect, switch};
 use crate::energy::{Invariants, Potential, Rest, Slopes, Watched, slopes_apart};
 use crate::lanes::Value;
 use deaflow_scene::effects::names;
@@ -331,16 +331,10 @@ impl Effect for Wrinkling {
         "2.3× a solve, more where it wrinkles"
     }
 
-    fn is_on(&self, effects: &Effects, _scene: &Scene) -> Option<bool> {
-        Some(effects.wrinkling.is_some())
-    }
+    switch!(wrinkling);
 
     fn turn_on(&self, effects: &mut Effects, _scene: &Scene) {
         effects.wrinkling = Some(On {});
-    }
-
-    fn turn_off(&self, effects: &mut Effects) {
-        effects.wrinkling = None;
     }
 
     fn changes_displacement(&self) -> bool {

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::test_pattern::TestPattern;
 use crate::critical::CriticalVoltage;
 use crate::effects::{
-    Examined, NEAR, Stability, breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength_or_default,
+    Examined, NEAR, StableRange, breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength_or_default,
 };
 use crate::{CriticalSearch, MembraneSolver, SetupError, SolveOptions, WorkLimit, cell_states};
 use deaflow_field::Mesh;
@@ -108,7 +108,7 @@ fn refine_lowest(
     near: impl Fn(&Pattern, CriticalVoltage) -> Option<CriticalVoltage> + Sync,
 ) {
     let lost = |one: &Examined| match one.stability {
-        Some(Stability::Lost(limit)) => Some(limit),
+        Some(StableRange::Lost(limit)) => Some(limit),
         _ => None,
     };
     let limits = examined.iter().filter_map(lost);
@@ -116,7 +116,7 @@ fn refine_lowest(
     examined.par_iter_mut().zip(patterns).for_each(|(one, test)| {
         let candidate = lost(one).filter(|limit| limit.interval()[0] <= lowest);
         if let Some(found) = candidate.and_then(|limit| near(&test.pattern, limit)) {
-            one.stability = Some(Stability::Lost(found));
+            one.stability = Some(StableRange::Lost(found));
         }
     });
 }
@@ -145,7 +145,7 @@ fn examine_one(
         stability: match test.find_critical_voltage {
             true => Some(search.stable_range(pattern)),
             false if stable => None,
-            false => Some(solution.stability(solver.mesh())),
+            false => Some(solution.stable_range(solver.mesh())),
         },
         outcome: solution.outcome,
     })

@@ -11,7 +11,7 @@
 //! Derivatives of tangents along a direction are second differences of residuals: v · K(u) v changes with u by the
 //! second derivative of R along v, and forms of two directions are those of their sum and difference.
 
-use super::frequency::{About, FrequencySolver, NUDGE};
+use super::frequency::{FrequencySolver, LOAD_DIFFERENCE, ResponseProblem};
 use crate::adjoint::of_cells;
 use crate::dynamic_stiffness::Solved;
 use crate::effects::WithMaterial;
@@ -44,7 +44,7 @@ impl FrequencySolver {
             return None;
         }
         solver.model.with(Differentiate {
-            about: About {
+            about: ResponseProblem {
                 solver: self,
                 activity: &solver.model.activity(&solver.grid, pattern),
                 u: &solution.displacement,
@@ -56,7 +56,7 @@ impl FrequencySolver {
 }
 
 struct Differentiate<'a> {
-    about: About<'a>,
+    about: ResponseProblem<'a>,
     frequency: f64,
     weights: &'a Field,
 }
@@ -65,7 +65,7 @@ impl WithMaterial for Differentiate<'_> {
     type Output = Option<Differentiated>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Differentiated> {
-        let About { solver, activity, u } = self.about;
+        let ResponseProblem { solver, activity, u } = self.about;
         let equations = self.about.equations(&material)?;
         let (matrices, probe) = (&equations.matrices, &equations.probe);
         let grid = &solver.solver.grid;
@@ -95,12 +95,12 @@ impl WithMaterial for Differentiate<'_> {
             sum: vec![0.0; u.len()],
         };
         // The derivative of F, which is linear in the load.
-        for (share, sign) in [(1.0 - NUDGE, 1.0), (1.0 + NUDGE, -1.0)] {
+        for (share, sign) in [(1.0 - LOAD_DIFFERENCE, 1.0), (1.0 + LOAD_DIFFERENCE, -1.0)] {
             let material = &material(share);
             let operator = Operator::new(material, activity);
             let mut image = vec![0.0; u.len()];
             operator.tangent(u, &adjoint[0], &mut image);
-            add(&mut forced.sum, sign * per_volt / (2.0 * NUDGE), &image);
+            add(&mut forced.sum, sign * per_volt / (2.0 * LOAD_DIFFERENCE), &image);
         }
         let [lr, li] = adjoint.each_ref().map(Vec::as_slice);
         let [ur, ui] = response.each_ref().map(Vec::as_slice);
@@ -242,7 +242,7 @@ mod tests {
             assert_eq!(problem.load(&mut u, &mut solver.workspace()).ending, LoadingEnd::Stable);
             let weights = weights();
             let found = Differentiate {
-                about: About {
+                about: ResponseProblem {
                     solver: self.solver,
                     activity: &activity,
                     u: &u,

@@ -7,8 +7,8 @@
 //! ```
 //!
 //! with the forces f of the load. K_A is the tangent of ½ (A : c + A₃₃ j⁻²) with A = c⁻¹ and A₃₃ = j² of the
-//! equilibrium, where the stress of a relaxed branch is a pressure that drops out. The finite viscous law differs from
-//! the linear one by a change of A along A itself, a pressure too: near equilibrium both respond alike.
+//! equilibrium, where the stress of a relaxed branch is a pressure that has no effect. The finite viscous law differs
+//! from the linear one by a change of A along A itself, a pressure too: near equilibrium both respond equally.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -28,10 +28,10 @@ use deaflow_field::{Field, Outcome};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
-/// Change of the load over which its forces are differentiated: laws that wrinkle are not linear in it.
-pub(super) const NUDGE: f64 = 1e-3;
+/// Change of the load for the derivative of its forces, in which laws that wrinkle are not linear.
+pub(super) const LOAD_DIFFERENCE: f64 = 1e-3;
 
-/// The scene at the voltage about which a small one alternates: the bias where the drive is a sine, else its voltage.
+/// Returns the scene at the voltage about which a small one alternates: the bias of a sine, else the voltage.
 #[must_use]
 pub fn at_bias(scene: &Scene) -> Scene {
     match scene.waveform().sine {
@@ -40,7 +40,7 @@ pub fn at_bias(scene: &Scene) -> Scene {
     }
 }
 
-/// The scene at the highest voltage of a sine about its bias.
+/// Returns the scene at the highest voltage of a sine about its bias.
 #[must_use]
 pub fn at_peak(scene: &Scene) -> Scene {
     match scene.waveform().sine {
@@ -49,16 +49,16 @@ pub fn at_peak(scene: &Scene) -> Scene {
     }
 }
 
-/// How a pattern responds to a small alternating voltage about its equilibrium.
+/// The response of a pattern to a small alternating voltage about its equilibrium.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrequencyResponse {
-    /// How the search for the equilibrium ended; without one there is no response.
+    /// Outcome of the equilibrium; without one there is no response.
     pub outcome: Outcome,
     /// The equilibrium.
     pub equilibrium: Option<Field>,
-    /// How far it moves with the voltage when there is time to relax: its derivative in mm/V.
+    /// Derivative of the relaxed displacement with respect to the voltage in mm/V.
     pub slope: Option<Field>,
-    /// At each frequency.
+    /// Response at each frequency.
     pub each: Vec<AtFrequency>,
     /// The corner (column, row) that moves most at the lowest frequency.
     pub watched: [usize; 2],
@@ -71,17 +71,17 @@ pub enum AtFrequency {
     Response {
         /// In phase with the voltage.
         real: Field,
-        /// A quarter of a period ahead of it.
+        /// A quarter of a period ahead of the voltage.
         imaginary: Field,
     },
-    /// A natural frequency that nothing damps, as far as rounding can tell.
+    /// An undamped natural frequency within rounding.
     Resonance,
     /// The equations could not be solved: memory is short, or rounding is too large.
     NotSolved,
 }
 
 impl AtFrequency {
-    /// The word that stands in files.
+    /// Returns the word used in files.
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
@@ -93,9 +93,8 @@ impl AtFrequency {
 }
 
 impl FrequencyResponse {
-    /// Amplitude in mm/V and phase in degrees, from −180 to below 180, of the corner that is watched, along the axis
-    /// along which it moves most at the lowest frequency, in the direction in which a static voltage moves it; none
-    /// where there is no response.
+    /// Returns amplitude in mm/V and phase in degrees, from −180 to below 180, of the watched corner. The axis is that
+    /// of its largest motion at the lowest frequency, in the direction of its static motion; `None` without a response.
     #[must_use]
     pub fn watched_motion(&self) -> Vec<Option<[f64; 2]>> {
         let [x, y] = self.watched;
@@ -116,7 +115,7 @@ impl FrequencyResponse {
         let motion = |[real, imaginary]: [[f64; 2]; 2]| {
             let [real, imaginary] = [real, imaginary].map(|part| sign * part[component]);
             let phase = imaginary.atan2(real).to_degrees();
-            // What nothing damps moves against the voltage above a natural frequency: it lags.
+            // Above a natural frequency, undamped motion is opposite to the voltage: it lags.
             let phase = if phase >= 180.0 { phase - 360.0 } else { phase };
             [real.hypot(imaginary), phase]
         };
@@ -124,22 +123,22 @@ impl FrequencyResponse {
     }
 }
 
-/// Finds responses of patterns of one scene on one mesh.
+/// Computes responses of patterns of one scene on one mesh.
 pub struct FrequencySolver {
     pub(super) solver: MembraneSolver,
-    /// 1/s in units of the membrane; none where it has no mass.
+    /// 1/s in units of the membrane; `None` without mass.
     per_second: Option<f64>,
-    /// Of each branch g, and τ in s.
+    /// g and τ in s of each branch.
     branches: Vec<[f64; 2]>,
     structure: Option<Arc<Structure>>,
     orders: Arc<Orders>,
 }
 
 impl FrequencySolver {
-    /// The solver of a scene [`at_bias`] whose effects are decided, within a limit of work for each equilibrium.
+    /// Creates the solver of a scene [`at_bias`] with decided effects, with a work limit for each equilibrium.
     ///
     /// # Errors
-    /// When it cannot be set up: the drive is a charge or has no bias, or the density is not known.
+    /// If it cannot be set up: the drive is a charge or has no bias, or the density is unknown.
     pub fn new(scene: &Scene, options: SolveOptions, limit: WorkLimit) -> Result<Self, SetupError> {
         if scene.drive.charge.is_some() {
             return Err(SetupError::Charge);
@@ -162,11 +161,11 @@ impl FrequencySolver {
         })
     }
 
-    /// How a pattern responds at frequencies in Hz.
+    /// Returns the response of a pattern at frequencies in Hz.
     #[must_use]
     pub fn respond(&self, pattern: &Pattern, frequencies: &[f64]) -> FrequencyResponse {
         let Self { solver, .. } = self;
-        // The static slope is the response to what takes for ever.
+        // The static slope is the response at zero frequency.
         let all: Vec<f64> = std::iter::once(0.0).chain(frequencies.iter().copied()).collect();
         let (solution, mut each) = self.solve(pattern, &all);
         if each.is_empty() {
@@ -195,13 +194,13 @@ impl FrequencySolver {
         }
     }
 
-    /// The response at one frequency in Hz; none where there is no equilibrium, whose outcome stands beside it.
+    /// Returns the outcome of the equilibrium, and the response at one frequency in Hz; `None` without an equilibrium.
     pub(super) fn respond_at(&self, pattern: &Pattern, frequency: f64) -> (Outcome, Option<AtFrequency>) {
         let (solution, each) = self.solve(pattern, &[frequency]);
         (solution.outcome, each.into_iter().next())
     }
 
-    /// The equilibrium, and the response at each frequency; none where it is not stable.
+    /// Returns the equilibrium and the response at each frequency; empty if it is unstable.
     fn solve(&self, pattern: &Pattern, frequencies: &[f64]) -> (MeshSolution, Vec<AtFrequency>) {
         let Self { solver, .. } = self;
         let solution = solver.solve(pattern);
@@ -209,7 +208,7 @@ impl FrequencySolver {
             return (solution, Vec::new());
         }
         let each = solver.model.with(Respond {
-            about: About {
+            about: ResponseProblem {
                 solver: self,
                 activity: &solver.model.activity(&solver.grid, pattern),
                 u: &solution.displacement,
@@ -219,17 +218,17 @@ impl FrequencySolver {
         (solution, each)
     }
 
-    /// What a volt changes of the load, of itself.
+    /// Returns the relative change of the load per volt.
     pub(super) fn per_volt(&self) -> f64 {
         2.0 / self.solver.scene.voltage_v()
     }
 
-    /// A frequency in Hz, for the matrices.
+    /// Returns a frequency in Hz in the units of the matrices.
     pub(super) fn at(&self, frequency: f64) -> At {
         let omega = TAU * frequency;
         let mut viscous = [0.0; 2];
         for [modulus, time] in &self.branches {
-            // iωτ/(1 + iωτ), without an overflow.
+            // iωτ/(1 + iωτ), without overflow.
             let x = omega * time;
             let share = if x > 1.0 {
                 [1.0 / (1.0 + x.recip().powi(2)), x.recip() / (1.0 + x.recip().powi(2))]
@@ -245,7 +244,7 @@ impl FrequencySolver {
     }
 }
 
-/// The amplitude of each component at each corner.
+/// Returns the amplitude of each component at each corner.
 fn magnitudes(real: &Field, imaginary: &Field) -> Field {
     let pairs = real.values().iter().zip(imaginary.values());
     let values = pairs.map(|(real, imaginary)| real.hypot(*imaginary)).collect();
@@ -253,34 +252,34 @@ fn magnitudes(real: &Field, imaginary: &Field) -> Field {
 }
 
 struct Respond<'a> {
-    about: About<'a>,
+    about: ResponseProblem<'a>,
     frequencies: &'a [f64],
 }
 
-/// An equilibrium about which a pattern responds.
+/// The equilibrium of a response.
 #[derive(Clone, Copy)]
-pub(super) struct About<'a> {
+pub(super) struct ResponseProblem<'a> {
     pub solver: &'a FrequencySolver,
     pub activity: &'a Activity,
     pub u: &'a [f64],
 }
 
-/// The equations there.
+/// Its equations.
 pub(super) struct Equations<'a> {
     pub matrices: DynamicStiffness,
     structure: &'a Structure,
-    about: About<'a>,
-    /// Forces of 1 V, and forces that have a part along every mode; as the matrices take them.
+    about: ResponseProblem<'a>,
+    /// Forces of 1 V, and forces with a part along every mode, in the layout of the matrices.
     pub forces: Vec<f64>,
     pub probe: Vec<f64>,
 }
 
 impl WithMaterial for Respond<'_> {
-    /// The response at each frequency.
+    /// Computes the response at each frequency.
     type Output = Vec<AtFrequency>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
-        let About { solver, .. } = self.about;
+        let ResponseProblem { solver, .. } = self.about;
         let Some(equations) = self.about.equations(&material) else {
             return vec![AtFrequency::NotSolved; self.frequencies.len()];
         };
@@ -304,21 +303,21 @@ impl WithMaterial for Respond<'_> {
 }
 
 impl Equations<'_> {
-    /// Forces on nodes, for the matrices.
+    /// Converts nodal forces to the layout of the matrices.
     pub fn pack(&self, forces: &[f64]) -> Vec<f64> {
-        let About { solver, u, .. } = self.about;
+        let ResponseProblem { solver, u, .. } = self.about;
         self.structure.pack(&solver.solver.grid, u, forces)
     }
 
-    /// Displacements of nodes, from the matrices.
+    /// Converts displacements from the layout of the matrices.
     pub fn unpack(&self, part: &[f64]) -> Vec<f64> {
-        let About { solver, u, .. } = self.about;
+        let ResponseProblem { solver, u, .. } = self.about;
         self.structure.unpack(&solver.solver.grid, u, part)
     }
 }
 
-impl<'a> About<'a> {
-    /// Its equations; `None` when memory is short.
+impl<'a> ResponseProblem<'a> {
+    /// Returns its equations; `None` if memory is short.
     pub fn equations<L: Material>(self, material: &impl Fn(f64) -> L) -> Option<Equations<'a>> {
         let (matrices, structure) = self.matrices(material)?;
         let grid = &self.solver.solver.grid;
@@ -362,7 +361,7 @@ impl<'a> About<'a> {
         Some((matrices, structure))
     }
 
-    /// The forces of the load, by which the residual falls as it grows.
+    /// Returns the forces of the load: the decrease of the residual with it.
     fn forces<L: Material>(&self, material: &impl Fn(f64) -> L) -> Vec<f64> {
         let residual = |share: f64| {
             let mut residual = vec![0.0; self.u.len()];
@@ -371,9 +370,11 @@ impl<'a> About<'a> {
             operator.residual(self.u, &mut residual);
             residual
         };
-        let [less, more] = [1.0 - NUDGE, 1.0 + NUDGE].map(residual);
+        let [less, more] = [1.0 - LOAD_DIFFERENCE, 1.0 + LOAD_DIFFERENCE].map(residual);
         let pairs = less.iter().zip(&more);
-        pairs.map(|(less, more)| (less - more) / (2.0 * NUDGE)).collect()
+        pairs
+            .map(|(less, more)| (less - more) / (2.0 * LOAD_DIFFERENCE))
+            .collect()
     }
 }
 

@@ -1,12 +1,11 @@
 //! Electrodes that charge from their leads: ∂(c j² φ)/∂t = Div(R⁻¹ j f⁻¹f⁻ᵀ ∇φ) in prestretched coordinates, with the
 //! voltage of the source at the leads and no current across the other edges. c is the permittivity over the
-//! prestretched thickness and R the resistance of a square of both sheets, through which the current flows one after
-//! the other.
+//! prestretched thickness and R the sheet resistance of both electrodes, which are in series.
 //!
-//! φ is bilinear between the corners of elements, and the charge stands at these corners: so potentials stay between
-//! those of the leads, and half of Σ qφ is the energy of the field whose forces the elements have, each with the mean
-//! of φ² over its corners. A step is the two-stage SDIRK method of second order that is stiffly accurate (Alexander,
-//! SIAM J. Numer. Anal. 14 (1977) 1006).
+//! φ is bilinear between the corners of elements, and the charge is lumped at these corners. So potentials stay between
+//! those of the leads, and half of Σ qφ is the energy of the field whose forces act on the elements, each with the mean
+//! of φ² over its corners. A step is the stiffly accurate two-stage SDIRK method of second order (Alexander, SIAM J.
+//! Numer. Anal. 14 (1977) 1006).
 
 use deaflow_linalg::{Pair, Sparsity};
 
@@ -18,38 +17,38 @@ use deaflow_field::Order;
 use deaflow_pattern::Bits;
 use deaflow_scene::{Edge, Scene};
 
-/// γ = 1 − √½, at which both stages lie in a step.
+/// γ = 1 − √½, the position of both stages in a step.
 pub const FIRST_STAGE: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
-/// The displacement of a membrane at its full voltage in units of its side, nearly enough to compare errors of
-/// potentials with others.
+/// Displacement of a membrane at its full voltage in units of its side, accurate enough to compare errors of potentials
+/// with others.
 const MOVED: f64 = 1e-2;
-/// What is no corner of an electrode, or no unknown.
+/// Marks a corner without electrode, or without unknown.
 const NONE: usize = usize::MAX;
 
-/// The electrodes of a pattern as conductors that leads feed.
+/// The electrodes of a pattern as conductors with leads.
 pub struct Conductor {
     grid: Grid,
-    /// Of both sheets, in Ω.
+    /// Sheet resistance of both electrodes in Ω.
     resistance: f64,
     /// The voltage of the scene in V.
     full: f64,
-    /// Time in s in which an element charges.
+    /// Charging time of an element in s.
     time: f64,
-    /// Displacement in units of the grid that an error of the full voltage is compared with.
+    /// Displacement in units of the grid that corresponds to an error of the full voltage.
     moved: f64,
-    /// The active elements (column, row), and the numbers of their corners row by row.
+    /// The active elements (column, row), with the numbers of their corners row by row.
     elements: Vec<([usize; 2], [usize; 4])>,
-    /// The number of each corner among the unknowns; [`NONE`] where there is a lead.
+    /// Number of each corner among the unknowns; [`NONE`] at a lead.
     unknowns: Vec<usize>,
-    /// None where memory is short.
+    /// `None` if memory is short.
     sparsity: Option<Sparsity>,
 }
 
 /// Capacitances and conductances at a displacement.
 pub struct Circuit {
-    /// Of each corner, in F.
+    /// Capacitance of each corner in F.
     capacitance: Vec<f64>,
-    /// Of each active element, in 1/Ω.
+    /// Conductance of each active element in 1/Ω.
     conductance: Vec<[[f64; 4]; 4]>,
 }
 
@@ -58,20 +57,20 @@ pub struct Circuit {
 pub struct Charged {
     /// φ of each corner in V.
     pub potential: Vec<f64>,
-    /// The charge there in C.
+    /// Charge of each corner in C.
     pub charge: Vec<f64>,
-    /// Their mean voltage by capacitance in V: the charge over the capacitance.
+    /// Mean voltage, weighted by capacitance, in V: charge over capacitance.
     pub voltage: f64,
-    /// What the step that led here has put into the field and into the membrane, in J.
+    /// Energy in J supplied to the field and the membrane in the last step.
     pub work: f64,
-    /// The mean of φ² over each element, over the largest of these.
+    /// Mean of φ² over each element, relative to the largest of these.
     pub activity: Activity,
-    /// The largest of these, over the voltage of the scene squared.
+    /// The largest of these over the squared voltage of the scene.
     pub share: f64,
 }
 
 impl Conductor {
-    /// The electrodes of an activity; none where the scene has none with a resistance, or nothing is active.
+    /// Returns the electrodes of an activity; `None` if the scene has no electrode resistance, or nothing is active.
     #[must_use]
     pub fn of(scene: &Scene, activity: &Activity) -> Option<Self> {
         let resistance = 2.0 * scene.effects.electrode_resistance.as_ref()?.sheet_resistance.value();
@@ -130,14 +129,14 @@ impl Conductor {
         })
     }
 
-    /// The time in s in which an element charges.
+    /// Returns the charging time of an element in s.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.time
     }
 
-    /// The circuit at a metric of [`crate::operator::metrics`], with the capacitance in F of a mean element at the
-    /// numbers of a point.
+    /// Returns the circuit at a metric of [`crate::operator::metrics`]; `capacitance` returns that of a mean element in
+    /// F for the metric at a point.
     #[must_use]
     pub fn circuit(&self, metric: &[f64], capacitance: impl Fn([f64; NUMBERS]) -> f64) -> Circuit {
         let (places, weights): (&[f64], &[f64]) = match self.grid.order() {
@@ -176,7 +175,7 @@ impl Conductor {
         circuit
     }
 
-    /// The electrodes before anything was put on them.
+    /// Returns the uncharged electrodes.
     #[must_use]
     pub fn uncharged(&self, activity: &Activity) -> Charged {
         let nothing = vec![0.0; self.unknowns.len()];
@@ -190,9 +189,9 @@ impl Conductor {
         }
     }
 
-    /// The potentials after a step of so many seconds from charges, between two circuits that change linearly within
-    /// it, with the voltages of the leads at [`FIRST_STAGE`] of the step and at its end. No step makes them those just
-    /// after a jump. None when memory is short.
+    /// Returns the potentials after a step in s from charges, between two circuits that change linearly within it, with
+    /// the voltages of the leads at [`FIRST_STAGE`] of the step and at its end. A step of zero length gives the
+    /// potentials just after a jump. `None` if memory is short.
     #[must_use]
     pub fn step(&self, seconds: f64, charge: &[f64], ends: [&Circuit; 2], volts: [f64; 2]) -> Option<Vec<f64>> {
         let between = |a: f64, b: f64| a + FIRST_STAGE * (b - a);
@@ -207,7 +206,7 @@ impl Conductor {
         };
         let weight = FIRST_STAGE * seconds;
         let potential = self.stage(&first, weight, charge, volts[0])?;
-        // The rate of charging at the first stage follows from the charge that it ends with.
+        // The rate of charging in the first stage follows from the charge at its end.
         let share = (1.0 - FIRST_STAGE) / FIRST_STAGE;
         let known: Vec<f64> = pairs(&potential, &first.capacitance)
             .zip(charge)
@@ -246,7 +245,7 @@ impl Conductor {
         Some(self.unknowns.iter().map(value).collect())
     }
 
-    /// The electrodes at potentials in a circuit, after they were in another state.
+    /// Returns the electrodes at potentials in a circuit, after another state.
     #[must_use]
     pub fn charged(&self, potential: Vec<f64>, circuit: &Circuit, before: &Charged) -> Charged {
         let charge: Vec<f64> = pairs(&potential, &circuit.capacitance).map(|(v, c)| v * c).collect();
@@ -262,7 +261,8 @@ impl Conductor {
         }
     }
 
-    /// The load of each element in units of the largest, and that over the load at the voltage of the scene.
+    /// Returns the load of each element relative to the largest, and the largest relative to the load at the voltage of
+    /// the scene.
     #[must_use]
     pub fn loads(&self, potential: &[f64]) -> (Activity, f64) {
         let [columns, rows] = self.grid.elements();
@@ -277,8 +277,7 @@ impl Conductor {
         (activity, largest / self.full.powi(2))
     }
 
-    /// The root mean square difference of two potentials, as a displacement in units of the grid that errors are
-    /// compared with.
+    /// Returns the root mean square difference of two potentials, as a displacement in units of the grid.
     #[must_use]
     pub fn difference(&self, one: &[f64], other: &[f64]) -> f64 {
         let sum: f64 = pairs(one, other).map(|(a, b)| (a - b).powi(2)).sum();
@@ -290,7 +289,7 @@ fn pairs<'a, A, B>(one: &'a [A], other: &'a [B]) -> impl Iterator<Item = (&'a A,
     one.iter().zip(other)
 }
 
-/// The entries of an element on and below the diagonal: row, column, and the corners that they belong to.
+/// The entries of an element on and below the diagonal: row, column, and their corners.
 fn below_diagonal<'a>(
     corners: &'a [usize; 4],
     unknowns: &'a [usize],
@@ -302,7 +301,7 @@ fn below_diagonal<'a>(
     })
 }
 
-/// The corners of active elements, by number.
+/// The corners of active elements by number.
 struct Corners {
     /// The elements (column, row) with their corners.
     elements: Vec<([usize; 2], [usize; 4])>,
@@ -311,7 +310,7 @@ struct Corners {
 }
 
 impl Corners {
-    /// Parts of electrodes that touch at a corner alone have corners of their own there: no current flows across.
+    /// Parts of electrodes that touch only at a corner have separate corners there: no current flows across.
     fn of(activity: &Activity) -> Self {
         let grid = activity.grid();
         let ([columns, rows], [along, across]) = (grid.elements(), grid.per_cell());
@@ -348,19 +347,19 @@ impl Corners {
 /// Aitken's relaxation of a fixed-point iteration (Irons, Tuck, Int. J. Numer. Methods Eng. 1 (1969) 275).
 #[derive(Default)]
 pub struct Relaxation {
-    /// The last value, what it was found to be off by, and how much of that was taken.
+    /// The last value, its difference from the target, and the relaxation factor.
     last: Option<(Vec<f64>, Vec<f64>, f64)>,
 }
 
 impl Relaxation {
-    /// The largest difference of a target from the value that it was found with.
+    /// Largest difference of a target from its value.
     #[must_use]
     pub fn off(&self, target: &[f64]) -> f64 {
         let off = |(value, ..): &(Vec<f64>, _, _)| pairs(target, value).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         self.last.as_ref().map_or(f64::INFINITY, off)
     }
 
-    /// The next value, from the target that was found with the last one.
+    /// Returns the next value, given the target for the last one.
     pub fn next(&mut self, target: Vec<f64>) -> &[f64] {
         let (value, off, share) = match self.last.take() {
             None => (target.clone(), vec![0.0; target.len()], 1.0),
@@ -369,7 +368,7 @@ impl Relaxation {
                 let change: Vec<f64> = pairs(&off, &before).map(|(a, b)| a - b).collect();
                 let product = |a: &[f64], b: &[f64]| pairs(a, b).map(|(a, b)| a * b).sum::<f64>();
                 let (along, square) = (product(&before, &change), product(&change, &change));
-                // The first value has no error to compare with.
+                // The first value has no earlier error.
                 let share = match along < 0.0 && square > 0.0 {
                     true => (-share * along / square).clamp(0.1, 2.0),
                     false => share,

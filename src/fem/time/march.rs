@@ -13,10 +13,10 @@ mod supply;
 use super::leads::{Charged, Conductor};
 use super::pass::{Instant, MOST_STEPS, Pass, PassEnd, Steps, magnitude_at};
 use super::transient::{StepEstimate, TransientProblem};
-use super::viscous::{Loaded, Viscous};
-use crate::continuation::Loss;
+use super::viscous::{BranchEnergy, Viscous};
 use crate::material::Material;
 use crate::newton::Workspace;
+use crate::stability::Loss;
 use crate::stored::{Content, Units};
 use deaflow_scene::Knot;
 
@@ -72,7 +72,7 @@ impl<L: Material, F: Fn(f64) -> L> TransientProblem<'_, F> {
                 .estimate
                 .filter(|estimate| !estimate.in_law)
                 .map(|_| viscous.clone()),
-            loaded: Loaded::default(),
+            loaded: BranchEnergy::default(),
             viscous,
             u: vec![0.0; activity.grid().layout().vector_len()],
             volts: 0.0,
@@ -101,7 +101,7 @@ impl<L: Material, F: Fn(f64) -> L> TransientProblem<'_, F> {
         };
         run.workspace.begin(self.limit.get());
         run.workspace.refer_anew();
-        run.pass.end = run.go(steps).err().unwrap_or(PassEnd::Done);
+        run.pass.end = run.run(steps).err().unwrap_or(PassEnd::Done);
         run.pass.work += run.workspace.work();
         run.pass
     }
@@ -113,7 +113,7 @@ struct March<'a, 'b, F> {
     units: Units,
     viscous: Viscous,
     /// The units of its energies.
-    loaded: Loaded,
+    loaded: BranchEnergy,
     /// The branches of a membrane that stays at rest, if states are estimated and these branches are not part of the
     /// material.
     unmoved: Option<Viscous>,
@@ -144,7 +144,7 @@ struct March<'a, 'b, F> {
 }
 
 impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
-    fn go(&mut self, steps: Steps<'_>) -> Result<(), PassEnd> {
+    fn run(&mut self, steps: Steps<'_>) -> Result<(), PassEnd> {
         let transient = self.transient;
         let end = transient.times.last().copied().unwrap_or(0.0);
         if self.measures {

@@ -1,4 +1,4 @@
-//! Motion with inertia: energy and momentum are those of the membrane, not of the steps.
+//! Motion with inertia, by steps that conserve energy and momentum.
 //!
 //! In a step from u₀ to u₁ = u₀ + Δu, with time in units in which the mass of an area is 1,
 //!
@@ -8,13 +8,13 @@
 //!
 //! where the work of F along Δu is the change of energy at the voltage in the middle of the step (Simo and Tarnow, Z.
 //! angew. Math. Phys. 43 (1992) 757; Gonzalez, J. Nonlinear Sci. 6 (1996) 449). Viscoelastic branches relax for half of
-//! a step before and after it, and are springs within it: what they lose is never negative, and stored energy, losses
-//! and supply balance to rounding.
+//! a step before and after it, and are springs within it: their dissipation is never negative, and stored energy,
+//! dissipation and supply balance to rounding.
 //!
-//! A rigid body that turns from θ₀ to θ₁ moves its nodes by Δt + (R₁ − R₀)(X − Xc) = Δt + 2 sin ½Δθ J Rₘ (X − Xc), in
-//! the span of the T of [`supports`](crate::supports) at the mean angle. The equation is that along this T (Betsch and
-//! Steinmann, Int. J. Numer. Meth. Engng 53 (2002) 1775): its product with Δu has the same energies, so with bodies
-//! they balance as without, whatever angle they turn by.
+//! A rigid body that rotates from θ₀ to θ₁ moves its nodes by Δt + (R₁ − R₀)(X − Xc) = Δt + 2 sin ½Δθ J Rₘ (X − Xc), in
+//! the span of the T of [`supports`](crate::supports) at the mean angle. The equation is projected onto this T (Betsch
+//! and Steinmann, Int. J. Numer. Meth. Engng 53 (2002) 1775): its product with Δu has the same energies, so the balance
+//! holds with bodies for any rotation.
 
 use super::bodies;
 use super::feed::{self, Feed, Passage};
@@ -23,46 +23,46 @@ use super::supply::Electrodes;
 use super::transient::TransientProblem;
 use super::viscous::Viscous;
 use crate::charge;
-use crate::continuation::Loss;
 use crate::krylov::{KrylovEnd, Scratch, conjugate_gradients};
 use crate::mass::Mass;
 use crate::material::Material;
 use crate::newton::norm;
 use crate::operator::{Activity, Operator, metrics};
 use crate::precondition::Laplacian;
+use crate::stability::Loss;
 use crate::stored::{Content, Units, content};
 use deaflow_scene::{Knot, Side};
 
-/// Residual of a step, over the forces in it.
+/// Residual of a step relative to its forces.
 const TOLERANCE: f64 = 1e-10;
-/// Iterations of a step at most.
-const LIMIT: usize = 30;
-/// A residual that falls less than by this factor asks for another tangent.
-const SLOW: f64 = 0.2;
-/// How often a step that leads nowhere is halved.
-const DEEPEST: u32 = 6;
-/// How well the chord operator is inverted in each.
+/// Maximum number of iterations of a step.
+const MAX_ITERATIONS: usize = 30;
+/// If the residual decreases by less than this factor, the tangent is updated.
+const SLOW_REDUCTION: f64 = 0.2;
+/// Maximum number of halvings of a step that fails.
+const MAX_HALVINGS: u32 = 6;
+/// Relative residual of the linear solution in each iteration.
 const INNER: f64 = 1e-5;
-/// Work beside conjugate gradients for each iteration and each step: forces, moduli and energies.
-const SWEEPS: u64 = 6;
+/// Work besides conjugate gradients for each iteration and each step: forces, moduli and energies.
+const STEP_WORK: u64 = 6;
 
-/// What moves.
+/// The moving membrane.
 pub struct Motion<'a, 'b, F> {
-    /// What is followed.
+    /// The drive and equilibrium problem.
     pub transient: &'a TransientProblem<'b, F>,
     /// Its mass.
     pub mass: &'a Mass,
-    /// Units of time, in which the mass of an area is 1, in a second.
+    /// Number of units of time, in which the mass of an area is 1, per second.
     pub per_second: f64,
-    /// Preconditions steps of about this length.
+    /// Preconditioner for steps of about this length.
     pub laplacian: &'a Laplacian,
-    /// The longest step in s, before it is divided.
+    /// Longest step in s before it is divided.
     pub step: f64,
-    /// Into how many parts it is divided.
+    /// Number of parts that steps are divided into.
     pub parts: usize,
 }
 
-/// A pass on its way.
+/// A pass in progress.
 struct MotionPass<'a, 'b, 'c, F> {
     motion: &'a Motion<'b, 'c, F>,
     viscous: Viscous,
@@ -70,17 +70,17 @@ struct MotionPass<'a, 'b, 'c, F> {
     u: Vec<f64>,
     /// Velocity, in units of length and time.
     v: Vec<f64>,
-    /// The changes in the last steps since the voltage jumped, the latest first, with their lengths.
+    /// Changes in the last steps since the last jump of the voltage, latest first, with their lengths.
     changes: Vec<(f64, Vec<f64>)>,
     feed: Feed<'c>,
-    /// At the full voltage.
+    /// The material at the full voltage.
     content: Content,
-    /// The energy of the field of charge that was sprayed, in J.
+    /// Energy of the field of sprayed charge in J.
     sprayed: f64,
     elastic_at_rest: f64,
     branches: f64,
     branches_at_rest: f64,
-    /// Energy of the springs of bodies, and the work of their loads, in J.
+    /// Energy of the springs of bodies and of the forces on them in J.
     springs: f64,
     work: f64,
     dissipated: f64,
@@ -90,7 +90,7 @@ struct MotionPass<'a, 'b, 'c, F> {
 }
 
 impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
-    /// Goes through the time.
+    /// Simulates the drive.
     pub fn pass(&self) -> Pass {
         let activity = self.transient.problem.activity;
         let len = activity.grid().layout().vector_len();
@@ -127,13 +127,12 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
                 residual: 0.0,
             },
         };
-        run.pass.end = run.go().err().unwrap_or(PassEnd::Done);
+        run.pass.end = run.run().err().unwrap_or(PassEnd::Done);
         run.pass.work = run.work();
         run.pass
     }
 
-    /// The steps between two times that are so many seconds apart: however short that is, dividing them makes them
-    /// shorter.
+    /// Returns the number of steps in a time in s; even a short one is divided, so that more parts give shorter steps.
     fn steps_in(&self, seconds: f64) -> usize {
         let whole = (seconds / self.step * (1.0 - 1e-9)).ceil().max(1.0);
         (whole as usize).saturating_mul(self.parts)
@@ -141,7 +140,7 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
 }
 
 impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
-    fn go(&mut self) -> Result<(), PassEnd> {
+    fn run(&mut self) -> Result<(), PassEnd> {
         let transient = self.motion.transient;
         let end = transient.times.last().copied().unwrap_or(0.0);
         self.measure();
@@ -190,13 +189,13 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         Ok(())
     }
 
-    /// What was done up to here, in the units of [`WorkLimit`](crate::WorkLimit).
+    /// Returns the work so far, in the units of [`WorkLimit`](crate::WorkLimit).
     fn work(&self) -> u64 {
-        let sweeps = SWEEPS * u64::from(self.pass.newton_steps) + SWEEPS * self.pass.steps.len() as u64;
+        let sweeps = STEP_WORK * u64::from(self.pass.newton_steps) + STEP_WORK * self.pass.steps.len() as u64;
         u64::from(self.krylov.iterations) + sweeps
     }
 
-    /// The energy of the electric field at this state and the voltage of a time, in J.
+    /// Returns the energy of the electric field in this state at the voltage of a time, in J.
     fn electric(&self, time: f64, side: Side) -> f64 {
         let capacitance = self.content.driven * self.scale();
         match self.feed {
@@ -206,13 +205,13 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         }
     }
 
-    /// One over the voltage at which the content is measured.
+    /// Returns one over the voltage at which the content is measured.
     fn scale(&self) -> f64 {
         let full = self.motion.transient.scene.voltage_v();
         if full > 0.0 { 1.0 / full } else { 0.0 }
     }
 
-    /// Measures the membrane as it is.
+    /// Measures the membrane in the current state.
     fn measure(&mut self) {
         let activity = self.motion.transient.problem.activity;
         if let Feed::Sprayed { uncharged, .. } = self.feed {
@@ -223,14 +222,14 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         }
     }
 
-    /// The content of a membrane with an activity at so many V.
+    /// Returns the content of a membrane with an activity at a voltage in V.
     fn content_at(&self, activity: &Activity, u: &[f64], volts: f64) -> Content {
         let laws = [0.0, 1.0].map(|share| (self.motion.transient.problem.material)(share));
         content([&laws[0], &laws[1]], activity, &metrics(activity, u), volts, self.units)
     }
 
-    /// What electrodes that conduct go through in a step by a change of displacement; none where they have a voltage at
-    /// once, or charge that stays.
+    /// Returns the transfer of charge to conducting electrodes in a step by a change of displacement; `None` if they
+    /// follow the voltage at once, or their charge is immobile.
     fn passage(&self, change: &[f64], [from, to]: [f64; 2]) -> Option<Passage> {
         let Feed::Conducting { supply, charge } = self.feed else {
             return None;
@@ -250,7 +249,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         Some(Passage::new([charge, last], capacitances))
     }
 
-    /// The share of the load in a step whose electrodes go through something.
+    /// Returns the share of the load in a step with such a transfer.
     fn share(&self, passage: Option<Passage>, middle: f64) -> f64 {
         match (self.feed, passage) {
             (_, Some(passage)) => passage.square * self.scale().powi(2),
@@ -264,12 +263,12 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         self.units.energy * self.viscous.stored(&self.viscous.loaded(), activity)
     }
 
-    /// A step; in halves where it leads nowhere.
+    /// Makes a step, halved if it fails.
     fn advance(&mut self, from: f64, to: f64, depth: u32) -> Result<(), PassEnd> {
         match self.step(from, to) {
             Err(PassEnd::Lost {
                 loss: Loss::Stability, ..
-            }) if depth < DEEPEST => {
+            }) if depth < MAX_HALVINGS => {
                 let middle = 0.5 * (from + to);
                 self.advance(from, middle, depth + 1)?;
                 self.advance(middle, to, depth + 1)
@@ -278,7 +277,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         }
     }
 
-    /// A step, or nothing where it leads nowhere.
+    /// Makes a step; changes nothing if it fails.
     fn step(&mut self, from: f64, to: f64) -> Result<(), PassEnd> {
         let transient = self.motion.transient;
         let activity = transient.problem.activity;
@@ -324,7 +323,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         Ok(())
     }
 
-    /// Measures the membrane after a step, with what the source has supplied and its resistance has dissipated.
+    /// Measures the membrane after a step, with the energy supplied by the source and dissipated in its resistance.
     fn move_charge(&mut self, passage: Option<Passage>, [from, to]: [f64; 2]) {
         let transient = self.motion.transient;
         let electric_before = self.electric(from, Side::After);
@@ -333,7 +332,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         if let (Feed::Conducting { charge, .. }, Some(passage)) = (&mut self.feed, passage) {
             let volts = 0.5 * (transient.voltage(from, Side::After) + transient.voltage(to, Side::Before));
             let moved = passage.charge - *charge;
-            // What was cut off is supplied with nothing.
+            // Disconnected electrodes are not supplied.
             let supplied = if moved == 0.0 { 0.0 } else { volts * moved };
             *charge = passage.charge;
             self.supplied += supplied;
@@ -345,9 +344,10 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         }
     }
 
-    /// The change of displacement in a step by the mean velocities in the last ones, as a polynomial of time.
+    /// Extrapolates the change of displacement in a step from the mean velocities in the last ones by a polynomial in
+    /// time.
     fn guess(&self, length: f64) -> Vec<f64> {
-        // Where the middles of the last steps lie, seen from that of this one.
+        // Middles of the last steps relative to that of this one.
         let mut places = Vec::new();
         let mut behind = 0.5 * length;
         for (other, _) in &self.changes {
@@ -380,8 +380,8 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         guess
     }
 
-    /// The change of displacement in a step of a membrane with what its branches add, between two times in s; `None`
-    /// where it leads nowhere.
+    /// Solves for the change of displacement in a step between two times in s, with the energy of the branches; `None`
+    /// if it fails.
     fn solve(&mut self, activity: &Activity, [from, to]: [f64; 2], length: f64) -> Option<Vec<f64>> {
         let motion = self.motion;
         let grid = activity.grid();
@@ -391,13 +391,13 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         let mut against = vec![0.0; change.len()];
         let mut single: Vec<f32> = Vec::new();
         let mut moduli = Vec::new();
-        // Of the bodies where the tangent was taken.
+        // Poses of bodies at the tangent.
         let mut poses = Vec::new();
         let mut scratch = motion.laplacian.scratch();
         let mut heavy = vec![0.0_f32; change.len()];
         let mut reference: f64 = 0.0;
         let mut size = f64::INFINITY;
-        for iteration in 0..LIMIT {
+        for iteration in 0..MAX_ITERATIONS {
             let passage = self.passage(&change, [from, to]);
             let material = (motion.transient.problem.material)(self.share(passage, 0.5 * (from + to)));
             let operator = Operator::new(&material, activity);
@@ -421,13 +421,13 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
                 return None;
             }
             self.pass.residual = now / reference.max(f64::MIN_POSITIVE);
-            // A residual that no longer falls is rounding; that of a membrane at rest is rounding alone.
+            // A residual that no longer decreases is rounding; that of a membrane at rest is rounding only.
             let rounding = self.rounding(&operator, weight);
             if now <= TOLERANCE * reference || (now >= 0.5 * size && now <= (1e3 * TOLERANCE * reference).max(rounding))
             {
                 return Some(change);
             }
-            let is_slow = now > SLOW * size;
+            let is_slow = now > SLOW_REDUCTION * size;
             size = now;
             if iteration == 0 || is_slow {
                 let mut half: Vec<f64> = self.u.iter().zip(&change).map(|(u, change)| u + 0.5 * change).collect();
@@ -462,7 +462,8 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         None
     }
 
-    /// What rounding of displacements, stresses and inertia may leave of the residual of a step with so large a mass.
+    /// Returns the rounding of the residual of a step due to displacements, stresses and inertia, for a mass of this
+    /// weight.
     fn rounding(&self, operator: &Operator<'_, L>, weight: f64) -> f64 {
         let largest = self.u.iter().fold(0.0, |largest: f64, u| largest.max(u.abs()));
         let each = operator.rounding() + 4.0 * f64::EPSILON * (1.0 + weight) * largest;
@@ -478,7 +479,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         let electric = self.electric(now, side);
         let (voltage, charge) = match self.feed {
             Feed::Voltage => (voltage, self.content.charge * self.scale() * voltage),
-            // Of sprayed charge that of the mean over it.
+            // For sprayed charge, the voltage of its mean.
             Feed::Conducting { charge, .. } | Feed::Sprayed { charge, .. } if charge > 0.0 => {
                 (2.0 * electric / charge, charge)
             }

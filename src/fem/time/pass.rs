@@ -1,6 +1,7 @@
 //! A pass over the time: the membrane after each step, and how the pass ended.
 
-use crate::continuation::{LoadingEnd, Loss};
+use crate::continuation::LoadingEnd;
+use crate::stability::Loss;
 use deaflow_field::{Field, Motion};
 
 /// A displacement below this fraction of the largest one over all times is negligible.

@@ -1,14 +1,14 @@
-//! Viscoelastic branches at the quadrature points of a membrane, and what they add to its energy.
+//! Viscoelastic branches at the quadrature points of a membrane, and their part of its energy.
 //!
 //! A branch adds ½g (A : c + A₃₃ j⁻² − ln det A − ln A₃₃ − 3) with g = G/(μλp²). A follows c⁻¹, and A₃₃ follows j²,
-//! with its relaxation time. Within a step A = Ã + c₁ c₁⁻¹ with a known Ã, and the second part is a pressure that drops
-//! out in plane stress: the equilibrium at the end of a step is a minimum of an energy with fixed coefficients, w + Σ
-//! ½g (Ã : c + Ã₃₃ j⁻²), which is what [`Memory`] is for. Arrays are those of [`metrics`].
+//! with its relaxation time. Within a step A = Ã + c₁ c₁⁻¹ with a known Ã. The second part is a pressure that has no
+//! effect in plane stress, so the equilibrium at the end of a step minimises an energy with fixed coefficients, w + Σ
+//! ½g (Ã : c + Ã₃₃ j⁻²), which [`Memory`] implements. Arrays have the layout of [`metrics`].
 //!
-//! In the finite law A at the end of a step is a function of the strain there that has no such known part
-//! ([`super::finite`]). At a trial strain c₁ the same mechanism carries A − σ c₁⁻¹, whose stress there is that of A,
-//! and whose change with strain is about that of A if σ c₁⁻¹ is about the part of A that follows: a few corrections of
-//! it end at the equilibrium ([`super::equilibrium`]).
+//! In the finite law A at the end of a step is a function of the strain there without such a known part
+//! ([`super::finite`]). At a trial strain c₁ the same mechanism uses A − σ c₁⁻¹. Its stress there is that of A, and its
+//! change with strain about that of A if σ c₁⁻¹ is about the part of A that follows the strain: a few corrections
+//! converge to the equilibrium ([`super::equilibrium`]).
 
 use std::mem;
 use std::ops::Range;
@@ -24,8 +24,8 @@ use crate::operator::{Activity, metrics, write_metrics};
 use crate::stored::{integral, integral_of_rows, sum_of_logarithms};
 use deaflow_scene::{Scene, ViscousLaw};
 
-/// What is taken of a displacement to find what is linear in it.
-const NEAR: f64 = 1e-3;
+/// Factor of a displacement in the linearisation.
+const LINEAR_FACTOR: f64 = 1e-3;
 
 /// The branches of a membrane and their states.
 #[derive(Clone, Debug)]
@@ -33,34 +33,33 @@ pub struct Viscous {
     layout: NodeLayout,
     law: ViscousLaw,
     branches: Arc<[Branch]>,
-    /// A of each branch, at all points.
+    /// A of each branch at all points.
     states: Vec<Vec<f64>>,
-    /// c⁻¹ and j² at the beginning of the next step.
+    /// c⁻¹ and j² at the start of the next step.
     metric: Arc<Vec<f64>>,
     /// The step that the states have not followed yet.
     pending: Option<Pending>,
-    /// Room that is used again: there is more in it than a cache holds, and to have it anew from the system takes as
-    /// long as to fill it.
-    room: Room,
+    /// Arrays for reuse: they exceed the caches, and allocating them takes as long as filling them.
+    reserve: Reserve,
 }
 
-/// A step that the states will follow when they are read next.
+/// A step that the states follow when they are read next.
 #[derive(Clone, Debug)]
 struct Pending {
-    /// c⁻¹ and j² at its beginning.
+    /// c⁻¹ and j² at its start.
     old: Arc<Vec<f64>>,
-    /// How long it is, in s.
+    /// Length in s.
     step: f64,
 }
 
-/// Arrays that nobody looks at any more. A copy has none.
+/// Unused arrays. A clone has none.
 #[derive(Debug, Default)]
-struct Room {
+struct Reserve {
     metric: Vec<f64>,
     memory: Option<Memory>,
 }
 
-impl Clone for Room {
+impl Clone for Reserve {
     fn clone(&self) -> Self {
         Self::default()
     }
@@ -76,7 +75,7 @@ struct Branch {
 }
 
 impl Viscous {
-    /// The branches of a scene after the rest at the prestretch that its drive names; relaxed where it names none.
+    /// Creates the branches of a scene after the rest at the prestretch of its drive; relaxed without one.
     #[must_use]
     pub fn new(scene: &Scene, activity: &Activity) -> Self {
         let prestretch = scene.mean_prestretch();
@@ -102,7 +101,7 @@ impl Viscous {
             states: Vec::new(),
             metric: Arc::default(),
             pending: None,
-            room: Room::default(),
+            reserve: Reserve::default(),
         };
         if viscous.is_empty() {
             return viscous;
@@ -122,26 +121,26 @@ impl Viscous {
         viscous
     }
 
-    /// Whether there is none.
+    /// Returns whether there are no branches.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.branches.is_empty()
     }
 
-    /// The shortest relaxation time in s.
+    /// Returns the shortest relaxation time in s.
     #[must_use]
     pub fn shortest(&self) -> Option<f64> {
         self.branches.iter().map(|branch| branch.time).reduce(f64::min)
     }
 
-    /// Whether what the branches add at the end of a step of so many seconds depends on the strain there.
+    /// Returns whether the energy of the branches at the end of a step, in s, depends on the strain there.
     #[must_use]
     pub fn depends_on_end(&self, step: f64) -> bool {
         self.law == ViscousLaw::Finite && step > 0.0 && !self.is_empty()
     }
 
-    /// An activity with what the branches add at the end of a step of so many seconds; of the finite law where it takes
-    /// no time.
+    /// Adds the energy of the branches at the end of a step in s to an activity; with the finite law only for a step of
+    /// zero length.
     #[must_use]
     pub fn remembered(&mut self, activity: &Activity, step: f64) -> Activity {
         if self.is_empty() {
@@ -157,7 +156,7 @@ impl Viscous {
         });
         let factors: Vec<(f64, f64, Option<Coefficients>)> = factors.collect();
         let mut memory = self
-            .room
+            .reserve
             .memory
             .take()
             .unwrap_or_else(|| Memory::zeros(self.metric.len()));
@@ -187,24 +186,24 @@ impl Viscous {
         activity.with_memory(memory)
     }
 
-    /// Takes back the room of what a membrane remembered.
+    /// Takes back the arrays of an activity.
     pub fn recycle(&mut self, activity: Activity) {
         if let Some(memory) = activity.into_memory()
             && memory.count() == self.metric.len()
         {
-            self.room.memory = Some(memory);
+            self.reserve.memory = Some(memory);
         }
     }
 
-    /// Takes back the room of the metric before a step.
+    /// Takes back the metric before a step.
     fn reuse(&mut self, pending: Option<Pending>) {
         if let Some(old) = pending.and_then(|pending| Arc::into_inner(pending.old)) {
-            self.room.metric = old;
+            self.reserve.metric = old;
         }
     }
 
-    /// The modulus of branches that have relaxed at rest beside what a step of so many seconds at rest lets them
-    /// forget, in units of μλp².
+    /// Returns the modulus of branches relaxed at rest, minus that lost by relaxation in a step in s at rest, in units
+    /// of μλp².
     #[must_use]
     pub fn slowness(&self, step: f64) -> f64 {
         let each = self.branches.iter();
@@ -212,13 +211,13 @@ impl Viscous {
             .sum()
     }
 
-    /// What an activity has beside the law without branches.
+    /// Returns the additional energy of an activity without branches.
     fn known(&self, activity: &Activity) -> Vec<f64> {
         let none = || vec![0.0; self.metric.len()];
         activity.memory().map_or_else(none, |memory| memory.view().to_vec())
     }
 
-    /// The same at the end of a step that ends about a displacement.
+    /// Like [`Self::remembered`], for a step that ends near a displacement.
     #[must_use]
     pub fn remembered_at(&mut self, activity: &Activity, step: f64, u: &[f64]) -> Activity {
         if !self.depends_on_end(step) {
@@ -232,7 +231,7 @@ impl Viscous {
             for at in places(self.layout, metric.len()) {
                 let [state, from, to] = [state, &self.metric, &metric].map(|values| point(self.layout, values, at));
                 let (end, share) = step.end(state, from, to);
-                // No more than leaves it convex.
+                // At most as much as leaves it convex.
                 let share = share.min(finite::least(end, to));
                 let known: [f64; NUMBERS] = std::array::from_fn(|k| modulus * (end[k] - share * to[k]));
                 for (number, known) in known.into_iter().enumerate() {
@@ -243,7 +242,7 @@ impl Viscous {
         activity.with_memory(Memory::new(self.layout, &sum))
     }
 
-    /// Moves the branches to the end of a step that ends at a displacement.
+    /// Advances the branches to the end of a step that ends at a displacement.
     pub fn advance(&mut self, activity: &Activity, step: f64, u: &[f64]) {
         if !self.is_empty() {
             let metric = self.metric_at(activity, u);
@@ -251,19 +250,19 @@ impl Viscous {
         }
     }
 
-    /// The same when the states are read next: by [`Viscous::remembered`], which reads them all anyway.
+    /// Like [`Self::advance`], but deferred until [`Viscous::remembered`] reads all states anyway.
     pub fn advance_later(&mut self, activity: &Activity, step: f64, u: &[f64]) {
         if self.law == ViscousLaw::Finite || self.is_empty() {
             return self.advance(activity, step, u);
         }
-        self.catch_up();
+        self.apply_pending();
         let metric = self.metric_at(activity, u);
         let old = mem::replace(&mut self.metric, Arc::new(metric));
         self.pending = Some(Pending { old, step });
     }
 
-    /// Lets the states follow the step that they have not followed yet.
-    fn catch_up(&mut self) {
+    /// Advances the states by the deferred step.
+    fn apply_pending(&mut self) {
         let Some(pending) = self.pending.take() else {
             return;
         };
@@ -271,38 +270,38 @@ impl Viscous {
         self.reuse(Some(pending));
     }
 
-    /// c⁻¹ and j² at a displacement.
+    /// Returns c⁻¹ and j² at a displacement.
     fn metric_at(&mut self, activity: &Activity, u: &[f64]) -> Vec<f64> {
-        let mut metric = mem::take(&mut self.room.metric);
+        let mut metric = mem::take(&mut self.reserve.metric);
         write_metrics(activity, u, &mut metric);
         metric
     }
 
-    /// c⁻¹ and j² at the end of the last step; none where there are no branches.
+    /// Returns c⁻¹ and j² at the end of the last step; `None` without branches.
     #[must_use]
     pub fn metric(&self) -> Option<&[f64]> {
         (!self.is_empty()).then_some(&self.metric[..])
     }
 
-    /// The same to a metric as if strains were small: linear in the displacement.
+    /// Like [`Self::advance`], with a metric for small strains, linear in the displacement.
     pub fn advance_linearly(&mut self, activity: &Activity, step: f64, u: &[f64]) {
         if self.is_empty() {
             return;
         }
-        // A central difference errs by the square of what it takes of the displacement.
+        // The error of the central difference is quadratic in this factor.
         let near = |share: f64| {
             let part: Vec<f64> = u.iter().map(|u| share * u).collect();
             metrics(activity, &part)
         };
-        let (at_rest, slope) = (near(0.0), near(NEAR).into_iter().zip(near(-NEAR)));
-        let changes = slope.map(|(ahead, behind)| (ahead - behind) / (2.0 * NEAR));
+        let (at_rest, slope) = (near(0.0), near(LINEAR_FACTOR).into_iter().zip(near(-LINEAR_FACTOR)));
+        let changes = slope.map(|(ahead, behind)| (ahead - behind) / (2.0 * LINEAR_FACTOR));
         let metric = at_rest.iter().zip(changes).map(|(rest, change)| rest + change);
         self.advance_to(metric.collect(), step);
     }
 
-    /// Moves the branches to the end of a step that ends at a metric.
+    /// Advances the branches to the end of a step that ends at a metric.
     fn advance_to(&mut self, metric: Vec<f64>, step: f64) {
-        self.catch_up();
+        self.apply_pending();
         let old = mem::replace(&mut self.metric, Arc::new(metric));
         match self.law {
             ViscousLaw::Linear => self.follow_all(&old, step),
@@ -319,7 +318,7 @@ impl Viscous {
         self.reuse(Some(Pending { old, step }));
     }
 
-    /// Moves the states of the linear law from a metric to the one that is now, in so many seconds.
+    /// Advances the states of the linear law from a metric to the current one, in a time in s.
     fn follow_all(&mut self, old: &[f64], step: f64) {
         let factors = self.branches.iter().map(|branch| Coefficients::new(step / branch.time));
         let factors: Vec<Coefficients> = factors.collect();
@@ -336,9 +335,9 @@ impl Viscous {
         );
     }
 
-    /// Lets the branches relax for so many seconds at the strain that they are at.
+    /// Relaxes the branches at their current strain for a time in s.
     pub fn relax(&mut self, seconds: f64) {
-        self.catch_up();
+        self.apply_pending();
         for (branch, state) in self.branches.iter().zip(&mut self.states) {
             let r = seconds / branch.time;
             match self.law {
@@ -354,21 +353,24 @@ impl Viscous {
         }
     }
 
-    /// Strains the branches at once.
+    /// Strains the branches instantaneously.
     pub fn strain(&mut self, activity: &Activity, u: &[f64]) {
         if !self.is_empty() {
-            self.catch_up();
+            self.apply_pending();
             self.metric = Arc::new(metrics(activity, u));
         }
     }
 
-    /// What energies of this state are made of.
+    /// Returns the data for the energies of this state.
     ///
     /// # Panics
     /// After [`Viscous::advance_later`].
     #[must_use]
-    pub fn loaded(&self) -> Loaded {
-        assert!(self.pending.is_none(), "energies are of states that have followed");
+    pub fn loaded(&self) -> BranchEnergy {
+        assert!(
+            self.pending.is_none(),
+            "the branches must follow the state before its energies"
+        );
         let mut sum = vec![0.0; self.metric.len()];
         in_chunks(sum.len(), |range| {
             let sum = &mut sum[range.clone()];
@@ -377,16 +379,16 @@ impl Viscous {
                 pairs.for_each(|(sum, state)| *sum += branch.modulus * state);
             }
         });
-        Loaded {
+        BranchEnergy {
             part: self.layout.part(),
             sum,
             metric: Arc::clone(&self.metric),
         }
     }
 
-    /// What the branches store in this state, in units of μH times the mean area of elements.
+    /// Returns the energy of the branches in this state, in units of μH times the mean area of elements.
     #[must_use]
-    pub fn stored(&self, loaded: &Loaded, activity: &Activity) -> f64 {
+    pub fn stored(&self, loaded: &BranchEnergy, activity: &Activity) -> f64 {
         if self.is_empty() {
             return 0.0;
         }
@@ -412,7 +414,7 @@ impl Viscous {
     }
 }
 
-/// Moves states through a step between two metrics.
+/// Advances states through a step between two metrics.
 #[inline(always)]
 fn follow(&Coefficients { kept, before, now }: &Coefficients, state: &mut [f64], old: &[f64], new: &[f64]) {
     for ((state, old), new) in state.iter_mut().zip(old).zip(new) {
@@ -420,7 +422,7 @@ fn follow(&Coefficients { kept, before, now }: &Coefficients, state: &mut [f64],
     }
 }
 
-/// Does work on ranges of numbers that stay in the cache from one branch to the next.
+/// Processes ranges of numbers that stay in the cache from one branch to the next.
 fn in_chunks(len: usize, mut work: impl FnMut(Range<usize>)) {
     const CHUNK: usize = 1024;
     dispatch(
@@ -433,9 +435,9 @@ fn in_chunks(len: usize, mut work: impl FnMut(Range<usize>)) {
     );
 }
 
-/// What energies of branches in a state are made of.
+/// The data for energies of branches in a state.
 #[derive(Clone, Debug, Default)]
-pub struct Loaded {
+pub struct BranchEnergy {
     part: usize,
     /// Σ gA at all points.
     sum: Vec<f64>,
@@ -443,8 +445,8 @@ pub struct Loaded {
     metric: Arc<Vec<f64>>,
 }
 
-impl Loaded {
-    /// The work that a step did on the branches, from this state to a later one, in units of μH times the mean area of
+impl BranchEnergy {
+    /// Returns the work done on the branches between this state and a later one, in units of μH times the mean area of
     /// elements: the mean of their stress at both ends times the change of strain.
     #[must_use]
     pub fn work_to(&self, later: &Self, activity: &Activity) -> f64 {
@@ -458,7 +460,7 @@ impl Loaded {
     }
 }
 
-/// Where a number of a point stands. Points are counted along the elements of a row first, then by the points of an
+/// Returns the index of a number of a point. Points are counted along the elements of a row, then by the points of an
 /// element, then by rows.
 fn place(layout: NodeLayout, at: usize, number: usize) -> usize {
     let part = layout.part();
@@ -466,18 +468,18 @@ fn place(layout: NodeLayout, at: usize, number: usize) -> usize {
     (line * NUMBERS + number) * part + element
 }
 
-/// The numbers of a point.
+/// Returns the numbers of a point.
 fn point(layout: NodeLayout, values: &[f64], at: usize) -> [f64; NUMBERS] {
     std::array::from_fn(|number| values[place(layout, at, number)])
 }
 
-/// The points of elements, without those that only fill up rows, in so many numbers.
+/// Returns the points of elements without padding, in arrays of this length.
 fn places(layout: NodeLayout, numbers: usize) -> impl Iterator<Item = usize> {
     let lines = numbers / (NUMBERS * layout.part());
     (0..lines).flat_map(move |line| (0..layout.columns()).map(move |column| line * layout.part() + column))
 }
 
-/// Changes the numbers of each point to others.
+/// Maps the numbers of each point.
 fn change(layout: NodeLayout, values: &mut [f64], mut to: impl FnMut(usize, [f64; NUMBERS]) -> [f64; NUMBERS]) {
     for at in places(layout, values.len()) {
         let changed = to(at, point(layout, values, at));

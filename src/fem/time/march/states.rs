@@ -3,12 +3,12 @@
 use super::super::equilibrium::equilibrium;
 use super::super::transient::{Estimate, StepEstimate};
 use super::{March, PastState, StepError};
-use crate::continuation::{Loss, Problem};
+use crate::continuation::Problem;
 use crate::material::Material;
 use crate::newton::{self, ChordSteps, NewtonFailure};
 use crate::operator::{Activity, Operator};
 use crate::response::INNER;
-use crate::stability::{Stability, judge};
+use crate::stability::{Loss, Stability, judge};
 
 /// Additional chord steps if there is no earlier state to start from.
 const MORE_CHORD_STEPS: u32 = 2;
@@ -49,9 +49,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
                     self.viscous.recycle(activity);
                     match stability {
                         Stability::Stable { .. } => return Ok(u),
-                        Stability::Unstable => last = Some(StepError::Lost(Loss::Stability)),
-                        Stability::NotElliptic => last = Some(StepError::Lost(Loss::Ellipticity)),
-                        Stability::Slack => last = Some(StepError::Lost(Loss::Tension)),
+                        Stability::Lost(loss) => last = Some(StepError::Lost(loss)),
                     }
                 }
                 Err((trouble, progress)) => {
