@@ -246,7 +246,7 @@ impl Effect for FringeField {
 
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         let refusal = Fringe::new(scene).err()?;
-        let change = format!("it cannot be simulated: {refusal}");
+        let change = format!("it could not be simulated: {refusal}");
         Some(Significance::open(DISPLACED, Verdict::Significant, SMALL, change))
     }
 }

@@ -156,21 +156,20 @@ impl<L: Material, F: Fn(f64) -> L, K: Fn(PathState) -> M, M> Tracer<'_, F, K, M>
             }
         }
         let (kind, share) = if before.rises() != after.rises() {
-            let top = before.share.max(after.share);
-            (
-                EventKind::Fold,
-                if before.rises() {
-                    top
-                } else {
-                    before.share.min(after.share)
-                },
-            )
-        } else if after.ellipticity <= 0.0 {
-            (EventKind::NotElliptic, 0.5 * (before.share + after.share))
-        } else if after.is_slack() {
-            (EventKind::Slack, 0.5 * (before.share + after.share))
+            let is_maximum = before.rises();
+            let share = if is_maximum {
+                before.share.max(after.share)
+            } else {
+                before.share.min(after.share)
+            };
+            (EventKind::Fold, share)
         } else {
-            (EventKind::Bifurcation, 0.5 * (before.share + after.share))
+            let kind = match after.ellipticity <= 0.0 {
+                true => EventKind::NotElliptic,
+                false if after.is_slack() => EventKind::Slack,
+                false => EventKind::Bifurcation,
+            };
+            (kind, 0.5 * (before.share + after.share))
         };
         self.record(&before);
         self.trace.events.push(TraceEvent {

@@ -84,27 +84,23 @@ impl Row {
                     1 => "one pattern".to_owned(),
                     n => format!("{n} patterns"),
                 };
-                self.warn(Problem::Other(format!(
-                    "electromechanical {CHECKED_ON} {patterns} only"
-                )))
+                self.warn(Some(format!("electromechanical {CHECKED_ON} {patterns} only")))
             }
-            Status::Off => self.warn(Problem::Off),
-            Status::NotAvailable => self.warn(Problem::Other(format!("{} cannot be simulated", spoken(self.effect)))),
+            Status::Off => self.warn(None),
+            Status::NotAvailable => self.warn(Some(format!("{} cannot be simulated", spoken(self.effect)))),
         }
     }
 
     /// The same for an equilibrium, which ignores effects in time.
     pub(super) fn to_equilibrium_warning(&self) -> Option<Warning> {
         match self.status {
-            Status::On if self.needs_time => self.warn(Problem::Other(format!(
-                "an equilibrium ignores {}",
-                spoken(self.effect)
-            ))),
+            Status::On if self.needs_time => self.warn(Some(format!("an equilibrium ignores {}", spoken(self.effect)))),
             _ => self.to_warning(),
         }
     }
 
-    fn warn(&self, problem: Problem) -> Option<Warning> {
+    /// `cause` is a sentence, or `None` if the effect is off.
+    fn warn(&self, cause: Option<String>) -> Option<Warning> {
         let Significance {
             quantity,
             threshold,
@@ -124,13 +120,10 @@ impl Row {
             _ => String::new(),
         };
         let acts = *verdict == Verdict::Significant && (quantity == DISPLACED || self.needs_time);
-        let condition = match problem {
-            Problem::Off if acts => "switched on, ",
-            _ => "",
-        };
+        let condition = if acts && cause.is_none() { "switched on, " } else { "" };
         Some(Warning {
             effects: vec![self.effect],
-            problem,
+            cause,
             change: format!("{condition}{change}{reason}"),
             is_work_limit: *verdict == Verdict::WorkLimit,
         })
@@ -142,28 +135,20 @@ fn spoken(effect: &str) -> String {
     effect.replace('_', " ")
 }
 
-/// Why an effect has a warning.
-#[derive(PartialEq)]
-enum Problem {
-    /// It is off.
-    Off,
-    /// Another reason, as a sentence.
-    Other(String),
-}
-
 /// A warning about effects with the same message.
 pub(super) struct Warning {
     effects: Vec<&'static str>,
-    problem: Problem,
+    /// A sentence; `None` if the effects are off.
+    cause: Option<String>,
     change: String,
     is_work_limit: bool,
 }
 
 impl Warning {
     fn text(&self) -> String {
-        let Self { problem, change, .. } = self;
-        if let Problem::Other(sentence) = problem {
-            return format!("{sentence}; {change}");
+        let change = &self.change;
+        if let Some(cause) = &self.cause {
+            return format!("{cause}; {change}");
         }
         let names: Vec<String> = self.effects.iter().copied().map(spoken).collect();
         match names.split_last() {
@@ -178,13 +163,10 @@ impl Warning {
     pub fn merged(all: impl Iterator<Item = Self>) -> Vec<String> {
         let mut merged: Vec<Self> = Vec::new();
         for one in all {
-            let same = merged.iter_mut().find(|other| {
-                let is_work_limit = one.is_work_limit && other.is_work_limit;
-                is_work_limit
-                    && one.problem == Problem::Off
-                    && other.problem == Problem::Off
-                    && one.change == other.change
-            });
+            let is_mergeable = |warning: &Self| warning.is_work_limit && warning.cause.is_none();
+            let same = merged
+                .iter_mut()
+                .find(|other| is_mergeable(&one) && is_mergeable(other) && one.change == other.change);
             match same {
                 Some(other) => other.effects.extend(one.effects),
                 None => merged.push(one),
@@ -229,7 +211,7 @@ mod tests {
     fn effects_that_reach_the_work_limit_in_the_same_way_share_a_warning() {
         let warning = |effect: &'static str, change: &str, is_work_limit: bool| Warning {
             effects: vec![effect],
-            problem: Problem::Off,
+            cause: None,
             change: change.to_owned(),
             is_work_limit,
         };

@@ -178,7 +178,7 @@ impl<'a> ScreeningRun<'a> {
             Ok(other) => other,
             Err(error) if self.scene.auto => return Err(error),
             Err(error) => {
-                let change = format!("it cannot be simulated: {error}");
+                let change = format!("it could not be simulated: {error}");
                 return Ok(Significance::open(DISPLACED, Verdict::Significant, SMALL, change).into());
             }
         };

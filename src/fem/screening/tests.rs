@@ -231,7 +231,7 @@ fn auto_leaves_out_a_fringe_field_too_wide_for_the_theory() {
     scene.auto = true;
     let screening = screen(&scene, &compared()).unwrap();
     assert!(screening.scene.effects.fringe_field.is_none());
-    assert!(screening.warnings()[0].starts_with("fringe field is off; it cannot be simulated"));
+    assert!(screening.warnings()[0].starts_with("fringe field is off; switched on, it could not be simulated"));
 }
 
 #[test]

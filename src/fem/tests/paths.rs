@@ -237,18 +237,18 @@ fn with_stiffening<R>(work: impl FnOnce(&Problem<'_, fn(f64) -> Stiffening>) -> 
 #[test]
 fn a_stiffening_membrane_snaps_to_another_stable_branch() {
     with_stiffening(|problem| {
-        let trace = follow(&Curve::new(problem).unwrap(), |mark| mark);
-        let folds: Vec<(EventKind, f64)> = trace.happenings.iter().map(|h| (h.kind, h.share)).collect();
+        let trace = follow(&Curve::new(problem).unwrap(), |state| state);
+        let folds: Vec<(EventKind, f64)> = trace.events.iter().map(|event| (event.kind, event.share)).collect();
         assert_eq!(trace.end, PathEnd::Recovered);
-        assert_eq!(trace.happenings.len(), 2);
+        assert_eq!(trace.events.len(), 2);
         assert!(folds.iter().all(|(kind, _)| *kind == EventKind::Fold) && folds[1].1 < folds[0].1);
-        assert!(trace.marks.last().unwrap().stable);
+        assert!(trace.states.last().unwrap().stable);
         // Every state on the way is an equilibrium.
-        for mark in &trace.marks {
-            let material = Stiffening::new(mark.share);
+        for state in &trace.states {
+            let material = Stiffening::new(state.share);
             let operator = Operator::new(&material, problem.activity);
-            let mut force = vec![0.0; mark.u.len()];
-            assert!(operator.residual(&mark.u, &mut force) > 0.0);
+            let mut force = vec![0.0; state.u.len()];
+            assert!(operator.residual(&state.u, &mut force) > 0.0);
             assert!(norm(&force) < 1e-8);
         }
     });
@@ -257,7 +257,7 @@ fn a_stiffening_membrane_snaps_to_another_stable_branch() {
 #[test]
 fn loading_does_not_jump_to_the_branch_beyond_a_snap() {
     with_stiffening(|problem| {
-        let first = follow(&Curve::new(problem).unwrap(), |_| ()).happenings[0].share;
+        let first = follow(&Curve::new(problem).unwrap(), |_| ()).events[0].share;
         for share in [0.98, 1.02, 1.3, 2.0] {
             let problem = Problem {
                 material: |part: f64| Stiffening::new(part * share * first),
