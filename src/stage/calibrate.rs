@@ -11,7 +11,7 @@ use deaflow_base::{Canonical, Declared, Digest, Fields, InputError, Node, Seed, 
 use deaflow_field::Predictor;
 use deaflow_orchestrator::{Job, Kind, Needs, Stage, StageError};
 use deaflow_store::{Artifact, Object};
-use deaflow_surrogate::{Calibration, CalibrationError, Observed, Surrogate};
+use deaflow_surrogate::{Calibration, CalibrationError, CalibrationSample, Surrogate};
 
 pub use content::{CalibratedFamily, CalibratedModel, read};
 
@@ -64,18 +64,19 @@ impl Stage for CalibrateStage {
         let scene = scene::of_inputs(job.inputs)?;
         let (artifact, surrogate) = the_model(job.inputs)?;
         let trained = model::families(artifact)?;
-        let (mut observed, mut families) = (Vec::new(), Vec::new());
+        let (mut samples, mut families) = (Vec::new(), Vec::new());
         labelled::for_each_batch(job, &[&surrogate], &mut |batch| {
             let predicted = surrogate.predict(&batch.patterns);
             let predicted = predicted.map_err(StageError::failed)?;
             for (at, field) in predicted.iter().enumerate() {
                 let familiar = trained.contains(&batch.families[at]);
-                observed.push(Observed::new(&batch.patterns[at], field, &batch.fields[at], familiar));
+                let (pattern, simulated) = (&batch.patterns[at], &batch.fields[at]);
+                samples.push(CalibrationSample::new(pattern, field, simulated, familiar));
             }
             families.extend(batch.families);
             Ok(())
         })?;
-        let calibration = Calibration::fit(observed, self.seed.0).map_err(|e| too_few(e, &trained))?;
+        let calibration = Calibration::fit(samples, self.seed.0).map_err(|e| too_few(e, &trained))?;
         let origin = Origin {
             families: &families,
             trained: &trained,

@@ -15,7 +15,7 @@ use deaflow_fem::Method;
 use deaflow_orchestrator::{Job, Kind, Needs, Stage, StageError};
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, Object};
-use deaflow_surrogate::Judge;
+use deaflow_surrogate::Scorer;
 
 use calibrated::calibrations;
 use content::EvaluationRow;
@@ -133,12 +133,12 @@ impl Stage for EvaluateStage {
         }
         let calibrated = calibrations(job.inputs, &predictors)?;
         let calibrations = calibrated.iter().map(|c| (c.predictor, &c.model.calibration));
-        let judge = Judge::new(predictors.iter().map(NamedPredictor::predictor).collect(), calibrations);
+        let scorer = Scorer::new(predictors.iter().map(NamedPredictor::predictor).collect(), calibrations);
         let models: Vec<_> = predictors.iter().filter_map(NamedPredictor::surrogate).collect();
         let mut rows = Vec::new();
         labelled::for_each_batch(job, &models, &mut |batch| {
             job.progress.note(&format!("{} patterns", rows.len()));
-            rows.extend(judged(&judge, batch)?);
+            rows.extend(scored(&scorer, batch)?);
             Ok(())
         })?;
         if rows.is_empty() {
@@ -165,13 +165,13 @@ impl EvaluateStage {
     }
 }
 
-fn judged(judge: &Judge<'_>, batch: labelled::Batch) -> Result<impl Iterator<Item = EvaluationRow>, StageError> {
-    let judged = judge.judge(&batch.patterns, &batch.fields);
-    let judged = judged.map_err(StageError::failed)?;
+fn scored(scorer: &Scorer<'_>, batch: labelled::Batch) -> Result<impl Iterator<Item = EvaluationRow>, StageError> {
+    let scores = scorer.score(&batch.patterns, &batch.fields);
+    let scores = scores.map_err(StageError::failed)?;
     let described = batch.families.into_iter().zip(batch.patterns);
-    Ok(described.zip(judged).map(|((family, pattern), judged)| EvaluationRow {
+    Ok(described.zip(scores).map(|((family, pattern), result)| EvaluationRow {
         family,
         area: pattern.area_fraction(),
-        judged,
+        result,
     }))
 }

@@ -16,7 +16,7 @@ use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, Object};
 use deaflow_surrogate::{
-    Constants, NetworkKind, OptimizerKind, Record, TrainError, TrainOptions, annotated, train, update,
+    Constants, NetworkKind, OptimizerKind, TrainError, TrainOptions, TrainingRecord, annotated, train, update,
 };
 use follow::Follow;
 
@@ -186,7 +186,7 @@ impl Stage for TrainStage {
         let annotated = annotated(
             &trained.weights,
             &scene.to_text(),
-            Record::of(&trained, self.parameters.seed.0, inputs),
+            TrainingRecord::of(&trained, self.parameters.seed.0, inputs),
         );
         trained.weights = annotated.map_err(StageError::failed)?;
         Ok(content::training(trained, &found, self.parameters.network, scene).object())

@@ -1,43 +1,41 @@
-//! A training under way as bytes: all that it needs to be gone on with as if it had never stopped.
+//! Checkpoints: the state of a training after an epoch, as bytes. A resumed training gives the same bits.
 //!
-//! Every random number is drawn from a stream of its own, so no generator has a state to keep.
+//! Random streams are created anew in each epoch, so a checkpoint holds no generator state.
 
 use serde::{Deserialize, Serialize};
 
 use super::outcome::EpochReport;
 use deaflow_base::{decode, encode};
 
-/// A training after an epoch.
+/// The state of a training after an epoch.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Checkpoint {
-    /// What is small.
+    /// History.
     pub(crate) history: History,
-    /// The weights.
+    /// Weights.
     pub(crate) weights: Vec<Vec<f32>>,
-    /// The weights of the best epoch; none while there is no best epoch.
+    /// Weights of the best epoch; empty before there is one.
     pub(crate) best: Vec<Vec<f32>>,
-    /// The running means of the optimiser.
+    /// Running means of the optimiser.
     pub(crate) means: Vec<Vec<f32>>,
 }
 
-/// What a training has come to.
+/// The history of a training.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct History {
     /// One report per epoch.
     pub(crate) curves: Vec<EpochReport>,
-    /// The validation error of the best epoch and its number.
+    /// Selection error in mm and number of the best epoch.
     pub(crate) best: Option<(f64, u32)>,
-    /// Steps of the optimiser.
+    /// Finished steps of the optimiser.
     pub(crate) steps: u32,
 }
 
-/// Counts of numbers: of each tensor of the weights, of the best weights, and of the optimiser.
+/// Number of values in each tensor of the weights, the best weights and the optimiser.
 type Lengths = [Vec<u64>; 3];
 
 impl Checkpoint {
-    /// As bytes: the length of a header, the header, and the numbers.
-    ///
-    /// None where the header cannot be encoded, which takes more epochs than anybody has time for.
+    /// Encodes the length of the header, the header and the values. `None` when the header is too long to encode.
     pub(crate) fn to_bytes(&self) -> Option<Vec<u8>> {
         let groups = [&self.weights, &self.best, &self.means];
         let lengths: Lengths = groups.map(|group| group.iter().map(|values| values.len() as u64).collect());
@@ -49,7 +47,7 @@ impl Checkpoint {
         Some(bytes)
     }
 
-    /// From bytes; none where they are something else.
+    /// Decodes a checkpoint; `None` when the bytes are not one.
     pub(crate) fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (length, rest) = bytes.split_first_chunk::<8>()?;
         let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
@@ -83,7 +81,7 @@ mod tests {
             train_loss: 0.1 + 0.2,
             validation_loss: 1.0 / 3.0,
             validation_rmse_mm: 0.05,
-            judged_rmse_mm: 0.05,
+            selection_rmse_mm: 0.05,
             learning_rate: 1e-3,
         };
         Checkpoint {
@@ -99,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn a_training_survives_the_way_to_bytes_and_back() {
+    fn checkpoints_survive_encoding_and_decoding() {
         let checkpoint = checkpoint();
         let back = Checkpoint::from_bytes(&checkpoint.to_bytes().unwrap()).unwrap();
         assert_eq!(back, checkpoint);
@@ -107,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn other_bytes_are_no_training() {
+    fn other_bytes_are_refused() {
         let bytes = checkpoint().to_bytes().unwrap();
         for length in 0..bytes.len() {
             assert_eq!(Checkpoint::from_bytes(&bytes[..length]), None, "{length} bytes");

@@ -1,54 +1,46 @@
-//! Patterns and fields as tensors, and back.
-//!
-//! The edges do not move, so networks answer on the inner corners only, 49 × 49 of the paper's membrane, and the edges are exactly zero.
+//! Conversion of patterns and fields to tensors and back.
 
 use std::ops::Range;
 
 use candle_core::{Device, Result, Tensor};
 
+use super::corners::inner_sides;
 use super::example::Label;
 use deaflow_field::{Field, FieldError};
 use deaflow_pattern::{Pattern, Raster};
 
-/// Corners along one side of the paper's membrane without the edges.
+/// Inner corners along one side of the paper's membrane.
 #[cfg(test)]
 pub(crate) const INNER: usize = deaflow_pattern::CELLS - 1;
 
-/// Columns and rows of corners without the edges.
-pub(crate) fn inner_sides(raster: Raster) -> [usize; 2] {
-    raster.sides().map(|side| side - 1)
-}
-
-/// Patterns of these cells as (n, rows, columns, 1): ½ on the electrode, −½ off it, so that a half-covered membrane has mean zero. An electrode of
-/// one of several groups has the share of the load that its group has, less ½.
+/// Encodes patterns as (n, rows, columns, 1). The value of a cell is the relative load of its group, 0 for a bare cell,
+/// minus ½: ±½ for a single group, so that a half-covered membrane has mean zero.
 pub(crate) fn patterns_to_tensor<'a>(
     raster: Raster,
     loads: &[f64],
     patterns: impl Iterator<Item = &'a Pattern>,
 ) -> Result<Tensor> {
-    let seen = seen(loads);
-    let values: Vec<f32> = patterns
-        .flat_map(|p| p.cells())
-        .map(|&c| seen[usize::from(c)])
-        .collect();
+    let inputs = cell_inputs(loads);
+    let cells = patterns.flat_map(|pattern| pattern.cells());
+    let values: Vec<f32> = cells.map(|&cell| inputs[usize::from(cell)]).collect();
     let n = values.len() / raster.cells();
     Tensor::from_vec(values, (n, raster.rows(), raster.columns(), 1), &Device::Cpu)
 }
 
-/// What a network sees of a bare cell, then of one of each group.
-pub(crate) fn seen(loads: &[f64]) -> Vec<f32> {
+/// Returns the input value of a bare cell, then of a cell of each group.
+pub(crate) fn cell_inputs(loads: &[f64]) -> Vec<f32> {
     let all = std::iter::once(&0.0).chain(loads);
     all.map(|&load| load as f32 - 0.5).collect()
 }
 
-/// The values of one row of inner corners.
+/// Returns the range of a row of inner corners among the values of a field.
 fn inner_row(raster: Raster, y: usize) -> Range<usize> {
     let columns = raster.columns();
     let first = y * (columns + 1);
     2 * (first + 1)..2 * (first + columns)
 }
 
-/// Labels on these cells as (n, rows − 1, columns − 1, 2), divided by `scale` (mm).
+/// Encodes labels as (n, rows − 1, columns − 1, 2) in units of `scale` mm.
 pub(crate) fn labels_to_tensor(raster: Raster, labels: &[Label], scale: f64) -> Result<Tensor> {
     let [columns, rows] = inner_sides(raster);
     let mut values = Vec::with_capacity(2 * columns * rows * labels.len());
@@ -58,7 +50,7 @@ pub(crate) fn labels_to_tensor(raster: Raster, labels: &[Label], scale: f64) -> 
     Tensor::from_vec(values, (labels.len(), rows, columns, 2), &Device::Cpu)
 }
 
-/// The x displacement at every second inner corner, (n, 25, 25, 1) of fields as (n, 49, 49, 2).
+/// Returns the x displacement at every second inner corner: (n, 49, 49, 2) to (n, 25, 25, 1).
 pub(crate) fn half_resolution(fields: &Tensor) -> Result<Tensor> {
     let every_second = |axis| {
         let every_second: Vec<u32> = (0..fields.dim(axis)? as u32).step_by(2).collect();
@@ -68,10 +60,10 @@ pub(crate) fn half_resolution(fields: &Tensor) -> Result<Tensor> {
     x.index_select(&every_second(1)?, 1)?.index_select(&every_second(2)?, 2)
 }
 
-/// Fields on these cells in mm from (n, rows − 1, columns − 1, 2) in units of `scale`.
+/// Decodes fields in mm from (n, rows − 1, columns − 1, 2) in units of `scale` mm. The edges are zero.
 ///
 /// # Errors
-/// The outer one when the tensor cannot be read, the inner one when a value is not finite.
+/// The outer error when the tensor cannot be read; the inner error when a value is not finite.
 pub(crate) fn tensor_to_fields(
     raster: Raster,
     tensor: &Tensor,
@@ -82,10 +74,8 @@ pub(crate) fn tensor_to_fields(
     let fields = values.chunks_exact(2 * columns * rows).map(|image| {
         let mut values = vec![0.0; 2 * raster.corners()];
         for (y, row) in (1..).zip(image.chunks_exact(2 * columns)) {
-            values[inner_row(raster, y)]
-                .iter_mut()
-                .zip(row)
-                .for_each(|(u, v)| *u = f64::from(*v) * scale);
+            let inner = values[inner_row(raster, y)].iter_mut();
+            inner.zip(row).for_each(|(u, v)| *u = f64::from(*v) * scale);
         }
         Field::from_values(raster, values)
     });
@@ -99,7 +89,7 @@ mod tests {
     use deaflow_pattern::CELLS;
 
     #[test]
-    fn a_field_survives_the_way_to_a_tensor_and_back() {
+    fn fields_survive_encoding_and_decoding() {
         let value = |i: usize| {
             let (x, y) = (i / 2 % CORNERS, i / 2 / CORNERS);
             let inside = (1..=INNER).contains(&x) && (1..=INNER).contains(&y);
@@ -115,7 +105,7 @@ mod tests {
         assert_eq!(tensor.dims(), [2, INNER, INNER, 2]);
         let back = tensor_to_fields(Raster::PAPER, &tensor, 0.25).unwrap().unwrap();
         assert_eq!(back, [field.clone(), Field::zero(Raster::PAPER)]);
-        // The half resolution holds the x displacement at the odd corners.
+        // At half resolution: the x displacement at the odd corners.
         let half = half_resolution(&tensor).unwrap();
         assert_eq!(half.dims(), [2, 25, 25, 1]);
         let corner = half.flatten_all().unwrap().to_vec1::<f32>().unwrap()[3 * 25 + 24];
@@ -123,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_have_their_share_of_the_load() {
+    fn cells_have_the_relative_load_of_their_group() {
         let raster = Raster::new(3, 1).unwrap();
         let pattern = Pattern::from_groups(raster, |x, _| x as u8);
         let tensor = patterns_to_tensor(raster, &[1.0, 0.25], [&pattern].into_iter()).unwrap();

@@ -1,9 +1,9 @@
-//! What a network learns from.
+//! Training examples and their labels.
 
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::encode::inner_sides;
+use super::corners::{inner_corners, inner_sides};
 use deaflow_dataset::Split;
 use deaflow_field::Field;
 use deaflow_pattern::{Pattern, Raster, Symmetry};
@@ -15,23 +15,22 @@ pub struct Example {
     pub pattern: Pattern,
     /// Its displacement.
     pub label: Label,
-    /// The family it was sampled from: metrics are kept apart by it.
+    /// The family of the pattern; metrics are computed per family.
     pub family: String,
-    /// The part of the dataset it belongs to.
+    /// The split.
     pub split: Split,
-    /// How often an epoch shows it, at least 1.
+    /// How many times an epoch uses the example, at least 1.
     pub repeats: u32,
 }
 
-/// A displacement field in mm as a network is taught it: at the inner corners, `[y][x][component]`, in single
-/// precision. The edges do not move, so half of a field's memory holds all that there is to learn. Images under symmetries
-/// share the numbers of the field that they are images of.
+/// A displacement field in mm at the inner corners, `[y][x][component]`, in single precision. Images of a field under
+/// symmetries share its memory.
 #[derive(Clone, Debug)]
 pub struct Label {
-    /// The cells of the field whose numbers are held.
+    /// Cells of the stored field.
     raster: Raster,
     values: Arc<[f32]>,
-    /// Of that field the image by this one.
+    /// The label is the image of the stored field under this symmetry.
     symmetry: Symmetry,
 }
 
@@ -41,30 +40,30 @@ impl PartialEq for Label {
     }
 }
 
-/// Numbers that are not a label.
+/// Why values are not a label.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LabelError {
-    /// The wrong number of values.
+    /// The number of values is wrong.
     #[error("a field on {raster} cells has {} values, found {found}", 2 * raster.corners())]
     Shape {
         /// The cells.
         raster: Raster,
-        /// How many there were.
+        /// The number of values.
         found: usize,
     },
-    /// An infinity or NaN.
+    /// A displacement is infinite or NaN.
     #[error("a displacement is {0}")]
     NotFinite(f64),
-    /// A displacement of the frame, which holds the membrane.
+    /// The frame moves.
     #[error("the frame moves by {0} mm")]
     Frame(f64),
 }
 
-/// What may count as no motion of the frame, mm: rounding of files in single precision.
+/// Largest displacement of the frame in mm that counts as rounding of single precision.
 const STILL_MM: f64 = 1e-6;
 
 impl Label {
-    /// The label of a field on these cells given by its values in mm, two for each corner.
+    /// Creates a label from the values of a field in mm, two for each corner.
     ///
     /// # Errors
     /// When the count is wrong, a value is not finite in single precision, or the frame moves.
@@ -74,7 +73,7 @@ impl Label {
             return Err(LabelError::Shape { raster, found });
         }
         let ([columns, rows], [across, _]) = (raster.sides(), raster.corner_sides());
-        let mut inner = Vec::with_capacity(2 * inner_sides(raster).into_iter().product::<usize>());
+        let mut inner = Vec::with_capacity(2 * inner_corners(raster));
         for (at, &value) in values.iter().enumerate() {
             if !(value as f32).is_finite() {
                 return Err(LabelError::NotFinite(value));
@@ -93,19 +92,19 @@ impl Label {
         })
     }
 
-    /// The label that is zero everywhere.
+    /// Creates a label that is zero everywhere.
     #[must_use]
     pub fn zero(raster: Raster) -> Self {
         Self::from(&Field::zero(raster))
     }
 
-    /// The cells at whose corners it is.
+    /// Returns the cells of the field.
     #[must_use]
     pub fn raster(&self) -> Raster {
         self.raster.transformed(self.symmetry)
     }
 
-    /// The displacements in mm at the inner corners, `[y][x][component]`.
+    /// Returns the displacements in mm at the inner corners, `[y][x][component]`.
     #[must_use]
     pub fn values(&self) -> Cow<'_, [f32]> {
         if self.symmetry == Symmetry::IDENTITY {
@@ -121,23 +120,21 @@ impl Label {
         Cow::Owned(values)
     }
 
-    /// The sum of the squared components, mm².
+    /// Returns the sum of the squared components, mm².
     #[must_use]
     pub fn squares(&self) -> f64 {
         self.values().iter().map(|u| f64::from(*u).powi(2)).sum()
     }
 
-    /// The largest displacement magnitude in mm.
+    /// Returns the largest displacement magnitude in mm.
     #[must_use]
     pub fn max_magnitude(&self) -> f64 {
-        let lengths = self
-            .values
-            .chunks_exact(2)
-            .map(|u| f64::from(u[0]).hypot(f64::from(u[1])));
+        let corners = self.values.chunks_exact(2);
+        let lengths = corners.map(|u| f64::from(u[0]).hypot(f64::from(u[1])));
         lengths.fold(0.0, f64::max)
     }
 
-    /// The image under a symmetry: `(gu)(gX) = g·u(X)`, as [`Field::transformed`]. It takes no memory of its own.
+    /// Returns the image under a symmetry, as [`Field::transformed`]: `(gu)(gX) = g·u(X)`. It shares the memory.
     #[must_use]
     pub fn transformed(&self, g: Symmetry) -> Self {
         Self {
@@ -147,14 +144,14 @@ impl Label {
         }
     }
 
-    /// The same label, in the memory of the image of another under a symmetry where it equals that.
+    /// Returns the same label in the memory of `other`, when it is the image of `other` under `g`.
     #[must_use]
     pub(crate) fn sharing(self, other: &Self, g: Symmetry) -> Self {
         let image = other.transformed(g);
         if image == self { image } else { self }
     }
 
-    /// Whether both are in the same memory.
+    /// Returns whether two labels share their memory.
     #[cfg(test)]
     pub(crate) fn shares_memory_with(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.values, &other.values)
@@ -162,7 +159,7 @@ impl Label {
 }
 
 impl From<&Field> for Label {
-    /// Whatever stands on the frame is left out.
+    /// Ignores displacements on the frame.
     fn from(field: &Field) -> Self {
         let raster = field.raster();
         let ([columns, _], [_, rows]) = (raster.sides(), inner_sides(raster));
@@ -172,20 +169,6 @@ impl From<&Field> for Label {
             raster,
             values: values.collect(),
             symmetry: Symmetry::IDENTITY,
-        }
-    }
-}
-
-impl Example {
-    /// Its image under a symmetry of the square: pattern and label alike.
-    #[must_use]
-    pub fn transformed(&self, g: Symmetry) -> Self {
-        Self {
-            pattern: self.pattern.transformed(g),
-            label: self.label.transformed(g),
-            family: self.family.clone(),
-            split: self.split,
-            repeats: self.repeats,
         }
     }
 }
@@ -210,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_label_is_the_inside_of_its_field() {
+    fn a_label_holds_the_inner_corners_of_its_field() {
         let field = Field::from_values(Raster::PAPER, wavy()).unwrap();
         let label = Label::from_values(Raster::PAPER, field.values()).unwrap();
         assert_eq!(label, Label::from(&field));
@@ -232,18 +215,14 @@ mod tests {
             Field::from_values(Raster::PAPER, wavy()).unwrap(),
             Field::from_values(raster, values.collect()).unwrap(),
         ] {
-            all_symmetries_act_as_on(&field);
-        }
-    }
-
-    fn all_symmetries_act_as_on(field: &Field) {
-        for g in Symmetry::ALL {
-            assert_eq!(Label::from(field).transformed(g), Label::from(&field.transformed(g)));
+            for g in Symmetry::ALL {
+                assert_eq!(Label::from(&field).transformed(g), Label::from(&field.transformed(g)));
+            }
         }
     }
 
     #[test]
-    fn images_are_in_the_memory_of_their_field_where_they_are_images_of_it() {
+    fn images_share_the_memory_of_their_field() {
         let raster = Raster::new(7, 4).unwrap();
         let values = (0..2 * raster.corners()).map(|at| (at * 37 % 101) as f64);
         let field = Field::from_values(raster, values.collect()).unwrap();
@@ -262,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_label_is_refused() {
+    fn invalid_values_are_refused() {
         let with = |at: usize, value: f64| {
             let mut values = wavy();
             values[at] = value;

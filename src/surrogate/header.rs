@@ -1,16 +1,16 @@
-//! What a model file says about itself: everything that is needed to use the network without this program.
+//! The header of a model file: everything that another program needs to use the network.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use super::encode::inner_sides;
+use super::corners::inner_sides;
 use deaflow_pattern::{Pattern, PatternForm, Raster};
 
-/// The version of the format. It is raised whenever a reader of the one before would misunderstand a file.
+/// The version of the format. It increases whenever older readers would misread a file.
 pub(crate) const VERSION: u64 = 2;
 
-/// The description of a network, as it stands in a model file after the digest.
+/// The description of a network. In a model file it follows the digest.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Header {
@@ -20,15 +20,15 @@ pub struct Header {
     pub(crate) network: String,
     /// Length in mm of one unit of the network's own output.
     pub(crate) scale_mm: f64,
-    /// What goes in.
+    /// Input of the network.
     input: Input,
-    /// What comes out.
+    /// Output of the network.
     output: Output,
-    /// The scene that the training data was simulated in, as artifacts carry it.
+    /// Scene of the training data, in the text form of artifacts.
     pub(crate) scene: Option<String>,
-    /// How it was trained.
-    pub(crate) training: Option<Record>,
-    /// Which tensor is what.
+    /// Record of the training.
+    pub(crate) training: Option<TrainingRecord>,
+    /// Names of the tensors.
     pub(crate) tensors: Tensors,
 }
 
@@ -39,7 +39,7 @@ struct Input {
     axes: String,
     values: String,
     encoding: String,
-    /// Of each of several groups of electrodes the share of the largest load, the squared voltage.
+    /// Load (squared voltage) of each electrode group relative to the largest; only for several groups.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     loads: Option<Vec<f64>>,
 }
@@ -59,32 +59,32 @@ struct Output {
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Tensors {
-    /// Those that were trained.
+    /// Trained weights.
     pub(crate) trained: BTreeSet<String>,
-    /// Those that are part of the network and were not trained.
+    /// Constants.
     pub(crate) constant: BTreeSet<String>,
 }
 
-/// How a network was trained.
+/// Record of a training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Record {
-    /// Examples by part of the dataset and family.
+pub struct TrainingRecord {
+    /// Number of examples by split and family.
     pub examples: BTreeMap<String, BTreeMap<String, u64>>,
-    /// Passes over the training examples that were made.
+    /// Number of finished epochs.
     pub epochs: u32,
-    /// The pass whose weights are kept, from 1.
+    /// Epoch whose weights are kept, from 1.
     pub best_epoch: u32,
-    /// Root mean square error of a component in mm on the validation examples; none where there are none.
+    /// Root mean square error of a component in mm on the validation examples, if there are any.
     pub validation_rmse_mm: Option<f64>,
-    /// Seed of the weights and of the order of the examples.
+    /// Seed of the initial weights and of the order of the examples.
     pub seed: u64,
     /// Digests of the datasets.
     pub inputs: Vec<String>,
 }
 
 impl Header {
-    /// The header of a network for these cells and groups of electrodes whose answers are in units of `scale_mm`.
+    /// Creates the header of a network for these cells and group loads whose output has the unit `scale_mm`.
     pub(crate) fn new(network: &str, raster: Raster, loads: &[f64], scale_mm: f64) -> Self {
         Self {
             format_version: VERSION,
@@ -98,37 +98,37 @@ impl Header {
         }
     }
 
-    /// The cells of its patterns; none where no membrane has so many.
+    /// Returns the cells of its patterns; `None` when the shape is invalid.
     pub(crate) fn raster(&self) -> Option<Raster> {
         let (_, rows, columns) = self.input.shape;
         Raster::new(columns, rows)
     }
 
-    /// What its patterns are.
+    /// Returns the form of its patterns.
     pub(crate) fn form(&self) -> Option<PatternForm> {
         let groups = self.loads().len();
         self.raster().map(|raster| PatternForm { raster, groups })
     }
 
-    /// The share of the largest load that each group of electrodes has.
+    /// Returns the load of each electrode group relative to the largest.
     pub(crate) fn loads(&self) -> &[f64] {
         self.input.loads.as_deref().unwrap_or(&[1.0])
     }
 
-    /// What it says that this program cannot honour, if anything.
+    /// Returns why this program cannot use the network, if so.
     pub(crate) fn objection(&self) -> Option<String> {
         if !(self.scale_mm.is_finite() && self.scale_mm > 0.0) {
-            return Some(format!("its scale is {} mm", self.scale_mm));
+            return Some(format!("its scale is {} mm; it must be above 0", self.scale_mm));
         }
         let is_known = |raster: &Raster| self.input == Input::on(*raster, self.loads());
         let Some(raster) = self.raster().filter(is_known) else {
-            return Some("it takes patterns in another form".to_owned());
+            return Some("unknown form of patterns".to_owned());
         };
         if !self.loads().iter().all(|load| (0.0..=1.0).contains(load)) || self.loads().len() > Pattern::MOST_GROUPS {
-            return Some(format!("its groups have the loads {:?}", self.loads()));
+            return Some(format!("invalid group loads {:?}", self.loads()));
         }
         if self.output != Output::on(raster) {
-            return Some("it gives displacements in another form".to_owned());
+            return Some("unknown form of displacements".to_owned());
         }
         None
     }
@@ -137,15 +137,15 @@ impl Header {
 impl Input {
     fn on(raster: Raster, loads: &[f64]) -> Self {
         let several = loads.len() > 1;
-        let said = |one: &str, many: &str| if several { many } else { one }.to_owned();
+        let text = |one: &str, many: &str| if several { many } else { one }.to_owned();
         Self {
             shape: ("n".into(), raster.rows(), raster.columns()),
             axes: "[pattern][y][x], origin lower left".into(),
-            values: said(
+            values: text(
                 "0: no electrode, 1: electrode",
                 "0: no electrode, g: electrode of group g, from 1",
             ),
-            encoding: said(
+            encoding: text(
                 "the network sees the value less 0.5",
                 "the network sees the load of the group, of a bare cell 0, less 0.5",
             ),

@@ -1,13 +1,13 @@
-//! Networks that predict the displacement of a pattern, their training and their metrics.
+//! Surrogates: networks that predict the displacement field of a pattern; their training, metrics and calibration.
 
 mod calibration;
 mod checkpoint;
+mod corners;
 mod encode;
 mod evaluation;
 mod example;
 mod examples;
 mod header;
-mod labels;
 mod layers;
 mod loss;
 mod metrics;
@@ -18,31 +18,31 @@ mod optimizer;
 mod options;
 mod outcome;
 mod parameters;
+mod plausibility;
 mod predict;
+mod scene_check;
 mod schedule;
-mod start;
 mod step;
 #[cfg(test)]
 mod testing;
 mod train;
-mod trained_for;
+mod warm_start;
 mod weights;
 
 pub use calibration::{
-    COVERAGE, Calibration, CalibrationError, CalibrationParts, DifficultyParts, FALSE_ALARM, Interval, LEAST,
-    NoveltyParts, ObjectiveIntervals, Observed,
+    COVERAGE, Calibration, CalibrationError, CalibrationParts, CalibrationSample, DifficultyParts, FALSE_ALARM,
+    Interval, MIN_PATTERNS, NoveltyParts, ObjectiveIntervals,
 };
-pub use evaluation::{Coverage, Judge, Judged, OBJECTIVES, PatternScore, Score};
+pub use evaluation::{Coverage, OBJECTIVES, PatternScore, RowScores, Score, Scorer};
 pub use example::{Example, Label, LabelError};
-pub use examples::{Collector, Examples, LabelledRow, LeftOut, NoExamples, Origin, SPLIT_SEED, Why};
-pub use header::Record;
-pub use labels::{Implausible, implausible};
+pub use examples::{Collector, Examples, LabelledRow, LeftOut, LeftOutReason, NoExamples, RowKind, SPLIT_SEED};
+pub use header::TrainingRecord;
 pub use metrics::Metrics;
 pub use monitor::Monitor;
 pub use networks::{Constants, ConstantsError, NetworkKind};
 pub use options::{OptimizerKind, TrainOptions};
 pub use outcome::{Ending, EpochReport, TrainError, Trained};
 pub use predict::Surrogate;
+pub use scene_check::SceneError;
 pub use train::{train, update};
-pub use trained_for::SceneError;
 pub use weights::{LoadError, annotated};

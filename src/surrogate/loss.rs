@@ -1,5 +1,5 @@
 //! The loss of Qin et al. (Soft Robotics 2024, doi 10.1089/soro.2024.0063): smooth L1 plus λ times the largest error,
-//! plus the same smooth L1 for the auxiliary answer at half resolution.
+//! plus the same smooth L1 for the auxiliary output at half resolution.
 
 use candle_core::{Result, Tensor};
 use candle_nn::loss::huber;
@@ -7,19 +7,19 @@ use candle_nn::loss::huber;
 use super::encode::half_resolution;
 use super::networks::Output;
 
-/// Weights of the terms beside the smooth L1 of the displacement.
+/// Weights of the further terms.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LossWeights {
-    /// λ, for the largest absolute error of each field.
+    /// λ, the weight of the largest absolute error of each field.
     pub(crate) maximum: f64,
-    /// For the auxiliary answer at half resolution.
+    /// Weight of the auxiliary output at half resolution.
     pub(crate) auxiliary: f64,
 }
 
-/// Threshold of the smooth L1 (Girshick, Fast R-CNN, ICCV 2015), which is Huber's loss: below it an error counts by its square.
+/// Threshold of the smooth L1, which is Huber's loss: the loss is quadratic below it (Girshick, Fast R-CNN, ICCV 2015).
 const THRESHOLD: f64 = 1.0;
 
-/// The loss summed over the images of a batch: a scalar.
+/// Returns the loss summed over a batch, a scalar.
 pub(crate) fn total_loss(output: &Output, target: &Tensor, weights: LossWeights) -> Result<Tensor> {
     let images = target.dim(0)? as f64;
     let largest = (&output.displacement - target)?
@@ -42,7 +42,7 @@ mod tests {
     use super::*;
     use crate::encode::INNER;
 
-    /// The loss of one image whose errors are 0 but for the given ones of the displacement and of the auxiliary answer.
+    /// The loss of one image whose errors are 0 except for the given ones of the displacement and the auxiliary output.
     fn loss(errors: &[f32], auxiliary: &[f32], weights: LossWeights) -> f64 {
         let image = |errors: &[f32], channels: usize, side: usize| {
             let mut values = vec![0.0; channels * side * side];

@@ -1,35 +1,35 @@
-//! How well predictions agree with simulations.
+//! Errors of predicted fields.
 
 use std::collections::BTreeSet;
 
 use super::example::{Example, Label};
 use deaflow_dataset::Split;
 
-/// The name under which all families are measured together.
+/// Name of the group of all families.
 pub(crate) const ALL: &str = "all";
 
-/// Agreement of predicted with simulated fields over a group of examples.
+/// Errors of predicted fields over a group of examples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metrics {
     /// The family, or "all".
     pub family: String,
-    /// The part of the dataset.
+    /// The split.
     pub split: Split,
-    /// How many examples.
+    /// Number of examples.
     pub samples: u64,
     /// Root mean square error in mm over both components at all corners.
     pub rmse_mm: f64,
-    /// Coefficient of determination over all components: 1 − Σ error² / Σ (value − mean)². Where the values do not vary
-    /// it is 1 for a perfect prediction and 0 otherwise.
+    /// Coefficient of determination over all components: 1 − Σ error² / Σ (value − mean)². For constant values it is 1
+    /// for a perfect prediction and 0 otherwise.
     pub r2: f64,
     /// Largest absolute error of a component in mm.
     pub max_error_mm: f64,
 }
 
-/// What one prediction adds to the metrics of the groups that its example belongs to.
+/// Contribution of one prediction to the metrics of its groups.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Agreement {
-    /// Components of the field: both at all corners, those of the edges included, where all is zero.
+pub(crate) struct ErrorSums {
+    /// Number of components of the field: both at all corners, the edges included, which are zero.
     components: f64,
     /// Sum of the squared errors of the components, mm².
     error: f64,
@@ -37,75 +37,71 @@ pub(crate) struct Agreement {
     largest: f64,
     /// Sum of the simulated components, mm.
     sum: f64,
-    /// Sum of their squares, mm².
+    /// Sum of the squares of the simulated components, mm².
     squares: f64,
 }
 
-impl Agreement {
-    /// Of a label with a prediction at the same inner corners, in units of `scale` mm.
+impl ErrorSums {
+    /// Compares a label with a prediction at the same inner corners in units of `scale` mm.
     pub(crate) fn of(label: &Label, predicted: &[f32], scale: f64) -> Self {
-        let nothing = Self {
+        let mut sums = Self {
             components: (2 * label.raster().corners()) as f64,
             error: 0.0,
             largest: 0.0,
             sum: 0.0,
             squares: 0.0,
         };
-        let values = label.values();
-        let pairs = values.iter().zip(predicted);
-        pairs.fold(nothing, |so_far, (value, predicted)| {
+        for (value, predicted) in label.values().iter().zip(predicted) {
             let value = f64::from(*value);
             let error = f64::from(*predicted) * scale - value;
-            Self {
-                components: so_far.components,
-                error: so_far.error + error * error,
-                largest: so_far.largest.max(error.abs()),
-                sum: so_far.sum + value,
-                squares: so_far.squares + value * value,
-            }
-        })
+            sums.error += error * error;
+            sums.largest = sums.largest.max(error.abs());
+            sums.sum += value;
+            sums.squares += value * value;
+        }
+        sums
     }
 }
 
-/// Root mean square error in mm over all components.
-pub(crate) fn rmse_mm(agreements: &[Agreement]) -> f64 {
-    let errors: f64 = agreements.iter().map(|a| a.error).sum();
-    let components: f64 = agreements.iter().map(|a| a.components).sum();
+/// Returns the root mean square error in mm over all components.
+pub(crate) fn rmse_mm(sums: &[ErrorSums]) -> f64 {
+    let errors: f64 = sums.iter().map(|a| a.error).sum();
+    let components: f64 = sums.iter().map(|a| a.components).sum();
     (errors / components).sqrt()
 }
 
-/// The same with each prediction counted as often as the number beside it says.
-pub(crate) fn weighted_rmse_mm(agreements: impl Iterator<Item = (Agreement, u32)>) -> f64 {
-    let (errors, count) = agreements.fold((0.0, 0.0), |(errors, count), (agreement, weight)| {
+/// Returns the root mean square error in mm with each prediction weighted by its count.
+pub(crate) fn weighted_rmse_mm(sums: impl Iterator<Item = (ErrorSums, u32)>) -> f64 {
+    let (errors, count) = sums.fold((0.0, 0.0), |(errors, count), (sums, weight)| {
         let weight = f64::from(weight);
-        (errors + weight * agreement.error, count + weight * agreement.components)
+        (errors + weight * sums.error, count + weight * sums.components)
     });
     (errors / count).sqrt()
 }
 
-/// The metrics of every group that has examples: for each part of the dataset "all", then the families by name.
-pub(crate) fn measure(examples: &[Example], agreements: &[Agreement]) -> Vec<Metrics> {
+/// Returns the metrics of every group with examples: for each split "all", then the families by name.
+pub(crate) fn measure(examples: &[Example], sums: &[ErrorSums]) -> Vec<Metrics> {
     let families: BTreeSet<&str> = examples.iter().map(|e| e.family.as_str()).collect();
     let names: Vec<&str> = std::iter::once(ALL).chain(families).collect();
     let mut metrics = Vec::new();
     for split in Split::ALL {
         for &name in &names {
-            let group: Vec<Agreement> = examples
+            let group: Vec<ErrorSums> = examples
                 .iter()
-                .zip(agreements)
+                .zip(sums)
                 .filter(|(e, _)| e.split == split && (name == ALL || e.family == name))
-                .map(|(_, agreement)| *agreement)
+                .map(|(_, sums)| *sums)
                 .collect();
             if !group.is_empty() {
-                metrics.push(compare(name, split, &group));
+                metrics.push(of_group(name, split, &group));
             }
         }
     }
     metrics
 }
 
-fn compare(family: &str, split: Split, group: &[Agreement]) -> Metrics {
-    let total = |part: fn(&Agreement) -> f64| group.iter().map(part).sum::<f64>();
+fn of_group(family: &str, split: Split, group: &[ErrorSums]) -> Metrics {
+    let total = |part: fn(&ErrorSums) -> f64| group.iter().map(part).sum::<f64>();
     let (error, sum, squares) = (total(|a| a.error), total(|a| a.sum), total(|a| a.squares));
     let count = total(|a| a.components);
     let variation = squares - sum * sum / count;
@@ -132,7 +128,7 @@ mod tests {
 
     const COMPONENTS: f64 = (2 * CORNERS * CORNERS) as f64;
 
-    /// A label that is zero but for the first components.
+    /// A label that is zero except for the first components.
     fn label(first: &[f64]) -> Label {
         let mut values = vec![0.0; CORNERS * CORNERS * 2];
         values[2 * (CORNERS + 1)..][..first.len()].copy_from_slice(first);
@@ -151,10 +147,10 @@ mod tests {
 
     fn measured(examples: &[Example], predicted: &[&[f64]]) -> Vec<Metrics> {
         let pairs = examples.iter().zip(predicted);
-        let agreements: Vec<Agreement> = pairs
-            .map(|(example, first)| Agreement::of(&example.label, &label(first).values(), 1.0))
+        let sums: Vec<ErrorSums> = pairs
+            .map(|(example, first)| ErrorSums::of(&example.label, &label(first).values(), 1.0))
             .collect();
-        measure(examples, &agreements)
+        measure(examples, &sums)
     }
 
     #[test]
@@ -170,8 +166,8 @@ mod tests {
 
     #[test]
     fn predictions_are_in_units_of_the_scale() {
-        let found = Agreement::of(&label(&[0.5, 1.0]), &label(&[1.0, 2.5]).values(), 0.5);
-        let expected = Agreement {
+        let found = ErrorSums::of(&label(&[0.5, 1.0]), &label(&[1.0, 2.5]).values(), 0.5);
+        let expected = ErrorSums {
             components: COMPONENTS,
             error: 0.0625,
             largest: 0.25,
@@ -183,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_stand_in_fixed_order_and_empty_ones_are_left_out() {
+    fn groups_have_a_fixed_order_and_empty_groups_are_omitted() {
         let examples = [
             example("b", Split::Test, &[1.0]),
             example("b", Split::Train, &[1.0]),
@@ -204,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn still_fields_have_a_coefficient_of_determination() {
+    fn zero_fields_have_a_coefficient_of_determination() {
         let examples = [example("a", Split::Test, &[])];
         assert_eq!(measured(&examples, &[&[]])[0].r2, 1.0);
         assert_eq!(measured(&examples, &[&[1.0]])[0].r2, 0.0);

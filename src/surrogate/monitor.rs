@@ -1,44 +1,43 @@
-//! Who follows a training.
+//! Callbacks of a training: progress and checkpoints.
 
 use super::outcome::EpochReport;
 use deaflow_base::Stopped;
 
-/// Follows a training, and keeps what it needs to be gone on with. All that is left out does nothing.
+/// Receives the progress of a training and stores its checkpoints. The default methods do nothing.
 pub trait Monitor {
-    /// Within an epoch, after each step: the number of the epoch from 1, which part of it is done, and the mean loss per example
-    /// in it so far.
+    /// Called after each step with the epoch (from 1), the finished share of the epoch, and the mean loss per example
+    /// in the epoch so far.
     fn step(&self, epoch: u32, done: f64, loss: f64) {
         let _ = (epoch, done, loss);
     }
 
-    /// After each epoch.
+    /// Called after each epoch.
     fn epoch(&self, report: &EpochReport) {
         let _ = report;
     }
 
-    /// Before the first epoch, when an earlier training with the same examples and options is gone on with: how many epochs it
-    /// has done.
+    /// Called before the first epoch when the training resumes from a checkpoint, with the number of finished epochs.
     fn resumed(&self, epochs: u32) {
         let _ = epochs;
     }
 
-    /// The state that was last kept, if any.
-    fn kept(&self) -> Option<Vec<u8>> {
+    /// Returns the last stored checkpoint.
+    fn checkpoint(&self) -> Option<Vec<u8>> {
         None
     }
 
-    /// After each epoch: the state, for whoever wants to keep it. It is made when `state` is called.
+    /// Called after each epoch to store a checkpoint; `state` encodes it.
     ///
     /// # Errors
     /// When the training is to stop here.
-    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
+    fn store_checkpoint(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
         let _ = state;
         Ok(())
     }
 
-    /// A state that was kept, but is not one of this training: it is not used.
-    fn unusable(&self) {}
+    /// Called when the stored checkpoint belongs to another training; it is not used.
+    fn unusable_checkpoint(&self) {}
 }
 
-/// Nobody.
+/// Ignores the progress.
 impl Monitor for () {}

@@ -1,4 +1,4 @@
-//! How to train.
+//! Options of a training.
 
 use super::networks::NetworkKind;
 use super::outcome::TrainError;
@@ -7,11 +7,11 @@ use deaflow_dataset::SymmetryGroup;
 use deaflow_pattern::Symmetries;
 
 words! {
-    /// How weights follow gradients.
+    /// Optimiser.
     pub enum OptimizerKind {
-        /// All weights by AdamW.
+        /// AdamW for all weights.
         AdamW = "adamw",
-        /// The kernels of convolutions by Muon, everything else by AdamW.
+        /// Muon for convolution kernels, AdamW for all other weights.
         Muon = "muon",
     }
 }
@@ -19,36 +19,38 @@ words! {
 /// Options of a training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainOptions {
-    /// Which network.
+    /// The network.
     pub network: NetworkKind,
-    /// Passes over the training examples, at least 1; 30 by default.
+    /// Passes over the training examples, at least 1. Default: 30.
     pub epochs: u32,
-    /// Epochs without a smaller error on the validation examples (on the training examples where there are none) after which
-    /// the training ends, at least 1; as many as there are by default.
+    /// Early stopping: training ends after this many epochs without a smaller validation error (training error where
+    /// there are no validation examples), at least 1. Default: no early stopping.
     pub patience: Option<u32>,
-    /// Examples per step, at least 1; 8 by default: with a thousand examples many small steps beat few large ones.
+    /// Examples per step, at least 1. Default: 8, because with a thousand examples many small steps beat few large
+    /// ones.
     pub batch: u32,
-    /// The optimiser; Muon by default.
+    /// The optimiser. Default: Muon.
     pub optimizer: OptimizerKind,
-    /// Largest learning rate, above 0; 0.002 by default, and 0.01 for the network `physics`, whose few weights bear it.
+    /// Largest learning rate, above 0. Default: 0.002; 0.01 for the network `physics`, which has few weights.
     pub learning_rate: f64,
-    /// Pull of the weights towards zero, per unit of learning rate (Loshchilov & Hutter, "Decoupled weight decay
-    /// regularization", ICLR 2019), at least 0; 0.0001 by default.
+    /// Weight decay per unit of learning rate (Loshchilov & Hutter, "Decoupled weight decay regularization", ICLR
+    /// 2019), at least 0. Default: 0.0001.
     pub weight_decay: f64,
-    /// Largest norm of the gradient of all weights together, above 0: longer ones are shortened to it (Pascanu, Mikolov &
-    /// Bengio, ICML 2013). By default none is shortened.
+    /// Gradient clipping: largest norm of the gradient of all weights, above 0 (Pascanu, Mikolov & Bengio, ICML 2013).
+    /// Default: no clipping.
     pub gradient_norm: Option<f64>,
-    /// By what each example of a step is turned, drawn anew in every epoch; by nothing by default.
+    /// Data augmentation: each epoch transforms each example by a random symmetry. Default: none.
     pub symmetry: SymmetryGroup,
-    /// What maps the device to itself: of these `symmetry` turns examples; those of the square by default.
+    /// Symmetries of the device, from which augmentation draws. Default: those of the square.
     pub symmetries: Symmetries,
-    /// Of each group of electrodes the share of the largest load, which goes with the squared voltage; one group by default.
+    /// Load of each electrode group relative to the largest. Load is proportional to voltage squared. Default: one
+    /// group.
     pub loads: Vec<f64>,
-    /// λ: weight of the largest absolute error of each field in the loss, at least 0; 0.1 by default.
+    /// λ: weight of the largest absolute error of each field in the loss, at least 0. Default: 0.1.
     pub max_weight: f64,
-    /// Weight of the auxiliary branch at half resolution in the loss, at least 0; 0.2 by default.
+    /// Weight of the auxiliary output at half resolution in the loss, at least 0. Default: 0.2.
     pub auxiliary_weight: f64,
-    /// Seed of the weights, of the order of the examples and of their symmetries; 0 by default.
+    /// Seed of the initial weights, the order of the examples and their symmetries. Default: 0.
     pub seed: u64,
 }
 
@@ -74,7 +76,7 @@ impl Default for TrainOptions {
 }
 
 impl TrainOptions {
-    /// The defaults for a network.
+    /// Returns the defaults for a network.
     #[must_use]
     pub fn of(network: NetworkKind) -> Self {
         let defaults = Self::default();
@@ -88,40 +90,28 @@ impl TrainOptions {
         }
     }
 
-    /// Whether every option is in its range.
+    /// Returns an error for the first option that is out of range.
     pub(crate) fn check(&self) -> Result<(), TrainError> {
-        let positive = |value: f64| value.is_finite() && value > 0.0;
-        let weight = |value: f64| value.is_finite() && value >= 0.0;
+        let check = |name, value: f64, in_range: bool, allowed| match value.is_finite() && in_range {
+            true => Ok(()),
+            false => Err(TrainError::Option { name, value, allowed }),
+        };
         let (patience, norm) = (self.patience.unwrap_or(1), self.gradient_norm.unwrap_or(1.0));
-        let checks = [
-            ("epochs", f64::from(self.epochs), self.epochs >= 1, "at least 1"),
-            ("patience", f64::from(patience), patience >= 1, "at least 1"),
-            ("batch", f64::from(self.batch), self.batch >= 1, "at least 1"),
-            (
-                "learning_rate",
-                self.learning_rate,
-                positive(self.learning_rate),
-                "above 0",
-            ),
-            (
-                "weight_decay",
-                self.weight_decay,
-                weight(self.weight_decay),
-                "at least 0",
-            ),
-            ("gradient_norm", norm, positive(norm), "above 0"),
-            ("max_weight", self.max_weight, weight(self.max_weight), "at least 0"),
-            (
-                "auxiliary_weight",
-                self.auxiliary_weight,
-                weight(self.auxiliary_weight),
-                "at least 0",
-            ),
-        ];
-        match checks.into_iter().find(|(_, _, valid, _)| !valid) {
-            Some((name, value, _, allowed)) => Err(TrainError::Option { name, value, allowed }),
-            None => Ok(()),
+        for (name, value) in [("epochs", self.epochs), ("patience", patience), ("batch", self.batch)] {
+            check(name, value.into(), value >= 1, "at least 1")?;
         }
+        for (name, value) in [("learning_rate", self.learning_rate), ("gradient_norm", norm)] {
+            check(name, value, value > 0.0, "above 0")?;
+        }
+        let (weight_decay, max_weight, auxiliary) = (self.weight_decay, self.max_weight, self.auxiliary_weight);
+        for (name, value) in [
+            ("weight_decay", weight_decay),
+            ("max_weight", max_weight),
+            ("auxiliary_weight", auxiliary),
+        ] {
+            check(name, value, value >= 0.0, "at least 0")?;
+        }
+        Ok(())
     }
 }
 
@@ -130,9 +120,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn refuses_what_cannot_train() {
+    fn options_out_of_range_are_refused() {
         assert!(TrainOptions::default().check().is_ok());
-        let spoils: [fn(&mut TrainOptions); 10] = [
+        let changes: [fn(&mut TrainOptions); 10] = [
             |o| o.epochs = 0,
             |o| o.patience = Some(0),
             |o| o.batch = 0,
@@ -144,9 +134,9 @@ mod tests {
             |o| o.max_weight = -0.1,
             |o| o.auxiliary_weight = f64::INFINITY,
         ];
-        for (k, spoil) in spoils.into_iter().enumerate() {
+        for (k, change) in changes.into_iter().enumerate() {
             let mut options = TrainOptions::default();
-            spoil(&mut options);
+            change(&mut options);
             assert!(options.check().is_err(), "case {k}");
         }
     }

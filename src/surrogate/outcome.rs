@@ -1,4 +1,4 @@
-//! What a training comes to.
+//! Results and errors of a training.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,64 +6,63 @@ use super::metrics::Metrics;
 use deaflow_base::Stopped;
 use deaflow_pattern::Raster;
 
-/// What an epoch came to.
+/// Result of an epoch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EpochReport {
     /// Number of the epoch, from 1.
     pub epoch: u32,
-    /// Mean loss per example over the epoch, while the weights were changing.
+    /// Mean loss per example during the epoch.
     pub train_loss: f64,
-    /// Mean loss per validation example after the epoch; per training example where there is no validation example.
+    /// Mean loss per validation example after the epoch (per training example where there are no validation examples).
     pub validation_loss: f64,
-    /// Root mean square error in mm, over both components at all corners, of the same examples after the epoch.
+    /// Root mean square error in mm of the same examples after the epoch, over both components at all corners.
     pub validation_rmse_mm: f64,
-    /// The error by which epochs are judged, mm: that of the validation examples and of the training examples that an epoch shows
-    /// more than once, these counted as often as they are shown. Where there are none of either kind it is the one above.
-    pub judged_rmse_mm: f64,
+    /// Error that selects the best epoch, mm. It also includes the training examples that an epoch repeats, weighted by
+    /// their repeats; without such examples or without validation examples it equals `validation_rmse_mm`.
+    pub selection_rmse_mm: f64,
     /// Learning rate of the last step.
     pub learning_rate: f64,
 }
 
-/// How a training ended.
+/// Reason for which a training ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// After its last epoch.
+    /// The last epoch was reached.
     Complete,
-    /// After as many epochs without a better one as its patience allows.
+    /// Early stopping.
     Patience,
-    /// In this epoch the loss exploded or was no number; an epoch before it is kept.
+    /// The loss of this epoch exploded or was not finite; the best earlier epoch is kept.
     Diverged(u32),
 }
 
-/// A trained network with the record of its training.
+/// A trained network and its training history.
 #[derive(Clone, Debug)]
 pub struct Trained {
     /// The network as safetensors; [`super::Surrogate::load`] reads it.
     pub weights: Vec<u8>,
-    /// One report per epoch that was finished.
+    /// One report per finished epoch.
     pub curves: Vec<EpochReport>,
-    /// Metrics of the kept epoch: for each part of the dataset "all", then the families by name; groups without examples
-    /// are left out.
+    /// Metrics of the best epoch, for each split "all", then the families by name. Groups without examples are omitted.
     pub metrics: Vec<Metrics>,
-    /// The epoch that was kept: the best on the validation examples, or the last where there are none.
+    /// The epoch whose weights are kept: the best one, or the last where there are no validation examples.
     pub best_epoch: u32,
-    /// How it ended.
+    /// Reason for which the training ended.
     pub ending: Ending,
 }
 
-/// A training that could not be done.
+/// Error of a training.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
-    /// Nothing to learn from.
+    /// There are no training examples.
     #[error("there are no training examples")]
     NoExamples,
-    /// Examples of several membranes.
-    #[error("some examples have {} cells and some {}", .0[0], .0[1])]
+    /// The examples differ in their cells.
+    #[error("examples differ in size: some have {} cells, some {}", .0[0], .0[1])]
     Rasters([Raster; 2]),
-    /// Examples with more groups of electrodes than the device has.
-    #[error("an example has electrodes of group {}, and groups of the device number {}", .0[1], .0[0])]
+    /// An example has more electrode groups than the device.
+    #[error("an example uses electrode group {}, but the device has groups 1 to {}", .0[1], .0[0])]
     Groups([usize; 2]),
-    /// An option out of its range.
+    /// An option is out of range.
     #[error("{name} is {value}; it must be {allowed}")]
     Option {
         /// Which option.
@@ -73,29 +72,29 @@ pub enum TrainError {
         /// What is allowed.
         allowed: &'static str,
     },
-    /// A network that starts from what is known of the scene was not told it.
+    /// The network needs the constants of the scene.
     #[error("the network {network} needs the linear response of the scene")]
     NoConstants {
         /// The network.
         network: &'static str,
     },
-    /// The loss has exploded or is no number, and no epoch before was better than the untrained network.
+    /// The loss exploded or is not finite, and no earlier epoch improved on the untrained network.
     #[error(
-        "the training diverged in epoch {epoch}, and no epoch before it was better than the untrained network; a smaller \
-         learning rate may help"
+        "training diverged in epoch {epoch} and no earlier epoch improved on the untrained network; try a smaller \
+         learning rate"
     )]
     Diverged {
         /// The epoch.
         epoch: u32,
     },
-    /// The network to begin with is none, or another one.
-    #[error("the training cannot begin from the model: {0}")]
-    Start(String),
-    /// It was asked to stop.
+    /// Training cannot start from the given model.
+    #[error("cannot start training from the model: {0}")]
+    WarmStart(String),
+    /// The training was stopped.
     #[error(transparent)]
     Stopped(#[from] Stopped),
-    /// What the numerical library reported.
-    #[error("the training failed: {0}")]
+    /// The numerical library reported an error.
+    #[error("training failed: {0}")]
     Failed(String),
 }
 

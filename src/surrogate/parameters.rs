@@ -1,8 +1,8 @@
-//! Where candle-nn's `VarBuilder` gets the weights of a network: freshly drawn, or read back.
+//! Backends of candle-nn's `VarBuilder`: random initial weights, and weights of a model file.
 //!
-//! candle-nn draws initial weights from the generator of the thread; here each tensor has a stream of its own, named after
-//! it, so that weights depend on the seed alone. Constants of a network, which are not trained, are those that it asks for
-//! without saying how they would be drawn ([`constant`]).
+//! candle-nn draws initial weights from a generator of the thread. Here each tensor has its own random stream, named
+//! after the tensor, so that the weights depend on the seed only. Networks request constants, which are not trained,
+//! through [`constant`].
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -13,43 +13,42 @@ use candle_nn::{Init, VarBuilder, VarMap};
 
 use deaflow_base::Stream;
 
-/// Weights to be trained, drawn under a seed, beside constants.
-pub(crate) struct Drawn<'a> {
+/// Random initial weights, and constants.
+pub(crate) struct RandomWeights<'a> {
     seed: u64,
     constants: &'a BTreeMap<String, Tensor>,
     variables: VarMap,
 }
 
-impl<'a> Drawn<'a> {
-    /// Nothing drawn yet.
+impl<'a> RandomWeights<'a> {
+    /// Creates the backend of a seed.
     pub(crate) fn new(constants: &'a BTreeMap<String, Tensor>, seed: u64) -> Self {
-        let variables = VarMap::new();
         Self {
             seed,
             constants,
-            variables,
+            variables: VarMap::new(),
         }
     }
 
-    /// What a network is built from.
+    /// Returns a builder for a network.
     pub(crate) fn builder(&self) -> VarBuilder<'_> {
         VarBuilder::from_backend(Box::new(self), DType::F32, Device::Cpu)
     }
 
-    /// The weights that were drawn, in the order of their names.
+    /// Returns the weights drawn so far, in the order of their names.
     pub(crate) fn variables(&self) -> Vec<(String, Var)> {
         let variables: BTreeMap<String, Var> = locked(self.variables.data()).clone().into_iter().collect();
         variables.into_iter().collect()
     }
 }
 
-impl SimpleBackend for &Drawn<'_> {
+impl SimpleBackend for &RandomWeights<'_> {
     fn get(&self, shape: Shape, name: &str, init: Init, _: DType, device: &Device) -> Result<Tensor> {
         let mut stream = Stream::new(self.seed, &format!("surrogate weights {name}"), 0);
         let mut value = || match init {
             Init::Const(value) => Ok(value as f32),
             Init::Randn { mean, stdev } => Ok((mean + stream.normal() * stdev) as f32),
-            other => bail!("weights are not drawn as {other:?}"),
+            other => bail!("unsupported initialisation {other:?}"),
         };
         let values: Vec<f32> = (0..shape.elem_count()).map(|_| value()).collect::<Result<_>>()?;
         let var = Var::from_vec(values, shape, device)?;
@@ -67,25 +66,25 @@ impl SimpleBackend for &Drawn<'_> {
     }
 }
 
-/// Weights and constants read back.
-pub(crate) struct Stored<'a> {
+/// Weights and constants of a model file.
+pub(crate) struct StoredWeights<'a> {
     tensors: &'a BTreeMap<String, Tensor>,
     used: Mutex<BTreeSet<String>>,
 }
 
-impl<'a> Stored<'a> {
-    /// Those of a model.
+impl<'a> StoredWeights<'a> {
+    /// Creates the backend of the tensors of a model.
     pub(crate) fn new(tensors: &'a BTreeMap<String, Tensor>) -> Self {
         let used = Mutex::default();
         Self { tensors, used }
     }
 
-    /// What a network is built from.
+    /// Returns a builder for a network.
     pub(crate) fn builder(&self) -> VarBuilder<'_> {
         VarBuilder::from_backend(Box::new(self), DType::F32, Device::Cpu)
     }
 
-    /// A tensor that no network asked for, if there is one.
+    /// Returns a tensor that no network has used, if there is one.
     pub(crate) fn unused(&self) -> Option<&str> {
         let used = locked(&self.used);
         let unused = self.tensors.keys().find(|name| !used.contains(*name));
@@ -93,7 +92,7 @@ impl<'a> Stored<'a> {
     }
 }
 
-impl SimpleBackend for &Stored<'_> {
+impl SimpleBackend for &StoredWeights<'_> {
     fn get(&self, shape: Shape, name: &str, _: Init, dtype: DType, device: &Device) -> Result<Tensor> {
         shaped(self.get_unchecked(name, dtype, device)?, name, shape.dims())
     }
@@ -108,7 +107,7 @@ impl SimpleBackend for &Stored<'_> {
     }
 }
 
-/// The tensor of that name and shape that is part of a network and not trained.
+/// Returns a constant of a network by name and shape.
 pub(crate) fn constant(weights: &VarBuilder<'_>, name: &str, dims: &[usize]) -> Result<Tensor> {
     shaped(weights.get_unchecked(name)?, name, dims)
 }
@@ -127,7 +126,7 @@ fn shaped(tensor: Tensor, name: &str, dims: &[usize]) -> Result<Tensor> {
     }
 }
 
-/// What a panic elsewhere leaves behind is complete: every change is one insertion.
+/// Locks a mutex. After a panic the data is still valid, because every change is a single insertion.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -143,7 +142,7 @@ mod tests {
         let constants = BTreeMap::new();
         let normal = Init::Randn { mean: 0.0, stdev: 0.5 };
         let drawn = |seed, names: &[&str]| {
-            let source = Drawn::new(&constants, seed);
+            let source = RandomWeights::new(&constants, seed);
             for name in names {
                 let layer = source.builder().pp("layer");
                 layer.get_with_hints((2, 3), name, normal).unwrap();
@@ -164,7 +163,7 @@ mod tests {
     fn stored_tensors_are_found_by_name_and_shape() {
         let tensor = |count: usize| Tensor::zeros(count, DType::F32, &Device::Cpu).unwrap();
         let tensors = BTreeMap::from([("a".to_owned(), tensor(2)), ("b".to_owned(), tensor(3))]);
-        let source = Stored::new(&tensors);
+        let source = StoredWeights::new(&tensors);
         assert_eq!(source.unused(), Some("a"));
         assert!(source.builder().get(2, "a").is_ok() && source.unused() == Some("b"));
         assert!(constant(&source.builder(), "b", &[3]).is_ok() && source.unused().is_none());

@@ -1,18 +1,18 @@
-//! A trained network as a predictor.
+//! Surrogates: trained networks that predict displacement fields.
 
 use candle_core::{DType, Tensor};
 use rayon::prelude::*;
 
 use super::encode::{patterns_to_tensor, tensor_to_fields};
-use super::header::{Header, Record};
+use super::header::{Header, TrainingRecord};
 use super::networks::{Network, NetworkKind};
 use super::onnx::to_onnx;
-use super::parameters::Stored;
+use super::parameters::StoredWeights;
 use super::weights::{LoadError, from_bytes};
 use deaflow_field::{Evaluator, Field, PredictError, Predictor};
 use deaflow_pattern::{Pattern, PatternForm};
 
-/// Patterns that a network is asked for at once where it serves.
+/// Patterns per batch when a surrogate evaluates many patterns.
 const BATCH: usize = 1000;
 
 /// A trained network.
@@ -24,24 +24,24 @@ pub struct Surrogate {
 }
 
 impl Surrogate {
-    /// The network in the bytes that training gave.
+    /// Loads a model file.
     ///
     /// # Errors
-    /// When the bytes are damaged, or are not a network of this program.
+    /// When the bytes are damaged or not a supported model.
     pub fn load(bytes: &[u8]) -> Result<Self, LoadError> {
         let unsuitable = |e: candle_core::Error| LoadError::Unsuitable(e.to_string());
         let (header, tensors) = from_bytes(bytes)?;
         let kind = NetworkKind::from_name(&header.network)
-            .ok_or_else(|| LoadError::Unsuitable(format!("it holds a network called '{}'", header.network)))?;
+            .ok_or_else(|| LoadError::Unsuitable(format!("unknown network '{}'", header.network)))?;
         for (name, tensor) in &tensors {
             check_tensor(name, tensor)?;
         }
-        let form = || LoadError::Unsuitable("it takes patterns in another form".to_owned());
-        let form = header.form().ok_or_else(form)?;
-        let weights = Stored::new(&tensors);
+        let form = header.form();
+        let form = form.ok_or_else(|| LoadError::Unsuitable("unknown form of patterns".to_owned()))?;
+        let weights = StoredWeights::new(&tensors);
         let network = kind.build(&weights.builder(), form.raster).map_err(unsuitable)?;
         if let Some(name) = weights.unused() {
-            let why = format!("its network {} has no tensor {name}", kind.name());
+            let why = format!("network {} has no tensor {name}", kind.name());
             return Err(LoadError::Unsuitable(why));
         }
         Ok(Self {
@@ -52,21 +52,22 @@ impl Surrogate {
         })
     }
 
-    /// The scene that its training data was simulated in, as artifacts carry it; none where the file does not say.
+    /// Returns the scene of its training data in the text form of artifacts, if the file names it.
     #[must_use]
     pub fn scene(&self) -> Option<&str> {
         self.header.scene.as_deref()
     }
 
-    /// What its file says about it, as JSON: network, input, output, scale, scene, training, tensors.
+    /// Returns the header of its file as JSON: network, input, output, scale, scene, training, tensors.
     ///
     /// # Errors
-    /// When it cannot be written as text, which a header that was read always can.
+    /// When the header cannot be encoded; a header that was read always can.
     pub fn header(&self) -> Result<String, PredictError> {
         serde_json::to_string(&self.header).map_err(PredictError::failed)
     }
 
-    /// The network as an ONNX file: patterns (n, rows, columns) in u8 to displacements (n, rows + 1, columns + 1, 2) in mm, f32.
+    /// Exports the network as an ONNX file that maps patterns (n, rows, columns) in u8 to displacements
+    /// (n, rows + 1, columns + 1, 2) in mm, f32.
     ///
     /// # Errors
     /// When its tensors cannot be read.
@@ -75,19 +76,19 @@ impl Surrogate {
         to_onnx(self.network.as_ref(), self.form.raster, &self.header, &header).map_err(PredictError::failed)
     }
 
-    /// How it was trained; none where the file does not say.
+    /// Returns the record of its training, if the file has one.
     #[must_use]
-    pub fn training(&self) -> Option<&Record> {
+    pub fn training(&self) -> Option<&TrainingRecord> {
         self.header.training.as_ref()
     }
 
-    /// What the patterns are that it knows.
+    /// Returns the form of its patterns.
     #[must_use]
     pub fn form(&self) -> PatternForm {
         self.form
     }
 
-    /// Which network it is.
+    /// Returns the kind of the network.
     #[must_use]
     pub fn kind(&self) -> NetworkKind {
         self.kind
@@ -96,22 +97,18 @@ impl Surrogate {
 
 fn check_tensor(name: &str, tensor: &Tensor) -> Result<(), LoadError> {
     let damaged = |e: candle_core::Error| LoadError::Damaged(e.to_string());
-    if tensor.dtype() != DType::F32 {
-        return Err(LoadError::Unsuitable(format!(
-            "tensor {name} is {:?}, not F32",
-            tensor.dtype()
-        )));
+    let dtype = tensor.dtype();
+    if dtype != DType::F32 {
+        return Err(LoadError::Unsuitable(format!("tensor {name} is {dtype:?}, not F32")));
     }
     let values = tensor.flatten_all().and_then(|t| t.to_vec1::<f32>()).map_err(damaged)?;
     match values.iter().all(|v| v.is_finite()) {
         true => Ok(()),
-        false => Err(LoadError::Damaged(format!(
-            "tensor {name} has a value that is not finite"
-        ))),
+        false => Err(LoadError::Damaged(format!("tensor {name} contains NaN or infinity"))),
     }
 }
 
-/// The fields in mm that a network predicts, one per pattern.
+/// Predicts the field of each pattern in mm.
 fn evaluate(
     network: &dyn Network,
     PatternForm { raster, groups }: PatternForm,
@@ -119,17 +116,12 @@ fn evaluate(
     patterns: &[&Pattern],
 ) -> Result<Vec<Field>, PredictError> {
     if let Some(other) = patterns.iter().find(|pattern| pattern.raster() != raster) {
-        let why = format!(
-            "the network is for {raster} cells, and a pattern has {}",
-            other.raster()
-        );
+        let why = format!("the network needs patterns of {raster} cells, found {}", other.raster());
         return Err(PredictError::failed(why));
     }
     if let Some(pattern) = patterns.iter().find(|pattern| pattern.groups() > groups) {
-        let why = format!(
-            "a pattern has electrodes of group {}, and groups that the network knows number {groups}",
-            pattern.groups()
-        );
+        let group = pattern.groups();
+        let why = format!("a pattern uses electrode group {group}, but the network supports groups 1 to {groups}");
         return Err(PredictError::failed(why));
     }
     let failed = |e: candle_core::Error| PredictError::failed(e);

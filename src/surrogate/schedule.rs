@@ -1,10 +1,10 @@
-//! The learning rate over a training.
+//! Learning rate schedule: linear warm-up and cosine decay.
 
-/// Share of the steps over which the rate rises.
+/// Share of the steps during which the rate rises.
 const WARMUP: f64 = 0.08;
 
-/// The factor on the largest rate at a step of `steps`: a linear rise, then half a cosine down to zero (Loshchilov &
-/// Hutter, SGDR, ICLR 2017, without restarts).
+/// Returns the learning rate at a step of `steps` relative to the largest: a linear rise, then half a cosine to zero
+/// (Loshchilov & Hutter, SGDR, ICLR 2017, without restarts).
 pub(crate) fn learning_rate_factor(step: u64, steps: u64) -> f64 {
     let progress = (step as f64 + 0.5) / steps as f64;
     if progress < WARMUP {
@@ -27,7 +27,7 @@ mod tests {
     }
 
     #[test]
-    fn a_training_of_one_step_moves() {
+    fn a_single_step_has_a_positive_rate() {
         let factor = learning_rate_factor(0, 1);
         assert!(factor > 0.1 && factor <= 1.0);
     }

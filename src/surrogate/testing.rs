@@ -1,5 +1,5 @@
-//! Examples for the tests of this room: the linear response of the membrane, which is within a few hundredths of a
-//! millimetre of the nonlinear one.
+//! Examples for the tests of this crate: the linear response of the membrane, which differs from the nonlinear
+//! response by a few hundredths of a millimetre.
 
 use super::example::{Example, Label};
 use deaflow_base::Stream;
@@ -14,7 +14,7 @@ const INNER: usize = CELLS - 1;
 /// κ λp² at λp = 3 and κ = 0.0255, the default scene.
 const LOAD: f64 = 0.2295;
 
-/// The linear response of the default scene at a voltage on the coarsest mesh.
+/// Returns the linear response of the default scene at a voltage on the coarsest mesh.
 pub fn response_at(volts: f64) -> LinearResponse {
     LinearResponse::new(&Scene::vhb4910().at_voltage(volts), Mesh::bilinear(1)).expect("the membrane is stable")
 }

@@ -1,8 +1,8 @@
-//! Training: from examples to a network.
+//! Training of networks.
 //!
-//! Descent on the loss of the source paper, the learning rate rising and then falling to zero; the epoch that is best on
-//! the validation examples is kept. Everything depends on the examples, the options and the seed alone: a training that is
-//! gone on with from a checkpoint ends with the same bits.
+//! Training minimises the loss of the source paper with a learning rate that rises and then falls to zero, and keeps
+//! the epoch with the smallest validation error. The result depends on the examples, the options and the seed only: a
+//! training that resumes from a checkpoint gives the same bits.
 
 use std::collections::BTreeMap;
 
@@ -18,85 +18,85 @@ use super::networks::{Constants, Network};
 use super::optimizer::Optimizer;
 use super::options::TrainOptions;
 use super::outcome::{Ending, EpochReport, TrainError, Trained};
-use super::parameters::Drawn;
+use super::parameters::RandomWeights;
 use super::schedule::learning_rate_factor;
-use super::start::Start;
-use super::step::{AHEAD, Batch, Problem, Shown};
+use super::step::{Augmented, Batch, FROZEN_EXAMPLES, Problem};
+use super::warm_start::WarmStart;
 use super::weights::to_bytes;
 use deaflow_base::Stream;
 use deaflow_dataset::{Split, SymmetryGroup};
 use deaflow_pattern::{Raster, Symmetry};
 
-/// A loss has exploded when it is so many times that of the untrained network, or of a network that answers zero.
+/// The loss has exploded when it exceeds that of the untrained network, or of the prediction zero, by this factor.
 const EXPLOSION: f64 = 10.0;
 
-/// Trains a network on the examples of [`Split::Train`]. A network that [has constants](super::NetworkKind::has_constants)
-/// needs those of the scene that the examples were simulated in. `monitor` follows it, and may keep states from which it is gone on
-/// with.
+/// Trains a network on the examples of [`Split::Train`]. A network that [has
+/// constants](super::NetworkKind::has_constants) needs those of the scene of the examples. `monitor` receives the
+/// progress and may store checkpoints, from which an interrupted training resumes.
 ///
-/// The result has the same bits whatever the number of threads and however often it was interrupted.
+/// The result has the same bits for any number of threads and interruptions.
 ///
 /// # Errors
-/// When there is no training example, an option is out of range, or the training diverges before any epoch was better than the
-/// untrained network.
+/// When there are no training examples, an option is out of range, or the training diverges before any epoch improves
+/// on the untrained network.
 pub fn train(
     examples: &[Example],
     constants: Option<&Constants>,
     options: &TrainOptions,
     monitor: &dyn Monitor,
 ) -> Result<Trained, TrainError> {
-    follow(Trainer::new(examples, constants, options)?, examples, monitor)
+    run(Trainer::new(examples, constants, options)?, examples, monitor)
 }
 
-/// Trains on from a network that was trained before, given by its bytes: as [`train`] does, but from its weights and with its unit of
-/// length. The learning rate rises and falls anew.
+/// Continues the training of a trained network, a model file, with its weights and its unit of length. The learning
+/// rate rises and falls again.
 ///
 /// # Errors
-/// As [`train`], and when the bytes are not those of the same network. "Untrained" is the network as it was given.
+/// As [`train`], where "untrained" is the given network; and when the model does not match the options and examples.
 pub fn update(
-    start: &[u8],
+    model: &[u8],
     examples: &[Example],
     constants: Option<&Constants>,
     options: &TrainOptions,
     monitor: &dyn Monitor,
 ) -> Result<Trained, TrainError> {
     let mut trainer = Trainer::new(examples, constants, options)?;
-    let start = Start::read(start, options, trainer.raster)?;
+    let start = WarmStart::read(model, options, trainer.raster)?;
     start.set(&trainer.vars)?;
     trainer.scale_mm = start.scale_mm;
-    follow(trainer, examples, monitor)
+    run(trainer, examples, monitor)
 }
 
-fn follow(mut trainer: Trainer<'_>, examples: &[Example], monitor: &dyn Monitor) -> Result<Trained, TrainError> {
-    let untrained = trainer.standing()?;
-    if let Some(bytes) = monitor.kept() {
+fn run(mut trainer: Trainer<'_>, examples: &[Example], monitor: &dyn Monitor) -> Result<Trained, TrainError> {
+    let initial = trainer.validation_errors()?;
+    if let Some(bytes) = monitor.checkpoint() {
         match Checkpoint::from_bytes(&bytes).filter(|checkpoint| trainer.fits(checkpoint)) {
             Some(checkpoint) => {
-                trainer.go_on(checkpoint)?;
+                trainer.resume(checkpoint)?;
                 monitor.resumed(trainer.history.curves.len() as u32);
             }
-            None => monitor.unusable(),
+            None => monitor.unusable_checkpoint(),
         }
     }
-    let ending = trainer.run(&untrained, monitor)?;
-    trainer.finish(examples, &untrained, ending)
+    let ending = trainer.epochs(&initial, monitor)?;
+    trainer.finish(examples, &initial, ending)
 }
 
-/// How a network does on the examples by which epochs are judged.
-struct Standing {
+/// Errors on the validation examples.
+struct ValidationErrors {
     /// Mean loss per example.
     loss: f64,
     rmse_mm: f64,
-    /// With the examples that are shown more than once, see [`EpochReport::judged_rmse_mm`].
-    judged_rmse_mm: f64,
+    /// See [`EpochReport::selection_rmse_mm`].
+    selection_rmse_mm: f64,
 }
 
-/// A training under way.
+/// A training in progress.
 struct Trainer<'a> {
     options: &'a TrainOptions,
     raster: Raster,
-    /// By what examples may be turned, the identity first.
-    turns: Vec<Symmetry>,
+    /// Symmetries of the data augmentation, the identity first.
+    symmetries: Vec<Symmetry>,
     training: Vec<&'a Example>,
     validation: Vec<&'a Example>,
     scale_mm: f64,
@@ -125,12 +125,8 @@ impl<'a> Trainer<'a> {
         if let Some(other) = examples.iter().find(|example| example.pattern.raster() != raster) {
             return Err(TrainError::Rasters([raster, other.pattern.raster()]));
         }
-        let most = examples
-            .iter()
-            .map(|example| example.pattern.groups())
-            .max()
-            .unwrap_or(0);
-        if most > options.loads.len() {
+        let groups = examples.iter().map(|example| example.pattern.groups()).max();
+        if let Some(most) = groups.filter(|most| *most > options.loads.len()) {
             return Err(TrainError::Groups([options.loads.len(), most]));
         }
         let constants = match (options.network.has_constants(), constants) {
@@ -141,18 +137,18 @@ impl<'a> Trainer<'a> {
                 return Err(TrainError::NoConstants { network });
             }
         };
-        let weights = Drawn::new(&constants, options.seed);
+        let weights = RandomWeights::new(&constants, options.seed);
         let network = options.network.build(&weights.builder(), raster)?;
         let vars = weights.variables();
         Ok(Self {
             options,
             raster,
-            turns: match options.symmetry {
+            symmetries: match options.symmetry {
                 SymmetryGroup::D4 => options.symmetries.iter().collect(),
                 SymmetryGroup::None => vec![Symmetry::IDENTITY],
             },
             validation: part(Split::Validation),
-            scale_mm: network.unit_mm().unwrap_or_else(|| deviation(&training)),
+            scale_mm: network.unit_mm().unwrap_or_else(|| rms_displacement(&training)),
             training,
             network,
             optimizer: Optimizer::new(options, vars.iter().map(|(_, var)| var.clone())),
@@ -177,61 +173,57 @@ impl<'a> Trainer<'a> {
         }
     }
 
-    /// Epoch after epoch, from wherever it stands to the end.
-    fn run(&mut self, untrained: &Standing, monitor: &dyn Monitor) -> Result<Ending, TrainError> {
+    /// Runs the remaining epochs.
+    fn epochs(&mut self, initial: &ValidationErrors, monitor: &dyn Monitor) -> Result<Ending, TrainError> {
         while (self.history.curves.len() as u32) < self.options.epochs {
             let epoch = self.history.curves.len() as u32 + 1;
             if self.is_out_of_patience(epoch) {
                 return Ok(Ending::Patience);
             }
-            let Some(report) = self.epoch(epoch, untrained, monitor)? else {
+            let Some(report) = self.epoch(epoch, initial, monitor)? else {
                 return Ok(Ending::Diverged(epoch));
             };
-            let better = self.history.best.is_none_or(|(rmse, _)| report.judged_rmse_mm < rmse);
-            if better || self.validation.is_empty() {
-                self.history.best = Some((report.judged_rmse_mm, epoch));
+            let error = report.selection_rmse_mm;
+            let is_better = self.history.best.is_none_or(|(least, _)| error < least);
+            if is_better || self.validation.is_empty() {
+                self.history.best = Some((error, epoch));
                 self.best = self.weights()?;
             }
             monitor.epoch(&report);
             self.history.curves.push(report);
             let weights = self.weights()?;
-            monitor.keep(&|| self.checkpoint(&weights).to_bytes())?;
+            monitor.store_checkpoint(&|| self.checkpoint(&weights).to_bytes())?;
         }
         Ok(Ending::Complete)
     }
 
-    /// Whether the epochs before this one have gone without a better one for too long.
+    /// Returns whether the best epoch is too many epochs before this one.
     fn is_out_of_patience(&self, epoch: u32) -> bool {
-        let curves = &self.history.curves;
-        let least = curves
-            .iter()
-            .min_by(|a, b| a.judged_rmse_mm.total_cmp(&b.judged_rmse_mm));
-        match (least, self.options.patience) {
-            (Some(least), Some(patience)) => epoch - 1 - least.epoch >= patience,
+        let curves = self.history.curves.iter();
+        let best = curves.min_by(|a, b| a.selection_rmse_mm.total_cmp(&b.selection_rmse_mm));
+        match (best, self.options.patience) {
+            (Some(best), Some(patience)) => epoch - 1 - best.epoch >= patience,
             _ => false,
         }
     }
 
-    /// One pass over the training examples in random order; none where it diverges.
+    /// Makes one pass over the training examples in random order; `None` when the loss diverges.
     fn epoch(
         &mut self,
         epoch: u32,
-        untrained: &Standing,
+        initial: &ValidationErrors,
         monitor: &dyn Monitor,
     ) -> Result<Option<EpochReport>, TrainError> {
         let order = self.order(epoch);
         let size = self.options.batch as usize;
         let (before, all) = (u64::from(epoch - 1), u64::from(self.options.epochs));
         let steps = order.len().div_ceil(size) as u64;
-        let (mut sum, mut shown, mut learning_rate) = (0.0, 0, 0.0);
+        let (mut sum, mut finished, mut learning_rate) = (0.0, 0, 0.0);
         let mut step = before * steps;
-        for ahead in order.chunks(size * (AHEAD / size).max(1)) {
-            let untrained = self.problem().untrained(ahead)?;
-            let ahead = Batch {
-                shown: ahead,
-                untrained: untrained.as_deref(),
-            };
-            for batch in ahead.parts(size) {
+        for examples in order.chunks(size * (FROZEN_EXAMPLES / size).max(1)) {
+            let frozen = self.problem().frozen(examples)?;
+            let frozen = frozen.as_deref();
+            for batch in (Batch { examples, frozen }).parts(size) {
                 learning_rate = self.options.learning_rate * learning_rate_factor(step, all * steps);
                 let (loss, gradients) = self.problem().gradient(batch)?;
                 if !loss.is_finite() {
@@ -239,76 +231,76 @@ impl<'a> Trainer<'a> {
                 }
                 self.optimizer.step(gradients, learning_rate)?;
                 sum += loss;
-                shown += batch.shown.len();
+                finished += batch.examples.len();
                 step += 1;
-                monitor.step(epoch, shown as f64 / order.len() as f64, sum / shown as f64);
+                monitor.step(epoch, finished as f64 / order.len() as f64, sum / finished as f64);
             }
         }
-        let (train_loss, standing) = (sum / order.len() as f64, self.standing()?);
-        // In the network's unit of length an answer of zero has a loss of about 1.
-        let limit = EXPLOSION * untrained.loss.max(1.0);
-        if train_loss > limit || !(standing.loss.is_finite() && standing.judged_rmse_mm.is_finite()) {
+        let (train_loss, errors) = (sum / order.len() as f64, self.validation_errors()?);
+        // In the network's unit of length the prediction zero has a loss of about 1.
+        let limit = EXPLOSION * initial.loss.max(1.0);
+        if train_loss > limit || !(errors.loss.is_finite() && errors.selection_rmse_mm.is_finite()) {
             return Ok(None);
         }
         Ok(Some(EpochReport {
             epoch,
             train_loss,
-            validation_loss: standing.loss,
-            validation_rmse_mm: standing.rmse_mm,
-            judged_rmse_mm: standing.judged_rmse_mm,
+            validation_loss: errors.loss,
+            validation_rmse_mm: errors.rmse_mm,
+            selection_rmse_mm: errors.selection_rmse_mm,
             learning_rate,
         }))
     }
 
-    /// The training examples in the order of an epoch, each turned as that epoch has it.
-    fn order(&self, epoch: u32) -> Vec<Shown<'a>> {
-        let mut order: Vec<Shown<'a>> = Vec::with_capacity(self.training.len());
-        for example in &self.training {
-            order.extend(self.repeated(example, epoch));
-        }
+    /// Returns the training examples in the order of an epoch, transformed by its symmetries.
+    fn order(&self, epoch: u32) -> Vec<Augmented<'a>> {
+        let repeats = self.training.iter().flat_map(|example| self.repeats(example, epoch));
+        let mut order: Vec<Augmented<'a>> = repeats.collect();
         let stream = |purpose| Stream::new(self.options.seed, purpose, epoch.into());
         stream("surrogate shuffle").shuffle(&mut order);
-        if self.turns.len() > 1 {
-            let mut turns = stream("surrogate symmetry");
-            order
-                .iter_mut()
-                .filter(|shown| shown.example.repeats == 1)
-                .for_each(|shown| shown.symmetry = self.turns[turns.index(self.turns.len())]);
+        if self.symmetries.len() > 1 {
+            let mut stream = stream("surrogate symmetry");
+            for augmented in order.iter_mut().filter(|augmented| augmented.example.repeats == 1) {
+                augmented.symmetry = self.symmetries[stream.index(self.symmetries.len())];
+            }
         }
         order
     }
 
-    /// An example as often as an epoch shows it: where examples are turned, as its images one after the other.
-    fn repeated(&self, example: &'a Example, epoch: u32) -> impl Iterator<Item = Shown<'a>> + use<'a> {
-        let (repeats, turns) = (example.repeats, self.turns.clone());
-        (0..repeats).map(move |k| Shown {
+    /// Returns an example as many times as an epoch uses it. A repeated example takes the symmetries in turn.
+    fn repeats(&self, example: &'a Example, epoch: u32) -> impl Iterator<Item = Augmented<'a>> {
+        let repeats = example.repeats;
+        (0..repeats).map(move |k| Augmented {
             example,
             symmetry: match repeats {
                 1 => Symmetry::IDENTITY,
-                _ => turns[(u64::from(epoch) * u64::from(repeats) + u64::from(k)) as usize % turns.len()],
+                _ => {
+                    let number = u64::from(epoch) * u64::from(repeats) + u64::from(k);
+                    self.symmetries[number as usize % self.symmetries.len()]
+                }
             },
         })
     }
 
-    /// How the weights do on the validation examples, or on the training examples where there are none.
-    fn standing(&self) -> Result<Standing, TrainError> {
+    /// Computes the errors on the validation examples, or on the training examples where there are none.
+    fn validation_errors(&self) -> Result<ValidationErrors, TrainError> {
         if self.validation.is_empty() {
-            return self.standing_on(&self.training, &[]);
+            return self.errors_on(&self.training, &[]);
         }
         let repeated = self.training.iter().filter(|example| example.repeats > 1);
-        self.standing_on(&self.validation, &repeated.copied().collect::<Vec<_>>())
+        self.errors_on(&self.validation, &repeated.copied().collect::<Vec<_>>())
     }
 
-    fn standing_on(&self, held_out: &[&Example], repeated: &[&Example]) -> Result<Standing, TrainError> {
-        let assessment = self.problem().assess(held_out)?;
-        let counted = repeated.iter().map(|example| example.repeats);
-        let counted = self.problem().assess(repeated)?.agreements.into_iter().zip(counted);
-        let once = assessment.agreements.iter().map(|agreement| (*agreement, 1));
-        let rmse_mm = rmse_mm(&assessment.agreements);
-        Ok(Standing {
-            loss: assessment.loss / held_out.len() as f64,
+    fn errors_on(&self, held_out: &[&Example], repeated: &[&Example]) -> Result<ValidationErrors, TrainError> {
+        let errors = self.problem().errors(held_out)?;
+        let counts = repeated.iter().map(|example| example.repeats);
+        let counted = self.problem().errors(repeated)?.sums.into_iter().zip(counts);
+        let once = errors.sums.iter().map(|sums| (*sums, 1));
+        let rmse_mm = rmse_mm(&errors.sums);
+        Ok(ValidationErrors {
+            loss: errors.loss / held_out.len() as f64,
             rmse_mm,
-            judged_rmse_mm: match repeated {
+            selection_rmse_mm: match repeated {
                 [] => rmse_mm,
                 _ => weighted_rmse_mm(once.chain(counted)),
             },
@@ -339,29 +331,29 @@ impl<'a> Trainer<'a> {
         }
     }
 
-    /// Whether a checkpoint has the tensors of this network and optimiser.
+    /// Returns whether a checkpoint has the tensors of this network and optimiser.
     fn fits(&self, checkpoint: &Checkpoint) -> bool {
-        let own = self.vars.iter().map(|(_, var)| var.elem_count());
-        let alike = |other: &[Vec<f32>]| own.clone().eq(other.iter().map(Vec::len));
+        let lengths = self.vars.iter().map(|(_, var)| var.elem_count());
+        let fits = |other: &[Vec<f32>]| lengths.clone().eq(other.iter().map(Vec::len));
         let means = self.optimizer.means().into_iter().map(<[f32]>::len);
-        alike(&checkpoint.weights)
-            && alike(&checkpoint.best)
+        fits(&checkpoint.weights)
+            && fits(&checkpoint.best)
             && means.eq(checkpoint.means.iter().map(Vec::len))
             && checkpoint.history.curves.len() as u32 <= self.options.epochs
     }
 
-    fn go_on(&mut self, checkpoint: Checkpoint) -> Result<(), TrainError> {
+    fn resume(&mut self, checkpoint: Checkpoint) -> Result<(), TrainError> {
         self.set_weights(&checkpoint.weights)?;
-        self.optimizer.go_on(checkpoint.history.steps, checkpoint.means);
+        self.optimizer.resume(checkpoint.history.steps, checkpoint.means);
         self.best = checkpoint.best;
         self.history = checkpoint.history;
         Ok(())
     }
 
-    /// The kept epoch with its metrics.
-    fn finish(self, examples: &[Example], untrained: &Standing, ending: Ending) -> Result<Trained, TrainError> {
+    /// Returns the network of the best epoch with its metrics.
+    fn finish(self, examples: &[Example], initial: &ValidationErrors, ending: Ending) -> Result<Trained, TrainError> {
         let best = self.history.best.filter(|(rmse_mm, _)| match ending {
-            Ending::Diverged(_) => *rmse_mm < untrained.judged_rmse_mm,
+            Ending::Diverged(_) => *rmse_mm < initial.selection_rmse_mm,
             Ending::Complete | Ending::Patience => true,
         });
         let (_, best_epoch) = match (best, ending) {
@@ -370,10 +362,10 @@ impl<'a> Trainer<'a> {
             (None, _) => return Err(TrainError::NoExamples),
         };
         self.set_weights(&self.best)?;
-        let assessment = self.problem().assess(&examples.iter().collect::<Vec<_>>())?;
+        let errors = self.problem().errors(&examples.iter().collect::<Vec<_>>())?;
         Ok(Trained {
             weights: self.bytes()?,
-            metrics: measure(examples, &assessment.agreements),
+            metrics: measure(examples, &errors.sums),
             curves: self.history.curves,
             best_epoch,
             ending,
@@ -381,28 +373,21 @@ impl<'a> Trainer<'a> {
     }
 
     fn bytes(&self) -> Result<Vec<u8>, TrainError> {
-        let trained = self.vars.iter();
-        let trained = trained.map(|(name, var)| (name.clone(), var.as_tensor().clone()));
-        let header = Header::new(
-            self.options.network.name(),
-            self.raster,
-            &self.options.loads,
-            self.scale_mm,
-        );
-        to_bytes(&header, &trained.collect(), &self.constants).map_err(|e| TrainError::Failed(e.to_string()))
+        let tensor = |(name, var): &(String, Var)| (name.clone(), var.as_tensor().clone());
+        let trained = self.vars.iter().map(tensor).collect();
+        let network = self.options.network.name();
+        let header = Header::new(network, self.raster, &self.options.loads, self.scale_mm);
+        to_bytes(&header, &trained, &self.constants).map_err(|e| TrainError::Failed(e.to_string()))
     }
 }
 
-/// The root mean square of the displacement components in mm: the unit in which the network answers. 1 mm where nothing
-/// moves.
-fn deviation(examples: &[&Example]) -> f64 {
+/// Returns the root mean square of the displacement components in mm, the unit of the network output; 1 mm where
+/// nothing moves.
+fn rms_displacement(examples: &[&Example]) -> f64 {
     let squares: f64 = examples.iter().map(|example| example.label.squares()).sum();
-    let components: usize = examples
-        .iter()
-        .map(|example| 2 * example.label.raster().corners())
-        .sum();
-    let deviation = (squares / components as f64).sqrt();
-    if deviation > 0.0 { deviation } else { 1.0 }
+    let components = examples.iter().map(|example| 2 * example.label.raster().corners());
+    let rms = (squares / components.sum::<usize>() as f64).sqrt();
+    if rms > 0.0 { rms } else { 1.0 }
 }
 
 #[cfg(test)]

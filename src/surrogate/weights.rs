@@ -1,8 +1,9 @@
-//! Networks as bytes: safetensors, with what is needed to use the network in its metadata.
+//! Model files: safetensors with a header in the metadata.
 //!
-//! The metadata has one key only: the format keeps its metadata in no fixed order, and equal networks must be equal bytes.
-//! Its text is a JSON object that begins with a digest: the BLAKE3 of the text after the digest's comma and of all tensors, each
-//! with its name, type and shape. A file that was changed anywhere, tensors that were exchanged included, is found out.
+//! The metadata has a single key, because safetensors does not fix the order of keys and equal networks must give
+//! equal bytes. Its value is a JSON object that begins with a digest: the BLAKE3 of the text after the digest and of
+//! all tensors with their names, types and shapes. The digest detects every change of a file, exchanged tensors
+//! included.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -11,41 +12,41 @@ use safetensors::SafeTensors;
 use safetensors::tensor::TensorView;
 use serde_json::Value;
 
-use super::header::{Header, Record, VERSION};
+use super::header::{Header, TrainingRecord, VERSION};
 use super::metrics::ALL;
 use super::outcome::Trained;
 use deaflow_base::{Digest, DigestWriter};
 use deaflow_dataset::Split;
 
-/// The one key of the metadata.
+/// The key of the metadata.
 pub(crate) const KEY: &str = "deaflow";
 
-/// Bytes that are not a network.
+/// Why a model file cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// Not safetensors, or changed since it was written.
+    /// Not safetensors, or changed after it was written.
     #[error("the model is damaged: {0}")]
     Damaged(String),
-    /// Readable, but not written by this program, or for another network.
-    #[error("the model does not fit: {0}")]
+    /// Not written by deaflow, or of an unknown version, network or form.
+    #[error("the model is not supported: {0}")]
     Unsuitable(String),
 }
 
-/// A network that cannot be written.
+/// Why a network cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum WriteError {
-    /// A tensor of two kinds.
+    /// A tensor is both trained and constant.
     #[error("tensor {0} is both trained and constant")]
     Ambiguous(String),
-    /// The header.
+    /// The header cannot be encoded.
     #[error(transparent)]
     Header(#[from] serde_json::Error),
-    /// The tensors.
+    /// The tensors cannot be encoded.
     #[error(transparent)]
     Tensors(#[from] safetensors::SafeTensorError),
 }
 
-/// The bytes of a network: its trained tensors, and those that are part of the network and were not trained.
+/// Encodes a network from its trained and its constant tensors.
 pub(crate) fn to_bytes(
     header: &Header,
     trained: &BTreeMap<String, Tensor>,
@@ -67,12 +68,12 @@ pub(crate) fn to_bytes(
     Ok(safetensors::serialize(&tensors, Some(metadata))?)
 }
 
-/// The header and the tensors of a network.
+/// Decodes the header and the tensors of a network.
 pub(crate) fn from_bytes(bytes: &[u8]) -> Result<(Header, BTreeMap<String, Tensor>), LoadError> {
     let damaged = |e: &dyn std::fmt::Display| LoadError::Damaged(e.to_string());
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| damaged(&e))?;
     let text = metadata.metadata().as_ref().and_then(|map| map.get(KEY));
-    let text = text.ok_or_else(|| LoadError::Unsuitable("it was not written by deaflow".into()))?;
+    let text = text.ok_or_else(|| LoadError::Unsuitable("not written by deaflow".into()))?;
     let written = SafeTensors::deserialize(bytes).map_err(|e| damaged(&e))?;
     let header = read_header(text, written.tensors())?;
     let tensors = candle_core::safetensors::load_buffer(bytes, &Device::Cpu).map_err(|e| damaged(&e))?;
@@ -81,11 +82,11 @@ pub(crate) fn from_bytes(bytes: &[u8]) -> Result<(Header, BTreeMap<String, Tenso
     Ok((header, tensors))
 }
 
-/// The same model with the scene and the record of its training in its header.
+/// Adds the scene and the record of the training to the header of a model.
 ///
 /// # Errors
-/// When the bytes are no model.
-pub fn annotated(bytes: &[u8], scene: &str, record: Record) -> Result<Vec<u8>, LoadError> {
+/// When the bytes are not a model.
+pub fn annotated(bytes: &[u8], scene: &str, record: TrainingRecord) -> Result<Vec<u8>, LoadError> {
     let (mut header, tensors) = from_bytes(bytes)?;
     header.scene = Some(scene.to_owned());
     header.training = Some(record);
@@ -95,8 +96,8 @@ pub fn annotated(bytes: &[u8], scene: &str, record: Record) -> Result<Vec<u8>, L
     to_bytes(&header, &trained, &constant).map_err(|e| LoadError::Damaged(e.to_string()))
 }
 
-impl Record {
-    /// The record of a training under a seed, on datasets of these digests.
+impl TrainingRecord {
+    /// Creates the record of a training from its result, its seed and the digests of its datasets.
     #[must_use]
     pub fn of(trained: &Trained, seed: u64, inputs: Vec<String>) -> Self {
         let mut examples: BTreeMap<String, BTreeMap<String, u64>> = BTreeMap::new();
@@ -118,7 +119,7 @@ impl Record {
     }
 }
 
-/// The digest of a model: of its description and its tensors in the order of their names, wherever they stand in the file.
+/// Returns the digest of a model: of its header and of its tensors in the order of their names.
 fn digest(body: &str, mut tensors: Vec<(String, TensorView<'_>)>) -> Digest {
     tensors.sort_by(|(a, _), (b, _)| a.cmp(b));
     let mut writer = DigestWriter::new();
@@ -134,36 +135,26 @@ fn digest(body: &str, mut tensors: Vec<(String, TensorView<'_>)>) -> Digest {
     writer.finish()
 }
 
-/// How the text of a header begins.
+/// Returns the start of the text of a header.
 fn opening(digest: &Digest) -> String {
     format!("{{\"digest\":\"{digest}\",")
 }
 
 fn read_header(text: &str, tensors: Vec<(String, TensorView<'_>)>) -> Result<Header, LoadError> {
     let mut value: Value = serde_json::from_str(text).map_err(|e| LoadError::Damaged(e.to_string()))?;
-    match value.get("format_version").and_then(Value::as_u64) {
-        Some(VERSION) => {}
-        Some(other) => {
-            return Err(LoadError::Unsuitable(format!(
-                "its format has version {other}, and this deaflow reads version {VERSION}"
-            )));
-        }
-        None => {
-            return Err(LoadError::Unsuitable(
-                "it does not say the version of its format: it comes from an older deaflow and has to be trained again"
-                    .into(),
-            ));
-        }
+    let version = value.get("format_version").and_then(Value::as_u64);
+    if version != Some(VERSION) {
+        return Err(LoadError::Unsuitable(match version {
+            Some(other) => format!("its format is version {other}, but this deaflow reads version {VERSION}"),
+            None => "no format version: an older deaflow wrote it; train the model again".into(),
+        }));
     }
     let stated = value.as_object_mut().and_then(|map| map.remove("digest"));
-    let stated: Option<Digest> = stated
-        .as_ref()
-        .and_then(Value::as_str)
-        .and_then(|text| text.parse().ok());
+    let stated: Option<Digest> = stated.and_then(|stated| stated.as_str()?.parse().ok());
     let body = stated.and_then(|stated| Some((stated, text.strip_prefix(&opening(&stated))?)));
     match body {
         Some((stated, body)) if digest(body, tensors) == stated => {}
-        _ => return Err(LoadError::Damaged("its content is not what its digest says".into())),
+        _ => return Err(LoadError::Damaged("its digest does not match its content".into())),
     }
     let header: Header = serde_json::from_value(value).map_err(|e| LoadError::Unsuitable(e.to_string()))?;
     match header.objection() {
@@ -172,7 +163,7 @@ fn read_header(text: &str, tensors: Vec<(String, TensorView<'_>)>) -> Result<Hea
     }
 }
 
-/// Whether the tensors are those that the header names, each once.
+/// Checks that the tensors are those that the header names.
 fn check_names(header: &Header, tensors: &BTreeMap<String, Tensor>) -> Result<(), LoadError> {
     let listed = || header.tensors.trained.iter().chain(&header.tensors.constant);
     if let Some(missing) = listed().find(|name| !tensors.contains_key(*name)) {
@@ -180,7 +171,7 @@ fn check_names(header: &Header, tensors: &BTreeMap<String, Tensor>) -> Result<()
     }
     let known: BTreeSet<&String> = listed().collect();
     match tensors.keys().find(|name| !known.contains(name)) {
-        Some(extra) => Err(LoadError::Damaged(format!("its header does not name tensor {extra}"))),
+        Some(extra) => Err(LoadError::Damaged(format!("tensor {extra} is not in its header"))),
         None => Ok(()),
     }
 }

@@ -12,8 +12,8 @@ use deaflow_surrogate::{COVERAGE, Calibration, CalibrationParts, DifficultyParts
 
 /// Makes a struct from the fields of the same names of another.
 macro_rules! copied {
-    ($from:ident => $to:ident { $($field:ident),* } $(, $other:ident: $value:expr)?) => {
-        $to { $($field: $from.$field,)* $($other: $value)? }
+    ($from:ident => $to:ident { $($field:ident),* } $(, $other:ident: $value:expr)*) => {
+        $to { $($field: $from.$field,)* $($other: $value),* }
     };
 }
 
@@ -52,9 +52,12 @@ pub(super) fn content(calibration: &Calibration, origin: Origin<'_>) -> content:
             .keys()
             .map(|family| u64::from(origin.trained.contains(*family)))
             .collect(),
-        difficulty: copied!(difficulty => Difficulty { centre, deviation, range, coefficients, places, scores }),
+        difficulty: copied!(
+            difficulty => Difficulty { centre, deviation, range, coefficients, scores }, places: difficulty.points
+        ),
         novelty: copied!(
-            novelty => Novelty { centre, deviation, factor, places, spreads }, threshold: [novelty.threshold]
+            novelty => Novelty { centre, deviation, factor },
+            places: novelty.points, spreads: novelty.distances, threshold: [novelty.threshold]
         ),
         residuals: residuals
             .chunks_exact(2 * raster.corners())
@@ -145,10 +148,13 @@ fn parts(view: &content::CalibrationView<'_>) -> Result<CalibrationParts, StoreE
     let residuals = view.residuals().read()?;
     Ok(CalibrationParts {
         raster: residuals.first().map_or(Raster::PAPER, |field| field.raster),
-        difficulty: copied!(difficulty => DifficultyParts { centre, deviation, range, coefficients, places, scores }),
+        difficulty: copied!(
+            difficulty => DifficultyParts { centre, deviation, range, coefficients, scores }, points: difficulty.places
+        ),
         residuals: residuals.into_iter().flat_map(|field| field.values).collect(),
         novelty: copied!(
-            novelty => NoveltyParts { centre, deviation, factor, places, spreads }, threshold: threshold
+            novelty => NoveltyParts { centre, deviation, factor },
+            points: novelty.places, distances: novelty.spreads, threshold: threshold
         ),
     })
 }

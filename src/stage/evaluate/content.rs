@@ -7,7 +7,7 @@ use super::predictors::NamedPredictor;
 use deaflow_content as content;
 use deaflow_content::{ALL_FAMILIES, Evaluation, PatternScores, Scores};
 use deaflow_scene::Scene;
-use deaflow_surrogate::{Coverage, Judged, OBJECTIVES, PatternScore, Score};
+use deaflow_surrogate::{Coverage, OBJECTIVES, PatternScore, RowScores, Score};
 
 /// Bins of the area fraction between 0 and 1.
 const BINS: f64 = 20.0;
@@ -19,7 +19,7 @@ pub struct EvaluationRow {
     /// Its area fraction.
     pub area: f64,
     /// The errors.
-    pub judged: Judged,
+    pub result: RowScores,
 }
 
 /// Returns the content of the artifact.
@@ -68,7 +68,7 @@ fn trained(predictors: &[NamedPredictor], families: &[&str]) -> Vec<u64> {
 
 fn scores(predictors: usize, groups: &[Vec<&EvaluationRow>]) -> Scores {
     let score =
-        |k: usize, group: &[&EvaluationRow]| Score::of(group.iter().filter_map(|row| row.judged.scores[k].as_ref()));
+        |k: usize, group: &[&EvaluationRow]| Score::of(group.iter().filter_map(|row| row.result.scores[k].as_ref()));
     let scores: Vec<Option<Score>> = (0..predictors)
         .flat_map(|k| groups.iter().map(move |group| score(k, group)))
         .collect();
@@ -88,10 +88,10 @@ fn scores(predictors: usize, groups: &[Vec<&EvaluationRow>]) -> Scores {
 }
 
 fn pattern_scores(predictors: usize, rows: &[EvaluationRow]) -> PatternScores {
-    let scores = || (0..predictors).flat_map(|k| rows.iter().map(move |row| row.judged.scores[k].as_ref()));
+    let scores = || (0..predictors).flat_map(|k| rows.iter().map(move |row| row.result.scores[k].as_ref()));
     let floats = |value: fn(&PatternScore) -> f64| scores().map(|score| score.map_or(0.0, value)).collect();
     let simulated = |row: &EvaluationRow| {
-        let mut known = row.judged.scores.iter().flatten();
+        let mut known = row.result.scores.iter().flatten();
         known.next().map_or(0.0, |score| score.simulated_max_mm)
     };
     PatternScores {
@@ -157,7 +157,7 @@ fn coverage(
 fn by_group<T>(n: usize, groups: &[Vec<&EvaluationRow>], value: &dyn Fn(&[Coverage]) -> T) -> Vec<T> {
     let of_one = |k: usize| {
         groups.iter().map(move |group| {
-            let covered: Vec<Coverage> = group.iter().map(|row| row.judged.coverage[k]).collect();
+            let covered: Vec<Coverage> = group.iter().map(|row| row.result.coverage[k]).collect();
             value(&covered)
         })
     };

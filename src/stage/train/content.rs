@@ -3,7 +3,7 @@
 use deaflow_content::{Curves, LeftOutLabels, Lines, Metrics, Training};
 use deaflow_scene::Scene;
 use deaflow_surrogate as surrogate;
-use deaflow_surrogate::{Ending, EpochReport, Examples, LeftOut, NetworkKind, Trained, Why};
+use deaflow_surrogate::{Ending, EpochReport, Examples, LeftOut, LeftOutReason, NetworkKind, Trained};
 
 /// The number of labels that a warning lists.
 const NAMED: usize = 5;
@@ -15,7 +15,10 @@ fn warnings(unstable: u64, left_out: &[LeftOut], trained: &Trained) -> Vec<Strin
         lines.push(format!("{unstable} samples without a stable solution are left out"));
     }
     // Labels that are held out are in another input, so nothing is lost.
-    let left_out: Vec<&LeftOut> = left_out.iter().filter(|label| label.why != Why::HeldOut).collect();
+    let left_out: Vec<&LeftOut> = left_out
+        .iter()
+        .filter(|label| label.reason != LeftOutReason::HeldOut)
+        .collect();
     if !left_out.is_empty() {
         let named: Vec<String> = left_out.iter().take(NAMED).map(ToString::to_string).collect();
         let more = match left_out.len().saturating_sub(NAMED) {
@@ -57,9 +60,9 @@ pub fn training(trained: Trained, examples: &Examples, network: NetworkKind, sce
 fn curves(epochs: &[EpochReport]) -> Curves {
     let curve = |value: fn(&EpochReport) -> f64| epochs.iter().map(value).collect();
     // If no example is repeated, epochs are judged by the validation error.
-    let is_judged = epochs.iter().any(|e| e.judged_rmse_mm != e.validation_rmse_mm);
+    let is_judged = epochs.iter().any(|e| e.selection_rmse_mm != e.validation_rmse_mm);
     Curves {
-        judged_rmse: is_judged.then(|| curve(|e| e.judged_rmse_mm)),
+        judged_rmse: is_judged.then(|| curve(|e| e.selection_rmse_mm)),
         train_loss: curve(|e| e.train_loss),
         validation_loss: curve(|e| e.validation_loss),
         validation_rmse: curve(|e| e.validation_rmse_mm),
@@ -72,7 +75,7 @@ fn left_out(labels: &[LeftOut]) -> LeftOutLabels {
         input: labels.iter().map(|label| label.input as u64).collect(),
         row: labels.iter().map(|label| label.row as u64).collect(),
         displacement: labels.iter().map(|label| label.found_mm).collect(),
-        why: labels.iter().map(|label| label.why.name().to_owned()).collect(),
+        why: labels.iter().map(|label| label.reason.name().to_owned()).collect(),
     }
 }
 
@@ -119,13 +122,13 @@ mod tests {
             input: 1,
             row,
             found_mm: 100.0,
-            why: Why::BeyondSide(50.0),
+            reason: LeftOutReason::BeyondSide(50.0),
         };
         let many: Vec<LeftOut> = (0..8).map(left_out).collect();
         let found = warnings(3, &many, &trained(Ending::Diverged(4)));
         assert_eq!(found[0], "3 samples without a stable solution are left out");
         assert!(
-            found[1].starts_with("8 labels are left out: row 0 of input 2: 100.000 mm are more than"),
+            found[1].starts_with("8 labels are left out: row 0 of input 2: displacement 100.000 mm exceeds the side"),
             "{found:?}"
         );
         assert!(found[1].ends_with("; and 3 more, under `left_out/`"), "{found:?}");
@@ -142,7 +145,7 @@ mod tests {
             input: 1,
             row: 7,
             found_mm: 100.0,
-            why: Why::BeyondSide(50.0),
+            reason: LeftOutReason::BeyondSide(50.0),
         };
         let examples = Examples {
             examples: Vec::new(),

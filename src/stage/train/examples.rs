@@ -10,7 +10,7 @@ use deaflow_orchestrator::StageError;
 use deaflow_pattern::{Pattern, Raster, Symmetry};
 use deaflow_scene::Scene;
 use deaflow_store::Artifact;
-use deaflow_surrogate::{Collector, Examples, Label, LabelError, LabelledRow, Origin};
+use deaflow_surrogate::{Collector, Examples, Label, LabelError, LabelledRow, RowKind};
 
 /// Rows that are read at once: some tens of megabytes.
 const BLOCK: usize = 512;
@@ -33,7 +33,7 @@ pub fn read(inputs: &[Artifact], scene: &Scene, verified_weight: u32) -> Result<
             read_verified(&view, input, &mut collector)?;
             continue;
         }
-        collector.begin(unstable(artifact)?);
+        collector.begin_input(unstable(artifact)?);
         let mut first = 0;
         for file in files(artifact)? {
             first += read_file(file, (input, first), &mut collector)?;
@@ -64,29 +64,29 @@ fn read_file(file: &Artifact, (input, first): (usize, usize), collector: &mut Co
     let labelled = Labelled::open(file)?.ok_or_else(|| wrong(file, "it has no labelled patterns"))?;
     let patterns = labelled.patterns()?;
     let (count, families) = (patterns.len(), labelled.families()?.unwrap_or_default());
-    let origins: Vec<Origin> = match &labelled {
+    let kinds: Vec<RowKind> = match &labelled {
         Labelled::Balanced(view) => {
             let unknown = |word: &str| wrong(file, &format!("unknown split {word:?}"));
             let split = |word: String| {
                 Split::from_name(&word)
-                    .map(Origin::Balanced)
+                    .map(RowKind::Balanced)
                     .ok_or_else(|| unknown(&word))
             };
             view.split().read()?.into_iter().map(split).collect::<Result<_, _>>()?
         }
         Labelled::Solved(view) => {
-            let origin = |outcome: OutcomeKind| Origin::Solved {
+            let kind = |outcome: OutcomeKind| RowKind::Solved {
                 converged: outcome.has_field(),
             };
-            view.outcome().read()?.into_iter().map(origin).collect()
+            view.outcome().read()?.into_iter().map(kind).collect()
         }
         Labelled::Verified(_) => Vec::new(),
     };
     let images = images(&labelled)?;
     let raster = patterns.first().map_or(Raster::PAPER, Pattern::raster);
-    let mut described = patterns.into_iter().zip(families).zip(origins).enumerate();
+    let mut described = patterns.into_iter().zip(families).zip(kinds).enumerate();
     for_each_label(&labelled, raster, |label| match described.next() {
-        Some((at, ((pattern, family), origin))) => add(
+        Some((at, ((pattern, family), kind))) => add(
             collector,
             file,
             LabelledRow {
@@ -94,7 +94,7 @@ fn read_file(file: &Artifact, (input, first): (usize, usize), collector: &mut Co
                 row: first + at,
                 pattern,
                 family,
-                origin,
+                kind,
                 label,
                 image: images.get(at).copied(),
             },
@@ -119,7 +119,7 @@ fn images(labelled: &Labelled<'_>) -> Result<Vec<(u64, Symmetry)>, StageError> {
 /// Reads the designs of a verify stage that have a field; the fields are in the order of these designs.
 fn read_verified(view: &VerificationView<'_>, input: usize, collector: &mut Collector) -> Result<(), StageError> {
     let fields = view.simulated_rows()?;
-    collector.begin(fields.iter().filter(|field| field.is_none()).count() as u64);
+    collector.begin_input(fields.iter().filter(|field| field.is_none()).count() as u64);
     let patterns = view.rows().patterns().read()?;
     let raster = patterns.first().map_or(Raster::PAPER, Pattern::raster);
     let patterns = patterns.into_iter().enumerate();
@@ -133,7 +133,7 @@ fn read_verified(view: &VerificationView<'_>, input: usize, collector: &mut Coll
                 row,
                 pattern,
                 family: VERIFIED.to_owned(),
-                origin: Origin::Verified,
+                kind: RowKind::Verified,
                 label,
                 image: None,
             },

@@ -62,15 +62,15 @@ impl Monitor for Follow<'_, '_> {
             .note(&format!("resumes after epoch {epochs} of an earlier run"));
     }
 
-    fn kept(&self) -> Option<Vec<u8>> {
+    fn checkpoint(&self) -> Option<Vec<u8>> {
         self.job.scratch.load(STATE)
     }
 
-    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
+    fn store_checkpoint(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
         self.job.scratch.save(STATE, state)
     }
 
-    fn unusable(&self) {
+    fn unusable_checkpoint(&self) {
         self.job
             .scratch
             .report_unused("it is not a checkpoint of this training");

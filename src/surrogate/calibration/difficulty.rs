@@ -1,66 +1,63 @@
-//! The median of the error by the features of a pattern, and the quantile of what is left among its neighbours.
+//! Predicts the median of the error from the features of a pattern, and the quantile of the scores of its neighbours.
 
 use deaflow_linalg::{Mat, solve_definite};
 
-use super::CalibrationError;
+use super::error::CalibrationError;
 use super::features::DIFFICULTY;
 
-/// Neighbours that make a quantile: few enough to be alike, many enough that ⌈0.95 (k + 1)⌉ of k is not the last.
+/// Probability that an interval covers the simulated value.
+pub const COVERAGE: f64 = 0.95;
+
+/// Number of neighbours for a quantile: few enough to be similar, enough that ⌈0.95 (k + 1)⌉ of k is not the last.
 const NEIGHBOURS: usize = 60;
 
-/// Weight of the squares of the coefficients: without it a few hundred patterns would be fitted too well.
+/// Weight of the squared coefficients. It prevents overfitting of a few hundred patterns.
 const RIDGE: f64 = 5.0;
 
-/// Rounds of reweighting; the coefficients then no longer change in their third digit.
+/// Rounds of reweighting. The third digit of the coefficients then no longer changes.
 const ROUNDS: usize = 30;
 
-/// Residuals of the regression below this weigh no more: the median has a kink there.
+/// Lower bound of residuals in the weights of the regression, where the absolute value has a kink.
 const KINK: f64 = 1e-2;
 
-/// Terms of a quadratic in all features.
+/// Number of terms of a quadratic polynomial in all features.
 const TERMS: usize = 1 + DIFFICULTY + DIFFICULTY * (DIFFICULTY + 1) / 2;
 
 /// The features of a pattern.
 type Point = [f64; DIFFICULTY];
 
-/// The arrays, as they stand in files.
+/// The arrays in files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DifficultyParts {
-    /// Mean of each feature, which is taken off.
+    /// Mean of each feature.
     pub centre: Vec<f64>,
-    /// Deviation of each feature, by which it is then divided.
+    /// Standard deviation of each feature.
     pub deviation: Vec<f64>,
-    /// Smallest and largest logarithm of an error that the median was fitted to: it goes no farther.
+    /// Smallest and largest logarithm of an error in the fit. They bound the median.
     pub range: Vec<f64>,
-    /// Coefficients of 1, the features, and their products.
+    /// Coefficients of 1, the scaled features, and their products.
     pub coefficients: Vec<f64>,
-    /// Features of the calibration patterns, end to end.
-    pub places: Vec<f64>,
-    /// Logarithm of the largest error of each less its median.
+    /// Scaled features of the scored patterns, concatenated.
+    pub points: Vec<f64>,
+    /// Logarithm of the largest error of each scored pattern minus the logarithm of its median.
     pub scores: Vec<f64>,
 }
 
-/// Where a pattern stands.
-pub(super) struct Place {
-    at: Point,
-    /// Median of the largest error of a component in mm.
-    pub(super) median: f64,
-}
-
+/// The regression and the scored patterns. The fields are those of [`DifficultyParts`].
 pub(super) struct Difficulty {
     centre: Point,
     deviation: Point,
     range: [f64; 2],
     coefficients: Vec<f64>,
-    places: Vec<Point>,
+    points: Vec<Point>,
     scores: Vec<f64>,
 }
 
 impl Difficulty {
-    /// From features with the logarithm of the error: the first half makes the median, the second the scores.
+    /// Fits features with the logarithms of errors: the first half gives the median, the second the scores.
     ///
     /// # Errors
-    /// When a number is none.
+    /// When a value is not a number.
     pub(super) fn fit(first: &[(Point, f64)], second: &[(Point, f64)]) -> Result<Self, CalibrationError> {
         let n = first.len() as f64;
         let centre: Point = std::array::from_fn(|k| first.iter().map(|(f, _)| f[k]).sum::<f64>() / n);
@@ -72,21 +69,20 @@ impl Difficulty {
         let mut fitted = Self {
             centre,
             deviation,
-            range: logs
-                .iter()
-                .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &log| {
-                    [low.min(log), high.max(log)]
-                }),
+            range: [
+                logs.iter().copied().fold(f64::INFINITY, f64::min),
+                logs.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            ],
             coefficients: Vec::new(),
-            places: Vec::new(),
+            points: Vec::new(),
             scores: Vec::new(),
         };
         let rows: Vec<[f64; TERMS]> = first.iter().map(|(f, _)| terms(&fitted.scaled(f))).collect();
         fitted.coefficients = median_regression(&rows, &logs)?;
         for (features, log) in second {
-            let place = fitted.place(features);
-            fitted.scores.push(log - place.median.ln());
-            fitted.places.push(place.at);
+            let point = fitted.scaled(features);
+            fitted.scores.push(log - fitted.median(&point).ln());
+            fitted.points.push(point);
         }
         Ok(fitted)
     }
@@ -95,35 +91,33 @@ impl Difficulty {
         std::array::from_fn(|k| (features[k] - self.centre[k]) / self.deviation[k])
     }
 
-    fn median(&self, at: &Point) -> f64 {
-        let log: f64 = terms(at).iter().zip(&self.coefficients).map(|(t, c)| t * c).sum();
-        // Far from all calibration patterns a quadratic may say anything.
+    fn median(&self, point: &Point) -> f64 {
+        let log: f64 = terms(point).iter().zip(&self.coefficients).map(|(t, c)| t * c).sum();
+        // Far from the calibration patterns a quadratic polynomial may take any value.
         log.max(self.range[0]).min(self.range[1]).exp()
     }
 
-    /// Where a pattern with some features stands.
-    pub(super) fn place(&self, features: &Point) -> Place {
-        let at = self.scaled(features);
-        Place {
-            median: self.median(&at),
-            at,
-        }
+    /// Returns the number of scored patterns.
+    pub(super) fn len(&self) -> usize {
+        self.scores.len()
     }
 
-    /// Scores of the calibration patterns.
-    pub(super) fn scores(&self) -> &[f64] {
-        &self.scores
-    }
-
-    /// Medians of the largest error of the calibration patterns, mm.
+    /// Returns the medians of the largest error of the scored patterns, mm.
     pub(super) fn medians(&self) -> impl Iterator<Item = f64> {
-        self.places.iter().map(|at| self.median(at))
+        self.points.iter().map(|point| self.median(point))
     }
 
-    /// The conformal quantile of some scores, those of the first calibration patterns, among the nearest to a place.
-    pub(super) fn quantile(&self, place: &Place, scores: &[f64], probability: f64) -> f64 {
-        let distance = |at: &Point| at.iter().zip(&place.at).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
-        let mut near: Vec<(f64, f64)> = self.places.iter().map(distance).zip(scores.iter().copied()).collect();
+    /// Returns the median of the largest error of a component in mm, and the conformal quantile of the scores of the
+    /// nearest patterns. `scores` of the first scored patterns may replace the own scores.
+    pub(super) fn median_and_quantile(&self, features: &Point, scores: Option<&[f64]>) -> (f64, f64) {
+        let point = self.scaled(features);
+        let scores = scores.unwrap_or(&self.scores);
+        (self.median(&point), self.quantile(&point, scores, COVERAGE))
+    }
+
+    fn quantile(&self, point: &Point, scores: &[f64], probability: f64) -> f64 {
+        let distance = |other: &Point| other.iter().zip(point).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+        let mut near: Vec<(f64, f64)> = self.points.iter().map(distance).zip(scores.iter().copied()).collect();
         let count = NEIGHBOURS.min(near.len());
         if count == 0 {
             return 0.0;
@@ -135,64 +129,63 @@ impl Difficulty {
         nearest[rank(count, probability)]
     }
 
-    /// The arrays.
+    /// Returns the arrays.
     pub(super) fn parts(&self) -> DifficultyParts {
         DifficultyParts {
             centre: self.centre.to_vec(),
             deviation: self.deviation.to_vec(),
             range: self.range.to_vec(),
             coefficients: self.coefficients.clone(),
-            places: self.places.iter().flatten().copied().collect(),
+            points: self.points.iter().flatten().copied().collect(),
             scores: self.scores.clone(),
         }
     }
 
     pub(super) fn from_parts(parts: DifficultyParts) -> Result<Self, CalibrationError> {
         let wrong = |_| CalibrationError::Parts("features");
-        let places = parts.places.chunks_exact(DIFFICULTY);
-        let whole = places.remainder().is_empty() && parts.coefficients.len() == TERMS;
-        let places: Vec<Point> = places.map(|row| std::array::from_fn(|k| row[k])).collect();
-        if !whole || places.is_empty() || places.len() != parts.scores.len() {
-            return Err(CalibrationError::Parts("difficulties"));
+        let (points, rest) = parts.points.as_chunks::<DIFFICULTY>();
+        let fits = rest.is_empty() && !points.is_empty() && points.len() == parts.scores.len();
+        if !fits || parts.coefficients.len() != TERMS {
+            return Err(CalibrationError::Parts("difficulty"));
         }
         Ok(Self {
             centre: parts.centre.try_into().map_err(wrong)?,
             deviation: parts.deviation.try_into().map_err(wrong)?,
             range: parts.range.try_into().map_err(wrong)?,
             coefficients: parts.coefficients,
-            places,
+            points: points.to_vec(),
             scores: parts.scores,
         })
     }
 }
 
-/// The place, among n values in order, of the conformal quantile: ⌈p (n + 1)⌉, from 1, or the last where that is beyond.
+/// Returns the index of the conformal quantile among n sorted values: ⌈p (n + 1)⌉ − 1, at most n − 1.
 pub(super) fn rank(n: usize, probability: f64) -> usize {
     let rank = (probability * (n + 1) as f64 - 1e-9).ceil() as usize;
     rank.clamp(1, n) - 1
 }
 
-/// 1, the features, and their products.
-fn terms(at: &Point) -> [f64; TERMS] {
+/// Returns 1, the features, and their products.
+fn terms(point: &Point) -> [f64; TERMS] {
     let mut terms = [1.0; TERMS];
-    terms[1..=DIFFICULTY].copy_from_slice(at);
+    terms[1..=DIFFICULTY].copy_from_slice(point);
     let pairs = (0..DIFFICULTY).flat_map(|i| (i..DIFFICULTY).map(move |j| (i, j)));
     for (term, (i, j)) in terms[1 + DIFFICULTY..].iter_mut().zip(pairs) {
-        *term = at[i] * at[j];
+        *term = point[i] * point[j];
     }
     terms
 }
 
-/// Coefficients of the linear function of some terms that is the median of values: iteratively reweighted least squares
-/// (Schlossmacher, J. Am. Stat. Assoc. 68 (1973) 857).
+/// Fits the median of values as a linear function of terms by iteratively reweighted least squares (Schlossmacher, J.
+/// Am. Stat. Assoc. 68 (1973) 857), and returns the coefficients.
 ///
 /// # Errors
-/// When a number is none.
+/// When a value is not a number.
 fn median_regression(rows: &[[f64; TERMS]], values: &[f64]) -> Result<Vec<f64>, CalibrationError> {
     let mut weights = vec![1.0; rows.len()];
     let mut coefficients = vec![0.0; TERMS];
     for _ in 0..ROUNDS {
-        // The lower triangle, and that is all that is read of it.
+        // The lower triangle; the solver reads no more.
         let mut matrix = Mat::from_fn(TERMS, TERMS, |i, j| if i == j { RIDGE } else { 0.0 });
         let mut right = [0.0; TERMS];
         for ((row, value), weight) in rows.iter().zip(values).zip(&weights) {
@@ -225,21 +218,18 @@ mod tests {
 
     #[test]
     fn the_median_is_found_among_outliers() {
-        // A tenth of the values is far off, to one side: the mean would follow them, the median does not.
+        // A tenth of the values are outliers on one side. They shift the mean, but not the median.
         let mut stream = Stream::new(5, "median test", 0);
         let sample = |stream: &mut Stream| {
             let at: Point = std::array::from_fn(|_| stream.normal());
-            let noise = if stream.chance(0.1) {
-                8.0
-            } else {
-                0.05 * stream.normal()
-            };
+            let is_outlier = stream.chance(0.1);
+            let noise = if is_outlier { 8.0 } else { 0.05 * stream.normal() };
             (at, 0.5 * at[0] - 0.2 * at[1] * at[2] - 3.0 + noise)
         };
         let samples: Vec<(Point, f64)> = (0..1500).map(|_| sample(&mut stream)).collect();
         let fitted = Difficulty::fit(&samples, &samples[..300]).unwrap();
         for (at, _) in &samples[..20] {
-            let found = fitted.place(at).median.ln();
+            let found = fitted.median(&fitted.scaled(at)).ln();
             let expected = 0.5 * at[0] - 0.2 * at[1] * at[2] - 3.0;
             assert!((found - expected).abs() < 0.12, "{found} {expected}");
         }

@@ -1,26 +1,27 @@
-//! What a pattern and its predicted field say for nothing. All of it is the same for the eight images of a
-//! pattern, so for those by the symmetries of any device.
+//! Cheap features of a pattern and its predicted field. They are equal for all images of a pattern under symmetries.
 
 use deaflow_field::Field;
 use deaflow_pattern::Pattern;
 
-/// Features that foretell how large an error is.
+/// Number of features that predict the size of the error.
 pub(super) const DIFFICULTY: usize = 13;
 
-/// The first of them, which tell families of patterns apart too; where strain is found does not.
-const FORM: usize = 11;
+/// Number of these features, the first, that also distinguish families of patterns. The location of the strain does
+/// not.
+const SHAPE: usize = 11;
 
-/// Features that tell families of patterns apart: those, and correlations of the pattern.
+/// Number of features that distinguish families: the former, and correlations of the pattern.
 #[cfg(test)]
-pub(super) const NOVELTY: usize = FORM + 9;
+pub(super) const NOVELTY: usize = SHAPE + 9;
 
-/// Logarithms of the largest and the mean square displacement, of the mean and largest gradient and the mean of its fourth
-/// power (where the membrane is far from linear); the area and its square; logarithms of the length of the electrode's edge, of
-/// its corners (where the stress is singular), of the cells that touch by a corner only; the part of the frame that is active; and
-/// how much more of the strain, and of the change of area, is found in active cells than in bare ones.
+/// Returns the logarithms of the largest and the mean square displacement, of the sum of squares, the largest and the
+/// sum of fourth powers of the gradient (a measure of nonlinearity); the active area and its square; the logarithms of
+/// the length of the electrode edge, the number of its corners (where the stress is singular) and the number of cells
+/// that touch only at a corner; the active part of the edge cells; and the excess of strain, and of area change, in
+/// active over bare cells.
 pub(super) fn difficulty_features(pattern: &Pattern, predicted: &Field) -> [f64; DIFFICULTY] {
     let [largest, mean, gradient, steepest, fourth] = of_field(predicted);
-    let [edge, corners, touching, frame] = of_outline(pattern);
+    let [edge, corners, touching, boundary] = of_outline(pattern);
     let area = pattern.area_fraction();
     let [strain, change] = of_active_cells(pattern, predicted);
     [
@@ -34,14 +35,14 @@ pub(super) fn difficulty_features(pattern: &Pattern, predicted: &Field) -> [f64;
         (edge + 2.0).ln(),
         (corners + 1.0).ln(),
         (touching + 1.0).ln(),
-        frame,
+        boundary,
         strain,
         change,
     ]
 }
 
-/// Of the squared gradients and of the changes of area of all cells, half the difference between what active and what bare
-/// cells have of it, as parts of the whole: −½ to ½.
+/// Returns half the difference between active and bare cells in the squared gradients and the area changes, relative to
+/// their sums: −½ to ½.
 fn of_active_cells(pattern: &Pattern, field: &Field) -> [f64; 2] {
     let (mut parts, mut whole) = ([0.0; 2], [1e-9; 2]);
     let columns = pattern.raster().columns();
@@ -61,8 +62,8 @@ fn of_active_cells(pattern: &Pattern, field: &Field) -> [f64; 2] {
     [parts[0] / whole[0], parts[1] / whole[1]]
 }
 
-/// Largest and root mean square displacement in mm; of its differences between neighbouring corners the sum of squares, the
-/// largest, and the sum of fourth powers.
+/// Returns the largest and the root mean square displacement in mm, and the sum of squares, the largest value and the
+/// sum of fourth powers of the differences between neighbouring corners.
 fn of_field(field: &Field) -> [f64; 5] {
     let (values, [columns, rows]) = (field.values(), field.raster().corner_sides());
     let mut squares = 0.0;
@@ -84,20 +85,17 @@ fn of_field(field: &Field) -> [f64; 5] {
     [field.max_magnitude(), mean, gradient, steepest, fourth]
 }
 
-/// Sides between cells of which one is bare or of another group, corners of the outline, places where cells touch by a corner only, and the active
-/// part of the cells along the frame.
+/// Returns the number of sides between different cells (bare or of another group), the number of corners of the
+/// outline, the number of points where cells touch only at a corner, and the active part of the cells along the edges.
 fn of_outline(pattern: &Pattern) -> [f64; 4] {
     let [columns, rows] = pattern.raster().sides();
     let cell = |x: usize, y: usize| pattern.is_active(x, y);
-    let (mut edge, mut corners, mut touching, mut frame) = (0, 0, 0, 0);
+    let (mut edge, mut corners, mut touching, mut boundary) = (0, 0, 0, 0);
     for y in 0..rows {
         for x in 0..columns {
             let here = cell(x, y);
-            let sides = [(x, columns), (y, rows)]
-                .iter()
-                .map(|&(c, last)| u32::from(c == 0) + u32::from(c + 1 == last))
-                .sum::<u32>();
-            frame += sides * u32::from(here);
+            let sides = [x == 0, x + 1 == columns, y == 0, y + 1 == rows];
+            boundary += sides.map(u32::from).iter().sum::<u32>() * u32::from(here);
             let differs = |u: usize, v: usize| pattern.group(x, y) != pattern.group(u, v);
             edge += u32::from(x + 1 < columns && differs(x + 1, y));
             edge += u32::from(y + 1 < rows && differs(x, y + 1));
@@ -117,27 +115,24 @@ fn of_outline(pattern: &Pattern) -> [f64; 4] {
         f64::from(edge),
         f64::from(corners),
         f64::from(touching),
-        f64::from(frame) / (2 * (columns + rows)) as f64,
+        f64::from(boundary) / (2 * (columns + rows)) as f64,
     ]
 }
 
-/// The form with correlations of the pattern: along the sides over 1, 2, 5 and 10 cells and along the diagonals over 1 and
-/// 3, each the mean of both directions; and how far both directions differ, over 1 and 5 cells and along the diagonals over 3.
+/// Returns the shape features with correlations of the pattern: along the sides over 1, 2, 5 and 10 cells and along
+/// the diagonals over 1 and 3 cells, each as the mean of both directions; and the differences of both directions over
+/// 1 and 5 cells along the sides and over 3 along the diagonals.
 pub(super) fn novelty_features(pattern: &Pattern, difficulty: &[f64; DIFFICULTY]) -> Vec<f64> {
     let sides = [1, 2, 5, 10].map(|n| [correlation(pattern, [n, 0]), correlation(pattern, [0, n])]);
     let diagonals = [1, 3].map(|n| [correlation(pattern, [n, n]), correlation(pattern, [n, -n])]);
     let mean = |pair: &[f64; 2]| 0.5 * (pair[0] + pair[1]);
     let means = sides.iter().chain(&diagonals).map(mean);
     let differences = [sides[0], sides[2], diagonals[1]].map(|pair| (pair[0] - pair[1]).abs());
-    difficulty[..FORM]
-        .iter()
-        .copied()
-        .chain(means)
-        .chain(differences)
-        .collect()
+    let shape = difficulty[..SHAPE].iter().copied();
+    shape.chain(means).chain(differences).collect()
 }
 
-/// How much more often cells at an offset are alike, bare or of one group, than not.
+/// Returns the mean over pairs of cells at an offset: 1 for equal cells (bare or of one group), −1 for different cells.
 fn correlation(pattern: &Pattern, [dx, dy]: [isize; 2]) -> f64 {
     let [columns, rows] = pattern.raster().sides();
     let (mut sum, mut count) = (0i32, 0i32);
@@ -149,15 +144,11 @@ fn correlation(pattern: &Pattern, [dx, dy]: [isize; 2]) -> f64 {
                 && v < rows
             {
                 count += 1;
-                sum += if pattern.group(x, y) == pattern.group(u, v) {
-                    1
-                } else {
-                    -1
-                };
+                sum += 2 * i32::from(pattern.group(x, y) == pattern.group(u, v)) - 1;
             }
         }
     }
-    // Nothing stands so far apart on a few cells.
+    // A small raster has no such pairs.
     f64::from(sum) / f64::from(count.max(1))
 }
 
@@ -197,8 +188,8 @@ mod tests {
     }
 
     #[test]
-    fn strain_is_told_apart_by_what_is_active() {
-        // The left half is stretched along x and shrinks in no direction; the right half does not move.
+    fn strain_in_active_cells_is_measured() {
+        // The left half is stretched along x; the right half does not move.
         let ramp = |i: usize| (i % CORNERS).min(25) as f64 * 0.1;
         let field = Field::from_values(
             Raster::PAPER,

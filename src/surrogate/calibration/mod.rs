@@ -1,24 +1,26 @@
-//! How far a prediction may be off, for each pattern: intervals that hold with 95 % probability, and a flag for patterns out
-//! of the distribution of those that the network learned from.
+//! Calibration of surrogates: prediction intervals with 95 % probability, and a flag for patterns out of the training
+//! distribution.
 //!
-//! Split-conformal prediction (Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World (2005), chapter 4; Lei et
-//! al., J. Am. Stat. Assoc. 113 (2018) 1094), made local: what a field is off by depends on the pattern, so one radius for all
-//! would be too wide for most of them and too narrow for some families. On one half of the calibration patterns a regression
-//! learns the median of the logarithm of the error from features that cost nothing ([`features`]). On the other half the
-//! difference from that median is the score, and the score of a new pattern is taken to be, with 95 % probability, below
-//! the conformal quantile, ⌈0.95 (k + 1)⌉ of k, of the k calibration patterns nearest to it in the space of the features
-//! (Guan, Biometrika 110 (2023) 33).
+//! The intervals use split-conformal prediction (Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World
+//! (2005), chapter 4; Lei et al., J. Am. Stat. Assoc. 113 (2018) 1094) in a local form. The error of a field depends
+//! on the pattern, so a common radius would be too wide for most patterns and too narrow for some families. A
+//! regression on one half of the calibration patterns predicts the median of the logarithm of the error from cheap
+//! features ([`features`]). On the other half, the difference from that median is the score. With 95 % probability the
+//! score of a new pattern is below the conformal quantile, ⌈0.95 (k + 1)⌉ of k, of the k nearest calibration patterns
+//! in feature space (Guan, Biometrika 110 (2023) 33).
 //!
-//! The interval of a **field** is a simultaneous band: with 95 % probability *every* component at *every* corner lies within
-//! ± radius of the predicted one. The interval of an **objective**, a number that is linear in the field, is ± half-width about
-//! the predicted number; it is made of the same residual fields, so the points may be chosen later.
+//! The interval of a **field** is a simultaneous band: with 95 % probability *every* component at *every* corner lies
+//! within ± radius of the prediction. The interval of an **objective**, a linear function of the field, is ±
+//! half-width about the prediction. It is computed from stored residual fields, so the objective may be chosen after
+//! the calibration.
 //!
-//! The probability is over patterns like those of the calibration. Of others nothing is known, hence the flag: a pattern
-//! is **out of distribution** when its novelty, the distance to the nearest familiar patterns, in units of the distances that these have among
-//! themselves (a local outlier factor: Breunig et al., SIGMOD Record 29 (2000) 93), is larger than that of 99 % of fresh
-//! familiar patterns.
+//! The probability holds for patterns like those of the calibration, hence the flag. The novelty of a pattern is its
+//! distance to the nearest familiar patterns relative to their distances from each other (a local outlier factor:
+//! Breunig et al., SIGMOD Record 29 (2000) 93). A pattern is **out of distribution** when its novelty exceeds that of
+//! 99 % of fresh familiar patterns.
 
 mod difficulty;
+mod error;
 mod features;
 mod novelty;
 
@@ -26,33 +28,28 @@ use difficulty::Difficulty;
 use features::{DIFFICULTY, difficulty_features, novelty_features};
 use novelty::Novelty;
 
-pub use difficulty::DifficultyParts;
+pub use difficulty::{COVERAGE, DifficultyParts};
+pub use error::{CalibrationError, MIN_PATTERNS};
 pub use novelty::NoveltyParts;
 
 use deaflow_base::Stream;
 use deaflow_field::Field;
 use deaflow_pattern::{Pattern, Raster};
 
-/// Probability that an interval covers what it is about.
-pub const COVERAGE: f64 = 0.95;
-
 /// Share of fresh familiar patterns that are flagged as out of distribution.
 pub const FALSE_ALARM: f64 = 0.01;
 
-/// The fewest patterns that a calibration is made from: of their second half, one is allowed to lie outside.
-pub const LEAST: usize = 80;
-
-/// Patterns of the second half whose residual fields are kept for objectives.
+/// Number of patterns of the second half whose residual fields are stored for objectives.
 const RESIDUALS: usize = 1000;
 
-/// Errors below this count as this, in mm: a pattern that does not move is predicted exactly.
+/// Lower bound of errors in mm. A pattern that does not move may be predicted exactly.
 const FLOOR: f64 = 1e-6;
 
-/// A pattern with what was predicted and what was simulated.
-pub struct Observed {
+/// A pattern with its predicted and its simulated field.
+pub struct CalibrationSample {
     raster: Raster,
     features: Features,
-    /// Predicted less simulated, mm.
+    /// Predicted minus simulated field, mm.
     residual: Vec<f32>,
     largest: f64,
     familiar: bool,
@@ -73,8 +70,8 @@ impl Features {
     }
 }
 
-impl Observed {
-    /// A calibration pattern; `familiar` says whether it is like what the network learned from.
+impl CalibrationSample {
+    /// Creates a sample. `familiar` says whether the pattern belongs to a training family.
     #[must_use]
     pub fn new(pattern: &Pattern, predicted: &Field, simulated: &Field, familiar: bool) -> Self {
         let pairs = predicted.values().iter().zip(simulated.values());
@@ -88,7 +85,7 @@ impl Observed {
         }
     }
 
-    /// The natural logarithm of the largest error of a component in mm.
+    /// Returns the natural logarithm of the largest error of a component in mm.
     fn log_error(&self) -> f64 {
         self.largest.max(FLOOR).ln()
     }
@@ -98,48 +95,31 @@ fn largest(residual: &[f32]) -> f64 {
     f64::from(residual.iter().fold(0.0f32, |largest, r| largest.max(r.abs())))
 }
 
-/// A calibration that cannot be made or read.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum CalibrationError {
-    /// Too few patterns.
-    #[error("a calibration needs {LEAST} patterns that the network never saw, found {0}")]
-    Few(usize),
-    /// Too few patterns like those of the training.
-    #[error("a calibration needs {LEAST} patterns of the families that the network learned from, found {0}")]
-    FewFamiliar(usize),
-    /// Patterns or fields with values that are no numbers.
-    #[error("the calibration has no solution: a feature of its patterns is no number")]
-    Singular,
-    /// Arrays that do not belong together.
-    #[error("the arrays of the calibration do not fit together: {0}")]
-    Parts(&'static str),
-}
-
-/// What is said of one prediction.
+/// Interval and novelty of a prediction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
-    /// With 95 % probability every component at every corner lies within this of the predicted one, mm.
+    /// With 95 % probability every component at every corner differs from the prediction by at most this, mm.
     pub radius_mm: f64,
-    /// How far the pattern is from those of the training: 1 is the threshold of the flag.
+    /// Relative distance of the pattern from familiar patterns; the threshold is 1.
     pub novelty: f64,
-    /// Whether the pattern is out of the distribution of the training: then nothing is promised.
+    /// Whether the pattern is out of the training distribution; the interval is then not valid.
     pub out_of_distribution: bool,
 }
 
-/// The arrays of a calibration, as they stand in files.
+/// The arrays of a calibration in files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CalibrationParts {
-    /// The cells of the patterns.
+    /// Cells of the patterns.
     pub raster: Raster,
-    /// The regression and its neighbours.
+    /// The regression and the scores.
     pub difficulty: DifficultyParts,
-    /// Residual fields in mm of the first of the neighbours, end to end.
+    /// Residual fields in mm of the first scored patterns, concatenated.
     pub residuals: Vec<f32>,
     /// The familiar patterns.
     pub novelty: NoveltyParts,
 }
 
-/// Intervals and flags for the predictions of one network.
+/// Computes intervals and flags for the predictions of a network.
 pub struct Calibration {
     raster: Raster,
     difficulty: Difficulty,
@@ -148,68 +128,62 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// A calibration from patterns that the network never saw. The seed draws which half they are in.
+    /// Fits a calibration to patterns that were not used in training. The seed divides them into halves.
     ///
     /// # Errors
     /// When there are too few patterns, or too few familiar ones.
-    pub fn fit(mut observed: Vec<Observed>, seed: u64) -> Result<Self, CalibrationError> {
-        if observed.len() < LEAST {
-            return Err(CalibrationError::Few(observed.len()));
+    pub fn fit(mut samples: Vec<CalibrationSample>, seed: u64) -> Result<Self, CalibrationError> {
+        if samples.len() < MIN_PATTERNS {
+            return Err(CalibrationError::Few(samples.len()));
         }
-        let familiar = observed.iter().filter(|o| o.familiar).count();
-        if familiar < LEAST {
-            return Err(CalibrationError::FewFamiliar(familiar));
+        let count = samples.iter().filter(|sample| sample.familiar).count();
+        if count < MIN_PATTERNS {
+            return Err(CalibrationError::FewFamiliar(count));
         }
-        Stream::new(seed, "calibration halves", 0).shuffle(&mut observed);
-        let known: Vec<&[f64]> = observed
+        Stream::new(seed, "calibration halves", 0).shuffle(&mut samples);
+        let familiar = samples.iter().filter(|sample| sample.familiar);
+        let familiar: Vec<&[f64]> = familiar.map(|sample| &sample.features.novelty[..]).collect();
+        let novelty = Novelty::fit(&familiar, FALSE_ALARM)?;
+        let pairs = samples
             .iter()
-            .filter(|o| o.familiar)
-            .map(|o| &o.features.novelty[..])
-            .collect();
-        let novelty = Novelty::fit(&known, FALSE_ALARM)?;
-        let pairs: Vec<([f64; DIFFICULTY], f64)> = observed
-            .iter()
-            .map(|o| (o.features.difficulty, o.log_error()))
-            .collect();
+            .map(|sample| (sample.features.difficulty, sample.log_error()));
+        let pairs: Vec<([f64; DIFFICULTY], f64)> = pairs.collect();
         let (first, second) = pairs.split_at(pairs.len() / 2);
-        let rows = observed[first.len()..].iter().take(RESIDUALS);
-        let raster = observed[0].raster;
-        if observed.iter().any(|o| o.raster != raster) {
+        let stored = samples[first.len()..].iter().take(RESIDUALS);
+        let raster = samples[0].raster;
+        if samples.iter().any(|sample| sample.raster != raster) {
             return Err(CalibrationError::Parts("patterns of several membranes"));
         }
         Ok(Self {
             raster,
             difficulty: Difficulty::fit(first, second)?,
-            residuals: rows.flat_map(|o| o.residual.iter().copied()).collect(),
+            residuals: stored.flat_map(|sample| sample.residual.iter().copied()).collect(),
             novelty,
         })
     }
 
-    /// What is said of the prediction of a pattern.
+    /// Returns interval and novelty of the prediction of a pattern.
     #[must_use]
     pub fn interval(&self, pattern: &Pattern, predicted: &Field) -> Interval {
         let features = Features::of(pattern, predicted);
-        let place = self.difficulty.place(&features.difficulty);
         let novelty = self.novelty.novelty(&features.novelty);
+        let (median, quantile) = self.difficulty.median_and_quantile(&features.difficulty, None);
         Interval {
-            radius_mm: self
-                .difficulty
-                .quantile(&place, self.difficulty.scores(), COVERAGE)
-                .exp()
-                * place.median,
+            radius_mm: quantile.exp() * median,
             novelty,
             out_of_distribution: novelty > 1.0,
         }
     }
 
-    /// Intervals of a number that is linear in the field, such as the displacement of a point along a direction.
+    /// Returns intervals of an objective that is linear in the field, such as the displacement of a point in a
+    /// direction.
     #[must_use]
     pub fn objective(&self, value: &dyn Fn(&Field) -> f64) -> ObjectiveIntervals<'_> {
         let values = 2 * self.raster.corners();
         let rows = self.residuals.chunks_exact(values).zip(self.difficulty.medians());
         let score = |(residual, median): (&[f32], f64)| {
             let field = Field::from_values(self.raster, residual.iter().map(|&r| f64::from(r)).collect());
-            // Residuals are checked to be finite when a calibration is read, and are when one is fitted.
+            // The residuals are finite: `from_parts` checks them.
             field.map_or(0.0, |field| value(&field).abs()) / median
         };
         ObjectiveIntervals {
@@ -218,7 +192,7 @@ impl Calibration {
         }
     }
 
-    /// The arrays.
+    /// Returns the arrays.
     #[must_use]
     pub fn parts(&self) -> CalibrationParts {
         CalibrationParts {
@@ -229,19 +203,19 @@ impl Calibration {
         }
     }
 
-    /// The calibration of arrays.
+    /// Creates a calibration from its arrays.
     ///
     /// # Errors
-    /// When they do not fit together.
+    /// When the arrays are inconsistent.
     pub fn from_parts(parts: CalibrationParts) -> Result<Self, CalibrationError> {
         let difficulty = Difficulty::from_parts(parts.difficulty)?;
         let values = 2 * parts.raster.corners();
         let rows = parts.residuals.len() / values;
-        if !parts.residuals.len().is_multiple_of(values) || rows == 0 || rows > difficulty.scores().len() {
+        if !parts.residuals.len().is_multiple_of(values) || rows == 0 || rows > difficulty.len() {
             return Err(CalibrationError::Parts("residuals"));
         }
         if parts.residuals.iter().any(|r| !r.is_finite()) {
-            return Err(CalibrationError::Parts("a residual is no number"));
+            return Err(CalibrationError::Parts("a residual is not a number"));
         }
         Ok(Self {
             raster: parts.raster,
@@ -252,20 +226,22 @@ impl Calibration {
     }
 }
 
-/// Intervals of one objective.
+/// Intervals of an objective.
 pub struct ObjectiveIntervals<'a> {
     calibration: &'a Calibration,
-    /// Of the objective's error in units of the median largest error.
+    /// Errors of the objective relative to the median of the largest error.
     scores: Vec<f64>,
 }
 
 impl ObjectiveIntervals<'_> {
-    /// With 95 % probability the objective of a pattern lies within this of the predicted one; in its own unit.
+    /// Returns the half-width of the interval in the unit of the objective: with 95 % probability the simulated value
+    /// differs from the prediction by at most this.
     #[must_use]
     pub fn half_width(&self, pattern: &Pattern, predicted: &Field) -> f64 {
+        let features = difficulty_features(pattern, predicted);
         let difficulty = &self.calibration.difficulty;
-        let place = difficulty.place(&difficulty_features(pattern, predicted));
-        difficulty.quantile(&place, &self.scores, COVERAGE) * place.median
+        let (median, quantile) = difficulty.median_and_quantile(&features, Some(&self.scores));
+        quantile * median
     }
 }
 

@@ -1,55 +1,54 @@
-//! How far a pattern is from those that are familiar: its novelty.
+//! The novelty of a pattern: its distance from familiar patterns.
 
 use deaflow_linalg::{Mat, cholesky, solve_lower};
 
-use super::CalibrationError;
 use super::difficulty::rank;
+use super::error::CalibrationError;
 
-/// Neighbours whose mean distance counts.
+/// Number of neighbours in mean distances.
 const NEIGHBOURS: usize = 8;
 
-/// Added to the variances of the scaled features: what hardly varies among familiar patterns is not blown up.
+/// Added to the variances of the scaled features, so that features that hardly vary are not amplified.
 const SOFTENING: f64 = 0.02;
 
-/// The arrays, as they stand in files.
+/// The arrays in files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoveltyParts {
-    /// Mean of each feature, which is taken off.
+    /// Mean of each feature.
     pub centre: Vec<f64>,
-    /// Deviation of each feature, by which it is then divided.
+    /// Standard deviation of each feature.
     pub deviation: Vec<f64>,
     /// Lower Cholesky factor of the covariance of the scaled features, row by row.
     pub factor: Vec<f64>,
-    /// Uncorrelated coordinates of the familiar patterns, end to end.
-    pub places: Vec<f64>,
-    /// Mean distance of each to its nearest.
-    pub spreads: Vec<f64>,
+    /// Whitened features of the familiar patterns, concatenated.
+    pub points: Vec<f64>,
+    /// Mean distance of each familiar pattern from its neighbours.
+    pub distances: Vec<f64>,
     /// Ratio above which a pattern is out of distribution.
     pub threshold: f64,
 }
 
+/// The familiar patterns. The fields are those of [`NoveltyParts`].
 pub(super) struct Novelty {
     centre: Vec<f64>,
     deviation: Vec<f64>,
-    /// Lower Cholesky factor of the covariance of the scaled features: its inverse makes them uncorrelated, of variance 1.
     factor: Mat<f64>,
-    places: Vec<Vec<f64>>,
-    spreads: Vec<f64>,
+    points: Vec<Vec<f64>>,
+    distances: Vec<f64>,
     threshold: f64,
 }
 
 impl Novelty {
-    /// From the features of familiar patterns: half of them are the neighbours, and of the other half all but a share of
-    /// `false_alarm` are to stay below the threshold.
+    /// Fits the features of familiar patterns. One half are the neighbours; the other half determines the threshold,
+    /// which a share of `false_alarm` exceeds.
     ///
     /// # Errors
-    /// When a feature is no number.
+    /// When a feature is not a number.
     pub(super) fn fit(familiar: &[&[f64]], false_alarm: f64) -> Result<Self, CalibrationError> {
         let (reference, fresh) = familiar.split_at(familiar.len() / 2);
         let (n, m) = (reference.len() as f64, reference[0].len());
-        let centre: Vec<f64> = (0..m)
-            .map(|k| reference.iter().map(|f| f[k]).sum::<f64>() / n)
-            .collect();
+        let mean = |k: usize| reference.iter().map(|f| f[k]).sum::<f64>() / n;
+        let centre: Vec<f64> = (0..m).map(mean).collect();
         let variance = |k: usize| reference.iter().map(|f| (f[k] - centre[k]).powi(2)).sum::<f64>() / n;
         let deviation: Vec<f64> = (0..m).map(|k| variance(k).sqrt() + 1e-6).collect();
         let scaled: Vec<Vec<f64>> = reference.iter().map(|f| scaled(f, &centre, &deviation)).collect();
@@ -58,16 +57,15 @@ impl Novelty {
             products / n + if i == j { SOFTENING } else { 0.0 }
         });
         let factor = cholesky(&covariance).ok_or(CalibrationError::Singular)?;
-        let places: Vec<Vec<f64>> = scaled.iter().map(|row| whitened(&factor, row)).collect();
-        let spreads = (0..places.len())
-            .map(|i| mean_distance(&nearest(&places[i], &places, Some(i))))
-            .collect();
+        let points: Vec<Vec<f64>> = scaled.iter().map(|row| whitened(&factor, row)).collect();
+        let distance = |i: usize| mean_distance(&nearest(&points[i], &points, Some(i)));
+        let distances = (0..points.len()).map(distance).collect();
         let mut fitted = Self {
             centre,
             deviation,
             factor,
-            places,
-            spreads,
+            points,
+            distances,
             threshold: 1.0,
         };
         let mut ratios: Vec<f64> = fresh.iter().map(|features| fitted.novelty(features)).collect();
@@ -76,25 +74,25 @@ impl Novelty {
         Ok(fitted)
     }
 
-    /// The distance of a pattern to its nearest familiar ones, in units of their own, relative to the threshold.
+    /// Returns the mean distance of a pattern from its neighbours, relative to their own distances and the threshold.
     pub(super) fn novelty(&self, features: &[f64]) -> f64 {
-        let place = whitened(&self.factor, &scaled(features, &self.centre, &self.deviation));
-        let nearest = nearest(&place, &self.places, None);
-        let own = nearest.iter().map(|&(_, i)| self.spreads[i]).sum::<f64>() / nearest.len() as f64;
-        let usual = self.spreads.iter().sum::<f64>() / self.spreads.len() as f64;
-        // Where familiar patterns coincide their distances vanish; a small part of the usual one is added.
-        mean_distance(&nearest) / (own + 0.05 * usual + 1e-12) / self.threshold
+        let point = whitened(&self.factor, &scaled(features, &self.centre, &self.deviation));
+        let nearest = nearest(&point, &self.points, None);
+        let own = nearest.iter().map(|&(_, i)| self.distances[i]).sum::<f64>() / nearest.len() as f64;
+        let mean = self.distances.iter().sum::<f64>() / self.distances.len() as f64;
+        // Distances of coinciding familiar patterns vanish, so a small part of the mean is added.
+        mean_distance(&nearest) / (own + 0.05 * mean + 1e-12) / self.threshold
     }
 
-    /// The arrays.
+    /// Returns the arrays.
     pub(super) fn parts(&self) -> NoveltyParts {
         let m = self.centre.len();
         NoveltyParts {
             centre: self.centre.clone(),
             deviation: self.deviation.clone(),
             factor: (0..m * m).map(|at| self.factor[(at / m, at % m)]).collect(),
-            places: self.places.concat(),
-            spreads: self.spreads.clone(),
+            points: self.points.concat(),
+            distances: self.distances.clone(),
             threshold: self.threshold,
         }
     }
@@ -104,24 +102,24 @@ impl Novelty {
         let fits = m > 0
             && parts.deviation.len() == m
             && parts.factor.len() == m * m
-            && !parts.spreads.is_empty()
-            && parts.places.len() == m * parts.spreads.len()
+            && !parts.distances.is_empty()
+            && parts.points.len() == m * parts.distances.len()
             && parts.threshold > 0.0;
         if !fits {
-            return Err(CalibrationError::Parts("likeness"));
+            return Err(CalibrationError::Parts("novelty"));
         }
         Ok(Self {
             factor: Mat::from_fn(m, m, |i, j| parts.factor[i * m + j]),
-            places: parts.places.chunks_exact(m).map(<[f64]>::to_vec).collect(),
+            points: parts.points.chunks_exact(m).map(<[f64]>::to_vec).collect(),
             centre: parts.centre,
             deviation: parts.deviation,
-            spreads: parts.spreads,
+            distances: parts.distances,
             threshold: parts.threshold,
         })
     }
 }
 
-/// L⁻¹ v.
+/// Returns L⁻¹ v: uncorrelated features of variance 1.
 fn whitened(factor: &Mat<f64>, v: &[f64]) -> Vec<f64> {
     let mut solved = v.to_vec();
     solve_lower(factor, &mut solved);
@@ -133,18 +131,12 @@ fn scaled(features: &[f64], centre: &[f64], deviation: &[f64]) -> Vec<f64> {
     each.map(|((f, c), d)| (f - c) / d).collect()
 }
 
-/// Distance and number of the places nearest to one, without a place itself.
-fn nearest(place: &[f64], places: &[Vec<f64>], without: Option<usize>) -> Vec<(f64, usize)> {
-    let distance = |other: &[f64]| {
-        other
-            .iter()
-            .zip(place)
-            .map(|(a, b)| (a - b).powi(2))
-            .sum::<f64>()
-            .sqrt()
-    };
-    let mut found: Vec<(f64, usize)> = places.iter().map(|other| distance(other)).zip(0..).collect();
-    if let Some(own) = without {
+/// Returns distances and indices of the points nearest to a point, without the point `own` itself.
+fn nearest(point: &[f64], points: &[Vec<f64>], own: Option<usize>) -> Vec<(f64, usize)> {
+    let squares = |other: &[f64]| other.iter().zip(point).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+    let distances = points.iter().map(|other| squares(other).sqrt());
+    let mut found: Vec<(f64, usize)> = distances.zip(0..).collect();
+    if let Some(own) = own {
         found.swap_remove(own);
     }
     let count = NEIGHBOURS.min(found.len());

@@ -2,8 +2,8 @@ use super::*;
 use deaflow_field::CORNERS;
 use deaflow_pattern::{CELLS, Raster};
 
-/// Patterns of two families: random cells, and half planes. The prediction is a smooth field; what it is off by has a known
-/// law: a normal deviate, larger for half planes, in one corner drawn at random.
+/// Patterns of two families, random cells and half planes. The prediction is a smooth field. Its error is a normal
+/// deviate, larger for half planes, at one random corner.
 fn sample(family: usize, seed: u64, index: u64) -> (Pattern, Field, Field) {
     let mut stream = Stream::new(seed, "calibration test", 10 * index + family as u64);
     let pattern = match family {
@@ -27,7 +27,7 @@ fn sample(family: usize, seed: u64, index: u64) -> (Pattern, Field, Field) {
         .map(|i| tall * bump(i / 2) * bump(i / 2 / CORNERS))
         .collect();
     let mut simulated = predicted.clone();
-    // The centre moves by a tenth of what some corner does.
+    // The error at the centre is a tenth of that at the random corner.
     simulated[2 * (25 * CORNERS + 25)] += 0.1 * deviation * stream.normal();
     simulated[2 * (1 + stream.index(CORNERS * CORNERS - 2))] += deviation * stream.normal();
     (
@@ -37,21 +37,21 @@ fn sample(family: usize, seed: u64, index: u64) -> (Pattern, Field, Field) {
     )
 }
 
-fn observed(families: &[usize], count: u64, seed: u64) -> Vec<Observed> {
+fn samples(families: &[usize], count: u64, seed: u64) -> Vec<CalibrationSample> {
     let each = families.iter().flat_map(|&family| (0..count).map(move |i| (family, i)));
     each.map(|(family, i)| {
         let (pattern, predicted, simulated) = sample(family, seed, i);
-        Observed::new(&pattern, &predicted, &simulated, true)
+        CalibrationSample::new(&pattern, &predicted, &simulated, true)
     })
     .collect()
 }
 
 fn calibration() -> Calibration {
-    Calibration::fit(observed(&[0, 1], 1000, 1), 7).unwrap()
+    Calibration::fit(samples(&[0, 1], 1000, 1), 7).unwrap()
 }
 
 #[test]
-fn intervals_cover_as_often_as_they_say_in_each_family() {
+fn intervals_have_their_coverage_in_each_family() {
     let calibration = calibration();
     let centre = |field: &Field| field.at_corner(25, 25)[0];
     let objective = calibration.objective(&centre);
@@ -81,7 +81,7 @@ fn intervals_cover_as_often_as_they_say_in_each_family() {
 }
 
 #[test]
-fn what_is_out_of_distribution_is_flagged_and_has_finite_intervals() {
+fn patterns_out_of_distribution_are_flagged_and_have_finite_intervals() {
     let calibration = calibration();
     let (board, predicted, _) = sample(2, 1, 0);
     let interval = calibration.interval(&board, &predicted);
@@ -96,7 +96,7 @@ fn what_is_out_of_distribution_is_flagged_and_has_finite_intervals() {
             "{interval:?}"
         );
     }
-    let only_cells = observed(&[0], 200, 3);
+    let only_cells = samples(&[0], 200, 3);
     let of_cells = Calibration::fit(only_cells, 1).unwrap();
     let (plane, predicted, _) = sample(1, 1, 0);
     assert!(of_cells.interval(&plane, &predicted).out_of_distribution);
@@ -106,7 +106,7 @@ fn what_is_out_of_distribution_is_flagged_and_has_finite_intervals() {
 fn exact_predictions_have_intervals() {
     let exact = (0..100).map(|i| {
         let (pattern, predicted, _) = sample(i as usize % 2, 4, i);
-        Observed::new(&pattern, &predicted, &predicted, true)
+        CalibrationSample::new(&pattern, &predicted, &predicted, true)
     });
     let calibration = Calibration::fit(exact.collect(), 1).unwrap();
     let (pattern, predicted, _) = sample(0, 5, 0);
@@ -121,7 +121,7 @@ fn exact_predictions_have_intervals() {
 }
 
 #[test]
-fn a_calibration_survives_its_own_arrays() {
+fn a_calibration_survives_encoding_as_arrays() {
     let calibration = calibration();
     let again = Calibration::from_parts(calibration.parts()).unwrap();
     let (pattern, predicted, _) = sample(1, 9, 0);
@@ -148,10 +148,10 @@ fn a_calibration_survives_its_own_arrays() {
 
 #[test]
 fn too_few_patterns_are_refused() {
-    let refused = |observed| Calibration::fit(observed, 1).err();
+    let refused = |samples| Calibration::fit(samples, 1).err();
     assert_eq!(refused(Vec::new()), Some(CalibrationError::Few(0)));
-    assert_eq!(refused(observed(&[0], 1, 1)), Some(CalibrationError::Few(1)));
-    let mut strangers = observed(&[0], 100, 1);
+    assert_eq!(refused(samples(&[0], 1, 1)), Some(CalibrationError::Few(1)));
+    let mut strangers = samples(&[0], 100, 1);
     strangers.iter_mut().skip(20).for_each(|o| o.familiar = false);
     assert_eq!(refused(strangers), Some(CalibrationError::FewFamiliar(20)));
 }

@@ -1,11 +1,10 @@
-//! Whether the intervals of a calibration cover what was simulated.
+//! Coverage: whether the intervals of a calibration contain the simulated fields.
 
 use crate::{Calibration, ObjectiveIntervals};
 use deaflow_field::Field;
 use deaflow_pattern::Pattern;
 
-/// Points of the membrane, in parts of its sides, with the direction of the displacement that is measured there: objectives
-/// that are held against their intervals.
+/// Objectives whose intervals are tested: name, point in parts of the sides, and direction of the displacement.
 pub const OBJECTIVES: [(&str, [f64; 2], [f64; 2]); 4] = [
     ("centre, 0 deg", [0.5, 0.5], [1.0, 0.0]),
     ("right quarter point, 0 deg", [0.75, 0.5], [1.0, 0.0]),
@@ -17,7 +16,7 @@ pub const OBJECTIVES: [(&str, [f64; 2], [f64; 2]); 4] = [
     ),
 ];
 
-/// The value of an objective in mm.
+/// Returns the value of an objective in mm.
 fn value(objective: usize, field: &Field) -> f64 {
     let (_, point, direction) = OBJECTIVES[objective];
     let sides = field.raster().sides();
@@ -25,29 +24,29 @@ fn value(objective: usize, field: &Field) -> f64 {
     x * direction[0] + y * direction[1]
 }
 
-/// The intervals of the objectives.
+/// Returns the intervals of the objectives.
 pub(super) fn intervals(calibration: &Calibration) -> Vec<ObjectiveIntervals<'_>> {
     let objective = |k| calibration.objective(&|field| value(k, field));
     (0..OBJECTIVES.len()).map(objective).collect()
 }
 
-/// Whether a simulation lies within the intervals of a prediction.
+/// Whether a simulated field lies within the intervals of its prediction.
 #[derive(Clone, Copy, Debug)]
 pub struct Coverage {
-    /// Half of the width of the band of the field, mm.
+    /// Half-width of the band of the field, mm.
     pub radius_mm: f64,
-    /// Whether the whole simulated field lies in the band.
+    /// Whether the simulated field lies in the band.
     pub field: bool,
     /// Whether each simulated objective lies in its interval.
     pub objectives: [bool; OBJECTIVES.len()],
-    /// Half of the widths of these, mm.
+    /// Half-widths of these intervals, mm.
     pub half_widths_mm: [f64; OBJECTIVES.len()],
     /// Whether the pattern was flagged as out of distribution.
     pub out_of_distribution: bool,
 }
 
 impl Coverage {
-    /// Holds a prediction with its intervals against a simulation.
+    /// Compares a prediction and its intervals with a simulation.
     pub(super) fn of(
         calibration: &Calibration,
         intervals: &[ObjectiveIntervals<'_>],

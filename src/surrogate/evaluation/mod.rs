@@ -1,9 +1,9 @@
-//! How good predictors are on labelled patterns, and whether the intervals of calibrations cover.
+//! Evaluation of predictors and calibrations on labelled patterns.
 
 mod coverage;
-mod judge;
 mod score;
+mod scorer;
 
 pub use coverage::{Coverage, OBJECTIVES};
-pub use judge::{Judge, Judged};
 pub use score::{PatternScore, Score};
+pub use scorer::{RowScores, Scorer};

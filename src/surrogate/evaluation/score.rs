@@ -1,11 +1,10 @@
-//! How good a predictor is on labelled patterns: one score for each pattern, and what they come to in a group.
+//! Errors of a predictor on labelled patterns: a score of each pattern, and the score of a group.
 //!
-//! The scores of single patterns are kept, so that a group may be formed by family, by area or otherwise without a field
-//! being read twice.
+//! The scores of patterns suffice to score any group, by family, area or otherwise, without reading fields again.
 
 use deaflow_field::Field;
 
-/// What a group's scores need to know of one pattern, all in mm or mm².
+/// Errors and displacements of one pattern, in mm or mm².
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PatternScore {
     /// Root mean square error of a component.
@@ -25,7 +24,7 @@ pub struct PatternScore {
 }
 
 impl PatternScore {
-    /// The score of one prediction.
+    /// Compares a prediction with a simulation.
     #[must_use]
     pub fn of(predicted: &Field, simulated: &Field) -> Self {
         let n = simulated.values().len() as f64;
@@ -42,28 +41,28 @@ impl PatternScore {
     }
 }
 
-/// What the scores of a group come to.
+/// The score of a group of patterns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Score {
     /// Patterns in the group.
     pub samples: u64,
     /// Root mean square error of a component, mm.
     pub rmse_mm: f64,
-    /// Coefficient of determination of the components: 1 − Σ error² / Σ (value − mean)². Where the values do not vary it is 1
+    /// Coefficient of determination of the components: 1 − Σ error² / Σ (value − mean)². For constant values it is 1
     /// for exact predictions and 0 otherwise.
     pub r2: f64,
-    /// The same of the largest displacement of each pattern.
+    /// Coefficient of determination of the largest displacement of each pattern.
     pub max_r2: f64,
     /// Largest absolute error of a component, mm.
     pub max_error_mm: f64,
     /// Largest magnitude of the displacement's error, mm.
     pub max_displacement_error_mm: f64,
-    /// What the largest error of a component stays below on 95 % of the patterns, mm.
+    /// The 95 % quantile over the patterns of the largest error of a component, mm.
     pub quantile95_mm: f64,
 }
 
 impl Score {
-    /// The score of a group; none of an empty one.
+    /// Returns the score of a group; `None` for an empty group.
     #[must_use]
     pub fn of<'a>(group: impl Iterator<Item = &'a PatternScore>) -> Option<Self> {
         let group: Vec<&PatternScore> = group.collect();
@@ -94,7 +93,7 @@ impl Score {
     }
 }
 
-/// 1 − error / variance; values that differ by rounding only do not vary.
+/// Returns 1 − error / variance. Values that differ by rounding only count as constant.
 fn determination(error: f64, variance: f64) -> f64 {
     if variance > 1e-24 {
         1.0 - error / variance
@@ -111,7 +110,7 @@ mod tests {
 
     const N: usize = CORNERS * CORNERS * 2;
 
-    /// A field that is zero but for the first components.
+    /// A field that is zero except for the first components.
     fn field(first: &[f64]) -> Field {
         let mut values = vec![0.0; N];
         values[..first.len()].copy_from_slice(first);
@@ -143,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_single_sample_and_still_fields_have_scores() {
+    fn a_single_sample_and_zero_fields_have_scores() {
         let still = PatternScore::of(&field(&[]), &field(&[]));
         let score = Score::of(std::iter::once(&still)).unwrap();
         assert_eq!(

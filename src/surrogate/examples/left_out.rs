@@ -1,39 +1,39 @@
-//! Labels that nobody should learn from, and why.
+//! Labels that are excluded from training, and the reasons.
 
 use std::fmt;
 
-/// A label that was left out.
+/// A label that is excluded from training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeftOut {
-    /// Which input, from 0.
+    /// Index of the input.
     pub input: usize,
-    /// Which of its rows, from 0.
+    /// Index of the row.
     pub row: usize,
-    /// The displacement that shows it, mm; 0 where it is not a number.
+    /// The wrong displacement in mm; 0 if it is not a number.
     pub found_mm: f64,
-    /// What is wrong.
-    pub why: Why,
+    /// The reason.
+    pub reason: LeftOutReason,
 }
 
-/// What is wrong with a label.
+/// Reason for which a label is excluded.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Why {
-    /// A value is no number.
+pub enum LeftOutReason {
+    /// A value is not finite.
     NotFinite,
     /// The frame moves.
     Frame,
-    /// A displacement beyond the side of the membrane, mm.
+    /// A displacement exceeds the side of the membrane, mm.
     BeyondSide(f64),
-    /// A displacement beyond all that the training labels make believable, mm.
+    /// A displacement exceeds this limit for outliers, mm.
     Outlier(f64),
     /// The simulation did not converge.
     NotConverged,
-    /// It was verified, and an image of the pattern is held out for validation or test.
+    /// The row is a verified design whose pattern, or an image of it, is in the validation or test split.
     HeldOut,
 }
 
-impl Why {
-    /// The word that stands in artifacts.
+impl LeftOutReason {
+    /// Returns the word in artifacts.
     pub fn name(self) -> &'static str {
         match self {
             Self::NotFinite => "not-finite",
@@ -52,16 +52,23 @@ impl fmt::Display for LeftOut {
             input, row, found_mm, ..
         } = self;
         write!(f, "row {row} of input {}: ", input + 1)?;
-        match self.why {
-            Why::NotFinite => write!(f, "a displacement is no number"),
-            Why::Frame => write!(f, "the frame moves by {found_mm:.3} mm"),
-            Why::BeyondSide(side) => write!(f, "{found_mm:.3} mm are more than the side of the membrane, {side} mm"),
-            Why::Outlier(limit) => write!(
-                f,
-                "{found_mm:.3} mm are out of all proportion to the other labels, beyond {limit:.3} mm"
-            ),
-            Why::NotConverged => write!(f, "the simulation did not converge"),
-            Why::HeldOut => write!(f, "an image of the pattern is held out for validation or test"),
+        match self.reason {
+            LeftOutReason::NotFinite => write!(f, "a displacement is not a number"),
+            LeftOutReason::Frame => write!(f, "the frame moves by {found_mm:.3} mm"),
+            LeftOutReason::BeyondSide(side) => {
+                write!(
+                    f,
+                    "displacement {found_mm:.3} mm exceeds the side of the membrane, {side} mm"
+                )
+            }
+            LeftOutReason::Outlier(limit) => {
+                write!(
+                    f,
+                    "displacement {found_mm:.3} mm is an outlier: the limit is {limit:.3} mm"
+                )
+            }
+            LeftOutReason::NotConverged => write!(f, "the simulation did not converge"),
+            LeftOutReason::HeldOut => write!(f, "the pattern or an image of it is in the validation or test split"),
         }
     }
 }

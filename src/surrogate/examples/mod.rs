@@ -1,7 +1,7 @@
-//! The examples of a training, from rows of datasets.
+//! Training examples from rows of datasets.
 
 mod collect;
 mod left_out;
 
-pub use collect::{Collector, Examples, LabelledRow, NoExamples, Origin, SPLIT_SEED};
-pub use left_out::{LeftOut, Why};
+pub use collect::{Collector, Examples, LabelledRow, NoExamples, RowKind, SPLIT_SEED};
+pub use left_out::{LeftOut, LeftOutReason};

@@ -1,10 +1,11 @@
-//! Bias and activation in one pass over memory: candle-nn's `leaky_relu` makes three, and its gradient more.
+//! Bias and leaky rectifier in one pass over memory. candle-nn's `leaky_relu` takes three, its gradient more.
 
 use candle_core::{CpuStorage, CustomOp1, CustomOp2, Layout, Result, Shape, Tensor, bail};
 
 use super::storage::values;
 
-/// `x` (n, h, w, c) plus `bias` (c), through the leaky rectifier max(v, slope · v), slope below 1 (Maas, Hannun & Ng, ICML 2013).
+/// Adds `bias` (c) to `x` (n, h, w, c) and applies the leaky rectifier max(v, slope · v), slope below 1 (Maas, Hannun
+/// & Ng, ICML 2013).
 pub(super) fn bias_and_activate(x: &Tensor, bias: &Tensor, slope: f32) -> Result<Tensor> {
     x.apply_op2(bias, BiasActivate { slope })
 }
@@ -13,21 +14,13 @@ struct BiasActivate {
     slope: f32,
 }
 
-/// dx from (y, dy): the sign of the output tells the slope.
-struct Descend {
+/// dx from (y, dy). The sign of the output selects the slope.
+struct ActivationGradient {
     slope: f32,
 }
 
-/// (…, c) → (c), summed over everything else in order.
+/// (…, c) → (c), summed over all other dimensions in order.
 struct SumPerChannel;
-
-/// The number of channels.
-fn channels(layout: &Layout) -> Result<usize> {
-    match layout.dims() {
-        [_, .., c] => Ok(*c),
-        dims => bail!("expected images, found {dims:?}"),
-    }
-}
 
 impl CustomOp2 for BiasActivate {
     fn name(&self) -> &'static str {
@@ -44,24 +37,22 @@ impl CustomOp2 for BiasActivate {
     }
 
     fn bwd(&self, _: &Tensor, _: &Tensor, y: &Tensor, grad: &Tensor) -> Result<(Option<Tensor>, Option<Tensor>)> {
-        let dx = y.apply_op2_no_bwd(&grad.contiguous()?, &Descend { slope: self.slope })?;
+        let dx = y.apply_op2_no_bwd(&grad.contiguous()?, &ActivationGradient { slope: self.slope })?;
         let db = dx.apply_op1_no_bwd(&SumPerChannel)?;
         Ok((Some(dx), Some(db)))
     }
 }
 
-impl CustomOp2 for Descend {
+impl CustomOp2 for ActivationGradient {
     fn name(&self) -> &'static str {
         "activation-slope"
     }
 
     fn cpu_fwd(&self, y: &CpuStorage, ly: &Layout, g: &CpuStorage, lg: &Layout) -> Result<(CpuStorage, Shape)> {
         let (y, g) = (values(y, ly)?, values(g, lg)?);
-        let slope = |(y, g): (&f32, &f32)| if *y > 0.0 { *g } else { *g * self.slope };
-        Ok((
-            CpuStorage::F32(y.iter().zip(g).map(slope).collect()),
-            ly.shape().clone(),
-        ))
+        let gradient = |(y, g): (&f32, &f32)| if *y > 0.0 { *g } else { *g * self.slope };
+        let gradients = y.iter().zip(g).map(gradient).collect();
+        Ok((CpuStorage::F32(gradients), ly.shape().clone()))
     }
 }
 
@@ -71,7 +62,10 @@ impl CustomOp1 for SumPerChannel {
     }
 
     fn cpu_fwd(&self, x: &CpuStorage, lx: &Layout) -> Result<(CpuStorage, Shape)> {
-        let mut sums = vec![0.0f32; channels(lx)?];
+        let [_, .., channels] = lx.dims() else {
+            bail!("expected images, found {:?}", lx.dims());
+        };
+        let mut sums = vec![0.0f32; *channels];
         for pixel in values(x, lx)?.chunks_exact(sums.len()) {
             sums.iter_mut().zip(pixel).for_each(|(sum, x)| *sum += x);
         }
@@ -109,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_that_of_candle() {
+    fn it_equals_candle() {
         let x = Tensor::randn(0.0f32, 1.0, (2, 4, 4, 3), &Device::Cpu).unwrap();
         let bias = Tensor::new(&[0.3f32, -0.2, 0.0], &Device::Cpu).unwrap();
         let flat = |t: &Tensor| t.flatten_all().unwrap().to_vec1::<f32>().unwrap();

@@ -1,43 +1,47 @@
-//! Between corners and cells: what every cell sees of its neighbours and of the displacement, and the forces of its stress.
+//! Maps between corners and cells: the features of a cell from its neighbours and the displacement, and the forces of
+//! its stress.
 //!
-//! A displacement on the four corners of a cell is a translation and three modes of each component: its derivatives along
-//! x and y, and the hourglass, which has none at the centre of the cell.
+//! A displacement of the four corners of a cell is a translation and three modes of each component: the derivatives
+//! along x and y, and the hourglass mode, whose derivatives vanish at the centre of the cell.
 
+use crate::corners::inner_corners;
 use deaflow_fem::registers::dispatch;
-
 use deaflow_pattern::Raster;
 
-/// Corners of the longest row of cells.
-const MOST: usize = Raster::MOST + 1;
-/// Cells in the neighbourhood of a cell, itself among them.
+/// Largest number of corners in a row.
+const MAX_CORNERS: usize = Raster::MOST + 1;
+/// Cells in the neighbourhood of a cell, including itself.
 pub(crate) const NEIGHBOURS: usize = 9;
 /// Modes of the displacement on a cell: ∂u/∂x, ∂v/∂x, ∂u/∂y, ∂v/∂y and the hourglasses of u and v.
 pub(crate) const MODES: usize = 6;
-/// Channels of the features of a cell, what the local law of the network sees: the 3 × 3 cells around it, in rows from the lower
-/// left, ±½ each and 0 outside the frame; the modes of the displacement times a factor; the same with the sign of the cell; and 1.
+/// Features of a cell, the input of the local law: the 3 × 3 cells around it in rows from the lower left, ±½ each and 0
+/// outside the raster; the modes of the displacement times a factor; the same with the sign of the cell; and 1.
 pub(crate) const FEATURES: usize = NEIGHBOURS + 2 * MODES + 1;
 
 /// Signs of the modes on the corners of a cell, lower left, lower right, upper left, upper right: ∂x, ∂y, hourglass.
 pub(crate) const SIGNS: [[f32; 4]; 3] = [[-1.0, 1.0, -1.0, 1.0], [-1.0, -1.0, 1.0, 1.0], [1.0, -1.0, -1.0, 1.0]];
 
-/// Three planes of numbers, one for each mode of a component.
+/// Three planes of values, one for each mode of a component.
 type Planes<'a> = [&'a mut [f32]; 3];
 
-/// Does work on a raster; the usual one is known to the compiler.
+/// Runs a kernel with the vector instructions of the machine. The compiler specialises it for the paper's raster.
 #[inline(always)]
-fn on(raster: Raster, work: impl FnOnce(Raster)) {
-    match raster {
-        Raster::PAPER => work(Raster::PAPER),
-        other => work(other),
-    }
+fn dispatch_on(raster: Raster, kernel: impl FnOnce(Raster)) {
+    dispatch(
+        #[inline(always)]
+        || match raster {
+            Raster::PAPER => kernel(Raster::PAPER),
+            other => kernel(other),
+        },
+    );
 }
 
-/// The modes of one component on the inner corners times a factor, on all cells.
+/// Computes the modes of one component, given at the inner corners, times a factor on all cells.
 #[inline(always)]
 fn modes_of(raster: Raster, component: &[f32], factor: f32, [along, up, hourglass]: Planes<'_>) {
     let [columns, rows] = raster.sides();
     let (half, inner) = (0.5 * factor, columns - 1);
-    let mut lines = [[0.0f32; MOST]; 2];
+    let mut lines = [[0.0f32; MAX_CORNERS]; 2];
     let [below, above] = &mut lines;
     let (mut below, mut above) = (&mut below[..=columns], &mut above[..=columns]);
     for row in 0..rows {
@@ -58,13 +62,13 @@ fn modes_of(raster: Raster, component: &[f32], factor: f32, [along, up, hourglas
     }
 }
 
-/// Adds the forces of the stresses of one component, a plane for each mode, to its inner corners.
+/// Adds the forces of the stresses of one component, a plane for each mode, at its inner corners.
 #[inline(always)]
 fn forces_of(raster: Raster, [along, up, hourglass]: [&[f32]; 3], component: &mut [f32]) {
     let [columns, rows] = raster.sides();
     let inner = columns - 1;
     // Forces of a row of cells on the corners below and above it.
-    let mut lines = [[0.0f32; MOST]; 2];
+    let mut lines = [[0.0f32; MAX_CORNERS]; 2];
     let [below, above] = &mut lines;
     let (mut below, mut above) = (&mut below[..=columns], &mut above[..=columns]);
     for row in 0..rows {
@@ -82,16 +86,14 @@ fn forces_of(raster: Raster, [along, up, hourglass]: [&[f32]; 3], component: &mu
             above[column + 1] += x + y + h;
         }
         if let Some(line) = row.checked_sub(1) {
-            let line = &mut component[line * inner..][..inner];
-            line.iter_mut()
-                .zip(&below[1..])
-                .for_each(|(to, from)| *to += 0.5 * from);
+            let line = component[line * inner..][..inner].iter_mut();
+            line.zip(&below[1..]).for_each(|(to, from)| *to += 0.5 * from);
         }
         std::mem::swap(&mut below, &mut above);
     }
 }
 
-/// The planes of the modes of a component among those of both.
+/// Returns the planes of the modes of a component.
 #[inline(always)]
 fn planes_of(area: usize, modes: &mut [f32], component: usize) -> Planes<'_> {
     let (along, rest) = modes.split_at_mut(2 * area);
@@ -99,56 +101,41 @@ fn planes_of(area: usize, modes: &mut [f32], component: usize) -> Planes<'_> {
     [along, up, hourglass].map(|planes| &mut planes[component * area..][..area])
 }
 
-/// [`planes_of`], to read.
+/// Returns the planes of [`planes_of`], read-only.
 #[inline(always)]
 fn planes(area: usize, modes: &[f32], component: usize) -> [&[f32]; 3] {
     [0, 1, 2].map(|mode| &modes[(2 * mode + component) * area..][..area])
 }
 
-/// Corners of a raster without those of the edges.
-pub(super) fn inner_corners(raster: Raster) -> usize {
-    raster.sides().into_iter().map(|side| side - 1).product()
-}
-
-/// The modes (6, cells) of a displacement (2, inner corners).
+/// Writes the modes (6, cells) of a displacement (2, inner corners).
 pub(crate) fn write_modes(raster: Raster, displacement: &[f32], factor: f32, modes: &mut [f32]) {
-    dispatch(
+    dispatch_on(
+        raster,
         #[inline(always)]
-        || {
-            on(
-                raster,
-                #[inline(always)]
-                |raster| {
-                    for (k, component) in displacement.chunks_exact(inner_corners(raster)).enumerate() {
-                        modes_of(raster, component, factor, planes_of(raster.cells(), modes, k));
-                    }
-                },
-            );
+        |raster| {
+            for (k, component) in displacement.chunks_exact(inner_corners(raster)).enumerate() {
+                modes_of(raster, component, factor, planes_of(raster.cells(), modes, k));
+            }
         },
     );
 }
 
-/// Adds the forces of stresses (6, cells), one for each mode, to forces (2, inner corners): the transpose of [`write_modes`], so that
-/// stresses do the work that displacements do against forces.
+/// Adds the forces of stresses (6, cells), one for each mode, to forces (2, inner corners). It is the transpose of
+/// [`write_modes`], so the work of the stresses equals that of the forces.
 pub(crate) fn add_forces(raster: Raster, stresses: &[f32], forces: &mut [f32]) {
-    dispatch(
+    dispatch_on(
+        raster,
         #[inline(always)]
-        || {
-            on(
-                raster,
-                #[inline(always)]
-                |raster| {
-                    for (k, component) in forces.chunks_exact_mut(inner_corners(raster)).enumerate() {
-                        forces_of(raster, planes(raster.cells(), stresses, k), component);
-                    }
-                },
-            );
+        |raster| {
+            for (k, component) in forces.chunks_exact_mut(inner_corners(raster)).enumerate() {
+                forces_of(raster, planes(raster.cells(), stresses, k), component);
+            }
         },
     );
 }
 
-/// The transpose of [`write_strains`]: adds to a gradient with respect to a displacement what one with respect to the features makes
-/// of it. `stresses` (6, cells) is overwritten.
+/// Adds a gradient with respect to the features to the gradient with respect to the displacement: the transpose of
+/// [`write_strains`]. `stresses` (6, cells) is overwritten.
 pub(crate) fn add_strain_forces(
     raster: Raster,
     pattern: &[f32],
@@ -167,7 +154,7 @@ pub(crate) fn add_strain_forces(
     add_forces(raster, stresses, displacement);
 }
 
-/// Those of the features of an image (22, cells) that do not depend on the displacement.
+/// Writes the features (22, cells) that do not depend on the displacement.
 pub(crate) fn write_surroundings(raster: Raster, pattern: &[f32], features: &mut [f32]) {
     let area = raster.cells();
     let around = &mut features[..NEIGHBOURS * area];
@@ -176,7 +163,7 @@ pub(crate) fn write_surroundings(raster: Raster, pattern: &[f32], features: &mut
     features[(FEATURES - 1) * area..].fill(1.0);
 }
 
-/// Those of the features of an image that do.
+/// Writes the features (22, cells) that depend on the displacement.
 pub(crate) fn write_strains(raster: Raster, pattern: &[f32], displacement: &[f32], strain: f32, features: &mut [f32]) {
     let area = raster.cells();
     let modes = &mut features[NEIGHBOURS * area..];
@@ -193,7 +180,7 @@ pub(crate) fn write_strains(raster: Raster, pattern: &[f32], displacement: &[f32
     );
 }
 
-/// The 3 × 3 cells around each cell, plane by plane.
+/// Writes the 3 × 3 cells around each cell, plane by plane.
 fn neighbours(raster: Raster, p: &[f32], around: &mut [f32]) {
     let [columns, rows] = raster.sides();
     for (at, plane) in around.chunks_exact_mut(raster.cells()).enumerate() {
@@ -271,7 +258,7 @@ mod tests {
             assert_eq!(at(NEIGHBOURS + MODES + mode, x, y), expected, "{mode}");
         }
         assert_eq!(at(FEATURES - 1, x, y), 1.0);
-        // Beyond the frame there are no cells, and on it nothing moves.
+        // Outside the raster there are no cells, and the edges do not move.
         assert_eq!(
             [at(0, 0, 5), at(4, 0, 5), at(5, 0, 5), at(8, 49, 49)],
             [0.0, 0.5, 0.5, 0.0]
@@ -280,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn they_are_those_of_plain_operations() {
+    fn they_equal_plain_operations() {
         let (p, u) = (numbers(&[1, CELLS, CELLS], 1), numbers(&[1, 2, INNER, INNER], 2));
         assert_eq!(modes(&flat(&u)), flat(&plain::modes(&u).unwrap()));
         let expected = plain::features(&p, &u, 2.0).unwrap();

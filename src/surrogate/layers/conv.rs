@@ -1,7 +1,7 @@
-//! candle-nn's convolution and transposed convolution, with bias and leaky rectifier, for images with their channels last.
+//! Convolution and transposed convolution with bias and leaky rectifier, for images with channels last.
 //!
-//! candle-nn keeps channels first, and on a CPU the gradients of its convolutions are several times slower than their values. The
-//! operations below are matrix products ([`Window`]); tests hold them to candle-nn's layers.
+//! candle-nn has channels first, and on a CPU the gradients of its convolutions are several times slower than the
+//! forward pass. The operations below are matrix products ([`Window`]). Tests compare them with candle-nn's layers.
 
 use candle_core::{CpuStorage, CustomOp2, Layout, Module, Result, Shape, Tensor, bail};
 use candle_nn::init::ZERO;
@@ -13,8 +13,8 @@ use super::gemm::{Matrix, multiply};
 use super::storage::values;
 use super::window::Window;
 
-/// A convolution with bias and leaky rectifier: (n, h, w, from) to (n, h′, w′, to) with h′ = (h + 2 padding − kernel)/stride + 1
-/// and w′ alike, zeros around.
+/// A convolution with zero padding, bias and leaky rectifier: (n, h, w, from) to (n, h′, w′, to) with
+/// h′ = (h + 2 padding − kernel)/stride + 1, and w′ alike.
 pub(crate) struct Conv2d {
     /// (to, kernel, kernel, from)
     pub(crate) weights: Tensor,
@@ -26,7 +26,7 @@ pub(crate) struct Conv2d {
 }
 
 impl Conv2d {
-    /// From `weights`, drawn with a standard deviation, and `bias` of a builder.
+    /// Creates the layer from the tensors `weights`, initialised with the standard deviation `stdev`, and `bias`.
     pub(crate) fn new(
         [from, to]: [usize; 2],
         kernel: usize,
@@ -56,19 +56,18 @@ impl Module for Conv2d {
     }
 }
 
-/// The transpose of a convolution with stride 2 that maps sides 2h − 1 to sides h, with bias: (n, h, w, from) to
-/// (n, 2h − 1, 2w − 1, to), odd kernel. The outer outputs lie on the outer inputs, so the chain 7, 13, 25, 49 shares its grid
-/// points.
+/// The transpose of a convolution with stride 2 and odd kernel, with bias: (n, h, w, from) to (n, 2h − 1, 2w − 1, to).
+/// The outer outputs lie on the outer inputs, so the grids of 7, 13, 25 and 49 points share their points.
 pub(crate) struct ConvTranspose2d {
     /// (from, kernel, kernel, to)
     pub(crate) weights: Tensor,
     pub(crate) bias: Tensor,
-    /// Slope of the rectifier below zero; none where the layer is the last.
+    /// Slope of the rectifier below zero; `None` for no rectifier.
     pub(crate) slope: Option<f32>,
 }
 
 impl ConvTranspose2d {
-    /// From `weights`, drawn with a standard deviation, and `bias` of a builder.
+    /// Creates the layer from the tensors `weights`, initialised with the standard deviation `stdev`, and `bias`.
     pub(crate) fn new(
         [from, to]: [usize; 2],
         kernel: usize,
@@ -106,7 +105,7 @@ struct Convolution {
     window: Window,
 }
 
-/// x = fold(y · W), for images of these rows and columns.
+/// x = fold(y · W), for images with `sides` rows and columns.
 struct Transposed {
     window: Window,
     sides: [usize; 2],
@@ -117,8 +116,8 @@ struct WeightGradient {
     window: Window,
 }
 
-/// (rows and columns, channels) of a batch of images.
-fn form(layout: &Layout) -> Result<([usize; 2], usize)> {
+/// Returns (rows and columns, channels) of a batch of images.
+fn image_dims(layout: &Layout) -> Result<([usize; 2], usize)> {
     match layout.dims() {
         &[_, h, w, c] => Ok(([h, w], c)),
         dims => bail!("expected images, found {dims:?}"),
@@ -131,7 +130,7 @@ impl CustomOp2 for Convolution {
     }
 
     fn cpu_fwd(&self, x: &CpuStorage, lx: &Layout, weights: &CpuStorage, lw: &Layout) -> Result<(CpuStorage, Shape)> {
-        let (([h, w], c), o, n) = (form(lx)?, lw.dims()[0], lx.dims()[0]);
+        let (([h, w], c), o, n) = (image_dims(lx)?, lw.dims()[0], lx.dims()[0]);
         let (taps, [up, across]) = (c * self.window.kernel.pow(2), [h, w].map(|n| self.window.output(n)));
         let (x, weights) = (values(x, lx)?, Matrix::new(values(weights, lw)?, taps).transposed());
         let mut unfolded = vec![0.0; up * across * taps];
@@ -146,14 +145,12 @@ impl CustomOp2 for Convolution {
     fn bwd(&self, x: &Tensor, w: &Tensor, _: &Tensor, grad: &Tensor) -> Result<(Option<Tensor>, Option<Tensor>)> {
         let (window, grad) = (self.window, grad.contiguous()?);
         let sides = [x.dim(1)?, x.dim(2)?];
-        // The patterns themselves need no gradient.
-        let dx = if x.track_op() {
-            Some(grad.apply_op2_no_bwd(w, &Transposed { window, sides })?)
-        } else {
-            None
-        };
+        // The input patterns need no gradient.
+        let dx = x
+            .track_op()
+            .then(|| grad.apply_op2_no_bwd(w, &Transposed { window, sides }));
         let dw = x.apply_op2_no_bwd(&grad, &WeightGradient { window })?;
-        Ok((dx, Some(dw)))
+        Ok((dx.transpose()?, Some(dw)))
     }
 }
 
@@ -163,7 +160,7 @@ impl CustomOp2 for Transposed {
     }
 
     fn cpu_fwd(&self, y: &CpuStorage, ly: &Layout, weights: &CpuStorage, lw: &Layout) -> Result<(CpuStorage, Shape)> {
-        let (([h, w], o), c, n) = (form(ly)?, lw.dims()[3], ly.dims()[0]);
+        let (([h, w], o), c, n) = (image_dims(ly)?, lw.dims()[3], ly.dims()[0]);
         let (taps, [up, across]) = (c * self.window.kernel.pow(2), self.sides);
         let (y, weights) = (values(y, ly)?, Matrix::new(values(weights, lw)?, taps));
         let mut unfolded = vec![0.0; h * w * taps];
@@ -189,19 +186,15 @@ impl CustomOp2 for WeightGradient {
     }
 
     fn cpu_fwd(&self, x: &CpuStorage, lx: &Layout, y: &CpuStorage, ly: &Layout) -> Result<(CpuStorage, Shape)> {
-        let (([h, w], c), ([up, across], o)) = (form(lx)?, form(ly)?);
+        let (([h, w], c), ([up, across], o)) = (image_dims(lx)?, image_dims(ly)?);
         let taps = c * self.window.kernel.pow(2);
         let (x, y) = (values(x, lx)?, values(y, ly)?);
         let mut unfolded = vec![0.0; up * across * taps];
         let mut weights = vec![0.0; o * taps];
         for (image, out) in x.chunks_exact(h * w * c).zip(y.chunks_exact(up * across * o)) {
             self.window.unfold(image, c, [h, w], &mut unfolded);
-            multiply(
-                &mut weights,
-                Accum::Add,
-                Matrix::new(out, o).transposed(),
-                Matrix::new(&unfolded, taps),
-            );
+            let out = Matrix::new(out, o).transposed();
+            multiply(&mut weights, Accum::Add, out, Matrix::new(&unfolded, taps));
         }
         let kernel = self.window.kernel;
         Ok((CpuStorage::F32(weights), (o, kernel, kernel, c).into()))
@@ -231,8 +224,8 @@ mod tests {
         x.flatten_all().unwrap().to_vec1().unwrap()
     }
 
-    /// Holds a layer to one of candle-nn with the same variables (input, weights, bias): value and gradients.
-    fn are_equal(vars: &[Var; 3], layer: &dyn Module, of_candle: &dyn Fn([&Tensor; 3]) -> Result<Tensor>) {
+    /// Compares a layer with one of candle-nn with the same variables (input, weights, bias): value and gradients.
+    fn assert_equal(vars: &[Var; 3], layer: &dyn Module, of_candle: &dyn Fn([&Tensor; 3]) -> Result<Tensor>) {
         let [x, weights, bias] = vars;
         let found = layer.forward(x).unwrap();
         let first = |t: &Tensor| t.permute(CHANNELS_FIRST).unwrap().contiguous().unwrap();
@@ -253,13 +246,13 @@ mod tests {
     }
 
     fn vars(x: &[usize], weights: &[usize], outputs: usize) -> [Var; 3] {
-        // No sum is zero, where the rectifier has no gradient.
+        // With this bias no sum is zero, where the rectifier has no gradient.
         let bias = (numbers(&[outputs], 2) + 0.25).unwrap();
         [numbers(x, 0), numbers(weights, 1), bias].map(|values| Var::from_tensor(&values).unwrap())
     }
 
     #[test]
-    fn convolutions_are_those_of_candle() {
+    fn convolutions_equal_candle() {
         for (side, kernel, stride, padding) in [(50, 10, 2, 4), (25, 7, 2, 3), (13, 5, 1, 2), (7, 1, 1, 0)] {
             let vars = vars(&[3, side, side + 2, 2], &[4, kernel, kernel, 2], 4);
             let config = Conv2dConfig {
@@ -273,7 +266,7 @@ mod tests {
                 config,
                 slope: SLOPE,
             };
-            are_equal(&vars, &layer, &|[x, weights, bias]| {
+            assert_equal(&vars, &layer, &|[x, weights, bias]| {
                 let layer = candle_nn::Conv2d::new(weights.clone(), Some(bias.clone()), config);
                 leaky_relu(&layer.forward(x)?, SLOPE.into())
             });
@@ -281,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn transposed_convolutions_are_those_of_candle() {
+    fn transposed_convolutions_equal_candle() {
         for (side, kernel, slope) in [(13, 5, None), (25, 3, Some(SLOPE)), (4, 1, None)] {
             let vars = vars(&[3, side, side + 2, 2], &[2, kernel, kernel, 4], 4);
             let layer = ConvTranspose2d {
@@ -294,7 +287,7 @@ mod tests {
                 padding: (kernel - 1) / 2,
                 ..candle_nn::ConvTranspose2dConfig::default()
             };
-            are_equal(&vars, &layer, &|[x, weights, bias]| {
+            assert_equal(&vars, &layer, &|[x, weights, bias]| {
                 let layer = candle_nn::ConvTranspose2d::new(weights.clone(), Some(bias.clone()), config);
                 let y = layer.forward(x)?;
                 slope.map_or(Ok(y.clone()), |slope| leaky_relu(&y, slope.into()))
@@ -302,7 +295,8 @@ mod tests {
         }
     }
 
-    /// The operation is linear in each argument, so the gradient g of ⟨c, f(x, w)⟩ obeys ⟨g, v⟩ = ⟨c, f(v, w)⟩ for every v.
+    /// The operation is linear in each argument, so the gradient g of ⟨c, f(x, w)⟩ obeys ⟨g, v⟩ = ⟨c, f(v, w)⟩ for
+    /// every v.
     fn gradients_are_exact(dims: [&[usize]; 2], f: impl Fn(&Tensor, &Tensor) -> Result<Tensor>) {
         let [x, w] = [numbers(dims[0], 1), numbers(dims[1], 2)].map(|t| Var::from_tensor(&t).unwrap());
         let dot = |a: &Tensor, b: &Tensor| -> f32 { (a * b).unwrap().sum_all().unwrap().to_scalar().unwrap() };
@@ -325,22 +319,14 @@ mod tests {
             let dims: [&[usize]; 2] = [&[2, side, side + 3, 3], &[4, kernel, kernel, 3]];
             gradients_are_exact(dims, |x, w| x.apply_op2(w, Convolution { window }));
         }
-        let (window, side) = (
-            Window {
-                kernel: 5,
-                stride: 2,
-                padding: 2,
-            },
-            13,
-        );
+        let window = Window {
+            kernel: 5,
+            stride: 2,
+            padding: 2,
+        };
+        let sides = [13; 2];
         gradients_are_exact([&[2, 7, 7, 3], &[3, 5, 5, 4]], |x, w| {
-            x.apply_op2(
-                w,
-                Transposed {
-                    window,
-                    sides: [side; 2],
-                },
-            )
+            x.apply_op2(w, Transposed { window, sides })
         });
     }
 }

@@ -1,6 +1,6 @@
-//! A correction as one operation: features, local law, forces and Green's function image by image, in memory that is taken
-//! once. candle's operations one after another do the same (`plain`, which tests hold it to); they take and give back ten times
-//! the memory, and a training with them lasts several times as long.
+//! A correction as one fused operation: features, local law, forces and Green's function, image by image in reused
+//! memory. Separate candle operations (`plain`, the reference in tests) allocate ten times the memory and make
+//! training several times slower.
 
 use std::cell::Cell;
 use std::sync::Arc;
@@ -9,53 +9,54 @@ use candle_core::{CpuStorage, CustomOp3, Device, Layout, Result, Shape, Tensor, 
 use deaflow_fem::registers::dispatch;
 use deaflow_linalg::Accum;
 
-use super::cell::{
-    FEATURES, MODES, add_forces, add_strain_forces, inner_corners, write_modes, write_strains, write_surroundings,
-};
+use super::cell::{FEATURES, MODES, add_forces, add_strain_forces, write_modes, write_strains, write_surroundings};
 use super::gemm::{Matrix, multiply};
 use super::green::{Green, GreenScratch};
 use super::inner::add_inner_products;
 use super::storage::values;
+use crate::corners::inner_corners;
 use deaflow_pattern::Raster;
 
-/// The device that corrections are made on.
+/// The fixed operators of a device.
 #[derive(Clone, Debug)]
-pub(crate) struct Ground {
-    /// What forces make of it.
+pub(crate) struct DeviceOperator {
+    /// Green's function.
     pub(crate) green: Green,
-    /// Of each cell 1 where it is membrane, and 0 where it is frame or body, which have no law; nothing where all are membrane.
+    /// Mask of the cells: 1 for membrane, 0 for frame and bodies, which have no law. `None` when all cells are
+    /// membrane.
     pub(crate) cells: Option<Vec<f32>>,
 }
 
-impl Ground {
+impl DeviceOperator {
     fn raster(&self) -> Raster {
         self.green.raster()
     }
 
-    /// Takes the stresses of cells away that have none.
-    fn clear(&self, stresses: &mut [f32]) {
+    /// Multiplies planes of cell values by the mask.
+    pub(crate) fn mask(&self, values: &mut [f32]) {
         let Some(cells) = &self.cells else { return };
-        for plane in stresses.chunks_exact_mut(cells.len()) {
-            plane.iter_mut().zip(cells).for_each(|(stress, cell)| *stress *= cell);
+        for plane in values.chunks_exact_mut(cells.len()) {
+            plane.iter_mut().zip(cells).for_each(|(value, cell)| *value *= cell);
         }
     }
 }
 
-/// The two numbers of a correction that are not learned.
+/// The fixed factors of a correction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scale {
-    /// What the modes of a displacement are multiplied by before the law sees them.
+    /// Factor from the modes of the displacement to the features of the law.
     pub(crate) strain: f32,
-    /// What the displacement that Green's function makes of the forces is multiplied by.
+    /// Factor from the output of Green's function to the displacement.
     pub(crate) length: f32,
 }
 
-/// A local law in all orientations, row by row.
+/// A local law in all orientations; its matrices row by row.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StressLaw<'a> {
-    /// The two factors of all products, first those of the one, then those of the other, (2 products, features).
+    /// Maps from features to the factors of the products, (2 products, features): all first factors, then all second
+    /// factors.
     pub(crate) factors: &'a [f32],
-    /// From products and features to stresses, (modes, products + features).
+    /// Map from products and features to stresses, (modes, products + features).
     pub(crate) stresses: &'a [f32],
 }
 
@@ -64,7 +65,7 @@ impl<'a> StressLaw<'a> {
         self.factors.len() / FEATURES / 2
     }
 
-    /// The part of the stresses that products make, and that which features make.
+    /// Returns the maps from products and from features to stresses.
     fn parts(&self) -> [Matrix<'a>; 2] {
         let products = self.products();
         let both = Matrix::new(self.stresses, products + FEATURES);
@@ -75,8 +76,8 @@ impl<'a> StressLaw<'a> {
 /// Memory for one image.
 pub(crate) struct Workspace {
     raster: Raster,
-    /// Products, then features: what stresses are made from.
-    seen: Vec<f32>,
+    /// Products, then features: the inputs of the map to stresses.
+    inputs: Vec<f32>,
     factors: Vec<f32>,
     products: usize,
     stresses: Vec<f32>,
@@ -86,7 +87,7 @@ pub(crate) struct Workspace {
     gradients: Gradients,
 }
 
-/// Gradients with respect to what a law sees and makes of one image.
+/// Gradients with respect to features, factors and products of one image.
 struct Gradients {
     features: Vec<f32>,
     factors: Vec<f32>,
@@ -94,37 +95,37 @@ struct Gradients {
 }
 
 thread_local! {
-    /// The workspace that a thread used last. Half a megabyte that is taken and given back for every few images costs more in
-    /// pages of the system than what is done with it.
+    /// The last workspace of the thread. To allocate half a megabyte for every few images would cost more time, in page
+    /// faults, than the computation.
     static SPARE: Cell<Option<Workspace>> = const { Cell::new(None) };
 }
 
 impl Workspace {
-    /// Lends the workspace of the thread, for laws of so many products on a device.
-    pub(crate) fn lend<R>(ground: &Ground, products: usize, work: impl FnOnce(&mut Self) -> R) -> R {
-        let fits = |spare: &Self| spare.products == products && spare.raster == ground.raster();
+    /// Calls `work` with the workspace of the thread, for laws with `products` products.
+    pub(crate) fn with<R>(operator: &DeviceOperator, products: usize, work: impl FnOnce(&mut Self) -> R) -> R {
+        let fits = |spare: &Self| spare.products == products && spare.raster == operator.raster();
         let mut workspace = match SPARE.take().filter(fits) {
             Some(spare) => spare,
-            None => Self::new(ground, products),
+            None => Self::new(operator, products),
         };
-        workspace.scratch.fit(&ground.green);
+        workspace.scratch.fit(&operator.green);
         let result = work(&mut workspace);
         SPARE.set(Some(workspace));
         result
     }
 
-    fn new(ground: &Ground, products: usize) -> Self {
-        let raster = ground.raster();
+    fn new(operator: &DeviceOperator, products: usize) -> Self {
+        let raster = operator.raster();
         let (area, image) = (raster.cells(), 2 * inner_corners(raster));
         Self {
             raster,
-            seen: vec![0.0; (products + FEATURES) * area],
+            inputs: vec![0.0; (products + FEATURES) * area],
             factors: vec![0.0; 2 * products * area],
             products,
             stresses: vec![0.0; MODES * area],
             forces: vec![0.0; image],
             moved: vec![0.0; image],
-            scratch: ground.green.scratch(),
+            scratch: operator.green.scratch(),
             gradients: Gradients {
                 features: vec![0.0; FEATURES * area],
                 factors: vec![0.0; 2 * products * area],
@@ -133,19 +134,16 @@ impl Workspace {
         }
     }
 
-    /// Sets the pattern (cells), ±½ per cell, that the next corrections are for.
-    pub(crate) fn surround(&mut self, pattern: &[f32]) {
-        write_surroundings(
-            self.raster,
-            pattern,
-            &mut self.seen[self.products * self.raster.cells()..],
-        );
+    /// Sets the pattern (cells), ±½ per cell, of the next corrections.
+    pub(crate) fn set_pattern(&mut self, pattern: &[f32]) {
+        let features = &mut self.inputs[self.products * self.raster.cells()..];
+        write_surroundings(self.raster, pattern, features);
     }
 
-    /// Factors and products of a law at a displacement.
-    fn look(&mut self, law: StressLaw<'_>, pattern: &[f32], displacement: &[f32], scale: Scale) {
+    /// Computes features, factors and products of a law at a displacement.
+    fn set_inputs(&mut self, law: StressLaw<'_>, pattern: &[f32], displacement: &[f32], scale: Scale) {
         let area = self.raster.cells();
-        let (products, features) = self.seen.split_at_mut(self.products * area);
+        let (products, features) = self.inputs.split_at_mut(self.products * area);
         write_strains(self.raster, pattern, displacement, scale.strain, features);
         let (factors, features) = (Matrix::new(law.factors, FEATURES), Matrix::new(features, area));
         multiply(&mut self.factors, Accum::Replace, factors, features);
@@ -153,40 +151,39 @@ impl Workspace {
         product(products, first, second);
     }
 
-    /// Adds the correction of a law to a displacement (2, inner corners) of the pattern that was set.
+    /// Adds the correction of a law to the displacement (2, inner corners) of the pattern set by [`Self::set_pattern`].
     pub(crate) fn correct(
         &mut self,
-        ground: &Ground,
+        operator: &DeviceOperator,
         law: StressLaw<'_>,
         pattern: &[f32],
         displacement: &mut [f32],
         scale: Scale,
     ) {
-        self.look(law, pattern, displacement, scale);
+        self.set_inputs(law, pattern, displacement, scale);
         let law = Matrix::new(law.stresses, self.products + FEATURES);
-        let seen = Matrix::new(&self.seen, self.raster.cells());
-        multiply(&mut self.stresses, Accum::Replace, law, seen);
-        ground.clear(&mut self.stresses);
+        let inputs = Matrix::new(&self.inputs, self.raster.cells());
+        multiply(&mut self.stresses, Accum::Replace, law, inputs);
+        operator.mask(&mut self.stresses);
         self.forces.fill(0.0);
         add_forces(self.raster, &self.stresses, &mut self.forces);
-        ground.green.apply(&self.forces, &mut self.moved, &mut self.scratch);
+        operator.green.apply(&self.forces, &mut self.moved, &mut self.scratch);
         add_scaled(displacement, scale.length, &self.moved);
     }
 }
 
-/// out ← a · b, number by number.
+/// Computes the elementwise product out = a · b.
 fn product(out: &mut [f32], a: &[f32], b: &[f32]) {
     dispatch(
         #[inline(always)]
         || {
-            out.iter_mut()
-                .zip(a.iter().zip(b))
-                .for_each(|(out, (a, b))| *out = a * b)
+            let pairs = a.iter().zip(b);
+            out.iter_mut().zip(pairs).for_each(|(out, (a, b))| *out = a * b)
         },
     );
 }
 
-/// y ← y + αx.
+/// Computes y += αx.
 fn add_scaled(y: &mut [f32], alpha: f32, x: &[f32]) {
     dispatch(
         #[inline(always)]
@@ -194,30 +191,26 @@ fn add_scaled(y: &mut [f32], alpha: f32, x: &[f32]) {
     );
 }
 
-/// Adds the correction of a law to displacements (n, 2, rows − 1, columns − 1) of patterns (n, rows, columns), ±½ per cell. Factors are
-/// (2 products, features), stresses (modes, products + features), as in [`StressLaw`].
+/// Adds the correction of a law to displacements (n, 2, rows − 1, columns − 1) of patterns (n, rows, columns), ±½ per
+/// cell. The law is given by its factors and stresses, as in [`StressLaw`].
 pub(crate) fn correct(
-    ground: &Arc<Ground>,
+    operator: &Arc<DeviceOperator>,
     patterns: &Tensor,
     displacement: &Tensor,
-    factors: &Tensor,
-    stresses: &Tensor,
+    [factors, stresses]: [&Tensor; 2],
     scale: Scale,
 ) -> Result<Tensor> {
-    let patterns = patterns.flatten_all()?.to_vec1()?;
-    displacement.contiguous()?.apply_op3(
-        &factors.contiguous()?,
-        &stresses.contiguous()?,
-        Correct {
-            ground: Arc::clone(ground),
-            patterns,
-            scale,
-        },
-    )
+    let operation = Correct {
+        operator: Arc::clone(operator),
+        patterns: patterns.flatten_all()?.to_vec1()?,
+        scale,
+    };
+    let displacement = displacement.contiguous()?;
+    displacement.apply_op3(&factors.contiguous()?, &stresses.contiguous()?, operation)
 }
 
 struct Correct {
-    ground: Arc<Ground>,
+    operator: Arc<DeviceOperator>,
     patterns: Vec<f32>,
     scale: Scale,
 }
@@ -241,20 +234,17 @@ impl CustomOp3 for Correct {
             stresses: values(stresses, ls)?,
         };
         if law.stresses.len() != MODES * (law.products() + FEATURES) {
-            bail!(
-                "factors {:?} and stresses {:?} are of different laws",
-                lf.dims(),
-                ls.dims()
-            );
+            let (factors, stresses) = (lf.dims(), ls.dims());
+            bail!("factors {factors:?} and stresses {stresses:?} belong to different laws");
         }
         let mut corrected = values(u, lu)?.to_vec();
-        let (ground, raster) = (&*self.ground, self.ground.raster());
+        let (operator, raster) = (&*self.operator, self.operator.raster());
         let images = corrected.chunks_exact_mut(2 * inner_corners(raster));
         let images = self.patterns.chunks_exact(raster.cells()).zip(images);
-        Workspace::lend(ground, law.products(), |workspace| {
+        Workspace::with(operator, law.products(), |workspace| {
             for (pattern, u) in images {
-                workspace.surround(pattern);
-                workspace.correct(ground, law, pattern, u, self.scale);
+                workspace.set_pattern(pattern);
+                workspace.correct(operator, law, pattern, u, self.scale);
             }
         });
         Ok((CpuStorage::F32(corrected), lu.shape().clone()))
@@ -275,34 +265,26 @@ impl CustomOp3 for Correct {
             factors: &factor_values,
             stresses: &stress_values,
         };
-        let (ground, raster) = (&*self.ground, self.ground.raster());
-        let mut back = Backward::new(ground, law, self.scale);
+        let (operator, raster) = (&*self.operator, self.operator.raster());
+        let mut back = Backward::new(operator, law, self.scale);
         let image = 2 * inner_corners(raster);
-        let images = self
-            .patterns
-            .chunks_exact(raster.cells())
-            .zip(displacements.chunks_exact(image));
-        Workspace::lend(ground, law.products(), |workspace| {
+        let patterns = self.patterns.chunks_exact(raster.cells());
+        let images = patterns.zip(displacements.chunks_exact(image));
+        Workspace::with(operator, law.products(), |workspace| {
             for ((pattern, u), gradient) in images.zip(gradient.chunks_exact_mut(image)) {
                 back.image(workspace, pattern, u, gradient);
             }
         });
-        let tensor = |values: Vec<f32>, like: &Tensor| Tensor::from_vec(values, like.shape(), &Device::Cpu).map(Some);
-        let du = match u.track_op() {
-            true => tensor(gradient, u)?,
-            false => None,
-        };
-        Ok((
-            du,
-            tensor(back.by_factors, factors)?,
-            tensor(back.by_stresses, stresses)?,
-        ))
+        let tensor = |values: Vec<f32>, like: &Tensor| Tensor::from_vec(values, like.shape(), &Device::Cpu);
+        let du = u.track_op().then(|| tensor(gradient, u)).transpose()?;
+        let (by_factors, by_stresses) = (tensor(back.by_factors, factors)?, tensor(back.by_stresses, stresses)?);
+        Ok((du, Some(by_factors), Some(by_stresses)))
     }
 }
 
 /// Gradients of a correction with respect to its law, summed over images in order.
 struct Backward<'a> {
-    ground: &'a Ground,
+    operator: &'a DeviceOperator,
     law: StressLaw<'a>,
     scale: Scale,
     by_factors: Vec<f32>,
@@ -310,9 +292,9 @@ struct Backward<'a> {
 }
 
 impl<'a> Backward<'a> {
-    fn new(ground: &'a Ground, law: StressLaw<'a>, scale: Scale) -> Self {
+    fn new(operator: &'a DeviceOperator, law: StressLaw<'a>, scale: Scale) -> Self {
         Self {
-            ground,
+            operator,
             law,
             scale,
             by_factors: vec![0.0; law.factors.len()],
@@ -320,17 +302,18 @@ impl<'a> Backward<'a> {
         }
     }
 
-    /// Takes in an image; the gradient with respect to what came out becomes that with respect to what went in.
+    /// Adds the gradients of an image. `gradient` is with respect to the output, and becomes that with respect to the
+    /// input.
     fn image(&mut self, w: &mut Workspace, pattern: &[f32], displacement: &[f32], gradient: &mut [f32]) {
-        let (raster, area) = (self.ground.raster(), self.ground.raster().cells());
+        let (raster, area) = (self.operator.raster(), self.operator.raster().cells());
         let (law, half) = (self.law, self.law.products() * area);
-        w.surround(pattern);
-        w.look(law, pattern, displacement, self.scale);
-        // Green's function is its own transpose, and forces are the transpose of modes.
-        self.ground.green.apply(gradient, &mut w.moved, &mut w.scratch);
+        w.set_pattern(pattern);
+        w.set_inputs(law, pattern, displacement, self.scale);
+        // Green's function is symmetric, and forces are the transpose of modes.
+        self.operator.green.apply(gradient, &mut w.moved, &mut w.scratch);
         write_modes(raster, &w.moved, self.scale.length, &mut w.stresses);
-        self.ground.clear(&mut w.stresses);
-        add_inner_products(&mut self.by_stresses, &w.stresses, &w.seen, area);
+        self.operator.mask(&mut w.stresses);
+        add_inner_products(&mut self.by_stresses, &w.stresses, &w.inputs, area);
         let stresses = Matrix::new(&w.stresses, area);
         let [from_products, from_features] = law.parts();
         let back = &mut w.gradients;
@@ -339,7 +322,7 @@ impl<'a> Backward<'a> {
         let (a, b) = w.factors.split_at(half);
         product(first, &back.products, b);
         product(second, &back.products, a);
-        add_inner_products(&mut self.by_factors, &back.factors, &w.seen[half..], area);
+        add_inner_products(&mut self.by_factors, &back.factors, &w.inputs[half..], area);
         let factors = Matrix::new(&back.factors, area);
         let to_features = Matrix::new(law.factors, FEATURES).transposed();
         multiply(&mut back.features, Accum::Replace, to_features, factors);
@@ -366,48 +349,42 @@ mod tests {
         (plain::numbers(dims, salt) / 10.0).unwrap()
     }
 
-    fn ground(raster: Raster, along: f64) -> Arc<Ground> {
-        Arc::new(Ground {
+    fn operator(raster: Raster, along: f64) -> Arc<DeviceOperator> {
+        Arc::new(DeviceOperator {
             green: Green::new(raster, along, None),
             cells: None,
         })
     }
 
-    /// A device on which some cells have no law, and a few corners are held by springs.
-    fn framed() -> Arc<Ground> {
+    /// A device on which some cells have no law and springs hold a few corners.
+    fn framed() -> Arc<DeviceOperator> {
         let raster = Raster::new(6, 9).unwrap();
         let (nodes, count) = (vec![3, 4, 17, 30], 8);
-        let spring = |at: usize| {
-            if at / count == at % count {
-                0.5
-            } else {
-                0.01 * ((at / count + at % count) as f32)
-            }
+        let spring = |at: usize| match at / count == at % count {
+            true => 0.5,
+            false => 0.01 * ((at / count + at % count) as f32),
         };
         let supports = Supports {
             nodes,
             stiffness: (0..count * count).map(spring).collect(),
         };
-        Arc::new(Ground {
+        let cells = (0..raster.cells()).map(|cell| f32::from(u8::from(cell % 7 != 2)));
+        Arc::new(DeviceOperator {
             green: Green::new(raster, 1.2, Some(supports)),
-            cells: Some(
-                (0..raster.cells())
-                    .map(|cell| f32::from(u8::from(cell % 7 != 2)))
-                    .collect(),
-            ),
+            cells: Some(cells.collect()),
         })
     }
 
-    fn by_plain_operations(ground: &Ground, [p, u, factors, stresses]: [&Tensor; 4]) -> Result<Tensor> {
-        let seen = plain::features(p, u, SCALE.strain.into())?;
-        let mut stresses = plain::law(&seen, factors, stresses)?;
-        if let Some(cells) = &ground.cells {
+    fn by_plain_operations(operator: &DeviceOperator, [p, u, factors, stresses]: [&Tensor; 4]) -> Result<Tensor> {
+        let features = plain::features(p, u, SCALE.strain.into())?;
+        let mut stresses = plain::law(&features, factors, stresses)?;
+        if let Some(cells) = &operator.cells {
             stresses = stresses.broadcast_mul(&Tensor::from_slice(cells, cells.len(), &Device::Cpu)?)?;
         }
-        let forces = plain::forces(ground.raster(), &stresses)?;
-        let mut moved = plain::green(&ground.green, &forces)?;
-        if let Some(Supports { nodes, stiffness }) = ground.green.supports() {
-            let plane = inner_corners(ground.raster());
+        let forces = plain::forces(operator.raster(), &stresses)?;
+        let mut moved = plain::green(&operator.green, &forces)?;
+        if let Some(Supports { nodes, stiffness }) = operator.green.supports() {
+            let plane = inner_corners(operator.raster());
             let places: Vec<u32> = (0..2)
                 .flat_map(|k| nodes.iter().map(move |node| (k * plane + node) as u32))
                 .collect();
@@ -419,21 +396,21 @@ mod tests {
             let held = at_nodes.matmul(&stiffness)?.neg()?;
             let zero = Tensor::zeros((n, 2 * plane), forces.dtype(), &Device::Cpu)?;
             let reaction = zero.index_add(&index, &held, 1)?.reshape(forces.shape())?;
-            moved = plain::green(&ground.green, &(forces + reaction)?)?;
+            moved = plain::green(&operator.green, &(forces + reaction)?)?;
         }
         u + (moved * f64::from(SCALE.length))?
     }
 
     #[test]
-    fn values_and_gradients_are_those_of_plain_operations() {
+    fn values_and_gradients_equal_plain_operations() {
         let other = Raster::new(8, 5).unwrap();
-        for ground in [ground(Raster::PAPER, 1.0), ground(other, 0.7), framed()] {
-            compare(&ground);
+        for operator in [operator(Raster::PAPER, 1.0), operator(other, 0.7), framed()] {
+            compare(&operator);
         }
     }
 
-    fn compare(ground: &Arc<Ground>) {
-        let [columns, rows] = ground.raster().sides();
+    fn compare(operator: &Arc<DeviceOperator>) {
+        let [columns, rows] = operator.raster().sides();
         let p = numbers(&[2, rows, columns], 1);
         let vars = [
             numbers(&[2, 2, rows - 1, columns - 1], 2),
@@ -441,8 +418,8 @@ mod tests {
             numbers(&[MODES, PRODUCTS + FEATURES], 4),
         ];
         let [u, factors, stresses] = vars.map(|values| Var::from_tensor(&values).unwrap());
-        let found = correct(ground, &p, &u, &factors, &stresses, SCALE).unwrap();
-        let expected = by_plain_operations(ground, [&p, &u, &factors, &stresses]).unwrap();
+        let found = correct(operator, &p, &u, [&factors, &stresses], SCALE).unwrap();
+        let expected = by_plain_operations(operator, [&p, &u, &factors, &stresses]).unwrap();
         let flat = |x: &Tensor| x.flatten_all().unwrap().to_vec1::<f32>().unwrap();
         let alike = |found: &Tensor, expected: &Tensor| {
             assert_eq!(found.dims(), expected.dims());
@@ -464,7 +441,7 @@ mod tests {
     fn parts_of_different_laws_are_refused() {
         let (p, u) = (numbers(&[1, 5, 8], 1), numbers(&[1, 2, 4, 7], 2));
         let (factors, stresses) = (numbers(&[2, FEATURES], 3), numbers(&[MODES, 2 + FEATURES], 4));
-        let ground = ground(Raster::new(8, 5).unwrap(), 1.0);
-        assert!(correct(&ground, &p, &u, &factors, &stresses, SCALE).is_err());
+        let operator = operator(Raster::new(8, 5).unwrap(), 1.0);
+        assert!(correct(&operator, &p, &u, [&factors, &stresses], SCALE).is_err());
     }
 }

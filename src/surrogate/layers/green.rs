@@ -1,9 +1,11 @@
-//! The displacement that forces on the corners cause in a membrane held at its frame, if each component obeyed the equation of a
-//! stretched sheet, λ₁²∂xx + λ₂²∂yy: what the elastic tangent of a highly prestretched membrane is but for terms λp⁻⁶ as large.
+//! Green's function of the membrane: the displacement by forces at the corners of a clamped membrane, where each
+//! component obeys the equation of a stretched sheet, λ₁²∂xx + λ₂²∂yy. The elastic tangent of a membrane with
+//! prestretch λp differs by terms of relative size λp⁻⁶.
 //!
-//! On a rectangle it is diagonal in sine waves. Frames and bodies within it take forces on the corners where they meet the membrane, such that
-//! frames stand still and bodies move as one: forces that are linear in the displacement that the corners would have without (the
-//! capacitance-matrix method; Buzbee, Dorr, George and Golub, SIAM J. Numer. Anal. 8 (1971) 722).
+//! On a rectangle it is diagonal in sine modes. Inside it, frame and bodies exert forces at the corners where they
+//! touch the membrane, so that the frame does not move and the bodies move rigidly. These forces are linear in the
+//! displacement that the corners would have without them (the capacitance-matrix method; Buzbee, Dorr, George and
+//! Golub, SIAM J. Numer. Anal. 8 (1971) 722).
 
 use std::f64::consts::PI;
 
@@ -11,55 +13,55 @@ use candle_core::{Device, Result, Tensor};
 use deaflow_fem::registers::dispatch;
 use deaflow_linalg::Accum;
 
-use super::cell::inner_corners;
 use super::gemm::{Matrix, multiply};
+use crate::corners::{inner_corners, inner_sides};
 use deaflow_pattern::Raster;
 
 /// Green's function of a membrane.
 #[derive(Clone, Debug)]
 pub(crate) struct Green {
     raster: Raster,
-    /// Of x and of y, on so many cells n: sin(π (i+1)(k+1)/n) times √(2/n), symmetric and its own inverse.
+    /// Sine matrices along x and y: see [`sines`].
     sines: [Vec<f32>; 2],
-    /// One over the eigenvalue of each pair of waves, `[along y][along x]`.
+    /// Inverse eigenvalue of each pair of sine modes, `[y][x]`.
     inverse: Vec<f32>,
     supports: Option<Supports>,
 }
 
-/// Where frames and bodies meet the membrane, and how stiffly they resist.
+/// The corners at which the frame and the bodies touch the membrane, and their stiffness.
 #[derive(Clone, Debug)]
 pub(crate) struct Supports {
-    /// Places among the inner corners.
+    /// Indices of inner corners.
     pub(crate) nodes: Vec<usize>,
-    /// The forces that take a displacement of these corners back, `[component][node]` by `[component][node]`: symmetric.
+    /// Forces that undo a displacement of these corners, `[component][node]` by `[component][node]`; symmetric.
     pub(crate) stiffness: Vec<f32>,
 }
 
-/// Room for [`Green::apply`].
+/// Memory for [`Green::apply`].
 pub(crate) struct GreenScratch {
     plane: Vec<f32>,
     forces: Vec<f32>,
 }
 
 impl GreenScratch {
-    /// Makes it that of a membrane of the same raster.
+    /// Resizes the memory for another membrane with the same raster.
     pub(super) fn fit(&mut self, green: &Green) {
         let forces = green.supports.as_ref().map_or(0, |_| 2 * self.plane.len());
         self.forces.resize(forces, 0.0);
     }
 }
 
-/// sin(π (i+1)(k+1)/n) times √(2/n), row by row.
+/// Returns the sine matrix of n cells, √(2/n) sin(π (i+1)(k+1)/n), row by row. It is symmetric and its own inverse.
 fn sines(cells: usize) -> Vec<f32> {
     let (inner, n) = (cells - 1, cells as f64);
     let sine = |i: f64, k: f64| ((2.0 / n).sqrt() * (PI * i * k / n).sin()) as f32;
-    let places = (0..inner * inner).map(|at| [at / inner + 1, at % inner + 1]);
-    places.map(|[i, k]| sine(i as f64, k as f64)).collect()
+    let indices = (0..inner * inner).map(|at| [at / inner + 1, at % inner + 1]);
+    indices.map(|[i, k]| sine(i as f64, k as f64)).collect()
 }
 
 impl Green {
-    /// On a raster whose second differences along x count `along` times, and those along y as much less: the stiffness of a cell along x over
-    /// the geometric mean of both.
+    /// Creates Green's function of a raster. `along` is the stiffness of a cell along x over the geometric mean of both
+    /// directions: it multiplies second differences along x and divides those along y.
     pub(crate) fn new(raster: Raster, along: f64, supports: Option<Supports>) -> Self {
         let [columns, rows] = raster.sides();
         let eigenvalue = |k: usize, cells: usize| 2.0 - 2.0 * (PI * k as f64 / cells as f64).cos();
@@ -74,19 +76,19 @@ impl Green {
         }
     }
 
-    /// Its raster.
+    /// Returns its raster.
     pub(crate) fn raster(&self) -> Raster {
         self.raster
     }
 
-    /// Where frames and bodies meet the membrane.
+    /// Returns the corners at which the frame and the bodies touch the membrane.
     pub(crate) fn supports(&self) -> Option<&Supports> {
         self.supports.as_ref()
     }
 
-    /// The tables of the transform as tensors: the sines along x and along y, and one over the eigenvalues.
+    /// Returns the sine matrices along x and y and the inverse eigenvalues as tensors.
     pub(crate) fn tables(&self) -> Result<[Tensor; 3]> {
-        let [columns, rows] = self.raster.sides().map(|side| side - 1);
+        let [columns, rows] = inner_sides(self.raster);
         let table = |values: &[f32], shape: (usize, usize)| Tensor::from_slice(values, shape, &Device::Cpu);
         let [along, up] = &self.sines;
         Ok([
@@ -96,7 +98,7 @@ impl Green {
         ])
     }
 
-    /// Room for work.
+    /// Allocates memory for [`Green::apply`].
     pub(crate) fn scratch(&self) -> GreenScratch {
         let plane = inner_corners(self.raster);
         GreenScratch {
@@ -105,29 +107,29 @@ impl Green {
         }
     }
 
-    /// Displacements of forces, both (2, inner corners), a cell being the unit of length. The map is its own transpose.
+    /// Computes the displacements by forces, both (2, inner corners), with a cell as the unit of length. The map is
+    /// symmetric.
     pub(crate) fn apply(&self, forces: &[f32], displacements: &mut [f32], scratch: &mut GreenScratch) {
         self.of_rectangle(forces, displacements, &mut scratch.plane);
         let Some(supports) = &self.supports else {
             return;
         };
         let plane = inner_corners(self.raster);
-        let places = || (0..2).flat_map(|k| supports.nodes.iter().map(move |node| k * plane + node));
-        let moved: Vec<f32> = places().map(|place| displacements[place]).collect();
-        let mut held = vec![0.0; moved.len()];
+        let indices = || (0..2).flat_map(|k| supports.nodes.iter().map(move |node| k * plane + node));
+        let moved: Vec<f32> = indices().map(|index| displacements[index]).collect();
+        let mut reactions = vec![0.0; moved.len()];
         let stiffness = Matrix::new(&supports.stiffness, moved.len());
-        multiply(&mut held, Accum::Replace, stiffness, Matrix::new(&moved, 1));
+        multiply(&mut reactions, Accum::Replace, stiffness, Matrix::new(&moved, 1));
         scratch.forces.copy_from_slice(forces);
-        for (place, force) in places().zip(held) {
-            scratch.forces[place] -= force;
+        for (index, reaction) in indices().zip(reactions) {
+            scratch.forces[index] -= reaction;
         }
         self.of_rectangle(&scratch.forces, displacements, &mut scratch.plane);
     }
 
-    /// The same without frames and bodies, plane by plane.
+    /// Computes the displacements without frame and bodies, plane by plane.
     fn of_rectangle(&self, forces: &[f32], displacements: &mut [f32], scratch: &mut [f32]) {
-        let plane = inner_corners(self.raster);
-        let [columns, rows] = self.raster.sides().map(|side| side - 1);
+        let (plane, [columns, rows]) = (inner_corners(self.raster), inner_sides(self.raster));
         let (along, up) = (Matrix::new(&self.sines[0], columns), Matrix::new(&self.sines[1], rows));
         for (f, u) in forces.chunks_exact(plane).zip(displacements.chunks_exact_mut(plane)) {
             multiply(scratch, Accum::Replace, Matrix::new(f, columns), along);
@@ -153,7 +155,7 @@ mod tests {
     }
 
     fn forces(raster: Raster, salt: usize) -> Tensor {
-        let [columns, rows] = raster.sides().map(|side| side - 1);
+        let [columns, rows] = inner_sides(raster);
         numbers(&[1, 2, rows, columns], salt)
     }
 
@@ -168,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn the_five_point_operator_gives_the_forces_back() {
+    fn the_five_point_operator_returns_the_forces() {
         for (raster, along) in rasters() {
             let f = flat(&forces(raster, 1));
             let u: Vec<f64> = applied(&Green::new(raster, along, None), &f)
@@ -199,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_that_of_plain_operations_and_its_own_transpose() {
+    fn it_equals_plain_operations_and_is_symmetric() {
         let dot = |a: &[f32], b: &[f32]| -> f64 { a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum() };
         for (raster, along) in rasters() {
             let green = Green::new(raster, along, None);

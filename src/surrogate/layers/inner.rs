@@ -1,12 +1,12 @@
 //! Inner products of a few long rows with a few others: the gradients of a local law, which sum over all cells.
 //!
-//! As products of matrices they are much deeper than wide, and a kernel for wide ones keeps a quarter of the registers busy. Here eight sums
-//! of vectors are under way at a time.
+//! As matrix products they are much deeper than wide, for which a general kernel uses a quarter of the registers. This
+//! kernel accumulates eight vectors at a time.
 
 use deaflow_fem::registers::dispatch;
 use pulp::{Simd, WithSimd};
 
-/// `out[i][j] += Σ a[i][k] · b[j][k]` of rows of so many numbers, always in the same order.
+/// Computes `out[i][j] += Σ a[i][k] · b[j][k]` for rows of `length` values, always in the same order.
 pub(super) fn add_inner_products(out: &mut [f32], a: &[f32], b: &[f32], length: usize) {
     dispatch(InnerProducts { out, a, b, length });
 }
@@ -44,7 +44,7 @@ impl WithSimd for InnerProducts<'_> {
     }
 }
 
-/// Adds those of M rows with all others.
+/// Adds the inner products of M rows of `a` with all rows of `b`.
 #[inline(always)]
 fn of_rows<S: Simd, const M: usize>(simd: S, out: &mut [f32], a: &[f32], b: &[f32], length: usize) {
     let columns = b.len() / length;
@@ -74,7 +74,8 @@ fn add<const M: usize, const N: usize>(out: &mut [f32], [columns, at]: [usize; 2
     }
 }
 
-/// Plain loops over arrays: closures would not be compiled for the vector instructions.
+/// Computes a block of inner products. It uses plain loops, because closures are not compiled with the vector
+/// instructions.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)]
 fn of_block<S: Simd, const M: usize, const N: usize>(simd: S, a: [&[f32]; M], b: [&[f32]; N]) -> [[f32; N]; M] {
@@ -125,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn they_are_those_of_plain_sums() {
+    fn they_equal_plain_sums() {
         let numbers = |count: usize, salt: usize| -> Vec<f32> {
             let number = |i: usize| ((i * 31 + salt) * 17 % 11) as f32 - 5.0;
             (0..count).map(number).collect()

@@ -1,7 +1,7 @@
-//! Mixing over the whole image: every output position sees every input position.
+//! Mixing over the whole image: every output position depends on every input position.
 //!
-//! The elastic response of a membrane is global (the Green's function of the Laplacian decays like a logarithm), which
-//! no small window reaches.
+//! The elastic response of a membrane is global (Green's function of the Laplacian decays like a logarithm), so small
+//! windows are not enough.
 
 use candle_core::{CpuStorage, CustomOp2, Layout, Module, Result, Shape, Tensor, bail};
 use candle_nn::{Init, VarBuilder};
@@ -10,26 +10,23 @@ use deaflow_linalg::Accum;
 use super::gemm::{Matrix, multiply, multiply_into};
 use super::storage::values;
 
-/// `x` (n, h, w, c) with `weights` (g, hw, hw), g dividing c: in each of the g groups of neighbouring channels the hw
-/// positions of an image are multiplied by one matrix.
+/// Multiplies the hw positions of an image (n, h, w, c) by a matrix for each of g groups of neighbouring channels. The
+/// `weights` are (g, hw, hw), and g divides c.
 pub(crate) struct Mixing {
     pub(crate) weights: Tensor,
-    /// c.
+    /// Number of channels c.
     pub(crate) width: usize,
     /// Rows and columns of the images.
     pub(crate) sides: [usize; 2],
 }
 
 impl Mixing {
-    /// From the tensor `mixing` of a builder, for images of so many rows and columns and `width` channels.
+    /// Creates the layer from the tensor `mixing`, for images with `sides` rows and columns and `width` channels.
     pub(crate) fn new(groups: usize, sides: [usize; 2], width: usize, builder: &VarBuilder<'_>) -> Result<Self> {
         let positions = sides[0] * sides[1];
         let stdev = (1.0 / positions as f64).sqrt();
-        let weights = builder.get_with_hints(
-            (groups, positions, positions),
-            "mixing",
-            Init::Randn { mean: 0.0, stdev },
-        )?;
+        let (dims, init) = ((groups, positions, positions), Init::Randn { mean: 0.0, stdev });
+        let weights = builder.get_with_hints(dims, "mixing", init)?;
         Ok(Self { weights, width, sides })
     }
 }
@@ -48,12 +45,12 @@ struct Mix {
     transposed: bool,
 }
 
-/// `W[g] = Σ_n y[n][:, g] · x[n][:, g]ᵀ`, in order; `groups` of them.
+/// `W[g] = Σ_n y[n][:, g] · x[n][:, g]ᵀ` for each group, summed in order.
 struct MixGradient {
     groups: usize,
 }
 
-/// (positions, channels).
+/// Returns (positions, channels).
 fn dims(layout: &Layout) -> Result<(usize, usize)> {
     match layout.dims() {
         &[_, p, c] => Ok((p, c)),
@@ -129,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_a_product_of_matrices() {
+    fn it_equals_a_matrix_product() {
         let (x, w) = (numbers(&[3, 4, 4, 6], 1), numbers(&[2, 16, 16], 2));
         let groups = x.reshape((3, 16, 2, 3)).unwrap().transpose(1, 2).unwrap();
         let expected = w.unsqueeze(0).unwrap().broadcast_matmul(&groups.contiguous().unwrap());

@@ -1,4 +1,4 @@
-//! The layers that networks are built from: candle-nn's interfaces, with operations of our own beneath.
+//! Layers of the networks: candle-nn's interfaces with own operations.
 
 mod activate;
 mod cell;
@@ -15,7 +15,7 @@ mod window;
 
 pub(crate) use cell::{FEATURES, MODES, NEIGHBOURS, SIGNS};
 pub(crate) use conv::{Conv2d, ConvTranspose2d};
-pub(crate) use correct::{Ground, Scale, StressLaw, Workspace, correct};
+pub(crate) use correct::{DeviceOperator, Scale, StressLaw, Workspace, correct};
 pub(crate) use gemm::{Matrix, multiply};
 pub(crate) use green::{Green, Supports};
 pub(crate) use mix::Mixing;

@@ -1,4 +1,4 @@
-//! The parts of a correction as candle's own operations, one after another: what the joined operation is held to.
+//! The steps of a correction as separate candle operations: the reference for the fused operation in tests.
 
 use candle_core::{Device, Module, Result, Tensor};
 use candle_nn::Linear;
@@ -7,14 +7,15 @@ use super::cell::{FEATURES, MODES, NEIGHBOURS, SIGNS};
 use super::green::Green;
 use deaflow_pattern::Raster;
 
-/// Small integers, so that sums are exact in f32.
+/// Returns small integers, so that sums are exact in f32.
 pub(super) fn numbers(dims: &[usize], salt: usize) -> Tensor {
     let count = dims.iter().product();
     let values: Vec<f32> = (0..count).map(|i| ((i * 31 + salt) * 17 % 11) as f32 - 5.0).collect();
     Tensor::from_vec(values, dims, &Device::Cpu).unwrap()
 }
 
-/// The features of patterns (n, rows, columns), ±½ per cell, and displacements (n, 2, rows − 1, columns − 1): (n, 22, cells).
+/// Returns the features (n, 22, cells) of patterns (n, rows, columns), ±½ per cell, and displacements
+/// (n, 2, rows − 1, columns − 1).
 pub(super) fn features(patterns: &Tensor, displacement: &Tensor, strain: f64) -> Result<Tensor> {
     let (n, rows, columns) = patterns.dims3()?;
     let area = rows * columns;
@@ -31,7 +32,7 @@ pub(super) fn features(patterns: &Tensor, displacement: &Tensor, strain: f64) ->
     Tensor::cat(&channels, 1)
 }
 
-/// The modes of displacements (n, 2, rows − 1, columns − 1): (n, 6, cells).
+/// Returns the modes (n, 6, cells) of displacements (n, 2, rows − 1, columns − 1).
 pub(super) fn modes(displacement: &Tensor) -> Result<Tensor> {
     let (n, _, rows, columns) = displacement.dims4()?;
     let (rows, columns) = (rows + 1, columns + 1);
@@ -48,7 +49,8 @@ pub(super) fn modes(displacement: &Tensor) -> Result<Tensor> {
     Tensor::cat(&[mode(&SIGNS[0])?, mode(&SIGNS[1])?, mode(&SIGNS[2])?], 1)
 }
 
-/// What a law makes of features (n, 22, cells): stresses (n, 6, cells). `factors` and `stresses` are as in [`super::StressLaw`].
+/// Returns the stresses (n, 6, cells) of features (n, 22, cells). `factors` and `stresses` are as in
+/// [`super::StressLaw`].
 pub(super) fn law(features: &Tensor, factors: &Tensor, stresses: &Tensor) -> Result<Tensor> {
     let features = features.transpose(1, 2)?.contiguous()?;
     let factors = Linear::new(factors.clone(), None).forward(&features)?;
@@ -58,7 +60,7 @@ pub(super) fn law(features: &Tensor, factors: &Tensor, stresses: &Tensor) -> Res
     Linear::new(stresses.clone(), None).forward(&seen)?.transpose(1, 2)
 }
 
-/// The forces of stresses (n, 6, cells) on the inner corners: (n, 2, rows − 1, columns − 1).
+/// Returns the forces (n, 2, rows − 1, columns − 1) of stresses (n, 6, cells) at the inner corners.
 pub(super) fn forces(raster: Raster, stresses: &Tensor) -> Result<Tensor> {
     let [columns, rows] = raster.sides();
     let n = stresses.dim(0)?;
@@ -76,7 +78,7 @@ pub(super) fn forces(raster: Raster, stresses: &Tensor) -> Result<Tensor> {
     all.narrow(2, 1, rows - 1)?.narrow(3, 1, columns - 1)
 }
 
-/// The displacements of forces (n, 2, rows − 1, columns − 1) on a rectangle, by the tables of the transform.
+/// Returns the displacements by forces, both (n, 2, rows − 1, columns − 1), on a rectangle.
 pub(super) fn green(green: &Green, forces: &Tensor) -> Result<Tensor> {
     let [along, up, inverse] = green.tables()?;
     let transformed = |x: &Tensor| up.broadcast_matmul(&x.contiguous()?.broadcast_matmul(&along)?);

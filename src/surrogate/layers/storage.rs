@@ -1,8 +1,8 @@
-//! Access to the numbers of a tensor from inside an operation.
+//! Access to the values of a tensor inside an operation.
 
 use candle_core::{CpuStorage, Layout, Result, bail};
 
-/// The values of a contiguous f32 tensor.
+/// Returns the values of a contiguous f32 tensor.
 pub(super) fn values<'a>(storage: &'a CpuStorage, layout: &Layout) -> Result<&'a [f32]> {
     match layout.contiguous_offsets() {
         Some((from, to)) => Ok(&storage.as_slice::<f32>()?[from..to]),

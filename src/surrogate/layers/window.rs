@@ -1,9 +1,9 @@
-//! The geometry of a convolution: which pixels each output sees, as the two data movements "unfold" and "fold".
+//! The geometry of a convolution as the two data movements "unfold" (im2col) and "fold" (col2im).
 //!
-//! A convolution is then one matrix product per image (Chellapilla, Puri & Simard, "High performance convolutional neural
-//! networks for document processing", 2006), and everything else (its two gradients, the transposed convolution and its
-//! gradients) is the same product with something transposed. Images keep their channels last, so that what a row of the
-//! window sees is one run of memory.
+//! A convolution is then one matrix product per image (Chellapilla, Puri & Simard, "High performance convolutional
+//! neural networks for document processing", 2006). Its two gradients, the transposed convolution and its gradients
+//! are the same product with a factor transposed. Images have channels last, so that a row of the window is contiguous
+//! in memory.
 
 use std::ops::Range;
 
@@ -18,8 +18,8 @@ pub(super) struct Window {
     pub(super) padding: usize,
 }
 
-/// What one row of the window sees from one output, the part inside the image: where it starts in the unfolded matrix,
-/// where in the image, and its length, in pixels.
+/// The part of one row of a window that lies inside the image: its start in the unfolded matrix, its start in the
+/// image and its length, in pixels.
 struct Run {
     unfolded: usize,
     image: usize,
@@ -27,14 +27,14 @@ struct Run {
 }
 
 impl Window {
-    /// Side of the output for an image of side `n`, which with its padding must hold at least one window.
+    /// Returns the side of the output for an image of side `n`. The padded image must hold at least one window.
     pub(super) fn output(&self, n: usize) -> usize {
         (n + 2 * self.padding - self.kernel) / self.stride + 1
     }
 
-    /// Lays out what every output sees: from `(rows, columns, channels)` to `(outputs, kernel² · channels)`.
+    /// Writes the window of every output: `(rows, columns, channels)` to `(outputs, kernel² · channels)`.
     pub(super) fn unfold(&self, image: &[f32], channels: usize, sides: [usize; 2], unfolded: &mut [f32]) {
-        // What lies between two runs is outside the image.
+        // Values between two runs are outside the image.
         let mut end = 0;
         self.for_each_run(sides, |run| {
             let start = run.unfolded * channels;
@@ -45,7 +45,7 @@ impl Window {
         unfolded[end..].fill(0.0);
     }
 
-    /// The transpose of [`Window::unfold`]: adds every value to the pixel it came from.
+    /// Computes the transpose of [`Window::unfold`]: adds every value to its pixel.
     pub(super) fn fold(&self, unfolded: &[f32], channels: usize, sides: [usize; 2], image: &mut [f32]) {
         image.fill(0.0);
         self.for_each_run(sides, |run| {
@@ -55,7 +55,8 @@ impl Window {
         });
     }
 
-    /// The taps of the window that lie inside an image of side `n` for output `o`, and the pixel under the first.
+    /// Returns the taps of the window of output `o` that lie inside an image of side `n`, and the pixel of the first
+    /// tap.
     fn inside(&self, o: usize, n: usize) -> (Range<usize>, usize) {
         let start = o * self.stride;
         let first = self.padding.saturating_sub(start);
@@ -93,13 +94,13 @@ mod tests {
         (3, 1, 0, 4, 2),
     ];
 
-    /// Numbers without a pattern, exact in f32.
+    /// Irregular integers, exact in f32.
     fn numbers(count: usize) -> Vec<f32> {
         (0..count).map(|i| ((i * 7919 + 13) % 257) as f32 - 128.0).collect()
     }
 
     #[test]
-    fn unfolding_shows_each_output_its_window() {
+    fn unfolding_writes_the_window_of_each_output() {
         for (kernel, stride, padding, n, out) in WINDOWS {
             let window = Window {
                 kernel,

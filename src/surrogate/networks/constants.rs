@@ -1,30 +1,32 @@
-//! What is known of a scene before any training: its linear response to each cell, and how its frame and bodies resist forces.
+//! Constants of the network `physics`, computed from the scene: the linear response to each cell, and the stiffness of
+//! the frame and the bodies.
 
 use std::collections::BTreeMap;
 
 use candle_core::{Device, Tensor};
 use deaflow_linalg::{Mat, inverse, product};
 
-use super::fold::{Fold, sign, turns};
+use super::fold::{Fold, component_sign, parity_sign};
 use super::names;
 use deaflow_fem::LinearResponse;
 use deaflow_field::Field;
 use deaflow_pattern::{Membrane, Part, Parts, Symmetries, Symmetry};
 use deaflow_scene::Scene;
 
-/// The most numbers of a response, a quarter of a gigabyte: 107 × 107 cells of a rectangle, 76 × 76 of a device without mirrors.
-const MOST: usize = 1 << 26;
+/// Largest number of values of a response, 256 MiB: 107 × 107 cells of a rectangle, 76 × 76 of a device without mirror
+/// symmetry.
+const MAX_VALUES: usize = 1 << 26;
 
-/// The most corners where frames and bodies meet the membrane.
-const MOST_CORNERS: usize = 1600;
+/// Largest number of corners at which the frame and the bodies touch the membrane.
+const MAX_NODES: usize = 1600;
 
-/// What is known of a scene before any training, as named tensors that go into the model and are not trained.
+/// Named tensors that are computed from a scene, stored in the model and not trained.
 #[derive(Clone, Debug)]
 pub struct Constants {
     pub(crate) tensors: BTreeMap<String, Tensor>,
 }
 
-/// A scene without such constants.
+/// Why a scene has no constants.
 #[derive(Debug, thiserror::Error)]
 pub enum ConstantsError {
     /// The linear systems cannot be solved.
@@ -33,33 +35,36 @@ pub enum ConstantsError {
     /// Nothing moves.
     #[error("nothing moves in this scene: there is nothing to learn")]
     Still,
-    /// The response is too large.
+    /// The response has too many values.
     #[error(
-        "the linear response of this scene has {0} numbers, and at most {MOST} are kept: fewer cells, or qin2024, which has no such table"
+        "the linear response of this scene has {0} values, but at most {MAX_VALUES} are allowed; use fewer cells or \
+         network qin2024"
     )]
     Large(usize),
-    /// The frame and the bodies are too long.
+    /// The frame and the bodies touch the membrane at too many corners.
     #[error(
-        "the frame and the bodies of this scene meet the membrane in {0} corners of cells, and at most {MOST_CORNERS} are known: fewer cells"
+        "the frame and the bodies of this scene touch the membrane at {0} corners, but at most {MAX_NODES} are allowed; \
+         use fewer cells"
     )]
     Long(usize),
-    /// What the numerical library reported.
+    /// The numerical library reported an error.
     #[error(transparent)]
     Failed(#[from] candle_core::Error),
 }
 
-type Known = std::result::Result<Constants, ConstantsError>;
+type Result<T> = std::result::Result<T, ConstantsError>;
 
 impl Constants {
-    /// The linear response of a scene to each cell.
+    /// Computes the linear response of a scene to each cell.
     ///
-    /// A displacement is counted in units of ε² L: L the side of a square of the membrane's area and ε, the size of strain of the scene, the
-    /// root mean square of the derivatives of the linear response to random patterns of single cells. What the linear response
-    /// misses is of this size, and strain divided by ε is of size one, whatever the voltage.
+    /// The unit of displacement is ε² L. L is the side of a square of the membrane's area. ε, the typical strain of
+    /// the scene, is the root mean square of the derivatives of the linear response to patterns of independent random
+    /// cells. The error of the linear response is of the order of this unit, and strain divided by ε is of order one,
+    /// for any voltage.
     ///
     /// # Errors
-    /// When the linear systems cannot be solved, nothing moves, or there are too many numbers.
-    pub fn new(response: &LinearResponse, scene: &Scene) -> Known {
+    /// When the linear systems cannot be solved, nothing moves, or there are too many values.
+    pub fn new(response: &LinearResponse, scene: &Scene) -> Result<Self> {
         let (membrane, parts) = (scene.membrane(), scene.parts());
         let symmetries = scene.symmetries();
         let fold = Fold::new(membrane.raster, symmetries);
@@ -67,7 +72,7 @@ impl Constants {
         if fold.values() == 0 {
             return Err(ConstantsError::Still);
         }
-        if count > MOST {
+        if count > MAX_VALUES {
             return Err(ConstantsError::Large(count));
         }
         let cells = Cells::new(response, fold, symmetries, parts.as_deref())?;
@@ -80,7 +85,7 @@ impl Constants {
         let mut tensors = cells.blocks(unit_mm)?;
         let strain = Tensor::new(&[strain as f32, side_mm as f32], &Device::Cpu)?;
         tensors.insert(names::STRAIN.to_owned(), strain);
-        tensors.extend(medium(scene)?);
+        tensors.extend(anisotropy(scene)?);
         if scene.geometry.has_forces() {
             let field = response.to_loads().ok_or(ConstantsError::Unsolved)?;
             tensors.insert(names::LOADED.to_owned(), planes(&field, unit_mm)?);
@@ -92,28 +97,23 @@ impl Constants {
     }
 }
 
-/// The response to the cells of the part of a device that stands for all.
+/// The responses to the cells of the fundamental part of a device.
 struct Cells {
     fold: Fold,
-    /// The responses to some cells.
+    /// Responses to one cell of each orbit.
     solved: Vec<Field>,
-    /// Of each cell, (column, row), which of these it is, and what maps that to it.
+    /// For each cell (column, row): the index of its response, and the symmetry that maps that cell to it.
     images: BTreeMap<(usize, usize), (usize, Symmetry)>,
-    /// How many cells of all are membrane.
+    /// Number of membrane cells of the device.
     membrane: usize,
 }
 
 impl Cells {
-    fn new(
-        response: &LinearResponse,
-        fold: Fold,
-        symmetries: Symmetries,
-        parts: Option<&Parts>,
-    ) -> std::result::Result<Self, ConstantsError> {
+    fn new(response: &LinearResponse, fold: Fold, symmetries: Symmetries, parts: Option<&Parts>) -> Result<Self> {
         let sides = fold.raster().sides();
         let is_membrane = |x: usize, y: usize| parts.is_none_or(|parts| parts.at(x, y) == Part::Membrane);
         let [columns, rows] = fold.cells();
-        // Of the images of a cell the lowest, and of these the one farthest to the left, is solved for.
+        // Of each orbit of cells the lowest cell is solved, and of several lowest the leftmost.
         let mut numbers: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         let mut images = BTreeMap::new();
         for (y, x) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
@@ -139,7 +139,7 @@ impl Cells {
         })
     }
 
-    /// The responses, by the columns of their cells, then the rows.
+    /// Returns the responses in the order of the columns, then the rows, of their cells.
     fn each(&self) -> impl Iterator<Item = ((usize, usize), Field)> {
         let field = |(number, g): (usize, Symmetry)| match g {
             Symmetry::IDENTITY => self.solved[number].clone(),
@@ -148,15 +148,12 @@ impl Cells {
         self.images.iter().map(move |(&cell, &image)| (cell, field(image)))
     }
 
-    /// For each parity the response to folded patterns, in a unit of length.
-    fn blocks(&self, unit_mm: f64) -> std::result::Result<BTreeMap<String, Tensor>, ConstantsError> {
+    /// Returns the response to folded patterns for each parity, in a unit of length.
+    fn blocks(&self, unit_mm: f64) -> Result<BTreeMap<String, Tensor>> {
         let (area, count) = (self.fold.area(), self.fold.values());
         let [columns, _] = self.fold.cells();
-        let mut blocks: Vec<(usize, Vec<f32>)> = self
-            .fold
-            .parities()
-            .map(|block| (block, vec![0.0f32; area * count]))
-            .collect();
+        let zero = |block| (block, vec![0.0f32; area * count]);
+        let mut blocks: Vec<(usize, Vec<f32>)> = self.fold.parities().map(zero).collect();
         for ((x, y), field) in self.each() {
             for (block, values) in &mut blocks {
                 let row = &mut values[(y * columns + x) * count..][..count];
@@ -170,21 +167,17 @@ impl Cells {
         blocks.into_iter().map(tensor).collect()
     }
 
-    /// Root mean square over cells and derivatives of the strain that patterns of independent random cells cause.
+    /// Returns the root mean square, over cells and derivatives, of the strain of patterns of independent random cells.
     fn typical_strain(&self, membrane: &Membrane) -> f64 {
         let [width, height] = membrane.cell_mm();
         let cell_mm = (width * height).sqrt();
         let [columns, rows] = membrane.raster.sides();
-        // The variance of a cell is a quarter, and each cell stands for as many as it has mirror images.
+        // The variance of a random cell is 1/4. Each cell of the part counts once per mirror image.
         let mut sum = 0.0;
         for ((x, y), field) in self.each() {
             let images = [x, y].into_iter().enumerate().map(|(axis, at)| {
                 let is_middle = 2 * at + 1 == membrane.raster.sides()[axis];
-                if self.fold.is_folded(axis) && !is_middle {
-                    2.0
-                } else {
-                    1.0
-                }
+                f64::from(1 + u8::from(self.fold.is_folded(axis) && !is_middle))
             });
             let weight = images.product::<f64>() / 4.0;
             for y in 0..rows {
@@ -202,7 +195,7 @@ impl Cells {
     }
 }
 
-/// The part of a field that has a parity, on the corners that stand for all: what the folded pattern is multiplied by.
+/// Writes the part of a field with the parity `block` at the corners of the fundamental part.
 fn write_row(fold: Fold, field: &Field, block: usize, unit_mm: f64, row: &mut [f32]) {
     let ([width, height], [columns, rows]) = (fold.corners(), fold.raster().sides());
     let images = fold.parities().count() as f64;
@@ -212,13 +205,13 @@ fn write_row(fold: Fold, field: &Field, block: usize, unit_mm: f64, row: &mut [f
         let image = |mirrors: usize| {
             let [x, y] =
                 [(x, columns, 1), (y, rows, 2)].map(|(i, last, bit)| if mirrors & bit == 0 { i } else { last - i });
-            sign(block, mirrors) * turns(component, mirrors) * field.at_corner(x, y)[component]
+            parity_sign(block, mirrors) * component_sign(component, mirrors) * field.at_corner(x, y)[component]
         };
         *value = (fold.parities().map(image).sum::<f64>() / (images * unit_mm)) as f32;
     }
 }
 
-/// A field in a unit of length at the inner corners, (2, rows − 1, columns − 1).
+/// Returns a field at the inner corners in a unit of length, (2, rows − 1, columns − 1).
 fn planes(field: &Field, unit_mm: f64) -> candle_core::Result<Tensor> {
     let [columns, rows] = field.raster().sides();
     let corners = || (1..rows).flat_map(move |y| (1..columns).map(move |x| (x, y)));
@@ -227,22 +220,28 @@ fn planes(field: &Field, unit_mm: f64) -> candle_core::Result<Tensor> {
     Tensor::from_vec(values, (2, rows - 1, columns - 1), &Device::Cpu)
 }
 
-/// How the membrane differs along x and y; nothing where it does not.
-fn medium(scene: &Scene) -> candle_core::Result<Option<(String, Tensor)>> {
+/// Returns the stiffness of a cell along x over the geometric mean of both directions.
+fn stiffness_ratio(scene: &Scene) -> f64 {
+    let ([along, across], [width, height]) = (scene.prestretch(), scene.membrane().cell_mm());
+    (along / across) * (height / width)
+}
+
+/// Returns the stiffness ratio where the membrane is anisotropic: unequal prestretch or cells that are not square.
+fn anisotropy(scene: &Scene) -> candle_core::Result<Option<(String, Tensor)>> {
     let ([along, across], [width, height]) = (scene.prestretch(), scene.membrane().cell_mm());
     if along == across && width == height {
         return Ok(None);
     }
-    let ratio = (along / across) * (height / width);
-    let tensor = Tensor::new(&[ratio as f32], &Device::Cpu)?;
+    let tensor = Tensor::new(&[stiffness_ratio(scene) as f32], &Device::Cpu)?;
     Ok(Some((names::RATIO.to_owned(), tensor)))
 }
 
-/// Where frames and bodies meet the membrane, the forces with which they resist, and which cells are membrane.
-fn supports(scene: &Scene, parts: &Parts) -> std::result::Result<[(String, Tensor); 3], ConstantsError> {
+/// Returns the corners at which the frame and the bodies touch the membrane, their stiffness, and the mask of membrane
+/// cells.
+fn supports(scene: &Scene, parts: &Parts) -> Result<[(String, Tensor); 3]> {
     let raster = parts.raster();
     let [columns, rows] = raster.sides();
-    // Corners of frames and bodies that the membrane shares: a place among the inner corners, and the body.
+    // Corners that the frame or a body shares with the membrane, with the body.
     let mut nodes: Vec<([usize; 2], Option<usize>)> = Vec::new();
     for (y, x) in (1..rows).flat_map(|y| (1..columns).map(move |x| (y, x))) {
         let around = parts.around(x, y);
@@ -255,47 +254,40 @@ fn supports(scene: &Scene, parts: &Parts) -> std::result::Result<[(String, Tenso
             nodes.push(([x, y], Some(body)));
         }
     }
-    if nodes.len() > MOST_CORNERS {
+    if nodes.len() > MAX_NODES {
         return Err(ConstantsError::Long(nodes.len()));
     }
     let stiffness = stiffness(scene, parts, &nodes);
-    let place = |[x, y]: [usize; 2]| ((y - 1) * (columns - 1) + x - 1) as f32;
-    let places: Vec<f32> = nodes.iter().map(|(node, _)| place(*node)).collect();
+    let index = |([x, y], _): &([usize; 2], Option<usize>)| ((y - 1) * (columns - 1) + x - 1) as f32;
+    let indices: Vec<f32> = nodes.iter().map(index).collect();
     let cell = |at: usize| f32::from(u8::from(parts.at(at % columns, at / columns) == Part::Membrane));
     let cells: Vec<f32> = (0..raster.cells()).map(cell).collect();
     let (count, device) = (nodes.len(), Device::Cpu);
+    let indices = Tensor::from_vec(indices, count, &device)?;
+    let stiffness = Tensor::from_vec(stiffness, (2 * count, 2 * count), &device)?;
+    let cells = Tensor::from_vec(cells, (rows, columns), &device)?;
     Ok([
-        (names::NODES.to_owned(), Tensor::from_vec(places, count, &device)?),
-        (
-            names::STIFFNESS.to_owned(),
-            Tensor::from_vec(stiffness, (2 * count, 2 * count), &device)?,
-        ),
-        (
-            names::CELLS.to_owned(),
-            Tensor::from_vec(cells, (rows, columns), &device)?,
-        ),
+        (names::NODES.to_owned(), indices),
+        (names::STIFFNESS.to_owned(), stiffness),
+        (names::CELLS.to_owned(), cells),
     ])
 }
 
-/// The forces that take a displacement of these corners back, `[component][node]` by `[component][node]`.
+/// Computes the forces that undo a displacement of these corners, `[component][node]` by `[component][node]`.
 ///
-/// With S, Green's function of the rectangle between the corners, forces g and motions q of the bodies, which move a corner by B q:
-/// S g − B q = −w takes a displacement w back but for rigid motions, and −Bᵀg − k q = 0 balances each body against its spring.
+/// S is Green's function of the rectangle between the corners, g the forces, q the motions of the bodies and B q the
+/// displacement of the corners by them. S g − B q = −w undoes a displacement w except for rigid motions of the bodies,
+/// and −Bᵀg − k q = 0 balances each body against its spring k.
 fn stiffness(scene: &Scene, parts: &Parts, nodes: &[([usize; 2], Option<usize>)]) -> Vec<f32> {
     let (count, bodies) = (nodes.len(), parts.bodies());
-    let between = between(scene, nodes);
+    let green = green_between(scene, nodes);
     let membrane = scene.membrane();
     let [width, height] = membrane.cell_mm();
     let centroids = centroids(&membrane, parts);
     let elastic = scene.shear_modulus_pa() * scene.thickness_mm() * 1e-3;
-    let springs: Vec<f64> = scene
-        .geometry
-        .bodies
-        .iter()
-        .flatten()
-        .map(|body| body.spring_n_per_m() / elastic)
-        .collect();
-    // How the component of a corner follows a motion of its body.
+    let bodies_of_scene = scene.geometry.bodies.iter().flatten();
+    let springs: Vec<f64> = bodies_of_scene.map(|body| body.spring_n_per_m() / elastic).collect();
+    // Entry of B: displacement of a component of a corner per motion of its body.
     let follows = |row: usize, motion: usize| -> f64 {
         let (component, ([x, y], body)) = (row / count, nodes[row % count]);
         if body != Some(motion / 3) {
@@ -312,7 +304,7 @@ fn stiffness(scene: &Scene, parts: &Parts, nodes: &[([usize; 2], Option<usize>)]
     let forces = 2 * count;
     let system = Mat::from_fn(forces + 3 * bodies, forces + 3 * bodies, |i, k| {
         match (i < forces, k < forces) {
-            (true, true) if i / count == k / count => between[(i % count, k % count)],
+            (true, true) if i / count == k / count => green[(i % count, k % count)],
             (true, false) => -follows(i, k - forces),
             (false, true) => -follows(k, i - forces),
             (false, false) if i == k && (i - forces) % 3 < 2 => -springs[(i - forces) / 3],
@@ -326,12 +318,10 @@ fn stiffness(scene: &Scene, parts: &Parts, nodes: &[([usize; 2], Option<usize>)]
         .collect()
 }
 
-/// Green's function of the rectangle between corners.
-fn between(scene: &Scene, nodes: &[([usize; 2], Option<usize>)]) -> Mat<f64> {
-    let ([along, across], Membrane { raster, .. }) = (scene.prestretch(), scene.membrane());
-    let [width, height] = scene.membrane().cell_mm();
-    let ratio = (along / across) * (height / width);
-    let [columns, rows] = raster.sides();
+/// Computes Green's function of the rectangle between corners.
+fn green_between(scene: &Scene, nodes: &[([usize; 2], Option<usize>)]) -> Mat<f64> {
+    let ratio = stiffness_ratio(scene);
+    let [columns, rows] = scene.membrane().raster.sides();
     let angle = |k: usize, cells: usize| std::f64::consts::PI * k as f64 / cells as f64;
     let wave = |k: usize, at: usize, cells: usize| (2.0 / cells as f64).sqrt() * (angle(k, cells) * at as f64).sin();
     let eigenvalue = |k: usize, cells: usize| 2.0 - 2.0 * angle(k, cells).cos();
@@ -345,7 +335,7 @@ fn between(scene: &Scene, nodes: &[([usize; 2], Option<usize>)]) -> Mat<f64> {
     product(scaled.transpose(), scaled.as_ref())
 }
 
-/// The centroids of bodies in mm.
+/// Returns the centroids of the bodies in mm.
 fn centroids(membrane: &Membrane, parts: &Parts) -> Vec<[f64; 2]> {
     let mut sums = vec![([0.0; 2], 0.0); parts.bodies()];
     let [columns, rows] = membrane.raster.sides();

@@ -1,4 +1,4 @@
-//! The networks, one per file, and how they are chosen.
+//! The networks, one per file.
 
 mod constants;
 mod fold;
@@ -18,26 +18,26 @@ use deaflow_pattern::Raster;
 pub use constants::{Constants, ConstantsError};
 
 words! {
-    /// Which network.
+    /// Network.
     pub enum NetworkKind {
         /// The convolutional network of Qin et al. (Soft Robotics 2024, doi 10.1089/soro.2024.0063).
         Qin2024 = "qin2024",
-        /// The linear response of the membrane, corrected by learned local laws.
+        /// The linear response of the membrane with corrections by learned local laws.
         Physics = "physics",
     }
 }
 
 impl NetworkKind {
-    /// Whether it starts from [`Constants`] of the scene.
+    /// Returns whether the network needs [`Constants`] of the scene.
     #[must_use]
     pub fn has_constants(self) -> bool {
         self == Self::Physics
     }
 
-    /// Builds the network for patterns of these cells on the given weights.
+    /// Builds the network for patterns of these cells from the given weights.
     ///
     /// # Errors
-    /// When the weights are those of another network, or there is none for such patterns.
+    /// When the weights belong to another network, or the cells are not supported.
     pub(crate) fn build(self, weights: &VarBuilder<'_>, raster: Raster) -> Result<Box<dyn Network>> {
         match self {
             Self::Qin2024 => Ok(Box::new(qin2024::Qin2024::new(weights, raster)?)),
@@ -46,46 +46,47 @@ impl NetworkKind {
     }
 }
 
-/// What a network says about a batch of n patterns in training, in a unit that stands beside its weights.
+/// Output of a network for a batch of n patterns in training, in the network's unit of length.
 pub(crate) struct Output {
     /// Displacement at the inner corners, (n, rows − 1, columns − 1, 2).
     pub(crate) displacement: Tensor,
-    /// The x displacement at every second inner corner: an auxiliary answer.
+    /// Auxiliary output: the x displacement at every second inner corner.
     pub(crate) half_resolution: Option<Tensor>,
 }
 
-/// A network: a module from patterns (n, rows, columns, 1), −½ or ½ per cell, to displacements (n, rows − 1, columns − 1, 2).
+/// A network: a module from patterns (n, rows, columns, 1), ±½ per cell, to displacements (n, rows − 1, columns − 1,
+/// 2).
 pub(crate) trait Network: Module + Export + Send + Sync {
-    /// What of the answers to patterns does not change while the network is trained, one pattern after the other; none where all of it does.
-    /// Of many patterns together it takes less time.
-    fn untrained(&self, patterns: &Tensor) -> Result<Option<Vec<f32>>> {
+    /// Computes the frozen part of the output, which training does not change: the same number of values for each
+    /// pattern. `None` when the network has none. Many patterns together take less time.
+    fn frozen(&self, patterns: &Tensor) -> Result<Option<Vec<f32>>> {
         let _ = patterns;
         Ok(None)
     }
 
-    /// The displacement with the auxiliary answer, where the network has one; with [`Network::untrained`] of these patterns, where that is known.
-    fn forward_for_training(&self, patterns: &Tensor, untrained: Option<&[f32]>) -> Result<Output> {
-        let _ = untrained;
+    /// Computes the output with the auxiliary output, if the network has one. `frozen` is [`Network::frozen`] of the
+    /// patterns, where it is known.
+    fn forward_for_training(&self, patterns: &Tensor, frozen: Option<&[f32]>) -> Result<Output> {
+        let _ = frozen;
         Ok(Output {
             displacement: self.forward(patterns)?,
             half_resolution: None,
         })
     }
 
-    /// How many patterns one thread best predicts together. Every pattern is treated as if it were alone, so the number
-    /// changes speed only.
+    /// Number of patterns that a thread predicts together. It changes the speed only, not the result.
     fn patterns_per_thread(&self) -> usize {
         8
     }
 
-    /// How many examples one thread takes the gradient of together. Sums are grouped by it, so it changes the last bits. More of them
-    /// take less time, since each part has a gradient by every weight to be added, and keep fewer threads busy.
+    /// Number of examples per part of a gradient. It groups sums, so it changes the last bits. Larger parts take less
+    /// time, because each part adds a gradient of all weights, but occupy fewer threads.
     fn examples_per_part(&self) -> usize {
         2
     }
 
-    /// Length in mm of one unit of the displacement, where the network says it; else it is the deviation of the fields that it
-    /// learns from.
+    /// Unit of the displacement in mm, if the network defines it. Otherwise it is the root mean square of the training
+    /// fields.
     fn unit_mm(&self) -> Option<f64> {
         None
     }

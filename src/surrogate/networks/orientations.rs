@@ -1,25 +1,26 @@
-//! How symmetries of the square act on the weights of a local law.
+//! Symmetries of the weights of a local law.
 //!
-//! Each symmetry permutes features and modes up to sign. So the images of a tensor are its own entries in another order, some of
-//! them negative: one selection gives all, where eight products of small matrices took longer than the law itself.
+//! Each symmetry permutes features and modes up to sign, so the images of a tensor are its entries in another order,
+//! some with the opposite sign. A single selection computes all images; eight products of small matrices took longer
+//! than the law itself.
 
 use candle_core::{Device, Result, Tensor};
 
 use crate::layers::{FEATURES, MODES, NEIGHBOURS};
 use deaflow_pattern::{Symmetries, Symmetry};
 
-/// The images of features and of modes.
+/// The images of features and modes under a group.
 #[derive(Clone, Debug)]
 pub(super) struct Orientations {
     /// Number of symmetries.
     count: usize,
     features: Images,
     modes: Images,
-    /// Of both together: of a map from features to modes, row by row.
+    /// Images of maps from features to modes, row by row.
     maps: Images,
 }
 
-/// For each symmetry and place in an image: the place in the original that it comes from, and its sign.
+/// For each symmetry and entry of an image: the index of the original entry, and the sign.
 #[derive(Clone, Debug)]
 struct Images {
     from: Tensor,
@@ -27,7 +28,7 @@ struct Images {
 }
 
 impl Orientations {
-    /// The tables of a group.
+    /// Computes the tables of a group.
     pub(super) fn new(group: Symmetries) -> Result<Self> {
         let features: Vec<_> = group.iter().map(on_features).collect();
         let modes: Vec<_> = group.iter().map(on_modes).collect();
@@ -46,12 +47,12 @@ impl Orientations {
         })
     }
 
-    /// How many orientations there are.
+    /// Returns the number g of orientations.
     pub(super) fn count(&self) -> usize {
         self.count
     }
 
-    /// Linear forms on features in all g orientations: (k, features) to (gk, features).
+    /// Returns linear forms on features in all orientations: (k, features) to (gk, features).
     pub(super) fn of_forms(&self, forms: &Tensor) -> Result<Tensor> {
         let k = forms.dim(0)?;
         let images = self.features.of(&forms.t()?.contiguous()?)?;
@@ -61,7 +62,7 @@ impl Orientations {
             .reshape((self.count * k, FEATURES))
     }
 
-    /// Stresses (modes, k) in all g orientations: (modes, gk).
+    /// Returns stresses in all orientations: (modes, k) to (modes, gk).
     pub(super) fn of_stresses(&self, stresses: &Tensor) -> Result<Tensor> {
         let k = stresses.dim(1)?;
         let images = self.modes.of(stresses)?;
@@ -71,7 +72,7 @@ impl Orientations {
             .reshape((MODES, self.count * k))
     }
 
-    /// The part of a map (modes, features) that commutes with the symmetries.
+    /// Returns the average of a map (modes, features) over the group, which commutes with its symmetries.
     pub(super) fn average(&self, map: &Tensor) -> Result<Tensor> {
         let images = self.maps.of(&map.reshape((MODES * FEATURES, 1))?)?;
         images.reshape((self.count, MODES, FEATURES))?.sum(0)? * (1.0 / self.count as f64)
@@ -88,14 +89,14 @@ impl Images {
         })
     }
 
-    /// The images, one after the other, of the rows of a tensor (rows, k): (g rows, k).
+    /// Returns all images of the rows of a tensor: (rows, k) to (g rows, k).
     fn of(&self, rows: &Tensor) -> Result<Tensor> {
         rows.index_select(&self.from, 0)?.broadcast_mul(&self.signs)
     }
 }
 
-/// Where each mode comes from, and its sign: derivatives of a vector turn as a tensor, hourglasses as a vector times the sign of
-/// x·y.
+/// Returns the origin and the sign of each mode of an image. Derivatives transform as a tensor, hourglass modes as a
+/// vector times the sign of x·y.
 fn on_modes(g: Symmetry) -> Vec<(usize, f32)> {
     let m = g.matrix().map(|row| row.map(|entry| entry as f32));
     let twist = m[0][0] * m[1][1] + m[0][1] * m[1][0];
@@ -108,15 +109,13 @@ fn on_modes(g: Symmetry) -> Vec<(usize, f32)> {
             _ => 0.0,
         }
     };
-    let source = |to| {
-        (0..MODES)
-            .map(move |from| (from, entry(to, from)))
-            .find(|(_, sign)| *sign != 0.0)
-    };
+    let entries = |to| (0..MODES).map(move |from| (from, entry(to, from)));
+    let source = |to| entries(to).find(|(_, sign)| *sign != 0.0);
     (0..MODES).filter_map(source).collect()
 }
 
-/// Where each feature comes from, and its sign: places around a cell move, modes turn, and 1 stays.
+/// Returns the origin and the sign of each feature of an image. Neighbour cells are permuted, modes transform, and the
+/// constant stays.
 fn on_features(g: Symmetry) -> Vec<(usize, f32)> {
     let mut sources = vec![(FEATURES - 1, 1.0); FEATURES];
     for (from, to) in g.permutation([3; 2]).enumerate() {
@@ -135,7 +134,7 @@ mod tests {
     use super::*;
     use deaflow_base::Stream;
 
-    /// The matrix of a symmetry, row by row.
+    /// Returns the matrix of a symmetry.
     fn matrix(sources: &[(usize, f32)]) -> Tensor {
         let side = sources.len();
         let mut values = vec![0.0f32; side * side];
@@ -156,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn selections_are_products_with_the_matrices_of_the_symmetries() {
+    fn selections_equal_products_with_the_matrices_of_the_symmetries() {
         let orientations = Orientations::new(Symmetries::SQUARE).unwrap();
         let features = Symmetry::ALL.map(|g| matrix(&on_features(g)));
         let modes = Symmetry::ALL.map(|g| matrix(&on_modes(g)));

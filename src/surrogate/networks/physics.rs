@@ -1,16 +1,16 @@
-//! The network that starts from what is known of the membrane and learns what is left.
+//! The network `physics`: the linear response of the membrane with learned corrections.
 //!
-//! Built in are: the frame does not move, and bodies move as one; the response that is linear in the pattern, exactly; the scale of everything
-//! else with the voltage; and the symmetries of the device. What the linear response u misses is that stress is not linear in strain, and
-//! that activity changes the stiffness. So each cell has a local law, which gives a stress from the cells around it and the
-//! strain that u causes in it; the forces of all these stresses displace the membrane like forces on a homogeneous one, which adds to u.
-//! A second such correction starts from the sum. That is the structure of a chord step, with a law that is learned: it takes in
-//! what finer meshes know of electrode edges, which the law of a coarse element does not.
+//! Built in are the fixed frame and rigid bodies, the exact linear response to the pattern, the scaling of corrections
+//! with the voltage, and the symmetries of the device. The linear response u neglects that stress is nonlinear in
+//! strain and that electrodes change the stiffness. Therefore each cell has a local law, a learned map from the
+//! neighbouring cells and the strain of u to a stress. The forces of these stresses displace a homogeneous membrane,
+//! and this displacement is added to u. A second correction starts from the sum. This is the structure of a chord step
+//! with a learned law, which also represents the fields at electrode edges that a coarse element does not resolve.
 //!
-//! The law multiplies two linear maps of the features of a cell: leading order and the next are polynomials of strain and activity.
-//! Rectified units left a fifth more error, on small grids twice as much. Its weights are few. They are drawn for one orientation and carried to
-//! the others by the symmetries of a cell, so that the law of a rotated cell is the rotated law: by the eight of the square, or by the four of a
-//! rectangle where cells are not square or the prestretch is not equal.
+//! The law multiplies two linear maps of the features of a cell, because the leading orders are polynomials in strain
+//! and activity. Rectified units left a fifth more error, on small grids twice as much. The weights are few. They are
+//! trained for one orientation and transformed to the others by the symmetries of a cell, so that the law of a rotated
+//! cell is the rotated law: the eight of the square, or the four of the rectangle for an anisotropic membrane.
 
 use std::sync::Arc;
 
@@ -21,41 +21,43 @@ use candle_nn::{Init, VarBuilder};
 use super::orientations::Orientations;
 use super::response::Response;
 use super::{Network, Output, names};
-use crate::layers::{self, FEATURES, Green, Ground, MODES, Scale, Supports, Workspace, correct};
+use crate::corners::{inner_corners, inner_sides};
+use crate::layers::{DeviceOperator, FEATURES, Green, MODES, Scale, StressLaw, Supports, Workspace, correct};
 use crate::onnx::{Export, Graph, Value};
 use crate::parameters::constant;
 use deaflow_pattern::{Raster, Symmetries};
 
-/// Corrections one after another. With one the error is twice as large, with three a fifth smaller.
+/// Number of corrections. One doubles the error, three reduce it by a fifth.
 const CORRECTIONS: usize = 2;
-/// Products in a law, of all orientations. Sixteen left a tenth less error and took a tenth more time, 32 no less error than sixteen.
+/// Number of products in a law, over all orientations. 16 reduced the error by a tenth and took a tenth more time; 32
+/// did not reduce it further.
 const PRODUCTS: usize = 8;
 
 /// The network.
 pub(super) struct Physics {
     raster: Raster,
-    ground: Arc<Ground>,
+    operator: Arc<DeviceOperator>,
     response: Response,
     laws: Vec<LocalLaw>,
-    /// The laws in all orientations, where they are not trained.
+    /// The laws in all orientations, if the network is not being trained.
     fixed: Option<Vec<FixedLaw>>,
 }
 
-/// The numbers of a law in all orientations.
+/// The weights of a law in all orientations.
 struct FixedLaw {
     factors: Vec<f32>,
     stresses: Vec<f32>,
 }
 
 impl Physics {
-    /// The network for patterns of these cells on the given weights and constants.
+    /// Builds the network for patterns of these cells from the given weights and constants.
     pub(super) fn new(weights: &VarBuilder<'_>, raster: Raster) -> Result<Self> {
         if raster.sides().contains(&1) {
             bail!("nothing moves on {raster} cells");
         }
         let response = Response::new(weights, raster)?;
-        let (group, ratio) = medium(weights)?;
-        let ground = Arc::new(Ground {
+        let (group, ratio) = anisotropy(weights)?;
+        let operator = Arc::new(DeviceOperator {
             green: Green::new(raster, ratio, supports(weights, raster)?),
             cells: membrane(weights, raster)?,
         });
@@ -68,19 +70,19 @@ impl Physics {
         };
         Ok(Self {
             raster,
-            ground,
+            operator,
             response,
             laws,
             fixed,
         })
     }
 
-    /// L over the side of a square of a cell's area: 50 on the paper's membrane.
+    /// Returns L over the side of a square of a cell's area: 50 on the paper's membrane.
     fn cells_along_side(&self) -> f64 {
         (self.raster.cells() as f64).sqrt()
     }
 
-    /// What displacements, counted in ε² L, are to a cell: strain in units of ε, and its own side.
+    /// Returns the factors from displacements in units of ε² L to strain in units of ε, and from cells to L.
     fn scale(&self) -> Scale {
         Scale {
             strain: (self.cells_along_side() * self.response.strain()) as f32,
@@ -88,21 +90,18 @@ impl Physics {
         }
     }
 
-    /// Patterns with 0 where there is no membrane.
-    fn masked(&self, mut cells: Vec<f32>) -> Vec<f32> {
-        if let Some(membrane) = &self.ground.cells {
-            for pattern in cells.chunks_exact_mut(membrane.len()) {
-                pattern.iter_mut().zip(membrane).for_each(|(cell, own)| *cell *= own);
-            }
-        }
-        cells
+    /// Returns the cells of patterns, with 0 outside the membrane.
+    fn masked(&self, patterns: &Tensor) -> Result<Vec<f32>> {
+        let mut cells = patterns.flatten_all()?.to_vec1()?;
+        self.operator.mask(&mut cells);
+        Ok(cells)
     }
 
-    /// The displacement by operations that have a gradient, from the linear response where that is known.
+    /// Computes the displacement by differentiable operations, from the linear response where it is known.
     fn differentiable(&self, patterns: &Tensor, linear: Option<&[f32]>) -> Result<Tensor> {
         let [columns, rows] = self.raster.sides();
         let n = patterns.dim(0)?;
-        let patterns = self.masked(patterns.flatten_all()?.to_vec1()?);
+        let patterns = self.masked(patterns)?;
         let mut displacement = match linear {
             Some(linear) => self.response.tensor(linear.to_vec())?,
             None => self.response.tensor(self.response.evaluate(&patterns))?,
@@ -110,41 +109,31 @@ impl Physics {
         let patterns = Tensor::from_vec(patterns, (n, rows, columns), &Device::Cpu)?;
         for law in &self.laws {
             let (factors, stresses) = (law.factors()?, law.stresses()?);
-            displacement = correct(
-                &self.ground,
-                &patterns,
-                &displacement,
-                &factors,
-                &stresses,
-                self.scale(),
-            )?;
+            let law = [&factors, &stresses];
+            displacement = correct(&self.operator, &patterns, &displacement, law, self.scale())?;
         }
         displacement.permute((0, 2, 3, 1))?.contiguous()
     }
 
-    /// The same on plain numbers, in memory that is taken once.
+    /// Computes the displacement without gradients, in reused memory.
     fn evaluate(&self, laws: &[FixedLaw], patterns: &Tensor) -> Result<Tensor> {
-        let (n, cells) = (patterns.dim(0)?, self.masked(patterns.flatten_all()?.to_vec1()?));
-        let [columns, rows] = self.raster.sides().map(|side| side - 1);
-        let plane = columns * rows;
+        let (n, cells) = (patterns.dim(0)?, self.masked(patterns)?);
+        let ([columns, rows], plane) = (inner_sides(self.raster), inner_corners(self.raster));
         let mut planes = self.response.evaluate(&cells);
-        let images = cells
-            .chunks_exact(self.raster.cells())
-            .zip(planes.chunks_exact_mut(2 * plane));
-        Workspace::lend(&self.ground, PRODUCTS, |workspace| {
+        let patterns = cells.chunks_exact(self.raster.cells());
+        let images = patterns.zip(planes.chunks_exact_mut(2 * plane));
+        Workspace::with(&self.operator, PRODUCTS, |workspace| {
             for (pattern, displacement) in images {
-                workspace.surround(pattern);
+                workspace.set_pattern(pattern);
                 for FixedLaw { factors, stresses } in laws {
-                    let law = layers::StressLaw { factors, stresses };
-                    workspace.correct(&self.ground, law, pattern, displacement, self.scale());
+                    let law = StressLaw { factors, stresses };
+                    workspace.correct(&self.operator, law, pattern, displacement, self.scale());
                 }
             }
         });
         let mut displacement = vec![0.0; planes.len()];
-        for (image, to) in planes
-            .chunks_exact(2 * plane)
-            .zip(displacement.chunks_exact_mut(2 * plane))
-        {
+        let images = planes.chunks_exact(2 * plane);
+        for (image, to) in images.zip(displacement.chunks_exact_mut(2 * plane)) {
             let (x, y) = image.split_at(plane);
             for (to, (x, y)) in to.chunks_exact_mut(2).zip(x.iter().zip(y)) {
                 to.copy_from_slice(&[*x, *y]);
@@ -164,26 +153,20 @@ impl Module for Physics {
 }
 
 impl Network for Physics {
-    fn untrained(&self, patterns: &Tensor) -> Result<Option<Vec<f32>>> {
-        let cells = self.masked(patterns.flatten_all()?.to_vec1()?);
-        Ok(Some(self.response.evaluate(&cells)))
+    fn frozen(&self, patterns: &Tensor) -> Result<Option<Vec<f32>>> {
+        Ok(Some(self.response.evaluate(&self.masked(patterns)?)))
     }
 
-    fn forward_for_training(&self, patterns: &Tensor, untrained: Option<&[f32]>) -> Result<Output> {
+    fn forward_for_training(&self, patterns: &Tensor, frozen: Option<&[f32]>) -> Result<Output> {
         Ok(Output {
-            displacement: self.differentiable(patterns, untrained)?,
+            displacement: self.differentiable(patterns, frozen)?,
             half_resolution: None,
         })
     }
 
     fn patterns_per_thread(&self) -> usize {
-        // The matrix of the response is read once for all.
+        // All patterns share one pass over the matrix of the response.
         64
-    }
-
-    fn examples_per_part(&self) -> usize {
-        // Its weights are so few that small batches are best, and these too are to keep threads busy.
-        2
     }
 
     fn unit_mm(&self) -> Option<f64> {
@@ -195,10 +178,9 @@ impl Export for Physics {
     fn export(&self, graph: &mut Graph, patterns: &Value) -> Result<Value> {
         let [columns, rows] = self.raster.sides();
         let mut patterns = graph.reshape(patterns, &[0, rows as i64, columns as i64]);
-        let membrane = match &self.ground.cells {
-            Some(cells) => Some(Tensor::from_slice(cells, (rows, columns), &Device::Cpu)?),
-            None => None,
-        };
+        let cells = self.operator.cells.as_ref();
+        let membrane = cells.map(|cells| Tensor::from_slice(cells, (rows, columns), &Device::Cpu));
+        let membrane = membrane.transpose()?;
         if let Some(membrane) = &membrane {
             let membrane = graph.tensor(membrane)?;
             patterns = graph.mul(&patterns, &membrane);
@@ -215,7 +197,7 @@ impl Export for Physics {
                 stresses = graph.mul(&stresses, &membrane);
             }
             let forces = graph.forces(self.raster, &stresses)?;
-            let correction = graph.green(&self.ground.green, &forces)?;
+            let correction = graph.green(&self.operator.green, &forces)?;
             let correction = graph.mul(&correction, &cell);
             displacement = graph.add(&displacement, &correction);
         }
@@ -223,8 +205,8 @@ impl Export for Physics {
     }
 }
 
-/// The symmetries of a cell, and its stiffness along x over the geometric mean of both.
-fn medium(weights: &VarBuilder<'_>) -> Result<(Symmetries, f64)> {
+/// Returns the symmetries of a cell, and its stiffness along x over the geometric mean of both directions.
+fn anisotropy(weights: &VarBuilder<'_>) -> Result<(Symmetries, f64)> {
     if !weights.contains_tensor(names::RATIO) {
         return Ok((Symmetries::SQUARE, 1.0));
     }
@@ -235,45 +217,47 @@ fn medium(weights: &VarBuilder<'_>) -> Result<(Symmetries, f64)> {
     }
 }
 
-/// Where frames and bodies meet the membrane.
+/// Returns the corners at which the frame and the bodies touch the membrane.
 fn supports(weights: &VarBuilder<'_>, raster: Raster) -> Result<Option<Supports>> {
     if !weights.contains_tensor(names::NODES) {
         return Ok(None);
     }
-    let places: Vec<f32> = weights.get_unchecked(names::NODES)?.flatten_all()?.to_vec1()?;
-    let inner: usize = raster.sides().map(|side| side - 1).into_iter().product();
-    let is_place = |place: &f32| place.fract() == 0.0 && (0.0..inner as f32).contains(place);
-    if let Some(other) = places.iter().find(|place| !is_place(place)) {
-        bail!("{} has {other}, which is none of {inner} corners", names::NODES);
+    let nodes: Vec<f32> = weights.get_unchecked(names::NODES)?.flatten_all()?.to_vec1()?;
+    let corners = inner_corners(raster);
+    let is_corner = |node: &f32| node.fract() == 0.0 && (0.0..corners as f32).contains(node);
+    if let Some(other) = nodes.iter().find(|node| !is_corner(node)) {
+        bail!(
+            "{} contains {other}, but there are {corners} inner corners",
+            names::NODES
+        );
     }
-    let forces = 2 * places.len();
+    let forces = 2 * nodes.len();
     Ok(Some(Supports {
-        nodes: places.into_iter().map(|place| place as usize).collect(),
-        stiffness: constant(weights, names::STIFFNESS, &[forces, forces])?
-            .flatten_all()?
-            .to_vec1()?,
+        nodes: nodes.into_iter().map(|node| node as usize).collect(),
+        stiffness: flat(&constant(weights, names::STIFFNESS, &[forces, forces])?)?,
     }))
 }
 
-/// Which cells are membrane, where not all are.
+/// Returns the mask of membrane cells, if not all cells are membrane.
 fn membrane(weights: &VarBuilder<'_>, raster: Raster) -> Result<Option<Vec<f32>>> {
-    match weights.contains_tensor(names::CELLS) {
-        true => {
-            let cells = constant(weights, names::CELLS, &[raster.rows(), raster.columns()])?;
-            Ok(Some(cells.flatten_all()?.to_vec1()?))
-        }
-        false => Ok(None),
+    if !weights.contains_tensor(names::CELLS) {
+        return Ok(None);
     }
+    flat(&constant(weights, names::CELLS, &[raster.rows(), raster.columns()])?).map(Some)
 }
 
-/// A local law: what stress the features of a cell call for, in one orientation.
+fn flat(tensor: &Tensor) -> Result<Vec<f32>> {
+    tensor.flatten_all()?.to_vec1()
+}
+
+/// A local law in one orientation: a map from the features of a cell to its stress.
 struct LocalLaw {
     orientations: Orientations,
-    /// The two factors of each product, (products, features).
+    /// Maps from features to the two factors of each product, (products, features).
     factors: [Tensor; 2],
-    /// From products to stresses, (modes, products).
+    /// Map from products to stresses, (modes, products).
     products: Tensor,
-    /// From features to stresses, (modes, features).
+    /// Map from features to stresses, (modes, features).
     linear: Tensor,
 }
 
@@ -282,7 +266,7 @@ impl LocalLaw {
         let stdev = (1.0 / FEATURES as f64).sqrt();
         let products = PRODUCTS / orientations.count();
         let factor = |name| weights.get_with_hints((products, FEATURES), name, Init::Randn { mean: 0.0, stdev });
-        // Without stress the network is the linear response: training starts there.
+        // With zero stress the network is the linear response, from which training starts.
         Ok(Self {
             orientations: orientations.clone(),
             factors: [factor("first")?, factor("second")?],
@@ -298,27 +282,24 @@ impl LocalLaw {
             .any(|tensor| tensor.track_op())
     }
 
-    /// The factors of the products in all orientations: first those of the one, then those of the other.
+    /// Returns the maps to the factors in all orientations: all first factors, then all second factors.
     fn factors(&self) -> Result<Tensor> {
         let [first, second] = &self.factors;
-        Tensor::cat(
-            &[self.orientations.of_forms(first)?, self.orientations.of_forms(second)?],
-            0,
-        )
+        let (first, second) = (self.orientations.of_forms(first)?, self.orientations.of_forms(second)?);
+        Tensor::cat(&[first, second], 0)
     }
 
-    /// From products in all orientations and features to stresses, (modes, products + features).
+    /// Returns the map from products in all orientations and features to stresses, (modes, products + features).
     fn stresses(&self) -> Result<Tensor> {
-        let turned = self.orientations.of_stresses(&self.products)?;
-        Tensor::cat(&[turned, self.orientations.average(&self.linear)?], 1)
+        let products = self.orientations.of_stresses(&self.products)?;
+        Tensor::cat(&[products, self.orientations.average(&self.linear)?], 1)
     }
 
-    /// The numbers of the law in all orientations.
+    /// Returns the weights of the law in all orientations.
     fn fixed(&self) -> Result<FixedLaw> {
-        let flat = |tensor: Tensor| tensor.flatten_all()?.to_vec1();
         Ok(FixedLaw {
-            factors: flat(self.factors()?)?,
-            stresses: flat(self.stresses()?)?,
+            factors: flat(&self.factors()?)?,
+            stresses: flat(&self.stresses()?)?,
         })
     }
 }
@@ -331,8 +312,8 @@ impl Export for LocalLaw {
             maps.push(graph.matmul(&factor, features));
         }
         let products = graph.mul(&maps[0], &maps[1]);
-        let turned = graph.tensor(&self.orientations.of_stresses(&self.products)?)?;
-        let from_products = graph.matmul(&turned, &products);
+        let weights = graph.tensor(&self.orientations.of_stresses(&self.products)?)?;
+        let from_products = graph.matmul(&weights, &products);
         let linear = graph.tensor(&self.orientations.average(&self.linear)?)?;
         let linear = graph.matmul(&linear, features);
         Ok(graph.add(&from_products, &linear))

@@ -1,45 +1,48 @@
-//! The network of Qin, Ren, Chen, Zou & Gu, "Automatic design framework of dielectric elastomer actuators" (Soft Robotics
-//! 2024, doi 10.1089/soro.2024.0063).
+//! The network of Qin, Ren, Chen, Zou & Gu, "Automatic design framework of dielectric elastomer actuators" (Soft
+//! Robotics 2024, doi 10.1089/soro.2024.0063).
 //!
-//! The paper gives its parts: an encoder of five convolutions with large kernels first, a bottleneck, two parallel
-//! decoders of three layers for the x and y displacement, and an auxiliary branch that answers x at half resolution. It
-//! gives no widths (its supplement is not public); those below, chosen by measurement, predict a thousand patterns in a
-//! second on two cores.
+//! The paper describes an encoder of five convolutions with large kernels first, a bottleneck, two parallel decoders
+//! of three layers for the x and y displacement, and an auxiliary branch for x at half resolution. It gives no widths
+//! (its supplement is not public). The widths below were chosen by measurement; a thousand patterns take a second on
+//! two cores.
 //!
-//! The grids of the layers share their points. The first layer has an even window, so it looks from cells at corners: its
-//! 25 × 25 outputs lie on the odd corners 1, 3, …, 49, the 13 × 13 outputs of the second on 1, 5, …, 49, and the decoders
-//! go back by the transposed maps 13 → 25 → 49, whose outputs are all inner corners. The bottleneck mixes over the whole
-//! membrane, because the elastic response is global. Layers that keep grid and width add to what they are given (He et al.,
-//! CVPR 2016), which training follows more easily.
+//! The grids of the layers share their points. The first layer has an even kernel, so it maps cells to corners: its 25
+//! × 25 outputs lie on the odd corners 1, 3, …, 49, the 13 × 13 outputs of the second layer on 1, 5, …, 49. The
+//! decoders apply the transposed maps 13 → 25 → 49, whose outputs are all inner corners. The bottleneck mixes over the
+//! whole membrane, because the elastic response is global. Layers that keep grid and width are residual (He et al.,
+//! CVPR 2016).
 //!
-//! Sides of 4k − 2 cells have such grids. Patterns of others are continued by zeros, which are neither bare nor electrode, to the right and
-//! above, and corners beyond their own are left out of the answer. Only the matrices of the bottleneck depend on the number of cells.
+//! Sides of 4k − 2 cells have such grids. Patterns with other sides are padded with zeros (neither bare nor electrode)
+//! on the right and above, and outputs beyond their own corners are dropped. Only the matrices of the bottleneck
+//! depend on the number of cells.
 
 use candle_core::{Module, Result, Tensor, bail};
 use candle_nn::{Conv2dConfig, VarBuilder};
 
 use super::{Network, Output};
+use crate::corners::inner_sides;
 use crate::layers::{Conv2d, ConvTranspose2d, Mixing};
 use crate::onnx::{Export, Graph, Value};
 use deaflow_pattern::Raster;
 
 /// Channels after the first and second layer of the encoder, and from the third on.
 const ENCODER: [usize; 3] = [16, 32, 64];
-/// Channels after the first and second layer of a decoder; the third answers.
+/// Channels after the first and second layer of a decoder. The third is the output.
 const DECODER: [usize; 2] = [32, 16];
 /// Channels of the auxiliary branch.
 const AUXILIARY: usize = 16;
-/// The most numbers of the matrices in the bottleneck, a quarter of a gigabyte: 200 × 200 cells.
-const MOST: usize = 1 << 26;
-/// Groups of channels in the bottleneck, each mixed by a matrix of its own.
+/// Largest number of entries of the matrices in the bottleneck, 256 MiB: 200 × 200 cells.
+const MAX_ENTRIES: usize = 1 << 26;
+/// Groups of channels in the bottleneck. Each has its own mixing matrix.
 const GROUPS: usize = 8;
-/// Side of the window of a layer that answers or enlarges.
-const ENLARGE: usize = 5;
-/// Slope of the activation below zero. It is far from the usual 0.01 to 0.2 because the elastic response is close to linear
-/// in the pattern: with a thousand examples and eight epochs, slopes of 0.1, 0.4 and 0.7 left 0.035, 0.029 and 0.026 mm.
+/// Kernel side of the upsampling and output layers.
+const UPSAMPLE: usize = 5;
+/// Slope of the activation below zero. The usual 0.01 to 0.2 are worse, because the elastic response is nearly linear
+/// in the pattern: with a thousand examples and eight epochs, slopes of 0.1, 0.4 and 0.7 gave errors of 0.035, 0.029
+/// and 0.026 mm.
 const SLOPE: f32 = 0.7;
-/// The layers that answer start with small weights: a training then begins near the mean answer, zero.
-const ANSWER_GAIN: f64 = 0.3;
+/// Gain of the initial weights of the output layers. Small weights start training near the mean output, zero.
+const OUTPUT_GAIN: f64 = 0.3;
 
 /// The network.
 pub(super) struct Qin2024 {
@@ -52,7 +55,7 @@ pub(super) struct Qin2024 {
 }
 
 impl Qin2024 {
-    /// The network for patterns of these cells on the given weights.
+    /// Builds the network for patterns of these cells from the given weights.
     pub(super) fn new(weights: &VarBuilder<'_>, raster: Raster) -> Result<Self> {
         let grid = Grid::new(raster)?;
         let [first, second, wide] = ENCODER;
@@ -71,15 +74,15 @@ impl Qin2024 {
             y: Decoder::new(wide, &weights.pp("y"))?,
             auxiliary: (
                 layer("auxiliary.1", [wide, AUXILIARY], Window(3, 1, 1))?,
-                last([AUXILIARY, 1], &weights.pp("auxiliary.2"))?,
+                output([AUXILIARY, 1], &weights.pp("auxiliary.2"))?,
             ),
         })
     }
 
-    /// What the decoders and the auxiliary branch start from.
+    /// Computes the input of the decoders and the auxiliary branch.
     fn features(&self, patterns: &Tensor) -> Result<Tensor> {
         let [first, second, third, fourth, fifth] = &self.encoder;
-        let features = self.grid.continued(patterns)?;
+        let features = self.grid.pad(patterns)?;
         let features = features.apply(first)?.apply(second)?.apply(third)?;
         let features = (&features + features.apply(fourth)?)?;
         let features = (&features + features.apply(fifth)?)?;
@@ -88,7 +91,7 @@ impl Qin2024 {
 
     fn decode(&self, features: &Tensor) -> Result<Tensor> {
         let both = Tensor::cat(&[features.apply(&self.x)?, features.apply(&self.y)?], 3)?;
-        self.grid.cut(&both, 1)
+        self.grid.crop(&both, 1)
     }
 }
 
@@ -104,7 +107,7 @@ impl Network for Qin2024 {
         let (first, second) = &self.auxiliary;
         Ok(Output {
             displacement: self.decode(&features)?,
-            half_resolution: Some(self.grid.cut(&features.apply(first)?.apply(second)?, 2)?),
+            half_resolution: Some(self.grid.crop(&features.apply(first)?.apply(second)?, 2)?),
         })
     }
 }
@@ -112,7 +115,7 @@ impl Network for Qin2024 {
 impl Export for Qin2024 {
     fn export(&self, graph: &mut Graph, patterns: &Value) -> Result<Value> {
         let [first, second, third, fourth, fifth] = &self.encoder;
-        let features = match self.grid.added() {
+        let features = match self.grid.padding() {
             [0, 0] => patterns.clone(),
             [right, above] => graph.pad(patterns, &[0, 0, 0, 0, 0, above as i64, right as i64, 0]),
         };
@@ -120,21 +123,21 @@ impl Export for Qin2024 {
         let features = second.export(graph, &features)?;
         let mut features = third.export(graph, &features)?;
         for layer in [fourth, fifth] {
-            let more = layer.export(graph, &features)?;
-            features = graph.add(&features, &more);
+            let residual = layer.export(graph, &features)?;
+            features = graph.add(&features, &residual);
         }
         let features = self.bottleneck.export(graph, &features)?;
         let (x, y) = (self.x.export(graph, &features)?, self.y.export(graph, &features)?);
         let both = graph.concatenate(&[&x, &y], 3);
-        let [columns, rows] = self.grid.raster.sides().map(|side| side - 1);
-        Ok(match self.grid.added() {
+        let [columns, rows] = inner_sides(self.grid.raster);
+        Ok(match self.grid.padding() {
             [0, 0] => both,
             _ => graph.first(&both, [rows, columns]),
         })
     }
 }
 
-/// The grids of a network for some cells.
+/// The grids of a network.
 #[derive(Clone, Copy)]
 struct Grid {
     raster: Raster,
@@ -148,41 +151,32 @@ impl Grid {
             bail!("nothing moves on {raster} cells: there is nothing to learn");
         }
         let coarse = raster.sides().map(|side| (side + 2).div_ceil(4));
-        let numbers = GROUPS * (coarse[0] * coarse[1]).pow(2);
-        if numbers > MOST {
+        let entries = GROUPS * (coarse[0] * coarse[1]).pow(2);
+        if entries > MAX_ENTRIES {
             bail!(
-                "the network qin2024 for {raster} cells has matrices of {numbers} numbers, and at most {MOST} are allowed: fewer cells, \
-                 about 200 × 200"
+                "network qin2024 for {raster} cells has matrices of {entries} entries, but at most {MAX_ENTRIES} are \
+                 allowed; use fewer cells, about 200 × 200"
             );
         }
         Ok(Self { raster, coarse })
     }
 
-    /// Cells by which patterns are continued, to the right and above.
-    fn added(self) -> [usize; 2] {
+    /// Returns the numbers of cells that are added on the right and above.
+    fn padding(self) -> [usize; 2] {
         [0, 1].map(|axis| 4 * self.coarse[axis] - 2 - self.raster.sides()[axis])
     }
 
-    /// Patterns with as many cells as the grids have.
-    fn continued(self, patterns: &Tensor) -> Result<Tensor> {
-        match self.added() {
-            [0, 0] => Ok(patterns.clone()),
-            [right, above] => patterns
-                .pad_with_zeros(1, 0, above)?
-                .pad_with_zeros(2, 0, right)?
-                .contiguous(),
-        }
+    /// Pads patterns with zeros to the size of the grids.
+    fn pad(self, patterns: &Tensor) -> Result<Tensor> {
+        let [right, above] = self.padding();
+        let padded = patterns.pad_with_zeros(1, 0, above)?.pad_with_zeros(2, 0, right)?;
+        padded.contiguous()
     }
 
-    /// Every so many-th inner corner, without those beyond the membrane.
-    fn cut(self, answer: &Tensor, step: usize) -> Result<Tensor> {
-        match self.added() {
-            [0, 0] => Ok(answer.clone()),
-            _ => {
-                let [columns, rows] = self.raster.sides().map(|side| (side - 1).div_ceil(step));
-                answer.narrow(1, 0, rows)?.narrow(2, 0, columns)?.contiguous()
-            }
-        }
+    /// Drops outputs beyond the corners of the membrane. `step` is the distance of the outputs in corners.
+    fn crop(self, output: &Tensor, step: usize) -> Result<Tensor> {
+        let [columns, rows] = inner_sides(self.raster).map(|side| side.div_ceil(step));
+        output.narrow(1, 0, rows)?.narrow(2, 0, columns)?.contiguous()
     }
 }
 
@@ -199,27 +193,34 @@ fn convolution(channels: [usize; 2], window: Window, weights: &VarBuilder<'_>) -
     Conv2d::new(channels, side, config, he(channels[0] * side * side), SLOPE, weights)
 }
 
-/// A layer that maps a grid of n × n points to (2n − 1) × (2n − 1).
-fn enlargement(channels: [usize; 2], weights: &VarBuilder<'_>) -> Result<ConvTranspose2d> {
-    ConvTranspose2d::new(channels, ENLARGE, he(enlarged(channels)), Some(SLOPE), weights)
+/// An upsampling layer: maps a grid of n × n points to (2n − 1) × (2n − 1).
+fn upsampling(channels: [usize; 2], weights: &VarBuilder<'_>) -> Result<ConvTranspose2d> {
+    ConvTranspose2d::new(
+        channels,
+        UPSAMPLE,
+        he(upsampling_fan_in(channels)),
+        Some(SLOPE),
+        weights,
+    )
 }
 
-/// The same as the last layer of a branch.
-fn last(channels: [usize; 2], weights: &VarBuilder<'_>) -> Result<ConvTranspose2d> {
-    ConvTranspose2d::new(channels, ENLARGE, ANSWER_GAIN * he(enlarged(channels)), None, weights)
+/// The output layer of a branch: an upsampling layer without activation.
+fn output(channels: [usize; 2], weights: &VarBuilder<'_>) -> Result<ConvTranspose2d> {
+    let stdev = OUTPUT_GAIN * he(upsampling_fan_in(channels));
+    ConvTranspose2d::new(channels, UPSAMPLE, stdev, None, weights)
 }
 
-/// Inputs of an output of an enlargement. A quarter of the window falls on them: the others are the gaps between them.
-fn enlarged([from, _]: [usize; 2]) -> usize {
-    from * ENLARGE * ENLARGE / 4
+/// Returns the number of inputs of an output of an upsampling layer. A quarter of the window falls on inputs.
+fn upsampling_fan_in([from, _]: [usize; 2]) -> usize {
+    from * UPSAMPLE * UPSAMPLE / 4
 }
 
-/// He's standard deviation for a layer with leaky rectified outputs (He et al., ICCV 2015, eq. 15).
+/// Returns He's standard deviation for a layer with leaky rectified outputs (He et al., ICCV 2015, eq. 15).
 fn he(fan_in: usize) -> f64 {
     (2.0 / ((1.0 + f64::from(SLOPE).powi(2)) * fan_in as f64)).sqrt()
 }
 
-/// Mixes every channel over the whole grid, then the channels at every point, and adds the result to what came in.
+/// A residual layer that mixes each channel over the whole grid, then the channels at each point.
 struct Bottleneck {
     mixing: Mixing,
     channels: Conv2d,
@@ -244,12 +245,12 @@ impl Module for Bottleneck {
 impl Export for Bottleneck {
     fn export(&self, graph: &mut Graph, x: &Value) -> Result<Value> {
         let mixed = self.mixing.export(graph, x)?;
-        let more = self.channels.export(graph, &mixed)?;
-        Ok(graph.add(x, &more))
+        let residual = self.channels.export(graph, &mixed)?;
+        Ok(graph.add(x, &residual))
     }
 }
 
-/// From the bottleneck to one component of the displacement at all inner corners.
+/// Maps the bottleneck to one component of the displacement at all inner corners.
 struct Decoder {
     first: Conv2d,
     second: ConvTranspose2d,
@@ -261,8 +262,8 @@ impl Decoder {
         let [first, second] = DECODER;
         Ok(Self {
             first: convolution([width, first], Window(3, 1, 1), &weights.pp("1"))?,
-            second: enlargement([first, second], &weights.pp("2"))?,
-            third: last([second, 1], &weights.pp("3"))?,
+            second: upsampling([first, second], &weights.pp("2"))?,
+            third: output([second, 1], &weights.pp("3"))?,
         })
     }
 }
@@ -288,14 +289,14 @@ mod tests {
     use candle_core::{DType, Device};
 
     use super::*;
-    use crate::parameters::Drawn;
+    use crate::parameters::RandomWeights;
 
     #[test]
-    fn any_raster_has_an_answer_at_each_inner_corner() {
+    fn any_raster_has_outputs_at_all_inner_corners() {
         let constants = BTreeMap::new();
         for (columns, rows) in [(40, 24), (6, 10), (7, 3), (2, 9)] {
             let raster = Raster::new(columns, rows).unwrap();
-            let weights = Drawn::new(&constants, 1);
+            let weights = RandomWeights::new(&constants, 1);
             let network = Qin2024::new(&weights.builder(), raster).unwrap();
             let patterns = Tensor::zeros((2, rows, columns, 1), DType::F32, &Device::Cpu).unwrap();
             let output = network.forward_for_training(&patterns, None).unwrap();
@@ -306,14 +307,14 @@ mod tests {
     }
 
     #[test]
-    fn rasters_without_a_network_are_refused() {
+    fn unsupported_rasters_are_refused() {
         let constants = BTreeMap::new();
-        for (sides, says) in [((1, 9), "nothing moves"), ((400, 400), "fewer cells")] {
+        for (sides, expected) in [((1, 9), "nothing moves"), ((400, 400), "fewer cells")] {
             let raster = Raster::new(sides.0, sides.1).unwrap();
-            let error = Qin2024::new(&Drawn::new(&constants, 1).builder(), raster)
+            let error = Qin2024::new(&RandomWeights::new(&constants, 1).builder(), raster)
                 .err()
                 .unwrap();
-            assert!(error.to_string().contains(says), "{error}");
+            assert!(error.to_string().contains(expected), "{error}");
         }
     }
 }

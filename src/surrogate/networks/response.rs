@@ -1,31 +1,33 @@
-//! The exact linear response as a constant of a network: one matrix from cells to corners, by parities under the mirrors of the device, and what
-//! loads of bodies add.
+//! The exact linear response as constant weights: a matrix from cells to corners in parity blocks, and the
+//! displacement by loads on bodies.
 
 use candle_core::{Device, Result, Tensor, bail};
 use candle_nn::VarBuilder;
 use deaflow_fem::registers::dispatch;
 use deaflow_linalg::Accum;
 
-use super::super::layers::{Matrix, multiply};
-use super::super::onnx::{Graph, Value};
-use super::super::parameters::constant;
-use super::fold::{Fold, sign};
+use super::fold::Fold;
 use super::names;
+use crate::corners::inner_corners;
+use crate::layers::{Matrix, multiply};
+use crate::onnx::{Graph, Value};
+use crate::parameters::constant;
 use deaflow_pattern::Raster;
 
-/// The response as a layer.
+/// The linear response as a layer.
 pub(crate) struct Response {
     fold: Fold,
-    /// The transpose of each block, (values, cells), with its parity: with many patterns as its columns the product is a third faster.
+    /// The transpose of each block, (values, cells), with its parity. The product with patterns as columns is a third
+    /// faster.
     blocks: Vec<(usize, Vec<f32>)>,
-    /// What loads of bodies add, (2, rows − 1, columns − 1), where there are such.
+    /// Displacement by loads on bodies, (2, rows − 1, columns − 1), if there are any.
     loaded: Option<Vec<f32>>,
     strain: f64,
     side_mm: f64,
 }
 
 impl Response {
-    /// From the constants of a model.
+    /// Reads the constants of a model.
     pub(crate) fn new(weights: &VarBuilder<'_>, raster: Raster) -> Result<Self> {
         let fold = Fold::of_blocks(raster, |block| weights.contains_tensor(names::BLOCKS[block]));
         let (area, values) = (fold.area(), fold.values());
@@ -35,17 +37,16 @@ impl Response {
             blocks.push((block, tensor.t()?.flatten_all()?.to_vec1()?));
         }
         let [columns, rows] = fold.inner();
-        let loaded = match weights.contains_tensor(names::LOADED) {
-            true => Some(
-                constant(weights, names::LOADED, &[2, rows, columns])?
-                    .flatten_all()?
-                    .to_vec1()?,
-            ),
-            false => None,
-        };
+        let has_loads = weights.contains_tensor(names::LOADED);
+        let loaded = has_loads.then(|| {
+            constant(weights, names::LOADED, &[2, rows, columns])?
+                .flatten_all()?
+                .to_vec1()
+        });
+        let loaded = loaded.transpose()?;
         let strain: Vec<f32> = constant(weights, names::STRAIN, &[2])?.to_vec1()?;
         let [strain, side_mm] = strain[..] else {
-            bail!("{} has two values", names::STRAIN);
+            bail!("{} must have two values", names::STRAIN);
         };
         if !(strain > 0.0 && side_mm > 0.0) {
             bail!("{} is {strain} and {side_mm}: both must be above 0", names::STRAIN);
@@ -59,24 +60,24 @@ impl Response {
         })
     }
 
-    /// ε.
+    /// Returns the typical strain ε.
     pub(crate) fn strain(&self) -> f64 {
         self.strain
     }
 
-    /// ε² L in mm: the unit of displacement.
+    /// Returns the unit of displacement ε² L in mm.
     pub(crate) fn unit_mm(&self) -> f64 {
         self.strain * self.strain * self.side_mm
     }
 
-    /// Linear responses one after the other as (n, 2, rows − 1, columns − 1); they have no gradient.
+    /// Returns linear responses as a tensor (n, 2, rows − 1, columns − 1) without gradient.
     pub(crate) fn tensor(&self, displacements: Vec<f32>) -> Result<Tensor> {
         let [columns, rows] = self.fold.inner();
         let n = displacements.len() / (2 * rows * columns);
         Tensor::from_vec(displacements, (n, 2, rows, columns), &Device::Cpu)
     }
 
-    /// Draws the same as operations of ONNX: folding and unfolding are products with matrices of 0, 1 and −1.
+    /// Exports the response to ONNX. Folding and unfolding become products with matrices of 0, 1 and −1.
     pub(crate) fn export(&self, graph: &mut Graph, patterns: &Value) -> Result<Value> {
         let (fold, area, values) = (self.fold, self.fold.area(), self.fold.values());
         let [width, height] = fold.corners().map(|side| side as i64);
@@ -84,11 +85,11 @@ impl Response {
         for (block, weights) in &self.blocks {
             let mut folded = patterns.clone();
             if fold.is_folded(1) {
-                let rows = graph.tensor(&fold.folding(1, sign(*block, 2) as f32)?)?;
+                let rows = graph.tensor(&fold.folding(1, *block)?)?;
                 folded = graph.matmul(&rows, &folded);
             }
             if fold.is_folded(0) {
-                let columns = graph.tensor(&fold.folding(0, sign(*block, 1) as f32)?.t()?.contiguous()?)?;
+                let columns = graph.tensor(&fold.folding(0, *block)?.t()?.contiguous()?)?;
                 folded = graph.matmul(&folded, &columns);
             }
             let folded = graph.reshape(&folded, &[0, area as i64]);
@@ -118,11 +119,11 @@ impl Response {
         Ok(graph.add(&sum, &loaded))
     }
 
-    /// The linear response (2, rows − 1, columns − 1) to each of some patterns (rows, columns), ±½ per cell.
+    /// Computes the linear response (2, rows − 1, columns − 1) to each pattern (rows, columns), ±½ per cell.
     pub(crate) fn evaluate(&self, cells: &[f32]) -> Vec<f32> {
         let (fold, area, values) = (self.fold, self.fold.area(), self.fold.values());
-        let (all, image) = (fold.raster().cells(), 2 * fold.inner().into_iter().product::<usize>());
-        // A matrix times a single vector is summed in another order: a pattern alone stands beside an empty column.
+        let (all, image) = (fold.raster().cells(), 2 * inner_corners(fold.raster()));
+        // A product with a single column adds in another order, so a single pattern gets an empty second column.
         let n = (cells.len() / all).max(2);
         let mut folded = vec![0.0f32; n * area];
         let mut parts = vec![0.0f32; n * values];
@@ -157,7 +158,7 @@ impl Response {
     }
 }
 
-/// The transpose of a matrix of rows of `columns` numbers, tile by tile so that both sides stay in the cache.
+/// Transposes a matrix with rows of `columns` values in tiles, so that reads and writes stay in the cache.
 fn transpose(matrix: &[f32], columns: usize, transposed: &mut [f32]) {
     const TILE: usize = 16;
     let rows = matrix.len() / columns;

@@ -1,19 +1,19 @@
-//! A graph of ONNX operations that is drawn node by node, as a network draws its forward pass on tensors.
+//! A graph of ONNX operations, built node by node.
 
 use candle_core::{DType, Result, Tensor, bail};
 
 use super::messages;
 
-/// Numbers of element types.
+/// ONNX numbers of element types.
 pub(super) const FLOAT: i32 = 1;
 pub(super) const UINT8: i32 = 2;
 pub(super) const INT64: i32 = 7;
 
-/// An array that a node gives, or that the graph holds.
+/// An input, a constant or the output of a node.
 #[derive(Clone, Debug)]
 pub(crate) struct Value(pub(super) String);
 
-/// The graph.
+/// A graph of operations.
 #[derive(Debug, Default)]
 pub(crate) struct Graph {
     nodes: Vec<messages::Node>,
@@ -46,7 +46,7 @@ impl Attribute<'_> {
 }
 
 impl Graph {
-    /// The result of one operation.
+    /// Adds an operation and returns its output.
     pub(crate) fn node(&mut self, operation: &str, inputs: &[&Value], attributes: &[(&str, Attribute<'_>)]) -> Value {
         let name = format!("{}.{operation}", self.nodes.len());
         self.push(operation, inputs, &name, attributes);
@@ -75,7 +75,7 @@ impl Graph {
         Value(name)
     }
 
-    /// The values of a tensor.
+    /// Adds a tensor as a constant.
     ///
     /// # Errors
     /// When they cannot be read, or are not in single precision.
@@ -88,76 +88,76 @@ impl Graph {
         Ok(self.initializer(FLOAT, tensor.dims(), bytes))
     }
 
-    /// One number.
+    /// Adds a scalar constant.
     pub(crate) fn number(&mut self, value: f32) -> Value {
         self.initializer(FLOAT, &[], value.to_le_bytes().to_vec())
     }
 
-    /// Integers, as shapes and ranges are given.
+    /// Adds integers as a constant, such as a shape or range.
     pub(crate) fn integers(&mut self, values: &[i64]) -> Value {
         let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
         self.initializer(INT64, &[values.len()], bytes)
     }
 
-    /// The same numbers of another type.
+    /// Converts values to another element type.
     pub(crate) fn cast(&mut self, x: &Value, element: i32) -> Value {
         self.node("Cast", &[x], &[("to", Attribute::Integer(element.into()))])
     }
 
-    /// The sum, broadcast.
+    /// Adds elementwise with broadcasting.
     pub(crate) fn add(&mut self, a: &Value, b: &Value) -> Value {
         self.node("Add", &[a, b], &[])
     }
 
-    /// The difference, broadcast.
+    /// Subtracts elementwise with broadcasting.
     pub(crate) fn sub(&mut self, a: &Value, b: &Value) -> Value {
         self.node("Sub", &[a, b], &[])
     }
 
-    /// The product of the elements, broadcast.
+    /// Multiplies elementwise with broadcasting.
     pub(crate) fn mul(&mut self, a: &Value, b: &Value) -> Value {
         self.node("Mul", &[a, b], &[])
     }
 
-    /// The product of matrices, broadcast.
+    /// Multiplies matrices with broadcasting.
     pub(crate) fn matmul(&mut self, a: &Value, b: &Value) -> Value {
         self.node("MatMul", &[a, b], &[])
     }
 
-    /// The same values with axes in another order.
+    /// Permutes axes.
     pub(crate) fn transpose(&mut self, x: &Value, order: &[i64]) -> Value {
         self.node("Transpose", &[x], &[("perm", Attribute::Integers(order))])
     }
 
-    /// The same values in another shape: 0 keeps an axis, −1 is what is left over.
+    /// Changes the shape: 0 keeps an axis, −1 is inferred.
     pub(crate) fn reshape(&mut self, x: &Value, shape: &[i64]) -> Value {
         let shape = self.integers(shape);
         self.node("Reshape", &[x, &shape], &[])
     }
 
-    /// Arrays one after the other along an axis.
+    /// Concatenates arrays along an axis.
     pub(crate) fn concatenate(&mut self, parts: &[&Value], axis: i64) -> Value {
         self.node("Concat", parts, &[("axis", Attribute::Integer(axis))])
     }
 
-    /// Zeros before the first and after the last element of each axis: all the former, then all the latter.
+    /// Pads with zeros. `zeros` holds the counts before the first element of each axis, then those after the last.
     pub(crate) fn pad(&mut self, x: &Value, zeros: &[i64]) -> Value {
         let zeros = self.integers(zeros);
         self.node("Pad", &[x, &zeros], &[])
     }
 
-    /// The first rows and columns of images with their channels last.
+    /// Returns the first rows and columns of images with channels last.
     pub(crate) fn first(&mut self, x: &Value, [rows, columns]: [usize; 2]) -> Value {
         let [starts, ends, axes] = [[0, 0], [rows as i64, columns as i64], [1, 2]].map(|ends| self.integers(&ends));
         self.node("Slice", &[x, &starts, &ends, &axes], &[])
     }
 
-    /// Gives a value another name beside its own.
+    /// Gives a value an additional name.
     pub(super) fn name(&mut self, value: &Value, name: &str) {
         self.push("Identity", &[value], name, &[]);
     }
 
-    /// The graph as a message, from one input to one output.
+    /// Converts the graph with one input and one output to a message.
     pub(super) fn into_message(self, name: &str, input: messages::Array, output: messages::Array) -> messages::Graph {
         messages::Graph {
             node: self.nodes,

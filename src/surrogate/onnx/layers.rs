@@ -1,5 +1,5 @@
-//! The layers of [`crate::layers`] as operations of a graph. Images keep their channels last here too; ONNX has
-//! convolutions for channels that come first.
+//! The layers of [`crate::layers`] as ONNX operations. Images have channels last; ONNX convolutions need channels
+//! first.
 
 use candle_core::{Result, Tensor};
 

@@ -1,8 +1,8 @@
-//! The messages of an ONNX file that are written here, with the field numbers of
-//! `onnx.proto` (<https://github.com/onnx/onnx/blob/main/onnx/onnx.proto>).
+//! Messages of an ONNX file with the field numbers of `onnx.proto`
+//! (<https://github.com/onnx/onnx/blob/main/onnx/onnx.proto>).
 //!
-//! They are stated by hand, so that a build needs no compiler of protocol buffers. Scalars are `optional` as in version 2 of the
-//! language: what is given is written, zero and the empty text too.
+//! They are written by hand, so that a build needs no protocol buffer compiler. Scalars are `optional` as in proto2,
+//! so zero and the empty text are written too.
 
 use prost::{Message, Oneof};
 
@@ -25,7 +25,7 @@ pub(super) struct Model {
     pub(super) metadata: Vec<Entry>,
 }
 
-/// A set of operations; the name of the standard one is empty.
+/// A set of operations. The standard set has an empty name.
 #[derive(Clone, PartialEq, Message)]
 pub(super) struct OperatorSet {
     #[prost(string, optional, tag = "1")]
@@ -43,7 +43,7 @@ pub(super) struct Entry {
     pub(super) value: Option<String>,
 }
 
-/// Nodes in an order in which they can be computed, and the constants that they use.
+/// Nodes in topological order, and constants.
 #[derive(Clone, PartialEq, Message)]
 pub(super) struct Graph {
     #[prost(message, repeated, tag = "1")]
@@ -73,7 +73,7 @@ pub(super) struct Node {
     pub(super) attribute: Vec<Attribute>,
 }
 
-/// A parameter of an operation: one of its values, and which of them.
+/// A parameter of an operation: one of the values, and its kind.
 #[derive(Clone, PartialEq, Message)]
 pub(super) struct Attribute {
     #[prost(string, optional, tag = "1")]
@@ -97,12 +97,12 @@ pub(super) struct Tensor {
     pub(super) data_type: Option<i32>,
     #[prost(string, optional, tag = "8")]
     pub(super) name: Option<String>,
-    /// Little-endian values in the order of the rows.
+    /// Little-endian values, row by row.
     #[prost(bytes = "vec", optional, tag = "9")]
     pub(super) raw_data: Option<Vec<u8>>,
 }
 
-/// What goes into a graph or comes out of it.
+/// An input or output of a graph.
 #[derive(Clone, PartialEq, Message)]
 pub(super) struct Array {
     #[prost(string, optional, tag = "1")]
@@ -111,7 +111,7 @@ pub(super) struct Array {
     pub(super) kind: Option<ArrayKind>,
 }
 
-/// The type of an array; ONNX knows others than tensors.
+/// The type of an array. Only tensors are used here.
 #[derive(Clone, PartialEq, Message)]
 pub(super) struct ArrayKind {
     #[prost(message, optional, tag = "1")]
@@ -141,7 +141,7 @@ pub(super) struct Dimension {
     pub(super) length: Option<Length>,
 }
 
-/// A number, or the name of one that is open.
+/// A fixed length, or the name of a variable length.
 #[derive(Clone, PartialEq, Oneof)]
 pub(super) enum Length {
     #[prost(int64, tag = "1")]

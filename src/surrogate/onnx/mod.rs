@@ -1,7 +1,7 @@
-//! Networks as ONNX files (<https://onnx.ai>), which many programs run.
+//! Export of networks as ONNX files (<https://onnx.ai>).
 //!
-//! The file takes patterns as they stand in other files and gives displacements in mm at all corners: how the network wants
-//! its input, its scale and the frame that does not move are part of the graph.
+//! The graph takes patterns as they are in other files and returns displacements in mm at all corners. It includes the
+//! input encoding, the unit of length and the fixed edges.
 
 mod cells;
 mod graph;
@@ -11,36 +11,35 @@ mod messages;
 use candle_core::{Device, Result, Tensor};
 use prost::Message;
 
-use super::encode::seen;
+use super::encode::cell_inputs;
 use super::header::Header;
-use super::networks::Network;
 use super::weights::KEY;
 use deaflow_pattern::Raster;
 
 pub(crate) use graph::{Graph, Value};
 
-/// What can be drawn as operations of ONNX, from one array to one array.
+/// A map from one array to one array that can be exported to ONNX.
 pub(crate) trait Export {
-    /// Draws it.
+    /// Adds its operations to a graph and returns the output.
     ///
     /// # Errors
     /// When its tensors cannot be read.
     fn export(&self, graph: &mut Graph, x: &Value) -> Result<Value>;
 }
 
-/// The version of the file format, of 2021: readers accept older ones.
+/// Version of the file format (2021). Readers accept older versions.
 const IR_VERSION: i64 = 8;
 
-/// The set of operations that belongs to it.
+/// Version of the operations in this format.
 const OPSET: i64 = 17;
 
-/// Names of what goes in and comes out.
+/// Names of the input and the output.
 const INPUT: &str = "pattern";
 const OUTPUT: &str = "displacement";
 
-/// The bytes of an ONNX file: from patterns (n, rows, columns) of 0 and the numbers of groups in u8 to displacements (n, rows + 1, columns + 1, 2) in mm, f32. `says`
-/// is the text of the header, the description that goes with it.
-pub(crate) fn to_onnx(network: &dyn Network, raster: Raster, header: &Header, says: &str) -> Result<Vec<u8>> {
+/// Encodes an ONNX file that maps patterns (n, rows, columns) of 0 and group numbers in u8 to displacements
+/// (n, rows + 1, columns + 1, 2) in mm, f32. `metadata` is the text of the header.
+pub(crate) fn to_onnx(network: &dyn Export, raster: Raster, header: &Header, metadata: &str) -> Result<Vec<u8>> {
     let ([columns, rows], [across, up]) = (raster.sides(), raster.corner_sides());
     let mut graph = Graph::default();
     let pattern = Value(INPUT.to_owned());
@@ -51,15 +50,15 @@ pub(crate) fn to_onnx(network: &dyn Network, raster: Raster, header: &Header, sa
             graph.sub(&cells, &half)
         }
         loads => {
-            let seen = Tensor::new(seen(loads), &Device::Cpu)?;
-            let (seen, groups) = (graph.tensor(&seen)?, graph.cast(&pattern, graph::INT64));
-            graph.node("Gather", &[&seen, &groups], &[])
+            let inputs = Tensor::new(cell_inputs(loads), &Device::Cpu)?;
+            let (inputs, groups) = (graph.tensor(&inputs)?, graph.cast(&pattern, graph::INT64));
+            graph.node("Gather", &[&inputs, &groups], &[])
         }
     };
     let cells = graph.reshape(&cells, &[0, rows as i64, columns as i64, 1]);
-    let answer = network.export(&mut graph, &cells)?;
+    let output = network.export(&mut graph, &cells)?;
     let scale = graph.number(header.scale_mm as f32);
-    let inner = graph.mul(&answer, &scale);
+    let inner = graph.mul(&output, &scale);
     let all = graph.pad(&inner, &[0, 1, 1, 0, 0, 1, 1, 0]);
     graph.name(&all, OUTPUT);
     let input = array(INPUT, graph::UINT8, &[rows, columns]);
@@ -77,20 +76,18 @@ pub(crate) fn to_onnx(network: &dyn Network, raster: Raster, header: &Header, sa
         }],
         metadata: vec![messages::Entry {
             key: Some(KEY.to_owned()),
-            value: Some(says.to_owned()),
+            value: Some(metadata.to_owned()),
         }],
     };
     Ok(model.encode_to_vec())
 }
 
-/// An array of any number of rows.
+/// Returns an array with any number of rows.
 fn array(name: &str, element: i32, row: &[usize]) -> messages::Array {
     let any = messages::Length::Named("n".to_owned());
     let lengths = row.iter().map(|&length| messages::Length::Fixed(length as i64));
-    let dims = std::iter::once(any).chain(lengths);
-    let dims = dims
-        .map(|length| messages::Dimension { length: Some(length) })
-        .collect();
+    let dimensions = std::iter::once(any).chain(lengths).map(Some);
+    let dims = dimensions.map(|length| messages::Dimension { length }).collect();
     let tensor = messages::TensorKind {
         element: Some(element),
         shape: Some(messages::Shape { dims }),

@@ -1,13 +1,13 @@
 //! Adam with decoupled weight decay (Kingma & Ba, ICLR 2015, algorithm 1; the decay is applied by the caller).
 //!
-//! candle-nn's `AdamW`, which tests hold this to, gives nobody its running means, so that no training could go on from a
-//! checkpoint; and it takes thirteen passes over memory where this takes one.
+//! candle-nn's `AdamW`, the reference in tests, does not expose its running means, which checkpoints need, and takes
+//! thirteen passes over memory instead of one.
 
 /// Decay of the mean of the gradients.
 const BETA1: f32 = 0.9;
-/// Decay of the mean of their squares: shorter than the usual 0.999, which a training of a few hundred steps never fills.
+/// Decay of the mean of the squared gradients. The usual 0.999 needs more than the few hundred steps of a training.
 const BETA2: f32 = 0.99;
-/// Keeps the step finite where gradients vanish.
+/// Keeps the step finite for zero gradients.
 const EPSILON: f32 = 1e-8;
 
 /// The running means of one tensor.
@@ -17,7 +17,7 @@ pub(super) struct AdamWState {
 }
 
 impl AdamWState {
-    /// Before the first step.
+    /// Creates the state before the first step.
     pub(super) fn new(count: usize) -> Self {
         Self {
             first: vec![0.0; count],
@@ -25,17 +25,17 @@ impl AdamWState {
         }
     }
 
-    /// The means of the gradients and of their squares.
+    /// Returns the means of the gradients and of their squares.
     pub(super) fn means(&self) -> [&[f32]; 2] {
         [&self.first, &self.second]
     }
 
-    /// Goes on from the means of another.
-    pub(super) fn go_on(&mut self, [first, second]: [Vec<f32>; 2]) {
+    /// Restores the means.
+    pub(super) fn resume(&mut self, [first, second]: [Vec<f32>; 2]) {
         (self.first, self.second) = (first, second);
     }
 
-    /// The direction to descend against in a step counted from 1, of size about 1 per weight.
+    /// Returns the descent direction of a step (from 1), of size about 1 per weight.
     pub(super) fn direction(&mut self, gradient: &[f32], step: u32) -> Vec<f32> {
         let power = i32::try_from(step).unwrap_or(i32::MAX);
         let (unbias1, unbias2) = (1.0 - BETA1.powi(power), 1.0 - BETA2.powi(power));
@@ -60,7 +60,7 @@ mod tests {
             let near = |(a, b): (&f32, &f64)| (f64::from(*a) - b).abs() < 2e-5;
             assert!(found.iter().zip(&expected).all(near), "{found:?} {expected:?}");
         };
-        // The first direction is the sign of the gradient, whatever its size.
+        // The first direction is the sign of the gradient.
         close(state.direction(&[3.0, -1e-2], 1), [1.0, -1.0]);
         // Then with gradient 0: m = 0.9·0.1 g, v = 0.99·0.01 g², unbiased by 1 − 0.9² and 1 − 0.99².
         let second = (0.9 * 0.1 / 0.19) / (0.99f64 * 0.01 / 0.0199).sqrt();

@@ -1,10 +1,8 @@
-//! Muon: momentum whose singular values are all made about 1 (Jordan et al., "Muon: an optimizer for hidden layers in
+//! Muon: momentum with all singular values set to about 1 (Jordan et al., "Muon: an optimizer for hidden layers in
 //! neural networks", 2024, kellerjordan.github.io/posts/muon).
 //!
-//! The step is scaled as by Liu et al. ("Muon is scalable for LLM training", arXiv 2502.16982, eq. 4) to the usual size
-//! of Adam's, so that both rules share one learning rate.
-//!
-//! candle-nn has no such rule.
+//! The step is scaled to the usual size of Adam's (Liu et al., "Muon is scalable for LLM training", arXiv 2502.16982,
+//! eq. 4), so that both rules share one learning rate. candle-nn has no Muon.
 
 use deaflow_linalg::Accum;
 
@@ -14,9 +12,9 @@ use crate::layers::{Matrix, multiply};
 const MOMENTUM: f32 = 0.95;
 /// Root mean square of an entry of Adam's usual direction.
 const ADAM_SIZE: f32 = 0.2;
-/// The odd polynomial ax + bx³ + cx⁵ that, iterated, takes singular values from (0, 1] to about 1.
+/// The odd polynomial ax + bx³ + cx⁵, whose iteration maps singular values in (0, 1] to about 1.
 const QUINTIC: [f32; 3] = [3.4445, -4.7750, 2.0315];
-/// How often it is iterated.
+/// Number of iterations.
 const ITERATIONS: usize = 5;
 
 /// The momentum of one matrix.
@@ -27,7 +25,7 @@ pub(super) struct MuonState {
 }
 
 impl MuonState {
-    /// Before the first step, for a matrix of that shape.
+    /// Creates the state before the first step, for a matrix of this shape.
     pub(super) fn new(rows: usize, columns: usize) -> Self {
         Self {
             momentum: vec![0.0; rows * columns],
@@ -36,17 +34,17 @@ impl MuonState {
         }
     }
 
-    /// The momentum, row by row.
+    /// Returns the momentum, row by row.
     pub(super) fn momentum(&self) -> &[f32] {
         &self.momentum
     }
 
-    /// Goes on from the momentum of another.
-    pub(super) fn go_on(&mut self, momentum: Vec<f32>) {
+    /// Restores the momentum.
+    pub(super) fn resume(&mut self, momentum: Vec<f32>) {
         self.momentum = momentum;
     }
 
-    /// The direction to descend against.
+    /// Returns the descent direction.
     pub(super) fn direction(&mut self, gradient: &[f32]) -> Vec<f32> {
         let ahead = self.momentum.iter_mut().zip(gradient).map(|(m, g)| {
             *m = MOMENTUM * *m + g;
@@ -60,7 +58,7 @@ impl MuonState {
     }
 }
 
-/// Replaces a matrix by about U Vᵀ of its singular value decomposition U Σ Vᵀ. A zero matrix stays zero.
+/// Replaces a matrix U Σ Vᵀ by about U Vᵀ. A zero matrix stays zero.
 fn orthogonalize(matrix: &mut [f32], rows: usize, columns: usize) {
     let norm = matrix.iter().map(|v| v * v).sum::<f32>().sqrt();
     if norm == 0.0 {
@@ -119,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_follow_is_no_step() {
+    fn a_zero_gradient_gives_a_zero_step() {
         assert_eq!(MuonState::new(2, 3).direction(&[0.0; 6]), [0.0; 6]);
     }
 }

@@ -22,7 +22,7 @@ fn patterns(count: u64) -> Vec<Pattern> {
 }
 
 #[test]
-fn a_prediction_does_not_depend_on_its_company_or_on_threads() {
+fn predictions_do_not_depend_on_the_batch_or_on_threads() {
     let surrogate = Surrogate::load(&model()).unwrap();
     let patterns = patterns(40);
     let together = surrogate.predict(&patterns).unwrap();
@@ -92,7 +92,7 @@ fn networks_of_another_shape_are_refused() {
     assert!(refused(&header, &extra).contains("has no tensor surplus"));
     let mut infinite = tensors.clone();
     infinite.insert(name.clone(), (&tensor * f64::INFINITY).unwrap());
-    assert!(refused(&header, &infinite).contains("not finite"));
+    assert!(refused(&header, &infinite).contains("NaN or infinity"));
     let mut reshaped = tensors.clone();
     reshaped.insert(name.clone(), tensor.flatten_all().unwrap().unsqueeze(0).unwrap());
     assert!(refused(&header, &reshaped).contains("shape"));

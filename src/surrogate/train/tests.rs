@@ -13,7 +13,7 @@ fn run(examples: &[Example], options: &TrainOptions) -> Result<Trained, TrainErr
     train(examples, None, options, &())
 }
 
-/// Remembers what it is told, and keeps every state.
+/// Records all calls and stores every checkpoint.
 #[derive(Default)]
 struct Watch {
     steps: RefCell<Vec<(u32, f64, f64)>>,
@@ -37,16 +37,16 @@ impl Monitor for Watch {
         self.resumed.borrow_mut().push(epochs);
     }
 
-    fn kept(&self) -> Option<Vec<u8>> {
+    fn checkpoint(&self) -> Option<Vec<u8>> {
         self.from.clone()
     }
 
-    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
+    fn store_checkpoint(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
         self.states.borrow_mut().push(state().unwrap());
         Ok(())
     }
 
-    fn unusable(&self) {
+    fn unusable_checkpoint(&self) {
         *self.refused.borrow_mut() += 1;
     }
 }
@@ -164,7 +164,7 @@ fn fields_that_do_not_move_train_without_nan() {
 }
 
 #[test]
-fn what_cannot_be_trained_is_an_error() {
+fn invalid_trainings_are_errors() {
     let options = TrainOptions::default();
     assert!(matches!(
         run(&examples(3, Split::Test), &options),
@@ -181,7 +181,7 @@ fn what_cannot_be_trained_is_an_error() {
 }
 
 #[test]
-fn a_training_that_is_gone_on_with_ends_with_the_same_bits() {
+fn a_resumed_training_gives_the_same_bits() {
     let data = [examples(12, Split::Train), examples(4, Split::Validation)].concat();
     for optimizer in OptimizerKind::ALL {
         let options = TrainOptions {
@@ -212,7 +212,7 @@ fn a_training_that_is_gone_on_with_ends_with_the_same_bits() {
 }
 
 #[test]
-fn a_state_of_something_else_is_not_used() {
+fn checkpoints_of_other_trainings_are_not_used() {
     let data = examples(4, Split::Train);
     let options = TrainOptions {
         epochs: 1,
@@ -236,7 +236,7 @@ fn a_state_of_something_else_is_not_used() {
 }
 
 #[test]
-fn patience_ends_a_training_that_gets_no_better() {
+fn patience_ends_a_training_without_improvement() {
     let data = [examples(8, Split::Train), examples(4, Split::Validation)].concat();
     let options = TrainOptions {
         epochs: 40,
@@ -252,7 +252,7 @@ fn patience_ends_a_training_that_gets_no_better() {
         "{last} {}",
         trained.best_epoch
     );
-    // The rate does not depend on where the training will end: these are the first epochs of the whole training.
+    // The learning rate does not depend on the last epoch: these are the first epochs of the whole training.
     let whole = TrainOptions {
         patience: None,
         epochs: 40,
@@ -264,7 +264,7 @@ fn patience_ends_a_training_that_gets_no_better() {
 }
 
 #[test]
-fn a_loss_that_is_no_number_stops_the_training() {
+fn a_loss_that_is_not_finite_stops_the_training() {
     let wild = TrainOptions {
         learning_rate: 1e30,
         ..TrainOptions::default()
@@ -278,7 +278,7 @@ fn a_loss_that_is_no_number_stops_the_training() {
 #[test]
 fn a_loss_that_explodes_stops_the_training_with_the_best_weights_so_far() {
     let data = [examples(16, Split::Train), examples(4, Split::Validation)].concat();
-    // The rate rises over the first epochs: the first of very many is gentle, a later one is not.
+    // The learning rate rises over the first epochs: small in the first, too large in a later one.
     let options = TrainOptions {
         epochs: 3000,
         learning_rate: 10.0,
@@ -293,7 +293,7 @@ fn a_loss_that_explodes_stops_the_training_with_the_best_weights_so_far() {
     let kept = of(&trained.metrics, Split::Validation).rmse_mm;
     assert!((best.validation_rmse_mm - kept).abs() < 1e-12);
     assert!(trained.curves.iter().all(|report| report.train_loss.is_finite()));
-    // Where nothing was better than the untrained network there is nothing to keep.
+    // When no epoch improved on the untrained network, training fails.
     let sudden = TrainOptions { epochs: 3, ..options };
     let error = run(&data, &sudden).unwrap_err();
     assert!(matches!(error, TrainError::Diverged { .. }), "{error}");
@@ -301,29 +301,24 @@ fn a_loss_that_explodes_stops_the_training_with_the_best_weights_so_far() {
 }
 
 #[test]
-fn symmetries_are_drawn_anew_in_every_epoch_and_shown_in_training_only() {
+fn each_epoch_draws_other_symmetries() {
     let data = [examples(64, Split::Train), examples(4, Split::Validation)].concat();
     let options = TrainOptions {
         symmetry: SymmetryGroup::D4,
         ..TrainOptions::default()
     };
     let trainer = Trainer::new(&data, None, &options).unwrap();
-    let turns = |epoch| {
+    let symmetries = |epoch| {
         let mut order = trainer.order(epoch);
-        order.sort_by_key(|shown| std::ptr::from_ref(shown.example));
-        order.iter().map(|shown| shown.symmetry).collect::<Vec<_>>()
+        order.sort_by_key(|one| std::ptr::from_ref(one.example));
+        order.iter().map(|one| one.symmetry).collect::<Vec<_>>()
     };
-    assert_eq!(turns(1), turns(1));
-    assert_ne!(turns(1), turns(2));
-    assert!(Symmetry::ALL.iter().all(|g| turns(1).contains(g)));
+    assert_eq!(symmetries(1), symmetries(1));
+    assert_ne!(symmetries(1), symmetries(2));
+    assert!(Symmetry::ALL.iter().all(|g| symmetries(1).contains(g)));
     let plain = TrainOptions::default();
     let trainer = Trainer::new(&data, None, &plain).unwrap();
-    assert!(
-        trainer
-            .order(1)
-            .iter()
-            .all(|shown| shown.symmetry == Symmetry::IDENTITY)
-    );
+    assert!(trainer.order(1).iter().all(|one| one.symmetry == Symmetry::IDENTITY));
 }
 
 #[test]
@@ -344,7 +339,7 @@ fn one_example_a_batch_of_one_and_a_batch_beyond_the_examples_all_train() {
 }
 
 #[test]
-fn a_label_that_is_always_the_same_is_learnt() {
+fn a_constant_label_is_learned() {
     let mut data = examples(8, Split::Train);
     let label = data[0].label.clone();
     data.iter_mut().for_each(|example| example.label = label.clone());

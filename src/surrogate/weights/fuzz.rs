@@ -1,4 +1,4 @@
-//! Models and checkpoints broken at random, with and without a digest that fits: read or refused.
+//! Models and checkpoints with random changes, with and without a matching digest, are read or refused without a panic.
 
 use std::collections::HashMap;
 
@@ -10,7 +10,7 @@ use super::{KEY, LoadError, digest, from_bytes, opening};
 use crate::checkpoint::Checkpoint;
 use crate::{EpochReport, Surrogate};
 
-/// One way to break an input for all fuzz targets, wherever they stand.
+/// Random changes of an input, shared by all fuzz targets.
 #[path = "../../../tests/it/fuzz/mutate.rs"]
 mod mutate;
 use mutate::Seeds;
@@ -39,7 +39,7 @@ const JSON: &[&str] = &[
     "\"trained\":",
 ];
 
-fn told(error: &LoadError) {
+fn check_message(error: &LoadError) {
     let message = error.to_string();
     assert!(!message.is_empty() && message.len() < 20_000, "{message:?}");
 }
@@ -52,12 +52,12 @@ fn models() {
         .for_each(|sound| drop(from_bytes(sound).unwrap()));
     check!().with_iterations(600).for_each(|entropy: &[u8]| {
         let bytes = seeds.mutated(entropy);
-        let _ = from_bytes(&bytes).inspect_err(told);
-        let _ = Surrogate::load(&bytes).inspect_err(told);
+        let _ = from_bytes(&bytes).inspect_err(check_message);
+        let _ = Surrogate::load(&bytes).inspect_err(check_message);
     });
 }
 
-/// A model whose description was changed by somebody who knows how the digest is made.
+/// A model with a changed header and a digest that matches it.
 fn forged(bytes: &[u8], change: impl FnOnce(&str) -> String) -> Vec<u8> {
     let (_, metadata) = SafeTensors::read_metadata(bytes).unwrap();
     let text = metadata
@@ -87,8 +87,8 @@ fn forged_models() {
         let bytes = forged(&sound, |_| {
             String::from_utf8_lossy(&seeds.mutated(entropy)).into_owned()
         });
-        let _ = from_bytes(&bytes).inspect_err(told);
-        let _ = Surrogate::load(&bytes).inspect_err(told);
+        let _ = from_bytes(&bytes).inspect_err(check_message);
+        let _ = Surrogate::load(&bytes).inspect_err(check_message);
     });
 }
 
@@ -99,7 +99,7 @@ fn checkpoints() {
         train_loss: 0.3,
         validation_loss: 0.5,
         validation_rmse_mm: 0.05,
-        judged_rmse_mm: 0.05,
+        selection_rmse_mm: 0.05,
         learning_rate: 1e-3,
     };
     let mut sound = Checkpoint {

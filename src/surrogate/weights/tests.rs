@@ -18,9 +18,9 @@ fn constants() -> BTreeMap<String, Tensor> {
     BTreeMap::from([("c".to_owned(), Tensor::new(&[7.0_f32], &Device::Cpu).unwrap())])
 }
 
-fn record() -> Record {
+fn record() -> TrainingRecord {
     let families = BTreeMap::from([("bezier".to_owned(), 3), ("small-grid".to_owned(), 4)]);
-    Record {
+    TrainingRecord {
         examples: BTreeMap::from([("train".to_owned(), families)]),
         epochs: 4,
         best_epoch: 3,
@@ -44,7 +44,7 @@ pub(super) fn model() -> Vec<u8> {
     .unwrap()
 }
 
-/// A file of safetensors with this text in its metadata and no tensors.
+/// A safetensors file without tensors and with this text in its metadata.
 fn with_text(text: &str) -> Vec<u8> {
     let metadata = HashMap::from([(KEY.to_owned(), text.to_owned())]);
     let none: BTreeMap<String, Tensor> = BTreeMap::new();
@@ -56,7 +56,7 @@ fn with_header(length: u64, rest: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn a_model_says_what_it_is_and_equal_models_are_equal_bytes() {
+fn a_model_has_a_header_and_equal_models_are_equal_bytes() {
     let bytes = model();
     assert_eq!(bytes, model());
     let (header, read) = from_bytes(&bytes).unwrap();
@@ -72,7 +72,7 @@ fn a_model_says_what_it_is_and_equal_models_are_equal_bytes() {
 }
 
 #[test]
-fn a_flipped_bit_anywhere_is_found_out() {
+fn every_flipped_bit_is_detected() {
     let bytes = model();
     for at in 0..bytes.len() {
         for bit in 0..8 {
@@ -87,8 +87,8 @@ fn a_flipped_bit_anywhere_is_found_out() {
 }
 
 #[test]
-fn exchanged_tensors_are_found_out() {
-    // `b` and a second tensor of its shape change names: the table is another, and the bytes behind it are the same.
+fn exchanged_tensors_are_detected() {
+    // `b` and a second tensor of its shape exchange names: the table changes, the bytes after it do not.
     let mut two = tensors();
     two.insert("d".to_owned(), Tensor::new(&[4.0_f32, 5.0], &Device::Cpu).unwrap());
     let bytes = to_bytes(
@@ -108,7 +108,7 @@ fn exchanged_tensors_are_found_out() {
     let forged = [&bytes[..8], exchanged.as_bytes(), &bytes[length..]].concat();
     assert!(SafeTensors::deserialize(&forged).is_ok(), "a sound file of safetensors");
     let error = from_bytes(&forged).unwrap_err().to_string();
-    assert!(error.contains("not what its digest says"), "{error}");
+    assert!(error.contains("digest does not match"), "{error}");
 }
 
 #[test]
@@ -135,21 +135,21 @@ fn hostile_headers_are_refused_before_they_cost_anything() {
 }
 
 #[test]
-fn versions_and_headers_of_others_are_refused_with_the_reason() {
-    let said = |text: &str| from_bytes(&with_text(text)).unwrap_err().to_string();
-    assert!(said("{\"format_version\":1}").contains("version 1, and this deaflow reads version 2"));
-    assert!(said("{\"network\":\"qin2024\",\"scale_mm\":1.0}").contains("older deaflow"));
-    assert!(said("{\"format_version\":2}").contains("digest"));
-    assert!(said("[1").contains("damaged"));
-    // A header that is whole, but says more than this program knows.
+fn unknown_versions_and_headers_are_refused_with_the_reason() {
+    let refused = |text: &str| from_bytes(&with_text(text)).unwrap_err().to_string();
+    assert!(refused("{\"format_version\":1}").contains("version 1, but this deaflow reads version 2"));
+    assert!(refused("{\"network\":\"qin2024\",\"scale_mm\":1.0}").contains("older deaflow"));
+    assert!(refused("{\"format_version\":2}").contains("digest"));
+    assert!(refused("[1").contains("damaged"));
+    // A complete header with an unknown key.
     let (header, _) = from_bytes(&model()).unwrap();
     let text = serde_json::to_string(&header).unwrap();
     let body = text[1..].replacen("\"network\"", "\"rotated\":true,\"network\"", 1);
-    let sealed = |body: &str| format!("{}{body}", opening(&digest(body, Vec::new())));
-    assert!(said(&sealed(&body)).contains("unknown field `rotated`"));
+    let with_digest = |body: &str| format!("{}{body}", opening(&digest(body, Vec::new())));
+    assert!(refused(&with_digest(&body)).contains("unknown field `rotated`"));
     let upside_down = text[1..].replacen("origin lower left", "origin upper left", 1);
-    assert!(said(&sealed(&upside_down)).contains("patterns in another form"));
-    assert!(said(&sealed(&text[1..])).contains("a.weights is missing"));
+    assert!(refused(&with_digest(&upside_down)).contains("unknown form of patterns"));
+    assert!(refused(&with_digest(&text[1..])).contains("a.weights is missing"));
 }
 
 #[test]
@@ -167,7 +167,7 @@ fn tensors_have_one_role_each_and_are_named() {
         check_names(&header, &more)
             .unwrap_err()
             .to_string()
-            .contains("does not name tensor e")
+            .contains("tensor e is not in its header")
     );
 }
 
@@ -186,7 +186,7 @@ fn the_record_counts_examples_by_family() {
         train_loss: 0.0,
         validation_loss: 0.0,
         validation_rmse_mm: rmse,
-        judged_rmse_mm: rmse,
+        selection_rmse_mm: rmse,
         learning_rate: 1e-3,
     };
     let mut trained = Trained {
@@ -196,12 +196,15 @@ fn the_record_counts_examples_by_family() {
         best_epoch: 2,
         ending: crate::Ending::Complete,
     };
-    let record = Record::of(&trained, 7, Vec::new());
+    let record = TrainingRecord::of(&trained, 7, Vec::new());
     assert_eq!((record.epochs, record.best_epoch, record.seed), (3, 2, 7));
     assert_eq!(record.validation_rmse_mm, None, "there are no validation examples");
     assert_eq!(record.examples["train"], BTreeMap::from([("bezier".to_owned(), 5)]));
     trained.metrics.push(metrics("bezier", Split::Validation, 1));
-    assert_eq!(Record::of(&trained, 7, Vec::new()).validation_rmse_mm, Some(0.25));
+    assert_eq!(
+        TrainingRecord::of(&trained, 7, Vec::new()).validation_rmse_mm,
+        Some(0.25)
+    );
 }
 
 proptest! {
@@ -213,13 +216,15 @@ proptest! {
     }
 
     #[test]
-    fn several_changes_are_found_out_too(changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..20)) {
+    fn several_changes_are_detected(
+        changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..20)
+    ) {
         let (bytes, mut changed) = (model(), model());
         for (at, value) in changes {
             let at = at.index(changed.len());
             changed[at] = value;
         }
-        // White space may be of another kind.
+        // White space of the JSON may differ.
         let same = |(header, tensors): (Header, BTreeMap<String, Tensor>)| {
             let (was, all) = from_bytes(&bytes).unwrap();
             header == was && all.len() == tensors.len()

@@ -8,7 +8,7 @@ use deaflow_pattern::{Raster, Role};
 use deaflow_pattern::{Symmetries, Symmetry};
 use deaflow_scene::{Effects, Scene};
 use deaflow_store::{Data, Dataset, Object, Provenance, Store};
-use deaflow_surrogate::{Example, LeftOut, SPLIT_SEED, Why};
+use deaflow_surrogate::{Example, LeftOut, LeftOutReason, SPLIT_SEED};
 
 /// Different patterns for k below 41, none with a symmetry.
 fn pattern(k: usize) -> Pattern {
@@ -147,7 +147,7 @@ fn samples_that_did_not_converge_are_counted_and_left_out() {
         input: 0,
         row: 2,
         found_mm: 0.0,
-        why: Why::NotConverged,
+        reason: LeftOutReason::NotConverged,
     };
     assert_eq!(found.left_out, [expected]);
 }
@@ -169,15 +169,15 @@ fn labels_that_cannot_be_true_are_left_out_and_named() {
     let named: Vec<String> = found.left_out.iter().map(ToString::to_string).collect();
     assert_eq!(
         named[0],
-        "row 3 of input 1: 100.000 mm are more than the side of the membrane, 50 mm"
+        "row 3 of input 1: displacement 100.000 mm exceeds the side of the membrane, 50 mm"
     );
     assert!(
-        named[1].starts_with("row 7 of input 1: 45.000 mm are out of all proportion"),
+        named[1].starts_with("row 7 of input 1: displacement 45.000 mm is an outlier"),
         "{named:?}"
     );
     assert_eq!(named[2], "row 20 of input 1: the frame moves by 0.250 mm");
     assert_eq!(named.len(), 3);
-    let names = found.left_out.iter().map(|left_out| left_out.why.name());
+    let names = found.left_out.iter().map(|left_out| left_out.reason.name());
     assert!(names.eq(["beyond-the-side", "outlier", "frame-moves"]));
 }
 
@@ -233,7 +233,7 @@ fn inputs_without_any_label_to_learn_from_are_refused_with_the_reason() {
     let none = bench.put(&balanced(&[pattern(0)], &[field(100.0)], &[Split::Train]));
     let error = read(&[none], &Scene::vhb4910(), 8).err().unwrap().to_string();
     assert!(
-        error.starts_with("there is no label to learn from; row 0 of input 1: 100.000 mm"),
+        error.starts_with("there are no labels to train on; row 0 of input 1: displacement 100.000 mm"),
         "{error}"
     );
     let unstable = bench.manifest(&[solved(&[], &[], &["pull-in", "slack"])]);
@@ -338,7 +338,7 @@ fn verified_designs_are_learnt_from_each_once_whatever_the_others_look_like() {
     let named: Vec<String> = found.left_out.iter().map(ToString::to_string).collect();
     assert_eq!(
         named,
-        ["row 1 of input 3: 100.000 mm are more than the side of the membrane, 50 mm"]
+        ["row 1 of input 3: displacement 100.000 mm exceeds the side of the membrane, 50 mm"]
     );
 }
 
@@ -366,7 +366,7 @@ fn verified_designs_change_nothing_of_what_is_held_out() {
         assert_eq!(held_out(&found), held_out(&alone));
         let refused = held_out(&alone).len();
         assert!(refused > 3, "{refused}");
-        assert!(found.left_out.len() == refused && found.left_out.iter().all(|l| l.why == Why::HeldOut));
+        assert!(found.left_out.len() == refused && found.left_out.iter().all(|l| l.reason == LeftOutReason::HeldOut));
         assert_eq!(found.examples.len(), 84 - refused);
     }
 }

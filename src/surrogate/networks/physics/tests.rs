@@ -3,7 +3,7 @@ use candle_core::Var;
 use super::*;
 use crate::Constants;
 use crate::encode::{patterns_to_tensor, tensor_to_fields};
-use crate::parameters::{Drawn, Stored};
+use crate::parameters::{RandomWeights, StoredWeights};
 use crate::testing::response_at;
 use deaflow_base::Stream;
 use deaflow_fem::LinearResponse;
@@ -18,16 +18,16 @@ fn constants(volts: f64) -> (LinearResponse, Constants) {
     (response, constants)
 }
 
-/// What two groups of electrodes have of the load; the first is the only one of most devices here.
+/// Relative loads of two electrode groups. Most devices here have the first only.
 const LOADS: [f64; 2] = [1.0, 0.25];
 
-/// A network whose laws are drawn, and its weights.
+/// A network with random laws, and its weights.
 fn network(constants: &Constants) -> (Physics, Vec<(String, Var)>) {
     network_on(Raster::PAPER, constants)
 }
 
 fn network_on(raster: Raster, constants: &Constants) -> (Physics, Vec<(String, Var)>) {
-    let weights = Drawn::new(&constants.tensors, 3);
+    let weights = RandomWeights::new(&constants.tensors, 3);
     let network = Physics::new(&weights.builder(), raster).unwrap();
     let vars = weights.variables();
     for (name, var) in &vars {
@@ -49,7 +49,7 @@ fn patterns() -> Vec<Pattern> {
     ]
 }
 
-/// The network with those weights as a model file has them.
+/// The network with the same weights as it is loaded from a model file.
 fn fixed(constants: &Constants, vars: &[(String, Var)]) -> Physics {
     fixed_on(Raster::PAPER, constants, vars)
 }
@@ -57,7 +57,7 @@ fn fixed(constants: &Constants, vars: &[(String, Var)]) -> Physics {
 fn fixed_on(raster: Raster, constants: &Constants, vars: &[(String, Var)]) -> Physics {
     let weights = vars.iter().map(|(name, var)| (name.clone(), var.as_tensor().clone()));
     let tensors = weights.chain(constants.tensors.clone()).collect();
-    Physics::new(&Stored::new(&tensors).builder(), raster).unwrap()
+    Physics::new(&StoredWeights::new(&tensors).builder(), raster).unwrap()
 }
 
 fn predict(network: &Physics, patterns: &[Pattern]) -> Vec<Field> {
@@ -70,7 +70,7 @@ fn predict(network: &Physics, patterns: &[Pattern]) -> Vec<Field> {
 }
 
 #[test]
-fn a_prediction_is_what_training_sees() {
+fn predictions_equal_the_output_in_training() {
     let constants = constants(5250.0).1;
     let (network, vars) = network(&constants);
     let input = patterns_to_tensor(Raster::PAPER, &LOADS, patterns().iter()).unwrap();
@@ -83,7 +83,7 @@ fn a_prediction_is_what_training_sees() {
 }
 
 #[test]
-fn a_prediction_does_not_depend_on_its_company() {
+fn predictions_do_not_depend_on_the_batch() {
     let constants = constants(5250.0).1;
     let network = fixed(&constants, &network(&constants).1);
     let many: Vec<Pattern> = patterns().into_iter().cycle().take(13).collect();
@@ -96,7 +96,7 @@ fn a_prediction_does_not_depend_on_its_company() {
 #[test]
 fn an_untrained_network_is_the_linear_response() {
     let (response, constants) = constants(5250.0);
-    let network = Physics::new(&Drawn::new(&constants.tensors, 3).builder(), Raster::PAPER).unwrap();
+    let network = Physics::new(&RandomWeights::new(&constants.tensors, 3).builder(), Raster::PAPER).unwrap();
     let patterns = patterns();
     let expected = response.predict(&patterns, 0);
     for (found, expected) in predict(&network, &patterns).iter().zip(expected) {
@@ -149,7 +149,7 @@ fn the_unit_of_strain_is_the_root_mean_square_of_random_cells() {
 }
 
 #[test]
-fn few_numbers_are_learned_beside_a_large_matrix() {
+fn a_network_has_few_weights_and_a_large_constant_matrix() {
     let constants = constants(5250.0).1;
     let learned = network(&constants).1;
     assert_eq!(learned.iter().map(|(_, var)| var.elem_count()).sum::<usize>(), 364);
@@ -163,12 +163,12 @@ fn few_numbers_are_learned_beside_a_large_matrix() {
 
 #[test]
 fn corrections_scale_with_the_square_of_the_load() {
-    // With a quarter of the load the linear response is a quarter, and what corrects it a sixteenth: with the same weights,
-    // since these know no units. The next order is a quarter smaller again.
+    // With the same, dimensionless weights a quarter of the load gives a quarter of the linear response and a
+    // sixteenth of the correction. The next order is a quarter smaller again.
     let correction = |volts: f64| {
         let constants = constants(volts).1;
         let network = network(&constants).0;
-        let linear = Physics::new(&Drawn::new(&constants.tensors, 3).builder(), Raster::PAPER).unwrap();
+        let linear = Physics::new(&RandomWeights::new(&constants.tensors, 3).builder(), Raster::PAPER).unwrap();
         let [found, linear] = [&network, &linear].map(|network| predict(network, &patterns()[..1]).remove(0));
         (
             found.rms_difference(&linear),
@@ -184,22 +184,22 @@ fn corrections_scale_with_the_square_of_the_load() {
 }
 
 #[test]
-fn a_model_with_useless_constants_is_refused() {
+fn invalid_constants_are_refused() {
     let (_, constants) = constants(5250.0);
     for strain in [[0.0f32, 50.0], [0.04, -1.0], [f32::NAN, 50.0]] {
         let mut tensors = constants.tensors.clone();
         tensors.insert("response.strain".into(), Tensor::new(&strain, &Device::Cpu).unwrap());
-        assert!(Physics::new(&Drawn::new(&tensors, 3).builder(), Raster::PAPER).is_err());
+        assert!(Physics::new(&RandomWeights::new(&tensors, 3).builder(), Raster::PAPER).is_err());
     }
     let mut tensors = constants.tensors;
     tensors.remove("response.odd");
-    let error = Physics::new(&Drawn::new(&tensors, 3).builder(), Raster::PAPER)
+    let error = Physics::new(&RandomWeights::new(&tensors, 3).builder(), Raster::PAPER)
         .err()
         .unwrap();
     assert!(error.to_string().contains("response.odd is missing"), "{error}");
 }
 
-/// Devices of all kinds: rectangles of even and odd sides, frames and bodies with and without symmetries.
+/// Devices: rectangles with even and odd sides, frames and bodies with and without symmetries.
 const DEVICES: [&str; 8] = [
     "size: [50 mm, 30 mm], prestretch: [3, 3.2], cells: [20, 12]",
     "size: [20 mm, 12 mm], prestretch: 3, cells: [10, 6]",
@@ -207,9 +207,10 @@ const DEVICES: [&str; 8] = [
     "side: 20 mm, prestretch: 3, cells: 14, frame: { opening: { disc: { centre: [10 mm, 10 mm], radius: 9 mm } } }",
     "side: 20 mm, prestretch: 3, cells: 11, frame: { held: [{ rectangle: [[2 mm, 4 mm], [6 mm, 8 mm]] }] }",
     "side: 20 mm, prestretch: 3, cells: 10, bodies: [{ rectangle: [[8 mm, 8 mm], [12 mm, 12 mm]] }]",
-    "size: [20 mm, 24 mm], prestretch: [3, 3.1], cells: [10, 12], bodies: [{ polygon: [[6 mm, 6 mm], [14 mm, 6 mm], [8 mm, 14 mm]], \
-     spring: 3 N/m }]",
-    "side: 20 mm, prestretch: 3, cells: 10, bodies: [{ rectangle: [[8 mm, 8 mm], [12 mm, 12 mm]], load: [1 mN, 0.3 mN] }]",
+    "size: [20 mm, 24 mm], prestretch: [3, 3.1], cells: [10, 12], bodies: [{ polygon: [[6 mm, 6 mm], [14 mm, 6 mm], \
+     [8 mm, 14 mm]], spring: 3 N/m }]",
+    "side: 20 mm, prestretch: 3, cells: 10, bodies: [{ rectangle: [[8 mm, 8 mm], [12 mm, 12 mm]], \
+     load: [1 mN, 0.3 mN] }]",
 ];
 
 fn device(geometry: &str) -> (Scene, LinearResponse, Constants) {
@@ -224,7 +225,7 @@ fn device(geometry: &str) -> (Scene, LinearResponse, Constants) {
     (scene, response, constants)
 }
 
-/// Patterns of random cells of two groups where a device has membrane.
+/// Random patterns of two groups on the membrane of a device.
 fn patterns_of(scene: &Scene) -> Vec<Pattern> {
     let (raster, parts) = (scene.membrane().raster, scene.parts());
     let mut stream = Stream::new(5, "device patterns", 0);
@@ -245,7 +246,7 @@ fn an_untrained_network_is_the_linear_response_of_any_device() {
     for geometry in DEVICES {
         let (scene, response, constants) = device(geometry);
         let raster = scene.membrane().raster;
-        let network = Physics::new(&Drawn::new(&constants.tensors, 3).builder(), raster).unwrap();
+        let network = Physics::new(&RandomWeights::new(&constants.tensors, 3).builder(), raster).unwrap();
         let patterns = patterns_of(&scene);
         let expected = response.predict(&patterns, 0);
         for (found, expected) in predict(&network, &patterns).iter().zip(expected) {
@@ -264,7 +265,7 @@ fn a_correction_has_the_symmetries_of_any_device_and_holds_its_frame() {
         let raster = scene.membrane().raster;
         let (network, vars) = network_on(raster, &constants);
         let fixed = fixed_on(raster, &constants, &vars);
-        let linear = Physics::new(&Drawn::new(&constants.tensors, 3).builder(), raster).unwrap();
+        let linear = Physics::new(&RandomWeights::new(&constants.tensors, 3).builder(), raster).unwrap();
         for pattern in patterns_of(&scene) {
             let images: Vec<Pattern> = scene.symmetries().iter().map(|g| pattern.transformed(g)).collect();
             let found = predict(&fixed, &images);
@@ -278,13 +279,13 @@ fn a_correction_has_the_symmetries_of_any_device_and_holds_its_frame() {
             let trained = &predict(&network, std::slice::from_ref(&pattern))[0];
             let error = trained.max_difference(&found[0]);
             assert!(error < 5e-5 * size, "{geometry}: {error} of {size}");
-            holds(&scene, &found[0]);
+            assert_supported(&scene, &found[0]);
         }
     }
 }
 
-/// Frames stand still, and bodies move as one.
-fn holds(scene: &Scene, field: &Field) {
+/// Asserts that the frame does not move and bodies move rigidly.
+fn assert_supported(scene: &Scene, field: &Field) {
     let Some(parts) = scene.parts() else { return };
     let ([columns, rows], [width, height]) = (scene.membrane().raster.corner_sides(), scene.membrane().cell_mm());
     let size = field.max_magnitude();
@@ -298,7 +299,7 @@ fn holds(scene: &Scene, field: &Field) {
             of_body.push(([x as f64 * width, y as f64 * height], u));
         }
     }
-    // Distances between corners of a body do not change to first order.
+    // To first order the distances between corners of a body do not change.
     for (at, moved) in &of_body {
         for (other, also) in &of_body {
             let along = [other[0] - at[0], other[1] - at[1]];
@@ -313,17 +314,12 @@ fn holds(scene: &Scene, field: &Field) {
 }
 
 #[test]
-fn what_is_not_trained_is_the_same_bits_however_many_patterns_it_is_computed_of() {
+fn the_frozen_output_has_the_same_bits_for_any_batch() {
     let constants = constants(5250.0).1;
     let network = network(&constants).0;
     let cells = |index: u32| -> Vec<f32> {
-        let cell = |at: u32| {
-            if (at * at + 7 * index + at * index) % 11 < 5 {
-                0.5
-            } else {
-                -0.5
-            }
-        };
+        let is_active = |at: u32| (at * at + 7 * index + at * index) % 11 < 5;
+        let cell = |at: u32| if is_active(at) { 0.5 } else { -0.5 };
         (0..2500).map(cell).collect()
     };
     let tensor = |of: std::ops::Range<u32>| {
@@ -331,16 +327,16 @@ fn what_is_not_trained_is_the_same_bits_however_many_patterns_it_is_computed_of(
         let values: Vec<f32> = of.flat_map(cells).collect();
         Tensor::from_vec(values, (count, 50, 50, 1), &Device::Cpu).unwrap()
     };
-    let untrained = |of: std::ops::Range<u32>| network.untrained(&tensor(of)).unwrap().unwrap();
-    let all = untrained(0..64);
+    let frozen = |of: std::ops::Range<u32>| network.frozen(&tensor(of)).unwrap().unwrap();
+    let all = frozen(0..64);
     for part in [0..1, 0..2, 20..22, 61..64, 10..40] {
         let each = all.len() / 64;
         let of_all = &all[part.start as usize * each..part.end as usize * each];
-        assert_eq!(untrained(part.clone()), of_all, "{part:?}");
-        let [alone, with] = [None, Some(of_all)].map(|known| {
+        assert_eq!(frozen(part.clone()), of_all, "{part:?}");
+        let [alone, with_frozen] = [None, Some(of_all)].map(|known| {
             let output = network.forward_for_training(&tensor(part.clone()), known).unwrap();
             output.displacement.flatten_all().unwrap().to_vec1::<f32>().unwrap()
         });
-        assert_eq!(alone, with);
+        assert_eq!(alone, with_frozen);
     }
 }

@@ -1,4 +1,4 @@
-//! Trainings of the network that starts from what is known of the scene.
+//! Training of the network `physics`.
 
 use super::*;
 use crate::testing::response_at;
@@ -7,7 +7,8 @@ use deaflow_fem::LinearResponse;
 use deaflow_field::{CORNERS, Predictor};
 use deaflow_scene::Scene;
 
-/// Grids and half planes with the fields of four chord steps, which are within a thousandth of a millimetre of the solution.
+/// Grids and half planes with the fields of four chord steps, which are within a thousandth of a millimetre of the
+/// solution.
 fn simulated(response: &LinearResponse, count: u64, split: Split) -> Vec<Example> {
     let mut data = examples(count, split);
     let patterns: Vec<Pattern> = data.iter().map(|example| example.pattern.clone()).collect();
@@ -25,7 +26,7 @@ fn options() -> TrainOptions {
 }
 
 #[test]
-fn a_few_examples_take_away_most_of_what_the_linear_response_misses() {
+fn a_few_examples_remove_most_of_the_error_of_the_linear_response() {
     let response = response_at(5250.0);
     let constants = Constants::new(&response, &Scene::vhb4910()).unwrap();
     let mut data = simulated(&response, 64, Split::Train);
@@ -37,7 +38,7 @@ fn a_few_examples_take_away_most_of_what_the_linear_response_misses() {
     };
     let trained = with(2);
     let test = of(&trained.metrics, Split::Test);
-    // What an untrained network is: the linear response.
+    // The untrained network is the linear response.
     let squares = data.iter().filter(|e| e.split == Split::Test).map(|example| {
         let linear = Label::from(
             &response.predict(std::slice::from_ref(&example.pattern), 0)[0]
@@ -57,7 +58,7 @@ fn a_few_examples_take_away_most_of_what_the_linear_response_misses() {
     assert!(test.r2 > 0.999, "{test:?}");
     assert!(with(1).weights == trained.weights);
 
-    // The metrics of training are those of the model that is written.
+    // The metrics are those of the written model.
     let surrogate = Surrogate::load(&trained.weights).unwrap();
     let tests: Vec<&Example> = data.iter().filter(|example| example.split == Split::Test).collect();
     let patterns: Vec<Pattern> = tests.iter().map(|example| example.pattern.clone()).collect();
@@ -73,7 +74,7 @@ fn a_few_examples_take_away_most_of_what_the_linear_response_misses() {
 }
 
 #[test]
-fn it_goes_on_from_every_state_to_the_same_bits() {
+fn it_resumes_from_every_checkpoint_to_the_same_bits() {
     let response = response_at(5250.0);
     let constants = Constants::new(&response, &Scene::vhb4910()).unwrap();
     let data = simulated(&response, 12, Split::Train);
@@ -92,7 +93,7 @@ fn it_goes_on_from_every_state_to_the_same_bits() {
 }
 
 #[test]
-fn it_needs_to_know_the_scene() {
+fn it_needs_the_constants_of_the_scene() {
     let error = train(&examples(2, Split::Train), None, &options(), &()).err().unwrap();
     assert!(error.to_string().contains("linear response of the scene"), "{error}");
 }

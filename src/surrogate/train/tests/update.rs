@@ -1,4 +1,4 @@
-//! Trainings that go on from a trained network, and examples that count more than others.
+//! Updates of trained networks, and repeated examples.
 
 use super::*;
 use crate::NetworkKind;
@@ -26,31 +26,27 @@ fn doubled(example: &Example) -> Example {
 }
 
 #[test]
-fn an_update_begins_with_the_weights_and_the_unit_that_it_is_given() {
+fn an_update_starts_from_the_weights_and_the_unit_of_the_model() {
     let data = examples(16, Split::Train);
     let short = TrainOptions { batch: 2, ..options(3) };
     let first = run(&data, &short).unwrap();
     let error = of(&first.metrics, Split::Train).rmse_mm;
-    // Of labels of another size the unit would be another, and the answers with it.
+    // A training from scratch on labels of another size would have another unit.
     let mixed = [data.clone(), data.iter().map(doubled).collect()].concat();
     let still = TrainOptions {
         learning_rate: 1e-12,
         ..options(1)
     };
     let same = update(&first.weights, &mixed, None, &still, &()).unwrap();
-    let assessed = |weights: &[u8], data: &[Example]| {
-        let trainer = {
-            let mut trainer = Trainer::new(data, None, &still).unwrap();
-            let start = Start::read(weights, &still, Raster::PAPER).unwrap();
-            start.set(&trainer.vars).unwrap();
-            trainer.scale_mm = start.scale_mm;
-            trainer
-        };
+    let rmse = |weights: &[u8], data: &[Example]| {
+        let mut trainer = Trainer::new(data, None, &still).unwrap();
+        let start = WarmStart::read(weights, &still, Raster::PAPER).unwrap();
+        start.set(&trainer.vars).unwrap();
+        trainer.scale_mm = start.scale_mm;
         let data: Vec<&Example> = data.iter().collect();
-        rmse_mm(&trainer.problem().assess(&data).unwrap().agreements)
+        rmse_mm(&trainer.problem().errors(&data).unwrap().sums)
     };
-    assert!((assessed(&same.weights, &data) / error - 1.0).abs() < 1e-4);
-    // It goes on from there.
+    assert!((rmse(&same.weights, &data) / error - 1.0).abs() < 1e-4);
     let updated = update(&first.weights, &data, None, &short, &()).unwrap();
     assert!(of(&updated.metrics, Split::Train).rmse_mm < 0.9 * error);
     let again = update(&first.weights, &data, None, &short, &()).unwrap();
@@ -58,17 +54,17 @@ fn an_update_begins_with_the_weights_and_the_unit_that_it_is_given() {
 }
 
 #[test]
-fn what_is_no_model_or_another_network_is_refused() {
+fn updates_of_other_networks_or_damaged_models_are_refused() {
     let data = examples(4, Split::Train);
     let trained = run(&data, &options(1)).unwrap();
-    let refused = |bytes: &[u8], options: &TrainOptions| match Start::read(bytes, options, Raster::PAPER) {
+    let refused = |bytes: &[u8], options: &TrainOptions| match WarmStart::read(bytes, options, Raster::PAPER) {
         Ok(_) => String::new(),
         Err(error) => error.to_string(),
     };
     let other = refused(&trained.weights, &TrainOptions::of(NetworkKind::Physics));
     assert_eq!(
         other,
-        "the training cannot begin from the model: it is a network qin2024, not physics"
+        "cannot start training from the model: its network is qin2024, not physics"
     );
     let mut damaged = trained.weights.clone();
     *damaged.last_mut().unwrap() ^= 1;
@@ -78,11 +74,11 @@ fn what_is_no_model_or_another_network_is_refused() {
         loads: vec![1.0, 0.5],
         ..same
     };
-    assert!(refused(&trained.weights, &groups).contains("its groups have the loads [1.0], not [1.0, 0.5]"));
+    assert!(refused(&trained.weights, &groups).contains("its group loads are [1.0], not [1.0, 0.5]"));
 }
 
 #[test]
-fn a_repeated_example_is_shown_as_its_images_and_judged_as_often() {
+fn repeated_examples_take_all_symmetries_and_count_in_the_selection_error() {
     let mut data = [examples(3, Split::Train), examples(2, Split::Validation)].concat();
     data[1].repeats = 8;
     let turned = TrainOptions {
@@ -94,32 +90,27 @@ fn a_repeated_example_is_shown_as_its_images_and_judged_as_often() {
         let order = trainer.order(epoch);
         let mut images: Vec<usize> = order
             .iter()
-            .filter(|shown| shown.example.repeats == 8)
-            .filter_map(|shown| Symmetry::ALL.iter().position(|g| *g == shown.symmetry))
+            .filter(|one| one.example.repeats == 8)
+            .filter_map(|one| Symmetry::ALL.iter().position(|g| *g == one.symmetry))
             .collect();
         images.sort_unstable();
         assert_eq!((order.len(), images), (10, (0..8).collect()));
     }
-    // Without turns it is the same eight times.
+    // Without augmentation the example is repeated unchanged.
     let upright = options(1);
     let trainer = Trainer::new(&data, None, &upright).unwrap();
-    assert!(
-        trainer
-            .order(1)
-            .iter()
-            .all(|shown| shown.symmetry == Symmetry::IDENTITY)
-    );
-    let standing = trainer.standing().unwrap();
-    let rmse = |data: &[&Example]| rmse_mm(&trainer.problem().assess(data).unwrap().agreements);
+    assert!(trainer.order(1).iter().all(|one| one.symmetry == Symmetry::IDENTITY));
+    let errors = trainer.validation_errors().unwrap();
+    let rmse = |data: &[&Example]| rmse_mm(&trainer.problem().errors(data).unwrap().sums);
     let (held_out, repeated) = (rmse(&[&data[3], &data[4]]), rmse(&[&data[1]]));
     let expected = ((2.0 * held_out.powi(2) + 8.0 * repeated.powi(2)) / 10.0).sqrt();
-    assert!((standing.judged_rmse_mm / expected - 1.0).abs() < 1e-9);
-    assert_eq!(standing.rmse_mm, held_out);
+    assert!((errors.selection_rmse_mm / expected - 1.0).abs() < 1e-9);
+    assert_eq!(errors.rmse_mm, held_out);
 }
 
 #[test]
-fn the_epoch_that_is_kept_is_good_where_it_counts() {
-    // Held out are patterns that do not move as the repeated ones do.
+fn repeated_examples_influence_the_choice_of_the_best_epoch() {
+    // The validation examples do not move; the repeated ones do.
     let still = |example: &Example| Example {
         label: Label::zero(Raster::PAPER),
         split: Split::Validation,
@@ -134,6 +125,6 @@ fn the_epoch_that_is_kept_is_good_where_it_counts() {
         let least = curves.iter().min_by(|a, b| of(a).total_cmp(&of(b))).unwrap();
         least.epoch
     };
-    assert_eq!(trained.best_epoch, best(|e| e.judged_rmse_mm));
+    assert_eq!(trained.best_epoch, best(|e| e.selection_rmse_mm));
     assert_ne!(trained.best_epoch, best(|e| e.validation_rmse_mm));
 }

@@ -1,4 +1,4 @@
-//! Holds predictions of several predictors, and the intervals of their calibrations, against simulations.
+//! Compares several predictors and the intervals of their calibrations with simulations.
 
 use rayon::prelude::*;
 
@@ -8,30 +8,30 @@ use crate::{Calibration, ObjectiveIntervals};
 use deaflow_field::{Field, PredictError, Predictor};
 use deaflow_pattern::Pattern;
 
-/// Predictors to be judged, and calibrations of some of them.
-pub struct Judge<'a> {
+/// Predictors, and calibrations of some of them.
+pub struct Scorer<'a> {
     predictors: Vec<&'a dyn Predictor>,
     calibrated: Vec<Calibrated<'a>>,
 }
 
-/// A calibration with the place of its predictor and the intervals of the objectives.
+/// A calibration with the index of its predictor and the intervals of the objectives.
 struct Calibrated<'a> {
     predictor: usize,
     calibration: &'a Calibration,
     intervals: Vec<ObjectiveIntervals<'a>>,
 }
 
-/// One labelled pattern and what was said of it.
+/// The scores of a labelled pattern.
 #[derive(Clone, Debug)]
-pub struct Judged {
-    /// By predictor; none where it has no field.
+pub struct RowScores {
+    /// By predictor; `None` where it has no field.
     pub scores: Vec<Option<PatternScore>>,
     /// By calibration.
     pub coverage: Vec<Coverage>,
 }
 
-impl<'a> Judge<'a> {
-    /// Of predictors and calibrations, each with the place of its predictor.
+impl<'a> Scorer<'a> {
+    /// Creates a scorer of predictors and of calibrations, each with the index of its predictor.
     #[must_use]
     pub fn new(
         predictors: Vec<&'a dyn Predictor>,
@@ -48,11 +48,11 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Judges what is said of patterns by their simulated fields.
+    /// Predicts patterns and compares the predictions with the simulated fields.
     ///
     /// # Errors
     /// When a predictor cannot be evaluated.
-    pub fn judge(&self, patterns: &[Pattern], simulated: &[Field]) -> Result<Vec<Judged>, PredictError> {
+    pub fn score(&self, patterns: &[Pattern], simulated: &[Field]) -> Result<Vec<RowScores>, PredictError> {
         let predicted = self.predictors.iter().map(|predictor| predictor.predict_some(patterns));
         let predicted: Vec<Vec<Option<Field>>> = predicted.collect::<Result<_, _>>()?;
         let one = |at: usize| {
@@ -63,7 +63,7 @@ impl<'a> Judge<'a> {
                 let (calibration, intervals) = (calibrated.calibration, &calibrated.intervals);
                 Some(Coverage::of(calibration, intervals, pattern, field, simulated))
             });
-            Judged {
+            RowScores {
                 scores: predicted.iter().map(score).collect(),
                 coverage: coverage.collect(),
             }
