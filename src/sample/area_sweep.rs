@@ -1,28 +1,28 @@
-//! The area sweep: patterns of the other families at area fractions away from ½.
+//! Area sweep: cells, grids and curves at area fractions away from ½.
 //!
-//! The families of the source paper (Qin et al., doi 10.1089/soro.2024.0063) have an area fraction of ½ or near it, and its
-//! second case asks for designs from 5 % to 95 %. A surrogate that never saw such patterns can only guess there.
+//! The families of the source paper (Qin et al., doi 10.1089/soro.2024.0063) have an area fraction of about ½, but its
+//! second case needs designs from 5 % to 95 %, to which a surrogate trained on them would have to extrapolate.
 //!
-//! For each sample an area fraction α is drawn uniformly from a range, and one of three forms with equal odds: single cells
-//! (exactly the nearest number of cells to α · 2500), a grid of N × N units with the nearest number of units to α N² on, or
-//! one side of a Bézier curve that is shifted until the nearest number of cells to α · 2500 is active. N is drawn from 2 to 10
-//! and drawn again where units so large cannot have an area within the range.
+//! For each sample an area fraction α is drawn uniformly from a range, and one of three forms with equal probability:
+//! single cells (the nearest number of cells to α · 2500), a grid of N × N units with the nearest number of units to α
+//! N² on, or one side of a Bézier curve, shifted until the nearest number of cells to α · 2500 is active. N is uniform
+//! in 2 to 10; it is drawn again if its units are too large for an area within the range.
 
 use super::areas::Areas;
-use super::bezier::{Bezier, Ends};
+use super::bezier::{Bezier, BezierParameters, Ends};
 use super::canvas::Canvas;
-use super::error::SampleError;
-use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
+use super::error::{ParameterError, SampleError, cells_at};
+use super::family::{Family, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use super::large_grid::{pattern_of_units, units_of};
 use super::membership::is_grid_of;
-use super::small_grid::SmallGrid;
+use super::small_grid::{SmallGrid, SmallGridParameters};
 use deaflow_base::{Decimal, Stream, parameters};
 use deaflow_pattern::Pattern;
 
-/// Grids drawn before single cells are taken instead: a range narrower than the steps of all grids has none.
+/// Draws of a grid after which single cells are used: no grid may have an area fraction within a narrow range.
 const MOST_DRAWS: u32 = 100;
 
-/// Units across the grids that are drawn.
+/// Units across the grids.
 const GRIDS: std::ops::RangeInclusive<usize> = 2..=10;
 
 parameters! {
@@ -38,17 +38,16 @@ parameters! {
 impl FamilyParameters for AreaSweepParameters {
     const NAME: &'static str = "area-sweep";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, ParameterError> {
         let [low, high] = self.area.map(Decimal::to_f64);
-        let family = AreaSweep::new(canvas, low, high).map_err(FamilyError::of("area"))?;
+        let family = AreaSweep::new(canvas, low, high).map_err(ParameterError::of("area"))?;
         Ok(self.one_group(self.count, Box::new(family)))
     }
 
     /// One of the three forms.
     fn admits(pattern: &Pattern) -> bool {
-        let is_curve = super::bezier::BezierParameters::admits(pattern);
-        is_curve
-            || super::small_grid::SmallGridParameters::admits(pattern)
+        BezierParameters::admits(pattern)
+            || SmallGridParameters::admits(pattern)
             || GRIDS.into_iter().any(|units| is_grid_of([units; 2], pattern))
     }
 }
@@ -60,17 +59,17 @@ pub struct AreaSweep {
 }
 
 impl AreaSweep {
-    /// The family at area fractions from `low` to `high`.
+    /// Creates the family with area fractions from `low` to `high`.
     ///
     /// # Errors
-    /// When an end leaves nothing to draw, or the ends are not in order.
+    /// As for [`Areas::new`].
     pub fn new(canvas: Canvas, low: f64, high: f64) -> Result<Self, SampleError> {
         Ok(Self {
             areas: Areas::new(canvas, low, high)?,
         })
     }
 
-    fn grid(&self, area: f64, stream: &mut Stream) -> Option<Pattern> {
+    fn draw_grid(&self, area: f64, stream: &mut Stream) -> Option<Pattern> {
         for _ in 0..MOST_DRAWS {
             let units = units_of(self.areas.canvas(), 2 + stream.index(9));
             let total = units[0] * units[1];
@@ -91,18 +90,22 @@ impl Family for AreaSweep {
         AreaSweepParameters::NAME
     }
 
-    /// Never refuses an index: every fraction between two valid ones is valid.
-    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        let mut stream = Stream::new(seed, "area-sweep", index);
-        let (canvas, area) = (*self.areas.canvas(), self.areas.drawn(&mut stream));
-        match stream.index(3) {
-            0 => Ok(SmallGrid::new(canvas, area)?.drawn(&mut stream)),
-            1 => match self.grid(area, &mut stream) {
-                Some(pattern) => Ok(pattern),
-                None => Ok(SmallGrid::new(canvas, area)?.drawn(&mut stream)),
-            },
-            _ => Ok(Bezier::new(canvas, Some(area), Ends::Opposite)?.drawn(&mut stream)),
-        }
+    fn draw(&self, stream: &mut Stream) -> Pattern {
+        let (canvas, area) = (*self.areas.canvas(), self.areas.draw(stream));
+        let active = cells_at(area, canvas.raster()).expect("a fraction between two valid ones is valid");
+        let grid = match stream.index(3) {
+            0 => None,
+            1 => self.draw_grid(area, stream),
+            _ => {
+                let curve = Bezier {
+                    canvas,
+                    ends: Ends::Opposite,
+                    active: Some(active),
+                };
+                return curve.draw(stream);
+            }
+        };
+        grid.unwrap_or_else(|| SmallGrid { canvas, active }.draw(stream))
     }
 }
 

@@ -1,8 +1,7 @@
-//! A range of area fractions, and the cells that a level function puts first at a fraction drawn from it.
+//! A range of area fractions, and patterns of the cells with the highest levels at such a fraction.
 
 use super::canvas::Canvas;
-use super::error::{SampleError, cells_at};
-use super::family::FamilyError;
+use super::error::{ParameterError, SampleError, cells_at};
 use deaflow_base::{Canonical, Decimal, InputError, Node, Parameter, Schema, Stream};
 use deaflow_pattern::Pattern;
 
@@ -15,10 +14,10 @@ pub struct Areas {
 }
 
 impl Areas {
-    /// The fractions of a canvas from `low` to `high`.
+    /// Creates the range from `low` to `high` on a canvas.
     ///
     /// # Errors
-    /// When an end leaves nothing to draw, or the ends are not in order.
+    /// When no cell or every cell would be active at an end, or the ends are not in order.
     pub fn new(canvas: Canvas, low: f64, high: f64) -> Result<Self, SampleError> {
         cells_at(low, canvas.raster())?;
         cells_at(high, canvas.raster())?;
@@ -29,34 +28,34 @@ impl Areas {
         }
     }
 
-    /// What they are fractions of.
+    /// The canvas.
     pub(super) fn canvas(&self) -> &Canvas {
         &self.canvas
     }
 
-    /// A fraction, uniform in the range.
-    pub(super) fn drawn(&self, stream: &mut Stream) -> f64 {
+    /// Draws a fraction, uniform in the range.
+    pub(super) fn draw(&self, stream: &mut Stream) -> f64 {
         stream.range(self.low, self.high)
     }
 
-    /// Whether a fraction lies in the range.
+    /// Returns whether a fraction lies in the range.
     pub(super) fn contain(&self, area: f64) -> bool {
         (self.low..=self.high).contains(&area)
     }
 }
 
-/// Area fractions as a document gives them: one, or the smallest and the largest to draw from.
+/// Area fractions in a document: one, or the smallest and the largest to draw from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AreaFractions([Decimal; 2]);
 
 impl AreaFractions {
-    /// The range.
+    /// Returns the range on a canvas.
     ///
     /// # Errors
-    /// When an end leaves nothing to draw, or the ends are not in order.
-    pub fn areas(&self, canvas: Canvas) -> Result<Areas, FamilyError> {
+    /// As for [`Areas::new`].
+    pub fn areas(&self, canvas: Canvas) -> Result<Areas, ParameterError> {
         let [low, high] = self.0.map(Decimal::to_f64);
-        Areas::new(canvas, low, high).map_err(FamilyError::of("area"))
+        Areas::new(canvas, low, high).map_err(ParameterError::of("area"))
     }
 }
 
@@ -69,7 +68,7 @@ impl Parameter for AreaFractions {
         match node.list(key) {
             Ok([low, high]) => Ok(Self([one(low)?, one(high)?])),
             Ok(_) => Err(node
-                .error(format!("`{key}` must have two ends"))
+                .error(format!("`{key}` must have two values"))
                 .help("for example [0.05, 0.95]")),
             Err(_) => Ok(Self([one(node)?; 2])),
         }
@@ -89,13 +88,13 @@ impl Parameter for AreaFractions {
     }
 }
 
-/// The pattern of the cells at which a level is highest, so many that the area fraction is the nearest to `area`; cells at
-/// equal levels go by their number. `level` takes the centre of a cell.
+/// Returns the pattern of the cells with the highest level, as many as give the area fraction nearest to `area`; among
+/// equal levels the lower cell number comes first. `level` takes the centre of a cell.
 pub(super) fn highest(canvas: &Canvas, area: f64, level: impl Fn(f64, f64) -> f64) -> Pattern {
     highest_of(canvas, area, canvas.centres().map(|[x, y]| level(x, y)))
 }
 
-/// The same where levels are given cell by cell, `[y][x]`.
+/// Does the same for levels given by cell, `[y][x]`.
 pub(super) fn highest_of(canvas: &Canvas, area: f64, levels: impl Iterator<Item = f64>) -> Pattern {
     let mut ranked: Vec<(f64, usize)> = levels.zip(0..).collect();
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));

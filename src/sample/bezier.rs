@@ -1,33 +1,32 @@
-//! Patterns bounded by one smooth curve: a cubic Bézier through the centre of the membrane.
+//! Bezier: patterns bounded by a cubic Bézier curve through the centre of the membrane.
 //!
-//! The third of the source paper's families (Qin et al., doi 10.1089/soro.2024.0063), where "two arbitrary points along
-//! the edge and middle point" with two hyperparameters make the curve; the supplement that would say how is not public.
-//! Here P0 and P3 are uniform on the frame, M is the centre, and
-//! P1,2 = (8M − P0 − P3)/6 ∓ h (cos θ, sin θ), so that B(½) = (P0 + 3P1 + 3P2 + P3)/8 = M whatever h and θ are.
-//! The direction θ is uniform in [0°, 360°), the reach h uniform in [0, 25) cells (half the shorter side). A curve that crosses
-//! itself or leaves the membrane is drawn again, since it would not divide the membrane in two. The left of the curve is
-//! active: since P0 and P3 can change places, that is either side with equal chance.
+//! The third family of the source paper (Qin et al., doi 10.1089/soro.2024.0063), in which "two arbitrary points along
+//! the edge and middle point" with two hyperparameters make the curve; the supplement with the details is not public.
+//! Here P0 and P3 are uniform on the frame, M is the centre, and P1,2 = (8M − P0 − P3)/6 ∓ h (cos θ, sin θ), so that
+//! B(½) = (P0 + 3P1 + 3P2 + P3)/8 = M for all h and θ. The direction θ is uniform in [0°, 360°), the reach h uniform in
+//! [0, 25) cells (half the shorter side). A curve that crosses itself or leaves the membrane would not divide it in
+//! two, and is drawn again. The left of the curve is active; P0 and P3 are exchangeable, so that is either side with
+//! equal probability.
 //!
-//! The two ends lie on opposite sides of the frame, unless [`Ends::Any`] is wanted. Ends that may be anywhere also make
-//! loops that cut off a sliver, down to 2 % of the membrane: the largest displacement is then 1.5 ± 0.4 mm at
-//! κ = 0.0221. With opposite ends it is 1.79 ± 0.09 mm at an area fraction of 0.50 ± 0.08 (300 samples), near the top of
-//! the range, for which the paper introduces the family, and near its area fraction of ½.
+//! By default the two ends lie on opposite sides of the frame. With [`Ends::Any`] a curve can cut off as little as 2 %
+//! of the membrane; the largest displacement is then 1.5 ± 0.4 mm at κ = 0.0221. With opposite ends it is 1.79 ± 0.09
+//! mm at an area fraction of 0.50 ± 0.08 (300 samples). That is near the paper's area fraction of ½ and near the top of
+//! the displacement range, for which the paper introduces the family.
 //!
-//! With a wanted area the curve moves along its normal, each point by the same distance, until exactly that many cells
-//! lie on the active side: cells are ranked by signed distance from the curve.
+//! With a given area, every point of the curve moves along its normal by the same distance until exactly that many
+//! cells lie on the active side: cells are ranked by signed distance from the curve.
 
 use std::f64::consts::TAU;
 
 use super::canvas::Canvas;
 use super::curve::{Cubic, on_frame};
-use super::error::{SampleError, cells_at};
-use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
+use super::error::{ParameterError, SampleError, cells_at};
+use super::family::{Family, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use super::membership::{edges, longer_side};
 use deaflow_base::{Decimal, Stream, parameters, words};
 use deaflow_pattern::Pattern;
 
-/// Draws after which a straight line is taken instead. Fewer than one draw in ten is refused, so this is out of reach of
-/// chance and only bounds the loop.
+/// Draws after which a straight line is used. Fewer than one draw in ten is rejected, so this only bounds the loop.
 const MOST_DRAWS: u32 = 1000;
 
 words! {
@@ -45,7 +44,7 @@ parameters! {
     pub struct BezierParameters as "a bezier sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
-        /// Area fraction of the electrode; unless it is given, what the curve leaves.
+        /// Area fraction of the electrode; without it the curve determines the area.
         pub area: Option<Decimal> [0.0..=1.0],
         /// Where on the frame a curve may end.
         pub ends: Ends = Ends::Opposite,
@@ -55,12 +54,13 @@ parameters! {
 impl FamilyParameters for BezierParameters {
     const NAME: &'static str = "bezier";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
-        let family = Bezier::new(canvas, self.area.map(Decimal::to_f64), self.ends).map_err(FamilyError::of("area"))?;
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, ParameterError> {
+        let family =
+            Bezier::new(canvas, self.area.map(Decimal::to_f64), self.ends).map_err(ParameterError::of("area"))?;
         Ok(self.one_group(self.count, Box::new(family)))
     }
 
-    /// A straight line meets a cubic curve three times at the most.
+    /// A straight line meets a cubic curve at most three times.
     fn admits(pattern: &Pattern) -> bool {
         edges(pattern) <= 2 * 3 * longer_side(pattern)
     }
@@ -69,30 +69,19 @@ impl FamilyParameters for BezierParameters {
 /// Patterns with one side of a Bézier curve active.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bezier {
-    canvas: Canvas,
-    ends: Ends,
-    active: Option<usize>,
+    pub(super) canvas: Canvas,
+    pub(super) ends: Ends,
+    pub(super) active: Option<usize>,
 }
 
 impl Bezier {
-    /// The family; `area` is the wanted area fraction, or `None` to leave the curve at the centre with the area that it
-    /// then has.
+    /// Creates the family with an area fraction; with `None` the curve stays at the centre and determines the area.
     ///
     /// # Errors
-    /// When at the wanted area not even one cell would be active, or all of them.
+    /// When no cell or every cell would be active.
     pub fn new(canvas: Canvas, area: Option<f64>, ends: Ends) -> Result<Self, SampleError> {
         let active = area.map(|area| cells_at(area, canvas.raster())).transpose()?;
         Ok(Self { canvas, ends, active })
-    }
-
-    /// The pattern that a stream draws next.
-    pub(super) fn drawn(&self, stream: &mut Stream) -> Pattern {
-        let curve = drawn_curve(&self.canvas, self.ends, stream);
-        let mut active = curve.left_side();
-        if let Some(count) = self.active {
-            active = shifted_to(count, &curve, &active);
-        }
-        self.canvas.pattern(&active)
     }
 }
 
@@ -101,13 +90,18 @@ impl Family for Bezier {
         BezierParameters::NAME
     }
 
-    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        Ok(self.drawn(&mut Stream::new(seed, "bezier", index)))
+    fn draw(&self, stream: &mut Stream) -> Pattern {
+        let curve = draw_curve(&self.canvas, self.ends, stream);
+        let mut active = curve.left_side();
+        if let Some(count) = self.active {
+            active = shifted_to(count, &curve, &active);
+        }
+        self.canvas.pattern(&active)
     }
 }
 
-/// A curve from frame to frame through the centre that stays inside and does not cross itself.
-fn drawn_curve(canvas: &Canvas, ends: Ends, stream: &mut Stream) -> Cubic {
+/// Draws a curve from frame to frame through the centre that stays inside and does not cross itself.
+fn draw_curve(canvas: &Canvas, ends: Ends, stream: &mut Stream) -> Cubic {
     let centre = canvas.middle();
     let mut start = on_frame(canvas, 0.0);
     for _ in 0..MOST_DRAWS {
@@ -135,7 +129,7 @@ fn through_centre(canvas: &Canvas, start: [f64; 2], end: [f64; 2], reach: [f64; 
     Cubic([start, control(-1.0), control(1.0), end], *canvas)
 }
 
-/// The `count` cells that lie deepest on the active side; cells equally deep go by their number.
+/// Returns the `count` cells that lie deepest on the active side; among equal depths the lower cell number comes first.
 fn shifted_to(count: usize, curve: &Cubic, active: &[bool]) -> Vec<bool> {
     let mut ranked: Vec<(f64, usize)> = curve
         .distances()
@@ -159,7 +153,7 @@ mod tests {
     fn curves() -> impl Iterator<Item = Cubic> {
         let draw = |index| {
             let ends = [Ends::Opposite, Ends::Any][index as usize % 2];
-            drawn_curve(&Canvas::PAPER, ends, &mut Stream::new(4, "bezier", index))
+            draw_curve(&Canvas::PAPER, ends, &mut Stream::new(4, "bezier", index))
         };
         (0..300).map(draw)
     }

@@ -1,101 +1,66 @@
 //! Blobs: where a smooth random field is high.
 //!
-//! Like the stripes, patterns that no family of the source paper (Qin et al., doi 10.1089/soro.2024.0063) resembles: islands
-//! and holes without any preferred place or direction, from a cell to a third of the membrane in size. White noise is
-//! smoothed by a Gaussian whose standard deviation is drawn between 1 and 9 cells, uniformly in its logarithm, and the
-//! highest cells are active, as many as an area fraction asks for that is drawn from a range, [0.3, 0.7] unless another is
-//! given. The noise goes on beyond the frame, so the field is the same everywhere.
+//! Like stripes, these differ from all families of the source paper (Qin et al., doi 10.1089/soro.2024.0063): islands
+//! and holes of any position and direction, from one cell to a third of the membrane in size. White noise is smoothed
+//! by a Gaussian whose standard deviation is log-uniform in [1, 9] cells. The highest cells are active, as many as the
+//! area fraction needs, which is uniform in a range (default [0.3, 0.7]). The noise continues beyond the frame, so that
+//! the field has the same statistics everywhere.
 
-use super::areas::{AreaFractions, Areas, highest_of};
+use super::areas::highest_of;
 use super::canvas::Canvas;
-use super::error::SampleError;
-use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
+use super::family::{Family, family};
 use super::membership::edges;
-use deaflow_base::{Stream, parameters};
+use deaflow_base::Stream;
 use deaflow_pattern::Pattern;
 
 /// Standard deviation of the Gaussian, in cells.
 const LENGTH: [f64; 2] = [1.0, 9.0];
 
-/// Where the Gaussian is cut off, in standard deviations: what is beyond is below 0.3 % of it.
+/// Where the Gaussian is cut off, in standard deviations; less than 0.3 % of it lies beyond.
 const REACH: f64 = 3.0;
 
-/// More edges than a sample has. Neighbours in a Gaussian field that was smoothed over ℓ cells have the correlation
-/// ρ = exp(−1/4ℓ²), and differ with the probability arccos(ρ)/π, where half of the cells are active, and less often elsewhere: for
-/// ℓ = 1 that is 1057 of 4900 pairs. Of 4000 samples none had more than 1086.
+/// More edges than any sample has. Neighbours in a Gaussian field smoothed over ℓ cells have the correlation ρ =
+/// exp(−1/4ℓ²). At an area fraction of ½ they differ with probability arccos(ρ)/π, at others less often: for ℓ = 1 that
+/// is 1057 of 4900 pairs. The largest count in 4000 samples was 1086.
 const MOST_EDGES: usize = 1500;
 
-parameters! {
+family! {
     /// Islands and holes of any size: where a smooth random field is high.
-    pub struct BlobsParameters as "a blobs sample" {
-        /// Patterns to draw.
-        pub count: u64 [1..=MOST_SAMPLES],
-        /// Area fraction of the electrode, or smallest and largest to draw from.
-        pub area: AreaFractions = [0.3, 0.7],
-    }
-}
-
-impl FamilyParameters for BlobsParameters {
-    const NAME: &'static str = "blobs";
-
-    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
-        let family = Blobs::new(self.area.areas(canvas)?);
-        Ok(self.one_group(self.count, Box::new(family)))
-    }
-
-    /// Smooth regions have few edges.
-    fn admits(pattern: &Pattern) -> bool {
-        edges(pattern) <= MOST_EDGES
-    }
-}
-
-/// Patterns of islands and holes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Blobs {
-    areas: Areas,
-}
-
-impl Blobs {
-    /// The family at area fractions of a range.
-    #[must_use]
-    pub fn new(areas: Areas) -> Self {
-        Self { areas }
-    }
+    Blobs, BlobsParameters as "a blobs sample", "blobs", area: [0.3, 0.7],
+    admits: |pattern| edges(pattern) <= MOST_EDGES
 }
 
 impl Family for Blobs {
     fn name(&self) -> &'static str {
-        BlobsParameters::NAME
+        "blobs"
     }
 
-    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        let mut stream = Stream::new(seed, "blobs", index);
+    fn draw(&self, stream: &mut Stream) -> Pattern {
         let length = stream.range(LENGTH[0].ln(), LENGTH[1].ln()).exp();
-        let area = self.areas.drawn(&mut stream);
+        let area = self.areas.draw(stream);
         let canvas = self.areas.canvas();
-        let field = smoothed(canvas, length, &mut stream);
-        Ok(highest_of(canvas, area, field.into_iter()))
+        highest_of(canvas, area, smoothed(canvas, length, stream).into_iter())
     }
 }
 
-/// White noise smoothed over a length, `[y][x]`, up to a factor.
+/// Returns white noise smoothed over a length, `[y][x]`, up to a factor.
 fn smoothed(canvas: &Canvas, length: f64, stream: &mut Stream) -> Vec<f64> {
     let ([columns, rows], [width, height]) = (canvas.raster().sides(), canvas.cell());
     let [across, along] = [width, height].map(|cell| weights(length / cell));
     let [long, high] = [columns + across.len() - 1, rows + along.len() - 1];
     let smooth =
         |weights: &[f64], line: &[f64], at: usize| -> f64 { weights.iter().zip(&line[at..]).map(|(w, v)| w * v).sum() };
-    // Smoothed along the rows, and laid out by columns.
-    let mut turned = vec![0.0; columns * high];
+    // Smoothed along the rows and transposed.
+    let mut transposed = vec![0.0; columns * high];
     for row in 0..high {
         let noise: Vec<f64> = (0..long).map(|_| stream.normal()).collect();
-        (0..columns).for_each(|x| turned[x * high + row] = smooth(&across, &noise, x));
+        (0..columns).for_each(|x| transposed[x * high + row] = smooth(&across, &noise, x));
     }
-    let cell = |i: usize| smooth(&along, &turned[i % columns * high..][..high], i / columns);
+    let cell = |i: usize| smooth(&along, &transposed[i % columns * high..][..high], i / columns);
     (0..columns * rows).map(cell).collect()
 }
 
-/// A Gaussian of a standard deviation in cells, as far as it is not cut off.
+/// Returns the weights of a Gaussian with this standard deviation in cells, up to the cut-off.
 fn weights(deviation: f64) -> Vec<f64> {
     let reach = (REACH * deviation).ceil() as usize;
     let offset = |k: usize| (k as f64 - reach as f64) / deviation;
@@ -105,6 +70,7 @@ fn weights(deviation: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Areas;
     use deaflow_pattern::CELLS;
 
     fn usual() -> Blobs {

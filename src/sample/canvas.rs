@@ -1,28 +1,28 @@
-//! What patterns are drawn on.
+//! The cells on which patterns are drawn.
 
 use deaflow_base::{Canonical, Decimal};
 use deaflow_pattern::{Membrane, Pattern, Raster};
 
-/// Lengths of the shorter side: on the source paper's membrane one is a cell.
+/// The shorter side of a membrane in units of length; on the source paper's membrane a unit is a cell.
 const LENGTHS: f64 = 50.0;
 
-/// The cells of a membrane and their sides. Lengths of drawn shapes are fiftieths of the shorter side of the membrane, so that a family looks
-/// alike on every one; on the source paper's they are cells.
+/// The cells of a membrane and their sides. Lengths are in fiftieths of the shorter side of the membrane, so that a
+/// family looks the same on every membrane; on the source paper's these are cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Canvas {
     raster: Raster,
-    /// Sides of a cell.
+    /// The sides of a cell.
     cell: [f64; 2],
 }
 
 impl Canvas {
-    /// That of the source paper.
+    /// The canvas of the source paper.
     pub const PAPER: Self = Self {
         raster: Raster::PAPER,
         cell: [1.0; 2],
     };
 
-    /// That of a membrane.
+    /// Returns the canvas of a membrane.
     #[must_use]
     pub fn of(membrane: &Membrane) -> Self {
         let [width, height] = membrane.size_mm;
@@ -33,7 +33,7 @@ impl Canvas {
         }
     }
 
-    /// Its cells.
+    /// The cells.
     #[must_use]
     pub fn raster(&self) -> Raster {
         self.raster
@@ -45,39 +45,39 @@ impl Canvas {
         self.cell
     }
 
-    /// Its sides.
+    /// The sides.
     #[must_use]
     pub fn size(&self) -> [f64; 2] {
         let [columns, rows] = self.raster.sides().map(|count| count as f64);
         [columns * self.cell[0], rows * self.cell[1]]
     }
 
-    /// Its middle.
+    /// The centre of the canvas.
     #[must_use]
     pub fn middle(&self) -> [f64; 2] {
         self.size().map(|side| 0.5 * side)
     }
 
-    /// The centre of a cell (column, row) from the lower left corner.
+    /// Returns the centre of a cell (column, row) from the lower left corner.
     #[must_use]
     pub fn centre(&self, x: usize, y: usize) -> [f64; 2] {
         [(x as f64 + 0.5) * self.cell[0], (y as f64 + 0.5) * self.cell[1]]
     }
 
-    /// The centres of all cells, `[y][x]`.
+    /// Returns the centres of all cells, `[y][x]`.
     pub fn centres(self) -> impl Iterator<Item = [f64; 2]> {
         let columns = self.raster.columns();
         (0..self.raster.cells()).map(move |cell| self.centre(cell % columns, cell / columns))
     }
 
-    /// The pattern of cells by whether each is active, `[y][x]`.
+    /// Returns the pattern of the active cells, `[y][x]`.
     #[must_use]
     pub fn pattern(&self, active: &[bool]) -> Pattern {
         let columns = self.raster.columns();
         Pattern::from_fn(self.raster, |x, y| active[y * columns + x])
     }
 
-    /// What tells samples apart from those on the source paper's membrane, for keys.
+    /// Returns the parameters that distinguish samples from those on the source paper's membrane, for keys.
     #[must_use]
     pub fn parameters(&self) -> Vec<(&'static str, Canonical)> {
         if *self == Self::PAPER {

@@ -1,75 +1,43 @@
 //! Checker: a checkerboard of any period and offset.
 //!
-//! Alternating squares put as many electrode edges into the membrane as a period allows, and neighbours pull against each
-//! other, so displacements are small and coarse meshes err most. The period, two squares, is uniform in [2, 12] cells, the
-//! offset in a period, and the area fraction in a range, [0.3, 0.7] unless another is given: at ½ the squares meet at their
-//! corners, below they are islands, above they leave holes.
+//! Alternating squares have the longest electrode edge that a period allows, and neighbours pull against each other, so
+//! displacements are small and errors on coarse meshes are largest. The period, two squares, is uniform in [2, 12]
+//! cells, the offset uniform in a period, and the area fraction uniform in a range (default [0.3, 0.7]). At ½ the
+//! squares meet at their corners; below ½ they are islands, above they leave holes.
 
 use std::f64::consts::TAU;
 
-use super::areas::{AreaFractions, Areas, highest};
-use super::canvas::Canvas;
-use super::error::SampleError;
-use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
-use deaflow_base::{Stream, parameters};
+use super::areas::highest;
+use super::family::{Family, family};
+use deaflow_base::Stream;
 use deaflow_pattern::Pattern;
 
 /// Period of the board, in cells.
 const PERIOD: [f64; 2] = [2.0, 12.0];
 
-parameters! {
+family! {
     /// Checkerboards of any period and offset.
-    pub struct CheckerParameters as "a checker sample" {
-        /// Patterns to draw.
-        pub count: u64 [1..=MOST_SAMPLES],
-        /// Area fraction of the electrode, or smallest and largest to draw from.
-        pub area: AreaFractions = [0.3, 0.7],
-    }
-}
-
-impl FamilyParameters for CheckerParameters {
-    const NAME: &'static str = "checker";
-
-    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
-        let family = Checker::new(self.area.areas(canvas)?);
-        Ok(self.one_group(self.count, Box::new(family)))
-    }
-}
-
-/// Checkerboards.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Checker {
-    areas: Areas,
-}
-
-impl Checker {
-    /// The family at area fractions of a range.
-    #[must_use]
-    pub fn new(areas: Areas) -> Self {
-        Self { areas }
-    }
+    Checker, CheckerParameters as "a checker sample", "checker", area: [0.3, 0.7]
 }
 
 impl Family for Checker {
     fn name(&self) -> &'static str {
-        CheckerParameters::NAME
+        "checker"
     }
 
-    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        let mut stream = Stream::new(seed, "checker", index);
+    fn draw(&self, stream: &mut Stream) -> Pattern {
         let period = stream.range(PERIOD[0], PERIOD[1]);
         let [across, along] = [stream.range(0.0, TAU), stream.range(0.0, TAU)];
-        let area = self.areas.drawn(&mut stream);
+        let area = self.areas.draw(stream);
         let wave = |cells: f64, phase: f64| (TAU * cells / period + phase).cos();
-        Ok(highest(self.areas.canvas(), area, |x, y| {
-            wave(x, across) * wave(y, along)
-        }))
+        highest(self.areas.canvas(), area, |x, y| wave(x, across) * wave(y, along))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Areas, Canvas};
     use deaflow_pattern::CELLS;
 
     fn at_half(index: u64) -> Pattern {

@@ -1,14 +1,14 @@
-//! Numbering the k-subsets of n things, and a seeded permutation of the numbers.
+//! Numbers the k-subsets of n items, and permutes the numbers by a seed.
 //!
-//! A large grid with few units has few patterns: drawing them independently would repeat some and miss others. Instead
-//! sample i is pattern number π(i), π being a pseudo-random permutation, so that samples are distinct, all of them are
-//! reached, and none depends on another. The numbering is the combinatorial number system (Knuth, The Art of Computer
-//! Programming 4A, §7.2.1.3); the permutation a Feistel network with cycle walking (Black and Rogaway, CT-RSA 2002,
-//! doi 10.1007/3-540-45760-7_9).
+//! A large grid with few units has few patterns: independent draws would repeat some and miss others. Instead sample i
+//! is pattern number π(i) with a pseudo-random permutation π, so that samples are distinct, reach all patterns, and do
+//! not depend on each other. The numbering is the combinatorial number system (Knuth, The Art of Computer Programming
+//! 4A, §7.2.1.3); the permutation a Feistel network with cycle walking (Black and Rogaway, CT-RSA 2002, doi
+//! 10.1007/3-540-45760-7_9).
 
 use deaflow_base::Stream;
 
-/// The number of k-subsets of n things, or `None` when it is beyond 64 bits.
+/// Returns the number of k-subsets of n items; `None` beyond 64 bits.
 pub(super) fn binomial(n: u64, k: u64) -> Option<u64> {
     if k > n {
         return Some(0);
@@ -23,7 +23,7 @@ pub(super) fn binomial(n: u64, k: u64) -> Option<u64> {
     u64::try_from(value).ok()
 }
 
-/// Subset number `rank` of the k-subsets of 0..n in lexicographic order, as one truth value for each of the n things.
+/// Returns subset number `rank` of the k-subsets of 0..n in lexicographic order: for each item whether it is chosen.
 ///
 /// # Panics
 /// When there are fewer subsets, or more than 64 bits can number.
@@ -34,7 +34,7 @@ pub(super) fn subset(n: usize, k: usize, mut rank: u64) -> Vec<bool> {
         let rest = (n - item - 1) as u64;
         let with_item = match left {
             0 => 0,
-            _ => binomial(rest, left - 1).expect("no part of a numbered set outgrows it"),
+            _ => binomial(rest, left - 1).expect("a part of a numbered set has fewer subsets"),
         };
         let take = rank < with_item;
         chosen.push(take);
@@ -52,7 +52,7 @@ pub(super) fn subset(n: usize, k: usize, mut rank: u64) -> Vec<bool> {
 /// J. Comput. 17 (1988) 373); small ones need more.
 const ROUNDS: u64 = 12;
 
-/// Where a pseudo-random permutation of 0..size, named by the seed and the purpose, sends `index`.
+/// Returns the image of `index` under a pseudo-random permutation of 0..size, which seed and purpose determine.
 ///
 /// # Panics
 /// When `index` is not below `size`.

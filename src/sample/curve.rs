@@ -1,17 +1,17 @@
-//! A cubic Bézier curve inside a rectangle: whether it crosses itself, what lies on its left, how far a point is.
+//! A cubic Bézier curve inside a rectangle: self-intersection, the cells on its left, and distances from it.
 //!
-//! A curve from frame to frame that stays inside and does not cross itself divides the rectangle into exactly two regions,
-//! which is what makes "one side filled" well defined.
+//! A curve from frame to frame that stays inside and does not cross itself divides the rectangle into exactly two
+//! regions.
 
 use super::canvas::Canvas;
 
 /// A point from the lower left corner.
 pub(super) type Point = [f64; 2];
 
-/// Segments by which a curve is drawn: their distance from the curve stays far below a cell.
+/// Segments that approximate a curve; their distance from it is far below a cell.
 const SEGMENTS: usize = 128;
 
-/// A cubic Bézier curve by its four control points, and what it is drawn on.
+/// The four control points of a cubic Bézier curve, and its canvas.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cubic(pub(super) [Point; 4], pub(super) Canvas);
 
@@ -27,7 +27,7 @@ fn minus(a: Point, b: Point) -> Point {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// The point of the frame at a position from 0 to 4 sides, counterclockwise from the lower left corner.
+/// Returns the point of the frame at a position from 0 to 4 sides, counterclockwise from the lower left corner.
 pub(super) fn on_frame(canvas: &Canvas, position: f64) -> Point {
     let ([width, height], along) = (canvas.size(), position.fract());
     match position as u32 {
@@ -39,17 +39,17 @@ pub(super) fn on_frame(canvas: &Canvas, position: f64) -> Point {
 }
 
 impl Cubic {
-    /// The point at parameter `t`.
+    /// Returns the point at parameter `t`.
     pub(super) fn at(&self, t: f64) -> Point {
         let s = 1.0 - t;
         let weights = [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t];
         std::array::from_fn(|k| self.0.iter().zip(weights).map(|(p, w)| w * p[k]).sum())
     }
 
-    /// Whether the curve meets itself at two parameters within [0, 1].
+    /// Returns whether the curve meets itself at two parameters within [0, 1].
     ///
-    /// With B(t) = a t³ + b t² + c t + P0, B(t₁) = B(t₂) for t₁ ≠ t₂ reads a (σ² − π) + b σ + c = 0, where σ = t₁ + t₂ and
-    /// π = t₁ t₂. The cross product with a gives σ, the scalar product then π; t₁ and t₂ solve t² − σ t + π = 0.
+    /// With B(t) = a t³ + b t² + c t + P0, B(t₁) = B(t₂) for t₁ ≠ t₂ reads a (σ² − π) + b σ + c = 0, where σ = t₁ + t₂
+    /// and π = t₁ t₂. The cross product with a gives σ, the scalar product then π; t₁ and t₂ solve t² − σ t + π = 0.
     pub(super) fn crosses_itself(&self) -> bool {
         let [p0, p1, p2, p3] = self.0;
         let a: Point = std::array::from_fn(|k| p3[k] - 3.0 * p2[k] + 3.0 * p1[k] - p0[k]);
@@ -57,7 +57,7 @@ impl Cubic {
         let c: Point = std::array::from_fn(|k| 3.0 * (p1[k] - p0[k]));
         let denominator = cross(b, a);
         if denominator == 0.0 {
-            // A parabola, which is simple, or points on one line, where the curve may run back over itself.
+            // A parabola, which does not cross itself, or points on one line, where the curve may reverse.
             return cross(c, a) == 0.0 && cross(b, c) == 0.0 && self.folds();
         }
         let sum = -cross(c, a) / denominator;
@@ -70,25 +70,25 @@ impl Cubic {
         (sum - root) / 2.0 >= 0.0 && (sum + root) / 2.0 <= 1.0
     }
 
-    /// For a curve along a line: whether it ever moves against its chord.
+    /// Returns whether a curve along a line ever moves against its chord.
     fn folds(&self) -> bool {
         let chord = minus(self.0[3], self.0[0]);
-        self.drawn().windows(2).any(|s| dot(minus(s[1], s[0]), chord) <= 0.0)
+        self.points().windows(2).any(|s| dot(minus(s[1], s[0]), chord) <= 0.0)
     }
 
-    /// The curve as a chain of points, both ends included.
-    fn drawn(&self) -> Vec<Point> {
+    /// Returns points along the curve, both ends included.
+    fn points(&self) -> Vec<Point> {
         (0..=SEGMENTS).map(|i| self.at(i as f64 / SEGMENTS as f64)).collect()
     }
 
-    /// Whether everything between the two ends lies strictly inside the rectangle.
+    /// Returns whether all points between the ends lie strictly inside the rectangle.
     pub(super) fn stays_inside(&self) -> bool {
         let [width, height] = self.1.size();
         let inside = |[x, y]: &Point| *x > 0.0 && *x < width && *y > 0.0 && *y < height;
-        self.drawn()[1..SEGMENTS].iter().all(inside)
+        self.points()[1..SEGMENTS].iter().all(inside)
     }
 
-    /// For each cell, whether its centre lies on the left of a curve that runs from frame to frame, `[y][x]`.
+    /// Returns for each cell whether its centre lies on the left of a curve from frame to frame, `[y][x]`.
     pub(super) fn left_side(&self) -> Vec<bool> {
         let outline = self.closed_along_frame();
         let raster = self.1.raster();
@@ -108,23 +108,23 @@ impl Cubic {
         inside
     }
 
-    /// The outline of the region on the left: the curve, then the frame counterclockwise back to its start.
+    /// Returns the outline of the region on the left: the curve, then the frame counterclockwise back to its start.
     fn closed_along_frame(&self) -> Vec<Point> {
-        let mut outline = self.drawn();
+        let mut outline = self.points();
         let [start, end] = [self.0[0], self.0[3]].map(|point| frame_position(&self.1, point));
-        let way = (start - end).rem_euclid(4.0);
+        let length = (start - end).rem_euclid(4.0);
         let mut corner = end.floor() + 1.0;
-        while corner - end < way {
+        while corner - end < length {
             outline.push(on_frame(&self.1, corner.rem_euclid(4.0)));
             corner += 1.0;
         }
         outline
     }
 
-    /// The distance of each cell's centre from the curve, `[y][x]`.
+    /// Returns the distance of the centre of each cell from the curve, `[y][x]`.
     pub(super) fn distances(&self) -> Vec<f64> {
-        let drawn = self.drawn();
-        let segments: Vec<(Point, Point, f64)> = drawn
+        let points = self.points();
+        let segments: Vec<(Point, Point, f64)> = points
             .windows(2)
             .map(|s| {
                 let along = minus(s[1], s[0]);

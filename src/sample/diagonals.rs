@@ -1,38 +1,25 @@
 //! Diagonals: bands at 45 degrees, whose edges are staircases of single cells.
 //!
-//! Stripes come at any angle and hardly ever at this one, where a band of one cell holds together by corners alone. The period
-//! across a row is 2 to 12 cells and the band 1 to period − 1 of them, both uniform and whole. Bands are parallel, are
-//! mirrored at a line of cells (chevrons), or cross, each as likely; crossing ones have a period of at least 3 and bands of at
-//! most half of it, so that bare cells are left.
+//! Stripes rarely have this angle, at which a band of one cell is connected by corners only. The period along a row is
+//! 2 to 12 cells and the width 1 to period − 1, both uniform integers. Bands are parallel, mirrored at a line of cells
+//! (chevrons), or crossing, with equal probability. Crossing bands have a period of at least 3 and a width of at most
+//! half of it, so that bare cells are left.
 
-use super::canvas::Canvas;
-use super::error::SampleError;
-use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
-use deaflow_base::{Stream, parameters};
+use super::family::{Family, family};
+use deaflow_base::Stream;
 use deaflow_pattern::{Pattern, Raster};
 
 /// Longest period along a row, in cells.
 const PERIOD: usize = 12;
 
-parameters! {
+family! {
     /// Bands, chevrons and lattices at 45 degrees.
-    pub struct DiagonalsParameters as "a diagonals sample" {
-        /// Patterns to draw.
-        pub count: u64 [1..=MOST_SAMPLES],
-    }
+    Diagonals, DiagonalsParameters as "a diagonals sample", "diagonals"
 }
 
-impl FamilyParameters for DiagonalsParameters {
-    const NAME: &'static str = "diagonals";
-
-    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
-        Ok(self.one_group(self.count, Box::new(Diagonals::new(canvas))))
-    }
-}
-
-/// How bands lie.
+/// The arrangement of the bands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Lie {
+enum Arrangement {
     Parallel,
     /// Mirrored at a column.
     Chevrons(usize),
@@ -40,7 +27,7 @@ enum Lie {
     Crossing(usize),
 }
 
-/// One drawing of bands.
+/// The bands of one pattern.
 #[derive(Clone, Copy, Debug)]
 struct Bands {
     /// Cells along the longer side.
@@ -48,39 +35,39 @@ struct Bands {
     period: usize,
     width: usize,
     phase: usize,
-    lie: Lie,
-    /// Whether rows and columns change places.
-    turned: bool,
+    arrangement: Arrangement,
+    /// Whether rows and columns are exchanged.
+    transposed: bool,
     /// Whether bands fall from left to right.
     falling: bool,
 }
 
 impl Bands {
-    fn drawn(raster: Raster, stream: &mut Stream) -> Self {
+    fn draw(raster: Raster, stream: &mut Stream) -> Self {
         let longer = raster.columns().max(raster.rows());
-        let lie = stream.index(3);
-        let least = if lie == 2 { 3 } else { 2 };
+        let arrangement = stream.index(3);
+        let least = if arrangement == 2 { 3 } else { 2 };
         let period = least + stream.index(PERIOD + 1 - least);
-        let widest = if lie == 2 { period / 2 } else { period - 1 };
+        let widest = if arrangement == 2 { period / 2 } else { period - 1 };
         let width = 1 + stream.index(widest);
         Self {
             longer,
             period,
             width,
             phase: stream.index(period),
-            lie: match lie {
-                0 => Lie::Parallel,
-                1 => Lie::Chevrons(stream.index(longer)),
-                _ => Lie::Crossing(stream.index(period)),
+            arrangement: match arrangement {
+                0 => Arrangement::Parallel,
+                1 => Arrangement::Chevrons(stream.index(longer)),
+                _ => Arrangement::Crossing(stream.index(period)),
             },
-            turned: stream.chance(0.5),
+            transposed: stream.chance(0.5),
             falling: stream.chance(0.5),
         }
     }
 
     fn is_active(&self, x: usize, y: usize) -> bool {
-        let (x, y) = if self.turned { (y, x) } else { (x, y) };
-        // A whole number of periods keeps numbers positive.
+        let (x, y) = if self.transposed { (y, x) } else { (x, y) };
+        // Adding whole periods keeps the sum positive.
         let around = self.longer.next_multiple_of(self.period);
         let rising = |x: usize, phase: usize| (x + around - y + phase) % self.period < self.width;
         let falling = |x: usize, phase: usize| (x + y + phase) % self.period < self.width;
@@ -91,47 +78,34 @@ impl Bands {
                 rising(x, self.phase)
             }
         };
-        match self.lie {
-            Lie::Parallel => own(x),
-            Lie::Chevrons(column) => own(x.abs_diff(column)),
-            Lie::Crossing(phase) => rising(x, self.phase) || falling(x, phase),
+        match self.arrangement {
+            Arrangement::Parallel => own(x),
+            Arrangement::Chevrons(column) => own(x.abs_diff(column)),
+            Arrangement::Crossing(phase) => rising(x, self.phase) || falling(x, phase),
         }
-    }
-}
-
-/// Patterns of diagonal bands.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Diagonals {
-    canvas: Canvas,
-}
-
-impl Diagonals {
-    /// The family on a canvas.
-    #[must_use]
-    pub fn new(canvas: Canvas) -> Self {
-        Self { canvas }
     }
 }
 
 impl Family for Diagonals {
     fn name(&self) -> &'static str {
-        DiagonalsParameters::NAME
+        "diagonals"
     }
 
-    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
+    fn draw(&self, stream: &mut Stream) -> Pattern {
         let raster = self.canvas.raster();
-        let bands = Bands::drawn(raster, &mut Stream::new(seed, "diagonals", index));
-        Ok(Pattern::from_fn(raster, |x, y| bands.is_active(x, y)))
+        let bands = Bands::draw(raster, stream);
+        Pattern::from_fn(raster, |x, y| bands.is_active(x, y))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Canvas;
     use deaflow_pattern::CELLS;
 
     fn drawn(seed: u64, index: u64) -> (Bands, Pattern) {
-        let bands = Bands::drawn(Raster::PAPER, &mut Stream::new(seed, "diagonals", index));
+        let bands = Bands::draw(Raster::PAPER, &mut Stream::new(seed, "diagonals", index));
         (bands, Diagonals::new(Canvas::PAPER).sample(seed, index).unwrap())
     }
 
@@ -145,15 +119,15 @@ mod tests {
             let down = inner().all(|(x, y)| pattern.is_active(x, y) == pattern.is_active(x + 1, y - 1));
             let ahead = |x: usize, y: usize| pattern.is_active(x, y) == pattern.is_active(x + bands.period, y);
             let whole = (0..CELLS).all(|y| (0..CELLS - bands.period).all(|x| ahead(x, y)));
-            match bands.lie {
-                Lie::Parallel => assert!(whole && (up || down), "sample {index}: {bands:?}"),
-                Lie::Chevrons(_) => {}
-                Lie::Crossing(_) => assert!(whole, "sample {index}: {bands:?}"),
+            match bands.arrangement {
+                Arrangement::Parallel => assert!(whole && (up || down), "sample {index}: {bands:?}"),
+                Arrangement::Chevrons(_) => {}
+                Arrangement::Crossing(_) => assert!(whole, "sample {index}: {bands:?}"),
             }
-            kinds[match bands.lie {
-                Lie::Parallel => 0,
-                Lie::Chevrons(_) => 1,
-                Lie::Crossing(_) => 2,
+            kinds[match bands.arrangement {
+                Arrangement::Parallel => 0,
+                Arrangement::Chevrons(_) => 1,
+                Arrangement::Crossing(_) => 2,
             }] += 1;
         }
         // A third each: 50 ± 6.
@@ -165,8 +139,10 @@ mod tests {
         let mut seen = 0;
         for index in 0..200 {
             let (bands, pattern) = drawn(4, index);
-            let Lie::Chevrons(line) = bands.lie else { continue };
-            let state = |a: usize, b: usize| match bands.turned {
+            let Arrangement::Chevrons(line) = bands.arrangement else {
+                continue;
+            };
+            let state = |a: usize, b: usize| match bands.transposed {
                 true => pattern.is_active(b, a),
                 false => pattern.is_active(a, b),
             };
@@ -184,7 +160,7 @@ mod tests {
             let (bands, pattern) = drawn(6, index);
             let area = pattern.area_fraction();
             assert!((0.04..=0.96).contains(&area), "sample {index}: {area}");
-            if bands.lie == Lie::Parallel {
+            if bands.arrangement == Arrangement::Parallel {
                 let expected = bands.width as f64 / bands.period as f64;
                 assert!((area - expected).abs() < 0.03, "sample {index}: {area} {expected}");
             }

@@ -1,70 +1,39 @@
-//! Dithers: grey made of single cells, as a printer makes it.
+//! Dithers: grey levels made of single cells, as a printer makes them.
 //!
-//! No other family alternates from cell to cell in an ordered way: small grids do at random, checkers with a period of two cells at
-//! the least and seldom with that. A network that has never seen such patterns errs on them several times more than on its own,
-//! and so do coarse meshes. The grey is a plane: its mean is the area fraction, from a range, [0.3, 0.7] unless another is
-//! given, and it falls by 0 to 0.6 over the side along a uniform direction. It is dithered in one of four ways, each as likely:
-//! against the threshold matrices of 2 × 2, 4 × 4 and 8 × 8 cells (Bayer, IEEE Int. Conf. Communications 1 (1973) 26-11), or by
-//! error diffusion along alternating rows (Floyd and Steinberg, Proc. SID 17 (1976) 75). The cells that are furthest above
-//! their threshold are active, as many as the area asks for, and the whole is turned and mirrored at random.
+//! No other family alternates regularly from cell to cell: small grids do so at random, checkers rarely. A network that
+//! was not trained on such patterns has an error several times as large on them as on its own, and so do coarse meshes.
+//! The grey level is a plane: its mean is the area fraction, uniform in a range (default [0.3, 0.7]), and it falls by 0
+//! to 0.6 over the side along a uniform direction. It is dithered by one of four methods with equal probability: the
+//! threshold matrices of 2 × 2, 4 × 4 and 8 × 8 cells (Bayer, IEEE Int. Conf. Communications 1 (1973) 26-11), or error
+//! diffusion along alternating rows (Floyd and Steinberg, Proc. SID 17 (1976) 75). The cells farthest above their
+//! threshold are active, as many as the area fraction needs. The pattern is rotated and mirrored at random.
 
 use std::f64::consts::TAU;
 
-use super::areas::{AreaFractions, Areas, highest_of};
-use super::canvas::Canvas;
-use super::error::SampleError;
-use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
-use deaflow_base::{Stream, parameters};
+use super::areas::highest_of;
+use super::family::{Family, family};
+use deaflow_base::Stream;
 use deaflow_pattern::{Pattern, Raster, Symmetry};
 
-/// By how much the grey falls over the side at most.
+/// The largest fall of the grey level over the side.
 const FALL: f64 = 0.6;
 
 /// Side of the largest threshold matrix, as a power of two.
 const LARGEST: usize = 3;
 
-parameters! {
+family! {
     /// Grey made of single cells: ordered dithers and error diffusion.
-    pub struct DithersParameters as "a dithers sample" {
-        /// Patterns to draw.
-        pub count: u64 [1..=MOST_SAMPLES],
-        /// Area fraction of the electrode, or smallest and largest to draw from.
-        pub area: AreaFractions = [0.3, 0.7],
-    }
-}
-
-impl FamilyParameters for DithersParameters {
-    const NAME: &'static str = "dithers";
-
-    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
-        let family = Dithers::new(self.area.areas(canvas)?);
-        Ok(self.one_group(self.count, Box::new(family)))
-    }
-}
-
-/// Dithered planes of grey.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Dithers {
-    areas: Areas,
-}
-
-impl Dithers {
-    /// The family at area fractions of a range.
-    #[must_use]
-    pub fn new(areas: Areas) -> Self {
-        Self { areas }
-    }
+    Dithers, DithersParameters as "a dithers sample", "dithers", area: [0.3, 0.7]
 }
 
 impl Family for Dithers {
     fn name(&self) -> &'static str {
-        DithersParameters::NAME
+        "dithers"
     }
 
-    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        let mut stream = Stream::new(seed, "dithers", index);
-        let way = stream.index(LARGEST + 1);
-        let area = self.areas.drawn(&mut stream);
+    fn draw(&self, stream: &mut Stream) -> Pattern {
+        let method = stream.index(LARGEST + 1);
+        let area = self.areas.draw(stream);
         let canvas = self.areas.canvas();
         let [width, height] = canvas.size();
         let fall = stream.range(0.0, FALL) / width.min(height);
@@ -74,8 +43,8 @@ impl Family for Dithers {
         let ([middle_x, middle_y], columns) = (canvas.middle(), canvas.raster().columns());
         let grey = |[x, y]: [f64; 2]| area + fall * (cosine * (x - middle_x) + sine * (y - middle_y));
         let levels: Vec<f64> = canvas.centres().map(grey).collect();
-        let levels = if way < LARGEST {
-            let order = way + 1;
+        let levels = if method < LARGEST {
+            let order = method + 1;
             let less =
                 |(cell, level): (usize, f64)| level - threshold(order, cell % columns + right, cell / columns + up);
             levels.into_iter().enumerate().map(less).collect()
@@ -83,23 +52,24 @@ impl Family for Dithers {
             diffused(canvas.raster(), levels)
         };
         let pattern = highest_of(canvas, area, levels.into_iter());
-        // A turn by a quarter would leave a rectangle.
+        // A quarter turn of a rectangle would not fit.
         let fits = canvas.raster().transformed(image) == canvas.raster();
-        Ok(if fits { pattern.transformed(image) } else { pattern })
+        if fits { pattern.transformed(image) } else { pattern }
     }
 }
 
-/// The threshold of a cell in Bayer's matrix of 2ⁿ × 2ⁿ cells, between 0 and 1.
+/// Returns the threshold of a cell in Bayer's matrix of 2ⁿ × 2ⁿ cells, between 0 and 1.
 fn threshold(order: usize, x: usize, y: usize) -> f64 {
     let digit = |bit: usize| {
         let (x, y) = (x >> bit & 1, y >> bit & 1);
         (2 * (x ^ y) + y) << (2 * (order - 1 - bit))
     };
-    let place: usize = (0..order).map(digit).sum();
-    (place as f64 + 0.5) / (1 << (2 * order)) as f64
+    let rank: usize = (0..order).map(digit).sum();
+    (rank as f64 + 0.5) / (1 << (2 * order)) as f64
 }
 
-/// Grey with what was carried from the cells before, `[y][x]`: Floyd and Steinberg's weights, every other row backwards.
+/// Returns the levels after error diffusion with Floyd and Steinberg's weights, `[y][x]`; every other row runs
+/// backwards.
 fn diffused(raster: Raster, mut levels: Vec<f64>) -> Vec<f64> {
     let [columns, rows] = raster.sides();
     for y in 0..rows {
@@ -123,6 +93,7 @@ fn diffused(raster: Raster, mut levels: Vec<f64>) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Areas, Canvas};
     use deaflow_pattern::CELLS;
 
     fn usual() -> Dithers {

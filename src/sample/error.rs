@@ -1,48 +1,64 @@
-//! What a family of patterns refuses, and the exact number of cells behind an area fraction.
+//! Errors of families, and the number of cells at an area fraction.
 
 use deaflow_pattern::Raster;
 
-/// A family that cannot be drawn from, or a sample that it does not have.
+/// Invalid parameters of a family, or a sample that does not exist.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SampleError {
-    /// An area fraction that leaves nothing to draw.
+    /// An area fraction at which no cell or every cell would be active.
     #[error(
-        "an area fraction lies above 0 and below 1, with at least one of {} cells active and one bare; found {found}",
+        "the area fraction must leave at least one of {} cells active and one bare, found {found}",
         raster.cells()
     )]
     Area {
         /// The cells.
         raster: Raster,
-        /// The fraction as given.
+        /// The area fraction.
         found: f64,
     },
-    /// Area fractions that are not in order.
-    #[error("a range of area fractions goes from the smaller to the larger, found {low} to {high}")]
+    /// A range of area fractions in the wrong order.
+    #[error("the lower area fraction {low} is larger than the upper one {high}")]
     AreaRange {
-        /// The lower end as given.
+        /// The lower end.
         low: f64,
-        /// The upper end as given.
+        /// The upper end.
         high: f64,
     },
     /// More units than cells, or none.
-    #[error("a large grid has 1 to {most} units across the membrane, found {found}")]
+    #[error("a large grid must have 1 to {most} units across the membrane, found {found}")]
     Units {
-        /// Cells there.
+        /// The number of cells.
         most: usize,
-        /// The number as given.
+        /// The number of units.
         found: usize,
     },
     /// An index beyond the last pattern.
-    #[error("there is no sample {index}: the family has {available} patterns")]
+    #[error("sample {index} does not exist: the family has {available} patterns")]
     Exhausted {
-        /// The index as given.
+        /// The index.
         index: u64,
-        /// How many patterns there are.
+        /// The number of patterns.
         available: u64,
     },
 }
 
-/// The number of active cells at an area fraction: the nearest to that share of all.
+/// Invalid parameters of a family in a stage.
+#[derive(Debug)]
+pub struct ParameterError {
+    /// The key with the invalid value.
+    pub key: &'static str,
+    /// The reason.
+    pub error: SampleError,
+}
+
+impl ParameterError {
+    /// Creates errors for a key.
+    pub fn of(key: &'static str) -> impl Fn(SampleError) -> Self {
+        move |error| Self { key, error }
+    }
+}
+
+/// Returns the number of active cells whose area fraction is nearest to `area`.
 pub(super) fn cells_at(area: f64, raster: Raster) -> Result<usize, SampleError> {
     let all = raster.cells();
     let cells = (area * all as f64).round();

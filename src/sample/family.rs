@@ -1,39 +1,44 @@
-//! What a family of patterns is, and the table of those that there are.
+//! The interface of a family of patterns, and the macro that declares a simple one.
 //!
-//! A family stands in one file: its parameters, declared once, and how a sample is drawn. The table names it; readers,
-//! schemas and stages work with any table, so a program may add families of its own to these.
+//! A family stands in one file: its parameters, declared once, and how a pattern is drawn. `families.rs` lists all;
+//! readers, schemas and stages accept any table, so a program can add families of its own.
 
 use std::fmt;
 use std::marker::PhantomData;
 
 use super::canvas::Canvas;
-use super::error::SampleError;
-use deaflow_base::{Canonical, Declared, Fields, InputError, Map, Node};
+use super::error::{ParameterError, SampleError};
+use deaflow_base::{Canonical, Declared, Fields, InputError, Node, Stream};
 use deaflow_pattern::Pattern;
 
 /// A family of electrode patterns with its parameters.
 pub trait Family: fmt::Debug + Send + Sync {
-    /// The word that stands in pipelines and files.
+    /// The name in pipelines and files. It also names the random stream.
     fn name(&self) -> &'static str;
 
-    /// Sample `index` under a seed: a function of the family, its parameters, the seed and the index alone.
+    /// Draws a pattern.
+    fn draw(&self, stream: &mut Stream) -> Pattern;
+
+    /// Returns sample `index`, a function of the family, its parameters, the seed and the index only.
     ///
     /// # Errors
     /// When the family has no more than `index` samples.
-    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError>;
+    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
+        Ok(self.draw(&mut Stream::new(seed, self.name(), index)))
+    }
 
-    /// How many samples there are; `None` when there is no end to them.
+    /// Returns the number of samples; `None` if unlimited.
     fn available(&self) -> Option<u64> {
         None
     }
 
-    /// Units across the membrane, where patterns are made of units; 0 elsewhere.
+    /// Returns the number of units across the membrane if patterns are made of units, otherwise 0.
     fn units(&self) -> u64 {
         0
     }
 }
 
-/// More samples than this in one stage are a slip of the pen.
+/// The largest number of samples in one stage; more are probably a typing error.
 pub const MOST_SAMPLES: u64 = 10_000_000;
 
 /// Samples of a family with one set of parameters.
@@ -41,46 +46,30 @@ pub const MOST_SAMPLES: u64 = 10_000_000;
 pub struct SampleGroup {
     /// The family.
     pub family: Box<dyn Family>,
-    /// How many samples.
+    /// The number of samples.
     pub count: u64,
     /// The parameters that distinguish the group within its family, for keys.
     pub parameters: Vec<(&'static str, Canonical)>,
 }
 
-/// Parameters that no family can be made of.
-#[derive(Debug)]
-pub struct FamilyError {
-    /// The key that is to blame.
-    pub key: &'static str,
-    /// Why.
-    pub error: SampleError,
-}
-
-impl FamilyError {
-    /// Blames a key.
-    pub fn of(key: &'static str) -> impl Fn(SampleError) -> Self {
-        move |error| Self { key, error }
-    }
-}
-
-/// The declared parameters of a family, as a stage gives them.
+/// The declared parameters of a family in a stage.
 pub trait FamilyParameters: Declared {
     /// The word after `family:`.
     const NAME: &'static str;
 
-    /// What is to be drawn on a canvas.
+    /// Returns the samples to draw on a canvas.
     ///
     /// # Errors
-    /// When a value leaves nothing to draw.
-    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError>;
+    /// When no pattern satisfies the parameters.
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, ParameterError>;
 
-    /// Whether the family may have drawn a pattern, with whatever parameters: false only where it cannot.
+    /// Returns false if the family cannot have drawn a pattern with any parameters.
     #[must_use]
     fn admits(_pattern: &Pattern) -> bool {
         true
     }
 
-    /// A single group: all parameters but the count distinguish it.
+    /// Returns a single group, which all parameters except the count distinguish.
     fn one_group(&self, count: u64, family: Box<dyn Family>) -> Vec<SampleGroup> {
         let mut parameters = Vec::new();
         self.entries(&mut parameters);
@@ -93,28 +82,96 @@ pub trait FamilyParameters: Declared {
     }
 }
 
-/// An entry of the table of families.
+/// Declares a family that is drawn on a canvas, at an area fraction from a range if a default for it is given: its
+/// parameters and its type. `admits` checks whether it can have drawn a pattern.
+macro_rules! family {
+    (
+        $(#[doc = $about:literal])+
+        $family:ident, $parameters:ident as $what:literal, $name:literal
+        , area: $area:expr $(, admits: $admits:expr)?
+    ) => {
+        $crate::family::family!(
+            @declare [$($about)+] $family, $parameters, $what, $name, areas: $crate::Areas,
+            {
+                /// Area fraction of the electrode, or smallest and largest to draw from.
+                pub area: $crate::AreaFractions = $area,
+            },
+            |parameters, canvas| parameters.area.areas(canvas),
+            $($admits)?
+        );
+    };
+    ($(#[doc = $about:literal])+ $family:ident, $parameters:ident as $what:literal, $name:literal) => {
+        $crate::family::family!(
+            @declare [$($about)+] $family, $parameters, $what, $name, canvas: $crate::Canvas, {},
+            |_, canvas| Ok(canvas),
+        );
+    };
+    (
+        @declare [$($about:literal)+] $family:ident, $parameters:ident, $what:literal, $name:literal,
+        $field:ident: $type:ty, { $($area:tt)* }, $value:expr, $($admits:expr)?
+    ) => {
+        deaflow_base::parameters! {
+            $(#[doc = $about])+
+            pub struct $parameters as $what {
+                /// Patterns to draw.
+                pub count: u64 [1..=$crate::MOST_SAMPLES],
+                $($area)*
+            }
+        }
+
+        impl $crate::FamilyParameters for $parameters {
+            const NAME: &'static str = $name;
+
+            fn groups(&self, canvas: $crate::Canvas) -> Result<Vec<$crate::SampleGroup>, $crate::ParameterError> {
+                let value: fn(&Self, $crate::Canvas) -> Result<$type, $crate::ParameterError> = $value;
+                Ok(self.one_group(self.count, Box::new($family::new(value(self, canvas)?))))
+            }
+
+            $(fn admits(pattern: &deaflow_pattern::Pattern) -> bool {
+                let admits: fn(&deaflow_pattern::Pattern) -> bool = $admits;
+                admits(pattern)
+            })?
+        }
+
+        $(#[doc = $about])+
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct $family {
+            $field: $type,
+        }
+
+        impl $family {
+            /// Creates the family.
+            #[must_use]
+            pub fn new($field: $type) -> Self {
+                Self { $field }
+            }
+        }
+    };
+}
+pub(crate) use family;
+
+/// An entry of a table of families.
 pub trait FamilyEntry: Sync {
     /// The word after `family:`.
     fn name(&self) -> &'static str;
 
-    /// Its keys.
+    /// Returns its keys.
     fn keys(&self) -> Vec<&'static str>;
 
-    /// What its keys may hold.
+    /// Returns the schema of its keys.
     fn fields(&self) -> Fields;
 
-    /// Whether the family may have drawn a pattern, with whatever parameters: false only where it cannot.
+    /// Returns false if the family cannot have drawn a pattern with any parameters.
     fn admits(&self, pattern: &Pattern) -> bool;
 
-    /// Reads its keys from a mapping that may have `others` beside them, for patterns on a canvas.
+    /// Reads its keys from a mapping that may also have the keys `others`, for patterns on a canvas.
     ///
     /// # Errors
-    /// When a key is unknown or missing, or a value leaves nothing to draw.
+    /// When a key is unknown or missing, or no pattern satisfies the values.
     fn read(&self, node: &Node, others: &[&str], canvas: Canvas) -> Result<Vec<SampleGroup>, InputError>;
 }
 
-/// The entry of a family by its parameters.
+/// The entry of the family with these parameters.
 pub struct FamilyOf<P>(PhantomData<fn() -> P>);
 
 impl<P> FamilyOf<P> {
@@ -140,50 +197,7 @@ impl<P: FamilyParameters> FamilyEntry for FamilyOf<P> {
     }
 
     fn read(&self, node: &Node, others: &[&str], canvas: Canvas) -> Result<Vec<SampleGroup>, InputError> {
-        let parameters = P::read_with(node, others)?;
-        parameters
-            .groups(canvas)
-            .map_err(|refusal| node.peek(refusal.key).unwrap_or(node).error(refusal.error.to_string()))
+        let groups = P::read_with(node, others)?.groups(canvas);
+        groups.map_err(|why| node.peek(why.key).unwrap_or(node).error(why.error.to_string()))
     }
-}
-
-/// The families that there are.
-pub static FAMILIES: &[&dyn FamilyEntry] = &[
-    &FamilyOf::<super::small_grid::SmallGridParameters>::NEW,
-    &FamilyOf::<super::large_grid::LargeGridParameters>::NEW,
-    &FamilyOf::<super::bezier::BezierParameters>::NEW,
-    &FamilyOf::<super::area_sweep::AreaSweepParameters>::NEW,
-    &FamilyOf::<super::stripes::StripesParameters>::NEW,
-    &FamilyOf::<super::blobs::BlobsParameters>::NEW,
-    &FamilyOf::<super::curves::CurvesParameters>::NEW,
-    &FamilyOf::<super::checker::CheckerParameters>::NEW,
-    &FamilyOf::<super::dithers::DithersParameters>::NEW,
-    &FamilyOf::<super::mazes::MazesParameters>::NEW,
-    &FamilyOf::<super::diagonals::DiagonalsParameters>::NEW,
-    &FamilyOf::<super::spirals::SpiralsParameters>::NEW,
-    &FamilyOf::<super::glyphs::GlyphsParameters>::NEW,
-];
-
-/// Reads the samples on a canvas that a mapping with the key `family` asks for, from a table of families, and gives the mapping too:
-/// `others` may stand beside the keys of the family.
-///
-/// # Errors
-/// When it names none of the families, or as [`FamilyEntry::read`].
-pub fn read_family<'n>(
-    table: &[&dyn FamilyEntry],
-    node: &'n Node,
-    what: &str,
-    others: &[&str],
-    canvas: Canvas,
-) -> Result<(Map<'n>, Vec<SampleGroup>), InputError> {
-    let names: Vec<&str> = table.iter().map(|entry| entry.name()).collect();
-    // First the keys of all families, so that a misspelt `family` is told from a missing one; then those of the family.
-    let others: Vec<&str> = ["family"].into_iter().chain(others.iter().copied()).collect();
-    let mut keys = others.clone();
-    keys.extend(table.iter().flat_map(|entry| entry.keys()));
-    let map = node.fields(what, &keys)?;
-    let name = map.required(what, "family")?.word("family", &names)?;
-    let entry = table.iter().find(|entry| entry.name() == name);
-    let groups = entry.map_or_else(|| Ok(Vec::new()), |entry| entry.read(node, &others, canvas))?;
-    Ok((map, groups))
 }

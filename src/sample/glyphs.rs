@@ -1,19 +1,17 @@
 //! Glyphs: letters and digits.
 //!
-//! What people draw first: strokes of one width with ends, corners and closed rings, in rows. A font of 5 × 7 dots is set in boxes
-//! of 6 × 8; a dot is 1 to 6 cells wide, uniform, and the rows begin at a uniform offset, so that letters at the edge are cut.
-//! Each letter is drawn anew. The letters are active, or what is around them, each as likely.
+//! Strokes of one width with ends, corners and closed rings, in rows. A font of 5 × 7 dots stands in boxes of 6 × 8
+//! dots. The width of a dot is uniform in 1 to 6 cells. The rows begin at a uniform offset, so that letters at the edge
+//! are cut. Each letter is drawn independently. The letters are active, or all else, with equal probability.
 
-use super::canvas::Canvas;
-use super::error::SampleError;
-use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
-use deaflow_base::{Stream, parameters};
+use super::family::{Family, family};
+use deaflow_base::Stream;
 use deaflow_pattern::{Pattern, Raster};
 
 /// Cells across the widest dot.
 const WIDEST: usize = 6;
 
-/// Dots of a letter, across and upwards; its box has one more each way.
+/// Dots of a letter, across and upwards; its box has one more in each direction.
 const DOTS: [usize; 2] = [5, 7];
 
 /// The letters A to Z and the digits, row by row from the top; the highest of five bits is on the left.
@@ -57,34 +55,9 @@ const FONT: [[u8; 7]; 36] = [
     [0b01110, 0b10001, 0b10001, 0b01111, 0b00001, 0b00010, 0b01100], // 9
 ];
 
-parameters! {
+family! {
     /// Rows of letters and digits, or what is around them.
-    pub struct GlyphsParameters as "a glyphs sample" {
-        /// Patterns to draw.
-        pub count: u64 [1..=MOST_SAMPLES],
-    }
-}
-
-impl FamilyParameters for GlyphsParameters {
-    const NAME: &'static str = "glyphs";
-
-    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
-        Ok(self.one_group(self.count, Box::new(Glyphs::new(canvas))))
-    }
-}
-
-/// Patterns of letters.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Glyphs {
-    canvas: Canvas,
-}
-
-impl Glyphs {
-    /// The family on a canvas.
-    #[must_use]
-    pub fn new(canvas: Canvas) -> Self {
-        Self { canvas }
-    }
+    Glyphs, GlyphsParameters as "a glyphs sample", "glyphs"
 }
 
 /// A page of letters.
@@ -100,12 +73,12 @@ struct Page {
 }
 
 impl Page {
-    fn drawn(raster: Raster, stream: &mut Stream) -> Self {
+    fn draw(raster: Raster, stream: &mut Stream) -> Self {
         let dot = 1 + stream.index(WIDEST);
         let sides = DOTS.map(|dots| dot * (dots + 1));
         let inside = stream.chance(0.5);
         let cut = sides.map(|side| stream.index(side));
-        // The first box may be cut, so one more is begun.
+        // The first box may be cut, so one more is needed.
         let cells = raster.sides();
         let [columns, rows] = [0, 1].map(|axis| cells[axis].div_ceil(sides[axis]) + 1);
         Self {
@@ -128,19 +101,20 @@ impl Page {
 
 impl Family for Glyphs {
     fn name(&self) -> &'static str {
-        GlyphsParameters::NAME
+        "glyphs"
     }
 
-    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
+    fn draw(&self, stream: &mut Stream) -> Pattern {
         let raster = self.canvas.raster();
-        let page = Page::drawn(raster, &mut Stream::new(seed, "glyphs", index));
-        Ok(Pattern::from_fn(raster, |x, y| page.is_ink(x, y) == page.inside))
+        let page = Page::draw(raster, stream);
+        Pattern::from_fn(raster, |x, y| page.is_ink(x, y) == page.inside)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Canvas;
     use deaflow_pattern::CELLS;
 
     fn drawn(seed: u64, index: u64) -> Pattern {
@@ -179,7 +153,7 @@ mod tests {
     #[test]
     fn strokes_are_as_wide_as_a_dot() {
         for index in 0..60 {
-            let page = Page::drawn(Raster::PAPER, &mut Stream::new(3, "glyphs", index));
+            let page = Page::draw(Raster::PAPER, &mut Stream::new(3, "glyphs", index));
             let pattern = drawn(3, index);
             let same = |x: usize, y: usize| {
                 let next = |k: usize, cut: usize| !(k + cut + 1).is_multiple_of(page.dot) && k + 1 < CELLS;
@@ -193,7 +167,7 @@ mod tests {
     #[test]
     fn ink_and_paper_are_active_as_often_and_every_letter_comes() {
         let pages: Vec<Page> = (0..300)
-            .map(|i| Page::drawn(Raster::PAPER, &mut Stream::new(1, "glyphs", i)))
+            .map(|i| Page::draw(Raster::PAPER, &mut Stream::new(1, "glyphs", i)))
             .collect();
         let inside = pages.iter().filter(|page| page.inside).count();
         // Binomial: 150 ± 9.

@@ -1,18 +1,19 @@
-//! The large grid: the membrane divided into N × N units that are on or off as a whole.
+//! Large grid: the membrane divided into N × N units, each entirely on or off.
 //!
-//! The second of the source paper's families (Qin et al., doi 10.1089/soro.2024.0063): fewer, larger units are less
-//! fragmented and move farther. Half of the units are on; where N² is odd, half rounded down or up, either equally
-//! likely. Where N does not divide 50 the units differ in size by a cell, so the area fraction is near ½, not at it.
+//! The second family of the source paper (Qin et al., doi 10.1089/soro.2024.0063): fewer, larger units are less
+//! fragmented and move farther. Half of the units are on; if N² is odd, half is rounded down or up with equal
+//! probability. If N does not divide 50, the sizes of the units differ by a cell, so the area fraction is near ½ but
+//! not exactly ½.
 
 use super::canvas::Canvas;
 use super::combination::{binomial, permuted, subset};
-use super::error::SampleError;
-use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
+use super::error::{ParameterError, SampleError};
+use super::family::{Family, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use super::membership::{is_grid_of, longer_side, units_on};
 use deaflow_base::{Canonical, InputError, Node, Parameter, Schema, Stream, parameters};
 use deaflow_pattern::{Pattern, Raster};
 
-/// Several numbers of units across the membrane. Their order means nothing.
+/// Several numbers of units across the membrane; the order is irrelevant.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnitNumbers(Vec<u64>);
 
@@ -25,7 +26,7 @@ impl Parameter for UnitNumbers {
         for item in node.list(key)? {
             let n = item.integer(key, 2, Raster::MOST as u64)?;
             if numbers.contains(&n) {
-                return Err(item.error(format!("`{key}` names {n} twice")));
+                return Err(item.error(format!("`{key}` contains {n} twice")));
             }
             numbers.push(n);
         }
@@ -50,11 +51,11 @@ impl Parameter for UnitNumbers {
 }
 
 parameters! {
-    /// Patterns of N × N units that are on or off as a whole; on a rectangle N stand across the shorter side.
+    /// N × N units, each entirely on or off; on a rectangle N is the number across the shorter side.
     pub struct LargeGridParameters as "a large-grid sample" {
         /// Units across the membrane, at most as many as cells, such as [2, 3, 4].
         pub units: UnitNumbers,
-        /// Patterns of each number of units; all where there are fewer.
+        /// Patterns to draw for each number of units, or all if there are fewer.
         pub count_per_units: u64 [1..=MOST_SAMPLES],
     }
 }
@@ -62,9 +63,9 @@ parameters! {
 impl FamilyParameters for LargeGridParameters {
     const NAME: &'static str = "large-grid";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, ParameterError> {
         let group = |&n: &u64| {
-            let family = LargeGrid::new(canvas, n as usize).map_err(FamilyError::of("units"))?;
+            let family = LargeGrid::new(canvas, n as usize).map_err(ParameterError::of("units"))?;
             let most = family.available().unwrap_or(u64::MAX);
             Ok(SampleGroup {
                 family: Box::new(family),
@@ -75,7 +76,7 @@ impl FamilyParameters for LargeGridParameters {
         self.units.0.iter().map(group).collect()
     }
 
-    /// Some number of units, half of them on.
+    /// Half of some number of units is on.
     fn admits(pattern: &Pattern) -> bool {
         let is_half = |units: usize| {
             let (on, half) = (units_on([units; 2], pattern), units * units / 2);
@@ -85,8 +86,8 @@ impl FamilyParameters for LargeGridParameters {
     }
 }
 
-/// Patterns of N × N units, half of them on. Cell i of n lies in unit floor(i · N / n). On a rectangle N units stand across the shorter side,
-/// and as many across the longer one as make them nearest to squares.
+/// Patterns of N × N units, half of them on. Cell i of n lies in unit floor(i · N / n). On a rectangle, N units lie
+/// across the shorter side, and across the longer one the number that makes them most nearly square.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LargeGrid {
     canvas: Canvas,
@@ -96,10 +97,10 @@ pub struct LargeGrid {
 }
 
 impl LargeGrid {
-    /// The family with `across` units across the membrane.
+    /// Creates the family with `across` units across the membrane.
     ///
     /// # Errors
-    /// When there are none, or more of them than cells.
+    /// When there are no units, or more units than cells.
     pub fn new(canvas: Canvas, across: usize) -> Result<Self, SampleError> {
         let units = units_of(&canvas, across);
         let cells = canvas.raster().sides();
@@ -119,8 +120,14 @@ impl LargeGrid {
     fn with_lower_count(&self) -> Option<u64> {
         binomial(self.total() as u64, self.total() as u64 / 2)
     }
+}
 
-    fn drawn(&self, stream: &mut Stream) -> Vec<bool> {
+impl Family for LargeGrid {
+    fn name(&self) -> &'static str {
+        LargeGridParameters::NAME
+    }
+
+    fn draw(&self, stream: &mut Stream) -> Pattern {
         let mut count = self.total() / 2;
         if self.total() % 2 == 1 && stream.chance(0.5) {
             count += 1;
@@ -129,32 +136,24 @@ impl LargeGrid {
         for unit in stream.choose(self.total(), count) {
             on[unit] = true;
         }
-        on
-    }
-}
-
-impl Family for LargeGrid {
-    fn name(&self) -> &'static str {
-        LargeGridParameters::NAME
+        pattern_of_units(&self.canvas, self.units, &on)
     }
 
     fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
         let purpose = format!("large-grid {}", self.across);
-        let on = match (self.available(), self.with_lower_count()) {
-            (Some(available), Some(lower)) => {
-                if index >= available {
-                    return Err(SampleError::Exhausted { index, available });
-                }
-                let rank = permuted(available, seed, &purpose, index);
-                subset(self.total(), self.total() / 2 + (rank / lower) as usize, rank % lower)
-            }
-            _ => self.drawn(&mut Stream::new(seed, &purpose, index)),
+        let (Some(available), Some(lower)) = (self.available(), self.with_lower_count()) else {
+            return Ok(self.draw(&mut Stream::new(seed, &purpose, index)));
         };
+        if index >= available {
+            return Err(SampleError::Exhausted { index, available });
+        }
+        let rank = permuted(available, seed, &purpose, index);
+        let on = subset(self.total(), self.total() / 2 + (rank / lower) as usize, rank % lower);
         Ok(pattern_of_units(&self.canvas, self.units, &on))
     }
 
-    /// `None` when they are too many to number in 64 bits (9 × 9 and more). Up to that, samples are distinct and reach every
-    /// pattern; beyond, a repetition has odds below 1e-14 in 10,000 samples.
+    /// `None` if there are too many to number in 64 bits (9 × 9 and more). Below that, samples are distinct and reach
+    /// every pattern; above, the probability of a repetition in 10,000 samples is below 1e-14.
     fn available(&self) -> Option<u64> {
         self.with_lower_count()?.checked_mul(1 + (self.total() as u64) % 2)
     }
@@ -164,14 +163,14 @@ impl Family for LargeGrid {
     }
 }
 
-/// Columns and rows of units, so many across the shorter side.
+/// Returns the columns and rows of units, with `across` units across the shorter side.
 pub(super) fn units_of(canvas: &Canvas, across: usize) -> [usize; 2] {
     let [width, height] = canvas.size();
     let along = |side: f64| (across as f64 * side / width.min(height)).round() as usize;
     [along(width), along(height)]
 }
 
-/// The pattern of columns and rows of units, each on or off as `[y][x]` says.
+/// Returns the pattern of units, each on or off, `[y][x]`.
 pub(super) fn pattern_of_units(canvas: &Canvas, units: [usize; 2], on: &[bool]) -> Pattern {
     let sides = canvas.raster().sides();
     let unit = |axis: usize, cell: usize| cell * units[axis] / sides[axis];

@@ -1,7 +1,7 @@
-//! Draws electrode patterns of several families, each in its own file; `family` holds the table of all.
+//! Draws electrode patterns of several families, each in its own file.
 //!
-//! Sample i depends on the family, its parameters, the seed and i alone, so that more samples can be drawn later without
-//! touching those that exist.
+//! Sample i depends on the family, its parameters, the seed and i only, so that more samples can be drawn later without
+//! changing the existing ones.
 
 mod area_sweep;
 mod areas;
@@ -15,6 +15,7 @@ mod curves;
 mod diagonals;
 mod dithers;
 mod error;
+mod families;
 mod family;
 mod glyphs;
 mod large_grid;
@@ -33,14 +34,12 @@ pub use checker::Checker;
 pub use curves::Curves;
 pub use diagonals::Diagonals;
 pub use dithers::Dithers;
-pub use error::SampleError;
-pub use family::{
-    FAMILIES, Family, FamilyEntry, FamilyError, FamilyOf, FamilyParameters, MOST_SAMPLES, SampleGroup, read_family,
-};
+pub use error::{ParameterError, SampleError};
+pub use families::{FAMILIES, admits, read_family};
+pub use family::{Family, FamilyEntry, FamilyOf, FamilyParameters, MOST_SAMPLES, SampleGroup};
 pub use glyphs::Glyphs;
 pub use large_grid::LargeGrid;
 pub use mazes::Mazes;
-pub use membership::admits;
 pub use small_grid::SmallGrid;
 pub use spirals::Spirals;
 pub use stripes::Stripes;

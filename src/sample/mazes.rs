@@ -1,50 +1,23 @@
 //! Mazes: one winding corridor that branches and never closes.
 //!
-//! Rooms on a square lattice, joined by a random tree over all of them: a depth-first walk that turns back where it has been
-//! everywhere. Corridors are 1 to 4 cells wide and so are the walls, both uniform; as many rooms as fit stand in the membrane, at a
-//! uniform offset. The corridors are active, or the walls with what is left around them, each as likely. Electrode and bare
-//! membrane are both connected over the whole, by paths far longer than its side.
+//! Rooms on a square lattice are joined by a random spanning tree, found by depth-first search. The widths of corridors
+//! and walls are uniform in 1 to 4 cells. The membrane holds as many rooms as fit, at a uniform offset. The corridors
+//! are active, or all else, with equal probability. Electrode and bare membrane are both connected, by paths far longer
+//! than the side.
 
-use super::canvas::Canvas;
-use super::error::SampleError;
-use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
-use deaflow_base::{Stream, parameters};
+use super::family::{Family, family};
+use deaflow_base::Stream;
 use deaflow_pattern::{Pattern, Raster};
 
 /// Cells across the widest corridor, and the widest wall.
 const WIDEST: usize = 4;
 
-parameters! {
+family! {
     /// Winding corridors that branch and never close, or the walls between them.
-    pub struct MazesParameters as "a mazes sample" {
-        /// Patterns to draw.
-        pub count: u64 [1..=MOST_SAMPLES],
-    }
+    Mazes, MazesParameters as "a mazes sample", "mazes"
 }
 
-impl FamilyParameters for MazesParameters {
-    const NAME: &'static str = "mazes";
-
-    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
-        Ok(self.one_group(self.count, Box::new(Mazes::new(canvas))))
-    }
-}
-
-/// Mazes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mazes {
-    canvas: Canvas,
-}
-
-impl Mazes {
-    /// The family on a canvas.
-    #[must_use]
-    pub fn new(canvas: Canvas) -> Self {
-        Self { canvas }
-    }
-}
-
-/// Rooms with what stands between them.
+/// A maze: rooms, corridors and walls.
 struct Maze {
     corridor: usize,
     wall: usize,
@@ -55,9 +28,9 @@ struct Maze {
 }
 
 impl Maze {
-    /// As many rooms as fit.
-    fn drawn(raster: Raster, [corridor, wall]: [usize; 2], stream: &mut Stream) -> Self {
-        // Where the membrane is narrower than a corridor there is one room, which is cut.
+    /// Draws a maze with as many rooms as fit.
+    fn draw(raster: Raster, [corridor, wall]: [usize; 2], stream: &mut Stream) -> Self {
+        // A membrane narrower than a corridor has one room, which is cut.
         let rooms = raster.sides().map(|cells| ((cells + wall) / (corridor + wall)).max(1));
         let joined = vec![[false; 2]; rooms[0] * rooms[1]];
         let mut maze = Self {
@@ -70,7 +43,7 @@ impl Maze {
         maze
     }
 
-    /// Joins all rooms by a walk that goes on to a random room that it has not seen, and back where there is none.
+    /// Joins all rooms by depth-first search in random order.
     fn join(&mut self, stream: &mut Stream) {
         let count = self.rooms[0] * self.rooms[1];
         let mut seen = vec![false; count];
@@ -101,12 +74,12 @@ impl Maze {
         sides.into_iter().flatten()
     }
 
-    /// Cells along its sides.
+    /// Returns the number of cells along the sides.
     fn sides(&self) -> [usize; 2] {
         self.rooms.map(|rooms| rooms * (self.corridor + self.wall) - self.wall)
     }
 
-    /// Whether a cell belongs to a corridor; counted from the lower left cell of the first room.
+    /// Returns whether a cell belongs to a corridor; cells are counted from the lower left cell of the first room.
     fn is_open(&self, x: usize, y: usize) -> bool {
         let [width, height] = self.sides();
         if x >= width || y >= height {
@@ -125,25 +98,25 @@ impl Maze {
 
 impl Family for Mazes {
     fn name(&self) -> &'static str {
-        MazesParameters::NAME
+        "mazes"
     }
 
-    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        let mut stream = Stream::new(seed, "mazes", index);
+    fn draw(&self, stream: &mut Stream) -> Pattern {
         let [corridor, wall] = [1 + stream.index(WIDEST), 1 + stream.index(WIDEST)];
         let inside = stream.chance(0.5);
         let raster = self.canvas.raster();
-        let maze = Maze::drawn(raster, [corridor, wall], &mut stream);
+        let maze = Maze::draw(raster, [corridor, wall], stream);
         let (cells, sides) = (raster.sides(), maze.sides());
         let [left, below] = [0, 1].map(|axis| stream.index(cells[axis].saturating_sub(sides[axis]) + 1));
         let open = |x: usize, y: usize| x >= left && y >= below && maze.is_open(x - left, y - below);
-        Ok(Pattern::from_fn(raster, |x, y| open(x, y) == inside))
+        Pattern::from_fn(raster, |x, y| open(x, y) == inside)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Canvas;
     use deaflow_pattern::CELLS;
 
     fn drawn(seed: u64, index: u64) -> Pattern {

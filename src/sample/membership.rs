@@ -1,39 +1,25 @@
-//! Whether a family may have drawn a pattern: what a dataset says of its rows is not to be believed.
+//! Detects patterns that a family cannot have drawn, since the labels of a dataset may be wrong.
 //!
-//! A family's patterns are drawn at random, so no pattern is that of one family alone. What is told here is what a family
-//! cannot have drawn: units that are cut, or, where every cell or unit is on its own, as few or as many edges between on and off
-//! as chance gives in one sample of 1e15.
+//! Patterns are drawn at random, so a pattern never proves its family. It can exclude one: by units that are cut, or,
+//! for independent cells or units, by a number of edges between on and off with a probability below 1e-15.
 
-use super::family::FAMILIES;
-use deaflow_pattern::{Pattern, Raster, Symmetry};
+use deaflow_pattern::Pattern;
 
-/// Standard deviations beyond which chance does not reach: odds of 1e-15 for a normal distribution.
+/// Standard deviations that a random sample does not exceed: a probability of 1e-15 for a normal distribution.
 const BEYOND_CHANCE: f64 = 8.0;
 
-/// Whether a family of this name may have drawn a pattern, or an image of it; `None` where the table has no such family.
-#[must_use]
-pub fn admits(family: &str, pattern: &Pattern) -> Option<bool> {
-    let entry = FAMILIES.iter().find(|entry| entry.name() == family)?;
-    // Of membranes of other cells it is not known how long their sides are.
-    if pattern.raster() != Raster::PAPER {
-        return Some(true);
-    }
-    // Datasets hold images of what was drawn. Units that differ by a cell in size stand otherwise in an image.
-    Some(Symmetry::ALL.into_iter().any(|g| entry.admits(&pattern.transformed(g))))
-}
-
-/// Sides between a cell that is on and one that is off.
+/// Returns the number of cell sides between a cell that is on and one that is off.
 pub(super) fn edges(pattern: &Pattern) -> usize {
     unit_edges(pattern.raster().sides(), &|x, y| pattern.is_active(x, y))
 }
 
-/// Cells along the longer side.
+/// Returns the number of cells along the longer side.
 pub(super) fn longer_side(pattern: &Pattern) -> usize {
     let [columns, rows] = pattern.raster().sides();
     columns.max(rows)
 }
 
-/// Whether every unit of a grid of so many columns and rows is on or off as a whole, and units seem to be on or off by chance.
+/// Returns whether every unit of a grid with these columns and rows is entirely on or off, and the units look random.
 pub(super) fn is_grid_of(units: [usize; 2], pattern: &Pattern) -> bool {
     let sides = pattern.raster().sides();
     let first = |axis: usize, cell: usize| (cell * units[axis] / sides[axis] * sides[axis]).div_ceil(units[axis]);
@@ -45,7 +31,7 @@ pub(super) fn is_grid_of(units: [usize; 2], pattern: &Pattern) -> bool {
     seems_drawn(units, &|x, y| pattern.is_active(corner(0, x), corner(1, y)))
 }
 
-/// Units of a grid of so many columns and rows that are on.
+/// Returns the number of units that are on in a grid with these columns and rows.
 pub(super) fn units_on(units: [usize; 2], pattern: &Pattern) -> usize {
     let sides = pattern.raster().sides();
     let corner = |axis: usize, unit: usize| (unit * sides[axis]).div_ceil(units[axis]);
@@ -53,11 +39,12 @@ pub(super) fn units_on(units: [usize; 2], pattern: &Pattern) -> usize {
     all.filter(|&(x, y)| pattern.is_active(x, y)).count()
 }
 
-/// Whether the edges among n × m units are as many as among units that are on or off by chance, a given number of them on.
+/// Returns whether n × m units have a plausible number of edges if the units that are on were chosen at random.
 ///
-/// Of N units k are on. Two neighbours differ with p = 2k(N − k)/(N(N − 1)); the number of neighbours that do has the mean
-/// n(m − 1)p + m(n − 1)p, and at most the variance that it would have if each unit were drawn for itself with the share α = k/N: p(1 − p) for
-/// each pair of neighbours, and twice α(1 − α)(1 − 4α(1 − α)) for each of the at most 6N pairs of these that share a unit.
+/// Of N units k are on. Two neighbours differ with probability p = 2k(N − k)/(N(N − 1)). The number of such neighbours
+/// has the mean n(m − 1)p + m(n − 1)p. Its variance is at most that for units drawn independently with probability α =
+/// k/N: p(1 − p) for each pair of neighbours, and twice α(1 − α)(1 − 4α(1 − α)) for each of the at most 6N pairs of
+/// pairs that share a unit.
 fn seems_drawn([n, m]: [usize; 2], is_on: &dyn Fn(usize, usize) -> bool) -> bool {
     let total = (n * m) as f64;
     let on = (0..n * m).filter(|i| is_on(i % n, i / n)).count() as f64;
@@ -66,7 +53,7 @@ fn seems_drawn([n, m]: [usize; 2], is_on: &dyn Fn(usize, usize) -> bool) -> bool
     let alone = on / total * (1.0 - on / total);
     let variance = pairs * p * (1.0 - p) + 12.0 * total * alone * (1.0 - 4.0 * alone);
     let off = unit_edges([n, m], is_on) as f64 - pairs * p;
-    // A bound for a normal distribution; counts of a few units are not normal, and are not told.
+    // The bound holds for a normal distribution; counts of a few units are not normal, so a margin is added.
     off.abs() <= BEYOND_CHANCE * variance.sqrt() + BEYOND_CHANCE
 }
 
@@ -80,10 +67,11 @@ fn unit_edges([n, m]: [usize; 2], is_on: &dyn Fn(usize, usize) -> bool) -> usize
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::Canvas;
-    use crate::{AreaSweep, Areas, Bezier, Blobs, Checker, Curves, Ends, Family, LargeGrid, SmallGrid, Stripes};
-    use deaflow_pattern::CELLS;
+    use crate::{
+        AreaSweep, Areas, Bezier, Blobs, Checker, Curves, Ends, Family, LargeGrid, SmallGrid, Stripes, admits,
+    };
+    use deaflow_pattern::{CELLS, Symmetry};
 
     fn families() -> Vec<Box<dyn Family>> {
         let areas = || Areas::new(Canvas::PAPER, 0.02, 0.98).unwrap();

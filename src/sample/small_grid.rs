@@ -1,17 +1,17 @@
-//! The small grid: every cell for itself.
+//! Small grid: single cells chosen at random.
 //!
-//! The first of the source paper's families (Qin et al., doi 10.1089/soro.2024.0063, "Dataset construction"): half of
-//! the 2500 cells, chosen at random. The area fraction is a parameter here.
+//! The first family of the source paper (Qin et al., doi 10.1089/soro.2024.0063, "Dataset construction"): half of the
+//! 2500 cells. Here the area fraction is a parameter.
 
 use super::canvas::Canvas;
-use super::error::{SampleError, cells_at};
-use super::family::{Family, FamilyError, FamilyParameters, MOST_SAMPLES, SampleGroup};
+use super::error::{ParameterError, SampleError, cells_at};
+use super::family::{Family, FamilyParameters, MOST_SAMPLES, SampleGroup};
 use super::membership::is_grid_of;
 use deaflow_base::{Decimal, Stream, parameters};
 use deaflow_pattern::Pattern;
 
 parameters! {
-    /// Patterns of which every cell stands for itself.
+    /// Single cells chosen at random.
     pub struct SmallGridParameters as "a small-grid sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
@@ -23,12 +23,12 @@ parameters! {
 impl FamilyParameters for SmallGridParameters {
     const NAME: &'static str = "small-grid";
 
-    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
-        let family = SmallGrid::new(canvas, self.area.to_f64()).map_err(FamilyError::of("area"))?;
+    fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, ParameterError> {
+        let family = SmallGrid::new(canvas, self.area.to_f64()).map_err(ParameterError::of("area"))?;
         Ok(self.one_group(self.count, Box::new(family)))
     }
 
-    /// Every cell is on or off by chance.
+    /// Every cell is on or off at random.
     fn admits(pattern: &Pattern) -> bool {
         is_grid_of(pattern.raster().sides(), pattern)
     }
@@ -37,30 +37,20 @@ impl FamilyParameters for SmallGridParameters {
 /// Patterns with a fixed number of active cells, each such pattern equally likely.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SmallGrid {
-    canvas: Canvas,
-    active: usize,
+    pub(super) canvas: Canvas,
+    pub(super) active: usize,
 }
 
 impl SmallGrid {
-    /// The family at an area fraction (0.5 in the paper); exactly the nearest number of cells to it is active.
+    /// Creates the family with an area fraction (0.5 in the paper), rounded to a number of cells.
     ///
     /// # Errors
-    /// When not even one cell would be active, or all of them.
+    /// When no cell or every cell would be active.
     pub fn new(canvas: Canvas, area: f64) -> Result<Self, SampleError> {
         Ok(Self {
             canvas,
             active: cells_at(area, canvas.raster())?,
         })
-    }
-
-    /// The pattern that a stream draws next.
-    pub(super) fn drawn(&self, stream: &mut Stream) -> Pattern {
-        let cells = self.canvas.raster().cells();
-        let mut active = vec![false; cells];
-        for cell in stream.choose(cells, self.active) {
-            active[cell] = true;
-        }
-        self.canvas.pattern(&active)
     }
 }
 
@@ -69,8 +59,13 @@ impl Family for SmallGrid {
         SmallGridParameters::NAME
     }
 
-    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        Ok(self.drawn(&mut Stream::new(seed, "small-grid", index)))
+    fn draw(&self, stream: &mut Stream) -> Pattern {
+        let cells = self.canvas.raster().cells();
+        let mut active = vec![false; cells];
+        for cell in stream.choose(cells, self.active) {
+            active[cell] = true;
+        }
+        self.canvas.pattern(&active)
     }
 }
 

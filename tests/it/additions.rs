@@ -15,8 +15,7 @@ use deaflow::orchestrator::{
 use deaflow::parameters;
 use deaflow::pattern::{Pattern, Raster};
 use deaflow::sample::{
-    Canvas, FAMILIES, Family, FamilyEntry, FamilyError, FamilyOf, FamilyParameters, SampleError, SampleGroup,
-    read_family,
+    Canvas, FAMILIES, Family, FamilyEntry, FamilyOf, FamilyParameters, ParameterError, SampleGroup, read_family,
 };
 use deaflow::scene::Scene;
 use deaflow::scene::laws::{Form, Response, StiffeningLaw};
@@ -38,7 +37,7 @@ parameters! {
 impl FamilyParameters for Bars {
     const NAME: &'static str = "bars";
 
-    fn groups(&self, _: Canvas) -> Result<Vec<SampleGroup>, FamilyError> {
+    fn groups(&self, _: Canvas) -> Result<Vec<SampleGroup>, ParameterError> {
         Ok(self.one_group(self.count, Box::new(BarsOf(self.width as usize))))
     }
 }
@@ -51,11 +50,9 @@ impl Family for BarsOf {
         Bars::NAME
     }
 
-    fn sample(&self, seed: u64, index: u64) -> Result<Pattern, SampleError> {
-        let shift = Stream::new(seed, "bars", index).index(2 * self.0);
-        Ok(Pattern::from_fn(Raster::PAPER, |x, _| {
-            ((x + shift) / self.0).is_multiple_of(2)
-        }))
+    fn draw(&self, stream: &mut Stream) -> Pattern {
+        let shift = stream.index(2 * self.0);
+        Pattern::from_fn(Raster::PAPER, |x, _| ((x + shift) / self.0).is_multiple_of(2))
     }
 }
 
