@@ -36,8 +36,8 @@ pub struct Measured {
     pub settings: String,
     /// Whether its fields are stable equilibria.
     pub equilibria: bool,
-    /// The error on each pattern.
-    pub patterns: Vec<PatternError>,
+    /// The comparison on each pattern.
+    pub patterns: Vec<Comparison>,
     /// The errors on each family.
     pub families: Vec<FamilyError>,
     /// Seconds of one core per pattern, for each family.
@@ -46,9 +46,9 @@ pub struct Measured {
     pub batch: Option<(usize, f64)>,
 }
 
-/// The error on one pattern.
+/// The comparison of a method with the reference on one pattern.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum PatternError {
+pub enum Comparison {
     /// Both have a field.
     Known {
         /// Root mean square over the components, mm.
@@ -74,11 +74,11 @@ pub struct FamilyError {
     /// Upper bound of the error in mm, also for patterns that were not measured: for 99 % of them with 95 % confidence.
     /// It includes the error of the reference.
     pub bound: f64,
-    /// Patterns that count as [`PatternError::Known`].
+    /// Patterns that count as [`Comparison::Known`].
     pub known: u64,
-    /// Patterns that count as [`PatternError::Missed`].
+    /// Patterns that count as [`Comparison::Missed`].
     pub missed: u64,
-    /// Patterns that count as [`PatternError::FalseAlarm`].
+    /// Patterns that count as [`Comparison::FalseAlarm`].
     pub false_alarms: u64,
 }
 
@@ -163,7 +163,7 @@ impl Benchmark {
 
     fn measure_one(&self, candidate: &Candidate, progress: &dyn Progress) -> Result<Measured, AccuracyError> {
         let evaluator = candidate.prepare(&self.scene, self.reference.settings().time())?;
-        let mut patterns = vec![PatternError::BothNone; self.patterns.len()];
+        let mut patterns = vec![Comparison::BothNone; self.patterns.len()];
         let (mut families, mut seconds) = (Vec::new(), Vec::new());
         for family in 0..self.families.len() {
             let members = self.members(family);
@@ -172,7 +172,7 @@ impl Benchmark {
             for (&i, field) in members.iter().zip(&fields) {
                 patterns[i] = compare(field.as_ref(), self.fields[i].as_ref());
             }
-            let errors: Vec<PatternError> = members.iter().map(|&i| patterns[i]).collect();
+            let errors: Vec<Comparison> = members.iter().map(|&i| patterns[i]).collect();
             families.push(of_family(
                 &errors,
                 evaluator.promised_error_mm(),
@@ -203,7 +203,7 @@ pub fn measurement(settings: &str, family: &str) -> String {
     format!("{settings}; {family}")
 }
 
-impl PatternError {
+impl Comparison {
     /// Returns the root mean square and the largest error in mm, if known.
     #[must_use]
     pub fn known(&self) -> Option<(f64, f64)> {
@@ -253,21 +253,21 @@ impl Measured {
     }
 }
 
-fn compare(found: Option<&Field>, reference: Option<&Field>) -> PatternError {
+fn compare(found: Option<&Field>, reference: Option<&Field>) -> Comparison {
     match (found, reference) {
-        (Some(found), Some(reference)) => PatternError::Known {
+        (Some(found), Some(reference)) => Comparison::Known {
             rms: found.rms_difference(reference),
             max: found.max_difference(reference),
         },
-        (Some(_), None) => PatternError::Missed,
-        (None, Some(_)) => PatternError::FalseAlarm,
-        (None, None) => PatternError::BothNone,
+        (Some(_), None) => Comparison::Missed,
+        (None, Some(_)) => Comparison::FalseAlarm,
+        (None, None) => Comparison::BothNone,
     }
 }
 
 /// The bound of a method that estimates its own error is that estimate, as long as no measured error exceeds it.
-fn of_family(errors: &[PatternError], promise_mm: Option<f64>, reference_error: f64) -> FamilyError {
-    let known: Vec<(f64, f64)> = errors.iter().filter_map(PatternError::known).collect();
+fn of_family(errors: &[Comparison], promise_mm: Option<f64>, reference_error: f64) -> FamilyError {
+    let known: Vec<(f64, f64)> = errors.iter().filter_map(Comparison::known).collect();
     let largest: Vec<f64> = known.iter().map(|(_, max)| *max).collect();
     let max = largest.iter().copied().fold(0.0, f64::max);
     let bound = match promise_mm {
@@ -276,14 +276,14 @@ fn of_family(errors: &[PatternError], promise_mm: Option<f64>, reference_error: 
     };
     // The sum of an empty list is −0.
     let squares = known.iter().fold(0.0, |sum, (rms, _)| sum + rms.powi(2));
-    let count = |kind: PatternError| errors.iter().filter(|error| **error == kind).count() as u64;
+    let count = |kind: Comparison| errors.iter().filter(|error| **error == kind).count() as u64;
     FamilyError {
         rms: (squares / known.len().max(1) as f64).sqrt(),
         max,
         bound,
         known: known.len() as u64,
-        missed: count(PatternError::Missed),
-        false_alarms: count(PatternError::FalseAlarm),
+        missed: count(Comparison::Missed),
+        false_alarms: count(Comparison::FalseAlarm),
     }
 }
 

@@ -1,34 +1,33 @@
-//! How large an error may be on patterns that were not measured.
+//! An upper bound of the error on patterns that were not measured.
 //!
-//! A family has patterns on which a method is nearly exact, and a few on which it is not: the lower part of the errors
-//! says nothing of the upper. So the upper half of their logarithms is taken for that of a normal distribution about
-//! the median, and 99 % of all patterns of the family are to stay below the bound with 95 % confidence: median + k s,
-//! where s is the root mean square distance of the upper half from the median. For k Natrella's one-sided tolerance
-//! factor (Experimental Statistics, NBS Handbook 91 (1963), section 2-5.3; also NIST/SEMATECH e-Handbook, section
-//! 7.2.6.3) is taken for the (n + 1)/2 errors that s is made of; for normal samples that is right within 3 % from n =
-//! 10 and on the safe side below.
+//! A method may be nearly exact on most patterns of a family and not on a few, so the lower part of the errors does not
+//! predict the upper. The upper half of their logarithms is modelled by a normal distribution about the median. The
+//! bound is median + k s with the root mean square distance s of the upper half from the median, and k such that 99 %
+//! of all patterns of the family stay below it with 95 % confidence. k is Natrella's one-sided tolerance factor
+//! (Experimental Statistics, NBS Handbook 91 (1963), section 2-5.3; also NIST/SEMATECH e-Handbook, section 7.2.6.3) for
+//! the (n + 1)/2 errors in s. For normal samples it is correct within 3 % from n = 10 on, and conservative below.
 
-/// Standard normal deviate of the share of patterns that is covered, 99 %.
+/// Standard normal deviate of the covered share of patterns, 99 %.
 const COVERED: f64 = 2.326_347_874;
 
 /// Standard normal deviate of the confidence, 95 %.
 const CONFIDENCE: f64 = 1.644_853_627;
 
-/// Errors below this are rounding, in mm: a pattern that does not move says nothing of a method.
+/// Errors below this in mm are rounding errors and are left out.
 const ROUNDING: f64 = 1e-10;
 
-/// The fewest errors that say something about others.
+/// The fewest errors for which a bound is computed.
 const LEAST: usize = 5;
 
-/// Natrella's factor for n samples.
+/// Returns Natrella's factor for n samples.
 fn factor(n: f64) -> f64 {
     let a = 1.0 - CONFIDENCE.powi(2) / (2.0 * (n - 1.0));
     let b = COVERED.powi(2) - CONFIDENCE.powi(2) / n;
     (COVERED + (COVERED.powi(2) - a * b).sqrt()) / a
 }
 
-/// The bound for some errors in mm, and never less than the largest of them. Fewer than [`LEAST`] say nothing about
-/// others: then it is the largest.
+/// Returns the bound for some errors in mm, at least the largest of them. For fewer than [`LEAST`] errors it is the
+/// largest.
 pub fn upper_bound(errors: &[f64]) -> f64 {
     let largest = errors.iter().copied().fold(0.0, f64::max);
     let mut logs: Vec<f64> = errors.iter().filter(|e| **e > ROUNDING).map(|e| e.ln()).collect();

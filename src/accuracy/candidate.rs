@@ -46,7 +46,7 @@ impl Candidate {
     /// or estimates of them.
     ///
     /// # Errors
-    /// When the list is empty, names a method twice, or has something else in it.
+    /// When the list is empty, contains a method twice, or contains something else.
     pub fn read(node: &Node) -> Result<Vec<Self>, InputError> {
         read_items(node, node.list("methods")?.iter())
     }
@@ -54,7 +54,7 @@ impl Candidate {
     /// Reads a list that may also contain `{ model: FILE.safetensors }` for trained networks, which come last.
     ///
     /// # Errors
-    /// As for a list without models, or when a file is no model.
+    /// As for [`Candidate::read`], or when a file is not a model.
     pub fn read_with_models(node: &Node, more: Vec<Network>) -> Result<Vec<Self>, InputError> {
         let (models, methods): (Vec<&Node>, Vec<&Node>) = node
             .list("methods")?
@@ -70,8 +70,15 @@ impl Candidate {
             (true, false) => Vec::new(),
             _ => read_items(node, methods.into_iter())?,
         };
-        candidates.extend(Network::named(networks));
+        candidates.extend(Self::networks(networks));
         Ok(candidates)
+    }
+
+    /// Returns networks as candidates; the settings of equal names include the digest of the model.
+    #[must_use]
+    pub fn networks(mut networks: Vec<Network>) -> Vec<Self> {
+        Network::distinguish(&mut networks);
+        networks.into_iter().map(Self::Network).collect()
     }
 
     /// Returns the schema of [`Candidate::read`].
@@ -309,8 +316,8 @@ fn in_time(node: &Node) -> Result<Option<Candidate>, InputError> {
 
 fn unknown_in_time(word: &Node, text: &str) -> InputError {
     word.error(format!("unknown method {text:?}")).help(format!(
-        "allowed for a state at a time: {STEPS} and {THREE_SOLVES}, optionally with +linear or +chord:N, N from 1 to 50, \
-         as in {STEPS}+chord:1; newton, linear and chord:N compute the end of creep"
+        "allowed for a state at a time: {STEPS} and {THREE_SOLVES}, optionally with +linear or +chord:N, N from 1 to \
+         50, as in {STEPS}+chord:1; newton, linear and chord:N compute the end of creep"
     ))
 }
 

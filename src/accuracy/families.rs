@@ -1,5 +1,5 @@
-//! Patterns to measure methods on: those of the pipelines, what people draw, and families that are hard on coarse
-//! meshes. A bound holds for families that were measured, so single cells and one-cell dithers are among them.
+//! The patterns on which methods are measured: the families of the pipelines, and families with large errors on coarse
+//! meshes, such as single cells and dithers. A bound only holds for families that were measured.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use deaflow_sample::{
 /// Patterns by the name of their family.
 pub type Families = BTreeMap<String, Vec<Pattern>>;
 
-/// Patterns that somebody drew, as a family of their own.
+/// Returns given patterns as a family of their own.
 #[must_use]
 pub fn given(patterns: Vec<Pattern>) -> Families {
     BTreeMap::from([("given".to_owned(), patterns)])
@@ -25,12 +25,12 @@ const UNITS: [usize; 9] = [2, 3, 4, 5, 6, 7, 8, 9, 10];
 /// Area fractions of stripes.
 const STRIPED: [f64; 2] = [0.4, 0.6];
 
-/// So many patterns of each family on a canvas under a seed: small grids, large grids of 2 to 10 units, Bézier curves,
-/// stripes, blobs, checkers, dithers, mazes, diagonals, spirals, glyphs, and single cells. Of large grids there may be
-/// fewer, since not all have so many patterns.
+/// Draws `count` patterns of each family on a canvas: small grids, large grids of 2 to 10 units, Bézier curves,
+/// stripes, blobs, checkers, dithers, mazes, diagonals, spirals, glyphs, and single cells. There may be fewer large
+/// grids, since some have fewer patterns.
 ///
 /// # Errors
-/// When a canvas has fewer cells than a family needs.
+/// When the canvas has fewer cells than a family needs.
 pub fn drawn(canvas: Canvas, count: u64, seed: u64) -> Result<Families, SampleError> {
     let of_family = |family: &dyn Family| -> Result<Vec<Pattern>, SampleError> {
         (0..count).map(|i| family.sample(seed, i)).collect()
@@ -75,8 +75,8 @@ fn large_grids(canvas: Canvas, count: u64, seed: u64) -> Result<Vec<Pattern>, Sa
 
 fn single_cell(canvas: Canvas, seed: u64, index: u64) -> Pattern {
     let mut stream = Stream::new(seed, "single cell", index);
-    let place = canvas.raster().sides().map(|count| stream.index(count));
-    Pattern::from_fn(canvas.raster(), |x, y| [x, y] == place)
+    let cell = canvas.raster().sides().map(|count| stream.index(count));
+    Pattern::from_fn(canvas.raster(), |x, y| [x, y] == cell)
 }
 
 #[cfg(test)]

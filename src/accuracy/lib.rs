@@ -12,7 +12,7 @@ mod network;
 mod reference;
 mod timing;
 
-pub use benchmark::{Benchmark, FamilyError, Measured, PatternError, measurement};
+pub use benchmark::{Benchmark, Comparison, FamilyError, Measured, measurement};
 pub use candidate::Candidate;
 pub use error::AccuracyError;
 pub use families::{Families, drawn, given};

@@ -1,29 +1,28 @@
-//! A trained network as a method to be measured.
+//! A trained network as a method to measure.
 
 use std::path::Path;
 use std::sync::Arc;
 
-use super::candidate::Candidate;
 use deaflow_base::{Canonical, Digest, InputError, Node, read_bounded};
 use deaflow_field::Evaluator;
 use deaflow_surrogate::{LoadError, Surrogate};
 
-/// A model is some hundred megabytes at most; more is another kind of file.
+/// The largest file that is read as a model.
 const MAX_BYTES: u64 = 4 << 30;
 
-/// The network.
+/// A trained network.
 pub struct Network {
     surrogate: Arc<Surrogate>,
     digest: Digest,
-    /// Whether another of the same name is measured too.
+    /// Whether another network of the same name is also measured.
     ambiguous: bool,
 }
 
 impl Network {
-    /// From the bytes of a safetensors file.
+    /// Reads the bytes of a safetensors file.
     ///
     /// # Errors
-    /// When they are no model.
+    /// When they are not a model.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, LoadError> {
         Ok(Self {
             surrogate: Arc::new(Surrogate::load(bytes)?),
@@ -32,10 +31,10 @@ impl Network {
         })
     }
 
-    /// From the file that a node names.
+    /// Reads the file that a node names.
     ///
     /// # Errors
-    /// When it cannot be read, or is no model.
+    /// When it cannot be read, or is not a model.
     pub fn read(node: &Node) -> Result<Self, InputError> {
         let path = node.text("model")?;
         let bytes = read_bounded(Path::new(path), MAX_BYTES)
@@ -43,19 +42,16 @@ impl Network {
         Self::from_bytes(&bytes).map_err(|e| node.error(format!("cannot use {path}: {e}")))
     }
 
-    /// Networks as candidates of which no two are called the same: by their digests too where they must be.
-    #[must_use]
-    pub fn named(networks: Vec<Self>) -> Vec<Candidate> {
+    /// Adds the digests to the settings of networks with equal names.
+    pub(super) fn distinguish(networks: &mut [Self]) {
         let names: Vec<&str> = networks.iter().map(|network| network.surrogate.kind().name()).collect();
-        let ambiguous: Vec<bool> = names
-            .iter()
-            .map(|name| names.iter().filter(|other| other == &name).count() > 1)
-            .collect();
-        let named = |(network, ambiguous)| Candidate::Network(Self { ambiguous, ..network });
-        networks.into_iter().zip(ambiguous).map(named).collect()
+        let is_ambiguous = |name| names.iter().filter(|other| **other == name).count() > 1;
+        let ambiguous: Vec<bool> = names.iter().map(|name| is_ambiguous(*name)).collect();
+        for (network, ambiguous) in networks.iter_mut().zip(ambiguous) {
+            network.ambiguous = ambiguous;
+        }
     }
 
-    /// The network itself.
     pub(super) fn surrogate(&self) -> &Arc<Surrogate> {
         &self.surrogate
     }

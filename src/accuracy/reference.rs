@@ -27,10 +27,10 @@ impl Reference {
         Self::read(&Document::from_text(Path::new("solver"), text)?.root)
     }
 
-    /// From the keys of a solve stage.
     /// Reads the keys of a solve stage.
+    ///
     /// # Errors
-    /// As a solve stage refuses them, or when they cannot be those of a reference.
+    /// When they are invalid, or cannot be those of a reference.
     pub fn read(node: &Node) -> Result<Self, InputError> {
         let map = node.fields("the reference", &SolverParameters::keys())?;
         let parameters = SolverParameters::read(&map, Mesh::bilinear(2))?;

@@ -2,12 +2,11 @@
 
 use deaflow_base::thread_seconds;
 
-/// Work shorter than this is repeated until it is not, s: the system counts the time on a core in ticks of
-/// milliseconds.
+/// Work is repeated until it takes this many seconds, since the system counts the time on a core in milliseconds.
 const ENOUGH: f64 = 0.15;
 
-/// The result of some work on this thread, and the seconds of one core that it takes. Short work is done once to warm
-/// up and then as often as can be timed.
+/// Returns the result of some work on this thread, and its time on one core in seconds. Short work is done once to warm
+/// up, and then repeated.
 ///
 /// # Errors
 /// When the work fails.

@@ -132,7 +132,7 @@ fn methods(arguments: &AccuracyArguments, scene: &Scene, reference: &Reference) 
             }
             None => Candidate::usual(),
         };
-        return Ok(usual.into_iter().chain(Network::named(networks)).collect());
+        return Ok(usual.into_iter().chain(Candidate::networks(networks)).collect());
     };
     let document = Document::from_text(Path::new("--methods"), text)?;
     Ok(Candidate::read_with_models(&document.root, networks)?)

@@ -107,7 +107,7 @@ impl Stage for AccuracyStage {
         };
         let failed = StageError::failed;
         let benchmark = benchmark(reference)?;
-        let networks = Network::named(networks);
+        let networks = Candidate::networks(networks);
         let candidates: Vec<&Candidate> = self.candidates.iter().chain(&networks).collect();
         let measured = benchmark.measure(&candidates, job.progress).map_err(failed)?;
         for (name, seconds) in benchmark.measurements(&measured) {

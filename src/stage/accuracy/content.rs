@@ -1,6 +1,6 @@
 //! The artifact of an accuracy stage, and the file of the command: errors. Times are not part of it.
 
-use deaflow_accuracy::{Benchmark, FamilyError, Measured, PatternError};
+use deaflow_accuracy::{Benchmark, Comparison, FamilyError, Measured};
 use deaflow_content::{Accuracy, FamilyErrors, Mismatches, PatternErrors, ReferenceErrors};
 
 /// Returns the content of the artifact.
@@ -37,10 +37,10 @@ pub fn content(benchmark: &Benchmark, measured: &[Measured]) -> Accuracy {
             rms: of_patterns(measured, |error| error.known().map_or(0.0, |(rms, _)| rms)),
             max: of_patterns(measured, |error| error.known().map_or(0.0, |(_, max)| max)),
             compared: of_patterns(measured, |error| match error {
-                PatternError::Known { .. } => 0,
-                PatternError::Missed => 1,
-                PatternError::FalseAlarm => 2,
-                PatternError::BothNone => 3,
+                Comparison::Known { .. } => 0,
+                Comparison::Missed => 1,
+                Comparison::FalseAlarm => 2,
+                Comparison::BothNone => 3,
             }),
         },
         scene: benchmark.scene.clone(),
@@ -52,6 +52,6 @@ fn of_families<T>(measured: &[Measured], value: fn(&FamilyError) -> T) -> Vec<T>
     measured.iter().flat_map(|method| &method.families).map(value).collect()
 }
 
-fn of_patterns<T>(measured: &[Measured], value: fn(&PatternError) -> T) -> Vec<T> {
+fn of_patterns<T>(measured: &[Measured], value: fn(&Comparison) -> T) -> Vec<T> {
     measured.iter().flat_map(|method| &method.patterns).map(value).collect()
 }
