@@ -4,15 +4,15 @@ use std::io::{self, ErrorKind, Write};
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
 
-use super::answer::Answers;
 use super::error::Failure;
 use super::limits;
-use super::message::{self, Question, Reply};
+use super::message::{self, FileRequest, Reply};
+use super::respond::Responder;
 
 /// The command that starts it. It is not for users.
 pub const COMMAND: &str = "read-hdf5";
 
-/// Answers requests from the socket on standard input until the other side closes it.
+/// Responder requests from the socket on standard input until the other side closes it.
 ///
 /// # Errors
 /// If standard input is not a connected socket, or the limits cannot be set.
@@ -21,10 +21,10 @@ pub fn serve() -> io::Result<()> {
     // Fails without a socket, while an error can still be printed.
     socket.peer_addr()?;
     limits::apply()?;
-    let mut answers = Answers::default();
-    while let Some(question) = message::receive::<Question>(&mut socket)? {
+    let mut responder = Responder::default();
+    while let Some(request) = message::receive::<FileRequest>(&mut socket)? {
         limits::allow_seconds()?;
-        let (reply, bytes) = answers.answer(&question);
+        let (reply, bytes) = responder.respond(&request);
         send_reply(&mut socket, &reply, &bytes)?;
     }
     Ok(())

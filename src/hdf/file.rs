@@ -6,21 +6,22 @@ use std::path::{Path, PathBuf};
 use super::elements::{Element, Elements};
 use super::error::{Failure, HdfError};
 use super::limits::{CALL, ROW, SLICE, TEXTS};
-use super::message::{Answer, Form, Found, Request};
+use super::message::{DatasetInfo, Form, Request, Response};
 use super::open::OpenFile;
 use super::pool::{self, Key};
-use super::session::{Told, has_reader};
+use super::respond;
+use super::session::{Received, has_reader};
 use super::tree::Tree;
 
 /// A file that can be read.
 pub struct HdfFile {
     path: PathBuf,
-    place: Place,
+    access: Access,
 }
 
-enum Place {
-    Here(Box<OpenFile>),
-    Apart(Key),
+enum Access {
+    InProcess(Box<OpenFile>),
+    ChildProcess(Key),
 }
 
 impl HdfFile {
@@ -32,7 +33,7 @@ impl HdfFile {
         let open = OpenFile::open(path).map_err(|failure| HdfError::failed(path, failure))?;
         Ok(Self {
             path: path.to_owned(),
-            place: Place::Here(Box::new(open)),
+            access: Access::InProcess(Box::new(open)),
         })
     }
 
@@ -42,9 +43,9 @@ impl HdfFile {
     /// If it cannot be opened, or the process crashes or does not finish.
     pub fn apart(path: &Path) -> Result<Self, HdfError> {
         let file = Self::keyed(path, Key::File(path.to_owned()));
-        match file.told(Request::Open)? {
-            Told::Plain(Answer::Opened) => Ok(file),
-            _ => Err(file.invalid_answer()),
+        match file.request(Request::Open)? {
+            Received::Plain(Response::Opened) => Ok(file),
+            _ => Err(file.invalid_response()),
         }
     }
 
@@ -63,7 +64,7 @@ impl HdfFile {
     fn keyed(path: &Path, key: Key) -> Self {
         Self {
             path: path.to_owned(),
-            place: Place::Apart(key),
+            access: Access::ChildProcess(key),
         }
     }
 
@@ -72,29 +73,21 @@ impl HdfFile {
     /// # Errors
     /// If the file cannot be read.
     pub fn names(&self) -> Result<Vec<String>, HdfError> {
-        self.plain(
-            |open| open.names(),
-            || Request::Names,
-            |answer| match answer {
-                Answer::Names(names) => Some(names),
-                _ => None,
-            },
-        )
+        self.plain(Request::Names, |response| match response {
+            Response::Names(names) => Some(names),
+            _ => None,
+        })
     }
 
     /// Returns type and shape of a dataset, if it exists.
     ///
     /// # Errors
     /// If it is behind a link, or cannot be read.
-    pub fn find(&self, dataset: &str) -> Result<Option<Found>, HdfError> {
-        self.plain(
-            |open| open.find(dataset),
-            || Request::Find(dataset.to_owned()),
-            |answer| match answer {
-                Answer::Found(found) => Some(found),
-                _ => None,
-            },
-        )
+    pub fn find(&self, dataset: &str) -> Result<Option<DatasetInfo>, HdfError> {
+        self.plain(Request::Find(dataset.to_owned()), |response| match response {
+            Response::Dataset(found) => Some(found),
+            _ => None,
+        })
     }
 
     /// Reads everything except elements.
@@ -102,14 +95,10 @@ impl HdfFile {
     /// # Errors
     /// If the file does not have the format that this program writes.
     pub fn tree(&self) -> Result<Tree, HdfError> {
-        self.plain(
-            |open| open.tree(),
-            || Request::Tree,
-            |answer| match answer {
-                Answer::Tree(tree) => Some(*tree),
-                _ => None,
-            },
-        )
+        self.plain(Request::Tree, |response| match response {
+            Response::Tree(tree) => Some(*tree),
+            _ => None,
+        })
     }
 
     /// Returns a text attribute of the file; `None` if it does not exist or is not a text.
@@ -117,14 +106,10 @@ impl HdfFile {
     /// # Errors
     /// If the file cannot be read.
     pub fn attribute(&self, name: &str) -> Result<Option<String>, HdfError> {
-        self.plain(
-            |open| open.attribute(name),
-            || Request::Attribute(name.to_owned()),
-            |answer| match answer {
-                Answer::Attribute(text) => Some(text),
-                _ => None,
-            },
-        )
+        self.plain(Request::Attribute(name.to_owned()), |response| match response {
+            Response::Attribute(text) => Some(text),
+            _ => None,
+        })
     }
 
     /// Returns the unit of a dataset; `None` if it has none, or it is not a text.
@@ -132,14 +117,10 @@ impl HdfFile {
     /// # Errors
     /// If the file cannot be read.
     pub fn units(&self, dataset: &str) -> Result<Option<String>, HdfError> {
-        self.plain(
-            |open| open.units(dataset),
-            || Request::Units(dataset.to_owned()),
-            |answer| match answer {
-                Answer::Attribute(text) => Some(text),
-                _ => None,
-            },
-        )
+        self.plain(Request::Units(dataset.to_owned()), |response| match response {
+            Response::Attribute(text) => Some(text),
+            _ => None,
+        })
     }
 
     /// Reads all elements of a dataset, which must have a type of artifacts.
@@ -170,7 +151,7 @@ impl HdfFile {
         let rows = rows.start as u64..rows.end as u64;
         match self.read(dataset, &found, rows, Form::Numbers, CALL)? {
             Elements::F64(numbers) => Ok(numbers),
-            _ => Err(self.invalid_answer()),
+            _ => Err(self.invalid_response()),
         }
     }
 
@@ -195,11 +176,11 @@ impl HdfFile {
         let rows = found.shape.first().copied().unwrap_or(1);
         match self.read(dataset, &found, 0..rows, form, CALL)? {
             Elements::Text(texts) => Ok(texts),
-            _ => Err(self.invalid_answer()),
+            _ => Err(self.invalid_response()),
         }
     }
 
-    fn existing(&self, dataset: &str) -> Result<Found, HdfError> {
+    fn existing(&self, dataset: &str) -> Result<DatasetInfo, HdfError> {
         let found = self.find(dataset)?;
         found.ok_or_else(|| HdfError::refused(&self.path, format!("the file has no dataset {dataset:?}")))
     }
@@ -207,22 +188,22 @@ impl HdfFile {
     fn read(
         &self,
         dataset: &str,
-        found: &Found,
+        found: &DatasetInfo,
         rows: Range<u64>,
         form: Form,
         most: u64,
     ) -> Result<Elements, HdfError> {
-        match &self.place {
-            Place::Here(open) => open.rows(dataset, rows, form).map_err(self.failed()),
-            Place::Apart(_) => self.slices(dataset, found, rows, form, most),
+        match &self.access {
+            Access::InProcess(open) => open.rows(dataset, rows, form).map_err(self.failed()),
+            Access::ChildProcess(_) => self.slices(dataset, found, rows, form, most),
         }
     }
 
-    /// Requests some rows at a time, so that answers are limited whatever the file claims.
+    /// Requests some rows at a time, so that responses are limited whatever the file claims.
     fn slices(
         &self,
         dataset: &str,
-        found: &Found,
+        found: &DatasetInfo,
         rows: Range<u64>,
         form: Form,
         most: u64,
@@ -261,10 +242,10 @@ impl HdfFile {
                 None => all.replace(part).is_none(),
             };
             if !appended {
-                return Err(self.invalid_answer());
+                return Err(self.invalid_response());
             }
         }
-        all.ok_or_else(|| self.invalid_answer())
+        all.ok_or_else(|| self.invalid_response())
     }
 
     /// Requests rows, and checks the number of elements.
@@ -275,32 +256,28 @@ impl HdfFile {
             rows,
             form,
         };
-        match self.told(request)? {
-            Told::Elements(elements) if elements.len() as u64 == count => Ok(elements),
-            _ => Err(self.invalid_answer()),
+        match self.request(request)? {
+            Received::Elements(elements) if elements.len() as u64 == count => Ok(elements),
+            _ => Err(self.invalid_response()),
         }
     }
 
-    /// Reads something without elements in this process, or takes it from the answer of the child process.
-    fn plain<T>(
-        &self,
-        here: impl FnOnce(&OpenFile) -> Result<T, Failure>,
-        request: impl FnOnce() -> Request,
-        pick: impl FnOnce(Answer) -> Option<T>,
-    ) -> Result<T, HdfError> {
-        match &self.place {
-            Place::Here(open) => here(open).map_err(self.failed()),
-            Place::Apart(_) => match self.told(request())? {
-                Told::Plain(answer) => pick(answer).ok_or_else(|| self.invalid_answer()),
-                Told::Elements(_) => Err(self.invalid_answer()),
+    /// Reads something without elements.
+    fn plain<T>(&self, request: Request, pick: impl FnOnce(Response) -> Option<T>) -> Result<T, HdfError> {
+        let response = match &self.access {
+            Access::InProcess(open) => respond::reply(open, &request).map_err(self.failed())?.0,
+            Access::ChildProcess(_) => match self.request(request)? {
+                Received::Plain(response) => response,
+                Received::Elements(_) => return Err(self.invalid_response()),
             },
-        }
+        };
+        pick(response).ok_or_else(|| self.invalid_response())
     }
 
-    fn told(&self, request: Request) -> Result<Told, HdfError> {
-        match &self.place {
-            Place::Apart(key) => pool::ask(key, &self.path, request),
-            Place::Here(_) => Err(self.invalid_answer()),
+    fn request(&self, request: Request) -> Result<Received, HdfError> {
+        match &self.access {
+            Access::ChildProcess(key) => pool::send(key, &self.path, request),
+            Access::InProcess(_) => Err(self.invalid_response()),
         }
     }
 
@@ -308,16 +285,16 @@ impl HdfFile {
         |failure| HdfError::failed(&self.path, failure)
     }
 
-    fn invalid_answer(&self) -> HdfError {
+    fn invalid_response(&self) -> HdfError {
         HdfError::Broken {
             path: self.path.clone(),
-            how: "its answer is not valid".to_owned(),
+            how: "its response is invalid".to_owned(),
         }
     }
 }
 
-/// Returns the number of bytes of an element in an answer.
-fn width(found: &Found, form: Form) -> u64 {
+/// Returns the number of bytes of an element in a response.
+fn width(found: &DatasetInfo, form: Form) -> u64 {
     match (form, &found.element) {
         (Form::Numbers, _) => 8,
         (Form::Own, Element::U8) => 1,

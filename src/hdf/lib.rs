@@ -2,10 +2,9 @@
 //!
 //! libhdf5 is not robust against damaged or malicious files: a few changed bytes make it hang, crash or allocate all
 //! memory. So untrusted files are opened by a child process of this program with limits on memory and time and without
-//! plugins ([`HdfFile::apart`]), and its answers are limited and checked. Files whose bytes have been verified with our
-//! own checksum are read in this process ([`HdfFile::here`]), by the same code.
+//! plugins ([`HdfFile::apart`]), and its responses are limited and checked. Files whose bytes have been verified with
+//! our own checksum are read in this process ([`HdfFile::here`]), by the same code.
 
-mod answer;
 mod attributes;
 mod child;
 mod elements;
@@ -15,6 +14,7 @@ mod limits;
 mod message;
 mod open;
 mod pool;
+mod respond;
 mod session;
 mod storage;
 mod tree;
@@ -25,7 +25,7 @@ pub use elements::{Element, Elements};
 pub use error::{Failure, HdfError};
 pub use file::HdfFile;
 pub use limits::{MEMORY, SECONDS};
-pub use message::Found;
+pub use message::DatasetInfo;
 pub use session::{read_by_test, set_reader};
 pub use tree::{Array, Tree};
 

@@ -5,10 +5,10 @@ use std::io;
 use rustix::process::{Resource, Rlimit, setrlimit};
 use rustix::time::{ClockId, clock_gettime};
 
-/// Address space, bytes: for the program, the largest chunk of a dataset twice, and one answer.
+/// Address space, bytes: for the program, the largest chunk of a dataset twice, and one response.
 pub const MEMORY: u64 = 1 << 30;
 
-/// Maximum duration of an answer, s: elapsed time and processor time.
+/// Maximum duration of a response, s: elapsed time and processor time.
 pub const SECONDS: u64 = 8;
 
 /// The largest chunk of a dataset, bytes.
@@ -17,7 +17,7 @@ pub(super) const CHUNK: u64 = 256 << 20;
 /// Elements that are requested at a time, bytes.
 pub(super) const SLICE: u64 = 8 << 20;
 
-/// Maximum length of a row of a dataset and of an answer, bytes.
+/// Maximum length of a row of a dataset and of a response, bytes.
 pub(super) const ROW: u64 = 128 << 20;
 
 /// Maximum result of one call for an untrusted file, bytes.

@@ -1,7 +1,7 @@
 //! Messages between this process and the one that reads a file.
 //!
 //! A message has a length of four bytes, that many bytes in the encoding of records, which limits all lengths in them,
-//! and, for an answer, the bytes of elements that it announces. Lengths are checked before memory is allocated.
+//! and, for a response, the bytes of elements that it announces. Lengths are checked before memory is allocated.
 
 use std::io::{Error, ErrorKind, Read, Result, Write};
 use std::ops::Range;
@@ -19,7 +19,7 @@ const MOST: u32 = 16 << 20;
 
 /// A request for a file.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Question {
+pub(super) struct FileRequest {
     /// The file.
     pub path: String,
     /// The request.
@@ -62,12 +62,12 @@ pub(super) enum Form {
     Words,
 }
 
-/// An answer.
+/// A response.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) enum Answer {
+pub(super) enum Response {
     Opened,
     Names(Vec<String>),
-    Found(Option<Found>),
+    Dataset(Option<DatasetInfo>),
     Tree(Box<Tree>),
     Attribute(Option<String>),
     Texts(Vec<String>),
@@ -75,12 +75,12 @@ pub(super) enum Answer {
     Numbers(Element, u64),
 }
 
-/// An answer or a failure.
-pub(super) type Reply = std::result::Result<Answer, Failure>;
+/// A response or a failure.
+pub(super) type Reply = std::result::Result<Response, Failure>;
 
 /// A dataset without its elements.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Found {
+pub struct DatasetInfo {
     /// Extents, slowest first.
     pub shape: Vec<u64>,
     /// Type of the elements.

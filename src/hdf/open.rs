@@ -12,7 +12,7 @@ use super::attributes::{self, utf8};
 use super::elements::{Element, Elements};
 use super::error::Failure;
 use super::limits::{CHUNK, ROW};
-use super::message::{Form, Found};
+use super::message::{DatasetInfo, Form};
 use super::storage;
 use super::tree::{self, Tree};
 
@@ -57,11 +57,11 @@ impl OpenFile {
     }
 
     /// Returns type and shape of a dataset, if it exists.
-    pub fn find(&self, dataset: &str) -> Result<Option<Found>, Failure> {
+    pub fn find(&self, dataset: &str) -> Result<Option<DatasetInfo>, Failure> {
         let Some(found) = storage::find(&self.file, dataset)? else {
             return Ok(None);
         };
-        Ok(Some(Found {
+        Ok(Some(DatasetInfo {
             shape: found.get_shape()?.iter().map(|&n| n as u64).collect(),
             element: storage::element(&found)?,
         }))

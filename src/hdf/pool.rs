@@ -1,45 +1,45 @@
-//! The processes that read files of others: one for each file, and a few at a time, so that a file which has got the
-//! better of its process has got nothing of another file.
+//! The child processes that read untrusted files. Each file has its own, so that a malicious file cannot access
+//! another.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::error::{Failure, HdfError};
-use super::message::{Question, Request};
-use super::session::{Session, Told};
+use super::message::{FileRequest, Request};
+use super::session::{Received, Session};
 
-/// Processes at a time.
-const MOST: usize = 4;
+/// The largest number of processes.
+const MAX_PROCESSES: usize = 4;
 
-/// What a process is for.
+/// The files that a process reads.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Key {
     /// One file.
     File(PathBuf),
-    /// The files of stores, whose checksums fit: they are looked at once, before this process opens them itself.
+    /// The files of stores with correct checksums, which are checked once before this process opens them.
     Stores,
 }
 
 type Shared = Arc<Mutex<Option<Session>>>;
 
-/// The sessions, that used last at the end.
+/// The sessions, the most recently used at the end.
 static POOL: Mutex<Vec<(Key, Shared)>> = Mutex::new(Vec::new());
 
-/// Asks the process of that key, which is started where it is not there.
+/// Sends a request to the process with this key, and starts it if necessary.
 ///
 /// # Errors
-/// As [`Session::ask`], or when none can be started.
-pub(super) fn ask(key: &Key, path: &Path, request: Request) -> Result<Told, HdfError> {
+/// As for [`Session::request`], or if the process cannot be started.
+pub(super) fn send(key: &Key, path: &Path, request: Request) -> Result<Received, HdfError> {
     let name = path.to_str().ok_or_else(|| {
-        let why = "its name is not UTF-8, and HDF5 cannot open it";
+        let why = "its name is not UTF-8, so HDF5 cannot open it";
         HdfError::failed(path, Failure::Refused(why.to_owned()))
     })?;
-    let question = Question {
+    let request = FileRequest {
         path: name.to_owned(),
         request,
     };
     let shared = session(key);
-    // A panic elsewhere while it was held leaves a process with which no more is to be said.
+    // After a panic of another thread the state of the process is unknown.
     let mut session = shared.lock().unwrap_or_else(|poisoned| {
         let mut session = poisoned.into_inner();
         *session = None;
@@ -49,15 +49,15 @@ pub(super) fn ask(key: &Key, path: &Path, request: Request) -> Result<Told, HdfE
         Some(running) => running,
         None => session.insert(Session::start(path)?),
     };
-    let told = running.ask(path, &question);
-    if !matches!(told, Ok(_) | Err(HdfError::Failed { .. })) {
+    let received = running.request(path, &request);
+    if !matches!(received, Ok(_) | Err(HdfError::Failed { .. })) {
         *session = None;
     }
-    told
+    received
 }
 
 fn session(key: &Key) -> Shared {
-    // Entries are moved one by one: a panic elsewhere leaves a list that is right.
+    // The list is valid even if another thread panicked.
     let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
     let found = match pool.iter().position(|(known, _)| known == key) {
         Some(at) => pool.remove(at),
@@ -65,7 +65,7 @@ fn session(key: &Key) -> Shared {
     };
     let shared = found.1.clone();
     pool.push(found);
-    if pool.len() > MOST {
+    if pool.len() > MAX_PROCESSES {
         pool.remove(0);
     }
     shared

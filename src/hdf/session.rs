@@ -1,4 +1,4 @@
-//! A process that reads files of others, seen from this one.
+//! The connection to a child process that reads untrusted files.
 
 use std::io::{self, ErrorKind, Read};
 use std::os::fd::OwnedFd;
@@ -11,28 +11,28 @@ use std::time::{Duration, Instant};
 use super::elements::{self, Elements};
 use super::error::{HdfError, how};
 use super::limits::SECONDS;
-use super::message::{self, Answer, Question, Reply};
+use super::message::{self, FileRequest, Reply, Response};
 
-/// What each answer, and each MiB of elements, adds to the time that a session may still take, up to [`SECONDS`]. So a
-/// file that takes long time and again is given up, and a large one is not.
-const PER_ANSWER: Duration = Duration::from_millis(50);
+/// The time that each response, and each MiB of elements, adds to the remaining time of a session, up to [`SECONDS`].
+/// So a file with many slow responses is given up, and a large file is not.
+const PER_RESPONSE: Duration = Duration::from_millis(50);
 const PER_MEBIBYTE: Duration = Duration::from_millis(250);
 
 static READER: OnceLock<fn() -> Command> = OnceLock::new();
 
-/// Names the command that runs [`super::serve`]. The binary of this program does so as it begins; another program that
-/// reads HDF5 files of others through this library must as well. The first call counts.
+/// Sets the command that runs [`super::serve`]. The binary does so at start; another program that reads untrusted HDF5
+/// files with this library must do so too. Only the first call has an effect.
 pub fn set_reader(command: fn() -> Command) {
     READER.get_or_init(|| command);
 }
 
-/// Whether files of others can be read.
+/// Returns whether untrusted files can be read.
 pub(super) fn has_reader() -> bool {
     READER.get().is_some()
 }
 
-/// Has the unit tests of a room read files of others by a test of their own program,
-/// `the_process_that_other_tests_start`, which is to call [`super::serve`].
+/// Lets unit tests read untrusted files by the test `the_process_that_other_tests_start` of their program, which must
+/// call [`super::serve`].
 #[doc(hidden)]
 pub fn read_by_test() {
     set_reader(|| {
@@ -42,21 +42,21 @@ pub fn read_by_test() {
     });
 }
 
-/// A running process.
+/// A running child process.
 pub(super) struct Session {
     child: Child,
     socket: UnixStream,
     left: Duration,
 }
 
-/// An answer with its elements, if it has some.
-pub(super) enum Told {
-    Plain(Answer),
+/// A response with its elements.
+pub(super) enum Received {
+    Plain(Response),
     Elements(Elements),
 }
 
 impl Session {
-    /// Starts a process. It loads no plugins, which a file can ask for by a number.
+    /// Starts a process. It loads no plugins, which a file could request.
     pub fn start(path: &Path) -> Result<Self, HdfError> {
         let refused = |source: io::Error| HdfError::Process {
             path: path.to_owned(),
@@ -79,51 +79,50 @@ impl Session {
         })
     }
 
-    /// Asks and waits for the answer, as long as there is time.
+    /// Sends a request and waits for the response.
     ///
     /// # Errors
-    /// If the process refuses ([`HdfError::Failed`]), after which it can be asked on; or when it breaks down or takes
-    /// too long, after which it is gone.
-    pub fn ask(&mut self, path: &Path, question: &Question) -> Result<Told, HdfError> {
+    /// If the process reports a failure ([`HdfError::Failed`]), after which it accepts further requests; or if it
+    /// crashes or exceeds the time, after which it has ended.
+    pub fn request(&mut self, path: &Path, request: &FileRequest) -> Result<Received, HdfError> {
         let start = Instant::now();
-        let told = self.exchange(question, start + self.left);
-        match told {
+        match self.exchange(request, start + self.left) {
             Ok((reply, bytes)) => {
                 let mebibytes = (bytes.len() >> 20) as u32;
-                let more = PER_ANSWER + PER_MEBIBYTE * mebibytes;
+                let more = PER_RESPONSE + PER_MEBIBYTE * mebibytes;
                 self.left = (self.left.saturating_sub(start.elapsed()) + more).min(Duration::from_secs(SECONDS));
-                self.told(path, reply, &bytes)
+                self.interpret(path, reply, &bytes)
             }
             Err(error) => Err(self.ended(path, &error)),
         }
     }
 
-    fn exchange(&mut self, question: &Question, until: Instant) -> io::Result<(Reply, Vec<u8>)> {
-        self.socket.set_write_timeout(Some(self.left.max(PER_ANSWER)))?;
-        message::send(&mut self.socket, question, &[])?;
+    fn exchange(&mut self, request: &FileRequest, until: Instant) -> io::Result<(Reply, Vec<u8>)> {
+        self.socket.set_write_timeout(Some(self.left.max(PER_RESPONSE)))?;
+        message::send(&mut self.socket, request, &[])?;
         let mut timed = Timed {
             socket: &self.socket,
             until,
         };
         let reply: Reply = message::receive(&mut timed)?.ok_or(ErrorKind::UnexpectedEof)?;
         let bytes = match &reply {
-            Ok(Answer::Numbers(_, count)) => message::bytes(&mut timed, *count)?,
+            Ok(Response::Numbers(_, count)) => message::bytes(&mut timed, *count)?,
             _ => Vec::new(),
         };
         Ok((reply, bytes))
     }
 
-    fn told(&mut self, path: &Path, reply: Reply, bytes: &[u8]) -> Result<Told, HdfError> {
+    fn interpret(&mut self, path: &Path, reply: Reply, bytes: &[u8]) -> Result<Received, HdfError> {
         Ok(match reply.map_err(|failure| HdfError::failed(path, failure))? {
-            Answer::Numbers(element, _) => {
+            Response::Numbers(element, _) => {
                 let elements = elements::from_bytes(&element, bytes);
-                Told::Elements(elements.ok_or_else(|| HdfError::Broken {
+                Received::Elements(elements.ok_or_else(|| HdfError::Broken {
                     path: path.to_owned(),
-                    how: "its answer makes no sense".to_owned(),
+                    how: "its response is invalid".to_owned(),
                 })?)
             }
-            Answer::Texts(texts) => Told::Elements(Elements::Text(texts)),
-            plain => Told::Plain(plain),
+            Response::Texts(texts) => Received::Elements(Elements::Text(texts)),
+            plain => Received::Plain(plain),
         })
     }
 
@@ -132,13 +131,13 @@ impl Session {
         if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) {
             return HdfError::Endless { path };
         }
-        // Its end of the socket is closed when it is gone; an answer that cannot be read may come from one that is not.
-        let gone = matches!(
+        // Its end of the socket is closed when it has ended; an invalid response may come from a running process.
+        let has_ended = matches!(
             error.kind(),
             ErrorKind::UnexpectedEof | ErrorKind::BrokenPipe | ErrorKind::ConnectionReset
         );
-        let status = if gone { self.child.wait().ok() } else { None };
-        let how = status.map_or_else(|| format!("its answer cannot be read: {error}"), how);
+        let status = if has_ended { self.child.wait().ok() } else { None };
+        let how = status.map_or_else(|| format!("its response cannot be read: {error}"), how);
         HdfError::Broken { path, how }
     }
 }
@@ -151,7 +150,7 @@ impl Drop for Session {
     }
 }
 
-/// A socket that is read until some time.
+/// A socket with a deadline for reading.
 struct Timed<'a> {
     socket: &'a UnixStream,
     until: Instant,

@@ -417,6 +417,17 @@ fn filled(seed: u64, within: u64) -> u64 {
     left.0 | right.0
 }
 
+impl Pattern {
+    /// Returns the pattern without the electrodes outside of some cells.
+    #[must_use]
+    pub fn within(&self, area: &Bits) -> Self {
+        Self::from_groups(self.raster(), |x, y| match area.has(x, y) {
+            true => self.group(x, y),
+            false => 0,
+        })
+    }
+}
+
 /// The matrices of the identity, of the mirrors in x and in y, and of both mirrors.
 const MIRRORED: [[[i32; 2]; 2]; 4] = [
     [[1, 0], [0, 1]],

@@ -5,8 +5,8 @@
 
 use std::path::Path;
 
+use super::file::{PatternFileError, bytes, patterns};
 use super::raster::{Pattern, PatternForm, Raster};
-use super::read::{PatternFileError, bytes, patterns};
 
 /// Bytes allowed for each value with its separator, and for comments.
 const MAX_BYTES: (u64, u64) = (64, 1 << 20);
@@ -20,7 +20,6 @@ fn allowed(form: PatternForm) -> String {
 }
 
 /// Returns the separator of the first line of values: comma, semicolon or tab if the line has one, else the space that
-/// `numpy.savetxt` writes.
 /// `numpy.savetxt` writes.
 fn separator(bytes: &[u8]) -> u8 {
     let first = bytes

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use super::file::{PatternFileError, count, patterns, patterns_from};
 use super::raster::{Pattern, PatternForm};
-use super::read::{PatternFileError, count, patterns, patterns_from};
 use deaflow_hdf::{Element, Failure, HdfError, HdfFile};
 
 /// Cells read at a time: 8 MB of numbers.

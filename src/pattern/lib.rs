@@ -3,6 +3,7 @@
 
 mod bits;
 mod csv;
+mod file;
 mod h5;
 mod layers;
 mod membrane;
@@ -17,13 +18,14 @@ mod role;
 mod symmetry;
 
 pub use bits::{Bits, distance};
+pub use file::PatternFileError;
 pub use h5::split as split_h5;
 pub use layers::{Layers, PatternEquivalence};
 pub use membrane::Membrane;
 pub use outline::{Corners, Island, Point, area as ring_area, outlines, total_area};
 pub use parts::{Part, Parts, PartsError};
 pub use raster::{CELLS, Pattern, PatternError, PatternForm, Raster, allowed_cells};
-pub use read::{PatternFileError, read_mask, read_patterns, read_patterns_of};
+pub use read::{read_mask, read_patterns, read_patterns_of};
 pub use region::Region;
 pub use role::Role;
 pub use symmetry::{Symmetries, Symmetry};

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use super::file::{MOST_CELLS, PatternFileError, bytes, count, patterns};
 use super::raster::{Pattern, PatternForm};
-use super::read::{MOST_CELLS, PatternFileError, bytes, count, patterns};
 use deaflow_base::{NpyError, NpyHeader};
 
 /// Bytes of the largest array with eight-byte elements, and of its header.

@@ -164,12 +164,12 @@ impl Side {
     }
 
     fn number(self, raster: Raster) -> usize {
-        place_of(self.from, raster) * 4 + self.direction
+        corner_index(self.from, raster) * 4 + self.direction
     }
 }
 
 /// Returns the index of a corner, row by row.
-fn place_of([x, y]: [usize; 2], raster: Raster) -> usize {
+fn corner_index([x, y]: [usize; 2], raster: Raster) -> usize {
     y * (raster.columns() + 1) + x
 }
 
@@ -223,19 +223,19 @@ fn following(pattern: &Pattern, side: Side) -> Side {
 
 /// Cuts a walk where it visits a corner again: a walk is the border of one island, so its cells are joined there.
 fn simple(walk: Vec<[usize; 2]>, raster: Raster) -> Vec<Vec<[usize; 2]>> {
-    let mut place = vec![None; raster.corners()];
+    let mut position = vec![None; raster.corners()];
     let mut path: Vec<[usize; 2]> = Vec::new();
     let mut found = Vec::new();
     for corner in walk {
-        let at = place_of(corner, raster);
-        if let Some(earlier) = place[at] {
+        let at = corner_index(corner, raster);
+        if let Some(earlier) = position[at] {
             let piece: Vec<[usize; 2]> = path.drain(earlier..).collect();
             for corner in &piece {
-                place[place_of(*corner, raster)] = None;
+                position[corner_index(*corner, raster)] = None;
             }
             found.push(piece);
         }
-        place[at] = Some(path.len());
+        position[at] = Some(path.len());
         path.push(corner);
     }
     found.push(path);

@@ -10,8 +10,8 @@ use std::path::Path;
 
 use png::{ColorType, Decoder, DecodingError, Reader, Transformations};
 
+use super::file::{PatternFileError, bytes};
 use super::raster::{Pattern, PatternForm};
-use super::read::{PatternFileError, bytes};
 
 /// Largest number of pixels along the side of a cell.
 const LARGEST_BLOCK: usize = 64;

@@ -2,7 +2,6 @@
 
 use std::fmt;
 
-use super::bits::Bits;
 use super::symmetry::{Symmetries, Symmetry};
 use deaflow_base::OrbitId;
 
@@ -257,15 +256,6 @@ impl Pattern {
             raster: self.raster,
             cells: self.cells.iter().map(|&cell| u8::from(cell == group)).collect(),
         }
-    }
-
-    /// Returns the pattern without the electrodes outside of some cells.
-    #[must_use]
-    pub fn within(&self, area: &Bits) -> Self {
-        Self::from_groups(self.raster, |x, y| match area.has(x, y) {
-            true => self.group(x, y),
-            false => 0,
-        })
     }
 
     /// Returns the pattern with the cells of two groups exchanged.

@@ -8,7 +8,7 @@ use super::shape::{DISPLACEMENT, PATTERNS, count_rows};
 use crate::is_overlong;
 use deaflow_base::open_regular;
 use deaflow_field::OutcomeKind;
-use deaflow_hdf::{Found, HdfError, HdfFile};
+use deaflow_hdf::{DatasetInfo, HdfError, HdfFile};
 use deaflow_pattern::Raster;
 
 /// An HDF5 file with both arrays at its root.
@@ -64,7 +64,7 @@ impl Hdf {
     }
 }
 
-fn array(file: &HdfFile, name: &'static str) -> Result<Found, ImportError> {
+fn array(file: &HdfFile, name: &'static str) -> Result<DatasetInfo, ImportError> {
     let Some(found) = file.find(name).map_err(unreadable)? else {
         let there = file.names().map_err(unreadable)?;
         return Err(ImportError::Missing { name, there });

@@ -1,31 +1,31 @@
-//! Answers to what is asked of a file.
+//! Responds to requests in the child process.
 
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use super::elements::{self, Elements};
 use super::error::Failure;
-use super::message::{Answer, Question, Reply, Request};
+use super::message::{FileRequest, Reply, Request, Response};
 use super::open::OpenFile;
 
-/// The file that was asked for last, which stays open for what is asked next.
+/// Responds to requests; the last file stays open for the next request.
 #[derive(Default)]
-pub(super) struct Answers {
+pub(super) struct Responder {
     last: Option<(PathBuf, Stamp, OpenFile)>,
 }
 
-/// By which a file is known to be the same.
+/// Device, inode, size and time, which identify an unchanged file.
 #[derive(PartialEq, Eq)]
 struct Stamp(u64, u64, u64, Option<SystemTime>);
 
-impl Answers {
-    /// The answer to a question, and the bytes of elements in it.
-    pub fn answer(&mut self, question: &Question) -> (Reply, Vec<u8>) {
+impl Responder {
+    /// Returns the reply to a request, and the bytes of its elements.
+    pub fn respond(&mut self, request: &FileRequest) -> (Reply, Vec<u8>) {
         match self
-            .open(Path::new(&question.path))
-            .and_then(|file| reply(file, &question.request))
+            .open(Path::new(&request.path))
+            .and_then(|file| reply(file, &request.request))
         {
-            Ok((answer, bytes)) => (Ok(answer), bytes),
+            Ok((response, bytes)) => (Ok(response), bytes),
             Err(failure) => (Err(failure), Vec::new()),
         }
     }
@@ -47,19 +47,20 @@ fn stamp(path: &Path) -> std::io::Result<Stamp> {
     Ok(Stamp(found.dev(), found.ino(), found.len(), found.modified().ok()))
 }
 
-fn reply(file: &OpenFile, request: &Request) -> Result<(Answer, Vec<u8>), Failure> {
+/// Returns the response of a file, and the bytes of its elements.
+pub(super) fn reply(file: &OpenFile, request: &Request) -> Result<(Response, Vec<u8>), Failure> {
     let plain = match request {
-        Request::Open => Answer::Opened,
-        Request::Names => Answer::Names(file.names()?),
-        Request::Find(dataset) => Answer::Found(file.find(dataset)?),
-        Request::Tree => Answer::Tree(Box::new(file.tree()?)),
-        Request::Attribute(name) => Answer::Attribute(file.attribute(name)?),
-        Request::Units(dataset) => Answer::Attribute(file.units(dataset)?),
+        Request::Open => Response::Opened,
+        Request::Names => Response::Names(file.names()?),
+        Request::Find(dataset) => Response::Dataset(file.find(dataset)?),
+        Request::Tree => Response::Tree(Box::new(file.tree()?)),
+        Request::Attribute(name) => Response::Attribute(file.attribute(name)?),
+        Request::Units(dataset) => Response::Attribute(file.units(dataset)?),
         Request::Rows { dataset, rows, form } => {
             let elements = file.rows(dataset, rows.clone(), *form)?;
             return Ok(match (elements::to_bytes(&elements), elements) {
-                (Some((element, bytes)), _) => (Answer::Numbers(element, bytes.len() as u64), bytes),
-                (None, Elements::Text(texts)) => (Answer::Texts(texts), Vec::new()),
+                (Some((element, bytes)), _) => (Response::Numbers(element, bytes.len() as u64), bytes),
+                (None, Elements::Text(texts)) => (Response::Texts(texts), Vec::new()),
                 (None, other) => return Err(Failure::Refused(format!("{} elements", other.len()))),
             });
         }
