@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use bolero::check;
-use deaflow::base::{Document, InputError, Node, Override};
+use deaflow::base::{Document, InputError, Node, NodeValue, Override};
 use deaflow::design::{ConstraintParameters, Objective};
 use deaflow::orchestrator::Pipeline;
 use deaflow::pattern::Membrane;
@@ -91,6 +91,64 @@ fn root(text: &str) -> Option<Node> {
         .inspect_err(refused)
         .ok()
         .map(|document| document.root)
+}
+
+/// A document with the constructs of YAML that pipelines rarely use.
+const DOCUMENT: &str = "\
+version: 1
+scene:
+  drive: &drive { voltage: 5.25 kV, \"other\": 'it''s' }
+stages: # é
+  small: { kind: sample, units: [2, 3], count: 60, again: *drive }
+  block: |
+    text
+     more
+  ? key
+  : - 1e-5
+    - ~
+";
+
+#[test]
+fn trees() {
+    let seeds = Seeds::new("yaml", [DOCUMENT.as_bytes().to_vec()], YAML);
+    let read = checked(&seeds, |bytes| {
+        let text = String::from_utf8_lossy(bytes);
+        // The same text can be a value of `--set`.
+        if let Ok(set) = Override::parse(&format!("stages.small.count={text}")) {
+            let mut root = root(DOCUMENT).unwrap();
+            set.apply(&mut root).unwrap();
+        }
+        match Document::from_text(Path::new("t.yaml"), &text) {
+            Ok(document) => check_node(&document.root, &text),
+            Err(error) => check_position(&error, &text),
+        }
+        root(&text).is_some()
+    });
+    check!().with_iterations(600).for_each(read);
+}
+
+fn check_node(node: &Node, text: &str) {
+    assert!(node.position().starts_with("t.yaml:"));
+    check_position(&node.error("refused"), text);
+    assert!(node.found().len() <= 10 * text.len() + 20);
+    if let Err(error) = node.fields("it", &["version"]) {
+        is_told(&error.to_string());
+    }
+    match node.value() {
+        NodeValue::List(items) => items.iter().for_each(|item| check_node(item, text)),
+        NodeValue::Map(entries) => entries.iter().for_each(|(key, value)| {
+            check_node(key, text);
+            check_node(value, text);
+        }),
+        _ => {}
+    }
+}
+
+/// Checks that the underlined range consists of entire characters of the text.
+fn check_position(error: &InputError, text: &str) {
+    let label = error.labels().unwrap().next().unwrap();
+    let range = label.offset()..label.offset() + label.len();
+    assert!(text.get(range.clone()).is_some(), "{range:?} in {text:?}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Images and tables of patterns. HDF5 files are read by another process, and tried there.
+//! Images and tables of patterns; src/pattern/read/fuzz.rs has HDF5 files.
 
 use std::fs;
 
