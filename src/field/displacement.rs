@@ -1,8 +1,8 @@
-//! A displacement field sampled at the cell corners, whatever mesh it was computed on.
+//! A displacement field at the cell corners, for any mesh.
 
 use deaflow_pattern::{CELLS, Raster, Symmetry};
 
-/// Corners along one side of the source paper's membrane: one more than cells.
+/// Corners along a side of the source paper's membrane.
 pub const CORNERS: usize = CELLS + 1;
 
 /// Displacements in mm at the cell corners, `[y][x][component]`, origin at the lower left.
@@ -12,37 +12,37 @@ pub struct Field {
     values: Vec<f64>,
 }
 
-/// Numbers that are not a field.
+/// Values that are not a field.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FieldError {
     /// The wrong number of values.
-    #[error("a field on {raster} cells has {} values, found {found}", 2 * raster.corners())]
+    #[error("a field on {raster} cells needs {} values, found {found}", 2 * raster.corners())]
     Shape {
         /// The cells.
         raster: Raster,
-        /// How many there were.
+        /// The number of values.
         found: usize,
     },
     /// An infinity or NaN.
     #[error("value {at} of the field is not finite")]
     NotFinite {
-        /// Position in the array.
+        /// The position in the array.
         at: usize,
     },
 }
 
 impl Field {
-    /// The corner (column, row) that moves most, the first of several.
+    /// Returns the corner (column, row) with the largest displacement, the first of equal ones.
     #[must_use]
     pub fn most_moved(&self) -> [usize; 2] {
         let square = |at: usize| self.values[2 * at].powi(2) + self.values[2 * at + 1].powi(2);
-        let farther = |best: usize, at: usize| if square(at) > square(best) { at } else { best };
-        let at = (0..self.raster.corners()).fold(0, farther);
+        let larger = |best: usize, at: usize| if square(at) > square(best) { at } else { best };
+        let at = (0..self.raster.corners()).fold(0, larger);
         let [columns, _] = self.raster.corner_sides();
         [at % columns, at / columns]
     }
 
-    /// The field as far beyond this one as it is from another, times a factor.
+    /// Extrapolates beyond this field: u + factor · (u − from).
     #[must_use]
     pub fn extrapolated(&self, from: &Self, factor: f64) -> Self {
         let pairs = self.values.iter().zip(&from.values);
@@ -52,7 +52,7 @@ impl Field {
         }
     }
 
-    /// The same times a number.
+    /// Returns the field times a factor.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         Self {
@@ -61,7 +61,7 @@ impl Field {
         }
     }
 
-    /// The field that is zero everywhere.
+    /// Returns the zero field.
     #[must_use]
     pub fn zero(raster: Raster) -> Self {
         Self {
@@ -70,10 +70,10 @@ impl Field {
         }
     }
 
-    /// A field from its values in mm, two for each corner.
+    /// Creates a field from its values in mm, two for each corner.
     ///
     /// # Errors
-    /// When the count is wrong or a value is not finite.
+    /// When the number of values is wrong or a value is not finite.
     pub fn from_values(raster: Raster, values: Vec<f64>) -> Result<Self, FieldError> {
         if values.len() != 2 * raster.corners() {
             let found = values.len();
@@ -85,7 +85,7 @@ impl Field {
         }
     }
 
-    /// The cells at whose corners it is.
+    /// The cells.
     #[must_use]
     pub fn raster(&self) -> Raster {
         self.raster
@@ -97,7 +97,7 @@ impl Field {
         &self.values
     }
 
-    /// The displacement in mm at corner (column `x`, row `y`).
+    /// Returns the displacement in mm at corner (column `x`, row `y`).
     ///
     /// # Panics
     /// When the corner is outside the membrane.
@@ -109,23 +109,23 @@ impl Field {
         [self.values[at], self.values[at + 1]]
     }
 
-    /// The displacement in mm at a point given in cells from the lower left corner,
-    /// bilinear between corners; points outside are moved to the frame, where the displacement is zero.
+    /// Returns the displacement in mm at a point in cells from the lower left corner, bilinear between corners. Points
+    /// outside are moved to the frame, where the displacement is zero.
     #[must_use]
     pub fn at(&self, point_cells: [f64; 2]) -> [f64; 2] {
-        let shares = Self::shares(self.raster, point_cells);
+        let weights = Self::interpolation_weights(self.raster, point_cells);
         std::array::from_fn(|k| {
-            shares
+            let terms = weights
                 .iter()
-                .map(|&(corner, share)| self.values[2 * corner + k] * share)
-                .sum()
+                .map(|&(corner, weight)| self.values[2 * corner + k] * weight);
+            terms.sum()
         })
     }
 
-    /// The four corners around a point in cells, by their place in `[y][x]`, with the share that each has in the value
-    /// there.
+    /// Returns the four corners around a point in cells, by their index in `[y][x]`, with their weights in bilinear
+    /// interpolation.
     #[must_use]
-    pub fn shares(raster: Raster, point_cells: [f64; 2]) -> [(usize, f64); 4] {
+    pub fn interpolation_weights(raster: Raster, point_cells: [f64; 2]) -> [(usize, f64); 4] {
         let [columns, rows] = raster.sides();
         let split = |c: f64, cells: usize| {
             let c = c.clamp(0.0, cells as f64);
@@ -143,7 +143,7 @@ impl Field {
         ]
     }
 
-    /// The largest displacement magnitude in mm over all corners.
+    /// Returns the largest displacement magnitude of all corners in mm.
     #[must_use]
     pub fn max_magnitude(&self) -> f64 {
         self.values
@@ -152,8 +152,8 @@ impl Field {
             .fold(0.0, f64::max)
     }
 
-    /// The corner (column, row) with the largest displacement magnitude, the first of equal ones, and that magnitude in
-    /// mm.
+    /// Returns the corner (column, row) with the largest displacement magnitude, the first of equal ones, and the
+    /// magnitude in mm.
     #[must_use]
     pub fn largest(&self) -> ([usize; 2], f64) {
         let columns = self.raster.corner_sides()[0];
@@ -163,14 +163,14 @@ impl Field {
         ([at % columns, at / columns], mm)
     }
 
-    /// The largest magnitude in mm, over all corners, of the difference from `other`.
+    /// Returns the largest magnitude of the difference from `other` at all corners in mm.
     #[must_use]
     pub fn max_difference(&self, other: &Self) -> f64 {
         let pairs = self.values.chunks_exact(2).zip(other.values.chunks_exact(2));
         pairs.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max)
     }
 
-    /// The image under a symmetry: `(gu)(gX) = g·u(X)`, vector components rotate too.
+    /// Returns the image under a symmetry, `(gu)(gX) = g·u(X)`; the vectors are transformed too.
     #[must_use]
     pub fn transformed(&self, g: Symmetry) -> Self {
         let mut values = vec![0.0; self.values.len()];
@@ -185,7 +185,7 @@ impl Field {
         Self { raster, values }
     }
 
-    /// Root mean square over all components of the difference from `other`, in mm.
+    /// Returns the root mean square over all components of the difference from `other` in mm.
     #[must_use]
     pub fn rms_difference(&self, other: &Self) -> f64 {
         let sum: f64 = self

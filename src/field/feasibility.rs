@@ -1,11 +1,12 @@
-//! Design requirements that need a simulation to check.
+//! Design requirements that need a simulation.
 
 use super::simulate::PredictError;
 use deaflow_pattern::Pattern;
 
 /// Checks requirements that need a simulation, such as margins from pull-in and breakdown.
 pub trait Feasibility: Sync {
-    /// One verdict per pattern, in order. A verdict does not depend on the other patterns or on the number of threads.
+    /// Returns whether each pattern is feasible, in order. A result does not depend on the other patterns or on the
+    /// number of threads.
     ///
     /// # Errors
     /// When the simulation cannot be run.

@@ -1,4 +1,4 @@
-//! Displacement fields on the corners of the cells, and the two ways to obtain one: simulate and predict.
+//! Displacement fields at the corners of the cells, and the interfaces for simulation and prediction.
 
 mod displacement;
 mod feasibility;

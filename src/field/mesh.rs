@@ -1,4 +1,4 @@
-//! How finely the cells of a membrane are divided into elements.
+//! Uniform meshes, by the number of elements per cell and their order.
 
 use std::fmt;
 
@@ -12,7 +12,7 @@ pub enum Order {
 }
 
 impl Order {
-    /// 1 or 2.
+    /// Returns the degree, 1 or 2.
     #[must_use]
     pub fn degree(self) -> usize {
         match self {
@@ -22,7 +22,7 @@ impl Order {
     }
 }
 
-/// A whole number of elements along the sides of each cell, and their order.
+/// The number of elements along the side of a cell, and their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Mesh {
     elements_per_cell: usize,
@@ -30,10 +30,10 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Most elements along the side of a cell that solvers take; the least is one.
+    /// The largest number of elements along the side of a cell.
     pub const MOST_ELEMENTS: usize = 8;
 
-    /// The mesh with so many elements along the side of a cell.
+    /// Creates a mesh from the number of elements along the side of a cell and their order.
     #[must_use]
     pub const fn new(elements_per_cell: usize, order: Order) -> Self {
         Self {
@@ -42,19 +42,19 @@ impl Mesh {
         }
     }
 
-    /// The mesh with so many bilinear elements along the side of a cell.
+    /// Creates a mesh of bilinear elements.
     #[must_use]
     pub const fn bilinear(elements_per_cell: usize) -> Self {
         Self::new(elements_per_cell, Order::Bilinear)
     }
 
-    /// The mesh with so many biquadratic elements along the side of a cell.
+    /// Creates a mesh of biquadratic elements.
     #[must_use]
     pub const fn biquadratic(elements_per_cell: usize) -> Self {
         Self::new(elements_per_cell, Order::Biquadratic)
     }
 
-    /// The mesh that two numbers in a file name, 1 to 8 elements along the side of a cell and their order, 1 or 2.
+    /// Reads a mesh from numbers in a file: 1 to 8 elements along the side of a cell, and order 1 or 2.
     #[must_use]
     pub fn from_numbers(elements_per_cell: u64, order: u64) -> Option<Self> {
         let order = match order {
@@ -66,26 +66,27 @@ impl Mesh {
         mesh.is_solvable().then_some(mesh)
     }
 
-    /// Whether solvers take it: 1 to [`Mesh::MOST_ELEMENTS`] elements along the side of a cell.
+    /// Returns whether there are 1 to [`Mesh::MOST_ELEMENTS`] elements along the side of a cell, as solvers need.
     #[must_use]
     pub fn is_solvable(&self) -> bool {
         (1..=Self::MOST_ELEMENTS).contains(&self.elements_per_cell)
     }
 
-    /// Polynomial order.
+    /// The polynomial order.
     #[must_use]
     pub fn order(&self) -> Order {
         self.order
     }
 
-    /// Elements along one side of a cell.
+    /// The number of elements along the side of a cell.
     #[must_use]
     pub fn elements_per_cell(&self) -> usize {
         self.elements_per_cell
     }
 
-    /// The mesh by which errors on this one are told: biquadratic instead of bilinear, or half the size of biquadratic;
-    /// `None` for the finest. What it leaves is an eighth to a third of the error here (docs/accuracy.md).
+    /// Returns a finer mesh to estimate the error of this one: biquadratic instead of bilinear elements, or biquadratic
+    /// elements of half the size; `None` for the finest mesh. Its own error is an eighth to a third of the error here
+    /// (docs/accuracy.md).
     #[must_use]
     pub fn finer(self) -> Option<Self> {
         let finer = match self.order {
@@ -95,7 +96,7 @@ impl Mesh {
         (finer != self).then_some(finer)
     }
 
-    /// What a solution costs, in solutions with one bilinear element per cell. A biquadratic element costs as much as
+    /// Returns the cost of a solution relative to one bilinear element per cell. A biquadratic element costs as much as
     /// five bilinear ones (docs/performance.md).
     #[must_use]
     pub fn cost(self) -> u64 {
@@ -107,7 +108,7 @@ impl Mesh {
     }
 }
 
-/// The keys of a stage that asks for it, on one line without braces.
+/// Formats the keys of a stage for this mesh, on one line without braces.
 impl fmt::Display for Mesh {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(

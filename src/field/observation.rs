@@ -1,19 +1,19 @@
-//! What a solution says beside the displacement: effects that leave it alone, and where rigid bodies are.
+//! Results of a solution other than the displacement.
 
-/// One entry for each effect that is on, and one where there are bodies; without such nothing is computed and nothing
-/// is kept.
+/// Results of effects and the motion of rigid bodies; an entry is only computed if the effect is on or there are
+/// bodies.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Observation {
-    /// Dielectric breakdown: the largest E/E_B over the cells; the membrane fails at 1.
+    /// Dielectric breakdown: the largest E/E_B of all cells; the membrane fails at 1.
     pub breakdown_ratio: Option<f64>,
-    /// Wrinkling: how each cell bears its load, `[y][x]`: 0 taut, 1 wrinkled, 2 slack.
+    /// Wrinkling: the state of each cell, `[y][x]`: 0 taut, 1 wrinkled, 2 slack.
     pub tension: Option<Vec<u8>>,
-    /// Electromechanical stability: the smallest eigenvalue of the tangent relative to the Laplacian; zero where
-    /// stability is lost.
+    /// Electromechanical stability: the smallest eigenvalue of the tangent relative to the Laplacian, which is zero at
+    /// the loss of stability.
     pub smallest_eigenvalue: Option<f64>,
-    /// Electromechanical stability: the voltages in V between which stability is lost, where it is lost within reach.
+    /// Electromechanical stability: the voltages in V between which stability is lost, if they were found.
     pub critical_voltage: Option<[f64; 2]>,
-    /// How each rigid body has moved.
+    /// The motion of each rigid body.
     pub bodies: Option<Vec<Motion>>,
     /// Charge control: charge, voltage and stability.
     pub charged: Option<Charged>,
@@ -24,31 +24,31 @@ pub struct Observation {
 pub struct Charged {
     /// Charge on all electrodes in C.
     pub charge: f64,
-    /// Voltage between them in V; none where the charge does not move, so that there is no one voltage.
+    /// Voltage between the electrodes in V; `None` for immobile charge, which has no single voltage.
     pub voltage: Option<f64>,
-    /// How many eigenvalues of the tangent are negative where the voltage is held.
+    /// The number of negative eigenvalues of the tangent at constant voltage.
     pub negative_at_voltage: usize,
-    /// How many where the charge is held.
+    /// The number of negative eigenvalues of the tangent at constant charge.
     pub negative_at_charge: usize,
 }
 
-/// How a rigid body has moved.
+/// The motion of a rigid body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
-    /// Its centroid, in mm.
+    /// The displacement of the centroid in mm.
     pub translation: [f64; 2],
-    /// About its centroid, in degrees from −180 to 180, counter-clockwise.
+    /// The rotation in degrees from −180 to 180, counterclockwise.
     pub rotation: f64,
 }
 
 impl Observation {
-    /// Whether nothing was observed.
+    /// Returns whether there are no results.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Wrinkling: the part of the membrane whose cells are wrinkled or slack.
+    /// Wrinkling: returns the fraction of cells that are wrinkled or slack.
     #[must_use]
     pub fn wrinkled_fraction(&self) -> Option<f64> {
         let tension = self.tension.as_ref()?;

@@ -1,5 +1,4 @@
-//! The interfaces between solvers or surrogates and the other crates: traits for simulation and prediction. The genetic
-//! algorithm and the audit do not depend on the solver or network behind them.
+//! Traits for simulation and prediction. They separate the genetic algorithm and the audit from solvers and networks.
 
 use std::error::Error;
 use std::fmt;
@@ -9,7 +8,7 @@ use super::observation::Observation;
 use super::outcome_kind::OutcomeKind;
 use deaflow_pattern::Pattern;
 
-/// The status in artifacts of a pattern without a field.
+/// The status of a pattern without a field in artifacts.
 pub const NO_FIELD: &str = "no stable field";
 
 /// How a simulation ended. Results without convergence have no field, never NaN.
@@ -19,51 +18,48 @@ pub enum Outcome {
     Converged,
     /// A field by a method that does not search for an equilibrium; its stability is unknown.
     Estimated,
-    /// Such a method led to no state that a membrane can have: an element turns over, ellipticity is lost, or the
-    /// forces are farther from balance than at rest. Nothing is known of stability.
+    /// Such a method found no physical state: an element is inverted, ellipticity is lost, or the residual is larger
+    /// than that of the undeflected membrane. The stability is unknown.
     NoEstimate,
-    /// The membrane snaps through: no stable equilibrium at the full voltage. The loss of stability lies between the
-    /// two voltages, in V.
+    /// Pull-in: there is no stable equilibrium at the full voltage. Stability is lost between the two voltages in V.
     PullIn {
         /// The highest voltage at which a stable equilibrium was found.
         last_stable: f64,
         /// The lowest voltage at which none was found.
         first_unstable: f64,
     },
-    /// Rank-one convexity is lost somewhere: the equations have no meaningful solution. It is lost between two
-    /// voltages, in V.
+    /// Rank-one convexity is lost somewhere, so that the equations have no meaningful solution, between two voltages in
+    /// V.
     NotElliptic {
         /// The highest voltage at which a stable equilibrium was found.
         last_stable: f64,
         /// The lowest voltage at which none was found.
         first_unstable: f64,
     },
-    /// The membrane has lost all tension somewhere, so its displacement there is not determined. That happens between
-    /// two voltages, in V.
+    /// The membrane loses all tension somewhere, so that its displacement is undetermined, between two voltages in V.
     Slack {
         /// The highest voltage at which an equilibrium in tension was found.
         last_stable: f64,
         /// The lowest voltage at which none was found.
         first_unstable: f64,
     },
-    /// The membrane snaps through while it creeps or its voltage rises: it has a stable state up to a time, and none a
-    /// little later.
+    /// Pull-in during creep or a rising voltage, between two times.
     DelayedPullIn {
         /// The last time in s at which a stable state was found.
         last_stable: f64,
         /// The first time in s at which none was found.
         first_unstable: f64,
     },
-    /// The membrane loses all tension somewhere while it creeps or its voltage rises.
+    /// The membrane loses all tension somewhere during creep or a rising voltage, between two times.
     DelayedSlack {
         /// The last time in s at which a state in tension was found.
         last_stable: f64,
         /// The first time in s at which none was found.
         first_unstable: f64,
     },
-    /// The iteration did not end within its limits; nothing is known about stability.
+    /// The iteration limit was reached; the stability is unknown.
     IterationLimit,
-    /// The work that a pattern is allowed was done before it ended; nothing is known about stability.
+    /// The work limit of a pattern was reached; the stability is unknown.
     WorkLimit,
 }
 
@@ -155,58 +151,59 @@ impl fmt::Display for Outcome {
     }
 }
 
-/// The result of simulating one pattern.
+/// The result of a simulation of one pattern.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simulation {
-    /// How it ended.
+    /// The outcome.
     pub outcome: Outcome,
-    /// The displacement; present exactly when [`Outcome::has_field`] says so.
+    /// The displacement, if [`Outcome::has_field`].
     pub field: Option<Field>,
     /// Newton steps over all load steps, or steps of an estimate.
     pub newton_iterations: u32,
-    /// Relative residual at the end: that of the non-linear equilibrium, for estimates too.
+    /// The final relative residual of the non-linear equilibrium, also for estimates.
     pub residual: f64,
-    /// What the effects of the scene say beside the displacement; empty where there is no field.
+    /// Results other than the displacement; empty without a field.
     pub observation: Observation,
 }
 
-/// Something that simulates patterns under a fixed scene and mesh.
+/// Simulates patterns with a fixed scene and mesh.
 pub trait Simulator: Sync {
-    /// One result per pattern, in order. A result does not depend on the other patterns or on the number of threads.
+    /// Returns one result per pattern, in order. A result does not depend on the other patterns or on the number of
+    /// threads.
     fn simulate(&self, patterns: &[Pattern]) -> Vec<Simulation>;
 }
 
-/// A prediction that could not be made.
+/// Why a prediction failed.
 #[derive(Debug, thiserror::Error)]
 pub enum PredictError {
-    /// A field was asked for where there is none.
+    /// A pattern has no field, but one was required.
     #[error("the prediction failed: pattern {at} has no field")]
     NoField {
-        /// Position of the pattern among those that were asked for.
+        /// The position of the pattern in the request.
         at: usize,
     },
-    /// The numerical library failed, or gave something else than was asked for.
+    /// The numerical library failed, or returned an unexpected result.
     #[error("the prediction failed: {0}")]
     Failed(Box<dyn Error + Send + Sync>),
 }
 
 impl PredictError {
-    /// From what the numerical library reported.
+    /// Creates an error from that of the numerical library.
     pub fn failed(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self::Failed(cause.into())
     }
 }
 
-/// Something that predicts fields fast: one of each pattern, or one in each state of a device.
+/// Predicts a field `F` for each pattern: a displacement field, or one for each state of a device.
 pub trait Predictor<F = Field>: Sync {
-    /// The field of each pattern, in order; `None` where a pattern has none: an estimate may lead nowhere, and an
-    /// equilibrium may not be stable. A result does not depend on the other patterns or on the number of threads.
+    /// Returns the field of each pattern, in order; `None` if an estimate fails or there is no stable equilibrium. A
+    /// result does not depend on the other patterns or on the number of threads.
     ///
     /// # Errors
     /// When the model cannot be evaluated.
     fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<F>>, PredictError>;
 
-    /// The same where every pattern must have a field.
+    /// Does the same if every pattern must have a field.
     ///
     /// # Errors
     /// When the model cannot be evaluated, or a pattern has no field.
@@ -218,44 +215,44 @@ pub trait Predictor<F = Field>: Sync {
     }
 }
 
-/// A predictor that says which one it is: a network, an estimate or Newton's method, ready for the patterns of one
-/// scene. Searches, measurements of accuracy and evaluations choose among evaluators and know nothing else of them.
+/// A predictor with a description: a network, an estimate or Newton's method, set up for one scene. Searches, accuracy
+/// measurements and evaluations only use this interface.
 pub trait Evaluator: Predictor + Send {
-    /// Its settings on one line, in at most 64 bytes: the keys of a solve stage without braces, or `network: NAME`.
+    /// Returns the settings on one line, in at most 64 bytes: the keys of a solve stage without braces, or `network:
+    /// NAME`.
     fn settings(&self) -> String;
 
-    /// Whether its fields are equilibria that are known to be stable.
+    /// Returns whether the fields are stable equilibria.
     fn finds_equilibria(&self) -> bool {
         false
     }
 
-    /// The error in mm that it promises to stay below on every pattern, if it does.
+    /// Returns the error bound in mm that holds for every pattern, if there is one.
     fn promised_error_mm(&self) -> Option<f64> {
         None
     }
 
-    /// How many patterns it is given at once where it serves; `None` where that makes no difference to its time.
+    /// Returns the usual number of patterns in one call; `None` if it does not affect the time per pattern.
     fn batch(&self) -> Option<usize> {
         None
     }
 }
 
-/// A field, and how a functional of it changes with the activity of each cell, `[group][y][x]`: with an electrode of
-/// that group in it.
+/// A field, and the derivative of a functional of it with respect to the activity of each cell, `[group][y][x]`.
 pub type WithGradient<F = Field> = (F, Vec<f64>);
 
-/// Something that knows how the fields it predicts change with the pattern.
+/// A predictor with derivatives with respect to the pattern.
 pub trait Differentiable<F = Field>: Predictor<F> {
-    /// The field of a pattern, and the derivative with respect to the activity of each cell, `[group][y][x]`, of the
-    /// functional whose derivative with respect to the displacement of each corner, per mm, `slope` gives; `None` where
-    /// the pattern has no field.
+    /// Returns the field of a pattern, and the derivative of a functional with respect to the activity of each cell,
+    /// `[group][y][x]`; `None` if the pattern has no field. `slope` returns the derivative of the functional with
+    /// respect to the displacement of each corner, per mm.
     ///
     /// # Errors
     /// When the model cannot be evaluated.
     fn gradient(&self, pattern: &Pattern, slope: &dyn Fn(&F) -> F) -> Result<Option<WithGradient<F>>, PredictError>;
 
-    /// The fields of patterns that differ little from one that has a field, by less work where that can be, and good
-    /// enough to say which of them is best. Whether they are stable is not asked.
+    /// Returns the fields of patterns that differ little from one with a field, with less work if possible, and
+    /// accurate enough to find the best of them. Their stability is not checked.
     ///
     /// # Errors
     /// When the model cannot be evaluated.
@@ -263,9 +260,9 @@ pub trait Differentiable<F = Field>: Predictor<F> {
         self.predict_some(patterns)
     }
 
-    /// Functionals Σ weights · u over the cell corners in the linear response of the membrane, u in mm: what each is
-    /// without electrodes, and its derivative with respect to the activity of each cell, `[group][y][x]`, which sum to
-    /// a rough value for any pattern. `None` where there is no such response.
+    /// Returns functionals Σ weights · u over the cell corners in the linear response of the membrane, u in mm: the
+    /// value without electrodes and the derivative with respect to the activity of each cell, `[group][y][x]`, whose
+    /// sum is a rough value for any pattern. `None` if there is no such response.
     ///
     /// # Errors
     /// When the model cannot be evaluated.

@@ -1,4 +1,4 @@
-//! Simulators of one scene on any mesh.
+//! Creates simulators of one scene on any mesh.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -9,30 +9,30 @@ use super::simulate::Simulator;
 /// The kind of simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum SimulatorKind {
-    /// The method that a dataset declares, on this mesh.
+    /// The method of a dataset, on this mesh.
     AsDeclared(Mesh),
     /// Newton's method on this mesh.
     Newton(Mesh),
 }
 
-/// A simulator that is set up.
+/// A shared simulator.
 pub type SharedSimulator = Arc<dyn Simulator + Send>;
 
-/// A simulator that cannot be set up.
+/// Why a simulator cannot be set up.
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
 pub struct SimulatorError(Box<dyn Error + Send + Sync>);
 
 impl SimulatorError {
-    /// From what setting up reported.
+    /// Creates an error from that of the solver.
     pub fn new(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self(cause.into())
     }
 }
 
-/// Gives simulators, ready for one scene.
+/// Creates simulators of one scene.
 pub trait Simulators: Sync {
-    /// A simulator.
+    /// Creates a simulator.
     ///
     /// # Errors
     /// When it cannot be set up.

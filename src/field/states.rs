@@ -1,4 +1,4 @@
-//! A device in several states: one pattern, and a field under each of its drives.
+//! Predictors for a device with several states, which has a field for each.
 
 use std::cell::RefCell;
 use std::ops::Deref;
@@ -7,28 +7,26 @@ use super::displacement::Field;
 use super::simulate::{Differentiable, Evaluator, PredictError, Predictor, WithGradient};
 use deaflow_pattern::Pattern;
 
-/// The fields of a pattern in the states of a device, in their order; one where it has no states.
+/// The fields of a pattern in the states of a device, in their order; a single one without states.
 pub type StateFields = Vec<Field>;
 
-/// What predicts the fields in each state of a device, in their order.
+/// The predictors of the states of a device, in their order.
 pub struct InStates<P>(Vec<P>);
 
 impl<P> InStates<P> {
-    /// Of what predicts in each of them.
+    /// Combines the predictors of all states.
     #[must_use]
     pub fn new(each: Vec<P>) -> Self {
         Self(each)
     }
 
-    /// Of what predicts in the only one.
+    /// Wraps the predictor of a device without states.
     #[must_use]
     pub fn one(only: P) -> Self {
         Self(vec![only])
     }
-}
 
-impl<P> InStates<P> {
-    /// What `of_state` says of so many patterns in each state, where it has a field in all of them.
+    /// Applies `of_state` to each state; a pattern needs a field in all of them.
     fn in_all(
         &self,
         patterns: &[Pattern],
@@ -58,7 +56,7 @@ impl<P: Deref<Target: Predictor> + Sync> Predictor<StateFields> for InStates<P> 
     }
 }
 
-/// What is known while the states are solved one within the other.
+/// The results of the nested solution of all states.
 #[derive(Default)]
 struct Solved {
     fields: StateFields,
@@ -67,8 +65,8 @@ struct Solved {
 }
 
 impl<P: Deref<Target: Differentiable> + Sync> InStates<P> {
-    /// Solves a state and those after it within its slope: all fields are known before any slope is, and each state is
-    /// solved once. Whether all of them have a field.
+    /// Solves a state, and the following states within its slope function, so that all fields are known before the
+    /// first slope, and each state is solved once. Returns whether all states have a field.
     fn solve_from(
         &self,
         state: usize,
@@ -141,7 +139,7 @@ impl<P: Deref<Target: Differentiable> + Sync> Differentiable<StateFields> for In
     }
 }
 
-/// A weighted sum of what several predict of a pattern.
+/// A weighted sum of several predictors.
 pub struct Weighted<P> {
     parts: InStates<P>,
     weights: Vec<f64>,
@@ -149,7 +147,7 @@ pub struct Weighted<P> {
 }
 
 impl<P> Weighted<P> {
-    /// Of parts and their weights, one or more; what it is called as an evaluator.
+    /// Combines one or more predictors with their weights; `settings` describes them.
     #[must_use]
     pub fn new(parts: Vec<P>, weights: Vec<f64>, settings: String) -> Self {
         Self {
@@ -159,7 +157,7 @@ impl<P> Weighted<P> {
         }
     }
 
-    /// The slope of the sum as that of each part.
+    /// Returns the slope of each part from that of the sum.
     fn of_parts(&self, slope: &Field) -> StateFields {
         self.weights.iter().map(|weight| slope.scaled(*weight)).collect()
     }

@@ -223,7 +223,7 @@ impl PlacedAim {
         let field = &fields[self.state];
         let (lever, by_turn, at_start) = match self.subject {
             Subject::Point => {
-                let shares = Field::shares(field.raster(), self.point).into_iter();
+                let shares = Field::interpolation_weights(field.raster(), self.point).into_iter();
                 return shares
                     .map(|(corner, share)| (corner, gradient.map(|g| g * share)))
                     .collect();
