@@ -1,4 +1,4 @@
-//! A charge in place of a voltage.
+//! A charge as the drive, instead of a voltage.
 
 use serde_json::json;
 
@@ -8,11 +8,11 @@ use deaflow_base::{Charge as Coulombs, Fields, InputError, Map, parameters};
 const CHARGES: std::ops::RangeInclusive<f64> = 0.0..=1e3;
 
 parameters! {
-    /// The charge that is put on the electrodes, which then are cut off: one of these.
+    /// The charge of the electrodes, which are then disconnected: one of these.
     pub struct Charge as "`charge`" {
-        /// On an electrode that conducts: it goes to where its energy is least, and all of the electrode has one voltage.
+        /// On conducting electrodes: it moves to minimise the energy, so that all of the electrode has one voltage.
         pub total: Option<Coulombs> [CHARGES],
-        /// Sprayed evenly over the electrode on the prestretched membrane, where it stays.
+        /// Sprayed uniformly on the electrodes of the prestretched membrane, where it stays.
         pub immobile: Option<Coulombs> [CHARGES],
     }
     rules(one_of)
@@ -26,17 +26,17 @@ fn one_of(fields: Fields) -> Fields {
 fn check(charge: &Charge, map: &Map<'_>) -> Result<(), InputError> {
     match charge.total.is_some() == charge.immobile.is_some() {
         true => Err(map
-            .error("a charge is either `total` or `immobile`")
+            .error("a charge must be either `total` or `immobile`")
             .help("for example { total: 2.8 uC } or { immobile: 2.8 uC }")),
         false => Ok(()),
     }
 }
 
 impl Charge {
-    /// In C.
+    /// Returns the charge in C.
     #[must_use]
     pub fn in_coulombs(&self) -> f64 {
-        let one = self.total.as_ref().or(self.immobile.as_ref());
-        one.map_or(0.0, |charge| charge.value())
+        let given = self.total.as_ref().or(self.immobile.as_ref());
+        given.map_or(0.0, |charge| charge.value())
     }
 }

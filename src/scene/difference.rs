@@ -1,4 +1,4 @@
-//! Where two scenes are simulated differently: what is known of one does not hold in the other.
+//! Differences between two scenes that affect their simulation.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -6,19 +6,19 @@ use std::fmt;
 use super::model::Scene;
 use deaflow_base::Canonical;
 
-/// One key of a scene with its value in each of two.
+/// A key with different values in two scenes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
     /// The key, as in `drive.voltage`.
     pub key: String,
-    /// Its value in the first; `none` where it has none.
+    /// Its value in the first scene, or `none`.
     pub first: String,
-    /// Its value in the second.
+    /// Its value in the second scene, or `none`.
     pub second: String,
 }
 
 impl Difference {
-    /// Several of them on one line.
+    /// Formats several differences on one line.
     #[must_use]
     pub fn listed(differences: &[Self]) -> String {
         let list: Vec<String> = differences.iter().map(ToString::to_string).collect();
@@ -33,13 +33,13 @@ impl fmt::Display for Difference {
 }
 
 impl Scene {
-    /// Every key that has another value here than in `other`, among those that change what is simulated: how the drive goes on in time and
-    /// properties count only where they decide about the effects.
+    /// Returns every key with another value than in `other` that affects the simulation. Time course of the drive and
+    /// properties only count if screening chooses the effects.
     #[must_use]
     pub fn differences(&self, other: &Self) -> Vec<Difference> {
         let decided = !self.auto && !other.auto;
         let [first, second] = [self, other].map(Scene::canonical);
-        // What was followed in time holds at its time, and what is in equilibrium whenever.
+        // A simulation in time is valid at its time only, an equilibrium at any time.
         let in_time = first.leaves().iter().any(|(key, _)| is_in_time(key));
         let leaves = |canonical| leaves(canonical, decided, in_time);
         let [first, second] = [leaves(&first), leaves(&second)];
@@ -60,7 +60,7 @@ impl Scene {
     }
 }
 
-/// Whether a key says how a drive goes on in time.
+/// Returns whether a key describes the time course of the drive.
 fn is_in_time(key: &str) -> bool {
     key.starts_with("drive.")
         && !["drive.voltage", "drive.charge", "drive.frequency"]
@@ -68,13 +68,13 @@ fn is_in_time(key: &str) -> bool {
             .any(|of| key.starts_with(of))
 }
 
-/// Values by key, without what only screening looks at where the effects are decided.
+/// Returns the values by key, without those that only screening uses if the effects are given.
 fn leaves(canonical: &Canonical, decided: bool, in_time: bool) -> BTreeMap<String, String> {
-    let screened =
+    let is_for_screening =
         |key: &str| key.starts_with("properties") || key == "drive.frequency" || (is_in_time(key) && !in_time);
     let leaves = canonical.leaves().into_iter();
     leaves
-        .filter(|(key, _)| !(decided && screened(key)))
+        .filter(|(key, _)| !(decided && is_for_screening(key)))
         .map(|(key, value)| (key, value.to_string()))
         .collect()
 }
@@ -85,8 +85,8 @@ mod tests {
 
     fn scene(drive: &str, effects: &str) -> Scene {
         let text = format!(
-            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }}, material: {{ model: neo-hookean, \
-             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {drive}, {effects} }}"
+            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }}, material: {{ \
+             model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {drive}, {effects} }}"
         );
         Scene::from_text(&text).unwrap()
     }
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_followed_in_time_holds_at_its_time() {
+    fn a_simulation_in_time_is_valid_at_its_time_only() {
         let plain = scene("{ voltage: 5250 }", "effects: {}");
         let [early, late] =
             ["10 s", "30 s"].map(|time| scene(&format!("{{ voltage: 5250, duration: {time} }}"), "effects: {}"));
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_simulated_makes_no_difference_unless_it_decides() {
+    fn data_for_screening_only_counts_if_screening_chooses_the_effects() {
         let plain = scene("{ voltage: 5250 }", "effects: {}");
         let alternating = "{ voltage: 5250, frequency: 2 Hz }";
         assert!(

@@ -1,4 +1,4 @@
-//! What drives a device: a voltage for each group of electrodes, in one state or in several.
+//! The drive of a device: a voltage for each electrode group, in one or several states.
 
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
@@ -16,18 +16,18 @@ use deaflow_pattern::Pattern;
 
 const VOLTAGES: RangeInclusive<f64> = 0.0..=1e6;
 
-/// Most states of a device.
+/// The largest number of states of a device.
 pub const MOST_STATES: usize = 16;
 
-/// Longest name of a state.
+/// The longest name of a state.
 const LONGEST_NAME: usize = 64;
 
 parameters! {
     /// The voltages of the electrode groups.
     pub struct Voltages as "voltages" {
-        /// Between the electrodes, where they are one group.
+        /// The voltage between the electrodes, for a single group.
         pub voltage: Option<Voltage> [VOLTAGES],
-        /// Those of the electrode groups 1, 2, … in place of `voltage`.
+        /// The voltages of the electrode groups 1, 2, …, instead of `voltage`.
         pub voltages: Option<Vec<Voltage>> [(VOLTAGES, 1..=Pattern::MOST_GROUPS)],
     }
     check(check)
@@ -37,14 +37,16 @@ fn voltage_or_voltages(fields: Fields) -> Fields {
     fields.rule(json!({ "oneOf": [{ "required": ["voltage"] }, { "required": ["voltages"] }] }))
 }
 
-/// The same, but that a table brings its own voltage, and a charge stands in place of one.
+/// The same, except that a table has its own voltage, and a charge replaces the voltage.
 fn voltages_or_table(fields: Fields) -> Fields {
     let both = json!({ "required": ["voltage", "voltages"] });
     let with_table = json!({ "properties": { "waveform": { "required": ["table"] } }, "required": ["waveform"] });
     let with_voltage = json!({ "anyOf": [{ "required": ["voltage"] }, { "required": ["voltages"] }, with_table] });
-    let driven = json!({ "anyOf": [{ "required": ["voltage"] }, { "required": ["voltages"] }, { "required": ["waveform"] }, { "required": ["source"] }] });
+    let driven = ["voltage", "voltages", "waveform", "source"].map(|key| json!({ "required": [key] }));
+    let driven = json!({ "anyOf": driven });
+    let several = json!({ "required": ["voltages", "source"], "properties": { "voltages": { "minItems": 2 } } });
     fields.rule(json!({
-        "not": { "anyOf": [both, { "required": ["voltages", "source"], "properties": { "voltages": { "minItems": 2 } } }] },
+        "not": { "anyOf": [both, several] },
         "if": { "required": ["charge"] },
         "then": { "not": driven },
         "else": with_voltage,
@@ -58,15 +60,15 @@ fn check(voltages: &Voltages, map: &Map<'_>) -> Result<(), InputError> {
         (Some(_), Some(both)) => Err(map
             .required("`drive`", "voltages")?
             .error(format!(
-                "`voltage` is that of one group of electrodes, and `voltages` has {}",
+                "`voltage` is for a single electrode group, but `voltages` has {}",
                 both.len()
             ))
-            .help("give `voltage`, or `voltages: [of group 1, of group 2, …]`")),
+            .help("give `voltage`, or `voltages: [group 1, group 2, …]`")),
     }
 }
 
 impl Voltages {
-    /// That of one group.
+    /// Creates the voltage of a single group.
     #[must_use]
     pub fn one(voltage: Voltage) -> Self {
         Self {
@@ -75,7 +77,7 @@ impl Voltages {
         }
     }
 
-    /// The same in the one way of saying it that is canonical: one group has a voltage.
+    /// Returns the canonical form, in which a single group has `voltage`.
     #[must_use]
     pub fn normalised(self) -> Self {
         match self.voltages.as_deref() {
@@ -84,7 +86,7 @@ impl Voltages {
         }
     }
 
-    /// Those of the groups, in V.
+    /// Returns the voltages of the groups in V.
     #[must_use]
     pub fn in_volts(&self) -> Vec<f64> {
         let several = self.voltages.iter().flatten();
@@ -95,15 +97,15 @@ impl Voltages {
             .collect()
     }
 
-    /// The largest, in V.
+    /// Returns the largest voltage in V.
     #[must_use]
-    pub fn most_v(&self) -> f64 {
+    pub fn largest_v(&self) -> f64 {
         self.in_volts().into_iter().fold(0.0, f64::max)
     }
 
-    /// The larger of each group's.
+    /// Returns the larger of two voltages for each group.
     #[must_use]
-    pub fn largest(&self, other: &Self) -> Self {
+    pub fn max(&self, other: &Self) -> Self {
         let larger = |a: &Voltage, b: &Voltage| if a.value() < b.value() { *b } else { *a };
         let both = |a: &[Voltage], b: &[Voltage]| a.iter().zip(b).map(|(a, b)| larger(a, b)).collect();
         Self {
@@ -120,13 +122,13 @@ impl Voltages {
         }
     }
 
-    /// The same with the largest changed to this one in V, and the others in proportion; where there is none, all of them.
+    /// Scales all voltages in proportion so that the largest has this value in V. If all are zero, all get this value.
     ///
     /// # Panics
     /// When the voltage is not finite.
     #[must_use]
     pub fn with_largest(&self, largest: f64) -> Self {
-        let now = self.most_v();
+        let now = self.largest_v();
         let changed = |voltage: &Voltage| {
             let value = if now > 0.0 && voltage.value() < now {
                 voltage.value() / now * largest
@@ -145,17 +147,17 @@ impl Voltages {
 parameters! {
     /// What drives the actuator.
     pub struct Drive as "`drive`" {
-        /// Where the voltage alternates. Only screening looks at it.
+        /// The frequency of an alternating voltage. Only screening uses it.
         pub frequency: Option<Frequency> [1e-9..=1e9],
-        /// How long the voltage is held, and how long a history lasts unless it is asked for at given times.
+        /// The time for which the voltage is held, and the length of a history without given times.
         pub duration: Option<Time> [1e-9..=1e9],
-        /// How the voltage changes in time; without it all of it is there from 0 s on.
+        /// How the voltage changes in time; without it the voltage is constant from 0 s on.
         pub waveform: Option<Waveform>,
-        /// Time at the prestretch before the drive; without it the elastomer has relaxed.
+        /// The time at prestretch before the drive; without it the elastomer has relaxed.
         pub rest: Option<Time> [0.0..=1e12],
-        /// The charge of the electrodes, in place of a voltage.
+        /// The charge of the electrodes, instead of a voltage.
         pub charge: Option<Charge>,
-        /// What feeds the electrodes, where that matters; without it they have the voltage at once.
+        /// The source that feeds the electrodes; without it they have the voltage at once.
         pub source: Option<Source>,
     }
     include {
@@ -166,13 +168,13 @@ parameters! {
 }
 
 impl Drive {
-    /// That of one group of electrodes, without time.
+    /// Creates the drive of a single electrode group, without time.
     #[must_use]
     pub fn one(voltage: Voltage) -> Self {
         Self::of(Voltages::one(voltage))
     }
 
-    /// That of voltages, without time.
+    /// Creates a drive of voltages, without time.
     #[must_use]
     pub fn of(voltages: Voltages) -> Self {
         Self {
@@ -186,7 +188,7 @@ impl Drive {
         }
     }
 
-    /// The same in the one way of saying it that is canonical.
+    /// Returns the canonical form.
     #[must_use]
     pub fn normalised(self) -> Self {
         Self {
@@ -195,7 +197,7 @@ impl Drive {
         }
     }
 
-    /// The same without time: what decides about an equilibrium.
+    /// Returns the drive without time, which determines an equilibrium.
     #[must_use]
     pub fn without_time(&self) -> Self {
         Self {
@@ -204,8 +206,8 @@ impl Drive {
         }
     }
 
-    /// The frequency of the voltage in Hz, where it oscillates; else that of which the time within which it changes, or for which it lasts, is
-    /// the time; none where the drive is static.
+    /// Returns the frequency f of the voltage in Hz. For a voltage that does not oscillate, f = 1/(2πt) with the time t
+    /// in which it changes, or for which it lasts. `None` for a static drive.
     #[must_use]
     pub fn voltage_frequency_hz(&self) -> Option<f64> {
         let sine = self.waveform.as_ref().and_then(|waveform| waveform.sine.as_ref());
@@ -219,19 +221,20 @@ impl Drive {
             })
     }
 
-    /// Whether the voltage oscillates.
+    /// Returns whether the voltage oscillates.
     #[must_use]
     pub fn oscillates(&self) -> bool {
         self.frequency.is_some() || self.waveform.as_ref().is_some_and(|waveform| waveform.sine.is_some())
     }
 
-    /// The frequency of the force in Hz, as [`Drive::voltage_frequency_hz`]: that of V², which of an oscillation without bias has twice the frequency.
+    /// Returns the frequency of the force in Hz, which is proportional to V²: twice that of the voltage for an
+    /// oscillation without bias.
     #[must_use]
     pub fn force_frequency_hz(&self) -> Option<f64> {
         let sine = self.waveform.as_ref().and_then(|waveform| waveform.sine.as_ref());
         let is_biased = sine.is_some_and(|sine| sine.bias.value() > 0.0);
-        let times = if self.oscillates() && !is_biased { 2.0 } else { 1.0 };
-        self.voltage_frequency_hz().map(|frequency| times * frequency)
+        let factor = if self.oscillates() && !is_biased { 2.0 } else { 1.0 };
+        self.voltage_frequency_hz().map(|frequency| factor * frequency)
     }
 }
 
@@ -245,11 +248,11 @@ parameters! {
     rules(voltage_or_voltages)
 }
 
-/// The drives of one device by their names, in the order of these.
+/// The voltages of one device in several states, sorted by name.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct States(Vec<(String, State)>);
 
-/// A state that a scene does not have.
+/// An unknown state.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no state `{found}`")]
 pub struct UnknownState {
@@ -258,7 +261,7 @@ pub struct UnknownState {
 }
 
 impl UnknownState {
-    /// What there is.
+    /// Returns advice.
     #[must_use]
     pub fn help(&self) -> String {
         match self.known.is_empty() {
@@ -271,17 +274,17 @@ impl UnknownState {
 impl States {
     const WHAT: &'static str = "`states`";
 
-    /// Reads the states of devices with so many groups of electrodes.
+    /// Reads the states of a device with `groups` electrode groups.
     ///
     /// # Errors
-    /// When a name cannot be one, there are too many or none, or one has another number of voltages.
+    /// When a name is invalid, there are too many states or none, or a state has another number of voltages.
     pub fn read(node: &Node, groups: usize) -> Result<Self, InputError> {
         let mut states = Vec::new();
         for (key, value) in node.entries(Self::WHAT)? {
             let name = key.text(Self::WHAT)?;
             if !is_plain_name(name, LONGEST_NAME) {
                 return Err(key
-                    .error(format!("{} is no name of a state", key.found()))
+                    .error(format!("{} is not a valid name of a state", key.found()))
                     .help(format!("allowed: letters, digits, `-` and `_`, at most {LONGEST_NAME}")));
             }
             let state = State::read_with(value, &[])?;
@@ -289,9 +292,9 @@ impl States {
             if own != groups {
                 return Err(value
                     .error(format!(
-                        "state `{name}` has voltages of {own} electrode groups, and the drive those of {groups}"
+                        "state `{name}` has voltages of {own} electrode groups, but the drive has {groups}"
                     ))
-                    .help("give each state a voltage for each group; a group may have 0 V"));
+                    .help("give a voltage for each group, which may be 0 V"));
             }
             let voltages = state.voltages.normalised();
             states.push((name.to_owned(), State { voltages }));
@@ -305,10 +308,10 @@ impl States {
         Ok(Self(states))
     }
 
-    /// The voltages in the first of the states that a document has, by their names, as a drive.
+    /// Reads the first state by name as a drive.
     ///
     /// # Errors
-    /// When they cannot be read.
+    /// When it is invalid.
     pub fn first_drive(node: &Node) -> Result<Drive, InputError> {
         let mut named = Vec::new();
         for (key, value) in node.entries(Self::WHAT)? {
@@ -322,7 +325,7 @@ impl States {
         Ok(Drive::of(State::read_with(first, &[])?.voltages))
     }
 
-    /// What [`States::read`] accepts.
+    /// Returns the schema of [`States::read`].
     #[must_use]
     pub fn schema() -> Schema {
         let state = serde_json::Value::from(State::schema(&()));
@@ -335,24 +338,24 @@ impl States {
         }))
     }
 
-    /// The regular expression of their names.
+    /// Returns the regular expression of the names.
     #[must_use]
     pub fn name_pattern() -> String {
         format!("^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$")
     }
 
-    /// Whether there is none.
+    /// Returns whether there are no states.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Their names and drives, in the order of their names.
+    /// Returns the names and voltages, sorted by name.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = (&str, &Voltages)> {
         self.0.iter().map(|(name, state)| (name.as_str(), &state.voltages))
     }
 
-    /// The states as a canonical value.
+    /// Returns the canonical value.
     #[must_use]
     pub fn canonical(&self) -> Canonical {
         Canonical::map(self.0.iter().map(|(name, state)| (name.as_str(), state.to_canonical())))

@@ -1,19 +1,18 @@
-//! The membrane of a scene: its sides, cells, thickness and prestretch.
+//! The geometry of a scene: sides, cells, thickness and prestretch of the membrane, frame and rigid bodies.
 
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use serde_json::json;
 
-use super::model::{SECTIONS, WHAT};
 use super::shape::Shape;
 use deaflow_base::{
-    Canonical, Decimal, Declared, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema,
-    SpringRate, parameters,
+    Canonical, Decimal, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema, SpringRate,
+    parameters,
 };
-use deaflow_pattern::{Bits, Membrane, Part, Parts, PartsError, PatternForm, Raster};
+use deaflow_pattern::{Bits, Membrane, Part, Parts, PartsError, Raster};
 
-/// A value along x and one along y; as one where they are equal.
+/// A value along x and one along y; equal values are written as one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Both<T>(pub [T; 2]);
 
@@ -46,19 +45,19 @@ impl<T: Parameter + Clone + PartialEq> Parameter for Both<T> {
 }
 
 parameters! {
-    /// The membrane, prestretched and clamped on a rigid frame. What is two values is along x and y.
+    /// The membrane, prestretched and clamped on a rigid frame. Two values are along x and y.
     pub struct Geometry as "`geometry`" {
         /// Side of a square membrane, prestretched.
         pub side: Option<Length> [SIDES],
-        /// Sides of the prestretched membrane, in place of `side`.
+        /// Sides of the prestretched membrane, instead of `side`.
         pub size: Option<[Length; 2]> [SIDES],
         /// Undeformed thickness, before prestretch.
         pub thickness: Length [1e-4..=1e3],
-        /// Prestretch: one number where it is equibiaxial.
+        /// Prestretch; one number if it is equibiaxial.
         pub prestretch: Both<Decimal> [PRESTRETCH],
-        /// Cells along the sides: one number where they are as many.
+        /// Cells along the sides; one number if they are equal.
         pub cells: Both<usize> [CELLS],
-        /// What holds the membrane beside the edge of the rectangle.
+        /// A rigid frame inside the rectangle.
         pub frame: Option<Frame>,
         /// Rigid bodies in the membrane, such as end effectors, tips and rotors.
         pub bodies: Option<Vec<Body>> [((), 1..=MOST_BODIES)],
@@ -67,19 +66,19 @@ parameters! {
     check(check)
 }
 
-/// Most rigid bodies.
+/// The largest number of rigid bodies.
 pub const MOST_BODIES: usize = 64;
-/// Most shapes of a frame.
+/// The largest number of shapes of a frame.
 const MOST_HELD: usize = 1000;
-/// Largest force in N, and spring rate in N/m.
+/// The largest force in N and spring rate in N/m.
 const STRONGEST: f64 = 1e6;
 
 parameters! {
-    /// A rigid frame. A cell belongs to it if its centre lies in it; nothing moves at its corners.
+    /// A rigid frame. A cell belongs to it if its centre lies in it; the corners of its cells do not move.
     pub struct Frame as "`frame`" {
-        /// Where there is membrane; all else is frame.
+        /// The membrane; all else is frame.
         pub opening: Option<Shape>,
-        /// Parts of the frame within the opening, such as hubs.
+        /// Parts of the frame inside the opening, such as hubs.
         pub held: Option<Vec<Shape>> [((), 1..=MOST_HELD)],
     }
     rules(opening_or_held)
@@ -91,28 +90,28 @@ fn opening_or_held(fields: Fields) -> Fields {
 }
 
 parameters! {
-    /// A rigid body, which moves and turns as a whole: one of the shapes, what pulls it and what draws it back. A cell belongs to it if its
-    /// centre lies in it.
+    /// A rigid body, which translates and rotates: one of the shapes, with a load and a spring. A cell belongs to it if
+    /// its centre lies in it.
     pub struct Body as "a body" {
-        /// The force on its centroid, along x and y.
+        /// The force on the centroid along x and y.
         pub load: Option<[Force; 2]> [-STRONGEST..=STRONGEST],
-        /// A spring that draws its centroid back to where it rests.
+        /// A spring between the centroid and its initial position.
         pub spring: Option<SpringRate> [0.0..=STRONGEST],
     }
     include {
-        /// The cells that it covers.
+        /// The shape of the body.
         pub shape: Shape,
     }
 }
 
 impl Body {
-    /// The force on its centroid in N.
+    /// Returns the force on the centroid in N.
     #[must_use]
     pub fn load_n(&self) -> [f64; 2] {
         self.load.map_or([0.0; 2], |load| load.map(|force| force.value()))
     }
 
-    /// The rate of its spring in N/m.
+    /// Returns the spring rate in N/m.
     #[must_use]
     pub fn spring_n_per_m(&self) -> f64 {
         self.spring.map_or(0.0, |spring| spring.value())
@@ -122,8 +121,8 @@ impl Body {
 fn check_frame(frame: &Frame, map: &Map<'_>) -> Result<(), InputError> {
     match (&frame.opening, &frame.held) {
         (None, None) => Err(map
-            .error("`frame` holds nothing")
-            .help("give an `opening`, or what is `held` within the rectangle")),
+            .error("`frame` is empty")
+            .help("give an `opening`, or parts that are `held`")),
         _ => Ok(()),
     }
 }
@@ -144,12 +143,14 @@ fn check(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
         PartsError::BodiesTouch { bodies, .. } => body(bodies[1]),
     };
     let help = match error {
-        PartsError::NothingFree => "a cell is membrane if its centre lies in the opening, and in nothing that is held",
-        PartsError::EmptyBody { .. } => "give it at least a cell, or the membrane more cells",
-        PartsError::BodyAtFrame { .. } => {
-            "leave membrane between bodies and frame; what cannot move belongs to the frame"
+        PartsError::NothingFree => {
+            "a cell is membrane if its centre lies in `opening` and outside all shapes of `held`"
         }
-        PartsError::BodiesTouch { .. } => "leave membrane between bodies, or make them one",
+        PartsError::EmptyBody { .. } => "enlarge it to at least one cell, or increase `cells`",
+        PartsError::BodyAtFrame { .. } => {
+            "leave membrane between bodies and frame; make an immobile body a part of the frame"
+        }
+        PartsError::BodiesTouch { .. } => "leave membrane between bodies, or combine them",
     };
     let message = error.to_string();
     Err(node
@@ -157,13 +158,13 @@ fn check(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
         .help(help))
 }
 
-/// Masks are drawn on the cells of the membrane.
+/// Checks that masks have the cells of the membrane.
 fn check_masks(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
     let raster = geometry.membrane().raster;
     let check = |shape: &Shape, node: Option<&Node>| match (shape.raster(), node) {
         (Some(other), Some(node)) if other != raster => Err(node
-            .error(format!("the mask has {other} cells, and the membrane has {raster}"))
-            .help("a mask has one value for each cell of the membrane")),
+            .error(format!("the mask has {other} cells, but the membrane has {raster}"))
+            .help("a mask needs one value for each cell of the membrane")),
         _ => Ok(()),
     };
     let frame = map.optional("frame");
@@ -188,97 +189,9 @@ fn side_or_size(fields: Fields) -> Fields {
     fields.rule(json!({ "oneOf": [{ "required": ["side"] }, { "required": ["size"] }] }))
 }
 
-/// What those need to know of a membrane who draw patterns on it or learn from them. Of a scene that is swept it is the same for all values of
-/// an axis, unless the axis stands in it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outline {
-    /// Its cells and its sides; [`Outline::read`] says 1 mm of those of a square, however large it is.
-    pub membrane: Membrane,
-    /// Prestretch along x and y; [`Outline::read`] says 1 and 1 where it is one number.
-    pub prestretch: [f64; 2],
-    /// Whether there is a frame beside the edge of the rectangle.
-    pub has_frame: bool,
-    /// Whether there are rigid bodies.
-    pub has_bodies: bool,
-    /// How many groups of electrodes there are.
-    pub groups: usize,
-}
-
-impl Outline {
-    /// The outline in the mapping of a scene. All else in it is left alone.
-    ///
-    /// # Errors
-    /// When it has no geometry, or sides or cells cannot be read.
-    pub fn read(scene: &Node) -> Result<Self, InputError> {
-        let sections = scene.fields(WHAT, &SECTIONS)?;
-        let node = sections.required(WHAT, "geometry")?;
-        let map = node.fields(Geometry::WHAT, &Geometry::keys())?;
-        let Both([columns, rows]) = map.read(Geometry::WHAT, "cells", &CELLS, None)?;
-        let size = match map.optional("size") {
-            Some(size) => <[Length; 2]>::read(size, "size", &SIDES)?.map(|side| side.value()),
-            None => [1.0; 2],
-        };
-        let prestretch = match map.optional("prestretch") {
-            Some(node) if matches!(node.value(), NodeValue::List(_)) => {
-                <[Decimal; 2]>::read(node, "prestretch", &PRESTRETCH)?.map(Decimal::to_f64)
-            }
-            _ => [1.0; 2],
-        };
-        let size_mm = if size[0] == size[1] { [1.0; 2] } else { size };
-        Ok(Self {
-            membrane: Membrane {
-                raster: Raster::new(columns, rows).expect("cells are in range"),
-                size_mm,
-            },
-            prestretch,
-            has_frame: map.optional("frame").is_some(),
-            has_bodies: map.optional("bodies").is_some(),
-            groups: groups(&sections),
-        })
-    }
-
-    /// The cells in the mapping of a scene that may carry electrodes; none are told where all of them may.
-    ///
-    /// # Errors
-    /// When the geometry cannot be read.
-    pub fn room(scene: &Node) -> Result<Option<Bits>, InputError> {
-        let node = scene.fields(WHAT, &SECTIONS)?.required(WHAT, "geometry")?;
-        let parts = Geometry::read_with(node, &[])?.parts();
-        Ok(parts.map(|parts| parts.free_cells()))
-    }
-
-    /// What patterns on it are.
-    #[must_use]
-    pub fn form(&self) -> PatternForm {
-        PatternForm {
-            raster: self.membrane.raster,
-            groups: self.groups,
-        }
-    }
-}
-
-/// How many groups of electrodes a scene has whose drive, or first state, may be anything yet.
-fn groups(scene: &Map<'_>) -> usize {
-    let first = || {
-        scene
-            .optional("states")?
-            .entries("`states`")
-            .ok()?
-            .first()
-            .map(|(_, state)| state)
-    };
-    let voltages = scene
-        .optional("drive")
-        .or_else(first)
-        .and_then(|drive| drive.peek("voltages"));
-    voltages
-        .and_then(|voltages| voltages.list("voltages").ok())
-        .map_or(1, <[Node]>::len)
-}
-
-const SIDES: RangeInclusive<f64> = 1e-3..=1e4;
-const PRESTRETCH: RangeInclusive<f64> = 1.0..=10.0;
-const CELLS: RangeInclusive<u64> = 1..=Raster::MOST as u64;
+pub(super) const SIDES: RangeInclusive<f64> = 1e-3..=1e4;
+pub(super) const PRESTRETCH: RangeInclusive<f64> = 1.0..=10.0;
+pub(super) const CELLS: RangeInclusive<u64> = 1..=Raster::MOST as u64;
 
 fn check_size(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
     match (&geometry.side, &geometry.size) {
@@ -286,13 +199,13 @@ fn check_size(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
         (None, None) => map.required("`geometry`", "side").map(|_| ()),
         (Some(_), Some(_)) => Err(map
             .required("`geometry`", "size")?
-            .error("`size` and `side` cannot stand beside each other")
-            .help("give `side` of a square membrane, or `size: [along x, along y]`")),
+            .error("`size` and `side` cannot be given together")
+            .help("give `side` for a square membrane, or `size: [along x, along y]`")),
     }
 }
 
 impl Geometry {
-    /// A square membrane with the raster of the source paper: its side and thickness in mm, and its prestretch.
+    /// Creates a square membrane with the raster of the source paper from side and thickness in mm and prestretch.
     ///
     /// # Panics
     /// When a number is not finite.
@@ -310,7 +223,7 @@ impl Geometry {
         }
     }
 
-    /// The same geometry in the one way of saying it that is canonical: a square has a side.
+    /// Returns the canonical form, in which a square has `side`.
     #[must_use]
     pub fn normalised(self) -> Self {
         match &self.size {
@@ -323,21 +236,10 @@ impl Geometry {
         }
     }
 
-    /// Its outline, with its true sides.
-    pub(super) fn outline(&self, groups: usize) -> Outline {
-        Outline {
-            groups,
-            membrane: self.membrane(),
-            prestretch: self.prestretch.0.each_ref().map(|stretch| stretch.to_f64()),
-            has_frame: self.frame.is_some(),
-            has_bodies: self.bodies.is_some(),
-        }
-    }
-
-    /// What patterns are drawn on.
+    /// Returns the membrane, on which patterns are drawn.
     ///
     /// # Panics
-    /// Never: a geometry has been checked.
+    /// Never, since the number of cells has been checked.
     #[must_use]
     pub fn membrane(&self) -> Membrane {
         let Both([columns, rows]) = self.cells;
@@ -351,16 +253,16 @@ impl Geometry {
         }
     }
 
-    /// Whether a force pulls one of its bodies.
+    /// Returns whether a force acts on a body.
     #[must_use]
     pub fn has_forces(&self) -> bool {
         self.bodies.iter().flatten().any(|body| body.load_n() != [0.0; 2])
     }
 
-    /// What its cells are; nothing where all of them are membrane.
+    /// Returns the part of the device that each cell belongs to; `None` if all are membrane.
     #[must_use]
     pub fn parts(&self) -> Option<Arc<Parts>> {
-        // A geometry has been checked.
+        // The geometry has been checked.
         self.read_parts().ok().flatten().map(Arc::new)
     }
 

@@ -1,7 +1,5 @@
-//! Where the electrodes are wired to the source.
+//! The leads that connect the electrodes with the source.
 
-use super::effects::{Effects, names};
-use super::model::Scene;
 use deaflow_base::{Canonical, Declared, InputError, Node, NodeValue, Parameter, Schema, parameters, words};
 use deaflow_pattern::{Bits, Membrane, Pattern, Raster};
 
@@ -20,7 +18,7 @@ words! {
 }
 
 parameters! {
-    /// Cells that are wired.
+    /// Cells with leads.
     struct LeadCells as "`leads`" {
         /// Column and row of each, from 0 at the lower left.
         cells: Vec<[usize; 2]> [(0..=Raster::MOST as u64 - 1, 1..=MOST_CELLS)],
@@ -29,38 +27,38 @@ parameters! {
 
 const MOST_CELLS: usize = Raster::MOST * Raster::MOST;
 
-/// Where electrodes are wired: an electrode has the voltage of the source at once wherever a lead touches it.
+/// The positions of the leads. Where a lead touches an electrode, the electrode has the voltage of the source at once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Leads {
-    /// All along some sides of the membrane.
+    /// Along entire sides of the membrane.
     Edges(Vec<Edge>),
     /// On some cells, by column and row.
     Cells(Vec<[usize; 2]>),
 }
 
-/// A part of an electrode that no lead reaches.
+/// A part of an electrode that is not connected to a lead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Unreached {
-    /// How many cells it has.
+    /// The number of its cells.
     pub cells: usize,
-    /// The column and row of one of them: the lowest, then leftmost.
+    /// The column and row of its lowest, then leftmost cell.
     pub at: [usize; 2],
 }
 
 impl Leads {
-    /// Whether all along a side there is a lead.
+    /// Returns whether there is a lead along a side.
     #[must_use]
     pub fn is_along(&self, edge: Edge) -> bool {
         matches!(self, Self::Edges(edges) if edges.contains(&edge))
     }
 
-    /// Whether there is a lead on a cell.
+    /// Returns whether there is a lead on a cell.
     #[must_use]
     pub fn is_on(&self, cell: [usize; 2]) -> bool {
         matches!(self, Self::Cells(cells) if cells.contains(&cell))
     }
 
-    /// The cells that leads touch.
+    /// Returns the cells that leads touch.
     #[must_use]
     pub fn touched(&self, raster: Raster) -> Bits {
         let [columns, rows] = raster.sides();
@@ -82,7 +80,7 @@ impl Leads {
         }
     }
 
-    /// The first part of a pattern's electrodes, cells of a group joined by their sides, that no lead reaches.
+    /// Returns the first connected part of an electrode group that no lead reaches; cells are connected by their sides.
     #[must_use]
     pub fn unreached(&self, pattern: &Pattern) -> Option<Unreached> {
         let touched = self.touched(pattern.raster());
@@ -100,14 +98,14 @@ impl Leads {
         (1..=pattern.groups()).find_map(of_group)
     }
 
-    /// Checks that cells with leads are cells of the membrane; `node` is what this was read from.
+    /// Checks that leads are on cells of the membrane; `node` is the node of the leads.
     pub(super) fn check(&self, node: &Node, membrane: Membrane) -> Result<(), InputError> {
         let [columns, rows] = membrane.raster.sides();
         let beyond = |[x, y]: &&[usize; 2]| *x >= columns || *y >= rows;
         match self {
             Self::Cells(cells) => match cells.iter().find(beyond) {
                 Some([x, y]) => Err(node
-                    .error(format!("there is no cell [{x}, {y}] for a lead"))
+                    .error(format!("the cell [{x}, {y}] of a lead does not exist"))
                     .help(format!(
                         "the membrane has {columns} columns and {rows} rows, counted from 0"
                     ))),
@@ -157,7 +155,7 @@ impl Parameter for Leads {
 
     fn schema((): &()) -> Schema {
         Schema::any_of([Vec::<Edge>::schema(&((), 1..=Edge::ALL.len())), LeadCells::schema(&())])
-            .description("Where the electrodes are wired: sides of the membrane, or cells of it.")
+            .description("Where the electrodes are connected to the source: sides or cells of the membrane.")
     }
 
     fn literal(literal: Self) -> Self {
@@ -165,36 +163,15 @@ impl Parameter for Leads {
     }
 }
 
-impl Scene {
-    /// What of this scene electrodes with a resistance cannot be simulated with, beside these effects.
-    #[must_use]
-    pub fn conflict_of_resistance(&self, effects: &Effects) -> Option<&'static str> {
-        let loads = self.in_states().into_iter().flat_map(|(_, scene)| scene.group_loads());
-        let conflicts = [
-            (
-                loads.into_iter().any(|load| load != 1.0),
-                "voltages that differ by group",
-            ),
-            (self.drive.source.is_some(), "a `source`"),
-            (self.drive.charge.is_some(), "a `charge`"),
-            (effects.inertia.is_some(), names::INERTIA),
-            (effects.fringe_field.is_some(), names::FRINGE),
-            (effects.electrode_stiffness.is_some(), names::ELECTRODE),
-        ];
-        conflicts
-            .into_iter()
-            .find_map(|(is_there, what)| is_there.then_some(what))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Scene;
 
     fn scene(more: &str) -> Result<Scene, InputError> {
         Scene::from_text(&format!(
-            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: [6, 4] }}, material: {{ model: neo-hookean, \
-             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, {more} }}"
+            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: [6, 4] }}, material: {{ \
+             model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, {more} }}"
         ))
     }
 

@@ -1,5 +1,7 @@
-//! What to simulate: geometry, material, drive and effects. Validated here, once; no numerics.
+//! What is simulated: geometry, material, drive and effects. A scene is checked once, on reading. This crate has no
+//! numerics.
 
+mod canonical;
 mod charge;
 mod difference;
 mod drive;
@@ -8,7 +10,8 @@ mod geometry;
 mod leads;
 mod mask;
 mod model;
-mod properties;
+mod outline;
+mod read;
 mod shape;
 mod source;
 #[cfg(test)]
@@ -20,14 +23,13 @@ pub use difference::Difference;
 pub use drive::{Drive, MOST_STATES, State, States, UnknownState, Voltages};
 pub use effects::{
     Branch, Breakdown, ConstantStrength, Effects, Electrode, ElectrodeResistance, HuangStrength, Inertia, On,
-    PermittivityDecay, PermittivityReference, Stiffening, Viscoelasticity, ViscousLaw, laws,
+    PermittivityDecay, PermittivityReference, Properties, Stiffening, Viscoelasticity, ViscousLaw, laws,
 };
-pub use geometry::{Body, Both, Frame, Geometry, MOST_BODIES, Outline};
+pub use geometry::{Body, Both, Frame, Geometry, MOST_BODIES};
 pub use leads::{Edge, Leads, Unreached};
 pub use mask::{Islands, Mask, Point, Size};
-pub(crate) use model::AUTO;
 pub use model::{ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};
-pub use properties::Properties;
-pub use shape::{Cells, Circle, Disc, Drawing, Place, Polygon, Rectangle, Shape, scene_files};
+pub use outline::Outline;
+pub use shape::{Cells, Circle, Position, Shape, scene_files};
 pub use source::Source;
 pub use waveform::{Knot, Ramp, Side, Sine, Step, Table, Waveform};

@@ -1,4 +1,4 @@
-//! An electrode as polygons in mm, at the size at which it is to be made.
+//! An electrode as polygons in mm, for manufacturing.
 
 use super::model::Scene;
 use deaflow_pattern::{Corners, Membrane, Part, Pattern, outlines, total_area};
@@ -6,10 +6,10 @@ use deaflow_pattern::{Corners, Membrane, Part, Pattern, outlines, total_area};
 /// A point in mm, the origin at the lower left corner of the membrane.
 pub type Point = [f64; 2];
 
-/// Outer ring and holes of each island, largest first; outer rings run anticlockwise, holes clockwise.
+/// Outer ring and holes of each island, largest first; outer rings run counterclockwise, holes clockwise.
 pub type Islands = Vec<(Vec<Point>, Vec<Vec<Point>>)>;
 
-/// The state of the membrane that the electrode is laid on.
+/// The state of the membrane on which the electrode is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
     /// Before the membrane is stretched.
@@ -19,7 +19,7 @@ pub enum Size {
 }
 
 impl Size {
-    /// The word for it.
+    /// The name.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -29,35 +29,35 @@ impl Size {
     }
 }
 
-/// A mask.
+/// The mask of an electrode pattern.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask {
-    /// The state that it is for.
+    /// The state of the membrane for which it is made.
     pub size: Size,
     /// The membrane in that state.
     pub membrane: Membrane,
-    /// Its sides over those of the prestretched membrane.
+    /// Its sides divided by those of the prestretched membrane.
     pub scale: [f64; 2],
     /// Prestretch along x and y.
     pub prestretch: [f64; 2],
     /// Area of the active cells, mm².
     pub electrode_area: f64,
-    /// The same over the area of the membrane.
+    /// The area of the active cells divided by the area of the membrane.
     pub area_fraction: f64,
     /// Area within the outline, mm².
     pub outline_area: f64,
     /// Whether the outline is rounded.
     pub rounded: bool,
-    /// The islands of each group of electrodes.
+    /// The islands of each electrode group.
     pub groups: Vec<Islands>,
-    /// What is not frame, where there is a frame beside the edge of the rectangle.
+    /// The area that is not frame, if there is a frame inside the rectangle.
     pub opening: Islands,
     /// The rigid bodies.
     pub bodies: Islands,
 }
 
 impl Mask {
-    /// The mask of a pattern on the membrane of a scene.
+    /// Creates the mask of a pattern on the membrane of a scene.
     #[must_use]
     pub fn new(pattern: &Pattern, scene: &Scene, size: Size, rounded: bool) -> Self {
         let prestretch = scene.prestretch();
@@ -109,13 +109,13 @@ impl Mask {
         }
     }
 
-    /// How many islands there are, of all groups.
+    /// Returns the number of islands of all groups.
     #[must_use]
     pub fn islands(&self) -> usize {
         self.groups.iter().map(Vec::len).sum()
     }
 
-    /// Holes of all islands.
+    /// Returns the number of holes of all islands.
     #[must_use]
     pub fn holes(&self) -> usize {
         self.groups.iter().flatten().map(|(_, holes)| holes.len()).sum()

@@ -1,83 +1,48 @@
-//! Parts of a membrane as people draw them.
-
-use serde_json::json;
+//! Shapes of parts of a membrane.
 
 use std::path::Path;
+
+use serde_json::json;
 
 use deaflow_base::{
     Canonical, Declared, Fields, InputError, Length, Map, Node, NodeValue, Parameter, Schema, confined, parameters,
 };
 use deaflow_pattern::{Bits, Raster, Region, read_mask};
 
-/// Largest coordinate in mm.
+/// The largest coordinate in mm.
 const FARTHEST: f64 = 1e4;
 
-/// Smallest and largest radius in mm.
+/// The smallest and largest radius in mm.
 const RADII: std::ops::RangeInclusive<f64> = 1e-6..=1e4;
 
-/// The keys that tell shapes apart.
-const KEYS: [&str; 4] = ["rectangle", "disc", "polygon", "mask"];
-
-/// Most corners of a polygon.
+/// The largest number of corners of a polygon.
 const MOST_CORNERS: usize = 10_000;
 
-/// A place on the membrane, from its lower left corner.
-pub type Place = [Length; 2];
-
-parameters! {
-    /// A rectangle.
-    pub struct Rectangle as "a shape" {
-        /// Two opposite corners, such as [[0 mm, 0 mm], [5 mm, 5 mm]].
-        pub rectangle: [Place; 2] [-FARTHEST..=FARTHEST],
-    }
-}
-
-parameters! {
-    /// A disc.
-    pub struct Disc as "a shape" {
-        /// Its centre and radius.
-        pub disc: Circle,
-    }
-}
+/// A position on the membrane, from its lower left corner.
+pub type Position = [Length; 2];
 
 parameters! {
     /// A circle.
     pub struct Circle as "`disc`" {
         /// Its centre, such as [25 mm, 25 mm].
-        pub centre: Place [-FARTHEST..=FARTHEST],
+        pub centre: Position [-FARTHEST..=FARTHEST],
         /// Its radius.
         pub radius: Length [RADII],
     }
 }
 
-parameters! {
-    /// A polygon.
-    pub struct Polygon as "a shape" {
-        /// Its corners in order, such as [[0 mm, 0 mm], [5 mm, 0 mm], [0 mm, 5 mm]].
-        pub polygon: Vec<Place> [(-FARTHEST..=FARTHEST, 3..=MOST_CORNERS)],
-    }
-}
-
-parameters! {
-    /// What is drawn cell by cell.
-    pub struct Drawing as "a shape" {
-        /// A file beside the scene, FILE.npy, FILE.csv or FILE.png, with a value for each cell of the membrane: 1, or a dark pixel, inside.
-        pub mask: Cells,
-    }
-}
-
-/// The cells of a mask, as its file had them.
+/// The cells of a mask.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cells(pub Bits);
 
 parameters! {
-    /// The cells themselves, as artifacts say them.
+    /// The cells in run-length encoding, as in artifacts.
     struct Runs as "`mask`" {
         /// Columns of the membrane.
         columns: usize [1..=Raster::MOST as u64],
         /// Rows of the membrane.
         rows: usize [1..=Raster::MOST as u64],
-        /// How many cells follow each other row by row from below that are outside, then inside, then outside, and so on.
+        /// Lengths of the runs of cells, row by row from below: outside, inside, outside, and so on.
         runs: Vec<usize> [(0..=MOST_CELLS as u64, 1..=MOST_CELLS)],
     }
 }
@@ -95,7 +60,7 @@ impl Parameter for Cells {
             let cells = raster.and_then(|raster| Bits::from_runs(raster, &runs));
             return cells.map(Self).ok_or_else(|| {
                 node.error(format!(
-                    "the runs of the mask are not those of {columns} × {rows} cells"
+                    "the runs of the mask do not add up to {columns} × {rows} cells"
                 ))
             });
         }
@@ -109,7 +74,7 @@ impl Parameter for Cells {
                 let error = refused(&refusal.to_string());
                 Err(match refusal.own_advice() {
                     Some(help) => error.help(help),
-                    None => error.help("a mask has one value for each cell: 0 outside, 1 inside"),
+                    None => error.help("a mask needs one value for each cell: 0 outside, 1 inside"),
                 })
             }
         }
@@ -130,7 +95,7 @@ impl Parameter for Cells {
     }
 }
 
-/// The files of all masks and of tables of voltages that stand in a document below a node, as they are named there.
+/// Returns the files of all masks and voltage tables below a node, as named in the document.
 #[must_use]
 pub fn scene_files(node: &Node) -> Vec<String> {
     match node.value() {
@@ -146,127 +111,70 @@ pub fn scene_files(node: &Node) -> Vec<String> {
     }
 }
 
-/// A part of the membrane.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Shape {
-    /// `rectangle`.
-    Rectangle(Rectangle),
-    /// `disc`.
-    Disc(Disc),
-    /// `polygon`.
-    Polygon(Polygon),
-    /// `mask`.
-    Mask(Drawing),
+parameters! {
+    /// A part of the membrane: one of these.
+    pub struct Shape as "a shape" {
+        /// Two opposite corners, such as [[0 mm, 0 mm], [5 mm, 5 mm]].
+        pub rectangle: Option<[Position; 2]> [-FARTHEST..=FARTHEST],
+        /// Its centre and radius.
+        pub disc: Option<Circle>,
+        /// Its corners in order, such as [[0 mm, 0 mm], [5 mm, 0 mm], [0 mm, 5 mm]].
+        pub polygon: Option<Vec<Position>> [(-FARTHEST..=FARTHEST, 3..=MOST_CORNERS)],
+        /// FILE.npy, FILE.csv or FILE.png in the folder of the scene, with a value for each cell of the membrane: 1 or a
+        /// dark pixel inside.
+        pub mask: Option<Cells>,
+    }
+    rules(one_of)
+    check(check)
+}
+
+fn one_of(fields: Fields) -> Fields {
+    let keys: Vec<_> = Shape::keys()
+        .into_iter()
+        .map(|key| json!({ "required": [key] }))
+        .collect();
+    fields.rule(json!({ "oneOf": keys }))
+}
+
+fn check(_: &Shape, map: &Map<'_>) -> Result<(), InputError> {
+    match Shape::keys()
+        .into_iter()
+        .filter(|key| map.optional(key).is_some())
+        .count()
+    {
+        1 => Ok(()),
+        _ => Err(map
+            .error("a shape must have one of `rectangle`, `disc`, `polygon` and `mask`")
+            .help(
+                "for example { rectangle: [[0 mm, 0 mm], [5 mm, 5 mm]] }, { disc: { centre: [25 mm, 25 mm], \
+                 radius: 3 mm } }, { polygon: [[0 mm, 0 mm], [5 mm, 0 mm], [0 mm, 5 mm]] } or { mask: shape.png }",
+            )),
+    }
 }
 
 impl Shape {
-    /// The raster that it is drawn on, where it is drawn on one.
+    /// Returns the raster of a mask; `None` for other shapes.
     #[must_use]
     pub fn raster(&self) -> Option<Raster> {
-        match self {
-            Self::Mask(Drawing { mask }) => Some(mask.0.raster()),
-            Self::Rectangle(_) | Self::Disc(_) | Self::Polygon(_) => None,
-        }
+        self.mask.as_ref().map(|mask| mask.0.raster())
     }
 
-    /// What it covers, in mm.
+    /// Returns the covered region in mm.
     #[must_use]
     pub fn region(&self) -> Region {
-        let place = |place: &Place| place.each_ref().map(|c| c.value());
-        match self {
-            Self::Rectangle(Rectangle { rectangle }) => Region::Rectangle(rectangle.each_ref().map(place)),
-            Self::Disc(Disc { disc }) => Region::Disc {
-                centre: place(&disc.centre),
+        let in_mm = |position: &Position| position.each_ref().map(|c| c.value());
+        if let Some(rectangle) = &self.rectangle {
+            return Region::Rectangle(rectangle.each_ref().map(in_mm));
+        }
+        if let Some(disc) = &self.disc {
+            return Region::Disc {
+                centre: in_mm(&disc.centre),
                 radius: disc.radius.value(),
-            },
-            Self::Polygon(Polygon { polygon }) => Region::Polygon(polygon.iter().map(place).collect()),
-            Self::Mask(Drawing { mask }) => Region::Cells(mask.0.clone()),
+            };
         }
-    }
-}
-
-/// Exactly one of the keys stands in the mapping.
-impl Declared for Shape {
-    const WHAT: &'static str = "a shape";
-
-    fn keys() -> Vec<&'static str> {
-        KEYS.to_vec()
-    }
-
-    fn add_to(fields: Fields) -> Fields {
-        fields
-            .declare::<Option<[Place; 2]>>("rectangle", "Two opposite corners.", &(-FARTHEST..=FARTHEST), None)
-            .declare::<Option<Circle>>("disc", "Its centre and radius.", &(), None)
-            .declare::<Option<Vec<Place>>>(
-                "polygon",
-                "Its corners in order.",
-                &(-FARTHEST..=FARTHEST, 3..=MOST_CORNERS),
-                None,
-            )
-            .declare::<Option<Cells>>("mask", "A file with a value for each cell.", &(), None)
-            .rule(json!({ "oneOf": KEYS.map(|key| json!({ "required": [key] })) }))
-    }
-
-    fn fields() -> Fields {
-        Self::add_to(Fields::new("A part of the membrane: one of these."))
-    }
-
-    fn read_map(map: &Map<'_>) -> Result<Self, InputError> {
-        let is_there = |key: &&str| map.optional(key).is_some();
-        match Self::keys().into_iter().filter(is_there).collect::<Vec<_>>()[..] {
-            ["rectangle"] => Rectangle::read_map(map).map(Self::Rectangle),
-            ["disc"] => Disc::read_map(map).map(Self::Disc),
-            ["polygon"] => Polygon::read_map(map).map(Self::Polygon),
-            ["mask"] => Drawing::read_map(map).map(Self::Mask),
-            _ => Err(map
-                .error("a shape is one of a `rectangle`, a `disc`, a `polygon` and a `mask`")
-                .help(
-                    "for example { rectangle: [[0 mm, 0 mm], [5 mm, 5 mm]] }, { disc: { centre: [25 mm, 25 mm], \
-                     radius: 3 mm } }, { polygon: [[0 mm, 0 mm], [5 mm, 0 mm], [0 mm, 5 mm]] } or { mask: shape.png }",
-                )),
+        match &self.mask {
+            Some(mask) => Region::Cells(mask.0.clone()),
+            None => Region::Polygon(self.polygon.iter().flatten().map(in_mm).collect()),
         }
-    }
-
-    fn entries(&self, out: &mut Vec<(&'static str, Canonical)>) {
-        match self {
-            Self::Rectangle(shape) => shape.entries(out),
-            Self::Disc(shape) => shape.entries(out),
-            Self::Polygon(shape) => shape.entries(out),
-            Self::Mask(shape) => shape.entries(out),
-        }
-    }
-}
-
-impl Parameter for Shape {
-    type Limits = ();
-    type Literal = Self;
-
-    fn read(node: &Node, _key: &str, (): &()) -> Result<Self, InputError> {
-        let is_there = |key: &&str| node.peek(key).is_some();
-        // A shape that is known refuses other keys by its own.
-        match KEYS.into_iter().filter(is_there).collect::<Vec<_>>()[..] {
-            ["rectangle"] => Rectangle::read_with(node, &[]).map(Self::Rectangle),
-            ["disc"] => Disc::read_with(node, &[]).map(Self::Disc),
-            ["polygon"] => Polygon::read_with(node, &[]).map(Self::Polygon),
-            ["mask"] => Drawing::read_with(node, &[]).map(Self::Mask),
-            _ => <Self as Declared>::read_with(node, &[]),
-        }
-    }
-
-    fn canonical(&self) -> Option<Canonical> {
-        Some(self.to_canonical())
-    }
-
-    fn schema((): &()) -> Schema {
-        Schema::any_of([
-            Rectangle::schema(&()),
-            Disc::schema(&()),
-            Polygon::schema(&()),
-            Drawing::schema(&()),
-        ])
-    }
-
-    fn literal(literal: Self) -> Self {
-        literal
     }
 }

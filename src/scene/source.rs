@@ -1,15 +1,15 @@
-//! What stands between a voltage and the electrodes.
+//! The electrical source that feeds the electrodes.
 
 use serde_json::json;
 
 use deaflow_base::{Current, Fields, InputError, Map, Resistance, parameters};
 
 parameters! {
-    /// The source that feeds the electrodes: an ideal one behind a resistance, or one that gives no more than a current.
+    /// The source that feeds the electrodes: ideal with a series resistance, or with a limited current.
     pub struct Source as "`source`" {
-        /// In series with the electrodes.
+        /// The resistance in series with the electrodes.
         pub resistance: Option<Resistance> [0.0..=1e18],
-        /// The largest current into the electrodes or out of them.
+        /// The largest current into or out of the electrodes.
         pub current_limit: Option<Current> [1e-18..=1e6],
     }
     rules(one_or_both)
@@ -23,7 +23,7 @@ fn one_or_both(fields: Fields) -> Fields {
 fn check(source: &Source, map: &Map<'_>) -> Result<(), InputError> {
     match (&source.resistance, &source.current_limit) {
         (None, None) => Err(map
-            .error("a source has a `resistance`, a `current_limit` or both")
+            .error("a source needs a `resistance`, a `current_limit` or both")
             .help("for example { resistance: 10 MOhm } or { current_limit: 0.1 mA }")),
         _ => Ok(()),
     }

@@ -55,7 +55,7 @@ fn a_geometry_is_said_in_one_way() {
         ("{ thickness: 1 mm, prestretch: 3, cells: 50 }", "side"),
         (
             "{ side: 5 mm, size: [5 mm, 5 mm], thickness: 1 mm, prestretch: 3, cells: 50 }",
-            "cannot stand beside",
+            "cannot be given together",
         ),
         (
             "{ side: 5 mm, thickness: 1 mm, prestretch: [3], cells: 50 }",
@@ -97,8 +97,8 @@ fn refusal(effects: &str, properties: &str) -> String {
 fn every_effect_is_read_with_its_parameters() {
     let scene = read(
         "{ strain_stiffening: { model: yeoh, c2: -1 kPa, c3: 20 Pa }, electrode_stiffness: { shear_modulus: 1 MPa, \
-         thickness: 5 um }, stretch_dependent_permittivity: { exponent: 0.1, reference: undeformed }, fringe_field: {}, \
-         wrinkling: true, dielectric_breakdown: { law: huang }, electromechanical_stability: }",
+         thickness: 5 um }, stretch_dependent_permittivity: { exponent: 0.1, reference: undeformed }, \
+         fringe_field: {}, wrinkling: true, dielectric_breakdown: { law: huang }, electromechanical_stability: }",
         "{}",
     );
     let effects = scene.unwrap().effects;
@@ -201,8 +201,8 @@ fn refusals_say_what_is_allowed() {
 fn voltages_and_states_are_said_in_one_way() {
     let of = |drives: &str| {
         Scene::from_text(&format!(
-            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }}, material: {{ model: neo-hookean, \
-             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, {drives} }}"
+            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }}, material: {{ \
+             model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, {drives} }}"
         ))
     };
     assert_eq!(of("drive: { voltages: [5.25 kV] }").unwrap(), Scene::vhb4910());
@@ -249,7 +249,7 @@ fn voltages_and_states_are_said_in_one_way() {
         ),
         (
             "drive: { voltage: 5 kV }, states: { a b: { voltage: 1 kV } }",
-            "no name of a state",
+            "not a valid name of a state",
         ),
         ("drive: { voltage: 5 kV }, states: { a: { volt: 1 kV } }", "volt"),
     ] {

@@ -1,4 +1,4 @@
-//! How a voltage changes in time.
+//! The waveform of a voltage.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -10,30 +10,30 @@ use deaflow_base::{
     Schema, Time, Voltage, confined, parameters, read_bounded,
 };
 
-/// Most rows of a table.
+/// The largest number of rows of a table.
 const MOST_ROWS: usize = 1_000_000;
-/// Largest file of a table.
+/// The largest file of a table in bytes.
 const MOST_BYTES: u64 = 64 << 20;
-/// Largest voltage of a table, on either side of zero, in V.
+/// The largest absolute voltage of a table in V.
 const LARGEST: f64 = 1e6;
-/// Latest time of a table in s.
+/// The largest time of a table in s.
 const LATEST: f64 = 1e12;
-/// What a table may be.
-const ROWS: &str =
-    "allowed: a file with the columns t_s,voltage_V beside the scene, or rows as in [[0 s, 0 V], [1 s, 5 kV]]";
+/// The allowed forms of a table.
+const ROWS: &str = "allowed: a file with the columns t_s,voltage_V in the folder of the scene, \
+                    or rows as in [[0 s, 0 V], [1 s, 5 kV]]";
 /// The columns of a table.
 const HEADER: [&str; 2] = ["t_s", "voltage_V"];
 
 parameters! {
     /// How the voltage changes in time: one of these. `voltage` is its amplitude.
     pub struct Waveform as "`waveform`" {
-        /// All of the voltage from 0 s on.
+        /// Constant from 0 s on.
         pub step: Option<Step>,
-        /// In proportion to time, then held.
+        /// Proportional to time, then constant.
         pub ramp: Option<Ramp>,
-        /// A sine about a bias.
+        /// A sine around a bias.
         pub sine: Option<Sine>,
-        /// What a table says, linear between its rows and held beyond them.
+        /// A table, linear between its rows and constant beyond them.
         pub table: Option<Table>,
     }
     rules(one_of)
@@ -47,9 +47,9 @@ parameters! {
 }
 
 parameters! {
-    /// In proportion to time, then held.
+    /// Proportional to time, then constant.
     pub struct Ramp as "`ramp`" {
-        /// When the voltage is all there.
+        /// The time at which the voltage is reached.
         pub time: Time [1e-12..=1e12],
     }
 }
@@ -57,9 +57,9 @@ parameters! {
 parameters! {
     /// V(t) = bias + voltage · sin(2πft).
     pub struct Sine as "`sine`" {
-        /// f.
+        /// The frequency f.
         pub frequency: Frequency [1e-9..=1e9],
-        /// The voltage about which it swings.
+        /// The mean voltage.
         pub bias: Voltage [0.0..=1e6] = "0 V",
     }
 }
@@ -76,21 +76,27 @@ fn check(waveform: &Waveform, map: &Map<'_>) -> Result<(), InputError> {
         sine,
         table,
     } = waveform;
-    let there = [step.is_some(), ramp.is_some(), sine.is_some(), table.is_some()];
-    match there.into_iter().filter(|there| *there).count() {
+    let given = [step.is_some(), ramp.is_some(), sine.is_some(), table.is_some()];
+    match given.into_iter().filter(|given| *given).count() {
         1 => Ok(()),
         found => Err(map
-            .error(format!("a waveform is one of {}, found {found}", Waveform::keys().join(", ")))
-            .help("for example { step: {} }, { ramp: { time: 1 s } }, { sine: { frequency: 1 Hz } } or { table: drive.csv }")),
+            .error(format!(
+                "a waveform must have one of {}, found {found}",
+                Waveform::keys().join(", ")
+            ))
+            .help(
+                "for example { step: {} }, { ramp: { time: 1 s } }, { sine: { frequency: 1 Hz } } \
+                 or { table: drive.csv }",
+            )),
     }
 }
 
-/// Times in s and voltages in V. Two rows at one time are a jump.
+/// Times in s and voltages in V. Two rows at the same time are a jump.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Table(Vec<[Decimal; 2]>);
 
 impl Table {
-    /// Times and voltages.
+    /// Returns the times and voltages.
     fn rows(&self) -> impl Iterator<Item = [f64; 2]> {
         self.0.iter().map(|row| row.each_ref().map(|value| value.to_f64()))
     }
@@ -100,10 +106,10 @@ impl Table {
             .fold(0.0, |largest, [_, voltage]| f64::max(largest, voltage.abs()))
     }
 
-    /// From rows; what a row is called stands before what is wrong with it.
+    /// Creates a table from rows and their names, which error messages begin with.
     fn of_rows(rows: Vec<([Decimal; 2], String)>) -> Result<Self, String> {
         if rows.len() < 2 {
-            return Err(format!("has {} rows; a table has two or more", rows.len()));
+            return Err(format!("has {} rows; at least two are needed", rows.len()));
         }
         if rows.len() > MOST_ROWS {
             return Err(format!("has {} rows; at most {MOST_ROWS} are allowed", rows.len()));
@@ -112,15 +118,15 @@ impl Table {
         for ([time, voltage], name) in &rows {
             let (time, voltage) = (time.to_f64(), voltage.to_f64());
             if !(0.0..=LATEST).contains(&time) {
-                return Err(format!("{name}: the time {time} s is not one of 0 to {LATEST:e} s"));
+                return Err(format!("{name}: the time {time} s is not between 0 and {LATEST:e} s"));
             }
             if time < before {
                 return Err(format!(
-                    "{name}: the time {time} s comes after {before} s; times must not go back"
+                    "{name}: the time {time} s follows {before} s; times must not decrease"
                 ));
             }
             if voltage.abs() > LARGEST {
-                return Err(format!("{name}: {voltage} V is more than {LARGEST:e} V"));
+                return Err(format!("{name}: {voltage} V is larger than {LARGEST:e} V"));
             }
             before = time;
         }
@@ -167,7 +173,7 @@ impl Parameter for Table {
             for (at, item) in items.iter().enumerate() {
                 let [time, voltage] = item.list(key)? else {
                     return Err(item
-                        .error("a row of a table has a time and a voltage")
+                        .error("a row of a table needs a time and a voltage")
                         .help("for example [0.5 s, 5 kV]"));
                 };
                 let time = time.quantity_in(key, Dimension::Time, 0.0, LATEST)?;
@@ -182,14 +188,11 @@ impl Parameter for Table {
         let name = Path::new(node.text(key)?);
         let folder = node.file().parent().unwrap_or(Path::new(""));
         let refused = |why: &str| node.error(format!("the table {}: {why}", folder.join(name).display()));
-        let found = confined(folder, name).map_err(|why| {
-            refused(&why.to_string())
-                .help("it is named relative to the file that names it, and stands beside that or in a folder below")
-        })?;
+        let found = confined(folder, name).map_err(|why| refused(&why.to_string()).help(why.help()))?;
         let bytes = read_bounded(&found, MOST_BYTES).map_err(|e| refused(&e.to_string()))?;
-        let text = String::from_utf8(bytes).map_err(|_| refused("is no text"))?;
+        let text = String::from_utf8(bytes).map_err(|_| refused("is not text"))?;
         Self::from_csv(&text).map_err(|why| {
-            refused(&why).help("the file has the columns t_s,voltage_V and two rows or more, in the order of time")
+            refused(&why).help("the file needs the columns t_s,voltage_V and at least two rows, sorted by time")
         })
     }
 
@@ -213,7 +216,7 @@ impl Parameter for Table {
             "maxItems": 2,
         });
         Schema::any_of([
-            Schema::text().description("A file beside the scene with the columns t_s,voltage_V."),
+            Schema::text().description("A file in the folder of the scene with the columns t_s,voltage_V."),
             Schema::list(Schema::new(row), 2, MOST_ROWS),
         ])
     }
@@ -223,16 +226,16 @@ impl Parameter for Table {
     }
 }
 
-/// A jump or a bend of a waveform.
+/// A jump or a kink of a waveform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Knot {
-    /// When, in s.
+    /// The time in s.
     pub time: f64,
-    /// Whether the voltage jumps there.
+    /// Whether the voltage jumps.
     pub jumps: bool,
 }
 
-/// A side of a time: where a waveform jumps, the voltage is another just before than just after.
+/// The side of a time, since at a jump the voltages just before and just after differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     /// Just before.
@@ -242,7 +245,7 @@ pub enum Side {
 }
 
 impl Waveform {
-    /// All of the voltage from 0 s on.
+    /// Returns a step.
     #[must_use]
     pub fn of_step() -> Self {
         Self {
@@ -253,13 +256,13 @@ impl Waveform {
         }
     }
 
-    /// The largest voltage of a table, in V.
+    /// Returns the largest voltage of a table in V.
     #[must_use]
-    pub fn own_voltage_v(&self) -> Option<f64> {
+    pub fn table_voltage_v(&self) -> Option<f64> {
         self.table.as_ref().map(Table::largest)
     }
 
-    /// The voltage in V at a time in s, at an amplitude in V; before 0 s there is none.
+    /// Returns the voltage in V at a time in s, for an amplitude in V; it is zero before 0 s.
     #[must_use]
     pub fn voltage(&self, amplitude: f64, time: f64, side: Side) -> f64 {
         if time < 0.0 || (time == 0.0 && side == Side::Before) {
@@ -277,7 +280,7 @@ impl Waveform {
         }
     }
 
-    /// Where it jumps or bends, in the order of time, within so many seconds.
+    /// Returns the jumps and kinks before a time in s, in order.
     #[must_use]
     pub fn knots(&self, until: f64) -> Vec<Knot> {
         let mut knots = vec![Knot {
@@ -303,14 +306,14 @@ impl Waveform {
         knots
     }
 
-    /// The angular frequency in 1/s of a sine.
+    /// Returns the angular frequency of a sine in 1/s.
     #[must_use]
     pub fn angular_frequency(&self) -> Option<f64> {
         self.sine.as_ref().map(|sine| TAU * sine.frequency.value())
     }
 
-    /// The time in s within which it changes: that of a ramp, a sixth of a period, the shortest between rows of a table; none where it
-    /// changes at once.
+    /// Returns the time in s in which the voltage changes: the time of a ramp, 1/(2πf) of a sine, the shortest time
+    /// between rows of a table; `None` for a step.
     #[must_use]
     pub fn time_s(&self) -> Option<f64> {
         let table = self.table.as_ref().and_then(|table| {
@@ -326,7 +329,7 @@ impl Waveform {
 impl Table {
     fn voltage(&self, time: f64, side: Side) -> f64 {
         let at = |row: usize| self.0[row].each_ref().map(|value| value.to_f64());
-        // The first row that is later; of rows at one time the last one counts just after it.
+        // The first later row; of rows at the same time, the last one counts just after it.
         let later = self.0.partition_point(|[row, _]| match side {
             Side::Before => row.to_f64() < time,
             Side::After => row.to_f64() <= time,
@@ -365,7 +368,7 @@ mod tests {
         assert_eq!(volts(0.5, Side::After), 500.0);
         assert_eq!((volts(1.0, Side::Before), volts(1.0, Side::After)), (1000.0, 3000.0));
         assert_eq!(
-            (volts(7.0, Side::After), waveform.own_voltage_v()),
+            (volts(7.0, Side::After), waveform.table_voltage_v()),
             (3000.0, Some(3000.0))
         );
         let knots = waveform.knots(10.0);
@@ -379,7 +382,7 @@ mod tests {
     #[test]
     fn a_table_out_of_order_with_one_row_or_other_columns_is_refused_by_its_line() {
         for (text, said) in [
-            ("t_s,voltage_V\n0,0\n2,5\n1,5\n", "line 4: the time 1 s comes after 2 s"),
+            ("t_s,voltage_V\n0,0\n2,5\n1,5\n", "line 4: the time 1 s follows 2 s"),
             ("t_s,voltage_V\n0,5\n", "has 1 row"),
             ("t_s,voltage_V\n", "has 0 row"),
             (
@@ -388,7 +391,7 @@ mod tests {
             ),
             ("t_s,voltage_V\n0,0\n1,x\n", "line 3: \"x\" is not a number"),
             ("t_s,voltage_V\n-1,0\n1,1\n", "line 2: the time -1 s"),
-            ("t_s,voltage_V\n0,0\n1,1e9\n", "line 3: 1000000000 V is more"),
+            ("t_s,voltage_V\n0,0\n1,1e9\n", "line 3: 1000000000 V is larger"),
         ] {
             let found = table(text).unwrap_err();
             assert!(found.contains(said), "{found}");

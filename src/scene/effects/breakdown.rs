@@ -1,9 +1,9 @@
-//! Dielectric breakdown: the field at which the elastomer breaks down.
+//! Dielectric breakdown: the breakdown strength of the elastomer.
 
 use deaflow_base::{ElectricField, parameters, variants};
 
 variants! {
-    /// The field is compared with the one at which the elastomer breaks down.
+    /// The field is compared with the breakdown strength of the elastomer.
     pub enum Breakdown as "`dielectric_breakdown`" by "law" {
         "huang" => Huang(HuangStrength),
         "constant" => Constant(ConstantStrength),
@@ -11,21 +11,21 @@ variants! {
 }
 
 parameters! {
-    /// E_B = 51 H^(−0.25) λ^(0.63) in MV/m, H in mm the undeformed thickness, λ the in-plane stretch of equal area (Huang, Shian, Diebold,
-    /// Suo, Clarke, Appl. Phys. Lett. 101 (2012) 122905, for VHB 4905 and 4910).
+    /// E_B = 51 H^(−0.25) λ^(0.63) in MV/m with the undeformed thickness H in mm and the equibiaxial stretch λ of equal
+    /// area (Huang, Shian, Diebold, Suo, Clarke, Appl. Phys. Lett. 101 (2012) 122905, for VHB 4905 and 4910).
     pub struct HuangStrength as "`law: huang`" {}
 }
 
 parameters! {
-    /// The same field everywhere.
+    /// A constant breakdown strength.
     pub struct ConstantStrength as "`law: constant`" {
-        /// The field.
+        /// The breakdown strength.
         pub field: ElectricField [1.0..=1e12],
     }
 }
 
 impl Breakdown {
-    /// The field at which a membrane of an undeformed thickness in mm breaks down at an area stretch J, in V/m.
+    /// Returns the breakdown strength in V/m for an undeformed thickness in mm and an area stretch J.
     #[must_use]
     pub fn strength(&self, thickness_mm: f64, area_stretch: f64) -> f64 {
         match self {

@@ -1,4 +1,4 @@
-//! Electrode stiffness: a layer of electrode on the prestretched membrane, free of stress when the membrane is at rest.
+//! Electrode stiffness: a layer on the prestretched membrane, without stress in the undeflected membrane.
 
 use deaflow_base::{Length, Stress, parameters};
 
@@ -7,7 +7,7 @@ parameters! {
     pub struct Electrode as "`electrode_stiffness`" {
         /// Shear modulus of the electrodes.
         pub shear_modulus: Stress [0.0..=1e12],
-        /// Of both together, on the prestretched membrane.
+        /// Thickness of both electrodes together, on the prestretched membrane.
         pub thickness: Length [0.0..=1e3],
     }
 }

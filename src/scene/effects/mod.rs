@@ -1,13 +1,14 @@
 //! Effects beyond the base model. Each is off unless the scene names it.
 //!
-//! An effect is declared once, in [`Effects`]; its parameters stand in a file of their own. In a scene it is turned on by its parameters,
-//! or by nothing, `true` or `{}`, which mean those that the section `properties` has for it.
+//! An effect is declared once, in [`Effects`]; its parameters are in a file of their own. A scene switches it on by its
+//! parameters, or by nothing, `true` or `{}`, which stand for the parameters in the section `properties`.
 
 mod breakdown;
 mod electrode;
 mod inertia;
 pub mod laws;
 mod permittivity;
+mod properties;
 mod resistance;
 mod switch;
 mod viscoelasticity;
@@ -17,14 +18,17 @@ pub use electrode::Electrode;
 pub use inertia::Inertia;
 pub use laws::Stiffening;
 pub use permittivity::{PermittivityDecay, PermittivityReference};
+pub use properties::Properties;
 pub use resistance::ElectrodeResistance;
 pub(super) use switch::switched_on;
-pub(super) use viscoelasticity::MOST_BRANCHES;
 pub use viscoelasticity::{Branch, Viscoelasticity, ViscousLaw};
 
 use std::path::Path;
 
 use deaflow_base::{Declared, Document, Fields, InputError, parameters};
+
+/// The word for `effects` that lets screening choose them.
+pub const AUTO: &str = "auto";
 
 parameters! {
     /// Effects beyond the base model; each is off unless it is named.
@@ -34,23 +38,23 @@ parameters! {
         pub strain_stiffening: Option<Stiffening>,
         /// The electrodes resist stretching.
         pub electrode_stiffness: Option<Electrode>,
-        /// The permittivity falls as the membrane is stretched.
+        /// The permittivity decreases with stretch.
         pub stretch_dependent_permittivity: Option<PermittivityDecay>,
-        /// The field bulges out at the edges of electrodes.
+        /// The field spreads beyond the edges of electrodes.
         pub fringe_field: Option<On>,
-        /// The membrane wrinkles instead of bearing compression.
+        /// The membrane wrinkles under compression.
         pub wrinkling: Option<On>,
-        /// The field is compared with the one at which the elastomer breaks down.
+        /// The field is compared with the breakdown strength of the elastomer.
         pub dielectric_breakdown: Option<Breakdown>,
-        /// The elastomer creeps: histories follow it, and solutions without a time are those in which it has relaxed.
+        /// The elastomer creeps. Histories follow it; solutions without a time are fully relaxed.
         pub viscoelasticity: Option<Viscoelasticity>,
-        /// The membrane has a mass: histories are motions, not equilibria.
+        /// The membrane has a mass: histories are motions, not sequences of equilibria.
         pub inertia: Option<Inertia>,
-        /// The electrodes resist the current from the leads: histories follow how they charge, and equilibria are charged.
+        /// The electrodes have a resistance: histories follow their charging; in equilibrium they are charged.
         pub electrode_resistance: Option<ElectrodeResistance>,
-        /// The charge of the electrodes is given and their voltage found: on wherever the drive is a charge.
+        /// The charge of the electrodes is given and the voltage is computed; on if the drive is a charge.
         pub charge_control: Option<On>,
-        /// The smallest eigenvalue of the tangent and the margin to pull-in are computed.
+        /// Computes the smallest eigenvalue of the tangent and the margin to pull-in.
         pub electromechanical_stability: Option<On>,
     }
     rules(switchable)
@@ -61,34 +65,34 @@ parameters! {
     pub struct On as "this effect, which takes no parameters," {}
 }
 
-/// Each effect may also be turned on without parameters.
+/// Allows to switch each effect on without parameters.
 fn switchable(fields: Fields) -> Fields {
     fields.map_schemas(switch::schema)
 }
 
 impl Effects {
-    /// Whether this is the base model.
+    /// Returns whether no effect is on.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 
-    /// The effects in YAML on one line.
+    /// Returns the effects in YAML on one line.
     #[must_use]
     pub fn to_text(&self) -> String {
         self.to_canonical().to_string()
     }
 
-    /// Reads what [`Effects::to_text`] writes.
+    /// Reads the text of [`Effects::to_text`].
     ///
     /// # Errors
-    /// When the text does not name effects with their parameters.
+    /// When the text is not valid.
     pub fn from_text(text: &str) -> Result<Self, InputError> {
         Self::read_with(&Document::from_text(Path::new("effects"), text)?.root, &[])
     }
 }
 
-/// The words for effects in a scene.
+/// The names of effects in a scene.
 pub mod names {
     /// Strain stiffening.
     pub const STIFFENING: &str = "strain_stiffening";
@@ -110,8 +114,8 @@ pub mod names {
     pub const INERTIA: &str = "inertia";
     /// Resistance of the electrodes.
     pub const RESISTANCE: &str = "electrode_resistance";
-    /// A charge drives, not a voltage.
+    /// Charge control.
     pub const CHARGE: &str = "charge_control";
-    /// Rigid parts in the membrane: on wherever the geometry has bodies.
+    /// Rigid bodies in the membrane; on if the geometry has bodies.
     pub const INCLUSION: &str = "rigid_inclusion";
 }

@@ -3,11 +3,11 @@
 use deaflow_base::{Decimal, parameters, words};
 
 parameters! {
-    /// The permittivity falls as the membrane is stretched: ε ∝ J^(−s).
+    /// The permittivity decreases with stretch: ε ∝ J^(−s).
     pub struct PermittivityDecay as "`stretch_dependent_permittivity`" {
-        /// s.
+        /// The exponent s.
         pub exponent: Decimal [-0.5..=0.9],
-        /// Where the permittivity was measured.
+        /// The state in which the permittivity was measured.
         pub reference: PermittivityReference = PermittivityReference::Prestretched,
     }
 }

@@ -1,50 +1,50 @@
-//! Turning effects on: with parameters, or without where the properties have them.
+//! Switches effects on, with their parameters or with those of the properties.
 
 use serde_json::json;
 
-use super::{Effects, names};
-use crate::properties::Properties;
+use super::properties::Properties;
+use super::{AUTO, Effects, names};
 use deaflow_base::{Declared, InputError, Node, NodeValue, Schema};
 
-/// Parameters of effects that stand in `properties` by themselves: the effect, and the name of the parameter there and here.
-const BORROWED: [(&str, &str); 2] = [(names::INERTIA, "density"), (names::RESISTANCE, "sheet_resistance")];
+/// Effects with a single parameter that is also a key of `properties`.
+const SHARED: [(&str, &str); 2] = [(names::INERTIA, "density"), (names::RESISTANCE, "sheet_resistance")];
 
-/// The parameter that an effect may take from `properties`.
-fn borrowed(effect: &Node) -> Option<&'static str> {
-    let of = BORROWED.into_iter().find(|(name, _)| effect.is_text(name));
-    of.map(|(_, parameter)| parameter)
+/// Returns the parameter that an effect can take from `properties`.
+fn shared_parameter(effect: &Node) -> Option<&'static str> {
+    let found = SHARED.into_iter().find(|(name, _)| effect.is_text(name));
+    found.map(|(_, parameter)| parameter)
 }
 
-/// The section `effects` with every effect that is on as a mapping of its parameters, and no other.
+/// Returns the section `effects` with a mapping of parameters for each effect that is on, and no others.
 ///
 /// # Errors
-/// When an effect is not one that is named, or has no parameters where it needs some.
+/// When an effect must not be named, or lacks parameters.
 pub fn switched_on(effects: &Node, properties: Option<&Node>) -> Result<Node, InputError> {
     let mut on = Vec::new();
     for (key, value) in effects.entries(Effects::WHAT)? {
         if key.is_text(names::INCLUSION) {
             return Err(key
                 .error(format!(
-                    "`{}` is not named: the `bodies` of the geometry are rigid",
+                    "`{}` must not be named: the `bodies` of the geometry are rigid",
                     names::INCLUSION
                 ))
-                .help("give `geometry.bodies`, and leave it out here"));
+                .help("give `geometry.bodies` and remove this key"));
         }
-        if value.is_text(crate::AUTO) {
+        if value.is_text(AUTO) {
             return Err(value
-                .error(format!("{} is not left to the program by itself", key.found_key()))
-                .help("true turns it on, and `effects: auto` leaves all of them to the program"));
+                .error(format!("{} cannot be auto", key.quoted()))
+                .help("true switches it on; `effects: auto` lets screening choose all effects"));
         }
-        let value = match (value.truth(), value.value()) {
+        let value = match (value.as_bool(), value.value()) {
             (Some(false), _) => continue,
             (Some(true), _) | (None, NodeValue::Null) => &value.with_value(NodeValue::Map(Vec::new())),
             _ => value,
         };
-        if let Some(parameter) = borrowed(key).filter(|parameter| value.peek(parameter).is_none()) {
+        if let Some(parameter) = shared_parameter(key).filter(|parameter| value.peek(parameter).is_none()) {
             let known = properties.and_then(|known| known.peek(parameter));
             let known = known.ok_or_else(|| {
                 value
-                    .error(format!("{} has no `{parameter}`", key.found_key()))
+                    .error(format!("{} has no `{parameter}`", key.quoted()))
                     .help(format!("give it here or in `properties.{parameter}`"))
             })?;
             let mut parameters = value.clone();
@@ -52,7 +52,7 @@ pub fn switched_on(effects: &Node, properties: Option<&Node>) -> Result<Node, In
             on.push((key.clone(), parameters));
             continue;
         }
-        // A property that is no effect is refused with the other unknown keys.
+        // A property that is not an effect is rejected later, as an unknown key.
         let parametric = Properties::keys()
             .into_iter()
             .find(|name| Effects::keys().contains(name) && key.is_text(name));
@@ -69,16 +69,16 @@ pub fn switched_on(effects: &Node, properties: Option<&Node>) -> Result<Node, In
     Ok(effects.with_value(NodeValue::Map(on)))
 }
 
-/// What may stand after the name of an effect, given what its parameters may be.
+/// Returns the schema of an effect from that of its parameters.
 pub fn schema(name: &str, parameters: Schema) -> Schema {
-    let bare = Schema::new(json!({ "type": ["boolean", "null"] })).description("Whether it is on; nothing means on.");
+    let bare = Schema::new(json!({ "type": ["boolean", "null"] })).description("Whether it is on; no value means on.");
     let empty = Schema::new(json!({ "type": "object", "maxProperties": 0 }));
-    let borrows = BORROWED.iter().any(|(effect, _)| *effect == name);
-    match borrows || Properties::keys().contains(&name) {
+    let is_shared = SHARED.iter().any(|(effect, _)| *effect == name);
+    match is_shared || Properties::keys().contains(&name) {
         true => Schema::any_of([
             parameters,
             bare,
-            empty.description("With the parameters that stand in `properties`."),
+            empty.description("On, with the parameters in `properties`."),
         ]),
         false => Schema::any_of([parameters, bare]),
     }

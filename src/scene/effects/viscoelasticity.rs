@@ -1,26 +1,28 @@
-//! Viscoelasticity: Maxwell branches beside the equilibrium law.
+//! Viscoelasticity: Maxwell branches parallel to the equilibrium law.
 
 use deaflow_base::{Stress, Time, parameters, words};
 
-/// Most branches: one for each of fourteen decades, and some.
+/// The largest number of branches: more than two per decade of fourteen decades.
 pub const MOST_BRANCHES: usize = 32;
 
 parameters! {
-    /// The elastomer creeps: Maxwell branches beside the equilibrium law, whose modulus `shear_modulus` is.
+    /// The elastomer creeps: Maxwell branches parallel to the equilibrium law, whose modulus is `shear_modulus`.
     pub struct Viscoelasticity as "`viscoelasticity`" {
-        /// How a branch flows. Published parameters belong to one law.
+        /// The flow law of a branch. Published parameters are for one law.
         pub law: ViscousLaw = ViscousLaw::Linear,
-        /// Its branches.
+        /// The branches.
         pub branches: Vec<Branch> [((), 1..=MOST_BRANCHES)],
     }
 }
 
 words! {
-    /// How a branch flows.
+    /// The flow law of a branch.
     pub enum ViscousLaw {
-        /// Ȧ = (C⁻¹ − A)/τ with the inverse viscous metric A (Linder, Tkachuk, Miehe, J. Mech. Phys. Solids 59 (2011) 2134).
+        /// Ȧ = (C⁻¹ − A)/τ with the inverse viscous metric A (Linder, Tkachuk, Miehe, J. Mech. Phys. Solids 59 (2011)
+        /// 2134).
         Linear = "linear",
-        /// L_v be = −dev(be) be/τ with the elastic strain be of a neo-Hookean spring (Reese, Govindjee, Int. J. Solids Struct. 35 (1998) 3455).
+        /// L_v be = −dev(be) be/τ with the elastic strain be of a neo-Hookean spring (Reese, Govindjee, Int. J. Solids
+        /// Struct. 35 (1998) 3455).
         Finite = "finite",
     }
 }

@@ -1,4 +1,4 @@
-//! The forms of energy that kernels are compiled for: a law is one of them with numbers of its own.
+//! The forms of energy for which kernels are compiled.
 
 /// An elastic energy, divided by the shear modulus.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,7 +11,7 @@ pub enum Form {
     Stretches(Vec<(f64, f64)>),
 }
 
-/// 2ψ′ as a function of I₁, a polynomial with a pole at most:
+/// 2ψ′ as a function of I₁, a polynomial with at most one pole:
 ///
 /// ```text
 /// 2ψ′ = m = c₀ + c₁Y + c₂Y² + r/(1 − Y),   Y = (I₁ − I⁰)/s
@@ -28,11 +28,11 @@ pub struct Response {
     pub scale: f64,
 }
 
-/// A unit of I₁ − 3 so large that the pole of the common form is out of reach.
+/// A scale of I₁ − 3 so large that the pole is never reached.
 const FAR: f64 = 1e9;
 
 impl Response {
-    /// The response c₀ + c₁(I₁ − 3) + c₂(I₁ − 3)².
+    /// Returns the response c₀ + c₁(I₁ − 3) + c₂(I₁ − 3)².
     #[must_use]
     pub fn polynomial([c0, c1, c2]: [f64; 3]) -> Self {
         Self {

@@ -13,11 +13,6 @@ parameters! {
     }
 }
 
-impl Gent {
-    /// An example.
-    pub const EXAMPLE: &str = "{ model: gent, jm: 125 }";
-}
-
 impl StiffeningLaw for Gent {
     fn form(&self, _shear_modulus_pa: f64) -> Form {
         Form::FirstInvariant(Response {

@@ -1,7 +1,7 @@
-//! Strain stiffening: the laws by which an elastomer stiffens at large strains, one per file, and the table of them.
+//! Strain stiffening: the laws by which an elastomer stiffens at large strains, one per file, and their table.
 //!
-//! A law states its parameters, and its energy as one of the forms that kernels are compiled for. It
-//! is normalised by the shear modulus μ of the material. A program may hand a law of its own to the solver.
+//! A law declares its parameters, and states its energy as one of the forms for which kernels are compiled, normalised
+//! by the shear modulus μ of the material. A program can pass a law of its own to the solver.
 
 mod arruda_boyce;
 mod form;
@@ -21,22 +21,21 @@ use deaflow_base::{InputError, Node, variants};
 
 /// A law by which an elastomer stiffens.
 pub trait StiffeningLaw {
-    /// The energy, in a form that kernels are compiled for, at a shear modulus in Pa.
+    /// Returns the energy for a shear modulus in Pa.
     fn form(&self, shear_modulus_pa: f64) -> Form;
 
-    /// Refuses a law that contradicts the shear modulus of the material, in Pa; `node` is its mapping.
+    /// Checks the law against the shear modulus of the material in Pa; `node` is the mapping of the law.
     ///
     /// # Errors
-    /// When its small-strain shear modulus is another.
-    fn check_modulus(&self, node: &Node, shear_modulus_pa: f64) -> Result<(), InputError> {
-        let _ = (node, shear_modulus_pa);
+    /// When the small-strain shear modulus of the law differs.
+    fn check_modulus(&self, _node: &Node, _shear_modulus_pa: f64) -> Result<(), InputError> {
         Ok(())
     }
 }
 
-/// Declares the table: the word after `model:`, and the parameters of the law.
+/// Declares the table: the word after `model:`, the parameters of the law, and an example in YAML.
 macro_rules! laws {
-    ($($word:literal => $law:ident),+ $(,)?) => {
+    ($($word:literal => $law:ident, $example:literal;)+) => {
         variants! {
             /// How the elastomer stiffens at large strains.
             pub enum Stiffening as "`strain_stiffening`" by "model" {
@@ -46,9 +45,9 @@ macro_rules! laws {
 
         impl Stiffening {
             /// An example of each law, in YAML.
-            pub const EXAMPLES: &'static [&'static str] = &[$($law::EXAMPLE),+];
+            pub const EXAMPLES: &'static [&'static str] = &[$($example),+];
 
-            /// The law itself.
+            /// Returns the law.
             #[must_use]
             pub fn law(&self) -> &dyn StiffeningLaw {
                 match self {
@@ -60,9 +59,9 @@ macro_rules! laws {
 }
 
 laws! {
-    "gent" => Gent,
-    "yeoh" => Yeoh,
-    "ogden" => Ogden,
-    "arruda-boyce" => ArrudaBoyce,
-    "mooney-rivlin" => MooneyRivlin,
+    "gent" => Gent, "{ model: gent, jm: 125 }";
+    "yeoh" => Yeoh, "{ model: yeoh, c2: -150 Pa, c3: 4 Pa }";
+    "ogden" => Ogden, "{ model: ogden, terms: [ { mu: 45 kPa, alpha: 2 } ] }";
+    "arruda-boyce" => ArrudaBoyce, "{ model: arruda-boyce, locking_stretch: 4 }";
+    "mooney-rivlin" => MooneyRivlin, "{ model: mooney-rivlin, c2: 500 Pa }";
 }

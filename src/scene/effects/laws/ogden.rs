@@ -27,15 +27,10 @@ parameters! {
 impl OgdenTerm {
     fn is_regular(&self, map: &Map<'_>) -> Result<(), InputError> {
         match map.optional("alpha").filter(|_| self.alpha.to_f64().abs() < 1e-3) {
-            Some(node) => Err(node.error("`alpha` is zero or nearly so: the term would be singular")),
+            Some(node) => Err(node.error("`alpha` is zero or nearly zero, which makes the term singular")),
             None => Ok(()),
         }
     }
-}
-
-impl Ogden {
-    /// An example.
-    pub const EXAMPLE: &str = "{ model: ogden, terms: [ { mu: 45 kPa, alpha: 2 } ] }";
 }
 
 impl StiffeningLaw for Ogden {
@@ -44,7 +39,7 @@ impl StiffeningLaw for Ogden {
         Form::Stretches(self.terms.iter().map(term).collect())
     }
 
-    /// The two moduli must agree to 1 %.
+    /// Both moduli must agree within 1 %.
     fn check_modulus(&self, node: &Node, modulus: f64) -> Result<(), InputError> {
         let own: f64 = self
             .terms
@@ -58,8 +53,9 @@ impl StiffeningLaw for Ogden {
             .peek("terms")
             .unwrap_or(node)
             .error(format!(
-                "the terms have the small-strain shear modulus ½ Σ mu alpha = {own:.6} Pa, but `shear_modulus` is {modulus} Pa"
+                "the terms have the small-strain shear modulus ½ Σ mu alpha = {own:.6} Pa, but `shear_modulus` is \
+                 {modulus} Pa"
             ))
-            .help("the two must agree to 1 %"))
+            .help("they must agree within 1 %"))
     }
 }

@@ -1,7 +1,7 @@
 //! Yeoh's cubic law (Rubber Chem. Technol. 66 (1993) 754).
 //!
-//! W = ½μ(I₁ − 3) + C₂(I₁ − 3)² + C₃(I₁ − 3)³, so 2ψ′/μ = 1 + 4(C₂/μ)(I₁ − 3) + 6(C₃/μ)(I₁ − 3)². Neo-Hookean where both
-//! are zero.
+//! W = ½μ(I₁ − 3) + C₂(I₁ − 3)² + C₃(I₁ − 3)³, so 2ψ′/μ = 1 + 4(C₂/μ)(I₁ − 3) + 6(C₃/μ)(I₁ − 3)². Neo-Hookean where
+//! both are zero.
 
 use super::{Form, Response, StiffeningLaw};
 use deaflow_base::{Stress, parameters};
@@ -14,11 +14,6 @@ parameters! {
         /// C3.
         pub c3: Stress [-1e9..=1e9],
     }
-}
-
-impl Yeoh {
-    /// An example.
-    pub const EXAMPLE: &str = "{ model: yeoh, c2: -150 Pa, c3: 4 Pa }";
 }
 
 impl StiffeningLaw for Yeoh {
