@@ -1,11 +1,11 @@
-//! A thread that works beside the others until it is dropped.
+//! A background thread that ends when its handle is dropped.
 
 use std::io;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
-/// The thread; dropping this ends it at its next pause, and waits for that.
+/// A background thread. Dropping this ends it at its next pause and waits for it.
 pub struct Background {
     end: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
@@ -15,7 +15,7 @@ pub struct Background {
 pub struct Pauses(Receiver<()>);
 
 impl Pauses {
-    /// Waits so long, or until the thread is to end; whether it is to go on.
+    /// Waits for a time, or until the thread must end. Returns whether the thread continues.
     #[must_use]
     pub fn wait(&self, time: Duration) -> bool {
         self.0.recv_timeout(time) == Err(RecvTimeoutError::Timeout)
@@ -23,10 +23,10 @@ impl Pauses {
 }
 
 impl Background {
-    /// Starts a thread of a name.
+    /// Starts a thread with a name.
     ///
     /// # Errors
-    /// When the system has no more threads to give.
+    /// When the system cannot start a thread.
     pub fn start(name: &str, work: impl FnOnce(&Pauses) + Send + 'static) -> io::Result<Self> {
         let (end, ended) = channel();
         let thread = Builder::new().name(name.to_owned());
@@ -41,7 +41,7 @@ impl Drop for Background {
     fn drop(&mut self) {
         drop(self.end.take());
         if let Some(thread) = self.thread.take() {
-            // One that has panicked has said so.
+            // The panic of the thread has been printed.
             let _ = thread.join();
         }
     }

@@ -1,7 +1,7 @@
-//! Canonical values: what an action key is made of.
+//! Canonical values, from which action keys are computed.
 //!
-//! Two descriptions that mean the same have one canonical value: maps are sorted, −0 is 0, NaN cannot be written,
-//! and quantities are exact decimals in the base unit of their dimension, so "5.25 kV" and "5250 V" are equal.
+//! Two descriptions with the same meaning have one canonical value: maps are sorted, −0 is 0, NaN is impossible, and
+//! quantities are exact decimals in the base unit of their dimension, so "5.25 kV" and "5250 V" are equal.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -14,9 +14,9 @@ use super::quantity::{Decimal, Quantity};
 /// A value with one encoding per meaning.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Canonical {
-    /// Nothing: an optional value that is absent.
+    /// An absent optional value.
     Null,
-    /// A truth value.
+    /// A boolean.
     Bool(bool),
     /// An exact decimal number with the symbol of its base unit ("" for a pure number).
     Number(Decimal, String),
@@ -28,24 +28,24 @@ pub enum Canonical {
     Map(#[serde(deserialize_with = "depth::nested")] BTreeMap<String, Canonical>),
 }
 
-/// Values read from a file may be nested without end, and reading them recurses.
+/// Limits the depth of values in files, since reading them recurses.
 mod depth {
     use std::cell::Cell;
 
     use serde::de::{Deserialize, Deserializer, Error};
 
-    /// No stage has parameters nested as deeply.
+    /// The largest depth; parameters of stages are never as deep.
     const MOST: u32 = 64;
 
     thread_local! {
-        /// How many lists and maps this thread is inside of while it reads a value.
+        /// The number of lists and maps around the value that this thread reads.
         static INSIDE: Cell<u32> = const { Cell::new(0) };
     }
 
-    /// Reads what is inside a list or map.
+    /// Reads the items of a list or map.
     ///
     /// # Errors
-    /// When it is nested too deeply, or as the reader of `T`.
+    /// When they are nested too deeply, or as for `T`.
     pub fn nested<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<T, D::Error> {
         let depth = INSIDE.get();
         if depth >= MOST {
@@ -61,13 +61,13 @@ mod depth {
 }
 
 impl Canonical {
-    /// A map from its entries.
+    /// Creates a map from its entries.
     #[must_use]
     pub fn map<K: Into<String>>(entries: impl IntoIterator<Item = (K, Canonical)>) -> Self {
         Self::Map(entries.into_iter().map(|(k, v)| (k.into(), v)).collect())
     }
 
-    /// The value as a document in JSON would say it: pure numbers as numbers, quantities as texts with their unit.
+    /// Returns the value in JSON: pure numbers as numbers, quantities as texts with their unit.
     #[must_use]
     pub fn to_json(&self) -> Value {
         match self {
@@ -83,7 +83,7 @@ impl Canonical {
         }
     }
 
-    /// Every leaf with its dotted path, in order; lists use the index.
+    /// Returns every leaf with its dotted path, in order. A list is a leaf.
     #[must_use]
     pub fn leaves(&self) -> Vec<(String, &Canonical)> {
         let mut out = Vec::new();

@@ -1,18 +1,18 @@
-//! The time that a thread has been on a core, and the time of day as people read it.
+//! CPU time of a thread, and times for people.
 
 use std::time::Instant;
 
-/// Seconds that this thread has been on a core, so that other work on the machine does not count; where the system does
-/// not tell, seconds that have passed.
+/// Returns the CPU time of this thread in seconds, or elapsed time if the system does not report it. Other work on the
+/// machine does not count.
 #[must_use]
 pub fn thread_seconds() -> f64 {
     thread_local!(static START: Instant = Instant::now());
-    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = told.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
+    let statistics = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
+    let nanoseconds = statistics.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
     nanoseconds.map_or_else(|| START.with(|start| start.elapsed().as_secs_f64()), |ns| 1e-9 * ns)
 }
 
-/// A time in UTC as RFC 3339 has it, for people: `2026-11-21 15:52:21 UTC`. Of another text it is that text.
+/// Formats a UTC time in RFC 3339 for people: `2026-11-21 15:52:21 UTC`. Another text is returned unchanged.
 #[must_use]
 pub fn readable_time(rfc3339: &str) -> String {
     match rfc3339.get(..19) {

@@ -1,35 +1,35 @@
-//! Files that a document names: beside it or below, and nowhere else.
+//! Restricts the files that a document can name to its folder.
 //!
-//! Whoever runs a pipeline of somebody else's must not be made to read what lies elsewhere.
+//! A pipeline from somebody else must not read files outside its folder.
 
 use std::path::{Path, PathBuf};
 
-/// A name that leads to no file of the folder.
+/// A path that is not a file in the folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ConfinedError {
-    /// There is nothing of the name.
+    /// The file does not exist.
     #[error("it does not exist")]
     Missing,
-    /// It is somewhere else.
+    /// The file is outside the folder.
     #[error("it is outside the folder of the pipeline")]
     Outside,
 }
 
 impl ConfinedError {
-    /// What to do about it.
+    /// Returns advice.
     #[must_use]
     pub fn help(self) -> &'static str {
         match self {
-            Self::Missing => "it is named relative to the pipeline's file",
-            Self::Outside => "put it beside the pipeline or in a folder below, without a link that leads out",
+            Self::Missing => "the path is relative to the file that names it",
+            Self::Outside => "put it in the folder of that file or below, without links to the outside",
         }
     }
 }
 
-/// Where a file of that name really is, links followed, if that is in the folder or below.
+/// Returns the path of a file after all links, if it is in the folder or below.
 ///
 /// # Errors
-/// When there is none, its name is absolute, or a link or `..` leads out.
+/// When it does not exist, its path is absolute, or a link or `..` leads outside.
 pub fn confined(folder: &Path, named: &Path) -> Result<PathBuf, ConfinedError> {
     let found = folder.join(named).canonicalize();
     let (Ok(within), Ok(found)) = (Path::new(".").join(folder).canonicalize(), found) else {
@@ -46,12 +46,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn links_may_lead_about_in_the_folder_and_not_out_of_it() {
-        let place = tempfile::tempdir().unwrap();
-        let folder = place.path().join("pipelines");
+    fn links_inside_the_folder_are_followed_and_links_to_the_outside_are_rejected() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("pipelines");
         std::fs::create_dir_all(folder.join("below")).unwrap();
         std::fs::write(folder.join("below/own"), "1").unwrap();
-        std::fs::write(place.path().join("other"), "1").unwrap();
+        std::fs::write(parent.path().join("other"), "1").unwrap();
         std::os::unix::fs::symlink("below/own", folder.join("in")).unwrap();
         std::os::unix::fs::symlink("../other", folder.join("out")).unwrap();
         let own = folder.join("below/own").canonicalize().unwrap();

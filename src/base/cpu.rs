@@ -1,9 +1,9 @@
-//! What a processor can do, as far as results depend on it: sums are formed in the order that its widest instructions have.
+//! The instruction set of the processor. Results depend on it, since the order of sums follows the widest instructions.
 
 use serde::{Deserialize, Serialize};
 
-/// Levels of x86-64 (x86-64 psABI, section 3.1.1). The numerical kernels use v3 wherever it is there; what
-/// they use beyond it, registers of 512 bits, changes no result.
+/// Levels of x86-64 (x86-64 psABI, section 3.1.1). The numerical kernels use v3 if available. They may also use
+/// AVX-512, which does not change results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum CpuLevel {
     /// Any processor.
@@ -15,27 +15,27 @@ pub enum CpuLevel {
 }
 
 impl CpuLevel {
-    /// The levels in words.
-    pub const WORDS: [&'static str; 2] = [Self::Any.word(), Self::V3.word()];
+    /// The names of the levels.
+    pub const NAMES: [&'static str; 2] = [Self::Any.name(), Self::V3.name()];
 
-    /// The level of a word.
+    /// Returns the level with a name.
     #[must_use]
-    pub fn of_word(word: &str) -> Option<Self> {
-        [Self::Any, Self::V3].into_iter().find(|level| level.word() == word)
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Any, Self::V3].into_iter().find(|level| level.name() == name)
     }
 
-    /// In words.
+    /// The name.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Any => "any",
             Self::V3 => "x86-64-v3",
         }
     }
 
-    /// That of this machine.
+    /// Returns the level of this machine.
     #[must_use]
-    pub fn of_this_machine() -> Self {
+    pub fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
         {
             let has = std::is_x86_feature_detected!("avx2")
@@ -54,13 +54,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_and_levels_are_the_same() {
-        for word in CpuLevel::WORDS {
-            let level = CpuLevel::of_word(word).unwrap();
-            assert_eq!(level.word(), word);
-            assert_eq!(serde_json::to_value(level).unwrap(), word);
+    fn names_and_serialised_levels_are_equal() {
+        for name in CpuLevel::NAMES {
+            let level = CpuLevel::from_name(name).unwrap();
+            assert_eq!(level.name(), name);
+            assert_eq!(serde_json::to_value(level).unwrap(), name);
         }
-        assert_eq!(CpuLevel::of_word("x86-64-v4"), None);
+        assert_eq!(CpuLevel::from_name("x86-64-v4"), None);
         assert!(CpuLevel::Any < CpuLevel::V3);
     }
 }

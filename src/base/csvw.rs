@@ -1,5 +1,5 @@
-//! What a file of comma-separated values is of, said beside it as [CSV on the Web](https://www.w3.org/TR/tabular-data-primer/)
-//! says it: a comment within would be a row to half of the programs that read such files.
+//! Metadata of CSV files, in a separate file as defined by [CSV on the
+//! Web](https://www.w3.org/TR/tabular-data-primer/): many programs would read a comment in the CSV file as a row.
 
 use std::path::{Path, PathBuf};
 
@@ -7,20 +7,20 @@ use serde_json::{Value, json};
 
 use super::program::software;
 
-/// A file of comma-separated values, described.
+/// The description of a CSV file.
 #[derive(Clone, Debug)]
 pub struct CsvTable {
-    /// Its path, relative to what describes it.
+    /// Its path, relative to the metadata file.
     pub url: String,
-    /// What it is of: pipeline and stage, or a command.
+    /// Its origin: pipeline and stage, or a command.
     pub title: String,
-    /// What it was made from: digests of artifacts, or files.
+    /// Its sources: digests of artifacts, or files.
     pub source: String,
-    /// Whether its first line has the names of columns.
+    /// Whether its first line contains the column names.
     pub header: bool,
 }
 
-/// The file that describes the table at `path` alone.
+/// Returns the metadata file of the table at `path`.
 #[must_use]
 pub fn csv_metadata_file(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
@@ -28,7 +28,7 @@ pub fn csv_metadata_file(path: &Path) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Describes tables, in JSON with the last line ended.
+/// Describes tables in JSON, with a line break at the end.
 #[must_use]
 pub fn csv_metadata(tables: &[CsvTable]) -> Vec<u8> {
     let table = |table: &CsvTable| {
@@ -55,7 +55,7 @@ pub fn csv_metadata(tables: &[CsvTable]) -> Vec<u8> {
     format!("{root:#}\n").into_bytes()
 }
 
-/// A path as a relative reference (RFC 3986): all bytes but letters, digits and `-._~/` are escaped.
+/// Returns a path as a relative reference (RFC 3986): all bytes except letters, digits and `-._~/` are escaped.
 #[must_use]
 pub fn uri(path: &str) -> String {
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~/".contains(&byte);

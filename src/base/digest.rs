@@ -1,6 +1,4 @@
-//! The digest that names artifacts, actions and orbits: BLAKE3, 256 bits, lower-case hexadecimal.
-//!
-//! A digest says what a thing *is*; nothing in the crate is ever named by where or when it was made.
+//! The digest that identifies artifacts, actions and orbits by their content: BLAKE3, 256 bits, lower-case hexadecimal.
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,15 +9,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Digest([u8; 32]);
 
-/// Text that is not 64 hexadecimal digits.
+/// A text that is not a digest.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("a digest is 64 hexadecimal digits, found {found:?}")]
+#[error("a digest must be 64 hexadecimal digits, found {found:?}")]
 pub struct ParseDigestError {
     found: String,
 }
 
 impl Digest {
-    /// The digest of a byte string.
+    /// Computes the digest of bytes.
     #[must_use]
     pub fn of(bytes: &[u8]) -> Self {
         Self(*blake3::hash(bytes).as_bytes())
@@ -31,16 +29,16 @@ impl Digest {
         &self.0
     }
 
-    /// A digest from its 32 bytes.
+    /// Creates a digest from its 32 bytes.
     #[must_use]
     pub fn from_bytes(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }
 
-    /// How many digits stand where a person reads them.
+    /// The number of digits in tables and messages.
     pub const SHORT: usize = 12;
 
-    /// The first [`Digest::SHORT`] hexadecimal digits, for tables and messages that a person reads.
+    /// Returns the first [`Digest::SHORT`] hexadecimal digits, for tables and messages.
     #[must_use]
     pub fn short(&self) -> String {
         self.to_string()[..Self::SHORT].to_owned()
@@ -69,12 +67,12 @@ impl FromStr for Digest {
     }
 }
 
-/// Digests a sequence of byte strings unambiguously: each is preceded by its length.
+/// Digests a sequence of byte strings; the length before each makes the sequence unambiguous.
 #[derive(Default)]
 pub struct DigestWriter(blake3::Hasher);
 
 impl DigestWriter {
-    /// An empty writer.
+    /// Creates an empty writer.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -87,7 +85,7 @@ impl DigestWriter {
         self
     }
 
-    /// Adds one byte string of that length, which stands in pieces: those of large arrays need not be in memory together.
+    /// Adds one byte string of this length in pieces, so that a large array need not be in memory at once.
     pub fn pieces<P: AsRef<[u8]>>(&mut self, length: usize, pieces: impl IntoIterator<Item = P>) -> &mut Self {
         self.number_of_bytes(length);
         let mut added = 0;
@@ -95,7 +93,7 @@ impl DigestWriter {
             added += piece.as_ref().len();
             self.0.update(piece.as_ref());
         }
-        debug_assert_eq!(added, length, "the pieces are as long as was said");
+        debug_assert_eq!(added, length, "the pieces have the given length");
         self
     }
 
@@ -108,12 +106,12 @@ impl DigestWriter {
         self.bytes(text.as_bytes())
     }
 
-    /// Adds one whole number.
+    /// Adds one integer.
     pub fn number(&mut self, number: u64) -> &mut Self {
         self.bytes(&number.to_le_bytes())
     }
 
-    /// The digest of everything added so far.
+    /// Returns the digest of everything added so far.
     #[must_use]
     pub fn finish(&self) -> Digest {
         Digest(*self.0.finalize().as_bytes())

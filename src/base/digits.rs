@@ -1,6 +1,6 @@
-//! Numbers as people read them.
+//! Numbers for people.
 
-/// Two significant digits, at most five decimals.
+/// Formats a number with two significant digits and at most five decimals.
 #[must_use]
 pub fn two_digits(value: f64) -> String {
     let digits = if value > 0.0 {

@@ -1,16 +1,15 @@
-//! The one place that speaks bincode: the bytes of action keys and of records.
-//!
-//! Fixed-width little-endian integers, so that the encoding of a value never depends on its size or on the machine.
+//! The encoding of action keys and records: bincode with fixed-width little-endian integers, so that it does not depend
+//! on the size of a value or on the machine.
 
 use serde::{Serialize, de::DeserializeOwned};
 
-/// A value that could not be encoded or bytes that are not an encoding of the wanted type.
+/// A value that cannot be encoded, or bytes that do not encode a value of the type.
 #[derive(Debug, thiserror::Error)]
 pub enum EncodingError {
     /// The value cannot be represented.
     #[error("cannot encode: {0}")]
     Encode(#[from] bincode::error::EncodeError),
-    /// The bytes are not such a value.
+    /// The bytes do not encode a value of the type.
     #[error("cannot decode: {0}")]
     Decode(#[from] bincode::error::DecodeError),
     /// Bytes remain after the value.
@@ -18,7 +17,7 @@ pub enum EncodingError {
     Trailing(usize),
 }
 
-/// Records are small; a length field that claims more than this is damage, not data.
+/// Records are small; a length field above this is damaged.
 const LIMIT: usize = 16 << 20;
 
 fn config() -> impl bincode::config::Config {
@@ -28,15 +27,15 @@ fn config() -> impl bincode::config::Config {
         .with_limit::<LIMIT>()
 }
 
-/// The canonical bytes of a value.
+/// Encodes a value.
 ///
 /// # Errors
-/// When the value's `Serialize` refuses, or it is larger than 16 MiB.
+/// When the value cannot be serialised, or is larger than 16 MiB.
 pub fn encode<T: Serialize>(value: &T) -> Result<Vec<u8>, EncodingError> {
     Ok(bincode::serde::encode_to_vec(value, config())?)
 }
 
-/// The value that `bytes` encode, all of them.
+/// Decodes a value from all of `bytes`.
 ///
 /// # Errors
 /// When the bytes are not exactly one encoded value of type `T`.

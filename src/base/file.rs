@@ -1,18 +1,18 @@
-//! Opening files that were named by somebody else, or that stand where anybody may have put something else.
+//! Opens untrusted files safely.
 //!
-//! A pipe blocks whoever opens it, a device may never end, and a file may be larger than memory. All of them are refused
-//! before a byte is read.
+//! Opening a pipe blocks, a device may never end, and a file may be larger than memory. All are rejected before a byte
+//! is read.
 
 use std::fs::{self, File, Metadata};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
 
-/// Opens a file for reading. Links are followed; what they lead to must be a file too.
+/// Opens a regular file for reading; links are followed.
 ///
 /// # Errors
-/// When the system refuses, or it is a folder, a pipe or a device ([`ErrorKind::InvalidInput`]).
+/// When the system reports an error, or it is a folder, a pipe or a device ([`ErrorKind::InvalidInput`]).
 pub fn open_regular(path: &Path) -> Result<File> {
-    // Looked at before it is opened: opening a pipe waits for its writer.
+    // The check comes first, since opening a pipe waits for its writer.
     if fs::metadata(path)?.is_file() {
         File::open(path)
     } else {
@@ -20,43 +20,43 @@ pub fn open_regular(path: &Path) -> Result<File> {
     }
 }
 
-/// What the system says of a file of our own, or of a link in its place. Where something else than a folder stands in the place of
-/// its folder, there is no such file.
+/// Returns the metadata of a file that this program wrote, without following links. If its parent is not a folder, the
+/// error is [`ErrorKind::NotFound`].
 ///
 /// # Errors
-/// When the system refuses.
-pub fn look_at_own(path: &Path) -> Result<Metadata> {
+/// When the system reports an error.
+pub fn own_metadata(path: &Path) -> Result<Metadata> {
     fs::symlink_metadata(path).map_err(|error| match path.parent().map(fs::symlink_metadata) {
         Some(Ok(folder)) if !folder.is_dir() => ErrorKind::NotFound.into(),
         _ => error,
     })
 }
 
-/// Opens a file of our own for reading. We make no links: one in its place was put there by somebody else and is not followed.
+/// Opens a file that this program wrote. The program creates no links, so a link in its place is not followed.
 ///
 /// # Errors
-/// As [`look_at_own`], or it is anything but a file ([`ErrorKind::InvalidInput`]).
+/// As for [`own_metadata`], or when it is not a regular file ([`ErrorKind::InvalidInput`]).
 pub fn open_own(path: &Path) -> Result<File> {
-    if look_at_own(path)?.is_symlink() {
+    if own_metadata(path)?.is_symlink() {
         Err(Error::new(ErrorKind::InvalidInput, "it is a link"))
     } else {
         open_regular(path)
     }
 }
 
-/// All bytes of a file, of which there may be at most `limit`.
+/// Reads a file of at most `limit` bytes.
 ///
 /// # Errors
-/// As [`open_regular`], or when there are more ([`ErrorKind::FileTooLarge`]) than that or than memory holds
+/// As for [`open_regular`], or when there are more bytes ([`ErrorKind::FileTooLarge`]) or they do not fit into memory
 /// ([`ErrorKind::OutOfMemory`]).
 pub fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
     read_all(open_regular(path)?, limit)
 }
 
-/// As [`read_bounded`], of a file of our own.
+/// Reads a file that this program wrote, of at most `limit` bytes.
 ///
 /// # Errors
-/// As [`open_own`] and [`read_bounded`].
+/// As for [`open_own`] and [`read_bounded`].
 pub fn read_own(path: &Path, limit: u64) -> Result<Vec<u8>> {
     read_all(open_own(path)?, limit)
 }
@@ -76,7 +76,7 @@ fn read_all(file: File, limit: u64) -> Result<Vec<u8>> {
     bytes
         .try_reserve_exact(size as usize)
         .map_err(|error| Error::new(ErrorKind::OutOfMemory, error))?;
-    // Some files (those of /proc) hold more than they say.
+    // Some files, such as those in /proc, are larger than their metadata claim.
     file.take(limit + 1).read_to_end(&mut bytes)?;
     match bytes.len() as u64 {
         length if length > limit => Err(too_large(length)),

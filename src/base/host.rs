@@ -1,8 +1,8 @@
-//! This machine.
+//! The name of this machine.
 
 use std::fs;
 
-/// Its name; `unknown` where the system does not say.
+/// Returns its name, or `unknown` if the system does not report it.
 #[must_use]
 pub fn host_name() -> String {
     let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Names of different things are different types, so that none is taken for another: each is a digest, written as its digits.
+//! Digests of different things have different types, so that they cannot be confused.
 
 use std::fmt;
 use std::str::FromStr;
@@ -14,7 +14,7 @@ macro_rules! id {
         pub struct $name(Digest);
 
         impl $name {
-            /// The name of what these bytes say.
+            /// Computes the digest of bytes.
             #[must_use]
             pub fn of(bytes: &[u8]) -> Self {
                 Self(Digest::of(bytes))
@@ -26,7 +26,7 @@ macro_rules! id {
                 self.0.as_bytes()
             }
 
-            /// The first 12 hexadecimal digits, for tables and messages that a person reads.
+            /// Returns the first 12 hexadecimal digits, for tables and messages.
             #[must_use]
             pub fn short(&self) -> String {
                 self.0.short()
@@ -62,22 +62,22 @@ macro_rules! id {
 }
 
 id! {
-    /// An artifact: the digest of its logical content.
+    /// The digest of the logical content of an artifact.
     ArtifactId
 }
 
 id! {
-    /// An action: the digest of kind, recipe, parameters and inputs.
+    /// The digest of kind, recipe, parameters and inputs of an action.
     ActionKey
 }
 
 id! {
-    /// A pattern together with its images under the symmetries of the square.
+    /// The digest of a pattern together with its symmetric images.
     OrbitId
 }
 
 id! {
-    /// The bytes of a file.
+    /// The digest of the bytes of a file.
     FileDigest
 }
 

@@ -1,8 +1,9 @@
-//! What every room stands on: digests, canonical values, quantities, random streams, documents, files.
+//! The common base of all crates: digests, canonical values, quantities, random streams, documents, files.
 
 mod background;
 mod canonical;
 mod clock;
+mod concurrently;
 mod confined;
 mod cpu;
 mod csvw;
@@ -13,6 +14,7 @@ mod encoding;
 mod file;
 mod host;
 mod ids;
+mod no_break;
 mod npy;
 mod output_file;
 mod parameters;
@@ -22,13 +24,12 @@ mod program;
 mod progress;
 mod quantity;
 mod schema;
-mod side_by_side;
 mod stream;
-mod unbroken;
 
 pub use background::{Background, Pauses};
 pub use canonical::Canonical;
 pub use clock::{readable_time, thread_seconds};
+pub use concurrently::concurrently;
 pub use confined::{ConfinedError, confined};
 pub use cpu::CpuLevel;
 pub use csvw::{CsvTable, csv_metadata, csv_metadata_file, uri};
@@ -36,12 +37,13 @@ pub use digest::{Digest, DigestWriter, ParseDigestError};
 pub use digits::two_digits;
 pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source, nearest};
 pub use encoding::{EncodingError, decode, encode};
-pub use file::{look_at_own, open_own, open_regular, read_bounded, read_own};
+pub use file::{open_own, open_regular, own_metadata, read_bounded, read_own};
 pub use host::host_name;
 pub use ids::{ActionKey, ArtifactId, FileDigest, OrbitId};
+pub use no_break::{NO_BREAK, no_break_units};
 pub use npy::{NpyElement, NpyError, NpyHeader};
 pub use output_file::{
-    OutputError, OutputFile, aside, folder_of, kind_of, leads_nowhere_at, output_folder, write_output,
+    OutputError, OutputFile, folder_of, is_dangling_link, kind_of, output_folder, temporary_file, write_output,
 };
 pub use parameters::{
     Angle, Charge, Current, Declared, Density, ElectricField, Force, Frequency, Length, Parameter, Resistance, Seed,
@@ -53,6 +55,4 @@ pub use program::{VERSION, build, set_build, software, version};
 pub use progress::{Progress, Stopped};
 pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
 pub use schema::{Fields, Schema};
-pub use side_by_side::side_by_side;
 pub use stream::Stream;
-pub use unbroken::{NO_BREAK, unbroken};

@@ -1,28 +1,28 @@
-//! NumPy's array file, format versions 1 to 3 (numpy.lib.format, NEP 1): its header and its elements.
+//! NumPy array files, format versions 1 to 3 (numpy.lib.format, NEP 1): header and elements.
 //!
-//! The header is read here because its text is a Python expression in a file that is not trusted: general parsers recurse
-//! on nested brackets and multiply the extents unchecked. A plain array needs three keys only.
+//! The header is a Python expression in an untrusted file. General parsers recurse on nested brackets and multiply the
+//! extents unchecked, so this reader only looks for the three keys of a plain array.
 
 use std::io::{ErrorKind, Read};
 
 use half::f16;
 
-/// Bytes of the longest header that is read; that of a plain array has 128.
+/// The longest header that is read, in bytes; that of a plain array has 128.
 const LONGEST: u32 = 1 << 16;
 
-/// What elements an array may have.
+/// The allowed types of elements.
 const TYPES: &str = "allowed: booleans, integers (1 to 8 bytes), floats (2, 4 or 8 bytes)";
 
-/// What stands before the elements of an array.
+/// The header of an array file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NpyHeader {
-    /// What its elements are.
+    /// The type of the elements.
     pub element: NpyElement,
     /// Whether the first index runs fastest.
     pub fortran: bool,
     /// Extents, slowest first.
     pub shape: Vec<u64>,
-    /// Bytes up to the first element.
+    /// The number of bytes before the first element.
     pub bytes: u64,
 }
 
@@ -34,44 +34,44 @@ pub struct NpyElement {
     big_endian: bool,
 }
 
-/// Why a file is no array of numbers.
+/// Why a file is not an array of numbers.
 #[derive(Debug, thiserror::Error)]
 pub enum NpyError {
-    /// It begins with something else.
+    /// It does not begin as a NumPy file.
     #[error("not a NumPy file: it does not begin with \\x93NUMPY")]
     Magic,
     /// It ends too early.
     #[error("the file ends inside its header")]
     Short,
-    /// Its format is from the future.
+    /// Its format version is unknown.
     #[error("unknown NumPy file version {0}.{1}")]
     Version(u8, u8),
-    /// Its header is longer than any of an array.
+    /// Its header is too long.
     #[error("the header is too long: {0} bytes")]
     Long(u32),
-    /// Its header is no text.
+    /// Its header is not text.
     #[error("the header is not text")]
     NotText,
     /// Its elements have several parts.
     #[error("structured arrays are not supported")]
     Structured,
-    /// A key of the header.
+    /// A key of the header is missing or invalid.
     #[error("cannot read `{0}` in the header")]
     Key(&'static str),
-    /// Elements that are no numbers.
+    /// The elements are not numbers.
     #[error("elements of type {0:?} are not supported")]
     Element(String),
-    /// The system refused.
+    /// The system reported an error.
     #[error("{0}")]
     Io(std::io::Error),
 }
 
 impl NpyError {
-    /// What to do about it, where anything can be said.
+    /// Returns advice, if there is any.
     #[must_use]
     pub fn help(&self) -> Option<&'static str> {
         match self {
-            Self::Short => Some("the file is cut off; write it again"),
+            Self::Short => Some("the file is truncated; write it again"),
             Self::Structured | Self::Element(_) => Some(TYPES),
             Self::Key(_) => Some("write it with numpy.save"),
             Self::Magic | Self::Version(..) | Self::Long(_) | Self::NotText | Self::Io(_) => None,
@@ -89,20 +89,20 @@ impl From<std::io::Error> for NpyError {
 }
 
 impl NpyHeader {
-    /// Reads a header; what follows are the elements.
+    /// Reads a header; the elements follow it.
     ///
     /// # Errors
-    /// When there is none, or the array is not one of numbers.
+    /// When the header is invalid, or the elements are not numbers.
     pub fn read(from: &mut impl Read) -> Result<Self, NpyError> {
         let mut magic = Vec::new();
         from.by_ref().take(6).read_to_end(&mut magic)?;
         if magic != b"\x93NUMPY" {
             return Err(NpyError::Magic);
         }
-        let [major, minor] = some(from)?;
+        let [major, minor] = read_bytes(from)?;
         let length = match (major, minor) {
-            (1, 0) => u32::from(u16::from_le_bytes(some(from)?)),
-            (2 | 3, 0) => u32::from_le_bytes(some(from)?),
+            (1, 0) => u32::from(u16::from_le_bytes(read_bytes(from)?)),
+            (2 | 3, 0) => u32::from_le_bytes(read_bytes(from)?),
             _ => return Err(NpyError::Version(major, minor)),
         };
         if length > LONGEST {
@@ -115,20 +115,20 @@ impl NpyHeader {
         parse(text, before + u64::from(length))
     }
 
-    /// How many elements the array has; none where they cannot be counted.
+    /// Returns the number of elements; `None` if it overflows.
     #[must_use]
     pub fn count(&self) -> Option<u64> {
         self.shape.iter().try_fold(1_u64, |count, &n| count.checked_mul(n))
     }
 
-    /// The bytes of the elements; none where they cannot be counted.
+    /// Returns the number of bytes of the elements; `None` if it overflows.
     #[must_use]
     pub fn data_bytes(&self) -> Option<u64> {
         self.count()?.checked_mul(self.element.size as u64)
     }
 }
 
-fn some<const N: usize>(from: &mut impl Read) -> Result<[u8; N], NpyError> {
+fn read_bytes<const N: usize>(from: &mut impl Read) -> Result<[u8; N], NpyError> {
     let mut bytes = [0; N];
     from.read_exact(&mut bytes)?;
     Ok(bytes)
@@ -170,18 +170,18 @@ fn extents_of(text: &str) -> Option<Vec<u64>> {
 
 impl NpyElement {
     fn parse(descr: &str) -> Result<Self, NpyError> {
-        let refused = || NpyError::Element(descr.to_owned());
+        let invalid = || NpyError::Element(descr.to_owned());
         let mut letters = descr.chars();
-        let (order, kind) = (letters.next().ok_or_else(refused)?, letters.next().ok_or_else(refused)?);
-        let size = letters.as_str().parse().map_err(|_| refused())?;
-        let known = match kind {
+        let (order, kind) = (letters.next().ok_or_else(invalid)?, letters.next().ok_or_else(invalid)?);
+        let size = letters.as_str().parse().map_err(|_| invalid())?;
+        let is_known = match kind {
             'b' => size == 1,
             'i' | 'u' => matches!(size, 1 | 2 | 4 | 8),
             'f' => matches!(size, 2 | 4 | 8),
             _ => false,
         };
-        if !known || !matches!(order, '<' | '>' | '|' | '=') {
-            return Err(refused());
+        if !is_known || !matches!(order, '<' | '>' | '|' | '=') {
+            return Err(invalid());
         }
         Ok(Self {
             kind,
@@ -190,13 +190,13 @@ impl NpyElement {
         })
     }
 
-    /// Bytes of one element.
+    /// The number of bytes of one element.
     #[must_use]
     pub fn size(self) -> usize {
         self.size
     }
 
-    /// The values of elements, as doubles. Rounding to a double turns no other number into 0 or 1.
+    /// Returns the values of elements as doubles. Rounding to a double maps no other number to 0 or 1.
     #[must_use]
     pub fn values(self, bytes: &[u8]) -> Vec<f64> {
         bytes.chunks_exact(self.size).map(|bytes| self.value(bytes)).collect()

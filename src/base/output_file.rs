@@ -1,5 +1,5 @@
-//! Files that somebody asked for by name. They appear complete or not at all, and they replace regular files only: a device, a
-//! pipe or a folder that stands in the way is refused, and a link is followed to its file, never replaced.
+//! Output files named by the user. They appear complete or not at all, and replace regular files only: a device, a pipe
+//! or a folder is an error, and a link is followed to its file, never replaced.
 
 use std::fs::{self, Metadata, Permissions};
 use std::io::{self, ErrorKind, Write};
@@ -12,50 +12,50 @@ use tempfile::NamedTempFile;
 /// A file that cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
-    /// Something that is no regular file is there.
+    /// The path is not a regular file.
     #[error("{path} is {found}; only a regular file can be replaced", path = path.display())]
     Occupied {
-        /// The path as it was given.
+        /// The path.
         path: PathBuf,
-        /// What is there ("a device").
+        /// The kind of file, such as "a device".
         found: &'static str,
     },
-    /// A link that leads to no file.
+    /// The path is a link to nothing.
     #[error("{path} is a dangling symbolic link; remove it or choose another name", path = path.display())]
-    LeadsNowhere {
+    DanglingLink {
         /// The link.
         path: PathBuf,
     },
-    /// The folder of the file is not there.
+    /// The folder of the file does not exist.
     #[error("cannot write in {folder}: the folder does not exist", folder = folder.display())]
     NoFolder {
         /// The folder.
         folder: PathBuf,
     },
-    /// The system refused.
+    /// The system reported an error.
     #[error("cannot write {path}: {source}", path = path.display())]
     Io {
-        /// The path as it was given.
+        /// The path.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
 }
 
-/// A place where a file may be written.
+/// A path at which a file can be written.
 #[derive(Clone, Debug)]
 pub struct OutputFile {
     given: PathBuf,
-    /// Where links end; its folder is named even where that is the one at hand.
+    /// The path after all links, with its folder, which is `.` for a bare name.
     target: PathBuf,
 }
 
 impl OutputFile {
-    /// Looks at what is there, and touches nothing.
+    /// Checks that a file can be written at a path, without changing anything.
     ///
     /// # Errors
-    /// When something is there that is not to be replaced, or the folder does not exist.
-    pub fn at(path: &Path) -> Result<Self, OutputError> {
+    /// When the path is not a regular file, or its folder does not exist.
+    pub fn new(path: &Path) -> Result<Self, OutputError> {
         let name = path.file_name().filter(|_| !names_a_folder(path));
         let Some(name) = name else {
             return match path.is_dir() {
@@ -66,8 +66,8 @@ impl OutputFile {
         let is_link = fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_symlink());
         let target = match fs::metadata(path) {
             Ok(metadata) if !metadata.is_file() => return Err(occupied(path, kind_of(&metadata))),
-            Ok(_) if is_link => fs::canonicalize(path).map_err(|_| leads_nowhere(path))?,
-            Err(_) if is_link => return Err(leads_nowhere(path)),
+            Ok(_) if is_link => fs::canonicalize(path).map_err(|_| dangling_link(path))?,
+            Err(_) if is_link => return Err(dangling_link(path)),
             Err(error) if !matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
                 return Err(failed(path)(error));
             }
@@ -82,38 +82,38 @@ impl OutputFile {
         }
     }
 
-    /// The folder in which the file will be: what is written aside there crosses no file system.
+    /// The folder of the file. A temporary file in it is on the same file system.
     #[must_use]
     pub fn folder(&self) -> &Path {
         folder_of(&self.target)
     }
 
-    /// Where the file will be.
+    /// The path of the file, after all links.
     #[must_use]
     pub fn target(&self) -> &Path {
         &self.target
     }
 
-    /// Writes all of it. Who may read it is for the user's mask to say.
+    /// Writes the file, with the permissions of the user's umask.
     ///
     /// # Errors
-    /// When the system refuses; what was there stays then.
+    /// When the system reports an error; an existing file then remains.
     pub fn write(&self, bytes: &[u8]) -> Result<(), OutputError> {
         let failed = || failed(&self.given);
-        let mut file = aside(self.folder()).map_err(failed())?;
+        let mut file = temporary_file(self.folder()).map_err(failed())?;
         file.write_all(bytes).map_err(failed())?;
-        // A disk that turns out to be full later must not have cost what was there.
+        // If the disk is full, this fails before the existing file is replaced.
         file.as_file().sync_data().map_err(failed())?;
-        self.look_again()?;
+        self.recheck()?;
         file.persist(&self.target).map_err(|e| failed()(e.error))?;
         Ok(())
     }
 
-    /// Whether what is there may still be replaced: minutes may have passed since it was looked at.
+    /// Checks again that the path can be replaced; minutes may have passed since [`OutputFile::new`].
     ///
     /// # Errors
-    /// As [`OutputFile::at`].
-    pub fn look_again(&self) -> Result<(), OutputError> {
+    /// As for [`OutputFile::new`].
+    pub fn recheck(&self) -> Result<(), OutputError> {
         match fs::symlink_metadata(&self.target) {
             Ok(metadata) if !metadata.is_file() => Err(occupied(&self.given, kind_of(&metadata))),
             _ => Ok(()),
@@ -124,60 +124,59 @@ impl OutputFile {
 /// Writes a file that appears complete or not at all.
 ///
 /// # Errors
-/// When something is there that is not to be replaced, the folder does not exist, or the system refuses.
+/// When the path is not a regular file, its folder does not exist, or the system reports an error.
 pub fn write_output(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
-    OutputFile::at(path)?.write(bytes)
+    OutputFile::new(path)?.write(bytes)
 }
 
-/// Whether files can be made in a folder, which is made where there is none: permissions alone do not tell.
+/// Creates a folder if it does not exist, and checks that files can be created in it.
 ///
 /// # Errors
-/// When something else is there, or the system refuses.
+/// When the path is not a folder, or the system reports an error.
 pub fn output_folder(path: &Path) -> Result<(), OutputError> {
     if let Ok(metadata) = fs::metadata(path)
         && !metadata.is_dir()
     {
         return Err(occupied(path, kind_of(&metadata)));
     }
-    if leads_nowhere_at(path) {
-        return Err(leads_nowhere(path));
+    if is_dangling_link(path) {
+        return Err(dangling_link(path));
     }
     let made = fs::create_dir_all(path).and_then(|()| tempfile::tempfile_in(path));
     made.map(drop).map_err(failed(path))
 }
 
-/// An empty file with a random name, removed when dropped. Who may read it is for the user's mask to say, as with any other
-/// file.
+/// Creates an empty file with a random name, which is removed when dropped. It has the permissions of the user's umask.
 ///
 /// # Errors
-/// When the system refuses.
-pub fn aside(folder: &Path) -> io::Result<NamedTempFile> {
+/// When the system reports an error.
+pub fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
     tempfile::Builder::new()
         .permissions(Permissions::from_mode(0o666))
         .tempfile_in(folder)
 }
 
-/// Whether a path is a link to nothing, or one of a circle of links.
+/// Returns whether a path is a link to nothing, or part of a cycle of links.
 #[must_use]
-pub fn leads_nowhere_at(path: &Path) -> bool {
+pub fn is_dangling_link(path: &Path) -> bool {
     let is_link = fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_symlink());
     is_link && fs::metadata(path).is_err()
 }
 
-/// The standard library drops a slash or a dot at the end, which only a folder can have.
+/// Returns whether a path ends with a slash or a dot, as only a folder can; the standard library drops these.
 fn names_a_folder(path: &Path) -> bool {
     let bytes = path.as_os_str().as_bytes();
     bytes.ends_with(b"/") || bytes.ends_with(b"/.")
 }
 
-/// The folder that a path is in; that of a bare name is the present one.
+/// Returns the folder of a path, `.` for a bare name.
 #[must_use]
 pub fn folder_of(path: &Path) -> &Path {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     folder.unwrap_or(Path::new("."))
 }
 
-/// What something is, in words.
+/// Returns the kind of a file in words.
 #[must_use]
 pub fn kind_of(metadata: &Metadata) -> &'static str {
     let kind = metadata.file_type();
@@ -204,8 +203,8 @@ fn no_folder(folder: &Path) -> OutputError {
     }
 }
 
-fn leads_nowhere(path: &Path) -> OutputError {
-    OutputError::LeadsNowhere { path: path.to_owned() }
+fn dangling_link(path: &Path) -> OutputError {
+    OutputError::DanglingLink { path: path.to_owned() }
 }
 
 fn failed(path: &Path) -> impl FnOnce(io::Error) -> OutputError + use<> {
@@ -277,7 +276,7 @@ mod tests {
     fn what_comes_in_the_way_later_is_not_replaced_either() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
-        let output = OutputFile::at(&path).unwrap();
+        let output = OutputFile::new(&path).unwrap();
         symlink("/dev/null", &path).unwrap();
         assert!(matches!(output.write(b"text"), Err(OutputError::Occupied { .. })));
     }
@@ -295,7 +294,7 @@ mod tests {
         assert!(matches!(output_folder(&at("file")), Err(OutputError::Occupied { .. })));
         assert!(matches!(
             output_folder(&at("dangling")),
-            Err(OutputError::LeadsNowhere { .. })
+            Err(OutputError::DanglingLink { .. })
         ));
         assert!(!at("nothing").exists());
     }

@@ -1,6 +1,6 @@
-//! Names of things that people list in files.
+//! Plain names.
 
-/// Whether a text is a name of letters, digits, `-` and `_`, of at most so many characters.
+/// Returns whether a text is a name of letters, digits, `-` and `_` with at most `longest` characters.
 #[must_use]
 pub fn is_plain_name(text: &str, longest: usize) -> bool {
     let is_allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';

@@ -1,14 +1,14 @@
-//! Text that changes nothing about a terminal.
+//! Removes characters that control a terminal.
 //!
-//! Names in pipelines, attributes of files, names of files and messages of libraries come from elsewhere. In them a control
-//! character could clear the screen, set its title or hide what was written before, and a mark of direction could show words in
-//! another order than they have (Boucher and Anderson, "Trojan Source", USENIX Security 2023).
+//! Names in pipelines, attributes, file names and messages of libraries are not trusted. A control character in them
+//! could clear the screen, set its title or hide earlier output, and a bidirectional control could show words in
+//! another order (Boucher and Anderson, "Trojan Source", USENIX Security 2023).
 
 use std::borrow::Cow;
 use std::fmt::Write;
 
-/// Whether a character is none that a text may have: a control other than line break and tab, a mark that changes the direction of
-/// what follows, a separator that some take for a line break, or one that no text has at all.
+/// Returns whether a character is not allowed in output: a control character other than line break and tab, a
+/// bidirectional control, a Unicode line or paragraph separator, or a noncharacter.
 #[must_use]
 pub fn is_unprintable(c: char) -> bool {
     match c {
@@ -19,7 +19,7 @@ pub fn is_unprintable(c: char) -> bool {
     }
 }
 
-/// The text with `\u{fffd}` in place of every such character. A line break of two characters becomes one of one.
+/// Replaces every such character by `\u{fffd}`, and CR LF by LF.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
     match text.contains(is_unprintable) {
@@ -28,17 +28,17 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     }
 }
 
-/// A JSON document in which every such character is escaped. It stands in strings only: elsewhere JSON has none.
+/// Escapes every such character in a JSON document, where it can only occur in strings.
 #[must_use]
 pub fn printable_json(json: &str) -> Cow<'_, str> {
-    // Serialisers escape the first 32 controls, and no others.
+    // Serialisers escape the first 32 control characters only.
     if !json.contains(is_unprintable) {
         return json.into();
     }
     let mut text = String::with_capacity(json.len() + 64);
     for c in json.chars() {
         if is_unprintable(c) {
-            // Writing to a text cannot fail.
+            // Writing to a string cannot fail.
             let _ = write!(text, "\\u{:04x}", u32::from(c));
         } else {
             text.push(c);

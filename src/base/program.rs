@@ -1,4 +1,4 @@
-//! Which program this is: its version, and the sources that it was built of.
+//! The version of this program, and the digest of its sources.
 
 use std::sync::OnceLock;
 
@@ -9,14 +9,13 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 static BUILD: OnceLock<String> = OnceLock::new();
 
-/// Names the sources of this program by their digest, before anything asks for them. The binary does so as it begins,
-/// since no room knows the sources of the others. The first call counts.
+/// Sets the digest of the sources. The binary does so at start, since a crate does not know the sources of the others.
+/// Only the first call has an effect.
 pub fn set_build(digest: &str) {
     BUILD.get_or_init(|| digest.to_owned());
 }
 
-/// The digest of the sources of this program; of the program itself where nobody named them, as in tests and in programs of
-/// others.
+/// Returns the digest of the sources, or of the executable if [`set_build`] was not called, as in tests.
 #[must_use]
 pub fn build() -> &'static str {
     BUILD.get_or_init(|| {
@@ -25,13 +24,13 @@ pub fn build() -> &'static str {
     })
 }
 
-/// The version, and which build of it: two builds of other sources are told apart.
+/// Returns the version and the build, which differs for different sources.
 #[must_use]
 pub fn version() -> String {
     format!("{VERSION} (build {})", &build()[..Digest::SHORT])
 }
 
-/// This program, as files name it.
+/// Returns the name of this program for files.
 #[must_use]
 pub fn software() -> String {
     format!("deaflow {}", version())

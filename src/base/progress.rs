@@ -1,21 +1,20 @@
-//! How work in any room tells how far it has come.
+//! Reports the progress of long work.
 
-/// A piece of work was asked to stop, and what it has come to is kept.
+/// A request stopped the work, and its progress is saved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("stopped; its progress is saved")]
 pub struct Stopped;
 
-/// Receives the progress of a piece of work.
+/// Receives the progress of some work.
 pub trait Progress: Sync {
-    /// `steps` more are done.
+    /// Reports that `steps` more steps are done.
     fn advance(&self, steps: u64);
-    /// Of the step under way this part is done, between 0 and 1: what takes long has a pace before its first step is over.
-    fn part(&self, done: f64) {
-        let _ = done;
-    }
-    /// A short text beside the bar ("loss 0.0123").
+    /// Reports the fraction of the current step that is done, from 0 to 1, so that a long first step has an estimated
+    /// time.
+    fn part(&self, _done: f64) {}
+    /// Shows a short text next to the progress bar, such as "loss 0.0123".
     fn note(&self, text: &str);
-    /// `steps` were done before this piece of work began: they say nothing of its pace.
+    /// Reports that `steps` steps were done before this work began, so that they do not count for its speed.
     fn resume(&self, steps: u64) {
         self.advance(steps);
     }

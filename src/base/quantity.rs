@@ -15,22 +15,42 @@ pub struct Decimal {
     exponent: i32,
 }
 
-/// Why a text is not a quantity of the wanted kind.
+/// Why a text is not a quantity of a dimension.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum QuantityError {
     /// Not a decimal number.
     #[error("{0:?} is not a decimal number with at most 18 digits and a decimal point")]
     NotANumber(String),
-    /// A unit of another dimension, or none that is known.
+    /// An unknown unit, or a unit of another dimension.
     #[error("unknown unit {found:?} for {}; allowed: {allowed}", .dimension.with_article())]
     UnknownUnit {
-        /// The unit as written.
+        /// The unit in the text.
         found: String,
-        /// The wanted dimension.
+        /// The dimension.
         dimension: Dimension,
-        /// The units that are allowed.
+        /// The allowed units.
         allowed: String,
     },
+}
+
+impl QuantityError {
+    fn unknown_unit(unit: &str, dimension: Dimension) -> Self {
+        let symbols = dimension.symbols();
+        let similar: Vec<_> = symbols
+            .iter()
+            .filter(|symbol| symbol.eq_ignore_ascii_case(unit))
+            .collect();
+        let allowed = match (symbols.join(", "), &similar[..]) {
+            (none, _) if none.is_empty() => "none".to_owned(),
+            (allowed, [similar]) => format!("{allowed} (did you mean {similar}?)"),
+            (allowed, _) => allowed,
+        };
+        Self::UnknownUnit {
+            found: unit.to_owned(),
+            dimension,
+            allowed,
+        }
+    }
 }
 
 impl Decimal {
@@ -40,23 +60,22 @@ impl Decimal {
         exponent: 0,
     };
 
-    /// The exact decimal that prints shortest for this double (the text a person would have written).
-    /// `None` for infinities, NaN and magnitudes beyond 1e±99.
+    /// Returns the shortest decimal that reads as this double; `None` for infinities, NaN and magnitudes beyond 1e±99.
     #[must_use]
     pub fn from_f64(value: f64) -> Option<Self> {
         value.is_finite().then(|| format!("{value:e}").parse().ok())?
     }
 
-    /// The nearest double.
+    /// Returns the nearest double.
     #[must_use]
     pub fn to_f64(self) -> f64 {
-        // The standard library's parser is correctly rounded, which a product of two doubles would not be.
+        // The standard library's parser rounds correctly; a product of two doubles would not.
         format!("{}e{}", self.mantissa, self.exponent)
             .parse()
-            .expect("a whole number with an exponent is a valid float literal")
+            .expect("an integer with an exponent is a valid float literal")
     }
 
-    /// The number as a whole number, if it is one and fits.
+    /// Returns the number as an integer, if it is one and fits.
     #[must_use]
     pub fn to_u64(self) -> Option<u64> {
         let mantissa = u64::try_from(self.mantissa).ok()?;
@@ -64,7 +83,7 @@ impl Decimal {
         mantissa.checked_mul(power)
     }
 
-    /// This number times a power of ten.
+    /// Returns this number times a power of ten.
     #[must_use]
     pub fn scaled(self, power: i32) -> Self {
         if self.mantissa == 0 {
@@ -76,7 +95,7 @@ impl Decimal {
         }
     }
 
-    /// This number times a whole one; `None` where the digits do not fit.
+    /// Returns this number times an integer; `None` if the digits do not fit.
     fn times(self, factor: i64) -> Option<Self> {
         Some(Self::normalised(self.mantissa.checked_mul(factor)?, self.exponent))
     }
@@ -95,7 +114,7 @@ impl Decimal {
 
 impl From<u64> for Decimal {
     fn from(value: u64) -> Self {
-        // Whole numbers beyond 2^63 do not occur as parameters: seeds and counts are refused above i64::MAX on reading.
+        // Integers beyond 2^63 do not occur: seeds and counts above i64::MAX are rejected on reading.
         Self::normalised(i64::try_from(value).unwrap_or(i64::MAX), 0)
     }
 }
@@ -157,7 +176,7 @@ impl fmt::Display for Decimal {
     }
 }
 
-/// What a quantity measures. Its base unit is the one in which keys and files are written.
+/// The dimension of a quantity. Keys and files use its base unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Dimension {
     /// A pure number.
@@ -191,19 +210,19 @@ pub enum Dimension {
 }
 
 impl Dimension {
-    /// The symbol of the base unit: that of a bare number, and of files.
+    /// The symbol of the base unit, which bare numbers and files have.
     #[must_use]
     pub fn base_unit(self) -> &'static str {
         self.units().first().map_or("", |unit| unit.0)
     }
 
-    /// The symbols of its units, base unit first.
+    /// The symbols of the units, base unit first.
     #[must_use]
     pub fn symbols(self) -> Vec<&'static str> {
         self.units().iter().map(|unit| unit.0).collect()
     }
 
-    /// What a unit is over the power of ten that stands in [`Dimension::units`].
+    /// The factor of a unit in addition to the power of ten in [`Dimension::units`].
     fn multiple(self, symbol: &str) -> i64 {
         match (self, symbol) {
             (Self::Time, "min") => 60,
@@ -212,7 +231,7 @@ impl Dimension {
         }
     }
 
-    /// The units and their powers of ten over the base unit, base unit first.
+    /// The units and their powers of ten relative to the base unit, base unit first.
     fn units(self) -> &'static [(&'static str, i32)] {
         match self {
             Self::Number => &[],
@@ -255,10 +274,8 @@ impl Dimension {
             ],
         }
     }
-}
 
-impl Dimension {
-    /// "a voltage", "an angle".
+    /// Returns the name with an article: "a voltage", "an angle".
     #[must_use]
     pub fn with_article(self) -> String {
         let name = self.to_string();
@@ -296,7 +313,7 @@ pub struct Quantity {
 }
 
 impl Quantity {
-    /// Reads "5.25 kV", "5250V" or a bare "5250" (taken in the base unit) as a quantity of `dimension`.
+    /// Reads "5.25 kV", "5250V" or a bare "5250" (in the base unit) as a quantity of `dimension`.
     ///
     /// # Errors
     /// When the number is malformed or the unit is not one of the dimension's.
@@ -305,49 +322,31 @@ impl Quantity {
         let end = number_end(text);
         let (number, unit) = (&text[..end], text[end..].trim());
         if unit.starts_with(',') {
-            // A decimal comma is no unit.
+            // A decimal comma is not a unit.
             return Err(QuantityError::NotANumber(text.to_owned()));
         }
         let value: Decimal = number.parse().map_err(|_| QuantityError::NotANumber(text.to_owned()))?;
         if unit.is_empty() {
             return Ok(Self { base: value, dimension });
         }
-        let (_, power) = dimension
-            .units()
-            .iter()
-            .find(|(symbol, _)| *symbol == unit)
-            .ok_or_else(|| QuantityError::UnknownUnit {
-                found: unit.to_owned(),
-                dimension,
-                allowed: match dimension.symbols().join(", ") {
-                    none if none.is_empty() => "none".to_owned(),
-                    symbols => match dimension
-                        .symbols()
-                        .iter()
-                        .filter(|symbol| symbol.eq_ignore_ascii_case(unit))
-                        .collect::<Vec<_>>()[..]
-                    {
-                        [meant] => format!("{symbols} (did you mean {meant}?)"),
-                        _ => symbols,
-                    },
-                },
-            })?;
+        let Some((_, power)) = dimension.units().iter().find(|(symbol, _)| *symbol == unit) else {
+            return Err(QuantityError::unknown_unit(unit, dimension));
+        };
         let multiplied = value.times(dimension.multiple(unit));
+        let value = multiplied.ok_or_else(|| QuantityError::NotANumber(text.to_owned()))?;
         Ok(Self {
-            base: multiplied
-                .ok_or_else(|| QuantityError::NotANumber(text.to_owned()))?
-                .scaled(*power),
+            base: value.scaled(*power),
             dimension,
         })
     }
 
-    /// A quantity from an exact number in the base unit.
+    /// Creates a quantity from an exact number in the base unit.
     #[must_use]
     pub fn new(base: Decimal, dimension: Dimension) -> Self {
         Self { base, dimension }
     }
 
-    /// A quantity from a number in the base unit; `None` unless finite.
+    /// Creates a quantity from a number in the base unit; `None` unless finite.
     #[must_use]
     pub fn from_f64(value: f64, dimension: Dimension) -> Option<Self> {
         Some(Self {
@@ -368,14 +367,14 @@ impl Quantity {
         self.base.to_f64()
     }
 
-    /// What the quantity measures.
+    /// The dimension.
     #[must_use]
     pub fn dimension(&self) -> Dimension {
         self.dimension
     }
 }
 
-/// Where the number ends and the unit begins: "1e3 V" has an exponent, "1 eV" would not.
+/// Returns where the number ends and the unit begins: "1e3 V" has an exponent, "1 eV" has not.
 fn number_end(text: &str) -> usize {
     let bytes = text.as_bytes();
     let mut i = 0;

@@ -1,8 +1,9 @@
-//! JSON Schemas (draft 2020-12) of what the typed readers of [`Node`](super::Node) accept, for editors.
+//! JSON Schemas (draft 2020-12) of documents, for editors.
 //!
-//! Each constructor says what the reader of the same name accepts. A schema knows structure only: which keys, words, units
-//! and ranges there are. That a cycle of needs is refused, or an Ogden model of another modulus, it cannot say. Of a
-//! quantity with a unit it checks number and unit, of a bare number also the range.
+//! Each constructor describes what the reader of [`Node`](super::Node) with the same name accepts. A schema covers
+//! structure: keys, words, units and ranges. It cannot express that needs must not form a cycle, or that an Ogden model
+//! must match the shear modulus. For a quantity with a unit it checks number and unit, for a bare number also the
+//! range.
 
 use serde_json::{Map, Value, json};
 
@@ -12,7 +13,7 @@ use super::quantity::Dimension;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Schema(Map<String, Value>);
 
-/// The schema of a mapping: its keys, and which of them it must have. No others are allowed.
+/// The schema of a mapping: its allowed keys, and which of them are required.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fields {
     description: String,
@@ -22,19 +23,19 @@ pub struct Fields {
 }
 
 impl Schema {
-    /// A schema in its own words.
+    /// Creates a schema from JSON.
     ///
     /// # Panics
-    /// When the value is no mapping.
+    /// When the value is not an object.
     #[must_use]
     pub fn new(schema: Value) -> Self {
         match schema {
             Value::Object(map) => Self(map),
-            other => panic!("a schema is a mapping, not {other}"),
+            other => panic!("a schema must be an object, not {other}"),
         }
     }
 
-    /// A text; a number is its own text.
+    /// A text or a number.
     #[must_use]
     pub fn text() -> Self {
         Self::new(json!({ "type": ["string", "number"] }))
@@ -46,7 +47,7 @@ impl Schema {
         Self::new(json!({ "type": "string", "pattern": pattern }))
     }
 
-    /// One of some words.
+    /// One of several words.
     #[must_use]
     pub fn word(words: &[&str]) -> Self {
         match words {
@@ -55,13 +56,13 @@ impl Schema {
         }
     }
 
-    /// A truth value.
+    /// A boolean.
     #[must_use]
     pub fn bool() -> Self {
         Self::new(json!({ "type": "boolean" }))
     }
 
-    /// A whole number within bounds, both included.
+    /// An integer within bounds, both included.
     #[must_use]
     pub fn integer(low: u64, high: u64) -> Self {
         Self::new(json!({ "type": "integer", "minimum": low, "maximum": high }))
@@ -102,11 +103,11 @@ impl Schema {
         Self::quantity(Dimension::Number, low, high)
     }
 
-    /// A share of a whole in per cent.
+    /// A fraction in percent.
     #[must_use]
     pub fn percentage() -> Self {
         let percentage = Self::matching(r"^\s*\+?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\s*%\s*$");
-        percentage.description("The same in per cent: from 0 % to 100 %.")
+        percentage.description("The same in percent: from 0 % to 100 %.")
     }
 
     /// A list of at least `least` and at most `most` items.
@@ -126,7 +127,7 @@ impl Schema {
         self
     }
 
-    /// What one of several schemas accepts; the schema itself where there is only one.
+    /// One of several schemas; a single schema is returned itself.
     #[must_use]
     pub fn any_of(alternatives: impl IntoIterator<Item = Self>) -> Self {
         let mut alternatives: Vec<Self> = alternatives.into_iter().collect();
@@ -137,18 +138,18 @@ impl Schema {
         Self::new(json!({ "anyOf": alternatives }))
     }
 
-    /// Says what the value means, before what is allowed.
+    /// Adds the meaning of the value before the description of what is allowed.
     #[must_use]
     pub fn description(mut self, meaning: &str) -> Self {
-        let whole = match self.0.get("description").and_then(Value::as_str) {
+        let text = match self.0.get("description").and_then(Value::as_str) {
             Some(allowed) => format!("{meaning} {allowed}"),
             None => meaning.to_owned(),
         };
-        self.0.insert("description".to_owned(), Value::String(whole));
+        self.0.insert("description".to_owned(), Value::String(text));
         self
     }
 
-    /// The value that is taken where none is given.
+    /// Adds the default.
     #[must_use]
     pub fn default(mut self, value: impl Into<Value>) -> Self {
         self.0.insert("default".to_owned(), value.into());
@@ -156,7 +157,7 @@ impl Schema {
     }
 }
 
-/// A number as a person would write it.
+/// Formats a number for people.
 fn plain(value: f64) -> String {
     if value == 0.0 || (1e-4..1e6).contains(&value.abs()) {
         format!("{value}")
@@ -172,7 +173,7 @@ impl From<Schema> for Value {
 }
 
 impl Fields {
-    /// A mapping without keys.
+    /// Creates a mapping without keys.
     #[must_use]
     pub fn new(description: &str) -> Self {
         Self {
@@ -183,21 +184,21 @@ impl Fields {
         }
     }
 
-    /// Adds a key that must be there.
+    /// Adds a required key.
     #[must_use]
     pub fn required(mut self, key: &str, schema: Schema) -> Self {
         self.required.push(key.to_owned());
         self.optional(key, schema)
     }
 
-    /// Adds a key that may be there.
+    /// Adds an optional key.
     #[must_use]
     pub fn optional(mut self, key: &str, schema: Schema) -> Self {
         self.properties.push((key.to_owned(), schema));
         self
     }
 
-    /// The same keys, each with another schema.
+    /// Replaces the schema of each key.
     #[must_use]
     pub fn map_schemas(mut self, with: impl Fn(&str, Schema) -> Schema) -> Self {
         let changed = self.properties.into_iter().map(|(key, schema)| {
@@ -208,7 +209,7 @@ impl Fields {
         self
     }
 
-    /// The mapping whose key `tag` is `word`: one of several that are told apart by it.
+    /// Adds the key `tag` with the constant `word`, which distinguishes this mapping from others.
     #[must_use]
     pub fn tagged(mut self, tag: &str, word: &str) -> Self {
         let schema = Schema::word(&[word]).description(&self.description);
@@ -217,12 +218,12 @@ impl Fields {
         self
     }
 
-    /// The keys, in the order in which they were added.
+    /// The keys, in the order of their addition.
     pub fn keys(&self) -> impl Iterator<Item = &str> {
         self.properties.iter().map(|(key, _)| key.as_str())
     }
 
-    /// The same without a key.
+    /// Removes a key.
     #[must_use]
     pub fn without(mut self, key: &str) -> Self {
         self.properties.retain(|(other, _)| other != key);
@@ -230,7 +231,7 @@ impl Fields {
         self
     }
 
-    /// The same keys with none that must be there and no rules: what stands beside a mapping that is complete.
+    /// Makes all keys optional and removes the rules.
     #[must_use]
     pub fn all_optional(self, description: &str) -> Self {
         Self {
@@ -239,13 +240,13 @@ impl Fields {
         }
     }
 
-    /// Forbids two keys to stand beside each other.
+    /// Forbids two keys together.
     #[must_use]
     pub fn mutually_exclusive(self, one: &str, other: &str) -> Self {
         self.rule(json!({ "not": { "required": [one, other] } }))
     }
 
-    /// Adds a schema that must hold too.
+    /// Adds a schema that must also hold.
     #[must_use]
     pub fn rule(mut self, schema: Value) -> Self {
         self.rules.push(schema);

@@ -1,7 +1,8 @@
-//! Counter-based random streams: every random number of the crate is a function of (seed, purpose, index).
+//! Counter-based random streams: every random number is a function of (seed, purpose, index).
 //!
-//! The stream is BLAKE3's extendable output under a derived key, so streams of different purposes or indices are
-//! independent, a sample does not depend on how many others were drawn, and threads cannot change a result.
+//! A stream is BLAKE3's extendable output under a derived key. Streams of different purposes or indices are
+//! independent, so a sample does not depend on the number of other samples, and the number of threads does not change a
+//! result.
 
 /// A deterministic stream of random numbers.
 pub struct Stream {
@@ -12,7 +13,7 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// The stream of a purpose (a constant text naming the use) at an index, under a seed.
+    /// Creates the stream for a seed, a purpose (a constant text that names the use) and an index.
     #[must_use]
     pub fn new(seed: u64, purpose: &str, index: u64) -> Self {
         let mut hasher = blake3::Hasher::new_derive_key("deaflow 2026-11 random stream v1");
@@ -27,7 +28,7 @@ impl Stream {
         }
     }
 
-    /// The next 64 random bits.
+    /// Returns the next 64 random bits.
     pub fn next_u64(&mut self) -> u64 {
         if self.used == self.buffer.len() {
             self.reader.fill(&mut self.buffer);
@@ -39,20 +40,20 @@ impl Stream {
         u64::from_le_bytes(word)
     }
 
-    /// Uniform in [0, 1), with 53 random bits.
+    /// Returns a number uniform in [0, 1), with 53 random bits.
     pub fn uniform(&mut self) -> f64 {
         (self.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
-    /// Uniform in [low, high).
+    /// Returns a number uniform in [low, high).
     pub fn range(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.uniform()
     }
 
-    /// Uniform in 0..bound without bias (Lemire, ACM TOMACS 29 (2019), doi 10.1145/3230636).
+    /// Returns an integer uniform in 0..bound without bias (Lemire, ACM TOMACS 29 (2019), doi 10.1145/3230636).
     ///
     /// # Panics
-    /// When `bound` is 0: there is nothing to choose from.
+    /// When `bound` is 0.
     pub fn below(&mut self, bound: u64) -> u64 {
         assert!(bound > 0, "cannot choose from an empty range");
         let threshold = bound.wrapping_neg() % bound;
@@ -64,17 +65,17 @@ impl Stream {
         }
     }
 
-    /// Uniform in 0..bound, for indices.
+    /// Returns an index uniform in 0..bound.
     pub fn index(&mut self, bound: usize) -> usize {
         self.below(bound as u64) as usize
     }
 
-    /// True with probability `p`.
+    /// Returns true with probability `p`.
     pub fn chance(&mut self, p: f64) -> bool {
         self.uniform() < p
     }
 
-    /// A standard normal deviate (Marsaglia's polar method, SIAM Review 6 (1964) 260).
+    /// Returns a standard normal deviate (Marsaglia's polar method, SIAM Review 6 (1964) 260).
     pub fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare_normal.take() {
             return spare;
@@ -90,14 +91,14 @@ impl Stream {
         }
     }
 
-    /// Puts the items in uniformly random order (Fisher–Yates).
+    /// Shuffles the items (Fisher–Yates).
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for i in (1..items.len()).rev() {
             items.swap(i, self.index(i + 1));
         }
     }
 
-    /// `k` of 0..n, uniform without replacement, in random order.
+    /// Draws `k` of 0..n without replacement, in random order.
     ///
     /// # Panics
     /// When `k > n`.
@@ -118,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn streams_depend_on_each_of_their_three_names() {
+    fn streams_depend_on_seed_purpose_and_index() {
         let first = |seed, purpose, index| Stream::new(seed, purpose, index).next_u64();
         let base = first(1, "a", 0);
         assert_eq!(base, first(1, "a", 0));

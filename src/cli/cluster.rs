@@ -271,7 +271,7 @@ impl ClusterBuild<'_> {
             std::env::current_exe().map_err(|error| CliError::failure(format!("cannot find this program: {error}")))?;
         let mut words = vec![text(&own)?, "worker".to_owned()];
         words.extend(self.arguments()?);
-        words.extend(["--cpu".to_owned(), profile.cpu.word().to_owned()]);
+        words.extend(["--cpu".to_owned(), profile.cpu.name().to_owned()]);
         Ok(words)
     }
 

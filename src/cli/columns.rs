@@ -5,7 +5,7 @@ use textwrap::core::{Word, display_width};
 use textwrap::{WordSeparator, WordSplitter};
 
 use super::tone::{Screen, Tone};
-use deaflow_base::{NO_BREAK, printable, unbroken};
+use deaflow_base::{NO_BREAK, no_break_units, printable};
 
 /// The smallest width of a column with wrapped text; narrower text is placed below its row.
 const MIN_WRAPPED: usize = 24;
@@ -333,7 +333,7 @@ fn parts(line: &str) -> Box<dyn Iterator<Item = Word<'_>> + '_> {
 
 /// Wraps a line. A number stays with its unit and its error.
 pub fn broken(line: &str, options: &textwrap::Options<'_>) -> Vec<String> {
-    let unbroken = unbroken(line);
+    let unbroken = no_break_units(line);
     let lines = textwrap::wrap(&unbroken, options).into_iter();
     lines.map(|line| line.replace(NO_BREAK, " ")).collect()
 }

@@ -84,7 +84,7 @@ impl Build<'_> {
             LockMode::Ignore => None,
             LockMode::Write => {
                 // A path that cannot be written is an error before the work.
-                OutputFile::at(&lock_path)?;
+                OutputFile::new(&lock_path)?;
                 None
             }
         };

@@ -112,7 +112,7 @@ fn past(store: &Store, pipeline: Option<&Path>, most: Option<usize>) -> Result<(
     };
     let mut selected: Box<dyn Iterator<Item = Result<Run, StoreError>>> = match pipeline {
         None => all,
-        Some(path) => Box::new(store.runs_of(all, &file_of(path), &name_in(path))),
+        Some(path) => Box::new(store.runs_of(all, &file_of(path), &pipeline::name_in(path))),
     };
     let mut runs = Vec::new();
     while let Some(run) = selected.next().transpose()? {
@@ -131,11 +131,6 @@ fn none_of(pipeline: &Path, store: &Store) -> CliError {
         store.root().display()
     ))
     .help("list the runs of all pipelines with `deaflow log`")
-}
-
-/// Returns the name of a pipeline, by which its runs are found after its file was moved; empty if it cannot be read.
-pub fn name_in(path: &Path) -> String {
-    pipeline::load_plain(path).map_or_else(|_| String::new(), |pipeline| pipeline.name)
 }
 
 fn names(runs: &[Run]) -> BTreeSet<&str> {

@@ -49,6 +49,11 @@ pub fn load_plain(path: &Path) -> Result<Pipeline, CliError> {
     load_file(path, &[], true)
 }
 
+/// Returns the name of a pipeline, by which its runs are found after its file was moved; empty if it cannot be read.
+pub fn name_in(path: &Path) -> String {
+    load_plain(path).map_or_else(|_| String::new(), |pipeline| pipeline.name)
+}
+
 /// Reads a lock file.
 ///
 /// # Errors

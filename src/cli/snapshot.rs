@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{CliError, locate, log, pipeline};
+use super::{CliError, locate, pipeline};
 use deaflow_base::{ArtifactId, Canonical, Override, readable_time};
 use deaflow_orchestrator::{Environment, Kind, Registry, StageError, as_set, file_of, plan};
 use deaflow_stage as stage;
@@ -131,7 +131,7 @@ impl<'a> SnapshotReader<'a> {
         let all = self.store.runs()?;
         let runs: Box<dyn Iterator<Item = Result<Run, StoreError>>> = match pipeline.is_empty() {
             true => Box::new(all),
-            false => Box::new(self.store.runs_of(all, &file_of(path), &log::name_in(path))),
+            false => Box::new(self.store.runs_of(all, &file_of(path), &pipeline::name_in(path))),
         };
         let mut seen = 0;
         for run in runs {

@@ -227,12 +227,12 @@ fn again(error: StoreError) -> CliError {
 }
 
 fn check_processor(required: Option<CpuLevel>) -> Result<(), CliError> {
-    let found = CpuLevel::of_this_machine();
+    let found = CpuLevel::detect();
     match required {
         Some(required) if found < required => Err(CliError::failure(format!(
             "the processor of {} is below level {}: results would differ in the last bits",
             host_name(),
-            required.word()
+            required.name()
         ))
         .help("`cpu` of the profile sets the level that all workers need")
         .transient()),
@@ -262,7 +262,7 @@ fn stages(arguments: &WorkerArguments, pipeline: &Pipeline) -> Result<Option<BTr
 }
 
 fn level(word: &str) -> Result<CpuLevel, String> {
-    CpuLevel::of_word(word).ok_or_else(|| format!("allowed: {}", CpuLevel::WORDS.join(", ")))
+    CpuLevel::from_name(word).ok_or_else(|| format!("allowed: {}", CpuLevel::NAMES.join(", ")))
 }
 
 /// Refuses chunks of several stages.

@@ -67,7 +67,7 @@ pub fn check_csv(path: &Path) -> Result<(), CliError> {
 pub fn check_file(path: &Path) -> Result<(), CliError> {
     outside(path)?;
     // This creates and removes a file there: permissions do not tell whether a folder is writable.
-    Ok(output_folder(OutputFile::at(path)?.folder())?)
+    Ok(output_folder(OutputFile::new(path)?.folder())?)
 }
 
 /// Checks that a file can be written and is not one of the inputs.

@@ -165,11 +165,11 @@ impl Profile {
         let stages: Vec<&str> = stages.into_iter().chain(sweeps).collect();
         let cpu = map
             .optional("cpu")
-            .map(|node| node.word("cpu", &CpuLevel::WORDS))
+            .map(|node| node.word("cpu", &CpuLevel::NAMES))
             .transpose()?;
         Ok(Self {
             engine: map.optional("executor").map(engine).transpose()?,
-            cpu: cpu.and_then(CpuLevel::of_word).unwrap_or(CpuLevel::V3),
+            cpu: cpu.and_then(CpuLevel::from_name).unwrap_or(CpuLevel::V3),
             slurm: SlurmOptions {
                 account: slurm.as_ref().map_or(Ok(None), |map| text_of(map, "account"))?,
                 extra: slurm.as_ref().map_or(Ok(Vec::new()), |map| texts_of(map, "extra"))?,

@@ -13,7 +13,7 @@ use super::planner::{ChunkState, MANY, manifest, size_of, uses_record_index};
 use super::provenance::Timing;
 use super::reserve::{BLOCKS, Reserve};
 use super::spec::StageSpec;
-use deaflow_base::{ActionKey, ArtifactId, side_by_side};
+use deaflow_base::{ActionKey, ArtifactId, concurrently};
 use deaflow_store::{Action, Effort, Guard, Lookup, Record, RecordIndex, StoreError};
 
 /// Shortest and longest pause before checking again what another process does.
@@ -275,7 +275,7 @@ impl Builder<'_> {
                 let found = self.find_recorded(&ours.states[*at], &recorded)?;
                 Ok::<_, StageError>(found.map(|piece| (*at, piece)))
             };
-            for (at, piece) in side_by_side(&open, find)? {
+            for (at, piece) in concurrently(&open, find)? {
                 pieces[at] = Some(piece);
             }
             // With an empty index, because a record without its artifact does not count.

@@ -227,8 +227,8 @@ impl<'a> Repetition<'a> {
         let stage = |index: usize| {
             let mut stage = self.entries[index].node.clone();
             if index == self.source {
-                stage.take_out(ROUNDS);
-                stage.take_out(UPDATE);
+                stage.remove(ROUNDS);
+                stage.remove(UPDATE);
             }
             if self.is_target(index) {
                 self.override_keys(&mut stage)?;

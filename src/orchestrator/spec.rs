@@ -108,7 +108,7 @@ impl Pipeline {
         let rounds = rounds::unroll(&mut root, &late, registry)?;
         root.child_mut("stages")
             .into_iter()
-            .for_each(|stages| stages.tell_allowed(&sweep::KEYS));
+            .for_each(|stages| stages.set_removed_keys(&sweep::KEYS));
         let map = root.fields(WHAT, &KEYS)?;
         let entries = read_entries(map.required(WHAT, "stages")?, registry)?;
         let stages = read_stages(&entries, map.optional("scene"), !sweeps.is_empty())?;
@@ -119,7 +119,7 @@ impl Pipeline {
             stages,
             sweeps,
             rounds,
-            overrides: overrides.iter().map(Override::said).collect(),
+            overrides: overrides.iter().map(Override::path_and_text).collect(),
         })
     }
 

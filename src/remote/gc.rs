@@ -9,7 +9,7 @@ use super::error::RemoteError;
 use super::key::{PublicKey, SigningKey};
 use super::pack::{self, MOST_RECORDS, PackError, RECORDS};
 use super::upstream::{OBJECTS, Remote, object_of};
-use deaflow_base::{ArtifactId, Digest, side_by_side};
+use deaflow_base::{ArtifactId, Digest, concurrently};
 
 /// What a collection keeps.
 #[derive(Clone, Copy, Debug)]
@@ -75,7 +75,7 @@ pub fn collect_garbage(
     let is_old =
         |entry: &BucketObject, age: Duration| now.duration_since(entry.modified).is_ok_and(|since| since > age);
     let known: BTreeSet<&str> = listed.iter().map(|(entry, _)| entry.name.as_str()).collect();
-    let packs = side_by_side(&listed, |(entry, name)| read(remote, entry, *name))?;
+    let packs = concurrently(&listed, |(entry, name)| read(remote, entry, *name))?;
     let (old, kept): (Vec<PackContents>, Vec<PackContents>) = packs
         .into_iter()
         .partition(|pack| retention.age.is_some_and(|age| is_old(&pack.entry, age)));
@@ -105,7 +105,7 @@ pub fn collect_garbage(
     let total = (old_packs.len() + orphans.len()) as u64;
     let done = AtomicU64::new(0);
     let remove = |names: &[String]| {
-        side_by_side(names, |name| {
+        concurrently(names, |name| {
             bucket.delete(name)?;
             progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
             Ok::<_, RemoteError>(None::<()>)

@@ -9,7 +9,7 @@ use super::error::RemoteError;
 use super::key::SigningKey;
 use super::pack::{self, MOST_RECORDS, Statement};
 use super::upstream::{OBJECTS, Remote, object_name, object_of};
-use deaflow_base::{ArtifactId, side_by_side};
+use deaflow_base::{ArtifactId, concurrently};
 use deaflow_store::{Store, StoredArtifact};
 
 /// What to push.
@@ -138,7 +138,7 @@ fn send_all(
                     .push((stored.artifact, "one of its chunks is missing or damaged".to_owned()));
             }
         }
-        let sent = side_by_side(&whole, |stored| {
+        let sent = concurrently(&whole, |stored| {
             let done = match there.contains(&stored.artifact) {
                 true => None,
                 false => Some(push.send(&stored.artifact)?),

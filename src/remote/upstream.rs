@@ -13,7 +13,7 @@ use super::key::{PublicKey, SigningKey, TrustedKey};
 use super::pack::{self, PackError, RECORDS, Statement};
 use super::s3::S3;
 use super::trusted_records::{Disagreement, IgnoredRecords, TrustedRecords};
-use deaflow_base::{ActionKey, ArtifactId, Digest, read_own, side_by_side, write_output};
+use deaflow_base::{ActionKey, ArtifactId, Digest, concurrently, read_own, write_output};
 use deaflow_store::{Record, Store, StoreError, Upstream, UpstreamArtifact};
 
 /// Name and content of the marker of a remote.
@@ -170,7 +170,7 @@ impl Remote {
         packs.sort_unstable();
         let mut records = TrustedRecords::default();
         for batch in packs.chunks(BATCH) {
-            let mut read = side_by_side(batch, |pack| {
+            let mut read = concurrently(batch, |pack| {
                 Ok::<_, RemoteError>(self.read(pack)?.map(|content| (*pack, content)))
             })?;
             read.sort_unstable_by_key(|(pack, _)| *pack);

@@ -3,7 +3,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::drawing::{Chart, DRAWING_STYLE, PAGE_STYLE};
-use deaflow_base::{printable, unbroken};
+use deaflow_base::{no_break_units, printable};
 
 /// A page.
 pub struct Page {
@@ -266,11 +266,11 @@ fn prose(text: &str) -> Markup {
     let parts: Vec<&str> = text.split('`').collect();
     // A single backtick was written by a user.
     if parts.len().is_multiple_of(2) {
-        return html! { (unbroken(text)) };
+        return html! { (no_break_units(text)) };
     }
     html! {
         @for (k, part) in parts.iter().enumerate() {
-            @if k % 2 == 1 { code { (part) } } @else { (unbroken(part)) }
+            @if k % 2 == 1 { code { (part) } } @else { (no_break_units(part)) }
         }
     }
 }

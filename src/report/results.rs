@@ -15,7 +15,7 @@ use super::format::{figure_name, file_name};
 use super::headline::headlines;
 use super::kinds::PRESENTERS;
 use super::presenter::{DrawFigure, Headline, Presenter, Results};
-use deaflow_base::{Digest, leads_nowhere_at, read_own, software, write_output};
+use deaflow_base::{Digest, is_dangling_link, read_own, software, write_output};
 use deaflow_store::Store;
 
 /// If there are more figures of sweeps, only their number is printed.
@@ -314,5 +314,5 @@ fn draw(
 
 /// Whether a figure has to be drawn. A dangling link is not: somebody else created it.
 pub(super) fn is_missing(figure: &Path) -> bool {
-    !figure.exists() && !leads_nowhere_at(figure)
+    !figure.exists() && !is_dangling_link(figure)
 }

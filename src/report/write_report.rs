@@ -80,16 +80,16 @@ pub fn write_report(store: &Store, history: &PipelineHistory, folder: &Path) -> 
     let (path, data) = (folder.join("index.html"), folder.join("data"));
     let (table, patterns, about) = (data.join("designs.csv"), data.join("patterns"), data.join(METADATA));
     // Obstacles are found before any file of an earlier report is removed.
-    let page_file = OutputFile::at(&path)?;
+    let page_file = OutputFile::new(&path)?;
     let of_design = |design: &Design| data.join(design.pattern_file());
     let earlier = earlier_files(&table, &data);
     let (mut written, mut masks) = (Vec::new(), Vec::new());
     if !designs.is_empty() {
         fs::create_dir_all(&patterns).map_err(failed(&patterns))?;
-        let (table_file, about_file) = (OutputFile::at(&table)?, OutputFile::at(&about)?);
+        let (table_file, about_file) = (OutputFile::new(&table)?, OutputFile::new(&about)?);
         let files: Result<Vec<_>, _> = designs
             .iter()
-            .map(|design| OutputFile::at(&of_design(design)))
+            .map(|design| OutputFile::new(&of_design(design)))
             .collect();
         for (design, file) in designs.iter().zip(files?) {
             file.write(cell_lines(design.pattern.cells(), design.pattern.raster().columns()).as_bytes())?;
@@ -167,7 +167,7 @@ fn write_masks(designs: &[Design], data: &Path, source: &str) -> Result<Vec<Path
         fs::create_dir_all(folder).map_err(failed(folder))?;
         let mask = Mask::new(&design.pattern, &design.scene, Size::Prestretched, false);
         let drawing = mask_drawing(&mask, &design.name, source.to_owned(), Vec::new());
-        OutputFile::at(&path)?.write(&dxf(&drawing))?;
+        OutputFile::new(&path)?.write(&dxf(&drawing))?;
         written.push(path);
     }
     Ok(written)

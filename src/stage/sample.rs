@@ -99,7 +99,7 @@ impl Electrodes {
                 .help(format!("allowed: 1 to {known}, or more `voltages`"))),
             _ => Ok(Self {
                 groups: groups as u64,
-                free: scene.map(Outline::room).transpose()?.flatten(),
+                free: scene.map(Outline::free_cells).transpose()?.flatten(),
             }),
         }
     }

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use deaflow_base::aside;
+use deaflow_base::temporary_file;
 
 /// Maximum delay: 1.5 times that with which usual settings of network file systems cache missing names.
 pub const LATEST: Duration = Duration::from_secs(90);
@@ -55,7 +55,7 @@ pub fn if_listed<T>(path: &Path, mut attempt: impl FnMut() -> io::Result<T>) -> 
 pub fn refresh(folder: &Path) {
     if EXPECTED.load(Ordering::Relaxed) {
         // Where nothing can be written, nothing is built either.
-        let _ = aside(folder);
+        let _ = temporary_file(folder);
     }
 }
 

@@ -8,7 +8,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::error::StoreError;
-use deaflow_base::leads_nowhere_at;
+use deaflow_base::is_dangling_link;
 
 /// Prefix of temporary files and folders, as in the crate `tempfile`.
 pub const TEMPORARY: &str = ".tmp";
@@ -24,7 +24,7 @@ pub fn files_in(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let mut out = Vec::new();
     for entry in entries(folder)? {
         let path = entry.path();
-        if !(is_link(&entry) && leads_nowhere_at(&path)) {
+        if !(is_link(&entry) && is_dangling_link(&path)) {
             out.push(path);
         }
     }
@@ -38,7 +38,7 @@ pub fn files_in(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
 /// If the system reports an error.
 pub fn names_in(folder: &Path) -> Result<Vec<String>, StoreError> {
     let found = entries(folder)?.into_iter();
-    let found = found.filter(|entry| !(is_link(entry) && leads_nowhere_at(&entry.path())));
+    let found = found.filter(|entry| !(is_link(entry) && is_dangling_link(&entry.path())));
     Ok(found.filter_map(|entry| entry.file_name().into_string().ok()).collect())
 }
 

@@ -18,7 +18,7 @@ use super::open::Store;
 use super::provenance::Provenance;
 use super::record::{Lookup, Record};
 use super::upstream::{Upstream, UpstreamLink};
-use deaflow_base::{ActionKey, ArtifactId, Digest, read_own, side_by_side};
+use deaflow_base::{ActionKey, ArtifactId, Digest, concurrently, read_own};
 
 /// Maximum length of the file with the origin of a record, bytes.
 const MAX_ORIGIN: u64 = 1 << 12;
@@ -206,7 +206,7 @@ impl Store {
         digests: &[ArtifactId],
         progress: &(dyn Fn() + Sync),
     ) -> Result<Vec<ArtifactId>, StoreError> {
-        side_by_side(digests, |digest| {
+        concurrently(digests, |digest| {
             let is_here = self.fetch(digest)?;
             progress();
             Ok((!is_here).then_some(*digest))

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::entries::{entries, is_folder, is_link};
 use super::layout::Layout;
-use deaflow_base::leads_nowhere_at;
+use deaflow_base::is_dangling_link;
 
 /// Maximum depth of the folders of a store.
 const DEEPEST: u32 = 3;
@@ -18,7 +18,7 @@ pub fn links(layout: &Layout) -> BTreeSet<PathBuf> {
     for folder in layout.own_folders() {
         let figures = folder == layout.figures();
         let mut note = |path: PathBuf| {
-            if !figures || leads_nowhere_at(&path) {
+            if !figures || is_dangling_link(&path) {
                 found.insert(path);
             }
         };

@@ -126,7 +126,7 @@ impl Store {
     /// # Errors
     /// If the system reports an error.
     pub fn put_lock_file(&self, path: &Path, lock: &LockFile) -> Result<(), StoreError> {
-        let output = OutputFile::at(path)?;
+        let output = OutputFile::new(path)?;
         output.write(lock.text().as_bytes())?;
         atomic::sync_folder(output.folder())?;
         self.remember_lock_file(path)

@@ -28,7 +28,7 @@ pub fn write_file(path: &Path, object: &Object, provenance: &Provenance) -> Resu
 /// # Errors
 /// If the folder does not exist or cannot be written in, or `write` fails.
 pub(super) fn place(path: &Path, write: impl FnOnce(&Path) -> Result<(), StoreError>) -> Result<(), StoreError> {
-    let output = OutputFile::at(path)?;
+    let output = OutputFile::new(path)?;
     // In the same folder, so that it is on the same file system.
     let folder = output.folder();
     let temporary = tempfile::tempdir_in(folder).map_err(StoreError::io("write in", folder))?;
@@ -37,7 +37,7 @@ pub(super) fn place(path: &Path, write: impl FnOnce(&Path) -> Result<(), StoreEr
     // A full disk must not destroy the existing file.
     let synced = File::open(&file).and_then(|file| file.sync_all());
     synced.map_err(StoreError::io("write", path))?;
-    output.look_again()?;
+    output.recheck()?;
     atomic::rename(&file, output.target())
 }
 

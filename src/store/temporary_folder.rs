@@ -10,7 +10,7 @@ use tempfile::{Builder, NamedTempFile, TempDir};
 use super::delayed_names;
 use super::entries::TEMPORARY;
 use super::stamp::{Time, file_system_time, machine_time};
-use deaflow_base::aside;
+use deaflow_base::temporary_file;
 
 /// The folder of a process, created on first use and removed on drop.
 pub struct TemporaryFolder {
@@ -65,7 +65,7 @@ impl TemporaryFolder {
     /// # Errors
     /// If it cannot be created.
     pub fn file(&self) -> io::Result<NamedTempFile> {
-        aside(&self.folder()?)
+        temporary_file(&self.folder()?)
     }
 
     /// The time by the clock of the file system, which is this machine's where the disk is: nothing is written to know

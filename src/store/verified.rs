@@ -19,7 +19,7 @@ use super::listing::Listing;
 use super::read::{self, Access};
 use super::session::StoreSession;
 use super::stamp::{Stamp, Time, machine_time};
-use deaflow_base::{ArtifactId, look_at_own};
+use deaflow_base::{ArtifactId, own_metadata};
 
 /// How a file is known to be intact.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -347,7 +347,7 @@ impl Memory {
 }
 
 fn stamp(path: &Path, digest: &ArtifactId) -> Result<Stamp, StoreError> {
-    match delayed_names::if_listed(path, || look_at_own(path)) {
+    match delayed_names::if_listed(path, || own_metadata(path)) {
         Ok(metadata) if metadata.is_symlink() => Err(StoreError::damaged(path, "it is a link")),
         Ok(metadata) => Ok(Stamp::of(&metadata)),
         Err(error) if delayed_names::is_late(&error) => Err(StoreError::Missing {

@@ -1,13 +1,13 @@
-//! The refusal of bad input: where it stands, what was found, what is allowed.
+//! Errors in input: position, what was found, what is allowed.
 
 use miette::{Diagnostic, NamedSource, SourceSpan};
 
-use super::node::Source;
+use super::source::Source;
 
-/// The most characters that a message, a label or an advice has.
+/// The largest number of characters of a message, label or help text.
 const LONGEST: usize = 2000;
 
-/// Bad input: where it stands, what was found, what is allowed.
+/// An error in input: position, what was found, what is allowed.
 #[derive(Debug, Diagnostic, thiserror::Error)]
 #[error("{message}")]
 pub struct InputError {
@@ -22,7 +22,7 @@ pub struct InputError {
 }
 
 impl InputError {
-    /// A refusal that has no place in a document (a missing file, an empty argument).
+    /// Creates an error without a position, such as a missing file.
     #[must_use]
     pub fn new(message: impl Into<String>) -> Self {
         Self {
@@ -34,7 +34,7 @@ impl InputError {
         }
     }
 
-    /// Adds advice: what is allowed.
+    /// Adds a help text, such as what is allowed.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(clipped(help.into()));
@@ -52,7 +52,7 @@ impl InputError {
     }
 }
 
-/// What is longer than a person reads loses its middle: a message may quote what was found, whatever its length.
+/// Removes the middle of a long text, since a message may quote values of any length.
 pub(super) fn clipped(text: String) -> String {
     let length = text.chars().count();
     if length <= LONGEST {
@@ -64,33 +64,33 @@ pub(super) fn clipped(text: String) -> String {
     format!("{start} … {end}")
 }
 
-/// The nearest of some allowed words, if any is near.
+/// Returns the most similar of some allowed words, if any is similar enough.
 #[must_use]
 pub fn nearest<'w>(word: &str, allowed: &[&'w str]) -> Option<&'w str> {
-    // The distance takes memory in proportion to the product of the lengths, and nobody misspells a novel.
+    // The memory for the distance is proportional to the product of the lengths.
     let short = |word: &str| word.len() <= 200;
     let candidates = allowed.iter().filter(|candidate| short(word) && short(candidate));
     candidates
         .map(|candidate| (strsim::damerau_levenshtein(word, candidate), *candidate))
-        // How near a word is depends on its length: a short one may be as far as a long one, and not be meant.
+        // The allowed distance grows with the length of the words.
         .filter(|(distance, candidate)| *distance <= 1 + candidate.chars().count().max(word.chars().count()) / 3)
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, candidate)| candidate)
 }
 
-/// Advice on a word that is not allowed.
+/// Returns the help text for a word that is not allowed.
 pub(super) fn suggestion(word: &str, allowed: &[&str]) -> String {
     let list = if allowed.is_empty() {
         "nothing".to_owned()
     } else {
-        // Variants of a mapping share keys; each is told once.
-        let mut told: Vec<&str> = Vec::with_capacity(allowed.len());
+        // Variants of a mapping share keys; each is listed once.
+        let mut listed: Vec<&str> = Vec::with_capacity(allowed.len());
         for word in allowed {
-            if !told.contains(word) {
-                told.push(word);
+            if !listed.contains(word) {
+                listed.push(word);
             }
         }
-        told.join(", ")
+        listed.join(", ")
     };
     match nearest(word, allowed) {
         Some(near) => format!("did you mean `{near}`? allowed: {list}"),

@@ -1,22 +1,22 @@
-//! A YAML document that remembers where every word stands.
+//! A YAML document in which every value has its position.
 //!
-//! Scenes and pipelines are read through this tree and not through derived deserialisation: a refusal must name
-//! file, line and field, put a caret under the word, say what was found and what is allowed, and the same must hold for
-//! values given on the command line with `--set`.
+//! Scenes and pipelines are read from this tree and not by derived deserialisation: an error names file, line and
+//! field, underlines the value, and reports what was found and what is allowed, also for values of `--set` on the
+//! command line.
 
 mod error;
 mod node;
 mod overrides;
 mod parse;
 mod read;
+mod source;
 
 pub use error::{InputError, nearest};
-pub use node::{Node, NodeValue, Source};
+pub use node::{Node, NodeValue};
 pub use overrides::Override;
 pub use parse::Document;
 pub use read::Map;
+pub use source::Source;
 
-#[cfg(test)]
-mod fuzz;
 #[cfg(test)]
 mod tests;

@@ -1,25 +1,19 @@
-//! The tree: values with their places.
+//! The tree: values with their positions.
 
 use std::path::Path;
 use std::sync::Arc;
 
 use super::error::InputError;
+use super::source::Source;
 
-/// A named text: a file, or one `--set` argument.
-#[derive(Debug)]
-pub struct Source {
-    pub(super) name: String,
-    pub(super) text: String,
-}
-
-/// What a node holds.
+/// The value of a node.
 #[derive(Clone, Debug)]
 pub enum NodeValue {
-    /// Nothing.
+    /// No value.
     Null,
-    /// A truth value.
+    /// A boolean.
     Bool(bool),
-    /// A plain scalar that reads as a number, as it was written.
+    /// A plain scalar that is a number, as written.
     Number(String),
     /// Any other scalar.
     Text(String),
@@ -29,85 +23,82 @@ pub enum NodeValue {
     Map(Vec<(Node, Node)>),
 }
 
-/// A value with its place.
+/// A value with its position.
 #[derive(Clone, Debug)]
 pub struct Node {
     pub(super) value: NodeValue,
     pub(super) span: (usize, usize),
     pub(super) source: Arc<Source>,
-    /// Keys that were read before the others and are gone, told among those that are allowed.
-    pub(super) gone: &'static [&'static str],
+    /// Keys that were read and removed earlier; error messages list them as allowed.
+    pub(super) removed_keys: &'static [&'static str],
 }
 
 impl Node {
-    /// What the node holds.
+    /// The value.
     #[must_use]
     pub fn value(&self) -> &NodeValue {
         &self.value
     }
 
-    /// A refusal of this node.
+    /// Creates an error at this node.
     #[must_use]
     pub fn error(&self, message: impl Into<String>) -> InputError {
         self.error_labelled(message, "here")
     }
 
-    /// A refusal of this node with a word of one's own at the caret.
+    /// Creates an error at this node with a label at the caret.
     #[must_use]
     pub fn error_labelled(&self, message: impl Into<String>, label: impl Into<String>) -> InputError {
         InputError::at(&self.source, self.span, message.into(), label.into())
     }
 
-    /// `file:line` of this node.
+    /// Returns `file:line` of this node.
     #[must_use]
-    pub fn place(&self) -> String {
-        let line = self.source.text[..self.span.0.min(self.source.text.len())]
-            .matches('\n')
-            .count()
-            + 1;
-        format!("{}:{line}", self.source.name)
+    pub fn position(&self) -> String {
+        let before = &self.source.text[..self.span.0.min(self.source.text.len())];
+        format!("{}:{}", self.source.name, before.matches('\n').count() + 1)
     }
 
-    /// The file that the node stands in, or what stands for one (a `--set` argument).
+    /// The file of the node, or the name of its `--set` argument.
     #[must_use]
     pub fn file(&self) -> &Path {
         Path::new(&self.source.name)
     }
 
-    /// Another value at the place of this node, for what follows from it.
+    /// Creates a node with another value at this position.
     #[must_use]
     pub fn with_value(&self, value: NodeValue) -> Self {
         Self {
             value,
             span: self.span,
             source: self.source.clone(),
-            gone: &[],
+            removed_keys: &[],
         }
     }
 
-    /// The node at another place of its source.
+    /// Moves the node to another position of its source.
     #[must_use]
     pub(super) fn at(self, span: (usize, usize)) -> Self {
         Self { span, ..self }
     }
 
-    /// The node of a text that stands within another, from a byte on: its places are those of the whole.
+    /// Changes the source to a text that contains the current one from byte `from` on.
     #[must_use]
     pub(super) fn inside(self, name: &str, whole: &str, from: usize) -> Self {
         let source = Arc::new(Source {
             name: name.to_owned(),
             text: whole.to_owned(),
         });
-        self.moved(&source, from)
+        self.shifted(&source, from)
     }
 
-    fn moved(self, source: &Arc<Source>, by: usize) -> Self {
+    fn shifted(self, source: &Arc<Source>, by: usize) -> Self {
         let value = match self.value {
-            NodeValue::List(items) => NodeValue::List(items.into_iter().map(|item| item.moved(source, by)).collect()),
+            NodeValue::List(items) => NodeValue::List(items.into_iter().map(|item| item.shifted(source, by)).collect()),
             NodeValue::Map(entries) => NodeValue::Map(
                 entries
                     .into_iter()
-                    .map(|(key, value)| (key.moved(source, by), value.moved(source, by)))
+                    .map(|(key, value)| (key.shifted(source, by), value.shifted(source, by)))
                     .collect(),
             ),
             plain => plain,
@@ -116,7 +107,7 @@ impl Node {
             value,
             span: (self.span.0 + by, self.span.1),
             source: source.clone(),
-            gone: self.gone,
+            removed_keys: self.removed_keys,
         }
     }
 
@@ -127,16 +118,16 @@ impl Node {
         }
     }
 
-    /// The key of the first entry that is a mapping with `key` in it: where somebody who left a step out may have meant it.
-    pub(super) fn holder_of(&self, key: &str) -> Option<String> {
+    /// Returns the key of the first entry that is a mapping with `key`, to suggest a missing step of a path.
+    pub(super) fn parent_of(&self, key: &str) -> Option<String> {
         let NodeValue::Map(entries) = &self.value else {
             return None;
         };
-        let holder = entries.iter().find(|(_, value)| value.peek(key).is_some());
-        holder.map(|(key, _)| key.describe_plain())
+        let parent = entries.iter().find(|(_, value)| value.peek(key).is_some());
+        parent.map(|(key, _)| key.describe_plain())
     }
 
-    /// The value under `key`, to be changed.
+    /// Returns the value of `key`, mutable.
     pub fn child_mut(&mut self, key: &str) -> Option<&mut Node> {
         match &mut self.value {
             NodeValue::Map(entries) => entries.iter_mut().find(|(k, _)| k.is_text(key)).map(|(_, v)| v),
@@ -144,32 +135,32 @@ impl Node {
         }
     }
 
-    /// Replaces the value under `key`, for a reference that has been resolved (a scene given by its file).
+    /// Replaces the value of `key` if it exists.
     pub fn replace(&mut self, key: &str, node: Node) {
         if let Some(child) = self.child_mut(key) {
             *child = node;
         }
     }
 
-    /// Puts a value under `key` of a mapping, in the place of the one that is there or after all others.
+    /// Sets the value of `key` in a mapping; a new key is added at the end.
     pub fn put(&mut self, key: &str, value: Node) {
         let name = value.with_value(NodeValue::Text(key.to_owned()));
         if let NodeValue::Map(entries) = &mut self.value {
             match entries.iter_mut().find(|(k, _)| k.is_text(key)) {
-                Some((_, there)) => *there = value,
+                Some((_, existing)) => *existing = value,
                 None => entries.push((name, value)),
             }
         }
     }
 
-    /// Takes `key` out of a mapping.
-    pub fn take_out(&mut self, key: &str) {
+    /// Removes `key` from a mapping.
+    pub fn remove(&mut self, key: &str) {
         if let NodeValue::Map(entries) = &mut self.value {
             entries.retain(|(k, _)| !k.is_text(key));
         }
     }
 
-    /// The same mapping without `key`.
+    /// Returns the mapping without `key`.
     #[must_use]
     pub fn without(&self, key: &str) -> Self {
         let value = match &self.value {
@@ -180,26 +171,27 @@ impl Node {
             other => other.clone(),
         };
         Self {
-            gone: self.gone,
+            removed_keys: self.removed_keys,
             ..self.with_value(value)
         }
     }
 
-    /// Says which keys the mappings in this one may have had beside those that are read later.
-    pub fn tell_allowed(&mut self, keys: &'static [&'static str]) {
+    /// Lists keys as allowed in error messages of the mappings in this one, although they were read and removed
+    /// earlier.
+    pub fn set_removed_keys(&mut self, keys: &'static [&'static str]) {
         if let NodeValue::Map(entries) = &mut self.value {
-            entries.iter_mut().for_each(|(_, value)| value.gone = keys);
+            entries.iter_mut().for_each(|(_, value)| value.removed_keys = keys);
         }
     }
 
-    /// Adds entries to a mapping, after those that are there.
+    /// Adds entries at the end of a mapping.
     pub fn extend(&mut self, more: Vec<(Node, Node)>) {
         if let NodeValue::Map(entries) = &mut self.value {
             entries.extend(more);
         }
     }
 
-    /// The value under `key` without checking the other keys.
+    /// Returns the value of `key` without checking the other keys.
     #[must_use]
     pub fn peek(&self, key: &str) -> Option<&Node> {
         match &self.value {
@@ -208,9 +200,9 @@ impl Node {
         }
     }
 
-    /// The truth value that it is, if it is one: `true`, or a word that YAML 1.1 reads so.
+    /// Returns the boolean if the value is one, also in the words of YAML 1.1.
     #[must_use]
-    pub fn truth(&self) -> Option<bool> {
+    pub fn as_bool(&self) -> Option<bool> {
         match &self.value {
             NodeValue::Bool(value) => Some(*value),
             NodeValue::Text(word) => match word.as_str() {
@@ -222,7 +214,7 @@ impl Node {
         }
     }
 
-    /// Whether it is this text, or a number written so.
+    /// Returns whether the value is this text, or a number written like this.
     #[must_use]
     pub fn is_text(&self, text: &str) -> bool {
         matches!(&self.value, NodeValue::Text(t) | NodeValue::Number(t) if t == text)
@@ -238,19 +230,19 @@ impl Node {
         }
     }
 
-    /// Whether it is a mapping without entries.
+    /// Returns whether the value is an empty mapping.
     #[must_use]
     pub fn is_empty_map(&self) -> bool {
         matches!(&self.value, NodeValue::Map(entries) if entries.is_empty())
     }
 
-    /// A key as it is quoted in a message.
+    /// Returns the value in backticks, for messages about keys.
     #[must_use]
-    pub fn found_key(&self) -> String {
+    pub fn quoted(&self) -> String {
         format!("`{}`", self.describe_plain())
     }
 
-    /// What was found, for a message.
+    /// Describes the value in a message.
     #[must_use]
     pub fn found(&self) -> String {
         match &self.value {
@@ -260,7 +252,7 @@ impl Node {
         }
     }
 
-    /// The value on one line as it was written, with units as they stand there: `{ voltage: 5.25 kV }`.
+    /// Returns the value on one line, with the units of the document: `{ voltage: 5.25 kV }`.
     #[must_use]
     pub fn written(&self) -> String {
         let joined = |parts: Vec<String>| parts.join(", ");
@@ -272,7 +264,7 @@ impl Node {
         }
     }
 
-    /// The same within a list or a mapping, where a text with brackets or commas stands in quotes (YAML 1.2, 7.3.3).
+    /// Does the same within a list or a mapping, where a text with brackets or commas needs quotes (YAML 1.2, 7.3.3).
     fn written_inside(&self) -> String {
         match &self.value {
             NodeValue::Text(text) if text.contains(['{', '}', '[', ']', ',']) => {
@@ -282,7 +274,7 @@ impl Node {
         }
     }
 
-    /// The entries of a mapping, each on one line as it was written; empty where it is none.
+    /// Returns the entries of a mapping, each on one line; none for other values.
     #[must_use]
     pub fn written_entries(&self) -> Vec<String> {
         match &self.value {

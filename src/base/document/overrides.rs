@@ -1,22 +1,22 @@
-//! `--set`: values from the command line, checked like those of the file.
+//! `--set`: values from the command line, checked like those of a file.
 
 use super::error::{InputError, nearest, suggestion};
 use super::node::{Node, NodeValue};
 
-/// What is replaced as a whole by a path of one step.
-const WHOLE: [&str; 1] = ["scene"];
+/// The key that a path of one step can replace.
+const SCENE: &str = "scene";
 
-/// A path of more bytes than a person reads is not shown under a refusal: its value is.
-const LONGEST: usize = 500;
+/// Errors quote only the value if the path has more bytes.
+const MAX_QUOTED_PATH: usize = 500;
 
 /// One `--set path.to.field=VALUE`.
 #[derive(Clone, Debug)]
 pub struct Override {
     path: Vec<String>,
-    /// The steps of the path as they stand in the argument, where a caret points that is about one.
+    /// The steps of the path with their positions in the argument.
     keys: Vec<Node>,
     value: Node,
-    /// The value as it was said, in YAML.
+    /// The value as given, in YAML.
     text: String,
 }
 
@@ -30,19 +30,19 @@ impl Override {
         Self::read(text, (2, form))
     }
 
-    /// The same within a scene that stands by itself, where a path of one step names a part of it: `effects=auto`.
+    /// Reads an override of a scene without a pipeline, in which a path can have a single step: `effects=auto`.
     ///
     /// # Errors
-    /// As [`Override::parse`].
+    /// As for [`Override::parse`].
     pub fn of_scene(text: &str) -> Result<Self, InputError> {
         let form = "write it as --set drive.voltage=\"5 kV\", --set effects=auto or --set effects.PART.param=VALUE";
         Self::read(text, (1, form))
     }
 
-    /// The value of an option that stands for a path: errors name the option, as it was written.
+    /// Creates the override of an option that stands for a path; errors name the option.
     ///
     /// # Errors
-    /// When the value is not YAML, or none.
+    /// When the value is not YAML, or is missing.
     pub fn of_option(option: &str, path: &str, text: &str) -> Result<Self, InputError> {
         let value = Node::parse(option, text.to_owned())?;
         if matches!(value.value(), NodeValue::Null) {
@@ -58,31 +58,30 @@ impl Override {
         })
     }
 
-    /// Reads a path of so many steps at least.
-    fn read(text: &str, (least, form): (usize, &str)) -> Result<Self, InputError> {
+    /// Reads an override with at least `least` steps; `help` shows how to write one.
+    fn read(text: &str, (least, help): (usize, &str)) -> Result<Self, InputError> {
         let Some((path, value)) = text.split_once('=') else {
-            return Err(InputError::new(format!("--set {text}: '=' is missing")).help(form));
+            return Err(InputError::new(format!("--set {text}: '=' is missing")).help(help));
         };
         let path: Vec<String> = path.split('.').map(|step| step.trim().to_owned()).collect();
-        let is_whole = matches!(path.as_slice(), [one] if WHOLE.contains(&one.as_str()));
-        if path.iter().any(String::is_empty) || (path.len() < least && !is_whole) {
-            return Err(InputError::new(format!("--set {text}: the path is incomplete")).help(form));
+        if path.iter().any(String::is_empty) || (path.len() < least && path != [SCENE]) {
+            return Err(InputError::new(format!("--set {text}: the path is incomplete")).help(help));
         }
         let name = format!("--set {}", path.join("."));
         let before = text.len() - value.len();
-        let said = value.trim().to_owned();
-        if said.is_empty() {
+        let given = value.trim().to_owned();
+        if given.is_empty() {
             return Err(InputError::new(format!("--set {text}: no value after '='"))
                 .help("`null` removes the key of the file; `\"\"` is an empty text"));
         }
         let value = Node::parse(&name, value.to_owned())?;
-        let value = match before <= LONGEST {
+        let value = match before <= MAX_QUOTED_PATH {
             true => value.inside(&name, text, before),
             false => value,
         };
         let mut from = 0;
         let mut key = |step: &String| {
-            if before > LONGEST {
+            if before > MAX_QUOTED_PATH {
                 return value.with_value(NodeValue::Text(step.clone()));
             }
             let start = from + text[from..].find(step.as_str()).unwrap_or_default();
@@ -94,13 +93,13 @@ impl Override {
             keys,
             value,
             path,
-            text: said,
+            text: given,
         })
     }
 
-    /// The dotted path, and the value as it was said.
+    /// Returns the dotted path, and the value as given.
     #[must_use]
-    pub fn said(&self) -> (String, String) {
+    pub fn path_and_text(&self) -> (String, String) {
         (self.path.join("."), self.text.clone())
     }
 
@@ -110,13 +109,13 @@ impl Override {
         self.value.value()
     }
 
-    /// The value with its place.
+    /// The value with its position.
     #[must_use]
     pub fn node(&self) -> &Node {
         &self.value
     }
 
-    /// The same field with another value, for a reference that has been resolved.
+    /// Returns the override with another value.
     #[must_use]
     pub fn with_node(&self, value: Node) -> Self {
         Self { value, ..self.clone() }
@@ -128,30 +127,31 @@ impl Override {
         &self.path
     }
 
-    /// Puts the value into the tree, or takes out what is there where the value is `null`. Every step but the last must exist; within a stage, or a part of the scene, one that does not, and is no
-    /// misspelling of one that does, is taken for a mapping of which nothing is written yet. Whoever reads it knows whether it is one.
+    /// Sets the value in the tree; `null` removes the key. Every step except the last must exist. Within a stage or a
+    /// part of the scene, a missing step is created as a mapping unless it looks like a misspelt key; the reader of the
+    /// mapping checks it.
     ///
     /// # Errors
-    /// When a step does not exist or is not a mapping, or there is nothing to take out.
+    /// When a step does not exist or is not a mapping, or there is nothing to remove.
     pub fn apply(&self, root: &mut Node) -> Result<(), InputError> {
         let mut at = root;
         let (last, steps) = self.path.split_last().expect("a path has at least one step");
         for (depth, step) in steps.iter().enumerate() {
-            let (known, holder) = (at.keys(), at.holder_of(step));
-            if depth >= DEEP && holder.is_none() && at.child_mut(step).is_none() && !is_near(step, &known) {
+            let (known, parent) = (at.keys(), at.parent_of(step));
+            if depth >= CREATED_DEPTH && parent.is_none() && at.child_mut(step).is_none() && !is_near(step, &known) {
                 at.put(step, self.keys[depth].with_value(NodeValue::Map(Vec::new())));
             }
             let Some(child) = at.child_mut(step) else {
-                let place = self.path[..depth].join(".");
-                let place = match place.as_str() {
+                let parent_path = self.path[..depth].join(".");
+                let place = match parent_path.as_str() {
                     "" if known.iter().any(|key| key == "stages") => "the pipeline".to_owned(),
                     "" => "the scene".to_owned(),
                     place => format!("`{place}`"),
                 };
                 return Err(self.keys[depth]
                     .error(format!("--set {}: no `{step}` in {place}", self.path.join(".")))
-                    .help(match holder {
-                        Some(holder) => did_you_mean(&self.path, depth, &holder),
+                    .help(match parent {
+                        Some(parent) => did_you_mean(&self.path, depth, &parent),
                         None => suggestion(step, &known.iter().map(String::as_str).collect::<Vec<_>>()),
                     }));
             };
@@ -171,10 +171,7 @@ impl Override {
                 let known: Vec<String> = entries.iter().map(|(key, _)| key.describe_plain()).collect();
                 let known: Vec<&str> = known.iter().map(String::as_str).collect();
                 return Err(self.keys[steps.len()]
-                    .error(format!(
-                        "--set {}: there is no `{last}` to be taken out",
-                        self.path.join(".")
-                    ))
+                    .error(format!("--set {}: there is no `{last}` to remove", self.path.join(".")))
                     .help(suggestion(last, &known)));
             }
             return Ok(());
@@ -187,22 +184,22 @@ impl Override {
     }
 }
 
-/// From so many steps on a path leads into a stage, or a part of the scene.
-const DEEP: usize = 2;
+/// From this depth on, a path is within a stage or a part of the scene, and missing steps are created.
+const CREATED_DEPTH: usize = 2;
 
-/// Whether a word is likely to be one of those that are known.
+/// Returns whether a step looks like a misspelt known key.
 fn is_near(step: &str, known: &[String]) -> bool {
     nearest(step, &known.iter().map(String::as_str).collect::<Vec<_>>()).is_some()
 }
 
-/// Advice on a path that lacks a step.
+/// Suggests the path with a missing step.
 fn did_you_mean(path: &[String], depth: usize, missing: &str) -> String {
     let (before, after) = path.split_at(depth);
-    let meant: Vec<&str> = before
+    let suggested: Vec<&str> = before
         .iter()
         .map(String::as_str)
         .chain([missing])
         .chain(after.iter().map(String::as_str))
         .collect();
-    format!("did you mean `{}`?", meant.join("."))
+    format!("did you mean `{}`?", suggested.join("."))
 }

@@ -1,4 +1,4 @@
-//! From YAML text to the tree.
+//! Reads YAML text into the tree.
 
 use std::fmt;
 use std::io::ErrorKind;
@@ -9,16 +9,18 @@ use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde_saphyr::{Location, Spanned, options::DuplicateKeyPolicy};
 
 use super::error::{InputError, clipped, nearest};
-use super::node::{Node, NodeValue, Source};
+use super::node::{Node, NodeValue};
+use super::source::Source;
 use crate::file::read_bounded;
+use crate::output_file::folder_of;
 
-/// Pipelines and scenes are written by hand; a larger file is a mistake, and is refused before it is parsed.
+/// The largest file that is parsed; pipelines and scenes are written by hand and much smaller.
 const MAX_BYTES: u64 = 4 << 20;
 
-/// Files in a folder among which one of a like name is looked for.
-const MOST_FILES: usize = 1000;
+/// The largest number of files in a folder that are compared with a missing name.
+const MAX_COMPARED_FILES: usize = 1000;
 
-/// A document and the file that it came from.
+/// A document and its file.
 #[derive(Clone, Debug)]
 pub struct Document {
     /// The outermost value.
@@ -30,20 +32,21 @@ impl Document {
     /// Reads a YAML file.
     ///
     /// # Errors
-    /// When it cannot be read, is no regular file, is larger than 4 MiB, is not UTF-8 or not one YAML document without duplicate keys.
+    /// When it cannot be read, is not a regular file, is larger than 4 MiB, is not UTF-8, or is not one YAML document
+    /// without duplicate keys.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         Self::from_text(path, &Self::text(path)?)
     }
 
-    /// The text of a file that is to be a document.
+    /// Reads the text of a document.
     ///
     /// # Errors
-    /// When it cannot be read, or is no text.
+    /// When the file cannot be read, or is not text.
     pub fn text(path: &Path) -> Result<String, InputError> {
         let fail = |what: String| InputError::new(format!("cannot read {}: {what}", path.display()));
         let bytes = read_bounded(path, MAX_BYTES).map_err(|e| {
-            let like = (e.kind() == ErrorKind::NotFound).then(|| beside(path)).flatten();
-            match like {
+            let similar = (e.kind() == ErrorKind::NotFound).then(|| similar_file(path)).flatten();
+            match similar {
                 Some(other) => fail(e.to_string()).help(format!("did you mean {}?", other.display())),
                 None => fail(e.to_string()),
             }
@@ -51,10 +54,10 @@ impl Document {
         String::from_utf8(bytes).map_err(|e| fail(format!("not UTF-8 text ({e})")))
     }
 
-    /// A document from a text, as if it had been read from `path`.
+    /// Reads a text as if it were the file `path`.
     ///
     /// # Errors
-    /// As [`Document::load`].
+    /// As for [`Document::load`].
     pub fn from_text(path: &Path, text: &str) -> Result<Self, InputError> {
         Ok(Self {
             root: Node::parse(&path.display().to_string(), text.to_owned())?,
@@ -62,22 +65,16 @@ impl Document {
         })
     }
 
-    /// The file, as it was named.
+    /// The path of the file as given.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 }
 
-/// The file beside one that is not there whose name is most like it.
-fn beside(path: &Path) -> Option<PathBuf> {
-    let folder = path.parent()?;
-    let folder = if folder.as_os_str().is_empty() {
-        Path::new(".")
-    } else {
-        folder
-    };
-    let entries = std::fs::read_dir(folder).ok()?.take(MOST_FILES);
+/// Returns the YAML file in the same folder whose name is most similar to a missing one.
+fn similar_file(path: &Path) -> Option<PathBuf> {
+    let entries = std::fs::read_dir(folder_of(path)).ok()?.take(MAX_COMPARED_FILES);
     let names: Vec<String> = entries
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
         .filter(|name| name.ends_with(".yaml") || name.ends_with(".yml"))
@@ -96,7 +93,7 @@ impl Node {
         });
         let options = serde_saphyr::options! {
             duplicate_keys: DuplicateKeyPolicy::Error,
-            // As in YAML 1.2: a key `y` or a stage `on` is no truth value.
+            // As in YAML 1.2: a key `y` or a stage `on` is not a boolean.
             strict_booleans: true,
         };
         let parsed: Spanned<Raw> = serde_saphyr::from_str_with_options(&source.text, options).map_err(|error| {
@@ -106,7 +103,7 @@ impl Node {
             InputError::at(
                 &source,
                 (at, length),
-                format!("{name} is not valid YAML: {}", said(plain)),
+                format!("{name} is not valid YAML: {}", parser_message(plain)),
                 "here".into(),
             )
         })?;
@@ -123,21 +120,22 @@ enum Raw {
     Map(Vec<(Spanned<Raw>, Spanned<Raw>)>),
 }
 
-/// What the parser says, without its advice to programmers, and without the place, which is shown beside it.
-fn said(error: &serde_saphyr::Error) -> String {
+/// Returns the message of the parser without its advice to programmers and without the position, which is shown
+/// separately.
+fn parser_message(error: &serde_saphyr::Error) -> String {
     let message = error
         .to_string()
         .replace(", set DuplicateKeyPolicy in Options if acceptable", "");
-    let place = error
+    let position = error
         .location()
         .map(|l| format!(" at line {}, column {}", l.line(), l.column()));
-    match place.and_then(|place| message.strip_suffix(&place).map(str::to_owned)) {
+    match position.and_then(|position| message.strip_suffix(&position).map(str::to_owned)) {
         Some(without) => without,
         None => message,
     }
 }
 
-/// Byte offset of a location. Errors of syntax come with line and column only, both counted from 1 in characters.
+/// Returns the byte offset of a location. Syntax errors have line and column only, counted from 1 in characters.
 fn offset(text: &str, location: &Location) -> usize {
     let line = location.line().saturating_sub(1) as usize;
     let before: usize = text.split_inclusive('\n').take(line).map(str::len).sum();
@@ -154,7 +152,7 @@ fn build(spanned: Spanned<Raw>, source: &Arc<Source>) -> Node {
     let value = match spanned.value {
         Raw::Null => NodeValue::Null,
         Raw::Bool(b) => NodeValue::Bool(b),
-        // Numbers stay as written: a decimal text is exact, a double is not.
+        // Numbers remain text, since a double would not be exact.
         Raw::Number => NodeValue::Number(source.text.get(start..start + length).unwrap_or("").trim().to_owned()),
         Raw::Text(t) => NodeValue::Text(t),
         Raw::List(items) => NodeValue::List(items.into_iter().map(|item| build(item, source)).collect()),
@@ -165,8 +163,7 @@ fn build(spanned: Spanned<Raw>, source: &Arc<Source>) -> Node {
                 .collect(),
         ),
     };
-    // The parser marks a collection by its first character. All of it is meant, but a caret under a whole block would
-    // underline half the file, so it ends with the first line.
+    // The parser marks only the first character of a collection. Underline it up to the end of its first line.
     length = length.max(last_end(&value).saturating_sub(start));
     if let Some(line) = source.text.get(start..start + length).and_then(|t| t.find('\n')) {
         length = line;
@@ -175,11 +172,11 @@ fn build(spanned: Spanned<Raw>, source: &Arc<Source>) -> Node {
         value,
         span: (start, length),
         source: source.clone(),
-        gone: &[],
+        removed_keys: &[],
     }
 }
 
-/// Where the last item of a collection ends.
+/// Returns the end of the last item of a collection.
 fn last_end(value: &NodeValue) -> usize {
     let last = match value {
         NodeValue::List(items) => items.last(),

@@ -1,4 +1,4 @@
-//! Typed readers of nodes; each refusal names the field, what was found and what is allowed.
+//! Typed readers of nodes; each error names the field, what was found and what is allowed.
 
 use std::fmt;
 
@@ -6,43 +6,43 @@ use super::error::{InputError, suggestion};
 use super::node::{Node, NodeValue};
 use crate::quantity::{Decimal, Dimension, Quantity, QuantityError};
 
-/// A mapping whose keys have been checked against those that are allowed.
+/// A mapping whose keys have been checked.
 pub struct Map<'a> {
     node: &'a Node,
     entries: &'a [(Node, Node)],
 }
 
 impl Node {
-    fn wanted(&self, field: &str, wanted: impl fmt::Display) -> InputError {
-        // What is not a key is said as it is.
+    fn wrong_type(&self, field: &str, expected: impl fmt::Display) -> InputError {
+        // Only keys get backticks.
         let field = match field.contains(['`', ' ']) {
             true => field.to_owned(),
             false => format!("`{field}`"),
         };
-        self.error(format!("{field} must be {wanted}, found {}", self.found()))
+        self.error(format!("{field} must be {expected}, found {}", self.found()))
     }
 
-    /// The node as a mapping with no other than the allowed keys.
+    /// Returns the node as a mapping with the allowed keys only.
     ///
     /// # Errors
-    /// When it is no mapping, or has a key that is not allowed; the nearest allowed spelling is named.
+    /// When it is not a mapping, or has another key; the error suggests the most similar allowed key.
     pub fn fields(&self, what: &str, allowed: &[&str]) -> Result<Map<'_>, InputError> {
         let entries = self.entries(what)?;
         for (key, _) in entries {
             let name = key.describe_plain();
             if !allowed.contains(&name.as_str()) {
                 return Err(key
-                    .error_labelled(format!("unknown key `{name}` in {what}"), "not known here")
-                    .help(suggestion(&name, &[allowed, self.gone].concat())));
+                    .error_labelled(format!("unknown key `{name}` in {what}"), "not allowed here")
+                    .help(suggestion(&name, &[allowed, self.removed_keys].concat())));
             }
         }
         Ok(Map { node: self, entries })
     }
 
-    /// Refuses keys of a mapping that belong into the one under the key `under`, and says so.
+    /// Checks that a mapping has no keys that belong into the mapping `under`.
     ///
     /// # Errors
-    /// When there is one that is not allowed here.
+    /// When it has such a key that is not allowed here.
     pub fn refuse_misplaced(
         &self,
         (what, allowed): (&str, &[&str]),
@@ -53,7 +53,7 @@ impl Node {
             let name = key.describe_plain();
             if theirs.contains(&name.as_str()) && !allowed.contains(&name.as_str()) {
                 return Err(key
-                    .error_labelled(format!("unknown key `{name}` in {what}"), "not known here")
+                    .error_labelled(format!("unknown key `{name}` in {what}"), "not allowed here")
                     .help(format!(
                         "it belongs under `{under}`: `{under}: {{ {name}: … }}`, or `{under}.{name}` in a path of --set"
                     )));
@@ -62,43 +62,43 @@ impl Node {
         Ok(())
     }
 
-    /// The entries of a mapping whose keys are free.
+    /// Returns the entries of a mapping with any keys.
     ///
     /// # Errors
-    /// When it is no mapping.
+    /// When it is not a mapping.
     pub fn entries(&self, what: &str) -> Result<&[(Node, Node)], InputError> {
         match &self.value {
             NodeValue::Map(entries) => Ok(entries),
-            _ => Err(self.wanted(what, "a mapping")),
+            _ => Err(self.wrong_type(what, "a mapping")),
         }
     }
 
-    /// The node as a list.
+    /// Returns the node as a list.
     ///
     /// # Errors
-    /// When it is none.
+    /// When it is not a list.
     pub fn list(&self, field: &str) -> Result<&[Node], InputError> {
         match &self.value {
             NodeValue::List(items) => Ok(items),
-            _ => Err(self.wanted(field, "a list")),
+            _ => Err(self.wrong_type(field, "a list")),
         }
     }
 
-    /// The node as a text; a number is its own text.
+    /// Returns the node as a text, which can also be a number.
     ///
     /// # Errors
     /// When it is neither.
     pub fn text(&self, field: &str) -> Result<&str, InputError> {
         match &self.value {
             NodeValue::Text(t) | NodeValue::Number(t) => Ok(t),
-            _ => Err(self.wanted(field, "a text")),
+            _ => Err(self.wrong_type(field, "a text")),
         }
     }
 
-    /// The node as one of some words.
+    /// Returns the node as one of several words.
     ///
     /// # Errors
-    /// When it is another; the nearest is named.
+    /// When it is another word; the error suggests the most similar one.
     pub fn word<'w>(&self, field: &str, allowed: &[&'w str]) -> Result<&'w str, InputError> {
         let text = self.text(field)?;
         allowed.iter().find(|w| **w == text).copied().ok_or_else(|| {
@@ -107,45 +107,45 @@ impl Node {
         })
     }
 
-    /// The node as a truth value.
+    /// Returns the node as a boolean.
     ///
     /// # Errors
-    /// When it is none.
+    /// When it is not a boolean.
     pub fn bool(&self, field: &str) -> Result<bool, InputError> {
-        self.truth().ok_or_else(|| self.wanted(field, "true or false"))
+        self.as_bool().ok_or_else(|| self.wrong_type(field, "true or false"))
     }
 
-    /// The node as a whole number within bounds, both included.
+    /// Returns the node as an integer within bounds, both included.
     ///
     /// # Errors
-    /// When it is none, or outside.
+    /// When it is not an integer, or outside the bounds.
     pub fn integer(&self, field: &str, low: u64, high: u64) -> Result<u64, InputError> {
         let range = if high >= i64::MAX as u64 {
-            format!("a whole number from {low}")
+            format!("an integer from {low}")
         } else {
-            format!("a whole number from {low} to {high}")
+            format!("an integer from {low} to {high}")
         };
         let NodeValue::Number(text) = &self.value else {
-            return Err(self.wanted(field, range));
+            return Err(self.wrong_type(field, range));
         };
         text.parse::<Decimal>()
             .ok()
             .and_then(Decimal::to_u64)
             .filter(|n| (low..=high).contains(n))
-            .ok_or_else(|| self.wanted(field, range))
+            .ok_or_else(|| self.wrong_type(field, range))
     }
 
-    /// The node as a quantity: text with a unit, or a bare number in the base unit of the dimension.
+    /// Returns the node as a quantity: a number with a unit, or in the base unit of the dimension.
     ///
     /// # Errors
-    /// When the number or the unit is not understood.
+    /// When the number or the unit is invalid.
     pub fn quantity(&self, field: &str, dimension: Dimension) -> Result<Quantity, InputError> {
         let (NodeValue::Number(text) | NodeValue::Text(text)) = &self.value else {
-            return Err(self.wanted(field, dimension.with_article()));
+            return Err(self.wrong_type(field, dimension.with_article()));
         };
         Quantity::parse(text, dimension).map_err(|error| {
             let refused = self.error(format!("`{field}`: {error}"));
-            // That of an unknown unit names those that are known.
+            // The message for an unknown unit already lists the known ones.
             match (error, dimension.symbols().join(", ")) {
                 (QuantityError::NotANumber(_), units) if !units.is_empty() => {
                     refused.help(format!("allowed: a number with a unit: {units}"))
@@ -155,7 +155,7 @@ impl Node {
         })
     }
 
-    /// The share of a whole that a text such as `25 %` stands for; `None` of all else.
+    /// Returns the fraction for a text such as `25 %`; `None` for other values.
     #[must_use]
     pub fn percentage(&self) -> Option<Decimal> {
         let NodeValue::Text(text) = self.value() else {
@@ -165,20 +165,18 @@ impl Node {
         Some(number.scaled(-2))
     }
 
-    /// The node as a quantity within bounds given in the base unit, both included.
+    /// Returns the node as a quantity within bounds in the base unit, both included.
     ///
     /// # Errors
-    /// When it is none, or outside.
+    /// When it is not a quantity, or outside the bounds.
     pub fn quantity_in(&self, field: &str, dimension: Dimension, low: f64, high: f64) -> Result<Quantity, InputError> {
         let quantity = self.quantity(field, dimension)?;
         if (low..=high).contains(&quantity.value()) {
             return Ok(quantity);
         }
-        let unit = dimension.base_unit();
-        let unit = if unit.is_empty() {
-            String::new()
-        } else {
-            format!(" {unit}")
+        let unit = match dimension.base_unit() {
+            "" => String::new(),
+            unit => format!(" {unit}"),
         };
         Err(self
             .error(format!("`{field}` is out of range: found {quantity}"))
@@ -187,19 +185,19 @@ impl Node {
 }
 
 impl<'a> Map<'a> {
-    /// Keys and values, in the order of the document.
+    /// The keys and values in the order of the document.
     #[must_use]
     pub fn entries(&self) -> &'a [(Node, Node)] {
         self.entries
     }
 
-    /// A refusal of the mapping as a whole.
+    /// Creates an error at the mapping.
     #[must_use]
     pub fn error(&self, message: impl Into<String>) -> InputError {
         self.node.error(message)
     }
 
-    /// The value of a key that must be there.
+    /// Returns the value of a required key.
     ///
     /// # Errors
     /// When it is missing.
@@ -210,16 +208,16 @@ impl<'a> Map<'a> {
         })
     }
 
-    /// The value of a key, if it is there.
+    /// Returns the value of a key, if it exists.
     #[must_use]
     pub fn optional(&self, key: &str) -> Option<&'a Node> {
         self.entries.iter().find(|(k, _)| k.is_text(key)).map(|(_, v)| v)
     }
 
-    /// The value of a key as a pure number within bounds, both included, or the default where it is not there.
+    /// Returns the value of a key as a pure number within bounds, both included, or the default if the key is missing.
     ///
     /// # Errors
-    /// When it is none, or outside.
+    /// When it is not a number, or outside the bounds.
     pub fn number(&self, key: &str, default: f64, low: f64, high: f64) -> Result<Decimal, InputError> {
         match self.optional(key) {
             Some(node) => Ok(node.quantity_in(key, Dimension::Number, low, high)?.base()),

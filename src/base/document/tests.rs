@@ -33,7 +33,7 @@ fn numbers_keep_their_decimal_text_and_values_their_place() {
     let map = node.fields("it", &["v", "w", "x"]).unwrap();
     let v = map.required("it", "v").unwrap();
     assert_eq!(v.quantity("v", Dimension::Voltage).unwrap().base().to_string(), "5.25");
-    assert_eq!(v.place(), "t.yaml:1");
+    assert_eq!(v.position(), "t.yaml:1");
     assert!(
         map.required("it", "w").unwrap().integer("w", 0, 9).is_err(),
         "a quoted 7 is a text"
@@ -75,7 +75,7 @@ fn an_override_of_null_takes_out_what_is_there() {
     let error = set("stages.small.coutn=null").unwrap_err();
     assert_eq!(
         error.to_string(),
-        "--set stages.small.coutn: there is no `coutn` to be taken out"
+        "--set stages.small.coutn: there is no `coutn` to remove"
     );
     assert!(error.help.unwrap().contains("count"));
     let small = node.peek("stages").unwrap().peek("small").unwrap();
@@ -98,7 +98,13 @@ fn broken_and_hostile_documents_are_refused_with_their_place() {
         error.source_code.unwrap().inner()[..span.offset()].contains('\n'),
         "the place is not the first line"
     );
-    let bomb = "a: &a [x,x,x,x,x,x,x,x,x]\nb: &b [*a,*a,*a,*a,*a,*a,*a,*a,*a]\nc: &c [*b,*b,*b,*b,*b,*b,*b,*b,*b]\nd: &d [*c,*c,*c,*c,*c,*c,*c,*c,*c]\ne: &e [*d,*d,*d,*d,*d,*d,*d,*d,*d]\nf: &f [*e,*e,*e,*e,*e,*e,*e,*e,*e]\ng: [*f,*f,*f,*f,*f,*f,*f,*f,*f]\n";
+    let bomb = "a: &a [x,x,x,x,x,x,x,x,x]\n\
+                b: &b [*a,*a,*a,*a,*a,*a,*a,*a,*a]\n\
+                c: &c [*b,*b,*b,*b,*b,*b,*b,*b,*b]\n\
+                d: &d [*c,*c,*c,*c,*c,*c,*c,*c,*c]\n\
+                e: &e [*d,*d,*d,*d,*d,*d,*d,*d,*d]\n\
+                f: &f [*e,*e,*e,*e,*e,*e,*e,*e,*e]\n\
+                g: [*f,*f,*f,*f,*f,*f,*f,*f,*f]\n";
     assert!(Document::from_text(Path::new("t.yaml"), bomb).is_err());
 }
 

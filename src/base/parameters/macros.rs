@@ -1,4 +1,4 @@
-//! The macros that declare parameters. What they expand to is as short as can be: all logic is in functions.
+//! The macros that declare parameters. Their expansions are short; all logic is in functions.
 
 /// Declares a mapping; see `base::parameters`.
 #[macro_export]
@@ -102,7 +102,7 @@ macro_rules! parameters {
     (@default $type:ty, $default:expr) => { Some(<$type as $crate::Parameter>::literal($default)) };
 }
 
-/// Declares an enum of mappings, told apart by the word under a key; see `base::parameters`.
+/// Declares an enum of mappings, distinguished by the word of a key; see `base::parameters`.
 #[macro_export]
 macro_rules! variants {
     (
@@ -118,7 +118,7 @@ macro_rules! variants {
         }
 
         impl $name {
-            /// The words that tell the variants apart.
+            /// The words of the variants.
             pub const WORDS: &'static [&'static str] = &[$($word),+];
 
             /// The word of this variant.
@@ -129,12 +129,12 @@ macro_rules! variants {
                 }
             }
 
-            /// Reads a mapping that may have some keys beside those of its variant.
+            /// Reads a mapping that can also have the keys `others`.
             ///
             /// # Errors
-            /// When the word is none of these, or as the variant.
+            /// When the word is unknown, or as for the variant.
             pub fn read_with(node: &$crate::Node, others: &[&str]) -> ::std::result::Result<Self, $crate::InputError> {
-                // First the keys of all variants, so that a misspelt tag is told from a missing one; then those of the variant.
+                // First check against the keys of all variants, so that a misspelt tag is not reported as missing.
                 let mut keys = vec![$tag];
                 $(keys.extend(<$type as $crate::Declared>::keys());)+
                 keys.extend(others.iter().copied());
@@ -157,7 +157,7 @@ macro_rules! variants {
                 unreachable!("the word is one of these")
             }
 
-            /// The mapping of each variant, for the schema and the reference.
+            /// Returns the mapping of each variant, for the schema and the reference.
             #[must_use]
             pub fn all_fields() -> Vec<$crate::Fields> {
                 vec![$(<$type as $crate::Declared>::fields().tagged($tag, $word)),+]
@@ -207,13 +207,13 @@ macro_rules! words {
         }
 
         impl $name {
-            /// All of them.
+            /// All variants.
             pub const ALL: [Self; [$($word),+].len()] = [$(Self::$variant),+];
 
-            /// Their words, in the same order.
+            /// The words of the variants, in the same order.
             pub const WORDS: &'static [&'static str] = &[$($word),+];
 
-            /// The word that stands in files.
+            /// The word in files.
             #[must_use]
             pub fn name(self) -> &'static str {
                 match self {
@@ -221,7 +221,7 @@ macro_rules! words {
                 }
             }
 
-            /// The one that a word stands for.
+            /// Returns the variant for a word.
             #[must_use]
             pub fn from_name(word: &str) -> ::std::option::Option<Self> {
                 Self::ALL.into_iter().find(|one| one.name() == word)

@@ -1,5 +1,5 @@
-//! A parameter is declared once: name, type with unit, range, default and sentence stand in one place, and reader, JSON Schema, canonical
-//! value, `--set`, lock files and the tables in docs/reference.md follow from it.
+//! Declared parameters. One declaration contains name, type with unit, limits, default and documentation; reader, JSON
+//! Schema, canonical value, `--set`, lock files and the tables in docs/reference.md follow from it.
 //!
 //! [`parameters!`](crate::parameters!) declares a mapping:
 //!
@@ -19,14 +19,15 @@
 //! }
 //! ```
 //!
-//! In brackets stand the limits of the type, both included, in the base unit: `[low..=high]` of integers, numbers and quantities, of pairs
-//! and options of them, and `[(limits of an item, fewest..=most)]` of lists. After `=` stands the default, as a literal: `0.5`,
-//! `"0.003 mm"`, a word. A key without a default must be given, unless its type is an `Option`. After the struct may follow, in this
-//! order, `include { name: Type }`, whose keys stand beside its own; `rules(path)`, a function that adds to the [`Fields`] what no single
-//! key can say; and `check(path)`, a function that refuses what keys mean together.
+//! The limits are in brackets, both included, in the base unit: `[low..=high]` for integers, numbers and quantities and
+//! for pairs and options of them, and `[(limits of an item, fewest..=most)]` for lists. The default follows `=` as a
+//! literal: `0.5`, `"0.003 mm"`, a word. A key without a default is required, unless its type is an `Option`. The
+//! struct can be followed, in this order, by `include { name: Type }`, which adds the keys of another mapping;
+//! `rules(path)`, a function that adds rules for several keys to the [`Fields`]; and `check(path)`, a function that
+//! checks several keys together.
 //!
-//! [`variants!`](crate::variants) declares a mapping with a key that says which parameters there are, [`words!`](crate::words)
-//! an enum of words. A type with a syntax of its own implements [`Parameter`].
+//! [`variants!`](crate::variants) declares a mapping whose parameters depend on the word of a key,
+//! [`words!`](crate::words) an enum of words. A type with its own syntax implements [`Parameter`].
 
 mod macros;
 mod quantities;
@@ -43,36 +44,36 @@ use super::canonical::Canonical;
 use super::document::{InputError, Map, Node};
 use super::schema::{Fields, Schema};
 
-/// A value as it stands in a document.
+/// A value in a document.
 pub trait Parameter: Sized {
-    /// What bounds a value beside its type; `()` where nothing does.
+    /// The limits of a value; `()` if there are none.
     type Limits;
 
-    /// A default as it is written in a declaration.
+    /// The type of a default in a declaration.
     type Literal;
 
     /// Reads the value of a key.
     ///
     /// # Errors
-    /// When it is no such value, or beyond the limits.
+    /// When the value is invalid or outside the limits.
     fn read(node: &Node, key: &str, limits: &Self::Limits) -> Result<Self, InputError>;
 
-    /// The canonical value; `None` where nothing was given and nothing stands in its place.
+    /// Returns the canonical value; `None` if the value is absent and has no default.
     fn canonical(&self) -> Option<Canonical>;
 
-    /// What [`Parameter::read`] accepts.
+    /// Returns the schema of [`Parameter::read`].
     fn schema(limits: &Self::Limits) -> Schema;
 
-    /// The value that a literal in a declaration stands for.
+    /// Converts a default in a declaration.
     fn literal(literal: Self::Literal) -> Self;
 
-    /// A value, for advice.
+    /// Returns an example for help texts.
     #[must_use]
     fn example() -> String {
         "1".to_owned()
     }
 
-    /// The value where the key is absent; `None` where it must be given.
+    /// Returns the value of an absent key; `None` if the key is required.
     #[must_use]
     fn absent() -> Option<Self> {
         None
@@ -81,34 +82,34 @@ pub trait Parameter: Sized {
 
 /// A mapping that [`parameters!`](crate::parameters!) declares.
 pub trait Declared: Sized {
-    /// What it is, in messages: "a balance stage".
+    /// The name in messages: "a balance stage".
     const WHAT: &'static str;
 
-    /// Its keys.
+    /// The keys.
     #[must_use]
     fn keys() -> Vec<&'static str>;
 
-    /// Adds its keys to those of a mapping, for the schema and the reference.
+    /// Adds the keys to those of a mapping, for the schema and the reference.
     #[must_use]
     fn add_to(fields: Fields) -> Fields;
 
-    /// The mapping by itself, for the schema and the reference.
+    /// Returns the mapping, for the schema and the reference.
     #[must_use]
     fn fields() -> Fields;
 
     /// Reads the values of a mapping whose keys have been checked.
     ///
     /// # Errors
-    /// When a value is missing, malformed or beyond its limits, or values contradict each other.
+    /// When a value is missing, malformed or outside its limits, or values contradict each other.
     fn read_map(map: &Map<'_>) -> Result<Self, InputError>;
 
     /// Adds the canonical value of each key.
     fn entries(&self, out: &mut Vec<(&'static str, Canonical)>);
 
-    /// Reads a mapping that may have some keys beside its own, which are left alone.
+    /// Reads a mapping that can also have the keys `others`, which are ignored.
     ///
     /// # Errors
-    /// When it is no mapping, has a key of another name, or as [`Declared::read_map`].
+    /// When it is not a mapping, has another key, or as for [`Declared::read_map`].
     fn read_with(node: &Node, others: &[&str]) -> Result<Self, InputError> {
         let keys: Vec<&str> = Self::keys().into_iter().chain(others.iter().copied()).collect();
         Self::read_map(&node.fields(Self::WHAT, &keys)?)

@@ -1,4 +1,4 @@
-//! Quantities that know their dimension by their type, and the seed of random numbers.
+//! Quantities with their dimension in the type, and the seed of random numbers.
 
 use std::fmt;
 use std::ops::{Deref, RangeInclusive};
@@ -16,13 +16,13 @@ macro_rules! quantities {
         pub struct $name(Quantity);
 
         impl $name {
-            /// From an exact number in the base unit.
+            /// Creates the quantity from an exact number in the base unit.
             #[must_use]
             pub fn from_base(base: Decimal) -> Self {
                 Self(Quantity::new(base, Dimension::$dimension))
             }
 
-            /// From a number in the base unit; `None` unless it is finite.
+            /// Creates the quantity from a number in the base unit; `None` unless it is finite.
             #[must_use]
             pub fn from_f64(value: f64) -> Option<Self> {
                 Quantity::from_f64(value, Dimension::$dimension).map(Self)
@@ -101,11 +101,11 @@ quantities! {
     Current: Current,
 }
 
-/// What names the random numbers of a stage.
+/// The seed of the random numbers of a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seed(pub u64);
 
-/// Keys hold integers up to this.
+/// The largest integer in keys.
 const LARGEST_SEED: u64 = i64::MAX as u64;
 
 impl Parameter for Seed {

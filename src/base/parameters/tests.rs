@@ -138,7 +138,7 @@ fn refusals_name_the_key_and_what_is_allowed() {
         (format!("{{ {base}, patence: 3 }}"), "did you mean `patience`?"),
         (
             "{ count: 101, range: [0, 1], seed: 1 }".to_owned(),
-            "`count` must be a whole number from 1 to 100, found 101",
+            "`count` must be an integer from 1 to 100, found 101",
         ),
         (
             "{ count: 1, range: [0], seed: 1 }".to_owned(),
@@ -149,7 +149,7 @@ fn refusals_name_the_key_and_what_is_allowed() {
         (format!("{{ {base}, share: 0.5, patience: 1 }}"), "cannot stand beside"),
         (
             format!("{{ {base}, elements: 9 }}"),
-            "`elements` must be a whole number from 1 to 8",
+            "`elements` must be an integer from 1 to 8",
         ),
     ] {
         assert!(refusal(&text).contains(said), "{text}: {}", refusal(&text));

@@ -1,4 +1,4 @@
-//! Plain values as parameters: truth values, integers, numbers, options, pairs and lists.
+//! Plain values as parameters: booleans, integers, numbers, options, pairs and lists.
 
 use std::ops::RangeInclusive;
 
@@ -36,7 +36,7 @@ macro_rules! integers {
             type Literal = Self;
 
             fn read(node: &Node, key: &str, limits: &RangeInclusive<u64>) -> Result<Self, InputError> {
-                // A limit beyond the type would be a slip of the declaration; the value is refused then, not cut.
+                // If the declared limit is beyond the type, a larger value is an error and not truncated.
                 let high = (*limits.end()).min(Self::MAX as u64);
                 Ok(node.integer(key, *limits.start(), high)? as Self)
             }
@@ -58,21 +58,21 @@ macro_rules! integers {
 
 integers!(u32, u64, usize);
 
-/// Whether numbers within limits are shares of a whole, which may stand in per cent.
-fn are_shares(limits: &RangeInclusive<f64>) -> bool {
+/// Returns whether limits are those of a fraction, which can be given in percent.
+fn are_fractions(limits: &RangeInclusive<f64>) -> bool {
     *limits.start() >= 0.0 && *limits.end() <= 1.0
 }
 
-/// A pure number. A share of a whole may stand in per cent: `25 %` is 0.25.
+/// A pure number. A fraction can be given in percent: `25 %` is 0.25.
 impl Parameter for Decimal {
     type Limits = RangeInclusive<f64>;
     type Literal = f64;
 
     fn read(node: &Node, key: &str, limits: &RangeInclusive<f64>) -> Result<Self, InputError> {
-        if let Some(share) = node.percentage().filter(|_| are_shares(limits)) {
+        if let Some(fraction) = node.percentage().filter(|_| are_fractions(limits)) {
             let (low, high) = (100.0 * limits.start(), 100.0 * limits.end());
-            return match limits.contains(&share.to_f64()) {
-                true => Ok(share),
+            return match limits.contains(&fraction.to_f64()) {
+                true => Ok(fraction),
                 false => Err(node
                     .error(format!("`{key}` is out of range: found {}", node.found()))
                     .help(format!("allowed: {low} % to {high} %"))),
@@ -89,7 +89,7 @@ impl Parameter for Decimal {
 
     fn schema(limits: &RangeInclusive<f64>) -> Schema {
         let number = Schema::number(*limits.start(), *limits.end());
-        match are_shares(limits) {
+        match are_fractions(limits) {
             true => Schema::any_of([number, Schema::percentage()]),
             false => number,
         }
@@ -100,7 +100,7 @@ impl Parameter for Decimal {
     }
 }
 
-/// What may be absent.
+/// An optional value.
 impl<T: Parameter> Parameter for Option<T> {
     type Limits = T::Limits;
     type Literal = T::Literal;
@@ -126,7 +126,7 @@ impl<T: Parameter> Parameter for Option<T> {
     }
 }
 
-/// Two values of a kind: a point, a range.
+/// Two values, such as a point or a range.
 impl<T: Parameter> Parameter for [T; 2] {
     type Limits = T::Limits;
     type Literal = [T::Literal; 2];
@@ -157,9 +157,9 @@ impl<T: Parameter> Parameter for [T; 2] {
     }
 }
 
-/// A list of values of a kind.
+/// A list of values.
 impl<T: Parameter> Parameter for Vec<T> {
-    /// Those of an item, and how many there may be.
+    /// The limits of an item, and of the number of items.
     type Limits = (T::Limits, RangeInclusive<usize>);
     type Literal = Self;
 
@@ -196,10 +196,10 @@ impl<T: Parameter> Parameter for Vec<T> {
 }
 
 impl Map<'_> {
-    /// The value of a key, or its default, or what its type has for one that is absent.
+    /// Returns the value of a key, its default, or the value of its type for an absent key.
     ///
     /// # Errors
-    /// When it is missing, or as [`Parameter::read`].
+    /// When it is missing, or as for [`Parameter::read`].
     pub fn read<T: Parameter>(
         &self,
         what: &str,
@@ -213,20 +213,18 @@ impl Map<'_> {
             (None, None) => T::read(self.required(what, key)?, key, limits),
         }
     }
-}
 
-impl Map<'_> {
-    /// Refuses a key that belongs to another variant than the one that the word under the tag names.
+    /// Checks that no key belongs to another variant than the one that `word` names.
     ///
     /// # Errors
-    /// When there is one: its variant is named.
+    /// When there is such a key; the error names its variant.
     pub fn refuse_keys_of_others(
         &self,
         tag: &str,
         word: &str,
         words: &[&str],
         keys: &dyn Fn(&str) -> Vec<&'static str>,
-        beside: &[&str],
+        others: &[&str],
     ) -> Result<(), InputError> {
         let own = keys(word);
         for (key, _) in self.entries() {
@@ -244,12 +242,12 @@ impl Map<'_> {
                     .error_labelled(
                         format!(
                             "unknown key {} with `{tag}: {word}`: it belongs to {}",
-                            key.found_key(),
+                            key.quoted(),
                             owners.join(", ")
                         ),
-                        "not known here",
+                        "not allowed here",
                     )
-                    .help(format!("allowed: {}", [&own[..], beside].concat().join(", "))));
+                    .help(format!("allowed: {}", [&own[..], others].concat().join(", "))));
             }
         }
         Ok(())
@@ -257,7 +255,7 @@ impl Map<'_> {
 }
 
 impl Fields {
-    /// Adds a key with its sentence, its limits and its default.
+    /// Adds a key with its documentation, limits and default.
     #[must_use]
     pub fn declare<T: Parameter>(self, key: &str, doc: &str, limits: &T::Limits, default: Option<T>) -> Self {
         let schema = T::schema(limits).description(doc.trim());

@@ -10,7 +10,7 @@ use serde_json::json;
 use crate::arguments::{SetArguments, StoreArguments};
 use crate::progress::Bar;
 use crate::{CliError, Exit, Output, locate, pipeline, table, write};
-use deaflow_base::{ArtifactId, Document, NodeValue, folder_of, kind_of, leads_nowhere_at, read_bounded, software};
+use deaflow_base::{ArtifactId, Document, NodeValue, folder_of, is_dangling_link, kind_of, read_bounded, software};
 use deaflow_orchestrator::{BuiltStage, BuiltStages, Pipeline, built_stages};
 use deaflow_report::{CrateFile, CrateStage, METADATA, ResearchObject, figure_files, file_name};
 use deaflow_scene::scene_files;
@@ -89,7 +89,7 @@ fn empty_folder(path: &Path) -> Result<PathBuf, CliError> {
     let refuse = |found: &str| {
         CliError::bad_input(format!("{} is {found}", path.display())).help("name a new or an empty folder with -o")
     };
-    if leads_nowhere_at(path) {
+    if is_dangling_link(path) {
         return Err(refuse("a broken link"));
     }
     let Ok(metadata) = fs::metadata(path) else {

@@ -70,7 +70,7 @@ impl From<&Scene> for Ground {
     fn from(scene: &Scene) -> Self {
         Self {
             membrane: scene.membrane(),
-            room: scene.room(),
+            room: scene.free_cells(),
             groups: scene.groups(),
             equivalence: PatternEquivalence::new(scene.symmetries(), scene.alike_groups()),
         }

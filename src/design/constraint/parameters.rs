@@ -199,7 +199,7 @@ impl Parameter for Leads {
 
     /// `true` is the whole frame, `false` is none.
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        match (node.truth(), node.value()) {
+        match (node.as_bool(), node.value()) {
             (Some(wanted), _) => return Ok(Self(wanted.then_some(Sides::ALL))),
             (None, NodeValue::List(_)) => {}
             _ => {
@@ -329,10 +329,7 @@ mod tests {
             ("{ min_feature: 2 V }", "unknown unit \"V\" for a length"),
             ("{ min_feature: 60 mm }", "60 mm, more than the membrane of 50 mm"),
             ("{ min_feature: 0 mm }", "`min_feature` is out of range"),
-            (
-                "{ islands: 0 }",
-                "`islands` must be a whole number from 1 to 1250, found 0",
-            ),
+            ("{ islands: 0 }", "`islands` must be an integer from 1 to 1250, found 0"),
             ("{ leads: some }", "`leads` must be true, false or a list of sides"),
             ("{ leads: [lefft] }", "`leads` cannot be \"lefft\""),
             ("{ leads: [] }", "names no side"),

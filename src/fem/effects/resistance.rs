@@ -29,7 +29,7 @@ impl Effect for ElectrodeResistance {
 
     /// Does nothing without leads or with an incompatible effect.
     fn turn_on(&self, effects: &mut Effects, scene: &Scene) {
-        if scene.leads.is_none() || scene.conflict_of_resistance(effects).is_some() {
+        if scene.leads.is_none() || scene.resistance_conflict(effects).is_some() {
             return;
         }
         effects.electrode_resistance = scene

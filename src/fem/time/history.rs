@@ -168,7 +168,7 @@ pub fn refusal(scene: &Scene) -> Option<SetupError> {
         if scene.leads.is_none() {
             return Some(SetupError::Leads);
         }
-        if let Some(with) = scene.conflict_of_resistance(&scene.effects) {
+        if let Some(with) = scene.resistance_conflict(&scene.effects) {
             return Some(SetupError::Resistance { with });
         }
     }

@@ -86,7 +86,7 @@ fn groups(foreach: &Node) -> Result<Vec<Group>, InputError> {
             if matches!(values.value(), NodeValue::Map(_)) {
                 let message = format!(
                     "the axis {} must be a list of values, found {}",
-                    key.found_key(),
+                    key.quoted(),
                     values.found()
                 );
                 return Err(values
@@ -131,8 +131,8 @@ fn zipped(axes: &[(&Node, &Node)], place: &Node) -> Result<Group, InputError> {
         if found != count {
             let message = format!(
                 "{} has {found} values, and {} has {count}",
-                key.found_key(),
-                axes[0].0.found_key()
+                key.quoted(),
+                axes[0].0.quoted()
             );
             return Err(values.error(message).help("axes under `zip` have as many values each"));
         }
@@ -178,7 +178,7 @@ fn name_by(steps: &mut [Settings], axes: &[(&Node, &Node)]) -> Result<(), InputE
             .clone()
             .find(|setting| !seen.insert(setting.value.text.clone()));
         let place = twice.map_or(axes[0].1, |setting| &setting.value.node);
-        return Err(place.error(format!("{} has this value twice", axes[0].0.found_key())));
+        return Err(place.error(format!("{} has this value twice", axes[0].0.quoted())));
     }
     for step in steps.iter_mut() {
         for (at, setting) in step.iter_mut().enumerate() {

@@ -428,7 +428,7 @@ impl<'a> Expansion<'a> {
             return Err(template.key.error(message));
         }
         let mut stripped = template.node.clone();
-        [FOREACH, GATHER, NEEDS].iter().for_each(|key| stripped.take_out(key));
+        [FOREACH, GATHER, NEEDS].iter().for_each(|key| stripped.remove(key));
         let mut instances = Vec::with_capacity(rows.len());
         for row in rows {
             let settings = joined(own, &row);
@@ -567,7 +567,7 @@ impl<'a> Expansion<'a> {
             if let Some((key, near)) = misspelt(self.templates[place].node) {
                 let unknown = format!(
                     "unknown key `{}` in stage `{}`",
-                    key.found_key().trim_matches('`'),
+                    key.quoted().trim_matches('`'),
                     self.templates[place].name
                 );
                 return Err(key.error(unknown).help(format!("did you mean `{near}`?")));

@@ -90,7 +90,7 @@ fn each_mistake_is_named_underlined_and_set_right() {
         ),
         (
             "  a: { kind: count, count: 0 }\n".to_owned(),
-            "`count` must be a whole number from 1 to 100000, found 0",
+            "`count` must be an integer from 1 to 100000, found 0",
             "0",
             "",
         ),
@@ -167,12 +167,12 @@ fn overrides_are_held_to_the_same_rules_and_underlined_in_themselves() {
     let (message, caret, _) = refusal(PIPELINE, &["stages.small.count=0"]);
     assert_eq!(
         (message.as_str(), caret.as_str()),
-        ("`count` must be a whole number from 1 to 100000, found 0", "0")
+        ("`count` must be an integer from 1 to 100000, found 0", "0")
     );
     let (message, caret, _) = refusal(PIPELINE, &["scene.drive.voltage=10000"]);
     assert_eq!(
         (message.as_str(), caret.as_str()),
-        ("`voltage` must be a whole number from 0 to 9000, found 10000", "10000")
+        ("`voltage` must be an integer from 0 to 9000, found 10000", "10000")
     );
     assert_eq!(refusal(PIPELINE, &["stages.small.needs=[total]"]).1, "total");
     // A misspelt key is underlined itself, not its value.

@@ -234,7 +234,7 @@ fn rounds_that_cannot_be_are_refused() {
         ),
         (
             STAGES.replace("rounds: 3", "rounds: 21"),
-            "`rounds` must be a whole number from 1 to 20, found 21",
+            "`rounds` must be an integer from 1 to 20, found 21",
             "",
         ),
         (
@@ -244,7 +244,7 @@ fn rounds_that_cannot_be_are_refused() {
         ),
         (
             STAGES.replace("rounds: 3", "rounds: 2, update: { add: 1001 }"),
-            "`add` must be a whole number from 0 to 1000, found 1001",
+            "`add` must be an integer from 0 to 1000, found 1001",
             "",
         ),
         (

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use crate::designs::{Design, Role, StateField, TargetMotion, role_title};
 use crate::drawing::{Background, direction};
 use crate::format::{change, mm, percents, three, uncertainty};
-use deaflow_base::unbroken;
+use deaflow_base::no_break_units;
 use deaflow_field::OutcomeKind;
 use deaflow_pattern::CELLS;
 
@@ -189,7 +189,7 @@ fn rows(design: &Design) -> Markup {
     ];
     html! {
         @for (name, value, more) in rows.into_iter().flatten() {
-            dt { (name) } dd { (unbroken(&value)) } dd { (unbroken(&more)) }
+            dt { (name) } dd { (no_break_units(&value)) } dd { (no_break_units(&more)) }
         }
     }
 }

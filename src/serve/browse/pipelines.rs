@@ -136,7 +136,7 @@ fn change_error(path: &Path, changes: &[Override], problem: InputError) -> ApiEr
     let mut failing = changes.iter().filter(fails);
     let error = ApiError::from(problem).without_position();
     match (failing.next(), failing.next()) {
-        (Some(change), None) => error.for_parameter(change.said().0),
+        (Some(change), None) => error.for_parameter(change.path_and_text().0),
         _ => error,
     }
 }

@@ -1,17 +1,17 @@
-//! Numbers that stay with their units where a line is broken.
+//! Keeps numbers and their units on one line.
 
-/// A space at which no line is broken.
+/// The no-break space.
 pub const NO_BREAK: char = '\u{a0}';
 
-/// Units that stand after numbers.
+/// The units.
 const UNITS: [&str; 30] = [
     "mm", "µm", "nm", "m", "V", "kV", "MV", "V/m", "MV/m", "%", "ms", "s", "min", "h", "deg", "Hz", "kHz", "Pa", "kPa",
     "MPa", "B", "kB", "MB", "GB", "C", "nC", "µC", "N", "cells", "UTC",
 ];
 
-/// A line with spaces at which no line is broken between numbers and their units.
+/// Puts no-break spaces between numbers and their units.
 #[must_use]
-pub fn unbroken(line: &str) -> String {
+pub fn no_break_units(line: &str) -> String {
     let mut text = String::with_capacity(line.len());
     let mut words = line.split(' ').peekable();
     while let Some(word) = words.next() {
@@ -34,7 +34,7 @@ mod tests {
     #[test]
     fn numbers_stay_with_units_and_errors_and_words_do_not() {
         assert_eq!(
-            unbroken("a gain of 5.4 %, 2.1 mm ± 0.1 in 7 steps"),
+            no_break_units("a gain of 5.4 %, 2.1 mm ± 0.1 in 7 steps"),
             "a gain of 5.4\u{a0}%, 2.1\u{a0}mm ±\u{a0}0.1 in 7 steps"
         );
     }

@@ -1,17 +1,17 @@
-//! Work whose time goes by elsewhere, several pieces at once.
+//! Runs work that waits for files or the network on several threads.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// So many at once.
-const AT_ONCE: usize = 8;
+/// The largest number of threads.
+const MAX_THREADS: usize = 8;
 
-/// Does something with each of many, several at once, until one fails; gives what was found, in no order. On threads of its own: those of
-/// the pool are for work that takes a processor.
+/// Applies `work` to each item on several threads until one fails, and returns the results in no particular order. It
+/// uses threads of its own, since those of the pool are for work that needs a processor.
 ///
 /// # Errors
-/// The first that is met.
-pub fn side_by_side<T: Sync, F: Send, E: Send>(
+/// The first error of `work`.
+pub fn concurrently<T: Sync, F: Send, E: Send>(
     items: &[T],
     work: impl Fn(&T) -> Result<Option<F>, E> + Sync,
 ) -> Result<Vec<F>, E> {
@@ -24,7 +24,7 @@ pub fn side_by_side<T: Sync, F: Send, E: Send>(
                 break;
             };
             let done = work(item);
-            // What is pushed is pushed in one step: a panic elsewhere leaves a list that is right.
+            // The list is valid even if another thread panicked.
             let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
             match (done, &mut *found) {
                 (Ok(Some(one)), Ok(all)) => all.push(one),
@@ -36,9 +36,9 @@ pub fn side_by_side<T: Sync, F: Send, E: Send>(
             }
         }
     };
-    let threads = items.len().min(AT_ONCE);
+    let threads = items.len().min(MAX_THREADS);
     std::thread::scope(|scope| {
-        // Where the system gives no more threads, fewer do.
+        // If the system cannot start more threads, fewer are enough.
         for _ in 1..threads {
             if std::thread::Builder::new().spawn_scoped(scope, one).is_err() {
                 break;
