@@ -21,8 +21,8 @@ use super::upstream::StoreAccess;
 use super::{CliError, Exit, Output, signals, table};
 use deaflow_base::{Document, Progress, printable_json};
 use deaflow_executor::{
-    CommandEngine, Ending, Engine, EngineKind, Failed, LEDGER, Ledger, Profile, Recipe, SlurmEngine, Standings,
-    Submission, supervise, topic,
+    CommandEngine, Ending, Engine, EngineKind, Failed, LEDGER, Ledger, Profile, Recipe, SlurmEngine, Submission,
+    SubmissionStatus, supervise, topic,
 };
 use deaflow_orchestrator::{Pipeline, Readiness, check_locked, stage_progress};
 use deaflow_stage as stage;
@@ -154,7 +154,7 @@ impl ClusterBuild<'_> {
             once: stay == Stay::UntilSubmitted,
             goes_on: stay == Stay::ForOther,
         };
-        let ending = supervise(&submission, &|standings| display.show(standings))?;
+        let ending = supervise(&submission, &|status| display.show(status))?;
         display.end();
         match ending {
             Ending::Done => {
@@ -422,15 +422,15 @@ impl ClusterDisplay {
         }
     }
 
-    fn show(&self, standings: &Standings<'_>) {
+    fn show(&self, status: &SubmissionStatus<'_>) {
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        let stages = standings.stages;
+        let stages = status.stages;
         let done: u64 = stages.iter().map(|stage| stage.done).sum();
         let pieces: u64 = stages.iter().map(|stage| stage.pieces).sum();
         let built = stages.iter().filter(|stage| stage.readiness == Readiness::Built);
         let built: Vec<String> = built.map(|stage| stage.name.clone()).collect();
-        let counts = (done, pieces, standings.workers);
-        let problem = standings
+        let counts = (done, pieces, status.workers);
+        let problem = status
             .trouble
             .filter(|problem| last.problem.as_deref() != Some(*problem));
         if self.mode == ProgressMode::Json && last.counts != counts {
@@ -438,7 +438,7 @@ impl ClusterDisplay {
                 "event": "cluster",
                 "done": done,
                 "pieces": pieces,
-                "workers": standings.workers,
+                "workers": status.workers,
                 "there": built,
             });
             print_plain(&printable_json(&document.to_string()));
@@ -452,7 +452,7 @@ impl ClusterDisplay {
             (None, _) => {}
         }
         if let Some(bar) = &self.bar {
-            if standings.follows && !last.follows {
+            if status.follows && !last.follows {
                 self.print("another process has submitted this pipeline; following it");
             }
             let new = built
@@ -463,10 +463,10 @@ impl ClusterDisplay {
             let running = stages.iter().filter(|stage| stage.readiness == Readiness::Ready);
             let running = running.map(|stage| format!("{} {}/{}", stage.name, stage.done, stage.pieces));
             let running: Vec<String> = running.take(3).collect();
-            bar.note(&format!("{} workers; {}", standings.workers, running.join(", ")));
+            bar.note(&format!("{} workers; {}", status.workers, running.join(", ")));
         }
-        last.problem = standings.trouble.map(str::to_owned);
-        last.follows = standings.follows;
+        last.problem = status.trouble.map(str::to_owned);
+        last.follows = status.follows;
         last.counts = counts;
         last.built = Some(built);
     }

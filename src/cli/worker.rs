@@ -18,7 +18,9 @@ use super::progress::RunProgress;
 use super::upstream::StoreAccess;
 use super::{CliError, Exit, Output, signals, table};
 use deaflow_base::{Background, CpuLevel, Pauses, host_name};
-use deaflow_executor::{Failed, Sign, is_cancelled, report_begun, report_failures, report_left, report_trouble, topic};
+use deaflow_executor::{
+    Failed, Heartbeat, is_cancelled, report_begun, report_failures, report_left, report_trouble, topic,
+};
 use deaflow_orchestrator::{Environment, Outcome, Pipeline, RunOptions, run};
 use deaflow_store::{Board, Store, StoreError};
 
@@ -133,9 +135,9 @@ fn build(
     let store = access.store();
     let submitter = submitted.map(|(submitter, _)| submitter);
     let array = submitter.map(|submitter| submitter.array);
-    let sign = Arc::new(Sign::show(store, &pipeline.name, array).map_err(again)?);
+    let heartbeat = Arc::new(Heartbeat::start(store, &pipeline.name, array).map_err(again)?);
     let board = submitter.map(|submitter| submitter.board.clone());
-    let _watch = watch(&stop, left, store, &sign, board)?;
+    let _watch = watch(&stop, left, store, &heartbeat, board)?;
     let progress = RunProgress::new(arguments.progress.mode(), output.errors());
     let options = RunOptions {
         until: arguments.of.until.as_deref(),
@@ -298,10 +300,10 @@ fn watch(
     stop: &Arc<AtomicBool>,
     left: Option<Duration>,
     store: &Store,
-    sign: &Arc<Sign>,
+    heartbeat: &Arc<Heartbeat>,
     board: Option<Board>,
 ) -> Result<Background, CliError> {
-    let (stop, store, sign) = (stop.clone(), store.clone(), sign.clone());
+    let (stop, store, heartbeat) = (stop.clone(), store.clone(), heartbeat.clone());
     if left.is_some_and(|left| left.is_zero()) {
         stop.store(true, Ordering::Relaxed);
     }
@@ -323,7 +325,7 @@ fn watch(
             }
         }
         if pauses.wait(STOP_TIME) {
-            sign.remove();
+            heartbeat.remove();
             store.leave();
             process::exit(i32::from(Exit::TryAgain.code()));
         }

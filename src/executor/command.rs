@@ -1,20 +1,20 @@
-//! Any engine, by a command of the user's that starts workers: PBS, SGE, LSF, HyperQueue, Kubernetes.
+//! Any engine, by a command of the user that starts workers: PBS, SGE, LSF, HyperQueue, Kubernetes.
 //!
-//! What it started is not asked of it: workers show themselves in the store.
+//! The engine is not queried: the workers are counted by their heartbeats in the store.
 
 use std::collections::BTreeMap;
 
-use super::engine::{Engine, EngineError, Request, all_tried, ask, last_line, quoted};
+use super::engine::{Engine, EngineError, Request, last_line, output_of, quoted, run_all};
 
-/// Workers of one call.
-const MOST: u32 = 100_000;
+/// The largest number of workers per call.
+const MAX_WORKERS: u32 = 100_000;
 
-/// The words that a command may have in braces.
-const PLACES: [&str; 9] = [
+/// The placeholders that a command may have in braces.
+const PLACEHOLDERS: [&str; 9] = [
     "n", "worker", "script", "name", "threads", "memory", "minutes", "gpus", "logs",
 ];
 
-/// An engine that is known by its commands.
+/// An engine that is given by its commands.
 pub struct CommandEngine {
     submit: String,
     cancel: Option<String>,
@@ -22,20 +22,23 @@ pub struct CommandEngine {
 }
 
 impl CommandEngine {
-    /// With the command that submits, and the one that cancels if there is one.
+    /// With the command that submits workers, and the one that cancels them, if any.
     ///
     /// # Errors
-    /// When a word in braces is none that is filled in, or the command does not say where the worker stands.
+    /// If a placeholder is unknown, or the first command does not contain the worker.
     pub fn new(submit: String, cancel: Option<String>, environment: Vec<String>) -> Result<Self, String> {
-        let places = places(&submit);
-        if let Some(unknown) = places.iter().find(|place| !PLACES.contains(place)) {
-            return Err(format!("unknown {{{unknown}}}; allowed: {{{}}}", PLACES.join("}, {")));
+        let names = placeholders(&submit);
+        if let Some(unknown) = names.iter().find(|name| !PLACEHOLDERS.contains(name)) {
+            return Err(format!(
+                "unknown {{{unknown}}}; allowed: {{{}}}",
+                PLACEHOLDERS.join("}, {")
+            ));
         }
-        if !places.contains(&"worker") && !places.contains(&"script") {
-            return Err("nothing says where the worker stands: {worker}, or {script}".to_owned());
+        if !names.contains(&"worker") && !names.contains(&"script") {
+            return Err("contains neither {worker} nor {script}".to_owned());
         }
-        let cancels = cancel.as_deref().map(self::places).unwrap_or_default();
-        if let Some(unknown) = cancels.iter().find(|place| !["id", "name"].contains(place)) {
+        let cancels = cancel.as_deref().map(placeholders).unwrap_or_default();
+        if let Some(unknown) = cancels.iter().find(|name| !["id", "name"].contains(name)) {
             return Err(format!("unknown {{{unknown}}} in `cancel`; allowed: {{id}}, {{name}}"));
         }
         Ok(Self {
@@ -69,8 +72,8 @@ impl Engine for CommandEngine {
             ("gpus", resources.gpus.to_string()),
             ("logs", quoted(&[request.logs.to_owned()])),
         ];
-        let said = shell(&filled(&self.submit, &values))?;
-        Ok(last_line(&said).map(str::to_owned))
+        let output = shell(&filled(&self.submit, &values))?;
+        Ok(last_line(&output).map(str::to_owned))
     }
 
     fn living(&self, _names: &[&str]) -> Result<Option<BTreeMap<String, u32>>, EngineError> {
@@ -78,7 +81,7 @@ impl Engine for CommandEngine {
     }
 
     fn cancel(&self, arrays: &[(&str, Option<&str>)]) -> Result<(), EngineError> {
-        // Workers see in the store that they are cancelled, sooner or later.
+        // Without a command, workers stop when they see the note in the store.
         let Some(cancel) = &self.cancel else {
             return Ok(());
         };
@@ -89,24 +92,24 @@ impl Engine for CommandEngine {
             ];
             filled(cancel, &values)
         });
-        all_tried(commands.map(|command| shell(&command)))
+        run_all(commands.map(|command| shell(&command)))
     }
 
     fn most_workers(&self) -> u32 {
-        MOST
+        MAX_WORKERS
     }
 }
 
 fn shell(command: &str) -> Result<String, EngineError> {
-    let said = ask("sh", &["-c".to_owned(), command.to_owned()], "");
-    said.map_err(|error| EngineError {
+    let output = output_of("sh", &["-c".to_owned(), command.to_owned()], "");
+    output.map_err(|error| EngineError {
         command: command.to_owned(),
         ..error
     })
 }
 
-/// The words that stand in braces. Braces around anything else are the shell's.
-fn places(command: &str) -> Vec<&str> {
+/// Returns the words in braces. Braces around anything else belong to the shell.
+fn placeholders(command: &str) -> Vec<&str> {
     let opened = command
         .split('{')
         .skip(1)
@@ -115,15 +118,15 @@ fn places(command: &str) -> Vec<&str> {
     opened.filter(is_word).collect()
 }
 
-/// The command with values in place of the words; what stands in a value is not looked at again.
+/// Replaces the placeholders by values. Braces in a value are kept.
 fn filled(command: &str, values: &[(&str, String)]) -> String {
     let mut rest = command;
     let mut text = String::new();
     while let Some(at) = rest.find('{') {
         let (before, from) = rest.split_at(at);
         text += before;
-        let found = values.iter().find_map(|(place, value)| {
-            let after = from.strip_prefix('{')?.strip_prefix(place)?.strip_prefix('}')?;
+        let found = values.iter().find_map(|(name, value)| {
+            let after = from.strip_prefix('{')?.strip_prefix(name)?.strip_prefix('}')?;
             Some((value, after))
         });
         (text, rest) = match found {
@@ -140,17 +143,17 @@ mod tests {
     use crate::profile::Resources;
 
     #[test]
-    fn words_in_braces_are_filled_in_once() {
+    fn placeholders_are_replaced_once() {
         let values = [("n", "3".to_owned()), ("worker", "echo {n}".to_owned())];
         assert_eq!(
             filled("run {n} ${HOME} {worker} {", &values),
             "run 3 ${HOME} echo {n} {"
         );
-        assert_eq!(places("a {n} ${HOME} {worker} {a b}"), ["n", "worker"]);
+        assert_eq!(placeholders("a {n} ${HOME} {worker} {a b}"), ["n", "worker"]);
     }
 
     #[test]
-    fn a_command_that_names_no_worker_or_what_is_not_known_is_refused() {
+    fn a_command_without_the_worker_or_with_an_unknown_placeholder_is_refused() {
         let new = |submit: &str, cancel: Option<&str>| {
             CommandEngine::new(submit.to_owned(), cancel.map(str::to_owned), Vec::new()).err()
         };
@@ -161,9 +164,9 @@ mod tests {
     }
 
     #[test]
-    fn it_is_run_by_a_shell_and_its_last_line_is_the_number() {
+    fn the_command_runs_in_a_shell_and_its_last_line_is_the_number() {
         let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("it's said");
+        let file = folder.path().join("it's written");
         let submit = "echo notice; for i in $(seq {n}); do {worker}; done; echo 42".to_owned();
         let engine = CommandEngine::new(submit, None, vec!["export WHO=there".to_owned()]).unwrap();
         let resources = Resources {
@@ -194,7 +197,7 @@ mod tests {
         assert_eq!(
             std::fs::read_to_string(&file).unwrap(),
             "there\nthere\n\n",
-            "$WHO is nobody here"
+            "$WHO is not set here"
         );
     }
 }

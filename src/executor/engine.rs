@@ -1,98 +1,93 @@
-//! What starts workers on other machines, as the rest sees it.
+//! The interface of an engine, which starts workers on other machines.
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{Read, Seek, Write};
-use std::process::{Command, Stdio};
+use std::io::{self, Read, Seek, Write};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use super::profile::Resources;
 
-/// A command of an engine that answers later than that does not answer.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// Time limit of a command of an engine.
+const TIME_LIMIT: Duration = Duration::from_secs(60);
 
-/// Between two looks at whether a command has ended.
+/// Time between two checks whether a command has ended.
 const PAUSE: Duration = Duration::from_millis(10);
 
-/// More of an answer is not read, bytes.
-const LONGEST: u64 = 64 << 20;
+/// Largest output of a command that is read, bytes.
+const MAX_OUTPUT: u64 = 64 << 20;
 
-/// Why an engine did not do what was asked. It says nothing of the workers.
+/// Why a command of an engine failed. The state of the workers is then unknown.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{command}`: {reason}")]
 pub struct EngineError {
     /// The command.
     pub command: String,
-    /// What it said.
+    /// The reason.
     pub reason: String,
 }
 
 /// An array of workers to be started.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
-    /// Its name, which no other array has.
+    /// Its unique name.
     pub name: &'a str,
-    /// How many.
+    /// Number of workers.
     pub workers: u32,
-    /// What each is given.
+    /// Resources of each worker.
     pub resources: &'a Resources,
     /// The command line of a worker.
     pub worker: &'a [String],
-    /// Where workers write what they say.
+    /// The folder of their logs.
     pub logs: &'a str,
 }
 
 /// An engine.
 pub trait Engine: Sync {
-    /// Starts an array of workers; gives the number of it, where the engine tells it.
+    /// Starts an array of workers; returns its number, if the engine reports it.
     ///
     /// # Errors
-    /// When the engine refuses or does not answer. It may have started them nevertheless.
+    /// If the engine refuses or does not answer. It may have started them anyway.
     fn submit(&self, request: &Request<'_>) -> Result<Option<String>, EngineError>;
 
-    /// How many workers of each array wait or work, by the names of arrays; of an array that is not told none do. None where the engine
-    /// cannot be asked.
+    /// Returns the number of queued or running workers by the name of the array; a missing array has none. `None` if
+    /// the engine cannot be queried.
     ///
     /// # Errors
-    /// When the engine does not answer: nothing is known then.
+    /// If the engine does not answer; the numbers are then unknown.
     fn living(&self, names: &[&str]) -> Result<Option<BTreeMap<String, u32>>, EngineError>;
 
-    /// Ends arrays, given by name and number.
+    /// Cancels arrays, given by name and number.
     ///
     /// # Errors
-    /// When the engine refuses or does not answer.
+    /// If the engine refuses or does not answer.
     fn cancel(&self, arrays: &[(&str, Option<&str>)]) -> Result<(), EngineError>;
 
-    /// The longest array.
+    /// Returns the largest number of workers in an array.
     fn most_workers(&self) -> u32;
 }
 
-/// Runs a command with an input and gives its stdout.
+/// Runs a command with an input and returns its stdout.
 ///
 /// # Errors
-/// When it cannot be run, fails or does not end.
-pub fn ask(program: &str, arguments: &[String], input: &str) -> Result<String, EngineError> {
+/// If it cannot be run, fails or exceeds the time limit.
+pub fn output_of(program: &str, arguments: &[String], input: &str) -> Result<String, EngineError> {
     let failed = |reason: String| EngineError {
         command: program.to_owned(),
         reason,
     };
-    // Files, not pipes: nobody has to read while it runs, and what it starts may hold them open.
-    let file = |text: &str| {
-        let mut file = tempfile::tempfile()?;
-        file.write_all(text.as_bytes())?;
-        file.rewind()?;
-        Ok::<File, std::io::Error>(file)
-    };
-    let refused = |error: std::io::Error| failed(error.to_string());
-    let (input, output, complaint) = (
-        file(input).map_err(refused)?,
-        file("").map_err(refused)?,
-        file("").map_err(refused)?,
-    );
+    let result = run(program, arguments, input);
+    result.map_err(|error| failed(error.to_string()))?.map_err(failed)
+}
+
+/// Runs a command; the inner error is the message of a command that fails.
+fn run(program: &str, arguments: &[String], input: &str) -> io::Result<Result<String, String>> {
+    // Files instead of pipes: they need no reader while it runs, and its children may keep them open.
+    let (input, output, errors) = (file_with(input)?, file_with("")?, file_with("")?);
     let mut command = Command::new(program);
     for (name, _) in std::env::vars_os() {
-        // Settings that hide jobs would have them taken for ended.
+        // Settings that hide jobs would make them look ended.
         let name = name.to_string_lossy();
         if name.starts_with("SQUEUE_") || name.starts_with("SCANCEL_") || name == "SLURM_CLUSTERS" {
             command.env_remove(&*name);
@@ -101,49 +96,58 @@ pub fn ask(program: &str, arguments: &[String], input: &str) -> Result<String, E
     let mut child = command
         .args(arguments)
         .stdin(Stdio::from(input))
-        .stdout(output.try_clone().map_err(refused)?)
-        .stderr(complaint.try_clone().map_err(refused)?)
-        .spawn()
-        .map_err(refused)?;
+        .stdout(output.try_clone()?)
+        .stderr(errors.try_clone()?)
+        .spawn()?;
+    let Some(status) = wait(&mut child)? else {
+        return Ok(Err(format!("no response within {} s", TIME_LIMIT.as_secs())));
+    };
+    let output = text_of(output)?;
+    if status.success() {
+        return Ok(Ok(output));
+    }
+    let errors = text_of(errors)?;
+    let mut lines = errors.lines().chain(output.lines()).map(str::trim);
+    let first = lines.find(|line| !line.is_empty()).unwrap_or("no error message");
+    Ok(Err(format!("{first} ({status})")))
+}
+
+/// Waits until a command ends. Ends it at the time limit and returns `None`.
+fn wait(child: &mut Child) -> io::Result<Option<ExitStatus>> {
     let start = Instant::now();
-    let status = loop {
-        match child.try_wait().map_err(refused)? {
-            Some(status) => break status,
-            None if start.elapsed() < PATIENCE => sleep(PAUSE),
+    loop {
+        match child.try_wait()? {
+            Some(status) => return Ok(Some(status)),
+            None if start.elapsed() < TIME_LIMIT => sleep(PAUSE),
             None => {
-                // It may have ended meanwhile.
+                // It may have ended in the meantime.
                 let _ = child.kill();
                 let _ = child.wait();
-                return Err(failed(format!("no response within {} s", PATIENCE.as_secs())));
+                return Ok(None);
             }
-        }
-    };
-    let text = |mut file: File| {
-        let mut bytes = Vec::new();
-        file.rewind()?;
-        file.take(LONGEST).read_to_end(&mut bytes)?;
-        Ok::<String, std::io::Error>(String::from_utf8_lossy(&bytes).into_owned())
-    };
-    let said = text(output).map_err(refused)?;
-    match status.success() {
-        true => Ok(said),
-        false => {
-            let complaint = text(complaint).map_err(refused)?;
-            let lines = complaint.lines().chain(said.lines());
-            let last = lines
-                .map(str::trim)
-                .find(|line| !line.is_empty())
-                .unwrap_or("no reason was given");
-            Err(failed(format!("{last} ({status})")))
         }
     }
 }
 
-/// Runs all commands, whatever becomes of one.
+fn file_with(text: &str) -> io::Result<File> {
+    let mut file = tempfile::tempfile()?;
+    file.write_all(text.as_bytes())?;
+    file.rewind()?;
+    Ok(file)
+}
+
+fn text_of(mut file: File) -> io::Result<String> {
+    let mut bytes = Vec::new();
+    file.rewind()?;
+    file.take(MAX_OUTPUT).read_to_end(&mut bytes)?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// Runs all commands, even if one fails.
 ///
 /// # Errors
-/// The first of those that failed.
-pub fn all_tried(tried: impl Iterator<Item = Result<String, EngineError>>) -> Result<(), EngineError> {
+/// The first error.
+pub fn run_all(tried: impl Iterator<Item = Result<String, EngineError>>) -> Result<(), EngineError> {
     let tried: Vec<Result<String, EngineError>> = tried.collect();
     tried
         .into_iter()
@@ -151,14 +155,14 @@ pub fn all_tried(tried: impl Iterator<Item = Result<String, EngineError>>) -> Re
         .map_or(Ok(()), |failed| failed.map(drop))
 }
 
-/// The last line that says something.
-pub fn last_line(said: &str) -> Option<&str> {
-    said.lines().map(str::trim).rfind(|line| !line.is_empty())
+/// Returns the last line that is not empty.
+pub fn last_line(output: &str) -> Option<&str> {
+    output.lines().map(str::trim).rfind(|line| !line.is_empty())
 }
 
-/// A command line as a shell reads it.
+/// Quotes a command line for a shell.
 pub fn quoted(words: &[String]) -> String {
-    // No word holds a NUL: the system passes none.
+    // No word contains NUL, so quoting cannot fail.
     let words = words.iter().map(|word| shlex::try_quote(word).unwrap_or_default());
     words.collect::<Vec<_>>().join(" ")
 }
@@ -172,25 +176,28 @@ mod tests {
     }
 
     #[test]
-    fn a_command_is_fed_and_heard() {
-        assert_eq!(ask("cat", &[], "said").unwrap(), "said");
-        let refused = ask("sh", &words(&["-c", "echo no >&2; exit 3"]), "").unwrap_err();
+    fn a_command_gets_its_input_and_returns_its_output() {
+        assert_eq!(output_of("cat", &[], "input").unwrap(), "input");
+        let refused = output_of("sh", &words(&["-c", "echo no >&2; exit 3"]), "").unwrap_err();
         assert_eq!(
             (refused.command.as_str(), refused.reason.as_str()),
             ("sh", "no (exit status: 3)")
         );
-        assert!(ask("/no/such/program", &[], "").is_err());
-        // What it leaves running does not hold it up.
+        assert!(output_of("/no/such/program", &[], "").is_err());
+        // A child that keeps running does not delay it.
         let start = Instant::now();
-        assert_eq!(ask("sh", &words(&["-c", "sleep 30 & echo 7"]), "").unwrap(), "7\n");
+        assert_eq!(
+            output_of("sh", &words(&["-c", "sleep 30 & echo 7"]), "").unwrap(),
+            "7\n"
+        );
         assert!(start.elapsed() < Duration::from_secs(20));
     }
 
     #[test]
-    fn a_shell_reads_what_was_meant() {
+    fn a_shell_reads_quoted_words_unchanged() {
         let meant = words(&["a b", "it's", "$HOME", "plain", ""]);
         let script = format!("for word in {}; do echo \"[$word]\"; done", quoted(&meant));
-        let said = ask("sh", &words(&["-c", &script]), "").unwrap();
-        assert_eq!(said, "[a b]\n[it's]\n[$HOME]\n[plain]\n[]\n");
+        let output = output_of("sh", &words(&["-c", &script]), "").unwrap();
+        assert_eq!(output, "[a b]\n[it's]\n[$HOME]\n[plain]\n[]\n");
     }
 }

@@ -1,4 +1,4 @@
-//! What has been submitted for a pipeline: a note in the store, so that whoever comes later goes on with it.
+//! The ledger: a note in the store on what has been submitted for a pipeline, so that another submitter can continue.
 
 use std::time::SystemTime;
 
@@ -6,71 +6,75 @@ use serde::{Deserialize, Serialize};
 
 use deaflow_base::{Digest, host_name};
 
-/// Arrays that have ended are remembered that long, for people.
-const REMEMBERED: usize = 100;
+/// The number of ended arrays that are kept.
+const KEPT: usize = 100;
 
 /// The name of the note.
 pub const LEDGER: &str = "ledger";
 
-/// What has been submitted for a pipeline.
+/// The submitted arrays of a pipeline.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ledger {
-    /// How to go on with it.
+    /// The options of the submitter.
     pub recipe: Recipe,
-    /// What tells its arrays from those of other stores.
+    /// Part of the names of its arrays that distinguishes them from those of other stores.
     pub mark: String,
-    /// Arrays that were ever begun.
+    /// Number of arrays submitted so far.
     pub begun: u32,
-    /// The last of them.
+    /// The latest arrays.
     pub arrays: Vec<Array>,
 }
 
-/// What a submitter was asked to do.
+/// The options of a submitter.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Recipe {
     /// `slurm` or `command`.
     pub engine: String,
-    /// The file of the profile and what stands in it, if there is one.
+    /// Path and content of the profile, if there is one.
     pub profile: Option<(String, String)>,
-    /// What submits workers, where the profile does not say it.
+    /// The command that submits workers, if not in the profile.
     pub submit: Option<String>,
-    /// The last stage.
+    /// The stage up to which to build.
     pub until: Option<String>,
-    /// Whether to build all that can be built although something failed.
+    /// Whether to build the other stages if one fails.
     pub keep_going: bool,
 }
 
 /// One array of workers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Array {
-    /// Its name, which no other has.
+    /// Its unique name.
     pub name: String,
     /// The stages that it builds.
     pub stages: Vec<String>,
-    /// How many workers it was begun with.
+    /// Number of workers it was submitted with.
     pub workers: u32,
-    /// How many of them wait or work, as far as is known.
+    /// Number of queued or running workers, as far as is known.
     pub living: u32,
-    /// Its number, where the engine told it.
+    /// Its number, if the engine reports it.
     pub number: Option<String>,
-    /// When it was submitted, in UTC by its submitter's clock.
+    /// Time of submission in UTC, by the submitter's clock.
     pub since: String,
-    /// Pieces of its stages that were there before it.
+    /// Number of finished pieces of its stages at submission.
     pub before: u64,
-    /// When the last checkpoint of the store before it was written, s since 1970.
+    /// Time of the last checkpoint in the store at submission, s since 1970.
     pub checkpoint: u64,
-    /// Whether the engine has not said that it took it.
+    /// Whether the engine did not confirm it.
     pub refused: bool,
 }
 
 impl Ledger {
-    /// The arrays of which workers may wait or work.
+    /// Returns the arrays that may have queued or running workers.
     pub fn living(&self) -> impl Iterator<Item = &Array> {
         self.arrays.iter().filter(|array| array.living > 0)
     }
 
-    /// A new array; of those that have ended the oldest are forgotten.
-    /// `before` and `checkpoint` as in [`Array`].
+    /// Notes that no array has workers any more.
+    pub fn end_all(&mut self) {
+        self.arrays.iter_mut().for_each(|array| array.living = 0);
+    }
+
+    /// Adds an array and drops the oldest of those that have ended. `before` and `checkpoint` as in [`Array`].
     pub fn begin(&mut self, topic: &str, stages: Vec<String>, workers: u32, (before, checkpoint): (u64, u64)) -> Array {
         let now = SystemTime::now();
         if self.mark.is_empty() {
@@ -80,11 +84,11 @@ impl Ledger {
         }
         self.begun += 1;
         let ended = self.arrays.iter().filter(|array| array.living == 0).count();
-        let mut surplus = ended.saturating_sub(REMEMBERED);
+        let mut surplus = ended.saturating_sub(KEPT);
         self.arrays.retain(|array| {
-            let goes = array.living == 0 && surplus > 0;
-            surplus -= usize::from(goes);
-            !goes
+            let is_dropped = array.living == 0 && surplus > 0;
+            surplus -= usize::from(is_dropped);
+            !is_dropped
         });
         let array = Array {
             name: format!("deaflow-{topic}-{}-{}", self.mark, self.begun),
@@ -107,17 +111,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_given_once_and_what_lives_is_kept() {
+    fn names_are_unique_and_living_arrays_are_kept() {
         let mut ledger = Ledger::default();
         let mut names = std::collections::BTreeSet::new();
         let first = ledger.begin("topic", vec!["solved".to_owned()], 2, (0, 0));
-        for _ in 0..2 * REMEMBERED {
+        for _ in 0..2 * KEPT {
             let array = ledger.begin("topic", Vec::new(), 1, (0, 0));
             assert!(names.insert(array.name));
             ledger.arrays.last_mut().unwrap().living = 0;
         }
         assert_eq!(ledger.living().collect::<Vec<_>>(), [&first]);
-        assert!(ledger.arrays.len() <= REMEMBERED + 2);
+        assert!(ledger.arrays.len() <= KEPT + 2);
         let mut elsewhere = Ledger::default();
         let other = elsewhere.begin("topic", Vec::new(), 1, (0, 0));
         assert_ne!(other.name, first.name, "that of another store");

@@ -1,23 +1,25 @@
-//! Where work runs beside this process: workers on other machines, started by an engine that exists (Slurm, or any by a command).
+//! Runs stages on other machines: workers that an engine starts, which is Slurm or any other by a command.
 //!
-//! A worker is `deaflow worker`; which stages it builds and what it gets for that a [`Profile`] says. [`supervise()`] keeps as many as there
-//! is work. Engines start, count and end workers; what has been built the store alone says.
+//! A worker is `deaflow worker`. A [`Profile`] says which resources the workers of each stage get. [`supervise()`]
+//! keeps as many workers running as there is work. Engines start, count and end workers; only the store says what is
+//! built.
 
 mod command;
 mod engine;
 mod ledger;
+mod notes;
 mod profile;
 mod slurm;
+mod submission;
 mod supervise;
 mod workers;
 
 pub use command::CommandEngine;
 pub use engine::{Engine, EngineError, Request};
 pub use ledger::{Array, LEDGER, Ledger, Recipe};
+pub use notes::{Failed, cancel, is_cancelled, report_begun, report_failures, report_left, report_trouble, topic};
 pub use profile::{EngineKind, Profile, Resources, SlurmOptions};
 pub use slurm::SlurmEngine;
-pub use supervise::{
-    Ending, Failed, Standings, Submission, SubmitError, cancel, is_cancelled, report_begun, report_failures,
-    report_left, report_trouble, supervise, topic,
-};
-pub use workers::{SILENT, Seen, Sign, Worker, workers};
+pub use submission::{Ending, Submission, SubmissionStatus, SubmitError};
+pub use supervise::supervise;
+pub use workers::{Heartbeat, SILENT, Seen, Worker, workers};

@@ -1,4 +1,5 @@
-//! What a cluster gives to each stage: `cluster.yaml`. It stands in no action key: results do not depend on where they are built.
+//! The profile of a cluster, `cluster.yaml`: the resources of each stage. It is not part of action keys, because
+//! results do not depend on it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -7,37 +8,37 @@ use std::time::Duration;
 use deaflow_base::{CpuLevel, Document, InputError, Map, Node};
 use deaflow_orchestrator::{Pipeline, StageSpec};
 
-/// Which engine starts workers.
+/// The engine that starts workers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EngineKind {
     /// `sbatch`, `squeue`, `scancel`.
     Slurm,
-    /// A command of the user's.
+    /// A command of the user.
     Command,
 }
 
-/// What workers on a stage are given.
+/// The resources of the workers of a stage.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Resources {
-    /// How many work at once.
+    /// Largest number of workers at a time.
     pub workers: u32,
-    /// Threads of each.
+    /// Threads of each worker.
     pub threads: u32,
-    /// Memory of each, MiB; what the engine gives without.
+    /// Memory of each worker, MiB; by default that of the engine.
     pub memory: Option<u64>,
-    /// How long one may take; what the engine gives without.
+    /// Time limit of a worker; by default that of the engine.
     pub time: Option<Duration>,
-    /// Where they are queued.
+    /// The partition in which they are queued.
     pub partition: Option<String>,
-    /// GPUs of each.
+    /// GPUs of each worker.
     pub gpus: u32,
-    /// Whether the engine starts one again whose node is lost.
+    /// Whether the engine restarts a worker whose node has failed.
     pub requeue: bool,
-    /// How often in a row workers are started that bring nothing about.
+    /// How often in succession workers that built nothing are restarted.
     pub retries: u32,
 }
 
-/// What a table of resources says; of what it does not say the next one does.
+/// A table of resources; missing values come from the next table.
 #[derive(Clone, Debug, Default)]
 struct Table {
     workers: Option<u32>,
@@ -50,7 +51,7 @@ struct Table {
     retries: Option<u32>,
 }
 
-/// What only Slurm is told.
+/// Options for Slurm.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SlurmOptions {
     /// `--account`.
@@ -59,20 +60,20 @@ pub struct SlurmOptions {
     pub extra: Vec<String>,
 }
 
-/// A profile.
+/// The profile of a cluster.
 #[derive(Clone, Debug)]
 pub struct Profile {
-    /// The engine, where the profile says it.
+    /// The engine, if given.
     pub engine: Option<EngineKind>,
-    /// What the processor of each worker must be able to do.
+    /// The instruction set that all workers must support.
     pub cpu: CpuLevel,
-    /// What only Slurm is told.
+    /// Options for Slurm.
     pub slurm: SlurmOptions,
-    /// What submits workers to another engine.
+    /// The command that submits workers to another engine.
     pub submit: Option<String>,
-    /// What cancels them there.
+    /// The command that cancels them.
     pub cancel: Option<String>,
-    /// Lines of shell before each worker.
+    /// Shell commands before each worker.
     pub environment: Vec<String>,
     defaults: Table,
     kinds: BTreeMap<String, Table>,
@@ -112,14 +113,14 @@ const UNITS: [(&str, f64); 6] = [
     ("TiB", 1_048_576.0),
 ];
 
-/// No worker gets more, MiB.
-const MOST_MEMORY: f64 = 1_073_741_824.0;
+/// The largest memory of a worker, MiB.
+const MAX_MEMORY: f64 = 1_073_741_824.0;
 
-/// No worker gets more time.
-const LONGEST: Duration = Duration::from_secs(366 * 24 * 3600);
+/// The largest time limit of a worker.
+const MAX_TIME: Duration = Duration::from_secs(366 * 24 * 3600);
 
 impl Resources {
-    /// How long one may take, in whole minutes, as engines count.
+    /// Returns the time limit in minutes, rounded up.
     #[must_use]
     pub fn minutes(&self) -> Option<u64> {
         self.time.map(|time| time.as_secs().div_ceil(60))
@@ -143,10 +144,10 @@ impl Default for Profile {
 }
 
 impl Profile {
-    /// Reads a profile for a pipeline, from the text of its file. `kinds` are those that there are.
+    /// Reads a profile for a pipeline from the text of its file. `kinds` are the known kinds of stages.
     ///
     /// # Errors
-    /// When anything in it cannot be accepted, or it names a kind or a stage that is none.
+    /// If a key or value is invalid, or a kind or stage is unknown.
     pub fn read(path: &Path, text: &str, pipeline: &Pipeline, kinds: &[&str]) -> Result<Self, InputError> {
         const WHAT: &str = "the profile";
         let document = Document::from_text(path, text)?;
@@ -185,7 +186,8 @@ impl Profile {
         })
     }
 
-    /// What workers on a stage of a pipeline are given: as the stage says, or else its sweep, its kind, the defaults.
+    /// Returns the resources of a stage: each value is that of the stage, or else of its sweep, its kind or the
+    /// defaults.
     #[must_use]
     pub fn resources(&self, pipeline: &Pipeline, stage: &StageSpec) -> Resources {
         let sweep = pipeline.sweeps.iter().find(|sweep| sweep.stages.contains(&stage.name));
@@ -239,7 +241,7 @@ fn texts_of(map: &Map<'_>, key: &str) -> Result<Vec<String>, InputError> {
     node.list(key)?.iter().map(|node| line(node, key)).collect()
 }
 
-/// What stands in one line of a script or among arguments.
+/// Reads a text of one line.
 fn line(node: &Node, key: &str) -> Result<String, InputError> {
     let text = node.text(key)?;
     match text.trim().is_empty() || text.contains(['\n', '\r', '\0']) {
@@ -290,9 +292,9 @@ fn memory(node: &Node) -> Result<u64, InputError> {
     let factor = UNITS.iter().find(|(name, _)| *name == unit).map(|(_, factor)| factor);
     let size = number.zip(factor).map(|(number, factor)| (number * factor).ceil());
     match size {
-        // Within the bounds, so that nothing is lost.
+        // Exact within the bounds.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        Some(size) if (1.0..=MOST_MEMORY).contains(&size) => Ok(size as u64),
+        Some(size) if (1.0..=MAX_MEMORY).contains(&size) => Ok(size as u64),
         _ => Err(node
             .error(format!("`memory` must be a size such as 8 GB, found {}", node.found()))
             .help("allowed: a number with MB, GB, TB, MiB, GiB or TiB, 1 MiB to 1024 TiB")),
@@ -301,7 +303,7 @@ fn memory(node: &Node) -> Result<u64, InputError> {
 
 fn time(node: &Node) -> Result<Duration, InputError> {
     match humantime::parse_duration(node.text("time")?) {
-        Ok(time) if (Duration::from_secs(60)..=LONGEST).contains(&time) => Ok(time),
+        Ok(time) if (Duration::from_secs(60)..=MAX_TIME).contains(&time) => Ok(time),
         _ => Err(node
             .error(format!("`time` must be a time such as 2 h, found {}", node.found()))
             .help("allowed: 1min to 366days, as in 90min, 2h 30min")),

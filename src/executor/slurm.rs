@@ -1,35 +1,37 @@
-//! Slurm, by the commands `sbatch`, `squeue` and `scancel` alone: arrays of workers, since Slurm takes about a second for a task.
+//! Slurm, by the commands `sbatch`, `squeue` and `scancel`. Workers are submitted as arrays, because Slurm takes about
+//! a second per job.
 //!
-//! Arrays are known by their names. A submitter that is killed before it has written down a number finds the array again.
+//! Arrays are identified by name, so that the successor of a killed submitter finds an array whose number was not
+//! saved.
 
 use std::collections::BTreeMap;
 
-use super::engine::{Engine, EngineError, Request, all_tried, ask, last_line, quoted};
+use super::engine::{Engine, EngineError, Request, last_line, output_of, quoted, run_all};
 use super::profile::SlurmOptions;
 
-/// Tasks of an array where the cluster does not say it: what Slurm has unless told otherwise.
-const USUAL: u32 = 1001;
+/// The largest array if the cluster does not report it: Slurm's default.
+const DEFAULT_ARRAY_SIZE: u32 = 1001;
 
-/// States of tasks that neither wait nor work, in short: cancelled, completed, timed out and so on.
+/// Short names of the states of ended tasks: cancelled, completed, timed out and so on.
 const ENDED: [&str; 9] = ["BF", "CA", "CD", "DL", "F", "NF", "OOM", "PR", "TO"];
 
-/// A cluster.
+/// A Slurm cluster.
 pub struct SlurmEngine {
     options: SlurmOptions,
-    /// Lines of shell before each worker.
+    /// Shell commands before each worker.
     environment: Vec<String>,
     most: u32,
 }
 
 impl SlurmEngine {
-    /// Looks at the cluster.
+    /// Finds the cluster and reads its largest array size.
     ///
     /// # Errors
-    /// When there is none here.
+    /// If the commands of Slurm are missing.
     pub fn find(options: SlurmOptions, environment: Vec<String>) -> Result<Self, EngineError> {
-        ask("squeue", &["--version".to_owned()], "")?;
-        // Only asked for the length of arrays; where it is not told the usual one is kept.
-        let configuration = ask("scontrol", &["show".to_owned(), "config".to_owned()], "").unwrap_or_default();
+        output_of("squeue", &["--version".to_owned()], "")?;
+        // Only the array size is needed; on an error the default is used.
+        let configuration = output_of("scontrol", &["show".to_owned(), "config".to_owned()], "").unwrap_or_default();
         Ok(Self {
             options,
             environment,
@@ -40,13 +42,13 @@ impl SlurmEngine {
 
 impl Engine for SlurmEngine {
     fn submit(&self, request: &Request<'_>) -> Result<Option<String>, EngineError> {
-        let said = ask(
+        let output = output_of(
             "sbatch",
             &arguments(&self.options, request),
             &script(&self.environment, request),
         )?;
-        // `NUMBER` or `NUMBER;CLUSTER`, after what the site has to say.
-        let last = last_line(&said).unwrap_or_default();
+        // `NUMBER` or `NUMBER;CLUSTER`, after messages of the site.
+        let last = last_line(&output).unwrap_or_default();
         let number = last.split(';').next().unwrap_or_default();
         match !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()) {
             true => Ok(Some(number.to_owned())),
@@ -57,14 +59,14 @@ impl Engine for SlurmEngine {
     fn living(&self, names: &[&str]) -> Result<Option<BTreeMap<String, u32>>, EngineError> {
         let arguments = ["--me", "--noheader", "--array", "--format=%t %j"].map(str::to_owned);
         let names = format!("--name={}", names.join(","));
-        let said = ask("squeue", &[&arguments[..], &[names]].concat(), "")?;
-        Ok(Some(counted(&said)))
+        let output = output_of("squeue", &[&arguments[..], &[names]].concat(), "")?;
+        Ok(Some(counted(&output)))
     }
 
     fn cancel(&self, arrays: &[(&str, Option<&str>)]) -> Result<(), EngineError> {
         // `--name` takes one name.
-        let cancel = |name: &str| ask("scancel", &["--me".to_owned(), format!("--name={name}")], "");
-        all_tried(arrays.iter().map(|(name, _)| cancel(name)))
+        let cancel = |name: &str| output_of("scancel", &["--me".to_owned(), format!("--name={name}")], "");
+        run_all(arrays.iter().map(|(name, _)| cancel(name)))
     }
 
     fn most_workers(&self) -> u32 {
@@ -72,17 +74,18 @@ impl Engine for SlurmEngine {
     }
 }
 
-/// `MaxArraySize = 1001`: the largest number of a task is one less, so that many tasks can be counted from 0.
+/// Parses `MaxArraySize = 1001`: the largest index of a task is one less, and indices start at 0.
 fn most_workers(configuration: &str) -> u32 {
     let lines = configuration.lines().filter_map(|line| line.split_once('='));
     let mut sizes = lines.filter(|(key, _)| key.trim() == "MaxArraySize");
     let size = sizes.next().and_then(|(_, value)| value.trim().parse().ok());
-    size.unwrap_or(USUAL).max(1)
+    size.unwrap_or(DEFAULT_ARRAY_SIZE).max(1)
 }
 
-fn counted(said: &str) -> BTreeMap<String, u32> {
+/// Counts the queued or running tasks by the name of the array.
+fn counted(output: &str) -> BTreeMap<String, u32> {
     let mut counts = BTreeMap::new();
-    let tasks = said.lines().filter_map(|line| line.trim().split_once(' '));
+    let tasks = output.lines().filter_map(|line| line.trim().split_once(' '));
     for (_, name) in tasks.filter(|(state, _)| !ENDED.contains(state)) {
         *counts.entry(name.trim().to_owned()).or_default() += 1;
     }
@@ -97,7 +100,7 @@ fn arguments(options: &SlurmOptions, request: &Request<'_>) -> Vec<String> {
         logs,
         ..
     } = request;
-    // What the profile adds comes first: of two of a kind the last counts.
+    // Options of the profile come first: of repeated options the last counts.
     let mut arguments = options.extra.clone();
     arguments.extend([
         "--parsable".to_owned(),
@@ -123,7 +126,7 @@ fn arguments(options: &SlurmOptions, request: &Request<'_>) -> Vec<String> {
 }
 
 fn script(environment: &[String], request: &Request<'_>) -> String {
-    // `exec`: signals reach the worker and not a shell around it.
+    // With `exec` signals reach the worker instead of the shell.
     let lines = environment.iter().map(String::as_str);
     let worker = format!("exec {}", quoted(request.worker));
     let lines: Vec<&str> = ["#!/bin/bash"]
@@ -142,22 +145,22 @@ mod tests {
     use crate::profile::Resources;
 
     #[test]
-    fn tasks_that_wait_or_work_are_counted_by_name() {
-        let said = "PD one\nR one\nCG two\nCD two\nTO three\n\nbroken\n";
-        let counts = counted(said);
+    fn queued_and_running_tasks_are_counted_by_name() {
+        let output = "PD one\nR one\nCG two\nCD two\nTO three\n\nbroken\n";
+        let counts = counted(output);
         assert_eq!(counts, [("one".to_owned(), 2), ("two".to_owned(), 1)].into());
         assert_eq!(counted(""), BTreeMap::new());
     }
 
     #[test]
-    fn the_length_of_arrays_is_the_clusters() {
+    fn the_largest_array_is_that_of_the_cluster() {
         assert_eq!(most_workers("MaxArraySize            = 5\nMaxJobCount = 10"), 5);
-        assert_eq!(most_workers("nothing"), USUAL);
+        assert_eq!(most_workers("nothing"), DEFAULT_ARRAY_SIZE);
         assert_eq!(most_workers("MaxArraySize = 0"), 1);
     }
 
     #[test]
-    fn a_request_says_all_that_the_profile_does() {
+    fn a_request_passes_all_options_of_the_profile() {
         let resources = Resources {
             workers: 8,
             threads: 4,
@@ -182,8 +185,8 @@ mod tests {
         };
         assert_eq!(
             arguments(&options, &request).join(" "),
-            "--qos=low --parsable --job-name=deaflow-1 --array=0-7 --output=/logs/100%%/deaflow-1-%a.log --open-mode=append \
-             --cpus-per-task=4 --requeue --mem=7630M --time=2 --partition=main --gpus=1 --account=lab"
+            "--qos=low --parsable --job-name=deaflow-1 --array=0-7 --output=/logs/100%%/deaflow-1-%a.log \
+             --open-mode=append --cpus-per-task=4 --requeue --mem=7630M --time=2 --partition=main --gpus=1 --account=lab"
         );
         assert_eq!(
             script(&["module load hdf5".to_owned()], &request),

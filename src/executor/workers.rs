@@ -1,4 +1,4 @@
-//! Workers as they show themselves to others in a store: one note each, written again every few seconds.
+//! The heartbeats of workers: a note of each in the store, rewritten every few seconds.
 
 use std::time::{Duration, SystemTime};
 
@@ -7,64 +7,64 @@ use serde::{Deserialize, Serialize};
 use deaflow_base::{Background, Pauses};
 use deaflow_store::{Board, Owner, Store, StoreError};
 
-/// The topic.
+/// The topic of the notes.
 const TOPIC: &str = "workers";
 
-/// Between two signs of life.
-const BEAT: Duration = Duration::from_secs(15);
+/// Time between two heartbeats.
+const INTERVAL: Duration = Duration::from_secs(15);
 
-/// A worker that is silent for so long is not counted any more.
+/// A worker without a heartbeat for this time is not counted.
 pub const SILENT: Duration = Duration::from_secs(90);
 
-/// So many notes a worker looks at when it begins.
-const MANY: usize = 20;
+/// The number of notes that a worker checks for removal when it starts.
+const MAX_CHECKED: usize = 20;
 
-/// What is silent for so long is forgotten.
-const FORGOTTEN: Duration = Duration::from_secs(24 * 3600);
+/// A note is removed after this time.
+const EXPIRY: Duration = Duration::from_secs(24 * 3600);
 
-/// What a worker says of itself.
+/// The content of a heartbeat.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Worker {
     /// Its process.
     pub owner: Owner,
-    /// What it builds: the name of a pipeline.
+    /// The name of the pipeline that it builds.
     pub pipeline: String,
-    /// The array that it was started in, if it was started in one.
+    /// The array that it belongs to, if any.
     pub array: Option<String>,
-    /// How often it has shown itself.
+    /// Number of heartbeats so far.
     pub beats: u64,
 }
 
-/// A worker as another sees it.
+/// A worker with the age of its heartbeat.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Seen {
-    /// What it says of itself.
+    /// The worker.
     pub worker: Worker,
-    /// How long ago it said so.
+    /// Time since its last heartbeat.
     pub silent: Duration,
 }
 
-/// The note of this process, as long as this is held.
-pub struct Sign {
+/// The heartbeat of this process; it ends when this is dropped.
+pub struct Heartbeat {
     board: Board,
     name: String,
     beats: Option<Background>,
 }
 
-impl Sign {
-    /// Shows this process, a worker on a pipeline.
+impl Heartbeat {
+    /// Starts the heartbeat of this process, a worker on a pipeline.
     ///
     /// # Errors
-    /// When the system refuses.
-    pub fn show(store: &Store, pipeline: &str, array: Option<&str>) -> Result<Self, StoreError> {
+    /// If the note cannot be written.
+    pub fn start(store: &Store, pipeline: &str, array: Option<&str>) -> Result<Self, StoreError> {
         let board = store.board(TOPIC);
         let now = store.now();
-        // Where there are many, others have done so.
-        for name in board.names("")?.into_iter().take(MANY) {
-            // Of another version it is not known; it grows old.
+        // If there are many notes, other workers have checked the rest.
+        for name in board.names("")?.into_iter().take(MAX_CHECKED) {
+            // A note of another version cannot be read; it expires.
             let worker: Option<Worker> = board.read(&name).unwrap_or_default();
             let is_gone = worker.is_some_and(|worker| worker.owner.is_gone());
-            if is_gone || board.age(&name, now).is_some_and(|age| age > FORGOTTEN) {
+            if is_gone || board.age(&name, now).is_some_and(|age| age > EXPIRY) {
                 board.remove(&name)?;
             }
         }
@@ -74,18 +74,18 @@ impl Sign {
             array: array.map(str::to_owned),
             beats: 0,
         };
-        // Processes in containers may have one number on machines of one name.
+        // Containers may share host names and process numbers.
         let began = SystemTime::now()
             .duration_since(SystemTime::UNIX_EPOCH)
             .unwrap_or_default();
         let name = format!("{}-{}-{:x}", worker.owner.host, worker.owner.pid, began.as_nanos());
         board.write(&name, &worker)?;
-        let shown = (board.clone(), name.clone());
+        let note = (board.clone(), name.clone());
         let beat = move |pauses: &Pauses| {
-            let (board, name) = shown;
-            while pauses.wait(BEAT) {
+            let (board, name) = note;
+            while pauses.wait(INTERVAL) {
                 worker.beats += 1;
-                // A sign that cannot be given is given next time.
+                // If it fails, the next heartbeat follows soon.
                 let _ = board.write(&name, &worker);
             }
         };
@@ -93,24 +93,24 @@ impl Sign {
         Ok(Self { board, name, beats })
     }
 
-    /// Removes the note: for a process that is about to end without dropping this.
+    /// Removes the note, for a process that will exit without dropping this.
     pub fn remove(&self) {
-        // Another process forgets it.
+        // If it fails, the note expires.
         let _ = self.board.remove(&self.name);
     }
 }
 
-impl Drop for Sign {
+impl Drop for Heartbeat {
     fn drop(&mut self) {
         drop(self.beats.take());
         self.remove();
     }
 }
 
-/// The workers that have shown themselves and are not known to have ended, in the order of their names.
+/// Returns the workers that are not known to have ended, ordered by name.
 ///
 /// # Errors
-/// When the system refuses.
+/// If the notes cannot be listed.
 pub fn workers(store: &Store) -> Result<Vec<Seen>, StoreError> {
     let (board, now) = (store.board(TOPIC), store.now());
     let seen = |name: &String| {
@@ -126,12 +126,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_worker_is_seen_while_it_works() {
+    fn a_worker_is_listed_while_it_runs() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
         assert_eq!(workers(&store).unwrap(), []);
-        let one = Sign::show(&store, "quickstart", Some("deaflow-1")).unwrap();
-        let two = Sign::show(&store, "quickstart", None).unwrap();
+        let one = Heartbeat::start(&store, "quickstart", Some("deaflow-1")).unwrap();
+        let two = Heartbeat::start(&store, "quickstart", None).unwrap();
         let seen = workers(&store).unwrap();
         assert_eq!(seen.len(), 2);
         let arrays: Vec<Option<&str>> = seen.iter().map(|seen| seen.worker.array.as_deref()).collect();
