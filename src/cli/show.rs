@@ -13,7 +13,7 @@ use super::arguments::{StoreArguments, has_hdf5_extension};
 use super::statistics::{self, Statistics};
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, locate, table};
-use deaflow_content::Table;
+use deaflow_content::{ArtifactKind, Table};
 use deaflow_report::{ResultTable, Rows};
 use deaflow_store::{Artifact, Content, Lookup, Store, StoreError};
 
@@ -109,7 +109,7 @@ fn print(summary: &Summary, output: &Output) -> Result<Exit, CliError> {
 }
 
 fn show_rows(artifact: &Artifact, arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
-    if artifact.kind() == "table" && arguments.along.is_none() {
+    if ArtifactKind::Table.is_of(artifact) && arguments.along.is_none() {
         let table = Table::read(artifact)?;
         output.plain(&csv::of_table(&ResultTable::new(table))?)?;
         return Ok(Exit::Done);

@@ -1,4 +1,4 @@
-//! The artifact of an accuracy stage, and the file of `deaflow accuracy`. Times are no content.
+//! The artifact of an accuracy stage, and the file of `deaflow accuracy`. Times are not part of it.
 
 use super::macros::arrays;
 use deaflow_pattern::Pattern;
@@ -31,12 +31,12 @@ arrays! {
 }
 
 arrays! {
-    /// What is known of the reference.
+    /// Errors of the reference.
     #[derive(Default)]
     pub struct ReferenceErrors, ReferenceErrorsView {
-        /// 1 where the reference has a stable solution, else 0.
+        /// 1 if the reference has a stable solution, else 0.
         stable: Vec<u64> = array("stable", "1", [pattern]),
-        /// Error that the reference may have on each pattern; 0 where that is not known.
+        /// Estimated error of the reference on each pattern; 0 if unknown.
         pattern_error: Vec<f64> = array("pattern_error", "mm", [pattern]),
         /// The largest of them in each family.
         error: Vec<f64> = array("error", "mm", [families]),
@@ -51,7 +51,7 @@ arrays! {
         rms: Vec<f64> = array("rms", "mm", [methods, families]),
         /// Largest displacement error over the corners.
         max: Vec<f64> = array("max", "mm", [methods, families]),
-        /// Bound of that for patterns that were not measured.
+        /// Bound of the error for other patterns.
         bound: Vec<f64> = array("bound", "mm", [methods, families]),
     }
 }
@@ -60,9 +60,9 @@ arrays! {
     /// Patterns on which a method and the reference disagree.
     #[derive(Default)]
     pub struct Mismatches, MismatchesView {
-        /// Patterns with a field and no stable reference.
+        /// Patterns with a field but no stable reference.
         missed: Vec<u64> = array("missed", "1", [methods, families]),
-        /// Patterns without a field and a stable reference.
+        /// Patterns without a field but with a stable reference.
         false_alarm: Vec<u64> = array("false_alarm", "1", [methods, families]),
     }
 }
@@ -71,11 +71,11 @@ arrays! {
     /// Errors of each method on each pattern.
     #[derive(Default)]
     pub struct PatternErrors, PatternErrorsView {
-        /// Root mean square error of a component, 0 where `compared` is not.
+        /// Root mean square error of a component; valid if `compared` is 0.
         rms: Vec<f64> = array("rms", "mm", [methods, pattern]),
-        /// Largest displacement error, 0 where `compared` is not.
+        /// Largest displacement error; valid if `compared` is 0.
         max: Vec<f64> = array("max", "mm", [methods, pattern]),
-        /// 0 both have a field, 1 the method alone, 2 the reference alone, 3 neither.
+        /// 0 if both have a field, 1 only the method, 2 only the reference, 3 neither.
         compared: Vec<u8> = array("compared", "1", [methods, pattern]),
     }
 }

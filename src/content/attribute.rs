@@ -1,4 +1,4 @@
-//! Attributes of an artifact as values.
+//! Values that are stored in attributes of an artifact.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -6,15 +6,15 @@ use serde::de::DeserializeOwned;
 use super::error::{AttributeError, Fault};
 use deaflow_scene::{Effects, Scene};
 
-/// A value that stands in an attribute as text.
+/// A value that is stored in an attribute as text.
 pub trait Attribute: Sized {
-    /// Its text; none where it is not written.
+    /// Returns its text; `None` if it is not written.
     fn into_text(self) -> Option<String>;
 
-    /// The value of an attribute's text, where there is one.
+    /// Parses the text of an attribute, `None` if the attribute is missing.
     ///
     /// # Errors
-    /// When it is missing although it is needed, or cannot be read.
+    /// If it is required but missing, or invalid.
     fn from_text(name: &'static str, text: Option<&str>) -> Result<Self, Fault>;
 }
 
@@ -62,7 +62,7 @@ impl<A: Attribute> Attribute for Option<A> {
     }
 }
 
-/// Texts of one line each; a missing attribute is none.
+/// Texts of one line each; none if the attribute is missing.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Lines(pub Vec<String>);
 
@@ -81,27 +81,27 @@ impl Attribute for Lines {
 pub struct Json(pub String);
 
 impl Json {
-    /// A value as JSON.
+    /// Writes a value as JSON.
     ///
     /// # Errors
-    /// When it cannot be written as JSON.
+    /// If it cannot be written as JSON.
     pub fn of<T: Serialize>(value: &T) -> Result<Self, AttributeError> {
         Ok(Self(serde_json::to_string(value)?))
     }
 
-    /// A list, one entry to a line.
+    /// Writes a list as JSON, one entry per line.
     ///
     /// # Errors
-    /// When an entry cannot be written as JSON.
+    /// If an entry cannot be written as JSON.
     pub fn of_list<T: Serialize>(values: &[T]) -> Result<Self, AttributeError> {
         let entries: Vec<String> = values.iter().map(serde_json::to_string).collect::<Result<_, _>>()?;
         Ok(Self(format!("[\n{}\n]", entries.join(",\n"))))
     }
 
-    /// The value.
+    /// Parses the value.
     ///
     /// # Errors
-    /// When it is none of this type.
+    /// If it is not of this type.
     pub fn value<T: DeserializeOwned>(&self) -> Result<T, AttributeError> {
         Ok(serde_json::from_str(&self.0)?)
     }

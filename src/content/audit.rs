@@ -5,9 +5,9 @@ use super::macros::arrays;
 use deaflow_scene::Scene;
 
 arrays! {
-    /// What is known of a dataset.
+    /// The results of an audit.
     pub struct Audit, AuditView {
-        /// Active part of the membrane.
+        /// Area fraction of the electrodes.
         area: AreaHistogram = group("area"),
         /// Largest displacement.
         displacement: DisplacementHistogram = group("displacement"),
@@ -15,14 +15,14 @@ arrays! {
         max_displacement: Vec<f64> = array("max_displacement", "mm", [row]),
         /// Rows that were simulated on a finer mesh.
         resimulated: ResimulatedRows = group("resimulated"),
-        /// 0 no field, 1 comes out the same when it is solved again, 2 compared with an estimate, 3 wrong, 4 has no stable solution,
-        /// 5 no field but a stable solution.
+        /// 0 no field, 1 equal to a new solution, 2 compared with an estimate, 3 wrong, 4 no stable solution, 5 no
+        /// field although there is a stable solution.
         label_state: Vec<u8> = array("label/state", "1", [row]),
-        /// Ratio to the estimate, and the part that no ratio explains; 0 where not compared.
+        /// Ratio to the estimate, and the relative residual of the best ratio; 0 if not compared.
         label_compared: Vec<[f64; 2]> = array("label/compared", "1", [row, comparison]),
-        /// What is wrong, as JSON.
+        /// The findings, as JSON.
         findings: Json = attribute("findings"),
-        /// What was looked at, as JSON.
+        /// The summary, as JSON.
         summary: Json = attribute("summary"),
         /// The scene of the dataset.
         scene: Scene = attribute("scene"),
@@ -30,12 +30,12 @@ arrays! {
 }
 
 arrays! {
-    /// A histogram of the active part.
+    /// A histogram of the area fraction.
     #[derive(Default)]
     pub struct AreaHistogram, AreaHistogramView {
-        /// Edges of the bins of the active part.
+        /// Edges of the bins of the area fraction.
         edges: Vec<f64> = array("edges", "1", [area_edge]),
-        /// Rows in each.
+        /// Rows in each bin.
         counts: Vec<u64> = array("counts", "1", [area_bin]),
     }
 }
@@ -46,7 +46,7 @@ arrays! {
     pub struct DisplacementHistogram, DisplacementHistogramView {
         /// Edges of the bins of the largest displacement.
         edges: Vec<f64> = array("edges", "mm", [displacement_edge]),
-        /// Rows in each.
+        /// Rows in each bin.
         counts: Vec<u64> = array("counts", "1", [displacement_bin]),
     }
 }
@@ -57,9 +57,9 @@ arrays! {
     pub struct ResimulatedRows, ResimulatedRowsView {
         /// Number of the row.
         row: Vec<u64> = array("row", "1", [finer_row]),
-        /// Largest difference from the finer mesh; -1 where that has no solution.
+        /// Largest difference from the finer mesh; -1 if that has no solution.
         error: Vec<f64> = array("error", "mm", [finer_row]),
-        /// Error that is declared; -1 where none is.
+        /// Declared error; -1 if none.
         allowed: Vec<f64> = array("allowed", "mm", [finer_row]),
     }
 }

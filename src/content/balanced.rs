@@ -7,7 +7,7 @@ use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
 arrays! {
-    /// A flat, augmented and split training set.
+    /// A balanced, augmented and split training set.
     pub struct Balanced, BalancedView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [row, y, x]),
@@ -27,9 +27,9 @@ arrays! {
         bin: Vec<u64> = array("bin", "1", [row]),
         /// Largest displacement magnitude over the corners.
         max_displacement: Vec<f64> = array("max_displacement", "mm", [row]),
-        /// The histogram that was levelled.
+        /// The histograms before and after balancing.
         histogram: Histograms = group("histogram"),
-        /// What was left out.
+        /// Numbers of samples that were left out.
         counts: BalanceCounts = group("counts"),
         /// The scene of the samples.
         scene: Scene = attribute("scene"),
@@ -50,18 +50,18 @@ arrays! {
         after: Vec<u64> = array("after", "1", [histogram_bin]),
         /// Samples below and above the range.
         outside: [u64; 2] = array("outside", "1", [side]),
-        /// Uniform level: rows in each bin that holds enough.
+        /// Uniform level: rows in each bin that has enough.
         level: [f64; 1] = array("level", "1", [single]),
     }
 }
 
 arrays! {
-    /// What was left out.
+    /// Numbers of samples that were left out.
     #[derive(Default)]
     pub struct BalanceCounts, BalanceCountsView {
         /// Bins without any sample.
         empty_bins: [u64; 1] = array("empty_bins", "1", [single]),
-        /// Samples left out because an image of them came before.
+        /// Samples left out as images of earlier samples.
         repeats: [u64; 1] = array("repeats", "1", [single]),
         /// Samples left out because they have no stable solution.
         unstable: [u64; 1] = array("unstable", "1", [single]),

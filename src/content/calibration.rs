@@ -11,21 +11,21 @@ arrays! {
         families: Vec<String> = array("families", "", [families]),
         /// Patterns of each.
         samples: Vec<u64> = array("samples", "1", [families]),
-        /// 1 where the model learned from the family.
+        /// 1 if the model was trained on the family.
         familiar: Vec<u64> = array("familiar", "1", [families]),
-        /// What intervals are made of.
+        /// The difficulty of patterns, for intervals.
         difficulty: Difficulty = group("difficulty"),
-        /// What the flag is made of.
+        /// The novelty of patterns, for the flag `out_of_distribution`.
         novelty: Novelty = group("likeness"),
-        /// Predicted less simulated displacement of the first patterns.
+        /// Predicted minus simulated displacement of the first patterns.
         residuals: Vec<SingleField> = array("residuals", "mm", [residual, corner_y, corner_x, xy]),
-        /// Probability that an interval covers.
+        /// Coverage probability of the intervals.
         coverage: String = attribute("coverage"),
-        /// Share of fresh familiar patterns that are flagged.
+        /// Share of new patterns of the training families that are flagged.
         false_alarm: String = attribute("false_alarm"),
         /// The artifact of the model.
         model: String = attribute("model"),
-        /// BLAKE3 of the bytes of the model, by which a file of it is known.
+        /// BLAKE3 of the bytes of the model, which identifies a file of it.
         weights: String = attribute("weights"),
         /// The network.
         network: String = attribute("network"),
@@ -35,7 +35,7 @@ arrays! {
 }
 
 arrays! {
-    /// How hard patterns are to predict.
+    /// How difficult patterns are to predict.
     #[derive(Default)]
     pub struct Difficulty, DifficultyView {
         /// Mean of each feature.
@@ -48,13 +48,13 @@ arrays! {
         coefficients: Vec<f64> = array("coefficients", "1", [term]),
         /// Scaled features.
         places: Vec<f64> = array("places", "1", [calibration_pattern, difficulty_feature]),
-        /// ln(largest error in mm) less its median, of each pattern.
+        /// ln(largest error in mm) minus its median, of each pattern.
         scores: Vec<f64> = array("scores", "1", [calibration_pattern]),
     }
 }
 
 arrays! {
-    /// How like the training patterns are.
+    /// How far patterns are from the training patterns.
     #[derive(Default)]
     pub struct Novelty, NoveltyView {
         /// Mean of each feature.
@@ -63,9 +63,9 @@ arrays! {
         deviation: Vec<f64> = array("deviation", "1", [novelty_feature]),
         /// Lower Cholesky factor of the covariance of the scaled features.
         factor: Vec<f64> = array("factor", "1", [novelty_feature, factor_column]),
-        /// Uncorrelated features of familiar patterns.
+        /// Decorrelated features of familiar patterns.
         places: Vec<f64> = array("places", "1", [familiar_pattern, novelty_feature]),
-        /// Mean distance of each familiar pattern to its nearest.
+        /// Mean distance of each familiar pattern to its nearest neighbours.
         spreads: Vec<f64> = array("spreads", "1", [familiar_pattern]),
         /// Relative distance above which a pattern is out of distribution.
         threshold: [f64; 1] = array("threshold", "1", [single]),

@@ -1,4 +1,4 @@
-//! Everything that is declared, by kind of artifact or file: what the documentation shows.
+//! All declarations by kind of artifact or file, for the documentation.
 
 use super::declared::Declared;
 use super::{
@@ -13,11 +13,11 @@ pub struct ContentOfKind {
     pub name: &'static str,
     /// Its arrays.
     pub arrays: Vec<Declared>,
-    /// Its attributes: their names and what they are.
+    /// Names and descriptions of its attributes.
     pub attributes: Vec<(&'static str, &'static str)>,
 }
 
-/// All kinds of artifacts, and the files of commands.
+/// Returns the content of all kinds of artifacts and of the files of commands.
 #[must_use]
 pub fn catalogue() -> Vec<ContentOfKind> {
     macro_rules! kinds {

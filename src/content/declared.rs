@@ -1,4 +1,4 @@
-//! What is declared of an array, and whether an artifact holds it.
+//! Declarations of arrays, and checks of artifacts against them.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use super::element::RASTER_AXES;
 use super::error::Fault;
 use deaflow_store::{Artifact, Content, ElementType, StoreError};
 
-/// One array of a kind of artifact.
+/// The declaration of an array.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Declared {
     /// Its path in the file.
@@ -17,22 +17,22 @@ pub struct Declared {
     pub units: &'static str,
     /// Names of its axes, slowest first.
     pub axes: Vec<String>,
-    /// Extents of the last axes, which are the same in every artifact.
+    /// Lengths of the last axes, if the same in every artifact.
     pub extents: &'static [usize],
-    /// What it is, in a sentence.
+    /// Its description, one sentence.
     pub description: String,
-    /// Whether some artifacts of the kind do without it.
+    /// Whether artifacts may lack it.
     pub optional: bool,
 }
 
 impl Declared {
-    /// The axes whose lengths differ from artifact to artifact.
+    /// Returns the axes whose lengths depend on the artifact.
     #[must_use]
     pub fn free_axes(&self) -> &[String] {
         &self.axes[..self.axes.len() - self.extents.len()]
     }
 
-    /// The shape in words, as in `(sample, y, x)`.
+    /// Returns the shape as text, as in `(sample, y, x)`.
     #[must_use]
     pub fn shape(&self) -> String {
         let free = self.free_axes().iter().cloned();
@@ -45,11 +45,10 @@ impl Declared {
     }
 }
 
-/// Checks the arrays that an artifact has against what is declared: their axes, and that lengths along a shared axis are
-/// equal. Nothing but headers is read.
+/// Checks the axes of the arrays of an artifact, and that lengths along a shared axis are equal. Reads only headers.
 ///
 /// # Errors
-/// When an array has other axes or another length than others, or a chunk is missing or damaged.
+/// If an array has other axes or another length than others, or a chunk is missing or damaged.
 pub fn check(artifact: &Artifact, declared: &[Declared]) -> Result<(), StoreError> {
     let contents = artifact.contents()?;
     check_axes(contents, declared).map_err(|fault| fault.of(artifact.digest()))
@@ -66,18 +65,18 @@ fn check_axes(contents: &[Content], declared: &[Declared]) -> Result<(), Fault> 
             return Err(Fault::Shape {
                 path: array.path.clone(),
                 found: shape.clone(),
-                wanted: array.shape(),
+                expected: array.shape(),
             });
         }
         for (axis, &found) in array.free_axes().iter().zip(shape) {
-            let &mut (other, wanted) = known.entry(axis).or_insert((&array.path, found));
-            if found != wanted {
+            let &mut (other, expected) = known.entry(axis).or_insert((&array.path, found));
+            if found != expected {
                 return Err(Fault::Length {
                     path: array.path.clone(),
                     axis: axis.clone(),
                     found,
                     other: other.to_owned(),
-                    wanted,
+                    expected,
                 });
             }
         }
@@ -85,7 +84,7 @@ fn check_axes(contents: &[Content], declared: &[Declared]) -> Result<(), Fault> 
     Ok(())
 }
 
-/// Corners of cells are one more along a side than cells.
+/// Checks that there is one corner more than cells along each side.
 fn check_raster(contents: &[Content], declared: &[Declared]) -> Result<(), Fault> {
     let length = |name: &str| {
         declared.iter().find_map(|array| {
@@ -104,7 +103,7 @@ fn check_raster(contents: &[Content], declared: &[Declared]) -> Result<(), Fault
                 axis: corner.to_owned(),
                 found,
                 other: other.clone(),
-                wanted: cells + 1,
+                expected: cells + 1,
             });
         }
     }

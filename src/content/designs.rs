@@ -11,42 +11,43 @@ use deaflow_pattern::{CELLS, Pattern, Role};
 use deaflow_scene::{Effects, Scene};
 use deaflow_store::StoreError;
 
-/// Units along a side of the membrane that a genome of the genetic algorithm has.
+/// Units of a genome of the genetic algorithm along a side of the membrane.
 pub const GENOME_UNITS: usize = 20;
 
 arrays! {
-    /// What is said of a design, verified or not.
+    /// Designs, verified or not.
     #[derive(Default)]
     pub struct DesignRows, DesignRowsView {
         /// Label of the stage that designed it.
         case: Vec<String> = array("case", "", [row]),
         /// Name of the target.
         name: Vec<String> = array("name", "", [row]),
-        /// How the pattern came about: ga, refined along the gradient, optimum of gradients alone, intuitive, intuitive-equal-area, own.
+        /// Origin of the pattern: `ga` (genetic algorithm), `refined` (along the gradient), `optimum` (gradients only),
+        /// `intuitive`, `intuitive-equal-area` or `own`.
         role: Vec<Role> = array("role", "", [row]),
-        /// Wanted area fraction, or free.
+        /// Target area fraction, or `free`.
         area_target: Vec<String> = array("area_target", "", [row]),
-        /// What predicted the field.
+        /// The evaluator that predicted the field.
         evaluator: Vec<String> = array("evaluator", "", [row]),
-        /// Which of several designs of the target.
+        /// Number of the design of the target.
         member: Vec<u64> = array("member", "1", [row]),
-        /// Units along a side by which it was searched.
+        /// Units along a side in the search.
         units: Vec<u64> = array("units", "1", [row]),
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [row, y, x]),
         /// Area fraction of the electrode.
         area: Vec<f64> = array("area", "1", [row]),
-        /// Predicted displacement at the cell corners; one row for each pattern that is not `own`, in their order.
+        /// Predicted displacement at the cell corners; a row for each pattern that is not `own`.
         predicted: Vec<Field> = array("predicted", "mm", [predicted_row, corner_y, corner_x, xy]),
         /// The objective in YAML.
         objective: LongTexts = array("objective", "", [row]),
         /// The constraints in YAML.
         constraints: LongTexts = array("constraints", "", [row]),
-        /// `met`, or which constraints are not, as the search knew it.
+        /// `met`, or the violated constraints according to the search.
         status: LongTexts = array("status", "", [row]),
-        /// Where a calibrated network was asked, what it says of them.
+        /// Predictions of a calibrated network, if there is one.
         interval: Option<DesignIntervals> = group("interval"),
-        /// Where the scene has several states, what is predicted in each; beside it stands what is predicted in the first.
+        /// If the scene has several states, the predictions in each; `predicted` is that in the first.
         states: Option<PredictedStates> = group("states"),
     }
 }
@@ -55,14 +56,14 @@ arrays! {
     /// Predictions in each state of a device.
     #[derive(Default)]
     pub struct PredictedStates, PredictedStatesView {
-        /// Predicted displacement at the cell corners in each state, in the order of their names; one row for each pattern that is not `own`, in
-        /// their order.
+        /// Predicted displacement at the cell corners in each state, ordered by name; a row for each pattern that is
+        /// not `own`.
         predicted: Vec<Field> = array("predicted", "mm", [predicted_row, state, corner_y, corner_x, xy]),
     }
 }
 
 impl DesignRows {
-    /// The predicted fields in the states of the device, by the place of the row among those that are predicted.
+    /// Returns the predicted fields in the states of the device, by the index among the predicted rows.
     #[must_use]
     pub fn predicted_in_states(&self, at: usize) -> &[Field] {
         match &self.states {
@@ -74,19 +75,19 @@ impl DesignRows {
         }
     }
 
-    /// How many there are.
+    /// Returns the number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.patterns.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.patterns.is_empty()
     }
 
-    /// Adds one of the rows of a design stage, which all have a prediction.
+    /// Adds a row of a design stage; all of these have a prediction.
     pub fn push(&mut self, others: &Self, row: usize) {
         if others.states.is_some() {
             let own = self.states.get_or_insert_default();
@@ -102,7 +103,7 @@ impl DesignRows {
         self.push_common(others, row, &others.patterns[row], interval);
     }
 
-    /// Adds a person's own pattern for the target of one of the rows of others. Nothing has predicted it.
+    /// Adds an own pattern of the user for the target of a row of others. It has no prediction.
     pub fn push_own(&mut self, (others, row): (&Self, usize), (member, pattern): (u64, &Pattern), status: String) {
         self.role.push(Role::Own);
         self.member.push(member);
@@ -129,7 +130,7 @@ impl DesignRows {
     }
 }
 
-/// Of each row the one of the arrays of predictions that belongs to it; none where nothing was predicted.
+/// Returns for each row its index in the arrays of predictions; `None` without a prediction.
 #[must_use]
 pub fn predicted_rows(roles: &[Role]) -> Vec<Option<usize>> {
     let mut next = 0;
@@ -142,11 +143,11 @@ pub fn predicted_rows(roles: &[Role]) -> Vec<Option<usize>> {
 }
 
 arrays! {
-    /// Designs and how they were searched.
+    /// Designs and their search.
     pub struct Designs, DesignsView {
         /// The patterns.
         rows: DesignRows = group(""),
-        /// Predicted mean displacement along the wanted directions.
+        /// Predicted mean displacement along the target directions.
         value: Vec<f64> = array("value", "mm", [row]),
         /// Fitness, smaller is better.
         fitness: Vec<f64> = array("fitness", "1", [row]),
@@ -154,13 +155,13 @@ arrays! {
         history: History = group("history"),
         /// The searches along the gradient.
         steps: GradientSteps = group("climb"),
-        /// Patterns judged by the search of each target.
+        /// Number of patterns that the search of each target evaluated.
         evaluations: Vec<u64> = array("evaluations", "1", [target]),
-        /// The evaluators that could have been used.
+        /// The available evaluators.
         candidates: Candidates = group("probe"),
-        /// The scene that they are for.
+        /// The scene.
         scene: Scene = attribute("scene"),
-        /// How they were searched.
+        /// The search method.
         method: String = attribute("method"),
     }
 }
@@ -177,7 +178,7 @@ arrays! {
         best: Vec<f64> = array("best", "1", [generation]),
         /// Mean fitness of each generation.
         mean: Vec<f64> = array("mean", "1", [generation]),
-        /// Predicted displacement of the best along the wanted direction.
+        /// Predicted displacement of the best along the target direction.
         value: Vec<f64> = array("value", "mm", [generation]),
         /// Area fraction of the best.
         area: Vec<f64> = array("area", "1", [generation]),
@@ -194,62 +195,62 @@ arrays! {
         name: Vec<String> = array("name", "", [step]),
         /// Role of the result.
         role: Vec<Role> = array("role", "", [step]),
-        /// Which of several designs.
+        /// Number of the design.
         member: Vec<u64> = array("member", "1", [step]),
         /// Number of the step.
         step: Vec<u64> = array("step", "1", [step]),
-        /// Displacement along the wanted directions by finite elements.
+        /// Displacement along the target directions by finite elements.
         value: Vec<f64> = array("value", "mm", [step]),
         /// Area fraction.
         area: Vec<f64> = array("area", "1", [step]),
-        /// Patterns looked at up to this step; one counts each time, though it is simulated once.
+        /// Number of patterns evaluated up to this step; repeated patterns count each time.
         simulations: Vec<u64> = array("simulations", "1", [step]),
     }
 }
 
 arrays! {
-    /// The evaluators that could have been used, and how they judged patterns of the search.
+    /// The available evaluators, and their errors on patterns of the search.
     #[derive(Default)]
     pub struct Candidates, CandidatesView {
         /// Name of the target.
         name: Vec<String> = array("name", "", [candidate]),
-        /// Evaluators from the cheapest to the dearest, the reference last; none where one is named.
+        /// Evaluators by increasing cost, the reference last; none if the pipeline names one.
         settings: Vec<String> = array("candidates", "", [candidate]),
         /// Root mean square error of a component on patterns of the first generation.
         rmse: Vec<f64> = array("rmse", "mm", [candidate]),
-        /// Largest error of the displacement along the wanted directions as a share of it, on patterns like designs.
+        /// Largest relative error of the displacement along the target directions, on patterns like designs.
         design_error: Vec<f64> = array("design_error", "1", [candidate]),
-        /// Patterns that the error is over.
+        /// Number of patterns of the error.
         known: Vec<u64> = array("known", "1", [candidate]),
-        /// Patterns of which the reference has a field and it has none, or it has one alone.
+        /// Number of patterns for which only one of evaluator and reference has a field.
         disagree: Vec<u64> = array("disagree", "1", [candidate]),
     }
 }
 
 arrays! {
-    /// Designs that were simulated. Arrays of numbers that a simulation gives have a row for each pattern with a field, in order.
+    /// Simulated designs. Arrays of simulated numbers have a row for each pattern with a field, in order.
     pub struct Verification, VerificationView {
         /// The patterns.
         rows: DesignRows = group(""),
         /// How the simulation ended.
         outcome: Vec<OutcomeKind> = array("outcome", "", [row]),
-        /// Simulated displacement at the cell corners; one row for each pattern with a field, in their order.
+        /// Simulated displacement at the cell corners; a row for each pattern with a field.
         displacement: Vec<Field> = array("displacement", "mm", [simulated_row, corner_y, corner_x, xy]),
-        /// Predicted minus simulated displacement; one row for each pattern with a field that is not `own`, in their order.
+        /// Predicted minus simulated displacement; a row for each pattern with a field that is not `own`.
         difference: Vec<Field> = array("difference", "mm", [compared_row, corner_y, corner_x, xy]),
-        /// Where the scene has several states, the displacement in each; beside it stands that in the first. A pattern has a field where it has one
-        /// in all of them, and its outcome is otherwise that of the first state without.
+        /// If the scene has several states, the displacement in each; `displacement` is that in the first. A pattern
+        /// has a field if it has one in all states; otherwise its outcome is that of the first state without.
         states: Option<SimulatedStates> = group("states"),
-        /// Where times were asked for and the scene has one state, how the patterns with a field move in time; `displacement` is that at the time
-        /// of the objective, or at the last of them.
+        /// If times were requested and the scene has one state, the motion in time of the patterns with a field;
+        /// `displacement` is that at the time of the objective, or at the last time.
         history: Option<SolvedHistories> = group("history", [(sample, simulated_row)]),
-        /// Displacements along the wanted directions.
+        /// Displacements along the target directions.
         component: Components = group("component"),
         /// The scene of the simulations.
         scene: Scene = attribute("scene"),
-        /// How they were solved, in the keys of a solve stage.
+        /// The solver in the keys of a solve stage.
         solver: String = attribute("solver"),
-        /// The effects that were simulated.
+        /// The simulated effects.
         effects: Effects = attribute("effects"),
     }
 }
@@ -258,39 +259,39 @@ arrays! {
     /// Displacements in each state of a device.
     #[derive(Default)]
     pub struct SimulatedStates, SimulatedStatesView {
-        /// Simulated displacement at the cell corners in each state, in the order of their names; one row for each pattern with a field in all of
-        /// them, in their order.
+        /// Simulated displacement at the cell corners in each state, ordered by name; a row for each pattern with a
+        /// field in all states.
         displacement: Vec<Field> = array("displacement", "mm", [simulated_row, state, corner_y, corner_x, xy]),
     }
 }
 
 arrays! {
-    /// Displacements along the wanted directions.
+    /// Displacements along the target directions.
     #[derive(Default)]
     pub struct Components, ComponentsView {
-        /// Predicted mean displacement along the wanted directions; one row for each pattern that is not `own`, in their order.
+        /// Predicted mean displacement along the target directions; a row for each pattern that is not `own`.
         predicted: Vec<f64> = array("predicted", "mm", [predicted_row]),
-        /// Simulated mean displacement along the wanted directions; one row for each pattern with a field, in their order.
+        /// Simulated mean displacement along the target directions; a row for each pattern with a field.
         simulated: Vec<f64> = array("simulated", "mm", [simulated_row]),
-        /// What a mesh of half the elements per cell says otherwise, or the estimated error where an accuracy was asked for; 0 where
-        /// it is not known. One row for each pattern with a field, in their order.
+        /// Difference from a mesh with half the elements per cell, or the estimated error if an accuracy was requested;
+        /// 0 if unknown. A row for each pattern with a field.
         error: Vec<f64> = array("error", "mm", [simulated_row]),
-        /// Whether the error is known: the other mesh has a field too. One row for each pattern with a field, in their order.
+        /// Whether the error is known, i.e. the other mesh has a field too. A row for each pattern with a field.
         error_known: Vec<u64> = array("error_known", "1", [simulated_row]),
-        /// Where times were asked for, the simulated displacement along the wanted directions at each of them; one row for each pattern with a
-        /// field, in their order.
+        /// If times were requested, the simulated displacement along the target directions at each of them; a row for
+        /// each pattern with a field.
         in_time: Option<Packed<f64>> = array("in_time", "mm", [simulated_row, time]),
-        /// Simulated distance from the wanted displacements, root mean square; 0 where nothing but a direction is wanted. One row for
-        /// each pattern with a field, in their order.
+        /// Root mean square distance from the target displacements; 0 for a target with only a direction. A row for
+        /// each pattern with a field.
         distance: Vec<f64> = array("distance", "mm", [simulated_row]),
     }
 }
 
 impl VerificationView<'_> {
-    /// The row of the simulated arrays that belongs to each pattern; none where it has no field.
+    /// Returns for each pattern its row in the simulated arrays; `None` without a field.
     ///
     /// # Errors
-    /// When they do not have a row for each pattern with a field.
+    /// If these arrays do not have a row for each pattern with a field.
     pub fn simulated_rows(&self) -> Result<Vec<Option<usize>>, StoreError> {
         let mut next = 0;
         let row = |outcome: &OutcomeKind| {

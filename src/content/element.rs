@@ -1,22 +1,22 @@
-//! What an array may hold: numbers, texts, patterns and fields, row by row or packed into one list of numbers.
+//! The elements of arrays: numbers, texts, patterns and fields, by row or packed into one list of numbers.
 
 use super::error::ElementError;
 use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::{Pattern, PatternForm, Raster, Role};
 use deaflow_store::{Artifact, Data, ElementType, StoreError};
 
-/// A number or text as it stands in a file.
+/// A number or text in a file.
 pub trait Value: Sized {
     /// Its type in the file.
     const TYPE: ElementType;
 
-    /// Values as the store takes them.
+    /// Converts values for the store.
     fn into_data(values: Vec<Self>) -> Data;
 
-    /// All values of a dataset.
+    /// Reads all values of a dataset.
     ///
     /// # Errors
-    /// When the artifact has no such dataset, or one of another type.
+    /// If the artifact has no such dataset, or one of another type.
     fn read(artifact: &Artifact, path: &str) -> Result<Vec<Self>, StoreError>;
 }
 
@@ -45,13 +45,13 @@ value! {
     String, Text, texts;
 }
 
-/// The axes of rows that are as long as a membrane has cells or corners of cells.
+/// The axes whose lengths are the numbers of cells or of cell corners of a membrane.
 pub const RASTER_AXES: [[&str; 2]; 2] = [["y", "x"], ["corner_y", "corner_x"]];
 
-/// What the values of a row stand on.
+/// The grid of the values of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Places {
-    /// Nothing: the row is a value, or a few.
+pub enum Grid {
+    /// None: the row is one value or a few.
     None,
     /// The cells of a membrane.
     Cells,
@@ -59,8 +59,8 @@ pub enum Places {
     Corners,
 }
 
-impl Places {
-    /// The raster of which an array has so many places along its axes.
+impl Grid {
+    /// Returns the raster of an array with these numbers of rows and columns.
     #[must_use]
     pub fn raster(self, [rows, columns]: [usize; 2]) -> Option<Raster> {
         match self {
@@ -75,27 +75,27 @@ impl Places {
 pub trait Row {
     /// The type of its values.
     type Value: Value;
-    /// What they stand on: its first axes.
-    const PLACES: Places = Places::None;
-    /// Extents of its last axes, which are the same in every artifact, slowest first; none for a single value.
+    /// The grid of its first axes.
+    const GRID: Grid = Grid::None;
+    /// Lengths of its last axes, slowest first, the same in every artifact; none for a single value.
     const EXTENTS: &'static [usize];
 }
 
-/// A row that can be told from its values.
+/// A row that can be made from its values.
 pub trait Element: Row + Sized {
-    /// The values of all rows, end to end.
+    /// Concatenates the values of all rows.
     fn pack(rows: Vec<Self>) -> Vec<Self::Value>;
 
-    /// The raster of rows that stand on one.
+    /// Returns the raster of the rows, if they have one.
     #[must_use]
     fn raster(_rows: &[Self]) -> Option<Raster> {
         None
     }
 
-    /// The rows of whole values, on a raster where they stand on one.
+    /// Makes rows from values, on a raster if they have one.
     ///
     /// # Errors
-    /// When they do not stand for such a row.
+    /// If the values are invalid.
     fn unpack(values: Vec<Self::Value>, raster: Raster) -> Result<Vec<Self>, ElementError>;
 }
 
@@ -138,7 +138,7 @@ impl<V: Value + Copy, const N: usize> Element for [V; N] {
 
 impl Row for Pattern {
     type Value = u8;
-    const PLACES: Places = Places::Cells;
+    const GRID: Grid = Grid::Cells;
     const EXTENTS: &'static [usize] = &[];
 }
 
@@ -161,7 +161,7 @@ impl Element for Pattern {
 
 impl Row for Field {
     type Value = f64;
-    const PLACES: Places = Places::Corners;
+    const GRID: Grid = Grid::Corners;
     const EXTENTS: &'static [usize] = &[2];
 }
 
@@ -205,7 +205,7 @@ macro_rules! words {
 
 words!(Role, OutcomeKind);
 
-/// Rows whose values stay in one list: those of many fields are not copied, and may be NaN in files that allow it.
+/// Rows whose values stay in one list: many fields are not copied, and may be NaN in files that allow it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Packed<R: Row>(pub Vec<R::Value>);
 
@@ -235,9 +235,9 @@ impl<const N: usize> Row for PerUnit<N> {
 /// A field in single precision.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SingleField {
-    /// The cells at whose corners it is.
+    /// The raster on whose corners it is defined.
     pub raster: Raster,
-    /// Its values, two for each corner.
+    /// Its values, two per corner.
     pub values: Vec<f32>,
 }
 
@@ -261,10 +261,10 @@ impl Element for SingleField {
 }
 
 macro_rules! rows {
-    ($($type:ty, $value:ty, $places:ident, $extents:expr;)*) => {$(
+    ($($type:ty, $value:ty, $grid:ident, $extents:expr;)*) => {$(
         impl Row for $type {
             type Value = $value;
-            const PLACES: Places = Places::$places;
+            const GRID: Grid = Grid::$grid;
             const EXTENTS: &'static [usize] = &$extents;
         }
     )*};

@@ -1,60 +1,60 @@
-//! What can be wrong with the content of an artifact.
+//! Errors of the content of an artifact.
 
 use deaflow_base::{ArtifactId, InputError};
 use deaflow_field::FieldError;
 use deaflow_pattern::PatternError;
 use deaflow_store::StoreError;
 
-/// What is wrong with an artifact.
+/// An error of the content of an artifact.
 #[derive(Debug, thiserror::Error)]
 pub enum Fault {
     /// Two arrays along one axis have different lengths.
-    #[error("arrays differ in length: `{path}` has {found} along `{axis}`, `{other}` has {wanted}")]
+    #[error("arrays differ in length: `{path}` has {found} along `{axis}`, `{other}` has {expected}")]
     Length {
-        /// The array that differs.
+        /// The array.
         path: String,
         /// The shared axis.
         axis: String,
-        /// The length of the array.
+        /// Its length.
         found: usize,
         /// The array that it is compared with.
         other: String,
-        /// The length of that.
-        wanted: usize,
+        /// The length of the other array.
+        expected: usize,
     },
-    /// An array does not have the axes that are declared.
-    #[error("`{path}` has shape {found:?}, expected {wanted}")]
+    /// An array does not have the declared axes.
+    #[error("`{path}` has shape {found:?}, expected {expected}")]
     Shape {
-        /// Which array.
+        /// The array.
         path: String,
-        /// The shape that it has.
+        /// Its shape.
         found: Vec<usize>,
-        /// The shape that it should have, as in `(sample, y, x)`.
-        wanted: String,
+        /// The declared shape, as in `(sample, y, x)`.
+        expected: String,
     },
     /// An attribute is missing.
     #[error("attribute `{name}` is missing")]
     NoAttribute {
-        /// Which.
+        /// The attribute.
         name: &'static str,
     },
-    /// An attribute cannot be read.
+    /// An attribute is invalid.
     #[error("cannot read attribute `{name}`: {source}")]
     Attribute {
-        /// Which.
+        /// The attribute.
         name: &'static str,
-        /// Why not.
+        /// The reason.
         source: AttributeError,
     },
-    /// An array holds something that is not what it should hold.
+    /// An element of an array is invalid.
     #[error("`{path}`: {source}")]
     Element {
-        /// Which array.
+        /// The array.
         path: String,
-        /// What is wrong.
+        /// The reason.
         source: ElementError,
     },
-    /// What was simulated does not belong to the patterns.
+    /// The arrays of simulations do not fit the patterns.
     #[error("arrays differ in length: the arrays of simulations need one row for each pattern with a field")]
     Simulated,
 }
@@ -68,27 +68,27 @@ impl Fault {
     }
 }
 
-/// An attribute that is not what it should be.
+/// An error of an attribute.
 #[derive(Debug, thiserror::Error)]
 pub enum AttributeError {
-    /// A text in YAML that cannot be read.
+    /// Invalid YAML.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// A text in JSON that cannot be read.
+    /// Invalid JSON.
     #[error(transparent)]
     Json(#[from] serde_json::Error),
 }
 
-/// An element that is not what it should be.
+/// An error of an element.
 #[derive(Debug, thiserror::Error)]
 pub enum ElementError {
-    /// Numbers that are no pattern.
+    /// The numbers are not a pattern.
     #[error(transparent)]
     Pattern(#[from] PatternError),
-    /// Numbers that are no field.
+    /// The numbers are not a field.
     #[error(transparent)]
     Field(#[from] FieldError),
-    /// A word without a meaning here.
+    /// The word is unknown.
     #[error("unknown value {0:?}")]
     Word(String),
 }

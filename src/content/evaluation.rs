@@ -4,15 +4,15 @@ use super::macros::arrays;
 use deaflow_scene::Scene;
 
 arrays! {
-    /// How well models and estimates predict patterns that they never saw.
+    /// Errors of models and estimates on patterns that were not used for training.
     pub struct Evaluation, EvaluationView {
         /// Network or method.
         predictors: Vec<String> = array("predictors", "", [predictors]),
         /// Artifact of a model; empty for an estimate.
         predictor_digests: Vec<String> = array("predictor_digests", "", [predictors]),
-        /// Families of the patterns, at last all together.
+        /// Families of the patterns; the last entry is all families together.
         families: Vec<String> = array("families", "", [families]),
-        /// 1 where a model learned from the family; for all together where it learned from each.
+        /// 1 if a model was trained on the family; for all families if it was trained on each.
         trained: Vec<u64> = array("trained", "1", [predictors, families]),
         /// Scores by family.
         score: Scores = group("score", [(group, families)]),
@@ -22,7 +22,7 @@ arrays! {
         area: Scores = group("area", [(group, area_bin)]),
         /// Scores of every pattern.
         pattern: PatternScores = group("pattern"),
-        /// How often intervals cover, where there are calibrations.
+        /// Coverage of intervals, if there are calibrations.
         coverage: Option<Coverage> = group("coverage"),
         /// The scene of the patterns.
         scene: Scene = attribute("scene"),
@@ -30,7 +30,7 @@ arrays! {
 }
 
 arrays! {
-    /// Scores of each predictor in groups of patterns. A group without any prediction, as an estimate may have, counts no samples.
+    /// Scores of each predictor in groups of patterns. A group without predictions has 0 samples.
     #[derive(Default)]
     pub struct Scores, ScoresView {
         /// Patterns with a prediction.
@@ -45,13 +45,13 @@ arrays! {
         max_error: Vec<f64> = array("max_error", "mm", [predictors, group]),
         /// Largest magnitude of the error of a displacement.
         max_displacement_error: Vec<f64> = array("max_displacement_error", "mm", [predictors, group]),
-        /// What the largest error of a pattern stays below on 95 % of them.
+        /// 95 % quantile of the largest error of a pattern.
         quantile95: Vec<f64> = array("quantile95", "mm", [predictors, group]),
     }
 }
 
 arrays! {
-    /// Scores of every pattern; 0 where there is no prediction.
+    /// Scores of every pattern; 0 without a prediction.
     #[derive(Default)]
     pub struct PatternScores, PatternScoresView {
         /// Family of each pattern.
@@ -60,40 +60,40 @@ arrays! {
         area: Vec<f64> = array("area", "1", [row]),
         /// Largest simulated displacement of each pattern.
         simulated_max: Vec<f64> = array("simulated_max", "mm", [row]),
-        /// 1 where there is a prediction.
+        /// 1 if there is a prediction.
         predicted: Vec<u8> = array("predicted", "1", [predictors, row]),
-        /// Largest predicted displacement; 0 where there is no prediction.
+        /// Largest predicted displacement; 0 without a prediction.
         predicted_max: Vec<f64> = array("predicted_max", "mm", [predictors, row]),
-        /// Root mean square error of a component; 0 where there is no prediction.
+        /// Root mean square error of a component; 0 without a prediction.
         rms: Vec<f64> = array("rms", "mm", [predictors, row]),
-        /// Largest absolute error of a component; 0 where there is no prediction.
+        /// Largest absolute error of a component; 0 without a prediction.
         max_error: Vec<f64> = array("max_error", "mm", [predictors, row]),
     }
 }
 
 arrays! {
-    /// How often the intervals of calibrations cover.
+    /// Coverage of the intervals of calibrations.
     #[derive(Default)]
     pub struct Coverage, CoverageView {
         /// Artifact of each calibration.
         calibrations: Vec<String> = array("calibrations", "", [calibrations]),
         /// Artifact of its model.
         models: Vec<String> = array("models", "", [calibrations]),
-        /// Patterns of each family that the calibration was made from.
+        /// Number of calibration patterns of each family.
         calibrated: Vec<u64> = array("calibrated", "1", [calibrations, families]),
-        /// Points and directions.
+        /// Objectives: points and directions.
         objectives: Vec<String> = array("objectives", "", [objectives]),
-        /// Share of patterns whose whole field lies in its band.
+        /// Share of patterns whose entire field is in its band.
         field: Vec<f64> = array("field", "1", [calibrations, families]),
         /// Median radius of the band.
         radius: Vec<f64> = array("radius", "mm", [calibrations, families]),
         /// Share of patterns flagged as out of distribution.
         out_of_distribution: Vec<f64> = array("unlike", "1", [calibrations, families]),
-        /// Patterns that are not flagged.
+        /// Number of patterns that are not flagged.
         unflagged: Vec<u64> = array("unflagged", "1", [calibrations, families]),
-        /// Share of these whose whole field lies in its band; 0 where there are none.
+        /// Share of these whose entire field is in its band; 0 if there are none.
         unflagged_field: Vec<f64> = array("unflagged_field", "1", [calibrations, families]),
-        /// Share of patterns whose objective lies in its interval.
+        /// Share of patterns whose objective is in its interval.
         objective: Vec<f64> = array("objective", "1", [objectives, calibrations, families]),
         /// Median half-width of the interval of an objective.
         objective_half_width: Vec<f64> = array("objective_half_width", "mm", [objectives, calibrations, families]),

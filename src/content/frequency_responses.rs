@@ -1,4 +1,4 @@
-//! The file of `deaflow solve --response`. It is no artifact and may hold NaN.
+//! The file of `deaflow solve --response`. It is not an artifact and may contain NaN.
 
 use super::attribute::Lines;
 use super::element::Packed;
@@ -8,8 +8,8 @@ use deaflow_pattern::Pattern;
 use deaflow_scene::{Effects, Scene};
 
 arrays! {
-    /// How patterns respond to a small alternating voltage about their equilibria. A pattern without a stable equilibrium has NaN, and so has a
-    /// frequency without a response.
+    /// Responses of patterns to a small alternating voltage about their equilibria; NaN for a pattern without a stable
+    /// equilibrium and for a frequency without a response.
     pub struct FrequencyResponses, FrequencyResponsesView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
@@ -23,29 +23,31 @@ arrays! {
         slope: Packed<Field> = array("slope", "mm/V", [sample, corner_y, corner_x, xy]),
         /// Frequency of the voltage.
         frequency: Vec<f64> = array("frequency", "Hz", [frequency]),
-        /// Displacement at the cell corners per volt of amplitude, in phase with the voltage: V cos ωt moves them by V (response_real cos ωt −
-        /// response_imaginary sin ωt).
+        /// Displacement at the cell corners per volt of amplitude, in phase with the voltage: the voltage V cos ωt
+        /// gives the displacement V (response_real cos ωt − response_imaginary sin ωt).
         response_real: Packed<Field> = array("response_real", "mm/V", [sample, frequency, corner_y, corner_x, xy]),
-        /// The same a quarter of a period ahead of the voltage.
-        response_imaginary: Packed<Field> = array("response_imaginary", "mm/V", [sample, frequency, corner_y, corner_x, xy]),
-        /// Amplitude of the watched corner along the axis along which it moves most at the lowest frequency.
+        /// The same, a quarter of a period ahead of the voltage.
+        response_imaginary: Packed<Field> =
+            array("response_imaginary", "mm/V", [sample, frequency, corner_y, corner_x, xy]),
+        /// Amplitude of the watched corner along the axis of its largest motion at the lowest frequency.
         amplitude: Packed<f64> = array("amplitude", "mm/V", [sample, frequency]),
-        /// Its phase ahead of the voltage, from -180 to below 180, in the direction in which a static voltage moves it.
+        /// Its phase relative to the voltage, from -180 to below 180, positive ahead, in the direction of its static
+        /// displacement.
         phase: Packed<f64> = array("phase", "deg", [sample, frequency]),
         /// Column and row of the corner that moves most at the lowest frequency.
         watched_corner: Vec<[u64; 2]> = array("watched_corner", "1", [sample, xy]),
-        /// What was found at each frequency: `converged`, `resonance` where it is a natural frequency that nothing damps, `not-solved`, or the outcome
-        /// of the pattern where it has no equilibrium.
+        /// The result at each frequency: `converged`, `resonance` at an undamped natural frequency, `not-solved`, or
+        /// the outcome of a pattern without an equilibrium.
         frequency_outcome: Packed<String> = array("frequency_outcome", "", [sample, frequency]),
         /// Processor time of the sample, the mean over its batch.
         solve_seconds: Vec<f64> = array("solve_seconds", "s", [sample]),
         /// The scene.
         scene: Scene = attribute("scene"),
-        /// How it was solved.
+        /// The solver.
         solver: String = attribute("solver"),
-        /// The effects that were simulated.
+        /// The simulated effects.
         effects: Effects = attribute("effects"),
-        /// What the response leaves out, one to a line.
+        /// What the response neglects, one per line.
         warnings: Lines = attribute("warnings"),
     }
 }

@@ -1,4 +1,4 @@
-//! The file of `deaflow solve --history`. It is no artifact and may hold NaN.
+//! The file of `deaflow solve --history`. It is not an artifact and may contain NaN.
 
 use super::attribute::Lines;
 use super::element::{Packed, PerBody};
@@ -8,15 +8,15 @@ use deaflow_pattern::Pattern;
 use deaflow_scene::{Effects, Scene};
 
 arrays! {
-    /// How patterns move in time. What is asked for beyond the time at which a pattern loses its last stable state is NaN.
+    /// The motion of patterns in time. Values after a pattern loses its last stable state are NaN.
     pub struct Histories, HistoriesView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
-        /// Time since the drive began; 0 is just after that.
+        /// Time since the start of the drive; 0 is just after the start.
         time: Vec<f64> = array("time", "s", [time]),
         /// Voltage of the drive.
         voltage: Vec<f64> = array("voltage", "V", [time]),
-        /// Where the drive has a source, the voltage of the electrodes behind it.
+        /// If the drive has a source, the voltage of the electrodes behind it.
         electrode_voltage: Option<Packed<f64>> = array("electrode_voltage", "V", [sample, time]),
         /// Displacement at the cell corners.
         displacement: Packed<Field> = array("displacement", "mm", [sample, time, corner_y, corner_x, xy]),
@@ -26,39 +26,40 @@ arrays! {
         charge: Packed<f64> = array("charge", "C", [sample, time]),
         /// Current into the electrodes.
         current: Packed<f64> = array("current", "A", [sample, time]),
-        /// Elastic energy beyond that before the drive.
+        /// Elastic energy minus that before the drive.
         stored: Packed<f64> = array("stored", "J", [sample, time]),
         /// Energy of the electric field.
         electric: Packed<f64> = array("electric", "J", [sample, time]),
         /// Kinetic energy.
         kinetic: Packed<f64> = array("kinetic", "J", [sample, time]),
-        /// Energy that viscosity and the resistance of the source have turned into heat.
+        /// Energy dissipated by viscosity and by the resistance of the source.
         dissipated: Packed<f64> = array("dissipated", "J", [sample, time]),
         /// Energy that the source has supplied.
         supplied: Packed<f64> = array("supplied", "J", [sample, time]),
-        /// How far the centroid of each rigid body has moved.
+        /// Displacement of the centroid of each rigid body.
         body_translation: Option<Packed<PerBody<[f64; 2]>>> = array("body_translation", "mm", [sample, time, body, xy]),
-        /// How far each rigid body has turned, from -180 to 180, counter-clockwise.
+        /// Rotation of each rigid body, from -180 to 180, counter-clockwise.
         body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, time, body]),
-        /// How the simulation ended: `converged`, `pull-in`, `not-elliptic` or `slack` at once, `delayed-pull-in` or `delayed-slack` later,
-        /// `iteration-limit` or `work-limit`.
+        /// How the simulation ended: `converged`; `pull-in`, `not-elliptic` or `slack` at the start; `delayed-pull-in`
+        /// or `delayed-slack` later; `iteration-limit` or `work-limit`.
         outcome: Vec<OutcomeKind> = array("outcome", "", [sample]),
-        /// The last time with a stable state and the first without; 0, 0 where that is not so.
+        /// The last time with a stable state and the first without; 0, 0 if stability is not lost in time.
         time_bracket: Vec<[f64; 2]> = array("time_bracket", "s", [sample, bound]),
-        /// Where the drive begins with more than the membrane bears, the highest voltage that it bears at once and the lowest that it does not; 0, 0
-        /// elsewhere.
+        /// If the membrane is unstable at the start of the drive, the highest voltage with a stable state at the start
+        /// and the lowest without; 0, 0 otherwise.
         voltage_bracket: Vec<[f64; 2]> = array("voltage_bracket", "V", [sample, bound]),
         /// Column and row of the corner that moves most at the end.
         watched_corner: Vec<[u64; 2]> = array("watched_corner", "1", [sample, xy]),
-        /// Estimate of the largest error that steps in time leave in the displacement.
+        /// Estimated largest error of the displacement due to time steps.
         error_in_time: Vec<f64> = array("error_in_time", "mm", [sample]),
-        /// Where an accuracy was asked for, estimate of the largest error that the mesh leaves in the displacement; NaN where there is none.
+        /// If an accuracy was requested, the estimated largest error of the displacement due to the mesh; NaN if
+        /// unknown.
         error_in_space: Option<Vec<f64>> = array("error_in_space", "mm", [sample]),
-        /// Where an accuracy was asked for, elements along one side of a cell.
+        /// If an accuracy was requested, elements along one side of a cell.
         elements_per_cell: Option<Vec<u64>> = array("elements_per_cell", "1", [sample]),
-        /// Where an accuracy was asked for, polynomial order of the elements.
+        /// If an accuracy was requested, polynomial order of the elements.
         order: Option<Vec<u64>> = array("order", "1", [sample]),
-        /// Steps in time.
+        /// Number of time steps.
         steps: Vec<u64> = array("steps", "1", [sample]),
         /// Relative residual of the last equilibrium.
         residual: Vec<f64> = array("residual", "1", [sample]),
@@ -66,11 +67,11 @@ arrays! {
         solve_seconds: Vec<f64> = array("solve_seconds", "s", [sample]),
         /// The scene.
         scene: Scene = attribute("scene"),
-        /// How it was solved.
+        /// The solver.
         solver: String = attribute("solver"),
-        /// The effects that were simulated.
+        /// The simulated effects.
         effects: Effects = attribute("effects"),
-        /// Effects that matter and were left out, one to a line.
+        /// Significant effects that were neglected, one per line.
         warnings: Lines = attribute("warnings"),
     }
 }

@@ -1,4 +1,4 @@
-//! How far predictions may be off, as files of predictions and artifacts of designs hold it.
+//! Prediction intervals in files of predictions and in artifacts of designs.
 
 use super::macros::arrays;
 use super::part::LongTexts;
@@ -7,53 +7,53 @@ arrays! {
     /// Intervals of predictions by a calibration.
     #[derive(Default)]
     pub struct PredictionIntervals, PredictionIntervalsView {
-        /// With the stated probability every component at every corner lies within this of the predicted one.
+        /// With the stated probability, every component at every corner differs from the prediction by at most this.
         radius: Vec<f64> = array("radius", "mm", [sample]),
         /// Lower end of the interval of the largest displacement magnitude.
         max_displacement_lower: Vec<f64> = array("max_displacement_lower", "mm", [sample]),
         /// Upper end of the interval of the largest displacement magnitude.
         max_displacement_upper: Vec<f64> = array("max_displacement_upper", "mm", [sample]),
-        /// How far the pattern is from those of the training: above 1 it is out of distribution.
+        /// Relative distance of the pattern from the training patterns; above 1 it is out of distribution.
         novelty: Vec<f64> = array("novelty", "1", [sample]),
-        /// 1 where the pattern is out of distribution, so that nothing is promised.
+        /// 1 if the pattern is out of distribution, so that the interval is not valid.
         out_of_distribution: Vec<u8> = array("out_of_distribution", "1", [sample]),
-        /// Numbers that were asked for.
+        /// Intervals of the requested objectives.
         objective: Option<ObjectiveIntervals> = group("objective"),
     }
 }
 
 arrays! {
-    /// Displacements along wanted directions with their intervals.
+    /// Displacements along target directions with their intervals.
     #[derive(Default)]
     pub struct ObjectiveIntervals, ObjectiveIntervalsView {
         /// Each objective in YAML.
         text: LongTexts = array("yaml", "", [objective]),
-        /// Predicted mean displacement along the wanted directions.
+        /// Predicted mean displacement along the target directions.
         predicted: Vec<f64> = array("predicted", "mm", [objective, sample]),
-        /// Lower end of its interval.
+        /// Lower end of the interval.
         lower: Vec<f64> = array("lower", "mm", [objective, sample]),
-        /// Upper end of its interval.
+        /// Upper end of the interval.
         upper: Vec<f64> = array("upper", "mm", [objective, sample]),
     }
 }
 
 arrays! {
-    /// What a calibrated network says of designs; zeros and empty texts where none was asked.
+    /// Predictions of calibrated networks for designs; zeros and empty texts without one.
     #[derive(Default)]
     pub struct DesignIntervals, DesignIntervalsView {
-        /// Probability that the interval covers; 0 where there is no interval.
+        /// Coverage probability of the interval; 0 if there is no interval.
         coverage: Vec<f64> = array("coverage", "1", [row]),
-        /// Mean displacement along the wanted directions as the network predicts it.
+        /// Mean displacement along the target directions predicted by the network.
         predicted: Vec<f64> = array("predicted", "mm", [row]),
-        /// Lower end of its interval.
+        /// Lower end of the interval.
         lower: Vec<f64> = array("lower", "mm", [row]),
-        /// Upper end of its interval.
+        /// Upper end of the interval.
         upper: Vec<f64> = array("upper", "mm", [row]),
-        /// How far the pattern is from those of the training: above 1 it is out of distribution.
+        /// Relative distance of the pattern from the training patterns; above 1 it is out of distribution.
         novelty: Vec<f64> = array("novelty", "1", [row]),
-        /// 1 where the pattern is out of distribution, so that nothing is promised.
+        /// 1 if the pattern is out of distribution, so that the interval is not valid.
         out_of_distribution: Vec<u64> = array("out_of_distribution", "1", [row]),
-        /// The families that the calibration was made from.
+        /// The families of the calibration patterns.
         basis: LongTexts = array("calibrated_on", "", [row]),
     }
 }
@@ -61,22 +61,22 @@ arrays! {
 /// The interval of one design.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DesignInterval {
-    /// Probability that it covers.
+    /// Coverage probability.
     pub coverage: f64,
-    /// Mean displacement along the wanted directions as the network predicts it, mm.
+    /// Mean displacement along the target directions predicted by the network, mm.
     pub predicted_mm: f64,
     /// Its ends, mm.
     pub ends_mm: [f64; 2],
-    /// How far the pattern is from those of the training: above 1 it is out of distribution.
+    /// Relative distance of the pattern from the training patterns; above 1 it is out of distribution.
     pub novelty: f64,
-    /// Whether it is, so that nothing is promised.
+    /// Whether it is out of distribution, so that the interval is not valid.
     pub out_of_distribution: bool,
-    /// The families that the calibration was made from.
+    /// The families of the calibration patterns.
     pub basis: String,
 }
 
 impl DesignIntervals {
-    /// Of so many designs, none with an interval.
+    /// Intervals of a number of designs, none of which has one.
     #[must_use]
     pub fn none(rows: usize) -> Self {
         let mut none = Self::default();
@@ -84,7 +84,7 @@ impl DesignIntervals {
         none
     }
 
-    /// Adds a design.
+    /// Adds the interval of a design.
     pub fn push(&mut self, interval: Option<DesignInterval>) {
         let found = interval.as_ref();
         let number = |of: fn(&DesignInterval) -> f64| found.map_or(0.0, of);
@@ -100,7 +100,7 @@ impl DesignIntervals {
             .push(interval.map_or_else(String::new, |interval| interval.basis));
     }
 
-    /// That of a design.
+    /// Returns the interval of a design.
     #[must_use]
     pub fn of_row(&self, row: usize) -> Option<DesignInterval> {
         (self.coverage[row] > 0.0).then(|| DesignInterval {

@@ -4,38 +4,39 @@ use std::ops::Range;
 
 use super::balanced::{Balanced, BalancedView};
 use super::designs::{Verification, VerificationView};
-use super::solutions::{SOLVED, Solutions, SolutionsView};
+use super::kind::ArtifactKind;
+use super::solutions::{Solutions, SolutionsView};
 use deaflow_pattern::Pattern;
 use deaflow_store::{Artifact, StoreError};
 
-/// Rows with fields, by the kind of stage that made them.
+/// The view of an artifact with labelled patterns, by the kind of its stage.
 pub enum Labelled<'a> {
-    /// Samples that were solved or imported.
+    /// Solved or imported samples.
     Solved(SolutionsView<'a>),
-    /// Rows of a balanced set, split into parts.
+    /// Rows of a balanced set with their splits.
     Balanced(BalancedView<'a>),
-    /// Designs that were simulated; some have no field.
+    /// Simulated designs; some have no field.
     Verified(VerificationView<'a>),
 }
 
 impl<'a> Labelled<'a> {
-    /// The view of an artifact, or of one of its chunks; none where it is of another kind.
+    /// Opens an artifact or one of its chunks; `None` if it is of another kind.
     ///
     /// # Errors
-    /// When its arrays do not fit together.
+    /// If its arrays are inconsistent.
     pub fn open(artifact: &'a Artifact) -> Result<Option<Self>, StoreError> {
-        Ok(match artifact.kind() {
-            kind if SOLVED.contains(&kind) => Some(Self::Solved(Solutions::open(artifact)?)),
-            "balance" => Some(Self::Balanced(Balanced::open(artifact)?)),
-            "verify" => Some(Self::Verified(Verification::open(artifact)?)),
+        Ok(match ArtifactKind::of(artifact) {
+            Some(ArtifactKind::Solve | ArtifactKind::Import) => Some(Self::Solved(Solutions::open(artifact)?)),
+            Some(ArtifactKind::Balance) => Some(Self::Balanced(Balanced::open(artifact)?)),
+            Some(ArtifactKind::Verify) => Some(Self::Verified(Verification::open(artifact)?)),
             _ => None,
         })
     }
 
-    /// The patterns.
+    /// Reads the patterns.
     ///
     /// # Errors
-    /// When they cannot be read.
+    /// If they cannot be read.
     pub fn patterns(&self) -> Result<Vec<Pattern>, StoreError> {
         match self {
             Self::Solved(view) => view.rows().patterns().read(),
@@ -44,10 +45,10 @@ impl<'a> Labelled<'a> {
         }
     }
 
-    /// The family of each pattern; none for designs.
+    /// Reads the family of each pattern; `None` for designs.
     ///
     /// # Errors
-    /// When they cannot be read.
+    /// If they cannot be read.
     pub fn families(&self) -> Result<Option<Vec<String>>, StoreError> {
         match self {
             Self::Solved(view) => view.rows().family().read().map(Some),
@@ -56,10 +57,10 @@ impl<'a> Labelled<'a> {
         }
     }
 
-    /// How many fields there are.
+    /// Returns the number of fields.
     ///
     /// # Errors
-    /// When there are no fields.
+    /// If there are no fields.
     pub fn fields(&self) -> Result<usize, StoreError> {
         match self {
             Self::Solved(view) => view.displacement().rows(),
@@ -68,10 +69,10 @@ impl<'a> Labelled<'a> {
         }
     }
 
-    /// The numbers of some fields, end to end, in mm, out of an artifact that is no manifest.
+    /// Reads the concatenated values of some fields in mm from an artifact that is not a manifest.
     ///
     /// # Errors
-    /// When they cannot be read.
+    /// If they cannot be read.
     pub fn displacement(&self, fields: Range<usize>) -> Result<Vec<f64>, StoreError> {
         match self {
             Self::Solved(view) => view.displacement().numbers(fields),

@@ -1,7 +1,7 @@
-//! What stands in the artifacts of each kind: path, unit, axes and description of every array, once.
+//! The content of the artifacts of each kind: path, unit, axes and description of every array.
 //!
-//! A struct for each kind, declared by one macro, is written as an object of the store and read back; a view reads array by
-//! array what is too large or not needed as a whole. Lengths along shared axes are checked when an artifact is opened.
+//! Each kind has a struct, which one macro declares, writes as an object of the store and reads back. A view reads
+//! single arrays, which may be too large to be read together. Opening an artifact checks the lengths along shared axes.
 
 mod attribute;
 mod declared;
@@ -22,6 +22,7 @@ mod evaluation;
 mod frequency_responses;
 mod histories;
 mod intervals;
+mod kind;
 mod labelled;
 mod load_paths;
 mod observations;
@@ -53,6 +54,7 @@ pub use evaluation::{Coverage, CoverageView, Evaluation, PatternScores, Scores};
 pub use frequency_responses::FrequencyResponses;
 pub use histories::Histories;
 pub use intervals::{DesignInterval, DesignIntervals, ObjectiveIntervals, PredictionIntervals};
+pub use kind::ArtifactKind;
 pub use labelled::Labelled;
 pub use load_paths::LoadPaths;
 pub use observations::{Meshes, NO_STATE, Observations};

@@ -1,4 +1,4 @@
-//! The file of `deaflow solve --path`: points and events of all patterns stand one after the other. It may hold NaN.
+//! The file of `deaflow solve --path`: the points and events of all patterns are concatenated. It may contain NaN.
 
 use super::macros::arrays;
 use deaflow_field::Field;
@@ -6,13 +6,13 @@ use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
 arrays! {
-    /// How patterns get from rest to the loss of stability, and what lies beyond.
+    /// Load paths of patterns from rest to the loss of stability and beyond.
     pub struct LoadPaths, LoadPathsView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [path, y, x]),
-        /// The points of path i are those from element i up to, but without, element i + 1.
+        /// Path i has the points from element i (inclusive) to element i + 1 (exclusive).
         point_offsets: Vec<u64> = array("point_offsets", "1", [path_bound]),
-        /// The events of path i are those from element i up to, but without, element i + 1.
+        /// Path i has the events from element i (inclusive) to element i + 1 (exclusive).
         event_offsets: Vec<u64> = array("event_offsets", "1", [path_bound]),
         /// Voltage; it falls past a fold.
         voltage: Vec<f64> = array("voltage", "V", [point]),
@@ -20,35 +20,35 @@ arrays! {
         max_displacement: Vec<f64> = array("max_displacement", "mm", [point]),
         /// Displacement magnitude at the watched corner.
         displacement: Vec<f64> = array("displacement", "mm", [point]),
-        /// Smallest eigenvalue of the tangent against the Laplacian: near 1 at rest, zero where stability is lost.
+        /// Smallest eigenvalue of the tangent relative to the Laplacian: near 1 at rest, 0 at the loss of stability.
         smallest_eigenvalue: Vec<f64> = array("smallest_eigenvalue", "1", [point]),
-        /// Negative eigenvalues of the tangent.
+        /// Number of negative eigenvalues of the tangent.
         negative_eigenvalues: Vec<u64> = array("negative_eigenvalues", "1", [point]),
-        /// 1 where a membrane can be found in this state: no negative eigenvalue, and elliptic everywhere.
+        /// 1 if the state is stable: no negative eigenvalue, and elliptic everywhere.
         stable: Vec<u8> = array("stable", "1", [point]),
-        /// What happens: `fold`, `bifurcation` or `not-elliptic`.
+        /// The event: `fold`, `bifurcation` or `not-elliptic`.
         event_kind: Vec<String> = array("event_kind", "", [event]),
-        /// Where it happens.
+        /// Its voltage.
         event_voltage: Vec<f64> = array("event_voltage", "V", [event]),
-        /// Row of the point just before it.
+        /// Row of the point before it.
         event_point: Vec<u64> = array("event_point", "1", [event]),
-        /// What ends the stable part that begins at rest: the kind of the first event, or `none`.
+        /// The event that ends the stable part of the path: the kind of the first event, or `none`.
         limit_kind: Vec<String> = array("limit_kind", "", [path]),
-        /// Highest voltage of that part, extrapolated from two meshes; NaN where it has no end.
+        /// Highest voltage of that part, extrapolated from two meshes; NaN if it does not end.
         limit_voltage: Vec<f64> = array("limit_voltage", "V", [path]),
-        /// How far the truth may lie on either side of it; NaN where that is not known.
+        /// Estimated error of the limit; NaN if unknown.
         limit_error: Vec<f64> = array("limit_error", "V", [path]),
-        /// The limit on the coarser of the two meshes; NaN where there is none.
+        /// The limit on the coarser of the two meshes; NaN if there is none.
         limit_coarse: Vec<f64> = array("limit_coarse", "V", [path]),
-        /// The limit on the finer one, half as wide; NaN where none was found.
+        /// The limit on the finer mesh with elements of half the size; NaN if none was found.
         limit_fine: Vec<f64> = array("limit_fine", "V", [path]),
-        /// Displacement at that limit, at the cell corners; that of the last point where there is no limit.
+        /// Displacement at the cell corners at that limit, or at the last point if there is no limit.
         limit_displacement: Vec<Field> = array("limit_displacement", "mm", [path, corner_y, corner_x, xy]),
         /// Column and row of the corner that moves most at that limit.
         watched_corner: Vec<[u64; 2]> = array("watched_corner", "1", [path, xy]),
         /// Why the path ends.
         end: Vec<String> = array("end", "", [path]),
-        /// The scene, whose voltage does not matter.
+        /// The scene; its voltage is not used.
         scene: Scene = attribute("scene"),
     }
 }

@@ -1,24 +1,25 @@
-//! The declaration of an artifact's content.
+//! The macro that declares the content of an artifact.
 
 /// Declares a struct whose fields are arrays of an artifact, and a view that reads them one by one:
 ///
 /// ```text
 /// arrays! {
-///     /// What the struct is.
+///     /// Description of the struct.
 ///     pub struct Designs, DesignsView {
 ///         /// Electrode patterns, origin lower left, 1 = electrode.
 ///         patterns: Vec<Pattern> = array("patterns", "1", [row, y, x]),
-///         /// The scene that they are for.
+///         /// The scene.
 ///         scene: Scene = attribute("scene"),
-///         /// How the search went.
+///         /// The history of the search.
 ///         history: History = group("history"),
 ///     }
 /// }
 /// ```
 ///
-/// The comment of an array is its description in the file. The last axes are those of a row (a pattern has two), and the lengths
-/// of the others are read off the arrays: arrays that share an axis are equally long. A group with the path "" stands beside the
-/// other arrays; `group("area", [(group, bin)])` calls the axis `group` of its arrays `bin`.
+/// The comment of an array is its description in the file. The last axes are those of a row (a pattern has two). The
+/// lengths of the others follow from the arrays: arrays that share an axis must be equally long. The arrays of a group
+/// with the path "" are at the level of the struct; `group("area", [(group, bin)])` renames the axis `group` of its
+/// arrays to `bin`.
 macro_rules! arrays {
     (
         $(#[$meta:meta])*
@@ -33,29 +34,29 @@ macro_rules! arrays {
         }
 
         impl $name {
-            /// The view of an artifact, whose arrays have the declared axes as far as they are there.
+            /// Opens a view of an artifact and checks the axes of its arrays.
             ///
             /// # Errors
-            /// When an array has other axes, or two differ in length along one.
+            /// If an array has other axes, or two differ in length along a shared axis.
             pub fn open(artifact: &deaflow_store::Artifact) -> Result<$view<'_>, deaflow_store::StoreError> {
                 $crate::view::open::<Self>(artifact)
             }
 
-            /// The view of an artifact that may be of another kind: nothing is checked.
+            /// Opens a view of an artifact without checking it; it may be of another kind.
             #[must_use]
             pub fn unchecked(artifact: &deaflow_store::Artifact) -> $view<'_> {
                 <Self as $crate::view::Group>::view(artifact, $crate::part::At::default())
             }
 
-            /// Everything at once.
+            /// Reads all arrays and attributes.
             ///
             /// # Errors
-            /// When something is missing, or not what it should be.
+            /// If one is missing or invalid.
             pub fn read(artifact: &deaflow_store::Artifact) -> Result<Self, deaflow_store::StoreError> {
                 Self::open(artifact)?.read()
             }
 
-            /// The same as an object that the store can keep.
+            /// Converts it to an object for the store.
             #[must_use]
             pub fn object(self) -> deaflow_store::Object {
                 let mut writer = $crate::writer::Writer::default();
@@ -63,7 +64,7 @@ macro_rules! arrays {
                 writer.finish()
             }
 
-            /// What is declared of its arrays.
+            /// Returns the declarations of its arrays.
             #[must_use]
             pub fn declared() -> Vec<$crate::Declared> {
                 let mut declared = Vec::new();
@@ -71,9 +72,9 @@ macro_rules! arrays {
                 declared
             }
 
-            /// What is declared of its attributes: their names and what they are.
+            /// Returns the names and descriptions of its attributes.
             #[must_use]
-            // Whether a field is an attribute is known as the macro expands, after a list would have been written.
+            // The macro expands to nothing for other fields, so the list cannot be a literal.
             #[allow(clippy::vec_init_then_push)]
             pub fn attributes() -> Vec<(&'static str, &'static str)> {
                 let mut _attributes = Vec::new();
@@ -96,7 +97,9 @@ macro_rules! arrays {
                 artifact: &deaflow_store::Artifact,
             ) -> Result<Self, deaflow_store::StoreError> {
                 Ok(Self {
-                    $( $field: $crate::macros::field!(get $kind $args, $type, at, artifact, concat!($doc $(, $more)*)), )*
+                    $( $field: $crate::macros::field!(
+                        get $kind $args, $type, at, artifact, concat!($doc $(, $more)*)
+                    ), )*
                 })
             }
         }
@@ -126,15 +129,15 @@ macro_rules! arrays {
                 }
             )*
 
-            /// All of them at once.
+            /// Reads all arrays and attributes.
             ///
             /// # Errors
-            /// When something is missing, or not what it should be.
+            /// If one is missing or invalid.
             pub fn read(&self) -> Result<$name, deaflow_store::StoreError> {
                 $crate::part::Part::get(&self.at, self.artifact)
             }
 
-            /// The artifact.
+            /// Returns the artifact.
             #[must_use]
             pub fn artifact(&self) -> &'a deaflow_store::Artifact {
                 self.artifact
@@ -143,7 +146,7 @@ macro_rules! arrays {
             /// Whether the artifact has any of these arrays.
             ///
             /// # Errors
-            /// When a chunk is missing or damaged.
+            /// If a chunk is missing or damaged.
             pub fn is_there(&self) -> Result<bool, deaflow_store::StoreError> {
                 <$name as $crate::part::Part>::is_in(&self.at, self.artifact)
             }
@@ -151,12 +154,15 @@ macro_rules! arrays {
     };
 }
 
-/// What each sort of field does: an array, a group of arrays or an attribute.
+/// Expands a field, which is an array, a group of arrays or an attribute.
 macro_rules! field {
     (declare array ($path:literal, $units:literal, [$($axis:ident),*]), $type:ty, $at:ident, $out:ident, $doc:expr) => {
         <$type as $crate::part::Part>::declare(&$at.array($path, $units, &[$(stringify!($axis)),*], $doc), $out)
     };
-    (declare group ($path:literal $(, [$(($from:ident, $to:ident)),*])?), $type:ty, $at:ident, $out:ident, $doc:expr) => {
+    (
+        declare group ($path:literal $(, [$(($from:ident, $to:ident)),*])?),
+        $type:ty, $at:ident, $out:ident, $doc:expr
+    ) => {
         <$type as $crate::part::Part>::declare(
             &$at.group($path, &[$($((stringify!($from), stringify!($to))),*)?]),
             $out,
@@ -167,7 +173,10 @@ macro_rules! field {
     (put array ($path:literal, $units:literal, [$($axis:ident),*]), $value:expr, $at:ident, $out:ident, $doc:expr) => {
         $crate::part::Part::put($value, &$at.array($path, $units, &[$(stringify!($axis)),*], $doc), $out)
     };
-    (put group ($path:literal $(, [$(($from:ident, $to:ident)),*])?), $value:expr, $at:ident, $out:ident, $doc:expr) => {
+    (
+        put group ($path:literal $(, [$(($from:ident, $to:ident)),*])?),
+        $value:expr, $at:ident, $out:ident, $doc:expr
+    ) => {
         $crate::part::Part::put(
             $value,
             &$at.group($path, &[$($((stringify!($from), stringify!($to))),*)?]),
@@ -180,10 +189,16 @@ macro_rules! field {
         }
     };
 
-    (get array ($path:literal, $units:literal, [$($axis:ident),*]), $type:ty, $at:ident, $artifact:ident, $doc:expr) => {
+    (
+        get array ($path:literal, $units:literal, [$($axis:ident),*]),
+        $type:ty, $at:ident, $artifact:ident, $doc:expr
+    ) => {
         <$type as $crate::part::Part>::get(&$at.array($path, $units, &[$(stringify!($axis)),*], $doc), $artifact)?
     };
-    (get group ($path:literal $(, [$(($from:ident, $to:ident)),*])?), $type:ty, $at:ident, $artifact:ident, $doc:expr) => {
+    (
+        get group ($path:literal $(, [$(($from:ident, $to:ident)),*])?),
+        $type:ty, $at:ident, $artifact:ident, $doc:expr
+    ) => {
         <$type as $crate::part::Part>::get(
             &$at.group($path, &[$($((stringify!($from), stringify!($to))),*)?]),
             $artifact,

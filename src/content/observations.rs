@@ -1,4 +1,4 @@
-//! What simulations say beside the displacement: the effects that are on, rigid bodies, and the mesh where one was picked.
+//! Results of simulations besides the displacement: those of effects, rigid bodies, and the chosen mesh.
 
 use super::element::{Packed, PerBody, PerCell};
 use super::macros::arrays;
@@ -7,40 +7,42 @@ use deaflow_pattern::Raster;
 use deaflow_scene::{Effects, Scene};
 
 arrays! {
-    /// What effects say, an array for each that is on and none for those that are off, and where rigid bodies are.
+    /// Results of the effects that are on, and the motion of rigid bodies.
     #[derive(Default)]
     pub struct Observations, ObservationsView {
         /// Largest true field over the breakdown field, E/E_B; the membrane fails at 1.
         breakdown_ratio: Option<Vec<f64>> = array("breakdown_ratio", "1", [sample]),
-        /// How each cell bears its load: 0 taut, 1 wrinkled, 2 slack, 255 no stable solution.
+        /// State of each cell: 0 taut, 1 wrinkled, 2 slack, 255 no stable solution.
         wrinkling: Option<Packed<PerCell<u8>>> = array("wrinkling", "1", [sample, y, x]),
-        /// Part of the membrane whose cells are wrinkled or slack; NaN where there is no stable solution.
+        /// Fraction of the membrane whose cells are wrinkled or slack; NaN without a stable solution.
         wrinkled_fraction: Option<Vec<f64>> = array("wrinkled_fraction", "1", [sample]),
-        /// Smallest eigenvalue of the tangent relative to the Laplacian; zero where stability is lost.
+        /// Smallest eigenvalue of the tangent relative to the Laplacian; 0 at the loss of stability.
         smallest_eigenvalue: Option<Vec<f64>> = array("smallest_eigenvalue", "1", [sample]),
-        /// Voltages between which stability is lost on the mesh of the solution, a finer one loses it earlier; 0, 0 where it is not lost up to 3 times the limit of a fully active membrane.
+        /// Voltages between which stability is lost on the mesh of the solution (earlier on a finer one); 0, 0 if it is
+        /// not lost up to 3 times the limit of a fully active membrane.
         critical_voltage: Option<Vec<[f64; 2]>> = array("critical_voltage", "V", [sample, bound]),
-        /// How far the centroid of each rigid body has moved; NaN where there is no stable solution.
+        /// Displacement of the centroid of each rigid body; NaN without a stable solution.
         body_translation: Option<Packed<PerBody<[f64; 2]>>> = array("body_translation", "mm", [sample, body, xy]),
-        /// How far each rigid body has turned, from -180 to 180, counter-clockwise; NaN where there is no stable solution.
+        /// Rotation of each rigid body, from -180 to 180, counter-clockwise; NaN without a stable solution.
         body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, body]),
-        /// Where the drive is a charge, that of the solution, or of the last stable state: 0 where there is no electrode to put it on; NaN where there is
-        /// no stable state.
+        /// If the drive is a charge, the charge of the solution or of the last stable state; 0 without an electrode,
+        /// NaN without a stable state.
         charge: Option<Vec<f64>> = array("charge", "C", [sample]),
-        /// The voltage that the charge of electrodes that conduct makes there.
+        /// The voltage of conducting electrodes at this charge.
         voltage: Option<Vec<f64>> = array("voltage", "V", [sample]),
-        /// How many eigenvalues of the tangent are negative there where the voltage is held: past a fold it would snap.
+        /// Number of negative eigenvalues of the tangent at constant voltage: past a fold the membrane would snap
+        /// through.
         negative_at_voltage: Option<Vec<u64>> = array("negative_at_voltage", "1", [sample]),
-        /// How many are where the charge is held.
+        /// Number of negative eigenvalues at constant charge.
         negative_at_charge: Option<Vec<u64>> = array("negative_at_charge", "1", [sample]),
     }
 }
 
 arrays! {
-    /// The mesh that was picked for each sample to reach an accuracy.
+    /// The mesh that was chosen for each sample to reach an accuracy.
     #[derive(Default)]
     pub struct Meshes, MeshesView {
-        /// Estimated largest error of the displacement over the corners; NaN where there is none.
+        /// Estimated largest error of the displacement over the corners; NaN if unknown.
         discretisation_error: Vec<f64> = array("discretisation_error", "mm", [sample]),
         /// Elements along one side of a cell.
         elements_per_cell: Vec<u64> = array("elements_per_cell", "1", [sample]),
@@ -49,11 +51,11 @@ arrays! {
     }
 }
 
-/// The state of a cell where there is no stable solution.
+/// The state of a cell without a stable solution.
 pub const NO_STATE: u8 = 255;
 
 impl Observations {
-    /// What effects and the bodies of a scene say of some samples; NaN where a sample has no solution.
+    /// Collects the results of effects and bodies of some samples; NaN for a sample without a solution.
     #[must_use]
     pub fn of(effects: &Effects, scene: &Scene, samples: &[Option<&Observation>]) -> Self {
         let raster = scene.membrane().raster;
@@ -101,7 +103,7 @@ impl Observations {
     }
 }
 
-/// The motions of all bodies, sample by sample.
+/// Returns the motions of all bodies, sample by sample.
 fn motions(samples: &[Option<&Observation>], bodies: usize) -> Vec<Motion> {
     let none = Motion {
         translation: [f64::NAN; 2],

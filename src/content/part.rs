@@ -1,13 +1,13 @@
-//! What may stand behind a field of a declared struct: an array, several, or a group of them.
+//! The parts of a declared struct: an array, several arrays, or a group of them.
 
 use super::declared::Declared;
-use super::element::{Element, Packed, Places, Row, Value};
+use super::element::{Element, Grid, Packed, Row, Value};
 use super::error::{ElementError, Fault};
 use super::writer::Writer;
 use deaflow_pattern::Raster;
 use deaflow_store::{Artifact, StoreError};
 
-/// Where an array or a group stands, and what is declared of it.
+/// The path of an array or a group, and its declaration.
 #[derive(Clone, Debug, Default)]
 pub struct At {
     path: String,
@@ -19,7 +19,7 @@ pub struct At {
 }
 
 impl At {
-    /// An array within a group: its path, unit, axes and what it is.
+    /// Returns an array in this group by path, unit, axes and description.
     #[must_use]
     pub fn array(&self, path: &str, units: &'static str, axes: &[&str], description: &str) -> Self {
         let axis = |axis: &&str| {
@@ -36,7 +36,7 @@ impl At {
         }
     }
 
-    /// A group within a group. Axes may be called otherwise in it.
+    /// Returns a group in this group. Its axes may be renamed.
     #[must_use]
     pub fn group(&self, path: &str, renamed: &'static [(&'static str, &'static str)]) -> Self {
         Self {
@@ -62,7 +62,7 @@ impl At {
         }
     }
 
-    /// The path in the file.
+    /// Returns the path in the file.
     #[must_use]
     pub fn path(&self) -> &str {
         &self.path
@@ -81,9 +81,9 @@ impl At {
     }
 }
 
-/// One array or several: declared, written and read by the same description.
+/// One or more arrays that are declared, written and read by the same declaration.
 pub trait Part: Sized {
-    /// Adds what is declared of it.
+    /// Adds its declarations.
     fn declare(at: &At, declared: &mut Vec<Declared>);
 
     /// Writes it.
@@ -92,13 +92,13 @@ pub trait Part: Sized {
     /// Reads it.
     ///
     /// # Errors
-    /// When it is missing, or does not hold what it should.
+    /// If it is missing or invalid.
     fn get(at: &At, artifact: &Artifact) -> Result<Self, StoreError>;
 
     /// Whether an artifact has any of it.
     ///
     /// # Errors
-    /// When a chunk is missing or damaged.
+    /// If a chunk is missing or damaged.
     fn is_in(at: &At, artifact: &Artifact) -> Result<bool, StoreError> {
         let mut declared = Vec::new();
         Self::declare(at, &mut declared);
@@ -108,26 +108,26 @@ pub trait Part: Sized {
     }
 }
 
-/// The values of all rows, and what they stand on.
+/// Reads the values of all rows and their raster.
 fn values<R: Row>(at: &At, artifact: &Artifact) -> Result<(Vec<R::Value>, Raster), StoreError> {
     let shape = &artifact.content(&at.path)?.shape;
     let Some(raster) = raster_of::<R>(shape) else {
         let fault = Fault::Shape {
             path: at.path.clone(),
             found: shape.clone(),
-            wanted: at.declared::<R>().shape(),
+            expected: at.declared::<R>().shape(),
         };
         return Err(fault.of(artifact.digest()));
     };
     Ok((R::Value::read(artifact, &at.path)?, raster))
 }
 
-/// The raster of rows in an array of some shape; any where they stand on none. `None` where they do not have this shape.
+/// Returns the raster of the rows of an array, or any raster if its rows have none. `None` if the shape does not fit.
 fn raster_of<R: Row>(shape: &[usize]) -> Option<Raster> {
-    let places = shape.strip_suffix(R::EXTENTS)?;
-    match (R::PLACES, places) {
-        (Places::None, _) => Some(Raster::PAPER),
-        (on, [.., rows, columns]) => on.raster([*rows, *columns]),
+    let axes = shape.strip_suffix(R::EXTENTS)?;
+    match (R::GRID, axes) {
+        (Grid::None, _) => Some(Raster::PAPER),
+        (grid, [.., rows, columns]) => grid.raster([*rows, *columns]),
         _ => None,
     }
 }
@@ -144,7 +144,7 @@ impl<T: Element> Part for Vec<T> {
 
     fn put(self, at: &At, writer: &mut Writer) {
         if let Some(raster) = T::raster(&self) {
-            writer.on(raster);
+            writer.set_raster(raster);
         }
         writer.array(at.declared::<T>(), T::Value::into_data(T::pack(self)));
     }
@@ -169,7 +169,7 @@ impl<R: Row> Part for Packed<R> {
     }
 }
 
-/// A few numbers that make an array of their own.
+/// An array of a fixed number of values.
 impl<V: Value + Copy, const N: usize> Part for [V; N] {
     fn declare(at: &At, declared: &mut Vec<Declared>) {
         declared.push(at.declared::<Self>());
@@ -183,8 +183,8 @@ impl<V: Value + Copy, const N: usize> Part for [V; N] {
         let (values, _) = values::<Self>(at, artifact)?;
         let found = vec![values.len()];
         Self::try_from(values).map_err(|_| {
-            let (path, wanted) = (at.path.clone(), at.declared::<Self>().shape());
-            Fault::Shape { path, found, wanted }.of(artifact.digest())
+            let (path, expected) = (at.path.clone(), at.declared::<Self>().shape());
+            Fault::Shape { path, found, expected }.of(artifact.digest())
         })
     }
 }
@@ -205,11 +205,12 @@ impl<P: Part> Part for Option<P> {
     }
 }
 
-/// Texts of any length: their bytes one after another, and how many belong to each. An array of texts has 64 bytes for each.
+/// Texts of any length, stored as their concatenated bytes and the length of each. An array of texts has 64 bytes per
+/// text.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LongTexts(pub Vec<String>);
 
-/// The bytes of all long texts, and the bytes of each.
+/// Returns the declarations of the bytes and the lengths of long texts.
 fn parts_of_texts(at: &At) -> [Declared; 2] {
     let bytes = Declared {
         path: format!("{}/text", at.path),

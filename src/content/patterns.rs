@@ -1,4 +1,4 @@
-//! Patterns that an argument of a command names.
+//! Reads patterns that an argument of a command names.
 
 use std::path::Path;
 
@@ -8,11 +8,11 @@ use deaflow_base::InputError;
 use deaflow_pattern::{Pattern, PatternForm, read_patterns, split_h5};
 use deaflow_store::Artifact;
 
-/// Reads the patterns that an argument names: a file of patterns, or a dataset of an artifact, of a manifest too. Artifacts are
-/// read by their headers and not by what HDF5 shows of them: a manifest shows fill values where its chunks are missing.
+/// Reads the patterns that an argument names: a file of patterns, or a dataset of an artifact, which may be a manifest.
+/// Artifacts are read through the store, because HDF5 would show fill values for missing chunks of a manifest.
 ///
 /// # Errors
-/// When the file cannot be read, is damaged, or holds no patterns there.
+/// If the file cannot be read, is damaged, or has no patterns at this path.
 pub fn named_patterns(argument: &str, form: PatternForm) -> Result<Vec<Pattern>, InputError> {
     let named = split_h5(argument).map(|(file, dataset)| (Path::new(file), dataset));
     let Some((path, dataset)) = named.filter(|(path, _)| Artifact::is_at(path)) else {
@@ -29,7 +29,7 @@ pub fn named_patterns(argument: &str, form: PatternForm) -> Result<Vec<Pattern>,
     match other {
         None => Ok(patterns),
         Some(other) if other.raster() != raster => Err(refused(format!(
-            "its patterns have {} cells, and the membrane has {raster}",
+            "its patterns have {} cells, but the membrane has {raster}",
             other.raster()
         ))),
         Some(other) => Err(refused(format!(

@@ -3,17 +3,17 @@
 use super::macros::arrays;
 use deaflow_pattern::Pattern;
 
-/// The kinds of stages whose artifacts these are.
+/// The kinds of stages with this artifact.
 pub const SAMPLED: [&str; 2] = ["sample", "patterns"];
 
-/// The family of patterns that no family has drawn: they come from a file.
+/// The family of patterns from files.
 pub const FROM_FILE: &str = "file";
 
 arrays! {
-    /// Patterns that were drawn, or read from files.
+    /// Patterns that were sampled or read from files.
     #[derive(Default)]
     pub struct Samples, SamplesView {
-        /// The patterns and where they come from.
+        /// The patterns and their origin.
         rows: SampleRows = group(""),
         /// Area fraction of the electrode.
         area: Vec<f64> = array("area", "1", [sample]),
@@ -21,22 +21,23 @@ arrays! {
 }
 
 arrays! {
-    /// Which patterns these are.
+    /// Patterns and their origin.
     #[derive(Default)]
     pub struct SampleRows, SampleRowsView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
-        /// Family that the pattern was drawn from; `file` where it was read from one.
+        /// Family of the pattern; `file` if it was read from a file.
         family: Vec<String> = array("family", "", [sample]),
-        /// Number of the sample within its family, parameters and seed; of one from a file its place among all of the stage.
+        /// Number of the sample within its family, parameters and seed; for a pattern from a file its number in the
+        /// stage.
         index: Vec<u64> = array("index", "1", [sample]),
-        /// Units across the membrane (large-grid), 0 elsewhere.
+        /// Units across the membrane for the family large-grid, 0 for others.
         units: Vec<u64> = array("units", "1", [sample]),
     }
 }
 
 impl SampleRows {
-    /// Some of the rows, in the order of their numbers.
+    /// Returns some of the rows, in the order of `rows`.
     #[must_use]
     pub fn select(&self, rows: &[usize]) -> Self {
         Self {

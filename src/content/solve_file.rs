@@ -1,4 +1,4 @@
-//! The file that `deaflow solve` and `deaflow predict` write. It is no artifact and may hold NaN.
+//! The file that `deaflow solve` and `deaflow predict` write. It is not an artifact and may contain NaN.
 
 use super::attribute::Lines;
 use super::element::{Packed, PerCell};
@@ -11,58 +11,59 @@ use deaflow_scene::Effects;
 use deaflow_store::{Data, Dataset, Object};
 
 arrays! {
-    /// Patterns with their displacements, one row for each whether it has a field or not. Where the scene has `states`, these are an axis `state` after
-    /// `sample` of all arrays but `patterns`, and `states` has their names.
+    /// Patterns with their displacements, a row for each even without a field. If the scene has `states`, all arrays
+    /// except `patterns` have an axis `state` after `sample`, and `states` has the names.
     #[derive(Default)]
     pub struct SolveFile, SolveFileView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
-        /// Displacement at the cell corners; NaN where the outcome is none of `converged`, `estimated` and `predicted`.
+        /// Displacement at the cell corners; NaN unless the outcome is `converged`, `estimated` or `predicted`.
         displacement: Packed<Field> = array("displacement", "mm", [sample, corner_y, corner_x, xy]),
-        /// How the simulation ended: `converged`, `pull-in`, `not-elliptic`, `slack`, `iteration-limit` or `work-limit`; of estimates `estimated` or
-        /// `no-estimate`; `predicted` where nothing was simulated, so that nothing is known of stability.
+        /// How the simulation ended: `converged`, `pull-in`, `not-elliptic`, `slack`, `iteration-limit` or
+        /// `work-limit`; for estimates `estimated` or `no-estimate`; `predicted` for predictions, whose stability is
+        /// unknown.
         outcome: Vec<OutcomeKind> = array("outcome", "", [sample]),
-        /// Largest displacement magnitude over the corners; NaN where there is none.
+        /// Largest displacement magnitude over the corners; NaN without a displacement.
         max_displacement: Vec<f64> = array("max_displacement", "mm", [sample]),
-        /// Where a point was asked about, how far it moves along the direction that was asked for, or in all without one; NaN where there is no
-        /// displacement.
+        /// Displacement of the requested point along the requested direction, or its magnitude without a direction; NaN
+        /// without a displacement.
         at_point: Option<Vec<f64>> = array("at_point", "mm", [sample]),
         /// Relative residual of the non-linear equilibrium.
         residual: Option<Vec<f64>> = array("residual", "1", [sample]),
         /// Processor time of the sample, the mean over its batch.
         solve_seconds: Vec<f64> = array("solve_seconds", "s", [sample]),
-        /// What effects say.
+        /// Results of effects.
         observations: Observations = group(""),
-        /// Where an accuracy was asked for, the meshes that reach it.
+        /// If an accuracy was requested, the meshes that reach it.
         meshes: Option<Meshes> = group(""),
-        /// Where they were asked for, the states of the cells.
+        /// The states of the cells, if requested.
         cells: Option<CellFields> = group("cells"),
-        /// Of predictions, where the model has a calibration, how far they may be off.
+        /// Prediction intervals, if the model has a calibration.
         intervals: Option<PredictionIntervals> = group("interval"),
-        /// The scene; of a prediction the one that the model was trained in.
+        /// The scene; for a prediction that of the training.
         scene: String = attribute("scene"),
-        /// How it was solved, in the keys of a solve stage.
+        /// The solver in the keys of a solve stage.
         solver: Option<String> = attribute("solver"),
-        /// The effects that were simulated.
+        /// The simulated effects.
         effects: Option<Effects> = attribute("effects"),
-        /// Effects that matter and were left out, one to a line.
+        /// Significant effects that were neglected, one per line.
         warnings: Option<Lines> = attribute("warnings"),
-        /// The point that was asked about, from the lower left corner, and its direction.
+        /// The requested point, from the lower left corner, and its direction.
         point: Option<String> = attribute("point"),
-        /// The network that predicted.
+        /// The network of a prediction.
         network: Option<String> = attribute("network"),
-        /// Probability that the intervals cover, for patterns like those of the calibration.
+        /// Coverage probability of the intervals, for patterns like those of the calibration.
         coverage: Option<String> = attribute("coverage"),
         /// The artifact of the calibration.
         calibration: Option<String> = attribute("calibration"),
-        /// The families that the calibration was made from.
+        /// The families of the calibration patterns.
         basis: Option<String> = attribute("calibrated_on"),
     }
 }
 
 impl SolveFile {
-    /// The same as an object, where each pattern stands there as often as there are states, one after the other: the states get an axis of their
-    /// own, and each pattern stands there once. Without states it is the object.
+    /// Converts it to an object. With states, in which each pattern is repeated once per state, the states get an axis
+    /// of their own and each pattern is stored once.
     #[must_use]
     pub fn in_states(self, states: &[String]) -> Object {
         if states.is_empty() {
@@ -99,17 +100,18 @@ impl SolveFile {
 }
 
 arrays! {
-    /// Means over each cell; NaN where there is no stable solution.
+    /// Means over each cell; NaN without a stable solution.
     #[derive(Default)]
     pub struct CellFields, CellFieldsView {
-        /// In-plane principal stretches from the undeformed state, larger first, mean over each cell; NaN where there is no stable solution.
+        /// In-plane principal stretches from the undeformed state, larger first, mean over each cell; NaN without a
+        /// stable solution.
         stretches: Packed<PerCell<[f64; 2]>> = array("stretches", "1", [sample, y, x, principal]),
-        /// True electric field, mean over each cell; NaN where there is no stable solution.
+        /// True electric field, mean over each cell; NaN without a stable solution.
         electric_field: Packed<PerCell<f64>> = array("electric_field", "V/m", [sample, y, x]),
-        /// First Piola-Kirchhoff stress, mean over each cell; NaN where there is no stable solution.
+        /// First Piola-Kirchhoff stress, mean over each cell; NaN without a stable solution.
         first_piola_stress: Packed<PerCell<[[f64; 2]; 2]>> =
             array("first_piola_stress", "Pa", [sample, y, x, stress_direction, material_direction]),
-        /// In-plane principal Cauchy stresses, larger first, mean over each cell; NaN where there is no stable solution.
+        /// In-plane principal Cauchy stresses, larger first, mean over each cell; NaN without a stable solution.
         principal_stresses: Packed<PerCell<[f64; 2]>> = array("principal_stresses", "Pa", [sample, y, x, principal]),
         /// 0 taut, 1 wrinkled (tension in one direction only), 2 slack, 255 no stable solution.
         state: Packed<PerCell<u8>> = array("state", "1", [sample, y, x]),

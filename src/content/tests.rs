@@ -1,4 +1,4 @@
-//! Declarations are written and read alike, and what does not fit together is refused.
+//! Declared content is read as written, and inconsistent arrays are refused.
 
 use super::*;
 use deaflow_field::{Field, OutcomeKind};
@@ -51,7 +51,7 @@ fn solutions() -> Solutions {
 }
 
 #[test]
-fn what_is_written_is_read() {
+fn content_is_read_as_written() {
     let object = solutions().object();
     assert_eq!(object.datasets["critical_voltage"].shape, [2, 2]);
     assert_eq!(object.datasets["unstable/patterns"].shape, [1, 50, 50]);
@@ -61,7 +61,7 @@ fn what_is_written_is_read() {
 }
 
 #[test]
-fn a_view_reads_one_array_and_knows_what_is_there() {
+fn a_view_reads_single_arrays_and_detects_missing_ones() {
     let (_folder, artifact) = stored(&solutions().object());
     let view = Solutions::open(&artifact).unwrap();
     assert_eq!(view.unstable().rows().index().read().unwrap(), [0]);
@@ -105,14 +105,14 @@ fn other_axes_and_missing_attributes_are_named() {
 }
 
 #[test]
-fn what_does_not_fit_its_axes_cannot_be_stored() {
+fn arrays_that_do_not_fit_their_axes_cannot_be_stored() {
     let mut wrong = solutions();
     wrong.max_displacement.pop();
     assert!(wrong.object().digest().is_err());
 }
 
 #[test]
-fn every_array_is_declared_once_with_its_axes_and_a_sentence() {
+fn every_array_is_declared_once_with_its_axes_and_a_description() {
     for kind in catalogue() {
         let mut paths: Vec<&str> = kind.arrays.iter().map(|array| array.path.as_str()).collect();
         paths.sort_unstable();
@@ -130,7 +130,7 @@ fn every_array_is_declared_once_with_its_axes_and_a_sentence() {
 }
 
 #[test]
-fn axes_of_a_group_can_be_called_otherwise() {
+fn axes_of_a_group_can_be_renamed() {
     let axes = |path: &str| {
         let declared = Evaluation::declared();
         declared.into_iter().find(|array| array.path == path).unwrap().axes

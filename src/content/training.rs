@@ -4,7 +4,7 @@ use super::attribute::Lines;
 use super::macros::arrays;
 use deaflow_scene::Scene;
 
-/// The family under which all families are measured together.
+/// The family name of metrics over all families.
 pub const ALL_FAMILIES: &str = "all";
 
 arrays! {
@@ -12,13 +12,13 @@ arrays! {
     pub struct Training, TrainingView {
         /// The model as the bytes of a safetensors file.
         weights: Vec<u8> = array("weights", "1", [byte]),
-        /// Epoch whose weights are kept, from 1.
+        /// Epoch of the kept weights, from 1.
         best_epoch: [u64; 1] = array("best_epoch", "1", [single]),
         /// Samples left out because they have no stable solution.
         unstable: [u64; 1] = array("counts/unstable", "1", [single]),
-        /// How the training went.
+        /// The learning curves.
         curves: Curves = group("curves"),
-        /// Labels that nothing was learnt from.
+        /// Labels that were left out.
         left_out: LeftOutLabels = group("left_out"),
         /// Errors of the network.
         metrics: Metrics = group("metrics"),
@@ -28,16 +28,16 @@ arrays! {
         ending: String = attribute("ending"),
         /// The scene of the examples.
         scene: Scene = attribute("scene"),
-        /// What a user should know, one to a line.
+        /// Warnings, one per line.
         warnings: Option<Lines> = attribute("warnings"),
     }
 }
 
 arrays! {
-    /// How a training went, epoch by epoch.
+    /// Learning curves by epoch.
     #[derive(Default)]
     pub struct Curves, CurvesView {
-        /// RMSE per component by which epochs are judged: with verified designs.
+        /// RMSE per component that selects the best epoch, if it includes verified designs.
         judged_rmse: Option<Vec<f64>> = array("judged_rmse", "mm", [epoch]),
         /// Training loss of each epoch.
         train_loss: Vec<f64> = array("train_loss", "1", [epoch]),
@@ -54,26 +54,26 @@ arrays! {
     /// Labels that were left out.
     #[derive(Default)]
     pub struct LeftOutLabels, LeftOutLabelsView {
-        /// Input that a label left out stands in, from 0.
+        /// Input with the label, from 0.
         input: Vec<u64> = array("input", "1", [label]),
         /// Its row in that input, from 0.
         row: Vec<u64> = array("row", "1", [label]),
-        /// The displacement that shows it; 0 where it is not a number.
+        /// The invalid displacement; 0 if it is not a number.
         displacement: Vec<f64> = array("displacement", "mm", [label]),
-        /// What is wrong with it.
+        /// The reason.
         why: Vec<String> = array("why", "", [label]),
     }
 }
 
 arrays! {
-    /// Errors of a network by family and part of the dataset.
+    /// Errors of a network by family and split.
     #[derive(Default)]
     pub struct Metrics, MetricsView {
-        /// Family that the metrics are over; `all` for all together.
+        /// Family of the metrics; `all` for all families.
         family: Vec<String> = array("family", "", [metric]),
-        /// Split that the metrics are over.
+        /// Split of the metrics.
         split: Vec<String> = array("split", "", [metric]),
-        /// Samples that the metrics are over.
+        /// Number of samples of the metrics.
         samples: Vec<u64> = array("samples", "1", [metric]),
         /// Root mean square error per component.
         rmse: Vec<f64> = array("rmse", "mm", [metric]),

@@ -1,4 +1,4 @@
-//! The file of `deaflow solve --modes`. It is no artifact and may hold NaN.
+//! The file of `deaflow solve --modes`. It is not an artifact and may contain NaN.
 
 use super::element::Packed;
 use super::macros::arrays;
@@ -7,7 +7,7 @@ use deaflow_pattern::Pattern;
 use deaflow_scene::{Effects, Scene};
 
 arrays! {
-    /// How patterns vibrate about their equilibria. A pattern without a stable equilibrium has NaN.
+    /// Vibrations of patterns about their equilibria; NaN for a pattern without a stable equilibrium.
     pub struct Vibrations, VibrationsView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
@@ -19,15 +19,15 @@ arrays! {
         mode: Vec<u64> = array("mode", "1", [mode]),
         /// Natural frequencies, lowest first.
         frequencies: Packed<f64> = array("frequencies", "Hz", [sample, mode]),
-        /// Modes at the cell corners; the corner that moves most moves by 1.
+        /// Modes at the cell corners, scaled so that the largest displacement is 1.
         modes: Packed<Field> = array("modes", "1", [sample, mode, corner_y, corner_x, xy]),
         /// Processor time of the sample, the mean over its batch.
         solve_seconds: Vec<f64> = array("solve_seconds", "s", [sample]),
         /// The scene.
         scene: Scene = attribute("scene"),
-        /// How it was solved.
+        /// The solver.
         solver: String = attribute("solver"),
-        /// The effects that were simulated.
+        /// The simulated effects.
         effects: Effects = attribute("effects"),
     }
 }

@@ -1,4 +1,4 @@
-//! Arrays and attributes of an artifact that are read when they are asked for: fields may be larger than memory.
+//! Views of an artifact, which read single arrays and attributes: all fields together may exceed the memory.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -8,12 +8,12 @@ use super::declared::{Declared, check};
 use super::part::{At, Part};
 use deaflow_store::{Artifact, StoreError};
 
-/// A struct whose fields are arrays, and the view that reads them one by one.
+/// A struct of arrays with a view that reads them one by one.
 pub trait Group: Part {
     /// The view.
     type View<'a>;
 
-    /// The view of a group of an artifact. Nothing is checked.
+    /// Returns the view of a group of an artifact without checking it.
     fn view(artifact: &Artifact, at: At) -> Self::View<'_>;
 }
 
@@ -25,10 +25,10 @@ impl<G: Group> Group for Option<G> {
     }
 }
 
-/// The view of a whole artifact, whose arrays fit the declaration as far as they are there.
+/// Returns the view of an artifact and checks the axes of its arrays.
 ///
 /// # Errors
-/// When an array has other axes than declared, or two differ in length along one.
+/// If an array has other axes than declared, or two differ in length along a shared axis.
 pub fn open<G: Group>(artifact: &Artifact) -> Result<G::View<'_>, StoreError> {
     let mut declared: Vec<Declared> = Vec::new();
     G::declare(&At::default(), &mut declared);
@@ -36,10 +36,10 @@ pub fn open<G: Group>(artifact: &Artifact) -> Result<G::View<'_>, StoreError> {
     Ok(G::view(artifact, At::default()))
 }
 
-/// The parts of an artifact that are files of their own: its chunks, or itself where it has none.
+/// Returns the files of an artifact: its chunks, or itself if it has none.
 ///
 /// # Errors
-/// When a chunk is missing or damaged.
+/// If a chunk is missing or damaged.
 pub fn files(artifact: &Artifact) -> Result<&[Artifact], StoreError> {
     Ok(match artifact.is_manifest() {
         true => artifact.chunks()?,
@@ -55,7 +55,7 @@ pub struct Stored<'a, P> {
 }
 
 impl<'a, P: Part> Stored<'a, P> {
-    /// The array that stands there.
+    /// The array at this path.
     #[must_use]
     pub fn new(artifact: &'a Artifact, at: At) -> Self {
         Self {
@@ -65,15 +65,15 @@ impl<'a, P: Part> Stored<'a, P> {
         }
     }
 
-    /// Its elements; of a manifest, those of all chunks.
+    /// Reads its elements; for a manifest, those of all chunks.
     ///
     /// # Errors
-    /// When it is missing, a file is damaged, or it does not hold what it should.
+    /// If it is missing or invalid, or a file is damaged.
     pub fn read(&self) -> Result<P, StoreError> {
         P::get(&self.at, self.artifact)
     }
 
-    /// Its elements, where it is there.
+    /// Reads its elements, if the artifact has it.
     ///
     /// # Errors
     /// As [`Stored::read`].
@@ -84,35 +84,30 @@ impl<'a, P: Part> Stored<'a, P> {
     /// Whether the artifact has it.
     ///
     /// # Errors
-    /// When a chunk is missing or damaged.
+    /// If a chunk is missing or damaged.
     pub fn is_there(&self) -> Result<bool, StoreError> {
         P::is_in(&self.at, self.artifact)
     }
 
-    /// Its path in the file.
+    /// Returns its path in the file.
     #[must_use]
     pub fn path(&self) -> &str {
         self.at.path()
     }
 
-    /// Its length along the first axis, without reading elements.
+    /// Returns its length along the first axis, without reading elements.
     ///
     /// # Errors
-    /// When it is missing, or a chunk is missing or damaged.
+    /// If it is missing, or a chunk is missing or damaged.
     pub fn rows(&self) -> Result<usize, StoreError> {
-        Ok(self
-            .artifact
-            .content(self.path())?
-            .shape
-            .first()
-            .copied()
-            .unwrap_or_default())
+        let shape = &self.artifact.content(self.path())?.shape;
+        Ok(shape.first().copied().unwrap_or_default())
     }
 
-    /// The numbers of some of its rows, out of an artifact that is no manifest.
+    /// Reads the numbers of some of its rows from an artifact that is not a manifest.
     ///
     /// # Errors
-    /// When they cannot be read.
+    /// If they cannot be read.
     pub fn numbers(&self, rows: Range<usize>) -> Result<Vec<f64>, StoreError> {
         self.artifact.rows()?.numbers(self.path(), rows)
     }
@@ -126,7 +121,7 @@ pub struct StoredAttribute<'a, A> {
 }
 
 impl<'a, A: Attribute> StoredAttribute<'a, A> {
-    /// The attribute of that name.
+    /// The attribute of this name.
     #[must_use]
     pub fn new(artifact: &'a Artifact, name: &'static str) -> Self {
         Self {
@@ -136,19 +131,19 @@ impl<'a, A: Attribute> StoredAttribute<'a, A> {
         }
     }
 
-    /// Its value. What a manifest does not say itself its chunks say, all the same.
+    /// Reads its value, from the first chunk if a manifest does not have it.
     ///
     /// # Errors
-    /// When it is missing although it is needed, or cannot be read.
+    /// If it is required but missing, or invalid.
     pub fn read(&self) -> Result<A, StoreError> {
         let text = self.text()?;
         A::from_text(self.name, text.as_deref()).map_err(|fault| fault.of(self.artifact.digest()))
     }
 
-    /// Its text; none where it is missing.
+    /// Reads its text; `None` if it is missing.
     ///
     /// # Errors
-    /// When the first chunk is missing or damaged.
+    /// If the first chunk is missing or damaged.
     pub fn text(&self) -> Result<Option<String>, StoreError> {
         if let Some(own) = self.artifact.attribute(self.name) {
             return Ok(Some(own.to_owned()));

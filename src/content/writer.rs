@@ -1,4 +1,4 @@
-//! Collects arrays and attributes into an object of the store.
+//! Collects arrays and attributes into an object for the store.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use super::element::RASTER_AXES;
 use deaflow_pattern::Raster;
 use deaflow_store::{Data, Dataset, Object};
 
-/// What has been written so far.
+/// The arrays and attributes written so far.
 #[derive(Default)]
 pub struct Writer {
     attributes: BTreeMap<String, String>,
@@ -21,8 +21,8 @@ impl Writer {
         self.arrays.push((declared, data));
     }
 
-    /// Says on what the arrays stand that stand on cells or their corners; the first of several is believed, as of other lengths.
-    pub fn on(&mut self, raster: Raster) {
+    /// Sets the raster of arrays on cells or their corners. The first call counts.
+    pub fn set_raster(&mut self, raster: Raster) {
         self.raster.get_or_insert(raster);
     }
 
@@ -31,9 +31,9 @@ impl Writer {
         self.attributes.insert(name.to_owned(), text);
     }
 
-    /// The object. An array along one axis says how long that is, and the first of several is believed: the store refuses an
-    /// array that does not fit the lengths of its axes. An axis of tables alone is as long as their numbers make it. Where there is nothing on a
-    /// raster, arrays without rows have that of the source paper.
+    /// Returns the object. The length of an axis is that of the first array along this axis alone; if there is none, it
+    /// follows from the number of values of arrays along several axes. The store refuses arrays that do not fit these
+    /// lengths. Without any raster, empty arrays get that of the source paper.
     #[must_use]
     pub fn finish(self) -> Object {
         let lengths = self.lengths();

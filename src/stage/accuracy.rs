@@ -1,7 +1,7 @@
 //! `kind: accuracy` measures the error of each method against a reference, and its time.
 //!
-//! The reference is a solve stage in `needs`: it costs as much as everything else together and is reused when the list of
-//! methods changes. Errors are content. Times differ between runs, so they are measurements in the provenance.
+//! The reference is a solve stage in `needs`: it costs as much as everything else together and is reused when the list
+//! of methods changes. Errors are content. Times differ between runs, so they are measurements in the provenance.
 
 mod content;
 
@@ -143,10 +143,10 @@ fn benchmark(solved: &Artifact) -> Result<Benchmark, StageError> {
     };
     let families: BTreeSet<String> = names.iter().cloned().collect();
     let families: Vec<String> = families.into_iter().collect();
-    let place = |name: &String| families.binary_search(name).unwrap_or_default();
+    let index = |name: &String| families.binary_search(name).unwrap_or_default();
     Ok(Benchmark {
         scene,
-        family: names.iter().map(place).collect(),
+        family: names.iter().map(index).collect(),
         families,
         patterns,
         reference,

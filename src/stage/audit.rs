@@ -1,8 +1,8 @@
 //! `kind: audit` audits the dataset of a solve, import or balance stage; `deaflow audit` also audits files from
 //! elsewhere.
 //!
-//! Stages that list an audit in `needs` wait for it, and with `fail_on: error` they do not run if it has found errors. The
-//! audit is not an input of these stages: their artifacts are the same without it.
+//! Stages that list an audit in `needs` wait for it, and with `fail_on: error` they do not run if it has found errors.
+//! The audit is not an input of these stages: their artifacts are the same without it.
 
 mod content;
 mod contradictions;
@@ -11,6 +11,7 @@ mod lineage;
 mod resimulator;
 mod rows;
 mod run;
+mod shapes;
 mod source;
 
 use std::time::Instant;
@@ -38,7 +39,7 @@ pub use run::{Request, audit_file};
 /// The default number of random rows that are simulated on a finer mesh.
 pub const SAMPLES: u64 = 32;
 
-/// The largest number of rows that can be asked for.
+/// The largest number of random rows.
 const MAX_SAMPLES: u64 = 100_000_000;
 
 /// The kinds of stages that hold a dataset.

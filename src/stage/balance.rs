@@ -128,8 +128,8 @@ impl Stage for BalanceStage {
         }
         if solved.patterns.is_empty() {
             return Err(StageError::input(format!(
-                "none of {} samples has a stable solution, so there is nothing to train on: lower the voltage, or use a \
-                 thicker or stiffer membrane",
+                "none of {} samples has a stable solution, so there is nothing to train on: lower the voltage, or use \
+                 a thicker or stiffer membrane",
                 solved.unstable
             )));
         }

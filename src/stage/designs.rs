@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::direct::{self, read_scene};
 use deaflow_base::InputError;
-use deaflow_content::{DesignRows, StoredAttribute, Verification, VerificationView};
+use deaflow_content::{ArtifactKind, DesignRows, StoredAttribute, Verification, VerificationView};
 use deaflow_design::{DesignFilter, DesignLabel, Merit};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
@@ -50,7 +50,8 @@ impl Designs {
     /// # Errors
     /// If it cannot be read.
     pub fn read(artifact: &Artifact) -> Result<Option<Self>, StoreError> {
-        if !matches!(artifact.kind(), "design" | "verify") {
+        let kind = ArtifactKind::of(artifact);
+        if !matches!(kind, Some(ArtifactKind::Design | ArtifactKind::Verify)) {
             return Ok(None);
         }
         let rows = DesignRows::open(artifact)?;
@@ -63,8 +64,8 @@ impl Designs {
             member: member[i],
             units: units[i],
         };
-        let merits = match artifact.kind() {
-            "verify" => merits(&Verification::open(artifact)?)?,
+        let merits = match kind {
+            Some(ArtifactKind::Verify) => merits(&Verification::open(artifact)?)?,
             _ => vec![None; case.len()],
         };
         Ok(Some(Self {

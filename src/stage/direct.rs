@@ -86,8 +86,8 @@ pub fn names_scene(path: &Path) -> bool {
     })
 }
 
-/// The values of a scene that a command overrides: those of `--set`, as in `drive.voltage=5 kV`, where the path may start
-/// with `scene.` as in a pipeline; then that of `--voltage`.
+/// The values of a scene that a command overrides: those of `--set`, as in `drive.voltage=5 kV`, where the path may
+/// start with `scene.` as in a pipeline; then that of `--voltage`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Changes<'a> {
     /// The values of `--set`.
@@ -136,7 +136,8 @@ pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<Scene, Input
     crate::scene::read(root.peek("scene").unwrap_or(&root))
 }
 
-/// Reads a scene from text in YAML or JSON. It must not name files, because there is no folder that they are relative to.
+/// Reads a scene from text in YAML or JSON. It must not name files, because there is no folder that they are relative
+/// to.
 ///
 /// # Errors
 /// If it is not a valid scene, cannot be simulated, or names files.

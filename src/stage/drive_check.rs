@@ -6,8 +6,8 @@ use deaflow_fem::{FIRST_LOST, MOST_LOST, Method, covered_limit};
 use deaflow_orchestrator::{StageCheck, StageDeclaration};
 use deaflow_scene::Scene;
 
-/// Below this fraction of the voltage limit of a fully covered membrane displacements are negligible: they grow with the
-/// square of the voltage.
+/// Below this fraction of the voltage limit of a fully covered membrane displacements are negligible: they grow with
+/// the square of the voltage.
 const FAINT: f64 = 0.01;
 
 /// The range, as a factor of the voltage, in which the limit of a fully covered membrane is searched for [`FAINT`].
@@ -80,7 +80,8 @@ pub fn stability_advice(scene: &Scene) -> String {
         Ok(None) | Err(_) => String::new(),
     };
     format!(
-        "lower the voltage, or use a thicker or stiffer membrane{limits}; `deaflow screen` computes the limit of one cell"
+        "lower the voltage, or use a thicker or stiffer membrane{limits}; `deaflow screen` computes the limit of one \
+         cell"
     )
 }
 
@@ -154,9 +155,9 @@ fn beyond_limit(scene: &Scene) -> Option<Instability> {
         false => "",
     };
     let warning = format!(
-        "at {} {what}: single cells are unstable above about {}, most patterns above about {}, a fully covered membrane \
-         above {}{model}. Unstable patterns get no result, and detecting the instability takes many times as long as a \
-         solution. The voltages are estimates; `deaflow screen` computes the limit of one cell on two meshes",
+        "at {} {what}: single cells are unstable above about {}, most patterns above about {}, a fully covered \
+         membrane above {}{model}. Unstable patterns get no result, and detecting the instability takes many times as \
+         long as a solution. The voltages are estimates; `deaflow screen` computes the limit of one cell on two meshes",
         kilovolts(volts),
         kilovolts(FIRST_LOST * limit),
         kilovolts(MOST_LOST * limit),

@@ -1,8 +1,8 @@
-//! `kind: evaluate` measures the errors of models on labelled patterns that they were not trained on, by family, compared
-//! with estimates; and the coverage of the intervals of calibrations.
+//! `kind: evaluate` measures the errors of models on labelled patterns that they were not trained on, by family,
+//! compared with estimates; and the coverage of the intervals of calibrations.
 //!
-//! The artifact identifies the models by their digests: renaming a stage changes no artifact, so stage names must not be
-//! part of the content. Reports find the names in the run.
+//! The artifact identifies the models by their digests: renaming a stage changes no artifact, so stage names must not
+//! be part of the content. Reports find the names in the run.
 
 mod calibrated;
 mod content;

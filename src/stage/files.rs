@@ -8,8 +8,8 @@ use deaflow_pattern::split_h5;
 /// The key with the list of files.
 const KEY: &str = "files";
 
-/// The name of a file, optionally with a dataset in it: `own.h5:/patterns`. The result of a stage depends on the content
-/// of the file, not on its name, so a name has no canonical value.
+/// The name of a file, optionally with a dataset in it: `own.h5:/patterns`. The result of a stage depends on the
+/// content of the file, not on its name, so a name has no canonical value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileName(String);
 

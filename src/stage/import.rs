@@ -1,7 +1,7 @@
 //! `kind: import` reads patterns with displacement fields from files, as labels like those of a solve stage.
 //!
-//! The key depends on the numbers, not on the format of the file. The scene of the pipeline is recorded as their scene; an
-//! audit checks whether that is right.
+//! The key depends on the numbers, not on the format of the file. The scene of the pipeline is recorded as their scene;
+//! an audit checks whether that is right.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -18,9 +18,6 @@ use deaflow_pattern::Raster;
 use deaflow_scene::{Difference, Scene};
 use deaflow_store::{Artifact, Object};
 
-/// The name of the kind.
-pub const NAME: &str = "import";
-
 /// Rows per chunk on the raster of the source paper: 44 MB.
 const CHUNK: usize = 1000;
 
@@ -34,7 +31,7 @@ pub struct ImportKind;
 
 impl Kind for ImportKind {
     fn name(&self) -> &'static str {
-        NAME
+        "import"
     }
 
     fn recipe(&self) -> u32 {
@@ -107,15 +104,15 @@ fn open(named: &NamedFile<'_>, scene: &Scene, device: &Arc<Device>) -> Result<Im
         return Err(named.refused(&"its arrays are found by name", "name the file only"));
     }
     let file = ImportFile::open(&named.path, device).map_err(|why| named.refused(&why, &why.help(device)))?;
-    let Some(said) = file.scene() else { return Ok(file) };
+    let Some(declared) = file.scene() else { return Ok(file) };
     let unreadable = |e| {
         named.refused(
             &format!("its scene cannot be read: {e}"),
             "remove the attribute `scene` from it",
         )
     };
-    let said = Scene::from_text(said).map_err(unreadable)?.simulated();
-    let differences = said.differences(scene);
+    let declared = Scene::from_text(declared).map_err(unreadable)?.simulated();
+    let differences = declared.differences(scene);
     if differences.is_empty() {
         return Ok(file);
     }

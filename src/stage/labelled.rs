@@ -1,7 +1,7 @@
-//! Labelled patterns to judge models with: solved or imported samples, or the test rows of a balanced set. They are read in
-//! batches, because the fields of all together may exceed the memory.
+//! Labelled patterns to judge models with: solved or imported samples, or the test rows of a balanced set. They are
+//! read in batches, because the fields of all together may exceed the memory.
 
-use deaflow_content::{Labelled, SOLVED, files};
+use deaflow_content::{ArtifactKind, Labelled, files};
 use deaflow_dataset::Split;
 use deaflow_field::{Field, OutcomeKind};
 use deaflow_orchestrator::{Job, StageError};
@@ -32,7 +32,11 @@ pub fn for_each_batch(
     each: &mut dyn FnMut(Batch) -> Result<(), StageError>,
 ) -> Result<(), StageError> {
     for input in job.inputs {
-        if is_balanced(input) || SOLVED.contains(&input.kind()) {
+        let kind = ArtifactKind::of(input);
+        if matches!(
+            kind,
+            Some(ArtifactKind::Solve | ArtifactKind::Import | ArtifactKind::Balance)
+        ) {
             check_unseen(input, models)?;
             let chunks = files(input)?;
             for (done, chunk) in chunks.iter().enumerate() {
@@ -45,16 +49,12 @@ pub fn for_each_batch(
     Ok(())
 }
 
-fn is_balanced(artifact: &Artifact) -> bool {
-    artifact.kind() == "balance"
-}
-
 /// Refuses samples that a model was trained on: its error on these does not predict its error on others. Of a balanced
 /// set only the test rows are read, which no training uses.
 fn check_unseen(artifact: &Artifact, models: &[&Surrogate]) -> Result<(), StageError> {
     let digest = artifact.digest().to_string();
     let mut records = models.iter().filter_map(|model| model.training());
-    if is_balanced(artifact) || records.all(|record| !record.inputs.contains(&digest)) {
+    if ArtifactKind::Balance.is_of(artifact) || records.all(|record| !record.inputs.contains(&digest)) {
         return Ok(());
     }
     Err(StageError::input(format!(

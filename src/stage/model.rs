@@ -2,17 +2,16 @@
 
 use std::collections::BTreeSet;
 
-use deaflow_content::{ALL_FAMILIES, Training};
+use deaflow_content::{ALL_FAMILIES, ArtifactKind, Training};
 use deaflow_dataset::Split;
 use deaflow_orchestrator::StageError;
 use deaflow_scene::Scene;
 use deaflow_store::Artifact;
 use deaflow_surrogate::Surrogate;
 
-/// Whether an artifact holds a model.
-#[must_use]
+/// Whether an artifact has a model.
 pub fn is_in(artifact: &Artifact) -> bool {
-    artifact.kind() == "train"
+    ArtifactKind::Train.is_of(artifact)
 }
 
 /// Returns the bytes of the model of a train stage.
@@ -43,8 +42,8 @@ pub fn in_scene(artifact: &Artifact, scene: &Scene) -> Result<Surrogate, StageEr
     Ok(surrogate)
 }
 
-/// Loads the networks of train stages for the states of a scene, in the order of the states; each must have been trained
-/// at the drive of its state. For a scene without states it is the only network.
+/// Loads the networks of train stages for the states of a scene, in the order of the states; each must have been
+/// trained at the drive of its state. For a scene without states it is the only network.
 ///
 /// # Errors
 /// As [`in_scene`], or if a state has no network, or a network no state.

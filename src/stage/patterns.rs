@@ -68,7 +68,8 @@ impl Kind for PatternsKind {
 parameters! {
     /// Reads electrode patterns from files.
     struct PatternsParameters as "a patterns stage" {
-        /// FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset, relative to the pipeline's file; their patterns are concatenated.
+        /// FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset, relative to the pipeline's file; their patterns are
+        /// concatenated.
         files: Vec<FileName> [((), 1..=1000)],
     }
 }

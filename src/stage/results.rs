@@ -1,6 +1,6 @@
 //! The results of stages: numbers by name.
 
-use deaflow_content::{Samples, Solutions};
+use deaflow_content::{ArtifactKind, Samples, Solutions};
 use deaflow_orchestrator::StageError;
 use deaflow_store::Artifact;
 
@@ -9,20 +9,23 @@ pub fn named<const N: usize>(results: [(&str, f64); N]) -> Vec<(String, f64)> {
     results.map(|(name, value)| (name.to_owned(), value)).into()
 }
 
-/// Returns the first words of the results that an artifact of a kind may have.
+/// Returns the first words of the results that an artifact of a kind may have; none for an unknown kind.
 pub fn words_of(kind: &str) -> &'static [&'static str] {
+    let Some(kind) = ArtifactKind::from_name(kind) else {
+        return &[];
+    };
     match kind {
-        "sample" | "patterns" => &["samples", "area"],
-        "solve" | "import" => &["samples", "unstable", "max_displacement", "mean_displacement"],
-        "balance" => &["rows", "max_displacement"],
-        "train" => &["rmse", "best_epoch"],
-        "calibrate" => &["samples", "novelty_threshold"],
-        "evaluate" => &["rmse", "max_error"],
-        "design" => &["predicted", "area"],
-        "verify" => &["displacement", "area", "predicted"],
-        "accuracy" => &["max_error"],
-        "audit" => &["rows", "errors", "warnings"],
-        _ => &[],
+        ArtifactKind::Sample | ArtifactKind::Patterns => &["samples", "area"],
+        ArtifactKind::Solve | ArtifactKind::Import => &["samples", "unstable", "max_displacement", "mean_displacement"],
+        ArtifactKind::Balance => &["rows", "max_displacement"],
+        ArtifactKind::Train => &["rmse", "best_epoch"],
+        ArtifactKind::Calibrate => &["samples", "novelty_threshold"],
+        ArtifactKind::Evaluate => &["rmse", "max_error"],
+        ArtifactKind::Design => &["predicted", "area"],
+        ArtifactKind::Verify => &["displacement", "area", "predicted"],
+        ArtifactKind::Accuracy => &["max_error"],
+        ArtifactKind::Audit => &["rows", "errors", "warnings"],
+        ArtifactKind::Table => &[],
     }
 }
 

@@ -13,8 +13,8 @@ use deaflow_sample::{Canvas, FAMILIES, Family, FamilyEntry, SampleError, SampleG
 use deaflow_scene::Outline;
 use deaflow_store::{Artifact, Object};
 
-/// Samples per chunk: few enough that a killed run loses only seconds of work, many enough that the overhead of a file is
-/// negligible.
+/// Samples per chunk: few enough that a killed run loses only seconds of work, many enough that the overhead of a file
+/// is negligible.
 pub const CHUNK: u64 = 50;
 
 /// The kind `sample`.
@@ -39,9 +39,9 @@ impl Kind for SampleKind {
 
     fn schema(&self) -> Vec<Fields> {
         let fields = |entry: &&dyn FamilyEntry| {
-            let says = "Seed of the random numbers.";
+            let description = "Seed of the random numbers.";
             let fields = entry.fields().tagged("family", entry.name());
-            let fields = fields.declare::<Seed>("seed", says, &(), None);
+            let fields = fields.declare::<Seed>("seed", description, &(), None);
             fields.declare::<usize>("groups", "Groups of electrodes.", &GROUPS, Some(1))
         };
         FAMILIES.iter().map(fields).collect()
@@ -120,8 +120,8 @@ impl Electrodes {
     }
 
     /// Draws a sample. Its active cells are those of the family's pattern. With several groups, each group but the last
-    /// draws a further pattern of the family; a cell belongs to the first group whose pattern is active there, or else to
-    /// the last. The numbering of the groups rotates with the index of the sample.
+    /// draws a further pattern of the family; a cell belongs to the first group whose pattern is active there, or else
+    /// to the last. The numbering of the groups rotates with the index of the sample.
     fn draw(&self, family: &dyn Family, seed: u64, index: u64) -> Result<Pattern, SampleError> {
         /// Distance between the seeds of the groups (2⁶⁴ divided by the golden ratio).
         const SEED_DISTANCE: u64 = 0x9E37_79B9_7F4A_7C15;

@@ -148,16 +148,16 @@ impl Stage for TableStage {
             is_number: Vec::new(),
             plot: Lines(self.plot.clone()),
         };
-        let mut typed = Vec::with_capacity(self.columns.len());
+        let mut values = Vec::with_capacity(self.columns.len());
         for (at, column) in self.columns.iter().enumerate() {
-            let (own, unit) = self.cells.column(at, column, &results)?;
+            let (cells, unit) = self.cells.column(at, column, &results)?;
             table.columns.push(column.name.clone());
             table.units.push(unit.to_owned());
-            typed.push(own);
+            values.push(cells);
         }
         for row in 0..self.cells.rows() {
-            for own in &typed {
-                let cell = &own[row];
+            for cells in &values {
+                let cell = &cells[row];
                 table.text.push(cell.text());
                 table.value.push(cell.number().unwrap_or_default());
                 table.is_number.push(u8::from(cell.number().is_some()));

@@ -1,5 +1,5 @@
-//! `kind: train` trains a surrogate on balanced datasets, solved samples and verified designs, from random weights or from
-//! those of another train stage.
+//! `kind: train` trains a surrogate on balanced datasets, solved samples and verified designs, from random weights or
+//! from those of another train stage.
 
 mod content;
 mod examples;
@@ -94,8 +94,8 @@ parameters! {
         batch: u32 [1..=4096] = TrainOptions::default().batch,
         /// The optimizer; muon updates the kernels of convolutions, and adamw all other weights.
         optimizer: OptimizerKind = TrainOptions::default().optimizer,
-        /// Largest learning rate; by default 0.002, and 0.01 for physics. If it is far too large, the training diverges and is
-        /// reported as such.
+        /// Largest learning rate; by default 0.002, and 0.01 for physics. If it is far too large, the training diverges
+        /// and is reported as such.
         learning_rate: Option<Decimal> [1e-7..=100.0],
         /// Weight decay per unit of learning rate.
         weight_decay: Decimal [0.0..=1.0] = TrainOptions::default().weight_decay,
@@ -107,8 +107,8 @@ parameters! {
         max_weight: Decimal [0.0..=100.0] = TrainOptions::default().max_weight,
         /// Weight of the auxiliary branch at half resolution in the loss.
         auxiliary_weight: Decimal [0.0..=100.0] = TrainOptions::default().auxiliary_weight,
-        /// How often an epoch repeats each verified design; the default is once per image. Designs are few compared with the
-        /// samples, and samples do not cover their region.
+        /// How often an epoch repeats each verified design; the default is once per image. Designs are few compared
+        /// with the samples, and samples do not cover their region.
         verified_weight: u32 [1..=1000] = 8,
         /// Seed of the random numbers.
         seed: Seed,
@@ -205,8 +205,8 @@ fn start(inputs: &[Artifact]) -> Result<Option<Vec<u8>>, StageError> {
     Ok(start)
 }
 
-/// Computes the linear response of a scene with one biquadratic element per cell. Finer meshes change it by less than the
-/// network corrects.
+/// Computes the linear response of a scene with one biquadratic element per cell. Finer meshes change it by less than
+/// the network corrects.
 fn constants(scene: &Scene) -> Result<Constants, StageError> {
     let failed = |e: &dyn std::fmt::Display| StageError::failed(format!("no linear response: {e}"));
     let response = LinearResponse::new(scene, Mesh::biquadratic(1)).map_err(|e| failed(&e))?;

@@ -9,7 +9,7 @@ use crate::artifact_data::{cells_of, field_array, labels, patterns, scene_of};
 use crate::cache::{ModelErrors, score_document};
 use crate::http::{ApiError, Array, Request, Response, frame};
 use crate::state::ServerState;
-use deaflow_content::Training;
+use deaflow_content::{ArtifactKind, Training};
 use deaflow_dataset::Split;
 use deaflow_field::Predictor;
 use deaflow_pattern::Pattern;
@@ -86,7 +86,7 @@ pub fn prediction(state: &ServerState, request: &Request, digest: &str) -> Resul
 
 /// Returns the network of a train stage, from the cache if possible.
 fn network(state: &ServerState, model: &Artifact) -> Result<Arc<Surrogate>, ApiError> {
-    if model.kind() != "train" {
+    if !ArtifactKind::Train.is_of(model) {
         return Err(ApiError::bad_request("the artifact is not a trained network")
             .help("GET /api/artifacts?kind=train lists trained networks"));
     }

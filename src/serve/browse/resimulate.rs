@@ -61,7 +61,7 @@ fn document(set: &ArtifactId, row: usize, label: Option<&Field>, own: OnMesh<'_>
         let field = found.as_ref().and_then(|found| found.field.as_ref());
         json!({
             "mesh": mesh.map(|mesh| mesh.to_string()),
-            "outcome": found.as_ref().map(|found| found.outcome.name()),
+            "outcome": found.as_ref().map(|found| found.outcome.kind()),
             "max_displacement_mm": field.map(Field::max_magnitude),
             "max_error_mm": label.zip(field).map(|(label, field)| label.max_difference(field)),
         })

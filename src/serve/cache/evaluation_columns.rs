@@ -2,7 +2,7 @@
 
 use crate::artifact_data::inputs_of;
 use crate::http::ApiError;
-use deaflow_content::SOLVED;
+use deaflow_content::{ArtifactKind, SOLVED};
 use deaflow_dataset::Split;
 use deaflow_report::{RowColumn, Rows, pick};
 use deaflow_store::{Artifact, Content, Data, Store, StoreError};
@@ -58,7 +58,7 @@ pub fn by_predictor(artifact: &Artifact, rows: &Rows) -> Result<Vec<RowColumn>, 
 /// If a set is damaged.
 pub fn source_rows(store: &Store, artifact: &Artifact, rows: &Rows) -> Result<Vec<RowColumn>, ApiError> {
     let families = rows.columns.iter().find(|column| column.name == "pattern/family");
-    let (Some(families), "evaluate") = (families, artifact.kind()) else {
+    let Some(families) = families.filter(|_| ArtifactKind::Evaluate.is_of(artifact)) else {
         return Ok(Vec::new());
     };
     let (mut sets, mut set_rows, mut known) = (Vec::new(), Vec::new(), Vec::new());
@@ -68,7 +68,7 @@ pub fn source_rows(store: &Store, artifact: &Artifact, rows: &Rows) -> Result<Ve
             Err(StoreError::Missing { .. }) => return Ok(Vec::new()),
             Err(error) => return Err(error.into()),
         };
-        let is_balanced = input.kind() == "balance";
+        let is_balanced = ArtifactKind::Balance.is_of(&input);
         if !is_balanced && !SOLVED.contains(&input.kind()) {
             continue;
         }

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use crate::artifact_data::{cells_of, inputs_of, labels, patterns};
 use crate::http::ApiError;
 use deaflow_base::ArtifactId;
-use deaflow_content::{ALL_FAMILIES, Balanced};
+use deaflow_content::{ALL_FAMILIES, ArtifactKind, Balanced};
 use deaflow_dataset::Split;
 use deaflow_field::Predictor;
 use deaflow_pattern::Pattern;
@@ -175,7 +175,7 @@ impl ModelErrors {
         let mut found = Vec::new();
         for digest in inputs_of(model)? {
             match store.artifact(&digest) {
-                Ok(input) if input.kind() == "balance" => found.push(input),
+                Ok(input) if ArtifactKind::Balance.is_of(&input) => found.push(input),
                 Ok(_) => {}
                 Err(StoreError::Missing { .. }) => {
                     let message = format!("the training dataset {} is not in the store", digest.short());

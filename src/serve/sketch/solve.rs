@@ -159,7 +159,7 @@ impl SketchSolution {
         let field = simulation.field.as_ref();
         let value = |goal: &Goal| field.map(|field| goal.value_mm(std::slice::from_ref(field)));
         json!({
-            "outcome": simulation.outcome.name(),
+            "outcome": simulation.outcome.kind(),
             "max_displacement": field.map(Field::max_magnitude),
             "value": goal.and_then(value),
             "critical_voltage": null,

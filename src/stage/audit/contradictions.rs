@@ -8,22 +8,22 @@ use deaflow_scene::{Effects, Scene};
 
 /// Returns a finding if a file declares another scene. Properties of the material do not count: they change no label.
 pub fn other_scene(source: &Source, scene: &Scene) -> Result<Option<Finding>, SetupError> {
-    let Some(said) = source.scene.as_deref() else {
+    let Some(declared) = source.scene.as_deref() else {
         return Ok(None);
     };
-    let said = match Scene::from_text(said) {
-        Ok(said) => said,
+    let declared = match Scene::from_text(declared) {
+        Ok(declared) => declared,
         Err(error) => {
             let message = format!("the scene that the file says it was made with cannot be read: {error}");
             return Ok(Some(Finding::whole("provenance", Severity::Error, message)));
         }
     };
     // With `effects: auto` the file declares its effects in an attribute of their own.
-    let effects = !said.auto && said.effects != resolve(scene)?.effects;
+    let effects = !declared.auto && declared.effects != resolve(scene)?.effects;
     let parts = [
-        ("geometry", said.geometry != scene.geometry),
-        ("material", said.material != scene.material),
-        ("drive", said.drive.voltages != scene.drive.voltages),
+        ("geometry", declared.geometry != scene.geometry),
+        ("material", declared.material != scene.material),
+        ("drive", declared.drive.voltages != scene.drive.voltages),
         ("effects", effects),
     ];
     let differing = parts.iter().filter(|(_, differs)| *differs).map(|(name, _)| *name);
@@ -37,16 +37,16 @@ pub fn other_scene(source: &Source, scene: &Scene) -> Result<Option<Finding>, Se
 
 /// Returns a finding if a dataset declares other effects than those of the scene.
 pub fn other_effects(source: &Source, scene: &Scene) -> Result<Option<Finding>, SetupError> {
-    let Some(said) = source.effects.as_deref() else {
+    let Some(declared) = source.effects.as_deref() else {
         return Ok(None);
     };
-    let wanted = resolve(scene)?.effects;
-    let message = match Effects::from_text(said) {
-        Ok(said) if said == wanted => return Ok(None),
-        Ok(said) => format!(
+    let of_scene = resolve(scene)?.effects;
+    let message = match Effects::from_text(declared) {
+        Ok(declared) if declared == of_scene => return Ok(None),
+        Ok(declared) => format!(
             "the dataset says that it was simulated with the effects {}, and those of the scene are {}",
-            said.to_text(),
-            wanted.to_text()
+            declared.to_text(),
+            of_scene.to_text()
         ),
         Err(error) => format!("the effects that the dataset says it was simulated with cannot be read: {error}"),
     };

@@ -9,12 +9,12 @@ use deaflow_scene::Scene;
 /// The relative residual to which fields are solved if nothing is declared.
 const USUAL_TOLERANCE: f64 = 1e-8;
 
-/// A label that is solved again differs by the tolerance of the solver, which stops at a residual; the relative error of
-/// the displacement is at most this many times larger.
+/// A label that is solved again differs by the tolerance of the solver, which stops at a residual; the relative error
+/// of the displacement is at most this many times larger.
 const PER_RESIDUAL: f64 = 10.0;
 
-/// The smallest relative difference that counts. Last bits differ between solutions: estimates of 300 images of patterns
-/// differed from the images of their estimates by at most 5e-7 of the largest displacement.
+/// The smallest relative difference that counts. Last bits differ between solutions: estimates of 300 images of
+/// patterns differed from the images of their estimates by at most 5e-7 of the largest displacement.
 const SAME: f64 = 1e-5;
 
 /// The largest residual whose error stays below [`SAME`].
@@ -47,9 +47,14 @@ pub struct LabelLimits {
     pub most_declared: Option<f64>,
 }
 
-/// Returns the limits for the labels of a dataset, with findings if it declares larger errors than usual. `asked` is the
-/// accuracy in mm that the user allows.
-pub fn label_limits(source: &Source, scene: &Scene, asked: Option<f64>, trust: Trust) -> (LabelLimits, Vec<Finding>) {
+/// Returns the limits for the labels of a dataset, with findings if it declares larger errors than usual. `allowed_mm` is
+/// the accuracy in mm that the user allows.
+pub fn label_limits(
+    source: &Source,
+    scene: &Scene,
+    allowed_mm: Option<f64>,
+    trust: Trust,
+) -> (LabelLimits, Vec<Finding>) {
     let solver = source.solver.as_ref();
     let declared = solver.map_or(USUAL_TOLERANCE, |solver| solver.tolerance());
     let usual = USUAL_ACCURACY * scene.side_mm();
@@ -57,25 +62,25 @@ pub fn label_limits(source: &Source, scene: &Scene, asked: Option<f64>, trust: T
         Trust::Nothing if declared > LOOSEST => USUAL_TOLERANCE,
         _ => declared,
     };
-    let said = solver
+    let declared_mm = solver
         .and_then(|solver| solver.accuracy())
         .map(|accuracy| accuracy.value());
     let limits = LabelLimits {
         method: solver.map_or(Method::Newton, |solver| solver.method()),
         residual,
         tolerance: (PER_RESIDUAL * residual).max(SAME),
-        accuracy: asked.or_else(|| {
-            said.map(|said| match trust {
-                Trust::Pipeline => said,
-                Trust::Nothing => said.min(usual),
+        accuracy: allowed_mm.or_else(|| {
+            declared_mm.map(|declared_mm| match trust {
+                Trust::Pipeline => declared_mm,
+                Trust::Nothing => declared_mm.min(usual),
             })
         }),
         most_declared: (trust == Trust::Nothing).then_some(usual),
     };
     let tolerance = (declared > LOOSEST).then(|| loose_tolerance(declared, trust));
-    let accuracy = asked
+    let accuracy = allowed_mm
         .is_none()
-        .then(|| loose_accuracy(source, said, usual, trust))
+        .then(|| loose_accuracy(source, declared_mm, usual, trust))
         .flatten();
     (limits, [tolerance, accuracy].into_iter().flatten().collect())
 }
@@ -86,13 +91,13 @@ fn loose_tolerance(declared: f64, trust: Trust) -> Finding {
         Trust::Nothing => format!("labels are held to {USUAL_TOLERANCE:e}"),
     };
     let message = format!(
-        "labels are declared to be solved to a relative residual of {declared:e}, which leaves them an error above the {SAME:e} that \
-         is usual; {held}"
+        "labels are declared to be solved to a relative residual of {declared:e}, which leaves them an error above the \
+         {SAME:e} that is usual; {held}"
     );
     Finding::whole("declared", Severity::Warning, message)
 }
 
-fn loose_accuracy(source: &Source, said: Option<f64>, usual: f64, trust: Trust) -> Option<Finding> {
+fn loose_accuracy(source: &Source, declared_mm: Option<f64>, usual: f64, trust: Trust) -> Option<Finding> {
     let held = match trust {
         Trust::Pipeline => "",
         Trust::Nothing => "; labels are held to that unless --accuracy says otherwise",
@@ -105,7 +110,7 @@ fn loose_accuracy(source: &Source, said: Option<f64>, usual: f64, trust: Trust) 
         let message = format!("`discretisation_error` is no length, or more than the usual {usual} mm{held}");
         return Some(Finding::rows("declared", Severity::Warning, &rows, message));
     }
-    let said = said.filter(|said| *said > usual)?;
-    let message = format!("an accuracy of {said} mm is declared, more than the usual {usual} mm{held}");
+    let declared_mm = declared_mm.filter(|declared_mm| *declared_mm > usual)?;
+    let message = format!("an accuracy of {declared_mm} mm is declared, more than the usual {usual} mm{held}");
     Some(Finding::whole("declared", Severity::Warning, message))
 }

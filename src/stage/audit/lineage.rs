@@ -2,13 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::{import, patterns};
 use deaflow_base::{ActionKey, ArtifactId};
+use deaflow_content::ArtifactKind;
 use deaflow_dataset::audit::{Finding, Severity};
 use deaflow_store::{Artifact, Lookup, Store, StoreError};
-
-/// The kinds of stages that read data from files.
-const FROM_FILES: [&str; 2] = [patterns::NAME, import::NAME];
 
 /// Opens the inputs of an artifact, which its provenance names, in its store.
 ///
@@ -97,8 +94,9 @@ fn step(store: &Store, artifact: &Artifact, lineage: &mut Lineage) -> Result<Vec
             record.artifact.short()
         ));
     }
-    lineage.from_files |= FROM_FILES.contains(&artifact.kind());
-    if artifact.kind() == "sample" {
+    let kind = ArtifactKind::of(artifact);
+    lineage.from_files |= matches!(kind, Some(ArtifactKind::Patterns | ArtifactKind::Import));
+    if kind == Some(ArtifactKind::Sample) {
         let leaves = record.action.parameters.leaves();
         let seed = leaves
             .iter()

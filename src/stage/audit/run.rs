@@ -105,8 +105,8 @@ pub fn run(
             ..Report::default()
         });
     }
-    let asked = request.accuracy.map(|accuracy| accuracy.value());
-    let (limits, loose) = label_limits(source, scene, asked, trust);
+    let allowed_mm = request.accuracy.map(|accuracy| accuracy.value());
+    let (limits, loose) = label_limits(source, scene, allowed_mm, trust);
     let simulators = source
         .simulators(scene, limits.method, limits.residual)
         .map_err(SimulatorError::new)?;

@@ -1,39 +1,22 @@
-//! Reads datasets for an audit: an artifact of a solve, import or balance stage, or a file from elsewhere in the layout of
-//! `deaflow solve`.
+//! Reads datasets for an audit: an artifact of a solve, import or balance stage, or a file from elsewhere in the layout
+//! of `deaflow solve`.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use super::shapes::wrong_shapes;
 use deaflow_base::Digest;
 use deaflow_content::{BalancedView, Labelled, StoredAttribute, files};
+use deaflow_dataset::Bins;
 use deaflow_dataset::audit::{
     AuditError, Batch, Columns, Discretisation, Finding, Level, NO_NUMBER, Origin, RowSource, Severity,
 };
-use deaflow_dataset::{Bins, is_overlong};
 use deaflow_fem::{Method, SceneSimulators, SetupError, SolverParameters};
 use deaflow_field::{Mesh, OutcomeKind};
 use deaflow_pattern::Raster;
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, RowFile, StoreError};
-
-/// The arrays of a dataset.
-const ARRAYS: [&str; 14] = [
-    "patterns",
-    "displacement",
-    "split",
-    "family",
-    "outcome",
-    "max_displacement",
-    "orbit",
-    "elements_per_cell",
-    "order",
-    "discretisation_error",
-    "source",
-    "symmetry",
-    "bin",
-    EDGES,
-];
 
 /// The array of the bin edges.
 const EDGES: &str = "histogram/edges";
@@ -218,8 +201,8 @@ impl Source {
     }
 
     /// Parses the declared solver.
-    fn set_solver(&mut self, said: Option<&str>) {
-        match said.map(SolverParameters::from_text).transpose() {
+    fn set_solver(&mut self, text: Option<&str>) {
+        match text.map(SolverParameters::from_text).transpose() {
             Ok(solver) => self.solver = solver,
             Err(error) => {
                 let message = format!("what the file says of its solver cannot be read: {error}");
@@ -264,8 +247,8 @@ impl Source {
         }
     }
 
-    /// Copies the meshes, errors and solver of the samples of a balanced dataset, which does not repeat them, from the store.
-    /// If the samples are missing, the mesh is determined as for a file from elsewhere.
+    /// Copies the meshes, errors and solver of the samples of a balanced dataset, which does not repeat them, from the
+    /// store. If the samples are missing, the mesh is determined as for a file from elsewhere.
     fn inherit(&mut self, balanced: &BalancedView<'_>) -> Result<(), StoreError> {
         let from = balanced.source().read()?;
         let (mut meshes, mut errors) = (Vec::new(), Vec::new());
@@ -377,68 +360,6 @@ impl Source {
 /// Whether a row has a field. Unknown outcomes of other programs count as fields.
 fn has_field(word: &str) -> bool {
     OutcomeKind::from_name(word).is_none_or(OutcomeKind::has_field)
-}
-
-/// Returns a finding if arrays of a file have the wrong shape; no row can be read then.
-fn wrong_array_shapes(file: &RowFile, raster: Raster) -> Result<Option<Finding>, StoreError> {
-    let ([columns, rows], [across, up]) = (raster.sides(), raster.corner_sides());
-    let wanted = [("patterns", vec![rows, columns]), ("displacement", vec![up, across, 2])];
-    let mut lengths = Vec::new();
-    let mut wrong = Vec::new();
-    for (name, row) in wanted {
-        match file.shape(name)? {
-            Some(shape) if shape.get(1..) == Some(&row) => lengths.push(shape[0]),
-            Some(shape) => wrong.push(format!("`{name}` has the shape {shape:?}, not (n, {row:?})")),
-            None => wrong.push(format!("there is no `{name}`")),
-        }
-    }
-    if let [patterns, fields] = lengths[..]
-        && patterns != fields
-    {
-        wrong.push(format!("there are {patterns} patterns and {fields} fields"));
-    }
-    Ok((!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, wrong.join("; "))))
-}
-
-/// Returns the first problem with the shapes of a file.
-fn wrong_shapes(file: &RowFile, raster: Raster, path: &Path) -> Result<Option<Finding>, StoreError> {
-    if let Some(finding) = wrong_array_shapes(file, raster)? {
-        return Ok(Some(finding));
-    }
-    let Some(rows) = file.shape("patterns")?.and_then(|shape| shape.first().copied()) else {
-        return Ok(None);
-    };
-    match too_many_rows(rows as u64, raster, path) {
-        Some(finding) => Ok(Some(finding)),
-        None => wrong_column_lengths(file, rows),
-    }
-}
-
-/// Returns a finding if a file declares more rows than its bytes can hold: reading it would take for ever or exceed the
-/// memory.
-fn too_many_rows(rows: u64, raster: Raster, path: &Path) -> Option<Finding> {
-    let bytes = std::fs::metadata(path).map_or(0, |found| found.len());
-    let message = format!("`patterns` is said to have {rows} rows, more than a file of {bytes} bytes holds");
-    is_overlong(rows, raster, bytes).then(|| Finding::whole("shape", Severity::Error, message))
-}
-
-/// Returns a finding if columns do not have one value per pattern. It is checked before reading, because a few bytes can
-/// declare terabytes.
-fn wrong_column_lengths(file: &RowFile, rows: usize) -> Result<Option<Finding>, StoreError> {
-    let mut wrong = Vec::new();
-    for name in ARRAYS {
-        if ["patterns", "displacement", EDGES].contains(&name) {
-            continue;
-        }
-        match file.shape(name)?.as_deref() {
-            None => {}
-            Some([length]) if *length == rows => {}
-            Some([length]) => wrong.push(format!("`{name}` has {length}")),
-            Some(shape) => wrong.push(format!("`{name}` has the shape {shape:?}")),
-        }
-    }
-    let message = || format!("there are {rows} patterns, and {}", wrong.join(", "));
-    Ok((!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, message())))
 }
 
 /// Returns a finding if the mesh of a row is invalid.

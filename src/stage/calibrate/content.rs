@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use deaflow_content as content;
-use deaflow_content::{Difficulty, Novelty, SingleField};
+use deaflow_content::{ArtifactKind, Difficulty, Novelty, SingleField};
 use deaflow_orchestrator::StageError;
 use deaflow_pattern::Raster;
 use deaflow_scene::Scene;
@@ -120,7 +120,7 @@ impl CalibratedModel {
 /// # Errors
 /// If its arrays are missing or inconsistent.
 pub fn read(artifact: &Artifact) -> Result<Option<CalibratedModel>, StageError> {
-    if artifact.kind() != "calibrate" {
+    if !ArtifactKind::Calibrate.is_of(artifact) {
         return Ok(None);
     }
     let view = content::Calibration::open(artifact)?;

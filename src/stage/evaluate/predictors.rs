@@ -41,7 +41,8 @@ impl NamedPredictor {
         }))
     }
 
-    /// Sets up an estimate in a scene with one bilinear element per cell, the cheapest: a network should be more accurate.
+    /// Sets up an estimate in a scene with one bilinear element per cell, the cheapest: a network should be more
+    /// accurate.
     ///
     /// # Errors
     /// If the method cannot estimate in this scene.

@@ -36,7 +36,7 @@ enum Cell {
 
 /// The value of a cell.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Typed {
+pub enum CellValue {
     /// Nothing.
     Empty,
     /// A number.
@@ -45,7 +45,7 @@ pub enum Typed {
     Word(String),
 }
 
-impl Typed {
+impl CellValue {
     /// Returns the text for CSV.
     pub fn text(&self) -> String {
         match self {
@@ -116,13 +116,13 @@ impl Cells {
         at: usize,
         column: &Column,
         results: &[BTreeMap<String, f64>],
-    ) -> Result<(Vec<Typed>, &'static str), StageError> {
+    ) -> Result<(Vec<CellValue>, &'static str), StageError> {
         let Content::Result { result, .. } = &column.content else {
             let texts = self.0.iter().filter_map(|row| match row.get(at) {
                 Some(Cell::Axis(text)) => Some(text.as_str()),
                 _ => None,
             });
-            return typed(&column.name, &texts.collect::<Vec<_>>());
+            return axis_values(&column.name, &texts.collect::<Vec<_>>());
         };
         let mut cells = Vec::with_capacity(self.rows());
         for row in &self.0 {
@@ -137,9 +137,9 @@ impl Cells {
                     column.name
                 )));
             }
-            cells.push(value.map_or(Typed::Empty, |value| Typed::Number(*value)));
+            cells.push(value.map_or(CellValue::Empty, |value| CellValue::Number(*value)));
         }
-        match cells.iter().any(|cell| *cell != Typed::Empty) {
+        match cells.iter().any(|cell| *cell != CellValue::Empty) {
             true => Ok((cells, unit(result))),
             false => Err(self.no_such_result(at, column, results)),
         }
@@ -165,11 +165,11 @@ impl Cells {
 }
 
 /// Converts the values of an axis to numbers in one unit if possible, else to words.
-fn typed(name: &str, texts: &[&str]) -> Result<(Vec<Typed>, &'static str), StageError> {
+fn axis_values(name: &str, texts: &[&str]) -> Result<(Vec<CellValue>, &'static str), StageError> {
     for dimension in DIMENSIONS {
         let number = |text: &&str| match text.is_empty() {
-            true => Some(Typed::Empty),
-            false => Some(Typed::Number(Quantity::parse(text, dimension).ok()?.value())),
+            true => Some(CellValue::Empty),
+            false => Some(CellValue::Number(Quantity::parse(text, dimension).ok()?.value())),
         };
         if let Some(cells) = texts.iter().map(number).collect::<Option<Vec<_>>>() {
             let unit = match dimension.base_unit() {
@@ -181,13 +181,13 @@ fn typed(name: &str, texts: &[&str]) -> Result<(Vec<Typed>, &'static str), Stage
     }
     if let Some(long) = texts.iter().find(|text| text.len() > LONGEST) {
         return Err(StageError::input(format!(
-            "the column `{name}`: {long:?} is longer than {LONGEST} bytes; zip the axis with one of short words, and use \
-             that one as the column"
+            "the column `{name}`: {long:?} is longer than {LONGEST} bytes; zip the axis with one of short words, and \
+             use that one as the column"
         )));
     }
     let word = |text: &&str| match text.is_empty() {
-        true => Typed::Empty,
-        false => Typed::Word((*text).to_owned()),
+        true => CellValue::Empty,
+        false => CellValue::Word((*text).to_owned()),
     };
     Ok((texts.iter().map(word).collect(), ""))
 }
@@ -199,13 +199,13 @@ mod tests {
     #[test]
     fn the_values_of_an_axis_have_one_unit() {
         let numbers = |texts: &[&str]| {
-            let (cells, unit) = typed("x", texts).unwrap();
-            (cells.iter().map(Typed::number).collect::<Vec<_>>(), unit)
+            let (cells, unit) = axis_values("x", texts).unwrap();
+            (cells.iter().map(CellValue::number).collect::<Vec<_>>(), unit)
         };
         assert_eq!(numbers(&["3 kV", "500 V"]), (vec![Some(3000.0), Some(500.0)], "V"));
         assert_eq!(numbers(&["0.3", "1"]), (vec![Some(0.3), Some(1.0)], "1"));
         assert_eq!(numbers(&["0.3", ""]), (vec![Some(0.3), None], "1"));
         assert_eq!(numbers(&["3 kV", "4 mm"]), (vec![None, None], ""));
-        assert!(typed("x", &[&"a".repeat(65)]).is_err());
+        assert!(axis_values("x", &[&"a".repeat(65)]).is_err());
     }
 }

@@ -107,8 +107,8 @@ pub fn columns(node: &Node, rows: &[Row], kinds: &BTreeMap<String, String>) -> R
     Ok(columns)
 }
 
-/// Finds the axis or the result of a name. If the part before the first dot is the name of a need, the result is of that
-/// stage.
+/// Finds the axis or the result of a name. If the part before the first dot is the name of a need, the result is of
+/// that stage.
 fn content(node: &Node, name: &str, rows: &[Row], kinds: &BTreeMap<String, String>) -> Result<Content, InputError> {
     let mut values = rows.iter().filter_map(|row| row.axes.get(name)).peekable();
     if values.peek().is_some() {

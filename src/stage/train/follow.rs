@@ -15,8 +15,8 @@ const STATE: &str = "training";
 /// Reports the progress of a training to the job that runs it.
 pub struct Follow<'a, 'j> {
     job: &'a Job<'j>,
-    /// The tenth of the epoch that was last reported. The first step is reported too: it shows that the examples have been
-    /// read.
+    /// The tenth of the epoch that was last reported. The first step is reported too: it shows that the examples have
+    /// been read.
     reported: Cell<Option<u32>>,
     rmse_mm: Cell<Option<f64>>,
 }
