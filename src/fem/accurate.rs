@@ -22,7 +22,7 @@ use super::solver::{MembraneSolver, SolveOptions};
 use super::work::WorkLimit;
 
 /// The meshes, each with the assumed ratio of the true error to the difference from the next one.
-pub(super) const LADDER: [(Mesh, f64); 5] = [
+pub(super) const MESHES: [(Mesh, f64); 5] = [
     (Mesh::bilinear(1), 2.0),
     (Mesh::biquadratic(1), 2.5),
     (Mesh::biquadratic(2), 2.5),
@@ -66,7 +66,7 @@ pub struct AccurateSolver {
     /// Relative residual of a solution that only gives the error of a coarser one.
     loose: f64,
     limit: WorkLimit,
-    rungs: [OnceLock<MembraneSolver>; LADDER.len()],
+    solvers: [OnceLock<MembraneSolver>; MESHES.len()],
 }
 
 impl AccurateSolver {
@@ -84,9 +84,9 @@ impl AccurateSolver {
             tolerance,
             loose: loose(scene, accuracy_mm).max(tolerance),
             limit: WorkLimit::default(),
-            rungs: Default::default(),
+            solvers: Default::default(),
         };
-        solver.rung(0)?;
+        solver.on_level(0)?;
         Ok(solver)
     }
 
@@ -95,7 +95,7 @@ impl AccurateSolver {
     pub fn within(self, limit: WorkLimit) -> Self {
         Self {
             limit,
-            rungs: Default::default(),
+            solvers: Default::default(),
             ..self
         }
     }
@@ -105,7 +105,7 @@ impl AccurateSolver {
     /// # Errors
     /// If the preconditioner of a finer mesh cannot be computed.
     pub fn simulate(&self, patterns: &[Pattern]) -> Result<Vec<AccurateSimulation>, SetupError> {
-        patterns.par_iter().map(|pattern| self.raise_load(pattern)).collect()
+        patterns.par_iter().map(|pattern| self.simulate_one(pattern)).collect()
     }
 
     /// Returns the requested accuracy in mm.
@@ -113,49 +113,49 @@ impl AccurateSolver {
         self.accuracy_mm
     }
 
-    fn raise_load(&self, pattern: &Pattern) -> Result<AccurateSimulation, SetupError> {
-        let mut rung = 0;
-        let (mut coarse, _) = self.solve(rung, pattern)?;
+    fn simulate_one(&self, pattern: &Pattern) -> Result<AccurateSimulation, SetupError> {
+        let mut level = 0;
+        let (mut coarse, _) = self.solve(level, pattern)?;
         loop {
-            let last = rung + 2 == LADDER.len();
+            let last = level + 2 == MESHES.len();
             let error_by = |fine: &Simulation| match (&coarse.field, &fine.field) {
-                (Some(coarse), Some(fine)) => Some(LADDER[rung].1 * coarse.max_difference(fine)),
+                (Some(coarse), Some(fine)) => Some(MESHES[level].1 * coarse.max_difference(fine)),
                 _ => None,
             };
             let settles = |error: Option<f64>| error.is_some_and(|error| error <= self.accuracy_mm || last);
-            let is_loose = rung + 1 >= FIRST_LOOSE && self.loose > self.tolerance;
+            let is_loose = level + 1 >= FIRST_LOOSE && self.loose > self.tolerance;
             let (mut fine, mut proven) = match is_loose {
-                true => self.rung(rung + 1)?.simulate_to(pattern, self.loose),
-                false => self.solve(rung + 1, pattern)?,
+                true => self.on_level(level + 1)?.simulate_to(pattern, self.loose),
+                false => self.solve(level + 1, pattern)?,
             };
             let mut error = error_by(&fine);
             // A solution that does not end the loop may be the result of the next pass.
             if is_loose && !settles(error) {
-                (fine, proven) = self.solve(rung + 1, pattern)?;
+                (fine, proven) = self.solve(level + 1, pattern)?;
                 error = error_by(&fine);
             }
             if settles(error) {
-                return match self.contradiction(rung, proven, pattern)? {
+                return match self.contradiction(level, proven, pattern)? {
                     Some(contradiction) => Ok(answer(DECIDING_MESH, contradiction, None)),
-                    None => Ok(answer(rung, coarse, error)),
+                    None => Ok(answer(level, coarse, error)),
                 };
             }
             // If a finer mesh is unstable, the coarse solution is not reliable.
             if fine.field.is_none() {
-                return Ok(answer(rung + 1, fine, None));
+                return Ok(answer(level + 1, fine, None));
             }
             if last {
-                return Ok(answer(rung, coarse, None));
+                return Ok(answer(level, coarse, None));
             }
             coarse = fine;
-            rung += 1;
+            level += 1;
         }
     }
 
     /// Returns the solution of the deciding mesh if it contradicts the result. It is computed only if the finer
     /// solution has no proof of stability and is coarser than that mesh.
-    fn contradiction(&self, rung: usize, proven: bool, pattern: &Pattern) -> Result<Option<Simulation>, SetupError> {
-        if proven || rung + 1 >= DECIDING_MESH {
+    fn contradiction(&self, level: usize, proven: bool, pattern: &Pattern) -> Result<Option<Simulation>, SetupError> {
+        if proven || level + 1 >= DECIDING_MESH {
             return Ok(None);
         }
         let (verdict, _) = self.solve(DECIDING_MESH, pattern)?;
@@ -163,21 +163,21 @@ impl AccurateSolver {
     }
 
     /// Returns the solution on a mesh, and whether its stability is proven.
-    fn solve(&self, rung: usize, pattern: &Pattern) -> Result<(Simulation, bool), SetupError> {
-        Ok(self.rung(rung)?.simulate_with_proof(pattern))
+    fn solve(&self, level: usize, pattern: &Pattern) -> Result<(Simulation, bool), SetupError> {
+        Ok(self.on_level(level)?.simulate_with_proof(pattern))
     }
 
     /// Returns the solver of a mesh; creates it on first use.
-    pub(super) fn rung(&self, rung: usize) -> Result<&MembraneSolver, SetupError> {
-        if let Some(solver) = self.rungs[rung].get() {
+    pub(super) fn on_level(&self, level: usize) -> Result<&MembraneSolver, SetupError> {
+        if let Some(solver) = self.solvers[level].get() {
             return Ok(solver);
         }
         let options = SolveOptions {
-            mesh: LADDER[rung].0,
+            mesh: MESHES[level].0,
             tolerance: self.tolerance,
         };
         let solver = MembraneSolver::new(&self.scene, options)?.within(self.limit);
-        Ok(self.rungs[rung].get_or_init(|| solver))
+        Ok(self.solvers[level].get_or_init(|| solver))
     }
 }
 
@@ -191,10 +191,10 @@ fn loose(scene: &Scene, accuracy_mm: f64) -> f64 {
     (LOOSE_RESIDUAL * accuracy_mm / f64::max(width, height)).min(MAX_RESIDUAL)
 }
 
-fn answer(rung: usize, simulation: Simulation, discretisation_error: Option<f64>) -> AccurateSimulation {
+fn answer(level: usize, simulation: Simulation, discretisation_error: Option<f64>) -> AccurateSimulation {
     AccurateSimulation {
         simulation,
-        mesh: LADDER[rung].0,
+        mesh: MESHES[level].0,
         discretisation_error,
     }
 }
@@ -254,9 +254,10 @@ mod tests {
         for (voltage, accuracy) in [(2500.0, 0.01), (4890.0, 0.05), (4890.0, 0.01), (4890.0, 0.001)] {
             let solver = AccurateSolver::new(&Scene::vhb4910().at_voltage(voltage), accuracy, 1e-8).unwrap();
             assert!(solver.loose > 100.0 * solver.tolerance);
-            let rung = solver.rung(FIRST_LOOSE).unwrap();
+            let mesh_solver = solver.on_level(FIRST_LOOSE).unwrap();
             for (at, pattern) in patterns().iter().enumerate() {
-                let [(fully, _), (loosely, _)] = [solver.tolerance, solver.loose].map(|r| rung.simulate_to(pattern, r));
+                let [(fully, _), (loosely, _)] =
+                    [solver.tolerance, solver.loose].map(|r| mesh_solver.simulate_to(pattern, r));
                 let off = fully.field.unwrap().max_difference(&loosely.field.unwrap());
                 assert!(
                     off < accuracy / 50.0,

@@ -11,6 +11,7 @@ pub struct ElectromechanicalStability;
 
 /// Threshold of κ/κ(critical).
 pub const NEAR: f64 = 0.6;
+const QUANTITY: &str = "κ/κ(critical)";
 
 impl Effect for ElectromechanicalStability {
     fn name(&self) -> &'static str {
@@ -37,9 +38,8 @@ impl Effect for ElectromechanicalStability {
     }
 
     fn assess_solutions(&self, scene: &Scene, solutions: &Solutions<'_>) -> Option<Significance> {
-        let quantity = "κ/κ(critical)";
-        let open = |verdict, change| Some(Significance::open(quantity, verdict, NEAR, change));
-        let ratio = |voltage: f64| (scene.voltage_v() / voltage).powi(2);
+        let open = |verdict, change| Some(Significance::open(QUANTITY, verdict, NEAR, change));
+        let ratio = |voltage: f64| load_ratio(scene, voltage);
         let known = || {
             solutions
                 .examined
@@ -60,36 +60,7 @@ impl Effect for ElectromechanicalStability {
             _ => None,
         });
         let least = searched.min_by(|a, b| a.1.total_cmp(&b.1));
-        let by_first = first.map(|(pattern, limit)| {
-            let number = ratio(limit.voltage);
-            let distance = 100.0 * (limit.voltage / scene.voltage_v() - 1.0);
-            let side = if distance < 0.0 { "below" } else { "above" };
-            let [low, high] = limit.interval();
-            let is_open = low <= scene.voltage_v() && scene.voltage_v() <= high;
-            let doubt = match (is_open, limit.error) {
-                (false, _) => "",
-                (true, Some(_)) => ", less than its error",
-                (true, None) => "; a finer mesh could decide otherwise",
-            };
-            let change = format!(
-                "`{pattern}` becomes unstable at {}, {:.0} % {side} the voltage of the drive{doubt}",
-                format_voltage(&limit),
-                distance.abs()
-            );
-            let known = Significance::known(quantity, number, NEAR, change.clone());
-            match limit.error {
-                Some(error) => Significance {
-                    error: Some(2.0 * number * error / limit.voltage),
-                    ..known
-                },
-                // A finer mesh, which the work limit did not allow, could decide otherwise.
-                None if known.verdict == Verdict::NotSignificant && ratio(limit.interval()[0]) > NEAR => {
-                    let more = "; a finer mesh exceeds the work limit";
-                    Significance::open(quantity, Verdict::WorkLimit, NEAR, change + more)
-                }
-                None => known,
-            }
-        });
+        let by_first = first.map(|(pattern, limit)| by_critical_voltage(scene, pattern, &limit));
         // A finer mesh may be unstable at a lower voltage than a coarse one.
         let certain = |reached: f64| (1.0 - COARSE) * reached;
         match (by_first, least) {
@@ -116,6 +87,43 @@ impl Effect for ElectromechanicalStability {
             }
             (None, None) => open(Verdict::Unknown, "no patterns".to_owned()),
         }
+    }
+}
+
+/// Returns κ at the voltage of a scene over κ at another voltage in V.
+fn load_ratio(scene: &Scene, voltage: f64) -> f64 {
+    (scene.voltage_v() / voltage).powi(2)
+}
+
+/// Judges a scene by the lowest critical voltage.
+fn by_critical_voltage(scene: &Scene, pattern: &str, limit: &CriticalVoltage) -> Significance {
+    let number = load_ratio(scene, limit.voltage);
+    let distance = 100.0 * (limit.voltage / scene.voltage_v() - 1.0);
+    let side = if distance < 0.0 { "below" } else { "above" };
+    let [low, high] = limit.interval();
+    let is_open = low <= scene.voltage_v() && scene.voltage_v() <= high;
+    let doubt = match (is_open, limit.error) {
+        (false, _) => "",
+        (true, Some(_)) => ", less than its error",
+        (true, None) => "; a finer mesh could decide otherwise",
+    };
+    let change = format!(
+        "`{pattern}` becomes unstable at {}, {:.0} % {side} the voltage of the drive{doubt}",
+        format_voltage(limit),
+        distance.abs()
+    );
+    let known = Significance::known(QUANTITY, number, NEAR, change.clone());
+    match limit.error {
+        Some(error) => Significance {
+            error: Some(2.0 * number * error / limit.voltage),
+            ..known
+        },
+        // A finer mesh, which the work limit did not allow, could decide otherwise.
+        None if known.verdict == Verdict::NotSignificant && load_ratio(scene, low) > NEAR => {
+            let more = "; a finer mesh exceeds the work limit";
+            Significance::open(QUANTITY, Verdict::WorkLimit, NEAR, change + more)
+        }
+        None => known,
     }
 }
 

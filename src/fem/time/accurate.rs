@@ -1,7 +1,7 @@
-//! Histories to a requested accuracy, by the ladder of meshes of [`AccurateSolver`].
+//! Histories to a requested accuracy, by the sequence of meshes of [`AccurateSolver`].
 
 use super::history::{History, HistoryRequest};
-use crate::accurate::{AccurateSolver, LADDER};
+use crate::accurate::{AccurateSolver, MESHES};
 use crate::error::SetupError;
 use deaflow_field::Mesh;
 use deaflow_pattern::Pattern;
@@ -24,22 +24,22 @@ impl AccurateSolver {
     /// # Errors
     /// When the preconditioner of a finer mesh cannot be set up.
     pub fn history(&self, pattern: &Pattern, request: &HistoryRequest) -> Result<AccurateHistory, SetupError> {
-        let mut coarse = self.rung(0)?.history(pattern, request)?;
-        let mut rung = 0;
+        let mut coarse = self.on_level(0)?.history(pattern, request)?;
+        let mut level = 0;
         loop {
-            let fine = self.rung(rung + 1)?.history(pattern, request)?;
+            let fine = self.on_level(level + 1)?.history(pattern, request)?;
             let complete = coarse.outcome.is_converged() && fine.outcome.is_converged();
-            let error = complete.then(|| LADDER[rung].1 * coarse.difference(&fine));
-            let last = rung + 2 == LADDER.len();
+            let error = complete.then(|| MESHES[level].1 * coarse.difference(&fine));
+            let last = level + 2 == MESHES.len();
             if last || error.is_some_and(|error| error <= self.accuracy_mm()) {
                 return Ok(AccurateHistory {
                     history: coarse,
-                    mesh: LADDER[rung].0,
+                    mesh: MESHES[level].0,
                     space_error_mm: error,
                 });
             }
             coarse = fine;
-            rung += 1;
+            level += 1;
         }
     }
 }
