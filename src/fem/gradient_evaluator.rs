@@ -30,9 +30,9 @@ pub struct GradientEvaluator {
     plain: Option<MembraneSolver>,
     /// Share of the load of each electrode group.
     loads: Vec<f64>,
-    /// The scene and slowness of its linear response.
+    /// The scene and γ of its linear response.
     scene: Scene,
-    slowness: f64,
+    gamma: f64,
 }
 
 impl GradientEvaluator {
@@ -41,25 +41,25 @@ impl GradientEvaluator {
     /// # Errors
     /// If the scene cannot be simulated.
     pub fn new(scene: &Scene) -> Result<Self, SetupError> {
-        Self::slowed(scene, 0.0)
+        Self::with_unrelaxed(scene, 0.0)
     }
 
-    /// Like [`GradientEvaluator::new`], with viscoelastic branches that have no time to relax, of a modulus in units of
-    /// μλp².
+    /// Like [`GradientEvaluator::new`], with viscoelastic branches that have no time to relax, of a modulus γ in units
+    /// of μλp².
     ///
     /// # Errors
     /// As [`GradientEvaluator::new`].
-    pub(super) fn slowed(scene: &Scene, slowness: f64) -> Result<Self, SetupError> {
+    pub(super) fn with_unrelaxed(scene: &Scene, gamma: f64) -> Result<Self, SetupError> {
         // The error of one biquadratic element per cell is below 0.1 % of the displacement, accurate enough for the
         // sign of a gain.
         let options = SolveOptions::on(Mesh::biquadratic(1));
-        let plain = linear_in_cells(scene).map(|plain| MembraneSolver::slowed(&plain, slowness, options));
+        let plain = linear_in_cells(scene).map(|plain| MembraneSolver::with_unrelaxed(&plain, gamma, options));
         Ok(Self {
-            solver: MembraneSolver::slowed(scene, slowness, options)?,
+            solver: MembraneSolver::with_unrelaxed(scene, gamma, options)?,
             plain: plain.transpose()?,
             loads: scene.group_loads(),
             scene: scene.clone(),
-            slowness,
+            gamma,
         })
     }
 }
@@ -100,7 +100,7 @@ impl Differentiable for GradientEvaluator {
         }
         let plain = linear_in_cells(&self.scene);
         let scene = plain.as_ref().unwrap_or(&self.scene);
-        let response = match LinearResponse::slowed(scene, self.slowness, Mesh::bilinear(1)) {
+        let response = match LinearResponse::with_unrelaxed(scene, self.gamma, Mesh::bilinear(1)) {
             Ok(response) => response,
             Err(SetupError::Unstable) => return Ok(None),
             Err(error) => return Err(PredictError::failed(error)),

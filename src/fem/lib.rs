@@ -5,7 +5,7 @@
 //! [`grid`]. The modules follow the method, from the point to the result: kinematics, energy and effects; sheet, grid,
 //! element, layout, sampling and lanes; operator; gemm, modes and precondition; krylov, work, newton, direct and
 //! dynamic_stiffness; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response,
-//! margin, path, covered, critical, limit, observable, gradient_evaluator and safety_margins; evaluator, which
+//! margin, path, fully_active, critical, limit, observable, gradient_evaluator and safety_margins; evaluator, which
 //! implements the traits of `field`; simulators and screening.
 //! limit, observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of
 //! `field`, simulators, and screening.
@@ -17,7 +17,6 @@ mod capacitance;
 mod cells;
 mod charge;
 mod continuation;
-mod covered;
 mod critical;
 mod direct;
 mod dynamic_stiffness;
@@ -27,6 +26,7 @@ mod element;
 pub mod energy;
 mod error;
 mod evaluator;
+mod fully_active;
 mod gemm;
 mod gradient_evaluator;
 pub mod grid;
@@ -64,13 +64,13 @@ mod work;
 
 pub use accurate::{AccurateSimulation, AccurateSolver};
 pub use cells::wrinkled_fraction;
-pub use covered::{FIRST_LOST, MOST_LOST, covered_limit};
 pub use critical::{CriticalVoltage, MeshLimit};
 pub use effects::breakdown_strength;
 pub use error::SetupError;
 pub use evaluator::{
     CellStates, MeshRequest, Method, Solver, SolverParameters, UnknownMethod, check_leads, revision_of,
 };
+pub use fully_active::{FIRST_UNSTABLE, MOST_UNSTABLE, fully_active_limit};
 pub use gradient_evaluator::GradientEvaluator;
 pub use limit::CriticalSearch;
 pub use margin::StabilityReport;

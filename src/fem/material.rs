@@ -39,12 +39,12 @@ pub trait Material: Passes<f64> + Passes<f32> + Sync {
     fn ellipticity(&self, f: Tensor<f64>, active: f64) -> f64 {
         self.margins(f, active).ellipticity
     }
-    /// [`MaterialPoint::slowed`].
-    fn slowed(&self, slowness: f64) -> Option<Self>
+    /// [`MaterialPoint::with_unrelaxed`].
+    fn with_unrelaxed(&self, gamma: f64) -> Option<Self>
     where
         Self: Sized;
     /// The same of a law whose type is not known.
-    fn slowed_any(&self, slowness: f64) -> Option<AnyMaterial>;
+    fn any_with_unrelaxed(&self, gamma: f64) -> Option<AnyMaterial>;
     /// The energies of points side by side, from the lines of their metrics, into `out`; of a law that takes much time at active ones alone,
     /// where these are what is asked for.
     fn energies(&self, metric: [&[f64]; 4], active: &[f64], of_active_alone: bool, out: &mut [f64]);
@@ -129,12 +129,12 @@ impl<L: MaterialPoint> Material for L {
         MaterialPoint::margins(self, f, active)
     }
 
-    fn slowed(&self, slowness: f64) -> Option<Self> {
-        MaterialPoint::slowed(self, slowness)
+    fn with_unrelaxed(&self, gamma: f64) -> Option<Self> {
+        MaterialPoint::with_unrelaxed(self, gamma)
     }
 
-    fn slowed_any(&self, slowness: f64) -> Option<AnyMaterial> {
-        MaterialPoint::slowed(self, slowness).map(AnyMaterial::new)
+    fn any_with_unrelaxed(&self, gamma: f64) -> Option<AnyMaterial> {
+        MaterialPoint::with_unrelaxed(self, gamma).map(AnyMaterial::new)
     }
 
     fn energies(&self, metric: [&[f64]; 4], active: &[f64], of_active_alone: bool, out: &mut [f64]) {
@@ -246,12 +246,12 @@ impl Material for AnyMaterial {
         self.0.margins(f, active)
     }
 
-    fn slowed(&self, slowness: f64) -> Option<Self> {
-        self.slowed_any(slowness)
+    fn with_unrelaxed(&self, gamma: f64) -> Option<Self> {
+        self.any_with_unrelaxed(gamma)
     }
 
-    fn slowed_any(&self, slowness: f64) -> Option<AnyMaterial> {
-        self.0.slowed_any(slowness)
+    fn any_with_unrelaxed(&self, gamma: f64) -> Option<AnyMaterial> {
+        self.0.any_with_unrelaxed(gamma)
     }
 
     fn energies(&self, metric: [&[f64]; 4], active: &[f64], of_active_alone: bool, out: &mut [f64]) {

@@ -43,19 +43,19 @@ impl LinearResponse {
     /// # Errors
     /// If the mesh is out of range, or the half-active membrane is unstable at the voltage of the scene.
     pub fn new(scene: &Scene, mesh: Mesh) -> Result<Self, SetupError> {
-        Self::slowed(scene, 0.0, mesh)
+        Self::with_unrelaxed(scene, 0.0, mesh)
     }
 
-    /// Like [`LinearResponse::new`], with viscoelastic branches that have no time to relax, of a modulus in units of
+    /// Like [`LinearResponse::new`], with viscoelastic branches that have no time to relax, of a modulus γ in units of
     /// μλp².
     ///
     /// # Errors
     /// As [`LinearResponse::new`].
-    pub(super) fn slowed(scene: &Scene, slowness: f64, mesh: Mesh) -> Result<Self, SetupError> {
-        let model = Model::new(scene)?.slowed(slowness);
+    pub(super) fn with_unrelaxed(scene: &Scene, gamma: f64, mesh: Mesh) -> Result<Self, SetupError> {
+        let model = Model::new(scene)?.with_unrelaxed(gamma);
         let grid = model.grid(checked(mesh)?);
         let response = Self {
-            half_active: model.slow(Activity::from_shares(&grid, |_, _| 0.5)),
+            half_active: model.add_unrelaxed(Activity::from_shares(&grid, |_, _| 0.5)),
             model,
             laplacian: Laplacian::new(&grid)?,
             rest: vec![0.0; grid.layout().vector_len()],
@@ -143,7 +143,9 @@ impl LinearResponse {
         pulled: f64,
         workspace: &mut Workspace,
     ) -> Option<Field> {
-        let activity = self.model.slow(Activity::from_shares(self.half_active.grid(), share));
+        let activity = self
+            .model
+            .add_unrelaxed(Activity::from_shares(self.half_active.grid(), share));
         self.model.with(ToActivity {
             response: self,
             activity: &activity,

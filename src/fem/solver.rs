@@ -105,12 +105,12 @@ impl MembraneSolver {
         Self::of_model(scene, Model::new(scene)?, options)
     }
 
-    /// Creates a solver with viscoelastic branches that have no time to relax, of a modulus in units of μλp².
+    /// Creates a solver with viscoelastic branches that have no time to relax, of a modulus γ in units of μλp².
     ///
     /// # Errors
     /// As [`MembraneSolver::new`].
-    pub(super) fn slowed(scene: &Scene, slowness: f64, options: SolveOptions) -> Result<Self, SetupError> {
-        Self::of_model(scene, Model::new(scene)?.slowed(slowness), options)
+    pub(super) fn with_unrelaxed(scene: &Scene, gamma: f64, options: SolveOptions) -> Result<Self, SetupError> {
+        Self::of_model(scene, Model::new(scene)?.with_unrelaxed(gamma), options)
     }
 
     /// Creates a solver on the grid of another solver, so that solutions with and without a fringe field have the same

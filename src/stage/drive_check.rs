@@ -2,7 +2,7 @@
 
 use super::scene;
 use deaflow_base::Node;
-use deaflow_fem::{FIRST_LOST, MOST_LOST, Method, covered_limit};
+use deaflow_fem::{FIRST_UNSTABLE, MOST_UNSTABLE, Method, fully_active_limit};
 use deaflow_orchestrator::{StageCheck, StageDeclaration};
 use deaflow_scene::Scene;
 
@@ -59,7 +59,7 @@ pub fn stability_warning(stage: &StageDeclaration<'_>) -> Option<String> {
 /// Returns a warning if the voltage causes almost no displacement: probably a number without its unit.
 pub fn weak_drive_warning(scene: &Scene) -> Option<String> {
     let volts = scene.voltage_v();
-    let limit = covered_limit(scene, FAR).ok().flatten()?;
+    let limit = fully_active_limit(scene, FAR).ok().flatten()?;
     (volts < FAINT * limit).then(|| {
         format!(
             "{volts} V causes almost no displacement; a fully covered membrane is stable up to {}. A number without a \
@@ -71,10 +71,10 @@ pub fn weak_drive_warning(scene: &Scene) -> Option<String> {
 
 /// Returns advice for a scene in which no pattern is stable.
 pub fn stability_advice(scene: &Scene) -> String {
-    let limits = match covered_limit(scene, 1.0 / FIRST_LOST) {
+    let limits = match fully_active_limit(scene, 1.0 / FIRST_UNSTABLE) {
         Ok(Some(limit)) => format!(
             ": single cells are unstable above about {}, a fully covered membrane above {}",
-            kilovolts(FIRST_LOST * limit),
+            kilovolts(FIRST_UNSTABLE * limit),
             kilovolts(limit)
         ),
         Ok(None) | Err(_) => String::new(),
@@ -108,15 +108,15 @@ fn no_drive_warning(scene: &Scene) -> Option<String> {
 
 /// Returns a warning if patterns that are stable on one mesh may be unstable on a finer one.
 fn near_limit_warning(scene: &Scene) -> Option<String> {
-    let first = FIRST_LOST * (1.0 - OVERESTIMATE);
-    let limit = covered_limit(&with_stiffening(scene), 1.0 / first).ok()??;
+    let first = FIRST_UNSTABLE * (1.0 - OVERESTIMATE);
+    let limit = fully_active_limit(&with_stiffening(scene), 1.0 / first).ok()??;
     (scene.voltage_v() > first * limit).then(|| {
         format!(
             "at {} some patterns are close to their stability limit (single cells: about {}), which one mesh slightly \
              overestimates: set `accuracy` instead of a mesh to use finer ones; \
              `effects.electromechanical_stability` computes the limit of each pattern",
             kilovolts(scene.voltage_v()),
-            kilovolts(FIRST_LOST * limit)
+            kilovolts(FIRST_UNSTABLE * limit)
         )
     })
 }
@@ -142,9 +142,9 @@ fn instability(scene: &Scene) -> Option<Instability> {
 }
 
 fn beyond_limit(scene: &Scene) -> Option<Instability> {
-    let limit = covered_limit(&with_stiffening(scene), 1.0 / FIRST_LOST).ok()??;
+    let limit = fully_active_limit(&with_stiffening(scene), 1.0 / FIRST_UNSTABLE).ok()??;
     let volts = scene.voltage_v();
-    let of_most = volts > MOST_LOST * limit;
+    let of_most = volts > MOST_UNSTABLE * limit;
     let what = match of_most {
         _ if volts > limit => "nearly all patterns are unstable",
         true => "most patterns are unstable",
@@ -159,8 +159,8 @@ fn beyond_limit(scene: &Scene) -> Option<Instability> {
          membrane above {}{model}. Unstable patterns get no result, and detecting the instability takes many times as \
          long as a solution. The voltages are estimates; `deaflow screen` computes the limit of one cell on two meshes",
         kilovolts(volts),
-        kilovolts(FIRST_LOST * limit),
-        kilovolts(MOST_LOST * limit),
+        kilovolts(FIRST_UNSTABLE * limit),
+        kilovolts(MOST_UNSTABLE * limit),
         kilovolts(limit)
     );
     Some(Instability { warning, of_most })

@@ -28,7 +28,7 @@ pub struct Model {
     fringe: Option<Fringe>,
     wrinkles: bool,
     /// γ of branches that have no time to relax, in units of μλp².
-    slowness: f64,
+    gamma: f64,
     /// Whether the charge is prescribed.
     has_charge: bool,
 }
@@ -99,7 +99,7 @@ impl Model {
             decay: effects.stretch_dependent_permittivity.clone(),
             fringe: effects.fringe_field.as_ref().map(|_| Fringe::new(scene)).transpose()?,
             wrinkles: effects.wrinkling.is_some(),
-            slowness: 0.0,
+            gamma: 0.0,
             has_charge: scene.drive.charge.is_some(),
         };
         let [is_finite, is_elliptic] = model.with(AtRest(model.sheet.distortion())).map(|margin| margin > 0.0);
@@ -115,8 +115,8 @@ impl Model {
     /// Adds viscoelastic branches of a modulus γ, in units of μλp², that are relaxed at the prestretch and have no time
     /// to relax from there.
     #[must_use]
-    pub fn slowed(self, slowness: f64) -> Self {
-        Self { slowness, ..self }
+    pub fn with_unrelaxed(self, gamma: f64) -> Self {
+        Self { gamma, ..self }
     }
 
     /// Runs a computation with the law of the scene. Only here the type of the law is composed.
@@ -124,9 +124,9 @@ impl Model {
         let (prestretch, kappa) = (self.prestretch, self.kappa);
         match self.stiffening {
             None if self.is_base_law() => {
-                let slowness = if self.law_takes_slowness() { self.slowness } else { 0.0 };
+                let gamma = if self.law_includes_unrelaxed() { self.gamma } else { 0.0 };
                 run(work, &|share| {
-                    AnyMaterial::new(NeoHookean::new(prestretch, share * kappa).slowed(slowness))
+                    AnyMaterial::new(NeoHookean::new(prestretch, share * kappa).with_unrelaxed(gamma))
                 })
             }
             None => self.with_elasticity(Neo::new(prestretch), work),
@@ -143,7 +143,7 @@ impl Model {
     /// rest at f = I: there ½γ(tr c + j⁻²) is added to ½(tr c + a j⁻²). The law is then in units of (1 + γ)μH, while
     /// forces on bodies and charges are in units of μH.
     #[must_use]
-    pub fn law_takes_slowness(&self) -> bool {
+    pub fn law_includes_unrelaxed(&self) -> bool {
         let [along, across] = self.sheet.prestretch;
         let is_plain = self.stiffening.is_none() && self.is_base_law() && along == across;
         is_plain && self.sheet.mounts.is_empty() && !self.has_charge
@@ -183,7 +183,7 @@ impl Model {
     /// If a cell belongs to an electrode group that the scene does not have.
     #[must_use]
     pub fn activity(&self, grid: &Grid, pattern: &Pattern) -> Activity {
-        self.slow(match &self.fringe {
+        self.add_unrelaxed(match &self.fringe {
             None => Activity::of_groups(grid, pattern, &self.loads),
             Some(fringe) => fringe.activity(grid, pattern, &self.loads),
         })
@@ -191,13 +191,13 @@ impl Model {
 
     /// Adds the branches that have no time to relax to an activity.
     #[must_use]
-    pub fn slow(&self, activity: Activity) -> Activity {
-        if self.slowness == 0.0 || self.law_takes_slowness() {
+    pub fn add_unrelaxed(&self, activity: Activity) -> Activity {
+        if self.gamma == 0.0 || self.law_includes_unrelaxed() {
             return activity;
         }
         let layout = activity.grid().layout();
         let at_rest = metrics(&activity, &vec![0.0; layout.vector_len()]);
-        let values: Vec<f64> = at_rest.iter().map(|value| self.slowness * value).collect();
+        let values: Vec<f64> = at_rest.iter().map(|value| self.gamma * value).collect();
         activity.with_memory(Memory::new(layout, &values))
     }
 

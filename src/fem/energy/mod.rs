@@ -68,7 +68,7 @@ pub trait MaterialPoint: Sync + 'static {
     /// The derivative of `stress` along `df`.
     fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V>;
     /// The law with ½γ(tr c + j⁻²) beside it, over 1 + γ, where it is of the same form.
-    fn slowed(&self, _slowness: f64) -> Option<Self>
+    fn with_unrelaxed(&self, _gamma: f64) -> Option<Self>
     where
         Self: Sized,
     {

@@ -57,9 +57,9 @@ impl NeoHookean {
 
     /// The same with ½γ(tr c + j⁻²) beside it, in units of (1 + γ)μH: its law is of the same form.
     #[must_use]
-    pub fn slowed(self, slowness: f64) -> Self {
-        let whole = 1.0 + slowness;
-        Self::of((self.thickness + slowness) / whole, self.pull / whole)
+    pub fn with_unrelaxed(self, gamma: f64) -> Self {
+        let whole = 1.0 + gamma;
+        Self::of((self.thickness + gamma) / whole, self.pull / whole)
     }
 
     /// j − 1 without cancellation.
@@ -88,8 +88,8 @@ impl NeoHookean {
 }
 
 impl MaterialPoint for NeoHookean {
-    fn slowed(&self, slowness: f64) -> Option<Self> {
-        Some(Self::slowed(*self, slowness))
+    fn with_unrelaxed(&self, gamma: f64) -> Option<Self> {
+        Some(Self::with_unrelaxed(*self, gamma))
     }
 
     #[inline(always)]
@@ -261,17 +261,17 @@ mod tests {
     #[test]
     fn what_has_no_time_to_relax_is_a_law_of_the_same_form() {
         // Along m⊗N no null Lagrangian is seen.
-        let (material, slowness) = (NeoHookean::new(3.0, 0.03), 0.7);
-        let slow = material.slowed(slowness);
+        let (material, gamma) = (NeoHookean::new(3.0, 0.03), 0.7);
+        let slow = material.with_unrelaxed(gamma);
         for (active, angle) in [(0.0, 0.3), (1.0, 0.3), (1.0, 1.9), (0.4, -0.6)] {
             let (m, n) = ([f64::cos(angle), f64::sin(angle)], [0.8, -0.6]);
             let df = m.map(|m| n.map(|n| m * n));
-            let beside = memory::tangent([slowness, 0.0, slowness, slowness], GRADIENT, df);
+            let beside = memory::tangent([gamma, 0.0, gamma, gamma], GRADIENT, df);
             let sum = contract(df, material.tangent(GRADIENT, active, df)) + contract(df, beside);
-            let own = (1.0 + slowness) * contract(df, slow.tangent(GRADIENT, active, df));
+            let own = (1.0 + gamma) * contract(df, slow.tangent(GRADIENT, active, df));
             assert!((sum - own).abs() < 1e-14, "{sum} {own}");
         }
-        assert_eq!(material.slowed(0.0), material);
+        assert_eq!(material.with_unrelaxed(0.0), material);
     }
 
     #[test]

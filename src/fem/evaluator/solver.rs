@@ -53,15 +53,15 @@ impl Solver {
     /// If the mesh or tolerance is out of range, the membrane has no linear response, or its effects cannot be
     /// simulated.
     pub fn new(scene: &Scene, parameters: &SolverParameters) -> Result<Self, SetupError> {
-        Self::slowed(scene, parameters, 0.0)
+        Self::with_unrelaxed(scene, parameters, 0.0)
     }
 
-    /// Like [`Solver::new`], with viscoelastic branches that have no time to relax, of a modulus in units of μλp²; for
-    /// one mesh without history.
+    /// Like [`Solver::new`], with viscoelastic branches that have no time to relax, of a modulus γ in units of μλp²;
+    /// for one mesh without history.
     ///
     /// # Errors
     /// As [`Solver::new`].
-    pub(crate) fn slowed(scene: &Scene, parameters: &SolverParameters, slowness: f64) -> Result<Self, SetupError> {
+    pub(crate) fn with_unrelaxed(scene: &Scene, parameters: &SolverParameters, gamma: f64) -> Result<Self, SetupError> {
         let limit = parameters.work_limit();
         let scene = &resolve(scene)?;
         let tolerance = parameters.tolerance();
@@ -81,11 +81,11 @@ impl Solver {
             (MeshRequest::Fixed(mesh), None) => {
                 let options = SolveOptions { mesh, tolerance };
                 Engine::Fixed(Box::new(
-                    MembraneSolver::slowed(scene, slowness, options)?.within(limit),
+                    MembraneSolver::with_unrelaxed(scene, gamma, options)?.within(limit),
                 ))
             }
             (MeshRequest::Fixed(mesh), Some(chord_steps)) => {
-                let response = LinearResponse::slowed(scene, slowness, mesh)?;
+                let response = LinearResponse::with_unrelaxed(scene, gamma, mesh)?;
                 Engine::Estimate(Box::new(Estimator { response, chord_steps }), mesh)
             }
         };

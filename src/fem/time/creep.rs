@@ -115,7 +115,7 @@ impl ThreeSolves {
         parameters: &SolverParameters,
     ) -> Result<Weighted<Box<dyn Evaluator>>, SetupError> {
         let each = self.stiffnesses.iter().map(|&stiffness| {
-            let solver = Solver::slowed(scene, parameters, stiffness)?;
+            let solver = Solver::with_unrelaxed(scene, parameters, stiffness)?;
             Ok(Box::new(solver) as Box<dyn Evaluator>)
         });
         let each = each.collect::<Result<_, SetupError>>()?;
@@ -128,7 +128,7 @@ impl ThreeSolves {
     /// When the scene cannot be simulated.
     pub fn gradient(&self, scene: &Scene) -> Result<Weighted<Box<GradientEvaluator>>, SetupError> {
         let each = self.stiffnesses.iter();
-        let each = each.map(|&stiffness| GradientEvaluator::slowed(scene, stiffness).map(Box::new));
+        let each = each.map(|&stiffness| GradientEvaluator::with_unrelaxed(scene, stiffness).map(Box::new));
         Ok(Weighted::new(
             each.collect::<Result<_, _>>()?,
             self.weights.clone(),

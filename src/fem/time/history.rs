@@ -223,7 +223,7 @@ impl MembraneSolver {
             estimate: (request.estimate.zip(half_active.as_ref())).map(|(how, half_active)| Estimate {
                 how,
                 half_active,
-                in_law: self.model.law_takes_slowness() && self.scene.drive.rest.is_none(),
+                in_law: self.model.law_includes_unrelaxed() && self.scene.drive.rest.is_none(),
             }),
             request,
             moving,

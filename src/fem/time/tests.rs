@@ -717,16 +717,16 @@ fn electrodes_that_are_cut_off_keep_their_charge_while_the_membrane_creeps() {
         let history = HistorySolver::new(&scene, &options, request).unwrap();
         let history = history.follow(&pattern).unwrap().history;
         assert_eq!(history.outcome, Outcome::Converged);
-        let still = |slowness: f64| {
+        let still = |gamma: f64| {
             let options = SolveOptions { mesh, tolerance: 1e-10 };
-            let solver = MembraneSolver::slowed(&scene, slowness, options).unwrap();
+            let solver = MembraneSolver::with_unrelaxed(&scene, gamma, options).unwrap();
             solver.simulate(std::slice::from_ref(&pattern)).remove(0).field.unwrap()
         };
         // At once branches have no time to relax, and at last they have relaxed.
         let all = 90e3 / (45e3 * 9.0);
         let size = history.fields[3].max_magnitude();
-        for (at, slowness) in [(0, all), (3, 0.0)] {
-            let difference = history.fields[at].max_difference(&still(slowness));
+        for (at, gamma) in [(0, all), (3, 0.0)] {
+            let difference = history.fields[at].max_difference(&still(gamma));
             // The creep of the finite law ends where that of the linear law ends, and so it begins.
             assert!(difference < 2e-6 * size, "{charge} {law}: {difference:e}");
         }

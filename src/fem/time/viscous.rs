@@ -205,7 +205,7 @@ impl Viscous {
     /// Returns the modulus of branches relaxed at rest, minus that lost by relaxation in a step in s at rest, in units
     /// of μλp².
     #[must_use]
-    pub fn slowness(&self, step: f64) -> f64 {
+    pub fn unrelaxed_modulus(&self, step: f64) -> f64 {
         let each = self.branches.iter();
         each.map(|branch| branch.modulus * (1.0 - Coefficients::new(step / branch.time).now))
             .sum()

@@ -83,16 +83,16 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             return Err(StepError::Work);
         }
         let remembered = self.viscous.remembered(transient.problem.activity, seconds);
-        let slowness = self.viscous.slowness(seconds);
+        let gamma = self.viscous.unrelaxed_modulus(seconds);
         let at_rest = (self.unmoved.as_mut()).map(|unmoved| unmoved.remembered(half_active, seconds));
-        let slowed = match at_rest {
-            None => (transient.problem.material)(share).slowed(slowness),
+        let stiffened = match at_rest {
+            None => (transient.problem.material)(share).with_unrelaxed(gamma),
             Some(_) => None,
         };
-        let unit = slowed.as_ref().map_or(1.0, |_| 1.0 + slowness);
+        let unit = stiffened.as_ref().map_or(1.0, |_| 1.0 + gamma);
         let actual = Operator::new(&material, &remembered);
         let linear = Operator::new(
-            slowed.as_ref().unwrap_or(&material),
+            stiffened.as_ref().unwrap_or(&material),
             at_rest.as_ref().unwrap_or(half_active),
         );
         let rest = vec![0.0; guess.len()];

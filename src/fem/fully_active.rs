@@ -12,12 +12,12 @@ use super::sheet::Sheet;
 use deaflow_scene::Scene;
 
 /// Lowest critical voltage of all patterns relative to that voltage: a single cell, at 0.29 to 0.30 of the load.
-pub const FIRST_LOST: f64 = 0.54;
+pub const FIRST_UNSTABLE: f64 = 0.54;
 
 /// Critical voltage of large areas with straight edges relative to that voltage, at 0.45 of the load: most patterns are
 /// unstable above it. It was computed for one half and for a square of 0.64 of the membrane (`deaflow solve --path`,
 /// two meshes).
-pub const MOST_LOST: f64 = 0.672;
+pub const MOST_UNSTABLE: f64 = 0.672;
 
 /// Number of bisections, to the precision of a double.
 const HALVINGS: usize = 52;
@@ -53,7 +53,7 @@ impl WithMaterial for Lost {
 ///
 /// # Errors
 /// If the effects of the scene cannot be simulated.
-pub fn covered_limit(scene: &Scene, reach: f64) -> Result<Option<f64>, SetupError> {
+pub fn fully_active_limit(scene: &Scene, reach: f64) -> Result<Option<f64>, SetupError> {
     let voltage = scene.voltage_v();
     if scene.drive.charge.is_some() || voltage <= 0.0 {
         return Ok(None);
@@ -71,18 +71,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_covered_membrane_is_lost_where_the_closed_form_says() {
+    fn the_limit_of_a_fully_active_membrane_is_the_closed_form() {
         // H12: √κ = √(λp⁻² + 3λp⁻⁸), and κ grows with V².
         let scene = Scene::vhb4910().at_voltage(1000.0);
         let lambda: f64 = 3.0;
         let critical = lambda.powi(-2) + 3.0 * lambda.powi(-8);
         let expected = 1000.0 * (critical / scene.kappa()).sqrt();
-        let found = covered_limit(&scene, 20.0).unwrap().unwrap();
+        let found = fully_active_limit(&scene, 20.0).unwrap().unwrap();
         assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
         // From above it is the same; from far below, nothing is found.
-        let above = covered_limit(&scene.at_voltage(2.0 * expected), 1.0).unwrap().unwrap();
+        let above = fully_active_limit(&scene.at_voltage(2.0 * expected), 1.0)
+            .unwrap()
+            .unwrap();
         assert!((above / expected - 1.0).abs() < 1e-9, "{above}");
-        assert_eq!(covered_limit(&scene.at_voltage(0.9 * expected), 1.0), Ok(None));
-        assert_eq!(covered_limit(&scene.at_voltage(0.0), 20.0), Ok(None));
+        assert_eq!(fully_active_limit(&scene.at_voltage(0.9 * expected), 1.0), Ok(None));
+        assert_eq!(fully_active_limit(&scene.at_voltage(0.0), 20.0), Ok(None));
     }
 }
