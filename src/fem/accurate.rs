@@ -164,7 +164,7 @@ impl AccurateSolver {
 
     /// Returns the solution on a mesh, and whether its stability is proven.
     fn solve(&self, level: usize, pattern: &Pattern) -> Result<(Simulation, bool), SetupError> {
-        Ok(self.on_level(level)?.simulate_with_proof(pattern))
+        Ok(self.on_level(level)?.simulate_to(pattern, self.tolerance))
     }
 
     /// Returns the solver of a mesh; creates it on first use.

@@ -74,7 +74,7 @@ pub use fully_active::{FIRST_UNSTABLE, MOST_UNSTABLE, fully_active_limit};
 pub use gradient_evaluator::GradientEvaluator;
 pub use limit::CriticalSearch;
 pub use margin::StabilityReport;
-pub use observable::{CellState, Survey, Tension, cell_states};
+pub use observable::{CellState, Tension, cell_states};
 pub use path::{EventKind, LoadPath, PathEnd, PathEvent, PathPoint};
 pub use response::{Estimator, LinearResponse};
 pub use safety_margins::SafetyMargins;

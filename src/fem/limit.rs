@@ -143,16 +143,6 @@ impl CriticalSearch {
             .unwrap_or_else(|| CriticalVoltage::new(found, None))
     }
 
-    /// Returns the critical voltage of a pattern without a stable state on the coarser mesh at the voltage of the
-    /// scene.
-    #[must_use]
-    pub fn below_scene(&self, pattern: &Pattern) -> Option<CriticalVoltage> {
-        match self.stable_range(pattern) {
-            StableRange::Lost(found) => Some(self.refine(pattern, found.voltage)),
-            StableRange::Nowhere | StableRange::UpTo(_) => None,
-        }
-    }
-
     /// Returns whether a pattern is stable at the voltage of the scene on any mesh: the voltage is below the
     /// [interval](CriticalVoltage::interval) of the critical one. Far below it, this takes one solution on the coarser
     /// mesh.

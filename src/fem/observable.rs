@@ -54,49 +54,6 @@ pub struct CellState {
     pub tension: Tension,
 }
 
-/// Extreme states of the cells of a membrane.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Survey {
-    /// Smallest principal Cauchy stress, in units of μ.
-    pub smallest_stress: f64,
-    /// Wrinkled share of the prestretched area.
-    pub wrinkled: f64,
-    /// Slack share of it.
-    pub slack: f64,
-    /// Largest I₁ − 3.
-    pub largest_strain: f64,
-    /// Largest true electric field in V/m.
-    pub largest_field: f64,
-    /// Smallest and largest J, the area over the undeformed area.
-    pub areas: [f64; 2],
-}
-
-impl Survey {
-    /// Summarises the states of all cells, with the shear modulus in Pa.
-    #[must_use]
-    pub fn of(cells: &[CellState], shear_modulus_pa: f64) -> Self {
-        let share = |tension: Tension| {
-            let count = cells.iter().filter(|cell| cell.tension == tension).count();
-            count as f64 / cells.len() as f64
-        };
-        let largest = |value: fn(&CellState) -> f64| cells.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
-        Self {
-            smallest_stress: -largest(|cell| -cell.stresses[1]) / shear_modulus_pa,
-            wrinkled: share(Tension::Wrinkled),
-            slack: share(Tension::Slack),
-            largest_strain: largest(|cell| {
-                let [first, second] = cell.stretches.map(|s| s * s);
-                first + second + (first * second).recip() - 3.0
-            }),
-            largest_field: largest(|cell| cell.electric_field),
-            areas: [
-                -largest(|cell| -cell.stretches[0] * cell.stretches[1]),
-                largest(|cell| cell.stretches[0] * cell.stretches[1]),
-            ],
-        }
-    }
-}
-
 /// Returns the state of each cell, `[y][x]`, from nodal displacements on a requested mesh, in units of
 /// [`Grid::unit_mm`].
 ///

@@ -15,7 +15,7 @@ use super::error::SetupError;
 use super::grid::Grid;
 use super::material::Material;
 use super::newton::{self, Workspace};
-use super::observable::{CellState, Survey, states};
+use super::observable::{CellState, states};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 use super::sheet::Sheet;
@@ -280,19 +280,8 @@ impl MembraneSolver {
         states(&self.scene, &self.model, &self.grid, pattern, &solution.displacement)
     }
 
-    /// Returns the extreme states of the cells in a solution of this pattern.
-    #[must_use]
-    pub fn survey(&self, pattern: &Pattern, solution: &MeshSolution) -> Survey {
-        Survey::of(&self.cell_states(pattern, solution), self.scene.shear_modulus_pa())
-    }
-
-    /// Simulates one pattern, and returns whether a sufficient pointwise condition proves the stability of the result.
-    /// It fails well before stability is lost.
-    pub(super) fn simulate_with_proof(&self, pattern: &Pattern) -> (Simulation, bool) {
-        self.simulate_to(pattern, self.tolerance)
-    }
-
-    /// Like [`Self::simulate_with_proof`], with another relative residual.
+    /// Simulates one pattern to a relative residual, and returns whether a sufficient pointwise condition proves the
+    /// stability of the result. It fails well before stability is lost.
     pub(super) fn simulate_to(&self, pattern: &Pattern, tolerance: f64) -> (Simulation, bool) {
         let (solution, proven) = self.solve_to(tolerance, pattern, &mut self.scratch(self.limit));
         (self.simulation(pattern, &solution), proven)

@@ -120,7 +120,7 @@ fn limits_and_brackets_are_of_the_largest_voltage() {
     let second = Pattern::from_groups(one.membrane().raster, |x, y| 2 * bare(x, y));
     let [single, weak, strong] = [(&one, &first), (&two, &first), (&two, &second)].map(|(scene, pattern)| {
         let search = CriticalSearch::new(&scene.at_voltage(40e3), SolveOptions::on(Mesh::biquadratic(1))).unwrap();
-        search.below_scene(pattern).unwrap().voltage
+        critical_voltage(&search, pattern).unwrap().voltage
     });
     assert!((strong / single - 1.0).abs() < 1e-3, "{strong} {single}");
     assert!((weak / single - 2.0).abs() < 2e-3, "{weak} {single}");

@@ -160,7 +160,7 @@ fn stated_errors_cover_the_limits_of_eight_elements_per_cell() {
     for (name, scene, pattern) in cases() {
         let start = Instant::now();
         let search = CriticalSearch::new(&scene, SolveOptions::on(Mesh::biquadratic(1))).unwrap();
-        let Some(found) = search.below_scene(&pattern) else {
+        let Some(found) = critical_voltage(&search, &pattern) else {
             println!(
                 "| {name} | – | – | none below {} | – | – | – | – | – |",
                 scene.voltage_v()
@@ -191,7 +191,7 @@ fn a_stated_error_covers_what_a_finer_mesh_finds() {
     let scene = Scene::vhb4910().at_voltage(8e3);
     let search = CriticalSearch::new(&scene, SolveOptions::on(Mesh::biquadratic(1))).unwrap();
     for (pattern, one, four) in [(rings(0), 7183.0, 6821.0), (one_cell(), 6105.0, 6023.0)] {
-        let found = search.below_scene(&pattern).unwrap();
+        let found = critical_voltage(&search, &pattern).unwrap();
         let [low, high] = found.interval();
         assert!((found.coarse.voltage / one - 1.0).abs() < 1e-3, "{found:?}");
         assert!(low < four && four < high && high < 0.995 * one, "{found:?}");
@@ -219,15 +219,16 @@ fn a_membrane_that_never_moves_has_a_sharp_limit() {
     let scene = Scene::vhb4910().at_voltage(20e3);
     let exact = 1e3 * ((3f64.powi(-2) + 3.0 * 3f64.powi(-8)) / scene.at_voltage(1e3).kappa()).sqrt();
     let search = CriticalSearch::new(&scene, SolveOptions::on(Mesh::biquadratic(1))).unwrap();
-    let found = search
-        .below_scene(&Pattern::from_fn(Raster::PAPER, |_, _| true))
-        .unwrap();
+    let found = critical_voltage(&search, &Pattern::from_fn(Raster::PAPER, |_, _| true)).unwrap();
     let [low, high] = found.interval();
     assert!(
         low < exact && exact < high && high - low < 6e-3 * exact,
         "{found:?} {exact}"
     );
-    assert_eq!(search.below_scene(&Pattern::from_fn(Raster::PAPER, |_, _| false)), None);
+    assert_eq!(
+        critical_voltage(&search, &Pattern::from_fn(Raster::PAPER, |_, _| false)),
+        None
+    );
 }
 
 fn one_cell() -> Pattern {

@@ -20,6 +20,7 @@ mod rectangles;
 mod scenes;
 
 use super::direct::Factorisation;
+use super::effects::StableRange;
 use super::energy::NeoHookean;
 use super::grid::Grid;
 use super::material::Material;
@@ -44,6 +45,14 @@ pub(crate) fn square_of_ten(drive: &str, effects: &str, more: &str) -> Scene {
          shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ {drive} }}, effects: {{ {effects} }}{more} }}"
     ))
     .unwrap()
+}
+
+/// The critical voltage of a pattern that is unstable at the voltage of the scene.
+fn critical_voltage(search: &CriticalSearch, pattern: &Pattern) -> Option<CriticalVoltage> {
+    match search.stable_range(pattern) {
+        StableRange::Lost(found) => Some(search.refine(pattern, found.voltage)),
+        StableRange::Nowhere | StableRange::UpTo(_) => None,
+    }
 }
 
 fn random(index: u64) -> Pattern {
