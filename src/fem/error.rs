@@ -135,19 +135,19 @@ pub enum SetupError {
     /// Creep that three equilibria do not describe.
     #[error("cannot estimate a state at a time from three equilibria: {why}")]
     ThreeSolves {
-        /// Condition, and what the scene has.
+        /// Reason.
         why: &'static str,
     },
     /// An amplitude without oscillation.
     #[error("cannot compute an amplitude at a frequency: {why}")]
     Swing {
-        /// Condition, and what the scene has.
+        /// Reason.
         why: &'static str,
     },
     /// A history that cannot be estimated step by step.
     #[error("cannot estimate states step by step: {why}")]
     StepEstimates {
-        /// Condition, and what the scene has.
+        /// Reason.
         why: &'static str,
     },
     /// A history of too many time steps.

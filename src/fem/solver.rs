@@ -371,7 +371,7 @@ impl MembraneSolver {
         }
     }
 
-    /// Returns results of effects beside the displacement.
+    /// Returns the results of effects other than the displacement.
     fn observe(&self, pattern: &Pattern, solution: &MeshSolution) -> Observation {
         let effects = &self.scene.effects;
         let mut observation = Observation {

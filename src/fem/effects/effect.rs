@@ -82,8 +82,7 @@ pub struct Significance {
     pub error: Option<f64>,
     /// Whether it is significant.
     pub verdict: Verdict,
-    /// What would change if it were switched on, as a sentence: `the displacement of `one cell` would rise by about 5
-    /// %`.
+    /// Change if it were switched on, as a sentence.
     pub change: String,
 }
 

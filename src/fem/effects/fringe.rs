@@ -328,7 +328,7 @@ mod tests {
         }
     }
 
-    /// ∫ over an element along an axis of what a zone is active to, times x^n, is ∫ over the zone of xⁿ.
+    /// The integral of xⁿ over the zone is that over the element with the weights of the zone.
     #[test]
     fn points_integrate_zones_exactly() {
         fn check<const A: usize>(line: &Line<A>) {

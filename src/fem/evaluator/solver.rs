@@ -109,7 +109,7 @@ impl Solver {
         self.parameters.accuracy().is_some()
     }
 
-    /// Returns the effects that results report beside the displacement: none for estimates and histories.
+    /// Returns the effects that results report in addition to the displacement: none for estimates and histories.
     #[must_use]
     pub fn observed<'a>(&self, effects: &'a Effects) -> Cow<'a, Effects> {
         match self.engine {

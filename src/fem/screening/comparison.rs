@@ -173,7 +173,7 @@ mod tests {
         assert!((found.difference - 0.1).abs() < 1e-12 && (found.change - 0.05).abs() < 1e-12);
         let zero = Field::zero(Raster::PAPER);
         assert_eq!(Displacement::between(&zero, &zero, 5.0).difference, 0.0);
-        // What moves only with the effect has changed by all of it.
+        // A field that moves only with the effect has changed completely.
         let moved = Displacement::between(&zero, &field(1.0, 0.0), 5.0);
         assert_eq!((moved.difference, moved.change), (1.0, 1.0));
     }
