@@ -156,7 +156,7 @@ mod tests {
                 .unwrap();
             assert_eq!((found.verdict, found.number), (verdict, number), "{found:?}");
             let doubted = matches!(verdict, Verdict::Unknown | Verdict::WorkLimit);
-            assert_eq!(found.change.contains("`b`"), doubted, "{found:?}");
+            assert_eq!(found.change.contains("of `b` is unknown"), doubted, "{found:?}");
         }
     }
 
