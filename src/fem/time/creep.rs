@@ -214,7 +214,8 @@ mod tests {
             let found = crept(pole, &branches(&[(g, tau)]), t);
             assert!((found - exact).abs() < 1e-12, "{found} {exact}");
         }
-        // Many, over twelve decades: all of them at once, none at last, and what steps of the equations say between.
+        // Many, over twelve decades: the instantaneous and the relaxed state, and time steps of the equations in
+        // between.
         let many = branches(&[(0.2, 1e-6), (0.1, 1e-3), (0.3, 1.0), (0.05, 1e6)]);
         let sum: f64 = many.iter().map(|branch| branch.modulus).sum();
         assert!((crept(2.9, &many, 0.0) - 1.0 / (1.0 + 2.9 * sum)).abs() < 1e-12);
@@ -259,7 +260,7 @@ mod tests {
             let found = rule.evaluator(&scene, &parameters).unwrap();
             let found = found.predict(&[odd()]).unwrap().remove(0);
             let error = found.max_difference(field) / largest;
-            // At the beginning and at the end they are exact but for the steps in time.
+            // At the start and the end they are exact except for the time steps.
             let bound = if [0.0, 1e5].contains(time) { 5e-5 } else { 5e-3 };
             assert!(error < bound, "{time} s: {error:e}");
         }
@@ -285,8 +286,8 @@ mod tests {
         };
         let (field, gradient) = physics.gradient(&odd(), &slope).unwrap().unwrap();
         assert_eq!(field, physics.predict(&[odd()]).unwrap()[0]);
-        // Each cell by its own equilibria: the gradient is that of a cell's activity, and exchanging one is not small,
-        // but all agree in sign and size.
+        // For each cell by its own equilibria: the gradient is with respect to the activity of a cell, and exchanging
+        // one is not a small change, but all agree in sign and size.
         let off: Vec<usize> = (0..100).filter(|at| !odd().is_active(at % 10, at / 10)).collect();
         let (mut along, mut sizes) = (0.0, [0.0, 0.0]);
         for at in off.into_iter().step_by(7) {

@@ -238,8 +238,8 @@ mod tests {
         }
     }
 
-    /// A free sheet without prestretch, G/μ = 2 and κ = 0.4, through these times in units of τ by so many steps between
-    /// each two.
+    /// A free sheet without prestretch, G/μ = 2 and κ = 0.4, at these times in units of τ, with a number of steps
+    /// between each two.
     fn creep(times: &[f64], count: u32) -> Vec<f64> {
         let g = 2.0;
         let equilibrium = |known: Symmetric, mut l: f64| {
@@ -307,7 +307,7 @@ mod tests {
                             assert!(end.iter().zip(to).all(|(a, b)| (a - b).abs() < 1e-9 * b.abs().max(1.0)));
                         }
                     }
-                    // At constant strain nothing is supplied.
+                    // At constant strain no energy is supplied.
                     let before = product(state, inverse(from));
                     for end in [Step::new(r).end(state, from, from).0, relaxed(state, from, r)] {
                         let after = product(end, inverse(from));

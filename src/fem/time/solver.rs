@@ -164,7 +164,7 @@ mod tests {
         }
     }
 
-    /// The largest error at a time over the largest displacement there.
+    /// Returns the largest error at a time relative to the largest displacement.
     fn error(scene: &Scene, how: StepEstimate, time: f64) -> f64 {
         let pattern = Pattern::from_fn(Raster::new(10, 10).unwrap(), |x, y| (x * 7 + y * 3) % 5 < 2);
         let all = HistorySolver::new(scene, &options(), HistoryRequest::at(vec![time])).unwrap();

@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     /// A free sheet at κ = 0.4 behind a resistor, with time in units of R C₀ and voltage in that of the source: λ at
-    /// some times, each after so many steps.
+    /// some times, each after a number of steps.
     fn sheet(times: [f64; 2], steps: u32) -> [f64; 2] {
         let supply = Supply {
             resistance: 1.0,
@@ -93,7 +93,7 @@ mod tests {
                 let mut next = volts;
                 for _ in 0..200 {
                     let after = at(next);
-                    // Near pull-in a whole step would lead away.
+                    // Near pull-in a full step would diverge.
                     next += 0.4 * (supply.charge_after(length, charge, before, after) / after.capacitance - next);
                 }
                 volts = next;

@@ -1,5 +1,5 @@
-//! Known answers of viscoelasticity and inertia, orders of convergence, balances of energy, and hard cases. Values are
-//! those of the design of time: two independent routes have them.
+//! Viscoelasticity and inertia: known results, orders of convergence, energy balances, and difficult cases. Values are
+//! those of the design of time, each computed in two independent ways.
 
 mod bodies;
 mod charges;
@@ -12,7 +12,7 @@ use deaflow_field::{Field, Mesh, Outcome, Simulator};
 use deaflow_pattern::{Pattern, Raster};
 use deaflow_scene::Scene;
 
-/// A sheet of one point: without prestretch, of stretch λ along both sides.
+/// A sheet of one point without prestretch, with the stretch λ along both sides.
 struct Sheet {
     /// κ.
     kappa: f64,
@@ -20,13 +20,13 @@ struct Sheet {
     load: f64,
     /// G/μ.
     modulus: f64,
-    /// The state of the branch: A and A₃₃.
+    /// State of the branch: A and A₃₃.
     branch: [f64; 2],
     stretch: f64,
 }
 
 impl Sheet {
-    /// Relaxed at a stretch.
+    /// A sheet relaxed at a stretch.
     fn relaxed(stretch: f64, kappa: f64, load: f64) -> Self {
         Self {
             kappa,
@@ -37,7 +37,7 @@ impl Sheet {
         }
     }
 
-    /// The stretch in equilibrium with the branch at Ã and Ã₃₃.
+    /// Returns the equilibrium stretch with the branch at Ã and Ã₃₃.
     fn equilibrium(&self, [a, normal]: [f64; 2]) -> f64 {
         let g = self.modulus;
         let mut l = self.stretch;
@@ -53,13 +53,13 @@ impl Sheet {
         let followed = |l: f64| [l.powi(-2), l.powi(4)];
         let old = followed(self.stretch);
         let known = [0, 1].map(|k| kept * self.branch[k] + before * old[k]);
-        // What follows the end of the step is a pressure.
+        // The part of the branch that depends on the end of the step is a pressure.
         self.stretch = self.equilibrium(known);
         let new = followed(self.stretch);
         self.branch = [0, 1].map(|k| known[k] + now * new[k]);
     }
 
-    /// Through these times in units of τ, by so many steps between each two.
+    /// Returns the states at these times in units of τ, with a number of steps between each two.
     fn through(mut self, times: &[f64], steps: u32) -> Vec<f64> {
         self.stretch = self.equilibrium(self.branch);
         let mut reached = vec![self.stretch];
@@ -103,7 +103,7 @@ fn free_sheets_creep_as_they_should() {
         ),
     ];
     for ((stretch, kappa, load), known) in cases {
-        // Two runs of second order leave an error of fourth order.
+        // Two runs of second order are extrapolated to fourth order.
         let [coarse, fine] = [2000, 4000].map(|steps| Sheet::relaxed(stretch, kappa, load).through(&TIMES, steps));
         for ((coarse, fine), known) in coarse.iter().zip(&fine).zip(known) {
             let found = fine + (fine - coarse) / 3.0;
@@ -130,7 +130,7 @@ fn ten_steps_have_the_values_of_their_methods() {
 
 #[test]
 fn a_free_sheet_pulls_in_after_the_known_time() {
-    // The stretch runs away like (t* − t)^(−½): steps that end where λ has a given value would need none of this.
+    // The stretch diverges like (t* − t)^(−½): steps to given values of λ would not need this.
     let mut sheet = Sheet::relaxed(1.0, 0.6, 0.0);
     sheet.stretch = sheet.equilibrium(sheet.branch);
     let (mut time, mut step) = (0.0, 1e-3);
@@ -153,7 +153,7 @@ fn a_free_sheet_pulls_in_after_the_known_time() {
         }
     }
     assert!((time - 9.8214016436).abs() < 1e-4, "{time}");
-    // It gets there like the root of the time that is left.
+    // It converges like the root of the remaining time.
     assert!((sheet.stretch - 1.6002786673).abs() < 4e-3, "{}", sheet.stretch);
 }
 
@@ -247,7 +247,7 @@ fn a_relaxed_membrane_is_the_static_one_and_branches_without_modulus_are_none() 
         for field in fields(&of_law(law, "{ modulus: 0 Pa, time: 1 s }"), &[0.0, 1.0]) {
             assert!(field.max_difference(&still) < 1e-10);
         }
-        // Twelve decades of relaxation times: those that are over have relaxed, and those to come are springs.
+        // Twelve decades of relaxation times: short ones have relaxed, long ones are springs.
         let many: Vec<String> = (-6..=6)
             .map(|k| format!("{{ modulus: 3 kPa, time: 1e{k} s }}"))
             .collect();
@@ -315,8 +315,8 @@ fn errors_in_time_fall_with_the_square_of_the_step_and_are_estimated() {
 
 #[test]
 fn passes_are_extrapolated_where_the_solution_is_smooth() {
-    // A jump in between, and electrodes that charge slowly: what has an instant of its own in each pass, and what is
-    // found by iteration.
+    // A jump in between, and electrodes that charge slowly: times with separate instants in each pass, and states found
+    // by iteration.
     let drives = [
         "waveform: { table: voltages.csv }",
         "voltage: 5 kV, source: { resistance: 1 GOhm }",
@@ -353,7 +353,7 @@ fn passes_are_extrapolated_where_the_solution_is_smooth() {
             "{drive}: {:e}",
             found.difference(&truth)
         );
-        // Of three passes or four.
+        // For three or four passes.
         assert!(found.steps < 300, "{drive}: {}", found.steps);
         assert_eq!(found.watched, truth.watched);
         for (instant, field) in found.asked().zip(&found.fields) {
@@ -371,7 +371,7 @@ fn passes_are_extrapolated_where_the_solution_is_smooth() {
                 "{drive}: {open:e}"
             );
         }
-        // At all instants, those between two of the coarser pass too.
+        // At all instants, including those between two of the coarser pass.
         let peak = found.instants.iter().map(|now| now.charge).fold(0.0, f64::max);
         for pair in found.instants.windows(2) {
             assert!(
@@ -393,7 +393,8 @@ fn prestretch_that_has_not_relaxed_makes_a_membrane_stiffer() {
             found.fields.iter().map(Field::max_magnitude).collect::<Vec<_>>()
         };
         let (relaxed, fresh, late) = (size(""), size(", rest: 0 s"), size(", rest: 1 min"));
-        // At once all of G λp² is there beside μ λp²: twice as stiff as at last, where a relaxed branch adds a ninth.
+        // At the start G λp² acts in addition to μ λp²: twice the final stiffness, to which a relaxed branch adds a
+        // ninth.
         assert!(
             fresh[0] < 0.75 * relaxed[0] && (fresh[1] / relaxed[1] - 1.0).abs() < 1e-6,
             "{law}: {fresh:?} {relaxed:?}"
@@ -426,7 +427,7 @@ fn pull_in_is_delayed_and_bracketed() {
         assert_eq!(found.asked().count(), 2, "there is nothing after it");
     }
     let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 7.6 kV }}, {ONE}"));
-    // What the membrane does not bear at once is no matter of time.
+    // A load that is unstable at the start does not depend on time.
     let at_once = history(&scene.at_voltage(12e3), &half, Mesh::bilinear(1), &[0.0, 1.0]);
     assert!(
         matches!(at_once.outcome, Outcome::PullIn { .. } | Outcome::NotElliptic { .. }),
@@ -444,7 +445,7 @@ fn a_voltage_that_jumps_down_lets_the_membrane_creep_back() {
     assert_eq!(scene.voltage_v(), 5e3);
     let found = history(&scene, &odd(ten()), Mesh::bilinear(1), &[0.0, 0.999, 1.0, 60.0]);
     let sizes: Vec<f64> = found.fields.iter().map(Field::max_magnitude).collect();
-    // A part of the strain is that of the branch, and stays for a while.
+    // Part of the strain is that of the branch, and remains for a while.
     assert!(
         sizes[1] > sizes[0] && sizes[2] > 0.05 * sizes[1] && sizes[2] < 0.5 * sizes[1],
         "{sizes:?}"
@@ -631,7 +632,7 @@ fn too_much_voltage_at_once_is_a_dynamic_pull_in() {
 
 #[test]
 fn a_source_charges_a_membrane_that_cannot_move_as_a_capacitor() {
-    // All of it is active: nothing moves, and V(t) = V(1 − e^(−t/RC)) with C = ελp²A/H.
+    // The whole membrane is active: nothing moves, and V(t) = V(1 − e^(−t/RC)) with C = ελp²A/H.
     let with = |source: &str| {
         scene(&format!(
             "{SQUARE}, drive: {{ voltage: 4 kV, source: {{ {source} }} }}, {ONE}"
@@ -657,7 +658,7 @@ fn a_source_charges_a_membrane_that_cannot_move_as_a_capacitor() {
             instant.supplied
         );
     }
-    // A limited current charges evenly; one that never charges leaves the membrane where it is.
+    // A limited current charges evenly; with no current the membrane does not move.
     let limited = history(&with("current_limit: 1 nA"), &all, Mesh::bilinear(1), &[1.0]);
     let volts = limited.asked().next().unwrap().voltage;
     assert!((volts / (1e-9 / capacitance) - 1.0).abs() < 1e-8, "{volts}");
@@ -684,7 +685,7 @@ fn a_membrane_behind_a_source_comes_to_the_equilibrium_at_its_voltage() {
     let open = last.stored + last.electric + last.dissipated - last.supplied;
     assert!(open.abs() < 1e-3 * last.supplied, "{open:e} of {:e}", last.supplied);
     assert!(last.dissipated > 0.0);
-    // A source without resistance is none.
+    // A source without resistance has no effect.
     let none = scene(&format!(
         "{SQUARE}, drive: {{ voltage: 5 kV, source: {{ resistance: 0 Ohm }} }}, {ONE}"
     ));
@@ -722,12 +723,12 @@ fn electrodes_that_are_cut_off_keep_their_charge_while_the_membrane_creeps() {
             let solver = MembraneSolver::with_unrelaxed(&scene, gamma, options).unwrap();
             solver.simulate(std::slice::from_ref(&pattern)).remove(0).field.unwrap()
         };
-        // At once branches have no time to relax, and at last they have relaxed.
+        // At the start branches have no time to relax, and at the end they are relaxed.
         let all = 90e3 / (45e3 * 9.0);
         let size = history.fields[3].max_magnitude();
         for (at, gamma) in [(0, all), (3, 0.0)] {
             let difference = history.fields[at].max_difference(&still(gamma));
-            // The creep of the finite law ends where that of the linear law ends, and so it begins.
+            // The finite law has the same start and end of creep as the linear law.
             assert!(difference < 2e-6 * size, "{charge} {law}: {difference:e}");
         }
         let sizes: Vec<f64> = history.fields.iter().map(Field::max_magnitude).collect();
@@ -750,8 +751,8 @@ fn electrodes_that_are_cut_off_keep_their_charge_while_the_membrane_creeps() {
 
 #[test]
 fn a_charge_is_held_on_what_cannot_bear_its_voltage() {
-    // Past the fold the voltage of a conducting electrode falls while its charge rises; sprayed charge never loses
-    // stability.
+    // Past the fold the voltage of a conducting electrode falls while its charge rises; with sprayed charge the
+    // membrane is always stable.
     let scene = |charge: &str| {
         let effects = "viscoelasticity: { branches: [{ modulus: 20 kPa, time: 1 s }] }";
         square_of_ten(&format!("charge: {{ {charge} }}"), effects, "")
@@ -775,7 +776,7 @@ fn a_charge_is_held_on_what_cannot_bear_its_voltage() {
         ends[0].outcome
     );
     assert_eq!(ends[1].outcome, Outcome::Converged);
-    // Nothing is charged where there is no electrode.
+    // Without electrodes there is no charge.
     for charge in ["total: 2 uC", "immobile: 2 uC"] {
         let solver = MembraneSolver::new(&scene(charge), SolveOptions::default()).unwrap();
         let bare = Pattern::from_fn(ten(), |_, _| false);
@@ -802,7 +803,7 @@ fn follow(scene: &Scene, pattern: &Pattern, times: Vec<f64>) -> History {
 
 #[test]
 fn a_motion_from_rest_is_the_same_under_laws_that_change_nothing() {
-    // The mean force of a short step is a small difference of nothing: no rounding of energies is in it.
+    // The mean force of a short step is a small difference, free of rounding of energies.
     let drive = "voltage: 3 kV, waveform: { ramp: { time: 0.02 s } }";
     let inertia = "inertia: { density: 960 kg/m3 }";
     let half = Pattern::from_fn(ten(), |x, _| x < 5);

@@ -1,4 +1,4 @@
-//! Known answers of a strip as an RC line, orders of convergence, balances of energy, and agreement with statics.
+//! A strip as an RC line: known results, orders of convergence, energy balances, and comparison with statics.
 
 use super::*;
 use crate::operator::metrics;
@@ -7,7 +7,7 @@ use crate::{MembraneSolver, SetupError, SolveOptions, Solver, SolverParameters};
 use deaflow_field::{Mesh, Simulator};
 use deaflow_pattern::{Pattern, Raster};
 
-/// A strip of 50 mm by so many elements, all of it active, with its lead at the left; the unit of time is R c ℓ².
+/// A fully active strip of 50 mm with a number of elements and its lead at the left; the unit of time is R c ℓ².
 struct Strip {
     conductor: Conductor,
     circuit: Circuit,
@@ -66,7 +66,7 @@ fn scene(text: &str) -> Scene {
     Scene::from_text(&format!("{{ {rest}, {text} }}")).unwrap()
 }
 
-/// An E that opens to the right, with its back at the left.
+/// The letter E, open to the right.
 fn comb() -> Pattern {
     let rows: [&[u8]; 10] = [
         b"########..",
@@ -88,7 +88,7 @@ fn history(scene: &Scene, pattern: &Pattern, mesh: Mesh, request: &HistoryReques
     solver.history(pattern, request).unwrap()
 }
 
-/// The limit of values whose error is of second order and then of fourth, by three that are each refined by 2.
+/// Extrapolates three values, each refined by 2, whose error has terms of second and fourth order.
 fn limit([coarse, fine, finest]: [f64; 3]) -> f64 {
     let [first, second] = [fine + (fine - coarse) / 3.0, finest + (finest - fine) / 3.0];
     second + (second - first) / 15.0
@@ -101,7 +101,7 @@ fn a_strip_charges_as_an_rc_line() {
             let far = Strip::new(elements).far_end(time / steps as f64, steps, |_| 1.0);
             *far.last().unwrap()
         };
-        // In time: the error falls with the square of the step, and in space with that of the element.
+        // The error decreases with the square of the step, and of the element.
         let in_time = [50, 100, 200, 400].map(|steps| at(20, steps));
         let changes = [0, 1, 2].map(|k| in_time[k + 1] - in_time[k]);
         for pair in changes.windows(2) {
@@ -120,7 +120,7 @@ fn a_strip_charges_as_an_rc_line() {
 fn the_far_end_of_a_strip_follows_a_sine_with_less_amplitude_and_later() {
     let amplitude_and_phase = |elements: usize, steps: usize| {
         let length = std::f64::consts::TAU / steps as f64;
-        // What is left of the beginning has fallen by e^(−31).
+        // The initial state has decayed by e^(−31).
         let far = Strip::new(elements).far_end(length, 3 * steps, f64::sin);
         let last = far[2 * steps..].iter().enumerate();
         let [sine, cosine] = last.fold([0.0; 2], |[sine, cosine], (at, value)| {
@@ -159,7 +159,7 @@ fn a_membrane_that_hardly_moves_charges_as_a_line() {
         assert!((instant.charge / (capacitance * instant.voltage) - 1.0).abs() < 1e-4);
         assert!(instant.largest < 1e-2);
     }
-    // Half of what the source gives is lost, whatever the resistance.
+    // Half of the energy of the source is dissipated, for any resistance.
     let (last, whole) = (found.instants.last().unwrap(), capacitance * 1e4);
     assert!((last.supplied / whole - 1.0).abs() < 1e-4, "{} {whole}", last.supplied);
     assert!((last.electric / whole - 0.5).abs() < 1e-4 && (last.dissipated / whole - 0.5).abs() < 1e-4);
@@ -251,7 +251,7 @@ fn cells_may_be_leads_and_corners_conduct_nothing() {
     let alone = Pattern::from_fn(Raster::new(10, 10).unwrap(), |x, y| x < 4 && y < 4);
     let one = solver.history(&alone, &HistoryRequest::at(vec![0.1])).unwrap();
     assert!(found.fields[0].max_difference(&one.fields[0]) < 1e-6 * one.fields[0].max_magnitude());
-    // Whoever asks for it is told.
+    // A request for it is refused.
     let solver = Solver::new(&scene, &SolverParameters::new(crate::Method::Newton, Mesh::bilinear(1))).unwrap();
     let refused = solver.simulate(&[alone, squares]).err();
     let island = SetupError::Island {
@@ -265,8 +265,8 @@ fn cells_may_be_leads_and_corners_conduct_nothing() {
 
 #[test]
 fn a_patterned_membrane_is_that_of_an_independent_program() {
-    // The same elements with a potential that is biquadratic, by backward Euler extrapolated from four step lengths:
-    // what differs while it charges is the potential between the corners of elements.
+    // The same elements with a biquadratic potential, by backward Euler extrapolated from four step lengths: while it
+    // charges they differ by the potential between the corners of elements.
     let scene = scene(&format!("{SQUARE}, drive: {{ voltage: 4 kV }}, {RESISTANCE}"));
     let found = history(
         &scene,

@@ -11,7 +11,7 @@ use crate::time::modes::lowest;
 use deaflow_field::Motion;
 use deaflow_pattern::Symmetry;
 
-/// A bar in the middle, which electrodes on either side turn, with a pull.
+/// A bar in the middle, with electrodes on either side that turn it, and a pull.
 fn bar(pull: &str) -> String {
     format!(
         "geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10, bodies: [{{ rectangle: [[10 mm, 20 mm], \
@@ -39,7 +39,7 @@ pub fn within(scene: &Scene, pattern: &Pattern, times: Vec<f64>, accuracy_mm: f6
     solver(scene).history(pattern, &request).unwrap()
 }
 
-/// What is open in the balance of energies, at most, over what has been supplied or moves.
+/// Largest error of the energy balance, relative to the supplied or kinetic energy.
 pub fn open_balance(found: &History) -> f64 {
     let size = found.instants.iter().map(|now| now.supplied.abs() + now.kinetic);
     let size = size.fold(0.0, f64::max);
@@ -105,7 +105,7 @@ fn bodies_that_turn_keep_their_energy_and_move_to_second_order() {
         }
         let turned = found[2].instants.iter().map(|now| body(now).rotation.abs());
         assert!(turned.fold(0.0, f64::max) > 1.0);
-        // Those of the last passes are not extrapolated: from any two of them their error is known.
+        // The last passes are not extrapolated: any two of them give their error.
         let [coarse, fine] = [&found[0], &found[2]].map(|found| {
             let at = body(found.asked().last().unwrap());
             (
@@ -117,7 +117,7 @@ fn bodies_that_turn_keep_their_energy_and_move_to_second_order() {
         let at = body(middle.asked().last().unwrap());
         let at = [at.translation[0], at.translation[1], at.rotation];
         let steps = middle.instants.len() as f64;
-        // x(n) = x + e/n² of two of them says what the third is.
+        // With x(n) = x + e/n², two of them predict the third.
         let [a, b, c] = [coarse.1, steps, fine.1].map(|count| (count - 1.0).powi(-2));
         let [errors, steps] = [0, 1].map(|which| {
             [0, 1, 2].map(|k| {
@@ -165,7 +165,7 @@ fn a_body_swings_at_the_natural_frequencies_of_its_membrane() {
     let layout = solver.grid.layout();
     let mut moved = 0;
     for ((_, mode), hertz) in modes.iter().zip(&natural) {
-        // A load that is put on at once leads to A(1 − cos ωt) along each mode, A that of the equilibrium.
+        // A load applied at once gives A(1 − cos ωt) along each mode, with the amplitude A of the equilibrium.
         let rest = along(mode, &still);
         if rest.abs() < 0.05 * along(&still, &still).sqrt() {
             continue;

@@ -65,7 +65,7 @@ fn motion_at_a_charge_and_behind_a_source_keeps_its_energy() {
 
 #[test]
 fn motion_behind_a_source_is_of_second_order() {
-    // Voltage that rises slowly from nothing: the charge begins as smoothly.
+    // With a voltage that rises slowly from zero, so does the charge.
     let scene = moving(
         "voltage: 4 kV, source: { resistance: 2 MOhm }, waveform: { ramp: { time: 5 ms } }",
         "",
@@ -142,7 +142,7 @@ fn a_body_in_a_charged_membrane_swings_at_its_linear_frequency() {
         let plain = solver.model.activity(&solver.grid, &all);
         let mass = Mass::new(&solver.grid, false);
         let none = vec![0.0; solver.grid.layout().vector_len()];
-        // C = ε λp² A/H at rest; along a small translation of the body it does not change to first order.
+        // C = ε λp² A/H at rest; to first order it does not change with a small translation of the body.
         let area = (100.0 - 6.0) * 25e-6;
         let volts = 4e-6 * 1e-3 / (charged.permittivity() * 9.0 * area);
         let share = (volts / charged.voltage_v()).powi(2);
@@ -201,7 +201,7 @@ fn a_body_in_a_charged_membrane_swings_at_its_linear_frequency() {
         assert!(moved >= 1);
         first.push(hertz[0]);
     }
-    // A field that spreads softens, and one that stays stiffens.
+    // A spreading field softens, a fixed one stiffens.
     assert!(first[0] < 0.99 * first[1], "{first:?}");
 }
 
@@ -227,7 +227,7 @@ fn charge_that_stays_does_not_pull_in_at_once() {
             );
         }
     }
-    // Nothing is charged where there is no electrode.
+    // Without electrodes there is no charge.
     let bare = Pattern::from_fn(ten(), |_, _| false);
     for drive in FED {
         let found = within(&moving(drive, ""), &bare, vec![0.0, 1e-3], 1e-3);
