@@ -13,9 +13,9 @@ use crate::registers::dispatch;
 
 /// A [`MaterialPoint`], of which a program can hold one without knowing its type.
 pub trait Material: Passes<f64> + Passes<f32> + Sync {
-    /// [`MaterialPoint::WRINKLES`].
+    /// [`MaterialPoint::wrinkles`].
     fn wrinkles(&self) -> bool;
-    /// [`MaterialPoint::SEVERAL_BRANCHES`].
+    /// [`MaterialPoint::has_several_branches`].
     fn has_several_branches(&self) -> bool;
     /// [`MaterialPoint::STORES`].
     fn stores(&self) -> bool;
@@ -86,11 +86,11 @@ impl MaterialPrecision for f32 {
 
 impl<L: MaterialPoint> Material for L {
     fn wrinkles(&self) -> bool {
-        L::WRINKLES
+        MaterialPoint::wrinkles(self)
     }
 
     fn has_several_branches(&self) -> bool {
-        L::SEVERAL_BRANCHES
+        MaterialPoint::has_several_branches(self)
     }
 
     fn stores(&self) -> bool {

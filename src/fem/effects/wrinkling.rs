@@ -30,7 +30,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::effect::{Effect, switch};
-use crate::energy::{Invariants, Potential, Rest, Slopes, Watched, slopes_apart};
+use crate::energy::{Compound, Invariants, Potential, Rest, Slopes, Watched, slopes_apart};
 use crate::lanes::Value;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, On, Scene};
@@ -54,8 +54,8 @@ const FIXED_POINT_STEPS: u32 = 60;
 
 /// A potential without compression.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TensionField<P> {
-    flat: P,
+pub struct TensionField {
+    flat: Compound,
 }
 
 /// Principal stretches and the derivatives of the flat potential.
@@ -79,11 +79,17 @@ struct Strip<V> {
     at: Invariants<V>,
 }
 
-impl<P: Potential> TensionField<P> {
+impl TensionField {
     /// Relaxes a potential.
     #[must_use]
-    pub fn new(flat: P) -> Self {
+    pub fn new(flat: Compound) -> Self {
         Self { flat }
+    }
+
+    /// The potential of membrane that does not wrinkle.
+    #[must_use]
+    pub fn flat(&self) -> &Compound {
+        &self.flat
     }
 
     #[inline(always)]
@@ -227,13 +233,13 @@ impl<P: Potential> TensionField<P> {
     }
 }
 
-struct StripAt<'a, P, V> {
-    field: &'a TensionField<P>,
+struct StripAt<'a, V> {
+    field: &'a TensionField,
     first: V,
     active: V,
 }
 
-impl<P: Potential, V: Value> WithSimd for StripAt<'_, P, V> {
+impl<V: Value> WithSimd for StripAt<'_, V> {
     type Output = Strip<V>;
 
     #[inline(always)]
@@ -242,9 +248,14 @@ impl<P: Potential, V: Value> WithSimd for StripAt<'_, P, V> {
     }
 }
 
-impl<P: Potential> Potential for TensionField<P> {
-    const SEVERAL_BRANCHES: bool = P::SEVERAL_BRANCHES;
-    const WRINKLES: bool = true;
+impl Potential for TensionField {
+    fn has_several_branches(&self) -> bool {
+        self.flat.has_several_branches()
+    }
+
+    fn wrinkles(&self) -> bool {
+        true
+    }
 
     #[inline(always)]
     fn energy<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
@@ -279,15 +290,6 @@ impl<P: Potential> Potential for TensionField<P> {
     #[inline(always)]
     fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
         self.flat.admissible(at)
-    }
-
-    #[inline(always)]
-    fn natural_width<V: Value>(&self, first: V, active: V) -> [V; 2] {
-        self.flat.natural_width(first, active)
-    }
-
-    fn width_steps(&self) -> u32 {
-        self.flat.width_steps()
     }
 
     fn load(&self) -> f64 {

@@ -1,14 +1,14 @@
 //! A potential put together: an elastomer, the dielectric that it is, and electrodes.
 
-use super::elasticity::Elasticity;
+use super::elasticity::Elastic;
 use super::potential::{Invariants, Potential, Rest, Slopes};
 use crate::effects::{Decaying, Stiff};
 use crate::lanes::Value;
 
 /// Elastomer, dielectric and electrodes at a prestretch.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Compound<M> {
-    elasticity: M,
+pub struct Compound {
+    elasticity: Elastic,
     dielectric: Decaying,
     electrode: Stiff,
     /// a = λp⁻⁶.
@@ -18,10 +18,10 @@ pub struct Compound<M> {
 /// Newton steps to a natural width that no formula gives; three or four are usual.
 const WIDTH_STEPS: u32 = 40;
 
-impl<M: Elasticity> Compound<M> {
+impl Compound {
     /// The potential at prestretch λp.
     #[must_use]
-    pub fn new(prestretch: f64, elasticity: M, dielectric: Decaying, electrode: Stiff) -> Self {
+    pub fn new(prestretch: f64, elasticity: Elastic, dielectric: Decaying, electrode: Stiff) -> Self {
         Self {
             elasticity,
             dielectric,
@@ -29,10 +29,40 @@ impl<M: Elasticity> Compound<M> {
             thickness: prestretch.powi(-6),
         }
     }
+
+    /// The square of the natural width, the l₂ at which a strip of squared stretch l₁² has no stress across: a lower bound and an estimate.
+    ///
+    /// From (m + χ)l₂ − (ma + χ)l₁⁻²l₂⁻³ = b l₁²l₂ with the moduli and the load at rest: exact where they are constant.
+    /// Without electrodes and voltage it is uniaxial tension whatever the elastic law, l₂⁴ = a/l₁²; both make it wider.
+    #[inline(always)]
+    pub fn natural_width<V: Value>(&self, first: V, active: V) -> [V; 2] {
+        let number = |value: f64| active.constant(value);
+        let coating = number(self.electrode.ratio) * active;
+        let modulus = number(self.elasticity.rest().i);
+        let resistance = number(self.thickness).madd(modulus, coating);
+        let room = modulus + coating - number(self.dielectric.load()) * active * first;
+        // A modulus that grows leaves more room.
+        let least = number(if self.width_steps() == 0 { SMALLEST_ROOM } else { 0.1 });
+        let inverse = first.recip();
+        let uniaxial = (number(self.thickness) * inverse).sqrt();
+        [uniaxial, (resistance * (inverse * room.max(least).recip())).sqrt()]
+    }
+
+    /// Newton steps from the estimate to the natural width at most; none where it is exact.
+    #[must_use]
+    pub fn width_steps(&self) -> u32 {
+        if self.elasticity.stiffens() || !self.dielectric.is_ideal() {
+            WIDTH_STEPS
+        } else {
+            0
+        }
+    }
 }
 
-impl<M: Elasticity> Potential for Compound<M> {
-    const SEVERAL_BRANCHES: bool = M::STIFFENS;
+impl Potential for Compound {
+    fn has_several_branches(&self) -> bool {
+        self.elasticity.stiffens()
+    }
 
     #[inline(always)]
     fn energy<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
@@ -54,30 +84,6 @@ impl<M: Elasticity> Potential for Compound<M> {
     #[inline(always)]
     fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
         self.elasticity.admissible(at)
-    }
-
-    /// From (m + χ)l₂ − (ma + χ)l₁⁻²l₂⁻³ = b l₁²l₂ with the moduli and the load at rest: exact where they are constant.
-    /// Without electrodes and voltage it is uniaxial tension whatever the elastic law, l₂⁴ = a/l₁²; both make it wider.
-    #[inline(always)]
-    fn natural_width<V: Value>(&self, first: V, active: V) -> [V; 2] {
-        let number = |value: f64| active.constant(value);
-        let coating = number(self.electrode.ratio) * active;
-        let modulus = number(self.elasticity.rest().i);
-        let resistance = number(self.thickness).madd(modulus, coating);
-        let room = modulus + coating - number(self.dielectric.load()) * active * first;
-        // A modulus that grows leaves more room.
-        let least = number(if self.width_steps() == 0 { SMALLEST_ROOM } else { 0.1 });
-        let inverse = first.recip();
-        let uniaxial = (number(self.thickness) * inverse).sqrt();
-        [uniaxial, (resistance * (inverse * room.max(least).recip())).sqrt()]
-    }
-
-    fn width_steps(&self) -> u32 {
-        if M::STIFFENS || !self.dielectric.is_ideal() {
-            WIDTH_STEPS
-        } else {
-            0
-        }
     }
 
     fn load(&self) -> f64 {

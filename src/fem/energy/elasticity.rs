@@ -1,4 +1,4 @@
-//! The elastic part of an energy: neo-Hookean, or one of those that stiffen.
+//! The elastic part of an energy, in units of μH per prestretched area: neo-Hookean, or one that stiffens.
 
 use super::first_invariant::FirstInvariant;
 use super::ogden::{MOST_TERMS, Ogden};
@@ -7,24 +7,6 @@ use super::second_invariant::SecondInvariant;
 use crate::error::SetupError;
 use crate::lanes::Value;
 use deaflow_scene::laws::Form;
-
-/// An elastic energy per prestretched area, in units of μH.
-pub trait Elasticity: Sync + Copy + 'static {
-    /// Whether it stiffens, so that a membrane can be stable again after a snap.
-    const STIFFENS: bool;
-
-    /// φ.
-    fn energy<V: Value>(&self, at: &Invariants<V>) -> V;
-    /// The derivatives of φ.
-    fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V>;
-    /// At rest.
-    fn rest(&self) -> Rest;
-    /// Positive where φ is finite.
-    #[inline(always)]
-    fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
-        at.area
-    }
-}
 
 /// ½(i + a j⁻² − 3/λp²): the elastic part of [`super::NeoHookean`], to be put together with effects.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,9 +25,7 @@ impl Neo {
     }
 }
 
-impl Elasticity for Neo {
-    const STIFFENS: bool = false;
-
+impl Neo {
     #[inline(always)]
     fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
         let a = at.area.constant(self.thickness);
@@ -78,13 +58,15 @@ pub fn relief<V: Value>(at: &Invariants<V>) -> V {
     at.dilation * at.area.madd(at.area + one, one)
 }
 
-/// An elastic energy that stiffens, of any form that a law may have.
+/// An elastic energy of any form that a law may have: one type for all, so that kernels are compiled once. The branch is the same at all points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(
     clippy::large_enum_variant,
     reason = "one is made per load step and read at every point: no indirection"
 )]
-pub enum Stiffened {
+pub enum Elastic {
+    /// Without stiffening.
+    NeoHookean(Neo),
     /// Gent, Yeoh, Arruda–Boyce.
     FirstInvariant(FirstInvariant),
     /// With a share of the second invariant.
@@ -93,7 +75,7 @@ pub enum Stiffened {
     Stretches(Ogden),
 }
 
-impl Stiffened {
+impl Elastic {
     /// The energy of a form at prestretch λp.
     ///
     /// # Errors
@@ -117,42 +99,52 @@ impl Stiffened {
             }
         }
     }
-}
 
-impl Elasticity for Stiffened {
-    const STIFFENS: bool = true;
+    /// Whether it stiffens, so that a membrane can be stable again after a snap.
+    #[must_use]
+    pub fn stiffens(&self) -> bool {
+        !matches!(self, Self::NeoHookean(_))
+    }
 
+    /// φ.
     #[inline(always)]
-    fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
+    pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
         match self {
+            Self::NeoHookean(energy) => energy.energy(at),
             Self::FirstInvariant(energy) => energy.energy(at),
             Self::BothInvariants(first, second) => first.energy(at) + second.energy(at),
             Self::Stretches(energy) => energy.energy(at),
         }
     }
 
+    /// The derivatives of φ.
     #[inline(always)]
-    fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
+    pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
         match self {
+            Self::NeoHookean(energy) => energy.slopes(at),
             Self::FirstInvariant(energy) => energy.slopes(at),
             Self::BothInvariants(first, second) => first.slopes(at) + second.slopes(at),
             Self::Stretches(energy) => energy.slopes(at),
         }
     }
 
-    fn rest(&self) -> Rest {
+    /// At rest.
+    #[must_use]
+    pub fn rest(&self) -> Rest {
         match self {
+            Self::NeoHookean(energy) => energy.rest(),
             Self::FirstInvariant(energy) => energy.rest(),
             Self::BothInvariants(first, second) => first.rest() + second.rest(),
             Self::Stretches(energy) => energy.rest(),
         }
     }
 
+    /// Positive where φ is finite.
     #[inline(always)]
-    fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
+    pub fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
         match self {
             Self::FirstInvariant(energy) | Self::BothInvariants(energy, _) => energy.admissible(at),
-            Self::Stretches(_) => at.area,
+            Self::NeoHookean(_) | Self::Stretches(_) => at.area,
         }
     }
 }

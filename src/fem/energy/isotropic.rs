@@ -92,9 +92,15 @@ fn smallest_on_edge<V: Value>(a: V, b: V, c: V) -> V {
 }
 
 impl<P: Potential> MaterialPoint for Isotropic<P> {
-    const SEVERAL_BRANCHES: bool = P::SEVERAL_BRANCHES;
-    const WRINKLES: bool = P::WRINKLES;
     const STORES: bool = true;
+
+    fn has_several_branches(&self) -> bool {
+        self.potential.has_several_branches()
+    }
+
+    fn wrinkles(&self) -> bool {
+        self.potential.wrinkles()
+    }
 
     #[inline(always)]
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
@@ -184,7 +190,7 @@ fn displacement<V: Value>(f: Tensor<V>) -> Tensor<V> {
 mod tests {
     use super::*;
     use crate::effects::{Decaying, Stiff};
-    use crate::energy::{Compound, Neo, Ogden, Stiffened};
+    use crate::energy::{Compound, Elastic, Neo, Ogden};
     use deaflow_base::Decimal;
     use deaflow_linalg::{Mat, eigen};
     use deaflow_scene::laws::{ArrudaBoyce, Gent, StiffeningLaw};
@@ -193,18 +199,18 @@ mod tests {
         Decimal::from_f64(value).unwrap()
     }
 
-    fn stiffened(law: &dyn StiffeningLaw) -> Stiffened {
-        Stiffened::new(&law.form(1.0), 3.0).unwrap()
+    fn stiffened(law: &dyn StiffeningLaw) -> Elastic {
+        Elastic::new(&law.form(1.0), 3.0).unwrap()
     }
 
     /// Laws from the neo-Hookean one to stiff ones, with electrodes.
-    fn laws(kappa: f64) -> [Isotropic<Compound<Stiffened>>; 3] {
+    fn laws(kappa: f64) -> [Isotropic<Compound>; 3] {
         let elastic = [
             stiffened(&Gent { jm: decimal(25.0) }),
             stiffened(&ArrudaBoyce {
                 locking_stretch: decimal(3.5),
             }),
-            Stiffened::Stretches(Ogden::new(&[(1.0, 1.3), (0.01, 4.0), (-0.1, -2.0)], 3.0)),
+            Elastic::Stretches(Ogden::new(&[(1.0, 1.3), (0.01, 4.0), (-0.1, -2.0)], 3.0)),
         ];
         elastic.map(|e| Isotropic::new(Compound::new(3.0, e, Decaying::ideal(3.0, kappa), Stiff { ratio: 0.1 })))
     }
@@ -274,7 +280,12 @@ mod tests {
     fn margins_of_the_base_model_are_its_own() {
         for kappa in [0.0255, 0.1, 0.15] {
             let base = super::super::NeoHookean::new(3.0, kappa);
-            let compound = Compound::new(3.0, Neo::new(3.0), Decaying::ideal(3.0, kappa), Stiff { ratio: 0.0 });
+            let compound = Compound::new(
+                3.0,
+                Elastic::NeoHookean(Neo::new(3.0)),
+                Decaying::ideal(3.0, kappa),
+                Stiff { ratio: 0.0 },
+            );
             let material = Isotropic::new(compound);
             assert!((material.largest_load() - base.largest_load()).abs() < 1e-14);
             for f in gradients().map(deformation) {

@@ -2,10 +2,11 @@
 //! [`deaflow_scene::laws`].
 //!
 //! [`NeoHookean`] is the base model, and nothing else is compiled into its kernels. With effects the law is that of an
-//! [`Isotropic`] potential, put together of an elastomer, a dielectric and electrodes. A type of its own for every combination
-//! would make the program take five times as long to build, so a [`Compound`] carries what is off as a number that makes it
-//! vanish, and picks its elastic form by a branch that is the same at all points.
+//! [`Isotropic`] potential, put together of an elastomer, a dielectric and electrodes. All combinations share one type,
+//! [`AnyPotential`], so that kernels are compiled twice in all: a [`Compound`] carries what is off as a number that makes it
+//! vanish, and the elastic form and wrinkling are branches that are the same at all points.
 
+mod any_potential;
 mod compound;
 mod elasticity;
 mod first_invariant;
@@ -15,8 +16,9 @@ mod ogden;
 mod potential;
 mod second_invariant;
 
+pub use any_potential::AnyPotential;
 pub use compound::Compound;
-pub use elasticity::{Elasticity, Neo, Stiffened, relief};
+pub use elasticity::{Elastic, Neo, relief};
 pub use first_invariant::FirstInvariant;
 pub use isotropic::{Isotropic, tangent_from};
 pub use neo_hookean::NeoHookean;
@@ -54,9 +56,13 @@ pub struct Margins<V> {
 pub trait MaterialPoint: Sync + 'static {
     /// Whether a pattern can have several stable equilibria at one load, as where the elastomer stiffens after a snap. The
     /// loading then takes care to stay on the branch that begins at rest.
-    const SEVERAL_BRANCHES: bool = false;
+    fn has_several_branches(&self) -> bool {
+        false
+    }
     /// Whether the membrane bears no compression, so that it can lose its tension.
-    const WRINKLES: bool = false;
+    fn wrinkles(&self) -> bool {
+        false
+    }
     /// Whether it is worth while to keep [`MaterialPoint::moduli`] at all points.
     const STORES: bool = false;
 

@@ -168,9 +168,11 @@ impl Add for Rest {
 /// An isotropic energy per prestretched area, in units of μH.
 pub trait Potential: Sync + 'static {
     /// Whether there can be several stable equilibria at one load.
-    const SEVERAL_BRANCHES: bool = false;
+    fn has_several_branches(&self) -> bool;
     /// Whether it bears no compression.
-    const WRINKLES: bool = false;
+    fn wrinkles(&self) -> bool {
+        false
+    }
 
     /// φ.
     fn energy<V: Value>(&self, at: &Invariants<V>, active: V) -> V;
@@ -183,11 +185,6 @@ pub trait Potential: Sync + 'static {
     fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
         at.area
     }
-    /// Of the square of the natural width, the l₂ at which a strip of squared stretch l₁² has no stress across: a lower bound
-    /// and an estimate.
-    fn natural_width<V: Value>(&self, first: V, active: V) -> [V; 2];
-    /// Newton steps from the estimate to the natural width at most; none where it is exact.
-    fn width_steps(&self) -> u32;
     /// The stress that the voltage causes in an undisplaced active cell.
     fn load(&self) -> f64;
     /// By how much φⱼⱼ of an undisplaced active cell falls for each unit of load.

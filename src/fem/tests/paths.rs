@@ -166,7 +166,9 @@ impl Stiffening {
 }
 
 impl MaterialPoint for Stiffening {
-    const SEVERAL_BRANCHES: bool = true;
+    fn has_several_branches(&self) -> bool {
+        true
+    }
 
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
         let (j, half) = (determinant(f), active.constant(0.5));
