@@ -19,6 +19,8 @@
 //!
 //! with A = (μₚ/μαₚ) λp^(α−2). The thickness adds B j^(−α), B = (μₚ/μαₚ) λp^(−2α−2). All terms share the roots and ln j; each takes one exponential.
 
+use pulp::{Simd, WithSimd};
+
 use super::potential::{Invariants, Rest, Slopes};
 use crate::lanes::Value;
 use crate::powers::{exponential_minus_one, logarithm_of_one_plus};
@@ -235,15 +237,45 @@ impl Term {
     }
 }
 
-impl Ogden {
-    /// φ.
+/// [`Ogden::energy`] at some points.
+struct EnergyAt<'a, V>(&'a Ogden, &'a Invariants<V>);
+
+impl<V: Value> WithSimd for EnergyAt<'_, V> {
+    type Output = V;
+
     #[inline(always)]
-    pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
+    fn with_simd<S: Simd>(self, _simd: S) -> V {
+        let Self(ogden, at) = self;
         if is_far(at) {
-            self.energy_doubled::<V, DOUBLINGS>(at)
+            ogden.energy_doubled::<V, DOUBLINGS>(at)
         } else {
-            self.energy_doubled::<V, 0>(at)
+            ogden.energy_doubled::<V, 0>(at)
         }
+    }
+}
+
+/// [`Ogden::slopes`] at some points.
+struct SlopesAt<'a, V>(&'a Ogden, &'a Invariants<V>);
+
+impl<V: Value> WithSimd for SlopesAt<'_, V> {
+    type Output = Slopes<V>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) -> Slopes<V> {
+        let Self(ogden, at) = self;
+        if is_far(at) {
+            ogden.slopes_doubled::<V, DOUBLINGS>(at)
+        } else {
+            ogden.slopes_doubled::<V, 0>(at)
+        }
+    }
+}
+
+impl Ogden {
+    /// φ. Out of line, so that functions of all laws need no more registers and stack than the others take.
+    #[inline(never)]
+    pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
+        at.area.apart(EnergyAt(self, at))
     }
 
     #[inline(always)]
@@ -256,14 +288,10 @@ impl Ogden {
         sum
     }
 
-    /// The derivatives of φ.
-    #[inline(always)]
+    /// The derivatives of φ. Out of line as [`Ogden::energy`].
+    #[inline(never)]
     pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
-        if is_far(at) {
-            self.slopes_doubled::<V, DOUBLINGS>(at)
-        } else {
-            self.slopes_doubled::<V, 0>(at)
-        }
+        at.area.apart(SlopesAt(self, at))
     }
 
     #[inline(always)]
