@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn the_bound_covers_as_often_as_it_says() {
+    fn the_bound_has_its_confidence() {
         // In 95 of 100 draws the bound must be above the 99 % quantile of the distribution.
         let quantile = (-7.0 + COVERED * 0.6_f64).exp();
         let hits = |skewed: bool| {
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn few_and_vanishing_errors_give_what_they_can() {
+    fn few_or_zero_errors_have_a_bound() {
         assert_eq!(upper_bound(&[]), 0.0);
         assert_eq!(upper_bound(&[0.0, 3e-3]), 3e-3);
         assert_eq!(upper_bound(&[0.0, 1e-14, 2e-3, 1e-3]), 2e-3);

@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_a_reference_is_refused() {
+    fn unsuitable_references_are_rejected() {
         for (text, said) in [
             ("{ method: linear }", "Newton's method"),
             ("{ method: newton, elements_per_cell: 1, order: 1 }", "too coarse"),

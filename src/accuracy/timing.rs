@@ -33,7 +33,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn twice_the_work_takes_longer_and_failures_pass_through() {
+    fn more_work_takes_longer_and_errors_are_returned() {
         let sum = |n: u64| move || Ok::<u64, ()>((0..n).fold(1, |a, b| std::hint::black_box(a ^ b)));
         let [(_, once), (_, tenfold)] = [1 << 20, 10 << 20].map(|n| timed(sum(n)).unwrap());
         assert!(once > 0.0 && tenfold > 3.0 * once, "{once} {tenfold}");

@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_works_until_it_is_dropped_and_its_pause_ends_then() {
+    fn a_background_thread_ends_when_it_is_dropped() {
         let count = Arc::new(AtomicUsize::new(0));
         let counted = count.clone();
         let background = Background::start("count", move |pauses| {

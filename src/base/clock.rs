@@ -26,7 +26,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_read_by_people() {
+    fn times_are_formatted_for_people() {
         assert_eq!(readable_time("2026-11-21T15:52:21.226Z"), "2026-11-21 15:52:21 UTC");
         assert_eq!(readable_time("soon"), "soon");
         assert_eq!(readable_time("a text that is no time"), "a text that is no time");

@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pieces_are_the_bytes_that_they_are_together() {
+    fn pieces_have_the_digest_of_their_concatenation() {
         let whole = DigestWriter::new().bytes(b"in pieces").text("after").finish();
         let pieces = [&b"in "[..], b"", b"pieces"];
         assert_eq!(DigestWriter::new().pieces(9, pieces).text("after").finish(), whole);

@@ -32,7 +32,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_stay_with_units_and_errors_and_words_do_not() {
+    fn only_numbers_are_bound_to_units() {
         assert_eq!(
             no_break_units("a gain of 5.4 %, 2.1 mm ± 0.1 in 7 steps"),
             "a gain of 5.4\u{a0}%, 2.1\u{a0}mm ±\u{a0}0.1 in 7 steps"

@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_says_where_the_elements_begin_and_how_many_there_are() {
+    fn a_header_has_the_position_and_number_of_elements() {
         let text = "{'descr': '<f4', 'fortran_order': True, 'shape': (3, 2), }\n";
         let old = [
             b"\x93NUMPY\x01\x00",

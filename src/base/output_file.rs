@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn a_link_is_followed_and_its_file_is_replaced_beside_it() {
+    fn the_file_behind_a_link_is_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         fs::create_dir(at("far")).unwrap();
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_in_the_way_later_is_not_replaced_either() {
+    fn other_files_that_appear_later_are_not_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
         let output = OutputFile::new(&path).unwrap();
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn folders_are_made_and_other_things_are_not_taken_for_them() {
+    fn folders_are_created_and_other_files_are_rejected() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         output_folder(&at("new/er")).unwrap();

@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_terminal_would_obey_is_replaced_and_the_rest_stays() {
+    fn control_characters_are_replaced_and_others_remain() {
         let text = "a\u{1b}[2J\u{7}b\rc\r\nd\te\u{9b}31m\u{202e}f\u{7f}é 日本 🎈\n";
         let shown = printable(text);
         assert_eq!(
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn json_means_the_same_afterwards() {
+    fn escaped_json_has_the_same_meaning() {
         let value = serde_json::json!({ "a\u{9b}\u{1b}": ["\u{7f}\u{202e}\n", "é"] });
         let text = serde_json::to_string_pretty(&value).unwrap();
         assert!(text.contains('\u{9b}'), "the serialiser does not escape it");

@@ -438,7 +438,7 @@ mod tests {
     }
 
     #[test]
-    fn refusals_name_what_was_found() {
+    fn errors_name_what_was_found() {
         let error = Quantity::parse("5 mm", Dimension::Voltage).unwrap_err().to_string();
         assert_eq!(error, "unknown unit \"mm\" for a voltage; allowed: V, kV, MV, mV");
         let error = Quantity::parse("5 mm", Dimension::Number).unwrap_err().to_string();
@@ -460,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn decimals_print_what_a_person_would_write() {
+    fn decimals_are_printed_in_usual_notation() {
         for text in ["0", "5250", "0.5", "-12.75", "0.000001"] {
             assert_eq!(text.parse::<Decimal>().unwrap().to_string(), text);
         }

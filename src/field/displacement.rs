@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn symmetries_move_the_place_and_rotate_the_vector() {
+    fn symmetries_move_the_point_and_rotate_the_vector() {
         for raster in rasters() {
             let mut values = vec![0.0; 2 * raster.corners()];
             values[0] = 1.0;
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_wrong_shapes_and_values_that_are_not_numbers() {
+    fn wrong_shapes_and_values_that_are_not_finite_are_rejected() {
         let refused = |values| Field::from_values(Raster::PAPER, values).unwrap_err();
         assert_eq!(
             refused(vec![0.0; 3]).to_string(),

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 pub enum Element {
     /// Bytes.
     U8,
-    /// 32-bit whole numbers.
+    /// 32-bit integers.
     U32,
-    /// 64-bit whole numbers.
+    /// 64-bit integers.
     U64,
     /// Single precision.
     F32,
@@ -38,9 +38,9 @@ impl Element {
 pub enum Elements {
     /// Bytes; also patterns and flags.
     U8(Vec<u8>),
-    /// 32-bit whole numbers.
+    /// 32-bit integers.
     U32(Vec<u32>),
-    /// 64-bit whole numbers.
+    /// 64-bit integers.
     U64(Vec<u64>),
     /// Single precision.
     F32(Vec<f32>),
@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_survive_the_way_through_bytes_and_other_bytes_are_none() {
+    fn numbers_survive_the_conversion_to_bytes_and_invalid_bytes_are_rejected() {
         for elements in [
             Elements::U8(vec![0, 255]),
             Elements::U32(vec![7, u32::MAX]),

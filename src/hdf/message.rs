@@ -137,7 +137,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_message_arrives_and_one_that_claims_too_much_does_not() {
+    fn messages_arrive_and_too_long_ones_are_rejected() {
         let mut sent = Vec::new();
         send(&mut sent, &Request::Attribute("a/b".into()), b"more").unwrap();
         let mut rest = &sent[..];

@@ -52,7 +52,7 @@ fn sound(path: &Path) {
 }
 
 #[test]
-fn another_process_reads_what_this_one_would() {
+fn the_child_process_reads_the_same_as_this_one() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.h5");
     sound(&path);
@@ -86,7 +86,7 @@ fn another_process_reads_what_this_one_would() {
 }
 
 #[test]
-fn a_small_file_that_claims_much_is_refused_before_anything_is_read() {
+fn a_small_file_with_large_claims_is_rejected_before_it_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.h5");
     write(&path, |file| {
@@ -103,7 +103,7 @@ fn a_small_file_that_claims_much_is_refused_before_anything_is_read() {
 }
 
 #[test]
-fn a_file_that_is_none_is_refused_and_the_next_is_read() {
+fn an_invalid_file_is_rejected_and_the_next_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let [noise, pipe, good] = ["noise.h5", "pipe.h5", "x.h5"].map(|name| folder.path().join(name));
     std::fs::write(&noise, b"\x89HDF\r\n\x1a\n and then nothing").unwrap();

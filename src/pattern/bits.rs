@@ -475,7 +475,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pattern_survives_the_way_to_bits_and_back() {
+    fn patterns_survive_the_conversion_to_bits() {
         for pattern in odd() {
             let bits = Bits::of(&pattern);
             let raster = pattern.raster();
@@ -531,7 +531,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flood_reaches_all_that_hangs_together() {
+    fn a_flood_fills_the_connected_cells() {
         for pattern in odd() {
             let bits = Bits::of(&pattern);
             let found = bits.flooded(&bits.first());
@@ -555,7 +555,7 @@ mod tests {
     }
 
     #[test]
-    fn distances_do_not_depend_on_how_patterns_are_turned() {
+    fn distances_are_invariant_under_rotation() {
         for pattern in odd() {
             let raster = pattern.raster();
             let mut cells = pattern.cells().to_vec();
@@ -574,7 +574,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_are_cells_said_shortly() {
+    fn runs_encode_cells() {
         let raster = Raster::new(7, 5).unwrap();
         for seed in 0..20 {
             let bits = Bits::from_fn(raster, |x, y| (x * x + 3 * y + seed) % 5 < seed % 4);

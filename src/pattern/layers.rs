@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn patterns_survive_the_way_to_layers_and_back() {
+    fn patterns_survive_the_conversion_to_layers() {
         for groups in 1..=3 {
             let pattern = pattern(1, groups);
             let layers = Layers::of(&pattern, usize::from(groups));
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn they_differ_where_groups_do() {
+    fn layers_differ_where_groups_differ() {
         let (one, other) = (pattern(1, 3), pattern(2, 3));
         let differ = one.cells().iter().zip(other.cells()).filter(|(a, b)| a != b).count();
         let [one, other] = [&one, &other].map(|pattern| Layers::of(pattern, 3));

@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_that_are_no_device_are_refused() {
+    fn invalid_parts_are_rejected() {
         assert_eq!(drawn(&["##", "##"]), Err(PartsError::NothingFree));
         assert_eq!(drawn(&["...", ".1.", "..."]), Err(PartsError::EmptyBody { body: 0 }));
         let at_frame = |x, y| Err(PartsError::BodyAtFrame { body: 0, x, y });

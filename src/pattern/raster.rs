@@ -328,7 +328,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn refuses_what_is_not_a_pattern() {
+    fn invalid_patterns_are_rejected() {
         assert_eq!(
             Pattern::from_cells(Raster::PAPER, &[0; 10]).unwrap_err(),
             PatternError::Shape {

@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cell_belongs_to_what_its_centre_lies_in() {
+    fn a_cell_belongs_to_the_region_of_its_centre() {
         let polygon = |corners: &[[f64; 2]]| Region::Polygon(corners.to_vec());
         assert_eq!(
             drawn(&polygon(&[

@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn permutations_agree_with_single_places() {
+    fn permutations_agree_with_single_positions() {
         for g in Symmetry::ALL {
             for [columns, rows] in [[2, 2], [7, 7], [50, 50], [3, 8], [9, 1], [1, 1]] {
                 let width = if g.exchanges_axes() { rows } else { columns };

@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_not_a_range() {
+    fn ranges_in_the_wrong_order_are_rejected() {
         let wrong = Areas::new(Canvas::PAPER, 0.6, 0.4);
         assert_eq!(wrong, Err(SampleError::AreaRange { low: 0.6, high: 0.4 }));
         for (low, high) in [(0.0, 0.5), (0.5, 1.0), (f64::NAN, 0.5)] {

@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wanted_area_is_met_exactly_and_keeps_the_side() {
+    fn a_given_area_is_met_exactly_on_the_same_side() {
         let free = family(None);
         for (area, cells) in [(0.5, 1250), (0.05, 125), (0.95, 2375)] {
             let family = family(Some(area));
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn the_loop_ends_even_if_every_draw_were_refused() {
+    fn the_loop_ends_even_if_every_draw_is_rejected() {
         let ends = [0.3, 2.3].map(|position| on_frame(&Canvas::PAPER, position));
         let line = through_centre(&Canvas::PAPER, ends[0], ends[1], [0.0, 0.0]);
         assert!(!line.crosses_itself() && line.stays_inside());

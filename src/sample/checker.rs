@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn half_a_period_away_the_state_is_the_other_one() {
+    fn the_state_alternates_every_half_period() {
         for index in 0..40 {
             let mut stream = Stream::new(3, "checker", index);
             let half = 0.5 * stream.range(PERIOD[0], PERIOD[1]);
@@ -79,14 +79,5 @@ mod tests {
                 "sample {index}: {expected} of {all}"
             );
         }
-    }
-
-    #[test]
-    fn a_sample_is_named_by_seed_and_index() {
-        let usual = Checker::new(Areas::new(Canvas::PAPER, 0.3, 0.7).unwrap());
-        let sample = |seed, index| usual.sample(seed, index).unwrap();
-        assert_eq!(sample(1, 7), sample(1, 7));
-        assert_ne!(sample(1, 7), sample(1, 8));
-        assert_ne!(sample(1, 7), sample(2, 7));
     }
 }

@@ -166,12 +166,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn a_sample_is_named_by_seed_and_index() {
-        let sample = |seed, index| drawn(seed, index).1;
-        assert_eq!(sample(1, 7), sample(1, 7));
-        assert_ne!(sample(1, 7), sample(1, 8));
-        assert_ne!(sample(1, 7), sample(2, 7));
-    }
 }

@@ -1,6 +1,6 @@
 //! The interface of a family of patterns, and the macro that declares a simple one.
 //!
-//! A family stands in one file: its parameters, declared once, and how a pattern is drawn. `families.rs` lists all;
+//! Each family has its own file: its parameters, declared once, and how a pattern is drawn. `families.rs` lists all;
 //! readers, schemas and stages accept any table, so a program can add families of its own.
 
 use std::fmt;

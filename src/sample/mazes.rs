@@ -171,11 +171,4 @@ mod tests {
         assert!((0.45..0.55).contains(&mean), "{mean}");
         assert!(areas.iter().all(|area| (0.1..=0.9).contains(area)));
     }
-
-    #[test]
-    fn a_sample_is_named_by_seed_and_index() {
-        assert_eq!(drawn(1, 7), drawn(1, 7));
-        assert_ne!(drawn(1, 7), drawn(1, 8));
-        assert_ne!(drawn(1, 7), drawn(2, 7));
-    }
 }

@@ -69,7 +69,8 @@ fn unit_edges([n, m]: [usize; 2], is_on: &dyn Fn(usize, usize) -> bool) -> usize
 mod tests {
     use crate::Canvas;
     use crate::{
-        AreaSweep, Areas, Bezier, Blobs, Checker, Curves, Ends, Family, LargeGrid, SmallGrid, Stripes, admits,
+        AreaSweep, Areas, Bezier, Blobs, Checker, Curves, Diagonals, Dithers, Ends, Family, Glyphs, LargeGrid, Mazes,
+        SmallGrid, Spirals, Stripes, admits,
     };
     use deaflow_pattern::{CELLS, Symmetry};
 
@@ -89,8 +90,23 @@ mod tests {
             Box::new(Blobs::new(areas())),
             Box::new(Curves::new(Canvas::PAPER, None)),
             Box::new(Curves::new(Canvas::PAPER, Some(areas()))),
+            Box::new(Dithers::new(areas())),
+            Box::new(Spirals::new(areas())),
+            Box::new(Mazes::new(Canvas::PAPER)),
+            Box::new(Diagonals::new(Canvas::PAPER)),
+            Box::new(Glyphs::new(Canvas::PAPER)),
         ];
         grids.chain(others).collect()
+    }
+
+    #[test]
+    fn a_sample_depends_on_seed_and_index_only() {
+        for family in families().iter().filter(|family| family.available().is_none()) {
+            let [sample, again, other_index, other_seed] =
+                [(1, 7), (1, 7), (1, 8), (2, 7)].map(|(seed, index)| family.sample(seed, index).unwrap());
+            assert_eq!(sample, again, "{family:?}");
+            assert!(sample != other_index && sample != other_seed, "{family:?}");
+        }
     }
 
     #[test]

@@ -100,12 +100,4 @@ mod tests {
         let chi2: f64 = counts.iter().map(|c| (c - mean).powi(2) / (draws as f64 / 4.0)).sum();
         assert!((chi2 - 2499.0).abs() < 4.0 * 70.7, "chi-square {chi2}");
     }
-
-    #[test]
-    fn a_sample_is_named_by_seed_and_index() {
-        let family = SmallGrid::new(Canvas::PAPER, 0.5).unwrap();
-        assert_eq!(family.sample(1, 7), family.sample(1, 7));
-        assert_ne!(family.sample(1, 7), family.sample(1, 8));
-        assert_ne!(family.sample(1, 7), family.sample(2, 7));
-    }
 }

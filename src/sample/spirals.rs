@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_between_two_arms_and_a_step_to_the_next_keep_the_level() {
+    fn the_level_is_periodic_from_arm_to_arm() {
         for index in 0..60 {
             let arms = Arms::draw(&Canvas::PAPER, &mut Stream::new(2, "spirals", index));
             let [x, y] = arms.centre;
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn arms_and_hands_are_drawn_alike() {
+    fn numbers_of_arms_and_directions_are_equally_frequent() {
         let turns: Vec<f64> = (0..400)
             .map(|i| Arms::draw(&Canvas::PAPER, &mut Stream::new(8, "spirals", i)).turns)
             .collect();
@@ -119,12 +119,5 @@ mod tests {
             // An eighth: 50 ± 6.6.
             assert!((22..=78).contains(&n), "{count}: {n}");
         }
-    }
-
-    #[test]
-    fn a_sample_is_named_by_seed_and_index() {
-        assert_eq!(drawn(1, 7), drawn(1, 7));
-        assert_ne!(drawn(1, 7), drawn(1, 8));
-        assert_ne!(drawn(1, 7), drawn(2, 7));
     }
 }

@@ -178,7 +178,7 @@ mod tests {
     const DRIVE: &str = "drive: { voltage: 5 kV }";
 
     #[test]
-    fn leads_are_said_in_one_way_and_only_where_they_are_given() {
+    fn leads_have_one_canonical_form_and_are_optional() {
         let plain = scene(DRIVE).unwrap();
         assert!(plain.leads.is_none() && !plain.to_text().contains("leads"));
         let sides = scene(&format!("{DRIVE}, leads: [top, left, top]")).unwrap();

@@ -29,7 +29,7 @@ fn a_scene_survives_its_own_text() {
 }
 
 #[test]
-fn a_geometry_is_said_in_one_way() {
+fn equal_geometries_have_one_canonical_form() {
     let of = |geometry: &str| {
         Scene::from_text(&format!(
             "{{ geometry: {geometry}, material: {{ model: neo-hookean, shear_modulus: 45 kPa, \
@@ -119,7 +119,7 @@ fn every_effect_is_read_with_its_parameters() {
 }
 
 #[test]
-fn parameters_may_stand_with_the_properties() {
+fn an_effect_takes_its_parameters_from_the_properties() {
     let gent = "{ strain_stiffening: { model: gent, jm: 125 } }";
     let named = read("{ strain_stiffening: {} }", gent).unwrap();
     assert_eq!(named.effects, read(gent, "{}").unwrap().effects);
@@ -127,7 +127,7 @@ fn parameters_may_stand_with_the_properties() {
 }
 
 #[test]
-fn refusals_say_what_is_allowed() {
+fn errors_list_what_is_allowed() {
     for (effects, properties, said) in [
         (
             "{ electrode_resistance: {} }",
@@ -198,7 +198,7 @@ fn refusals_say_what_is_allowed() {
 }
 
 #[test]
-fn voltages_and_states_are_said_in_one_way() {
+fn equal_voltages_and_states_have_one_canonical_form() {
     let of = |drives: &str| {
         Scene::from_text(&format!(
             "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }}, material: {{ \

@@ -380,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_out_of_order_with_one_row_or_other_columns_is_refused_by_its_line() {
+    fn errors_in_tables_name_the_line() {
         for (text, said) in [
             ("t_s,voltage_V\n0,0\n2,5\n1,5\n", "line 4: the time 1 s follows 2 s"),
             ("t_s,voltage_V\n0,5\n", "has 1 row"),

@@ -28,7 +28,7 @@ fn an_unknown_key_is_underlined_and_the_nearest_is_named() {
 }
 
 #[test]
-fn numbers_keep_their_decimal_text_and_values_their_place() {
+fn numbers_keep_their_decimal_text_and_values_their_position() {
     let node = parse("v: 5.250\nw: '7'\nx: [1, 2.5 mm]\n");
     let map = node.fields("it", &["v", "w", "x"]).unwrap();
     let v = map.required("it", "v").unwrap();
@@ -45,7 +45,7 @@ fn numbers_keep_their_decimal_text_and_values_their_place() {
 }
 
 #[test]
-fn overrides_replace_and_add_and_point_at_themselves() {
+fn overrides_replace_and_add_and_are_quoted_in_errors() {
     let mut node = parse("stages:\n  small: { count: 300 }\n");
     Override::parse("stages.small.count=400")
         .unwrap()
@@ -68,7 +68,7 @@ fn overrides_replace_and_add_and_point_at_themselves() {
 }
 
 #[test]
-fn an_override_of_null_takes_out_what_is_there() {
+fn an_override_of_null_removes_the_key() {
     let mut node = parse("stages:\n  small: { count: 300, seed: 1 }\n");
     let mut set = |text: &str| Override::parse(text).unwrap().apply(&mut node);
     set("stages.small.seed=null").unwrap();
@@ -83,7 +83,7 @@ fn an_override_of_null_takes_out_what_is_there() {
 }
 
 #[test]
-fn broken_and_hostile_documents_are_refused_with_their_place() {
+fn invalid_and_malicious_documents_are_rejected_with_a_position() {
     for text in ["a: [1, 2", "a: 1\na: 2\n", "a: &x [*x]\n", "\u{7}", "- a\nb: c", ""] {
         let outcome = Document::from_text(Path::new("t.yaml"), text);
         if let Ok(document) = outcome {
@@ -109,7 +109,7 @@ fn broken_and_hostile_documents_are_refused_with_their_place() {
 }
 
 #[test]
-fn a_repeated_key_is_refused_in_words_for_users() {
+fn a_duplicate_key_is_reported_without_advice_for_programmers() {
     let error = Document::from_text(Path::new("t.yaml"), "a: 1\na: 2\n").unwrap_err();
     assert!(error.message.contains("duplicate mapping key: a"), "{}", error.message);
     assert!(!error.message.contains("Policy"), "{}", error.message);
@@ -126,7 +126,7 @@ fn numbers_have_defaults_and_bounds() {
 }
 
 #[test]
-fn long_words_and_messages_take_no_memory_and_no_screen() {
+fn long_words_and_messages_are_clipped() {
     let long = "x".repeat(1 << 20);
     assert_eq!(nearest(&long, &[&"y".repeat(1 << 20)]), None);
     let error = parse("a: 1\n").error(format!("found {long}")).help(long);
@@ -135,7 +135,7 @@ fn long_words_and_messages_take_no_memory_and_no_screen() {
 }
 
 #[test]
-fn words_are_truth_values_only_where_one_is_wanted() {
+fn words_are_booleans_only_where_a_boolean_is_read() {
     let document = Document::from_text(Path::new("x.yaml"), "y: on\nn: No\ntrue: y\n").unwrap();
     let root = document.root;
     assert!(root.peek("y").unwrap().bool("y").unwrap());
@@ -147,7 +147,7 @@ fn words_are_truth_values_only_where_one_is_wanted() {
 }
 
 #[test]
-fn a_value_is_told_as_it_was_written() {
+fn a_value_is_shown_as_written() {
     let text = "drive: { voltage: 5.25 kV }\npoint: [25 mm, 2.5 cm]\neffects: {}\n";
     let document = Document::from_text(Path::new("scene"), text).unwrap();
     assert_eq!(

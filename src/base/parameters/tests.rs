@@ -118,7 +118,7 @@ fn one_declaration_reads_and_fills_in_defaults() {
 }
 
 #[test]
-fn a_share_may_stand_in_per_cent() {
+fn a_fraction_can_be_in_percent() {
     let base = "count: 3, range: [0, 2 mm], seed: 7";
     let share = |text: &str| read(&format!("{{ {base}, share: {text} }}")).map(|all| all.share.to_string());
     assert_eq!([share("25 %").unwrap(), share("'12.5%'").unwrap()], ["0.25", "0.125"]);
@@ -131,7 +131,7 @@ fn a_share_may_stand_in_per_cent() {
 }
 
 #[test]
-fn refusals_name_the_key_and_what_is_allowed() {
+fn errors_name_the_key_and_what_is_allowed() {
     let base = "count: 3, range: [0, 2 mm], seed: 7";
     for (text, said) in [
         ("{ count: 3, seed: 1 }".to_owned(), "`range` is missing in a test"),
@@ -157,7 +157,7 @@ fn refusals_name_the_key_and_what_is_allowed() {
 }
 
 #[test]
-fn the_schema_says_what_the_reader_says() {
+fn the_schema_agrees_with_the_reader() {
     let schema = Value::from(Schema::from(All::fields()));
     assert_eq!(schema["description"], "All types at once.");
     assert_eq!(schema["required"], json!(["count", "range", "seed"]));
@@ -169,7 +169,7 @@ fn the_schema_says_what_the_reader_says() {
 }
 
 #[test]
-fn a_tag_says_which_keys_there_are() {
+fn a_tag_selects_the_keys() {
     let read = |text: &str| Either::read_with(&node(text), &[]);
     assert_eq!(
         read("{ model: mesh, elements: 3 }").unwrap(),

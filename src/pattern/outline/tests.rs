@@ -120,7 +120,7 @@ fn meet(a: [Point; 2], b: [Point; 2]) -> bool {
 }
 
 #[test]
-fn outlines_are_simple_and_hold_what_the_cells_hold() {
+fn outlines_are_simple_and_contain_the_cells() {
     for (seed, density) in (0..24).zip([0.3, 0.5, 0.6, 0.75].into_iter().cycle()) {
         let pattern = random(seed, density, [0, 18, CELLS - 14][seed as usize % 3]);
         let exact = outlines(&pattern, Corners::Square);

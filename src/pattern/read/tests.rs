@@ -14,7 +14,7 @@ pub fn wanted() -> Pattern {
 
 pub struct Folder(tempfile::TempDir);
 
-/// Serves the tests of this room, which start their program anew with this one alone.
+/// Reads untrusted files for the tests of this crate, which start their program with this test only.
 #[test]
 #[ignore = "the process that other tests start"]
 fn the_process_that_other_tests_start() {
@@ -330,7 +330,7 @@ fn images_that_are_not_patterns() {
 }
 
 #[test]
-fn other_names_are_refused_with_those_allowed() {
+fn other_names_are_rejected_with_the_allowed_ones() {
     let folder = Folder::new();
     for name in ["p.txt", "p.tar.gz", "p", ".npy", "p.npy", "p.h5"] {
         let message = folder.read(name).unwrap_err();
