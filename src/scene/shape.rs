@@ -120,8 +120,8 @@ parameters! {
         pub disc: Option<Circle>,
         /// Its corners in order, such as [[0 mm, 0 mm], [5 mm, 0 mm], [0 mm, 5 mm]].
         pub polygon: Option<Vec<Position>> [(-FARTHEST..=FARTHEST, 3..=MOST_CORNERS)],
-        /// FILE.npy, FILE.csv or FILE.png in the folder of the scene, with a value for each cell of the membrane: 1 or a
-        /// dark pixel inside.
+        /// FILE.npy, FILE.csv or FILE.png in the folder of the scene, with a value for each cell of the membrane: 1 or
+        /// a dark pixel inside.
         pub mask: Option<Cells>,
     }
     rules(one_of)

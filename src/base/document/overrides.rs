@@ -141,46 +141,44 @@ impl Override {
             if depth >= CREATED_DEPTH && parent.is_none() && at.child_mut(step).is_none() && !is_near(step, &known) {
                 at.put(step, self.keys[depth].with_value(NodeValue::Map(Vec::new())));
             }
-            let Some(child) = at.child_mut(step) else {
-                let parent_path = self.path[..depth].join(".");
-                let place = match parent_path.as_str() {
-                    "" if known.iter().any(|key| key == "stages") => "the pipeline".to_owned(),
-                    "" => "the scene".to_owned(),
-                    place => format!("`{place}`"),
-                };
-                return Err(self.keys[depth]
-                    .error(format!("--set {}: no `{step}` in {place}", self.path.join(".")))
-                    .help(match parent {
-                        Some(parent) => did_you_mean(&self.path, depth, &parent),
-                        None => suggestion(step, &known.iter().map(String::as_str).collect::<Vec<_>>()),
-                    }));
-            };
-            at = child;
+            at = at
+                .child_mut(step)
+                .ok_or_else(|| self.missing_step(depth, &known, parent.as_deref()))?;
         }
+        let known = at.keys();
         let NodeValue::Map(entries) = &mut at.value else {
-            return Err(self.value.error(format!(
-                "--set {}: `{}` is not a mapping",
-                self.path.join("."),
-                steps.join(".")
-            )));
+            let message = format!("--set {}: `{}` is not a mapping", self.path.join("."), steps.join("."));
+            return Err(self.value.error(message));
         };
-        if matches!(self.value.value(), NodeValue::Null) {
-            let before = entries.len();
-            entries.retain(|(key, _)| !key.is_text(last));
-            if entries.len() == before {
-                let known: Vec<String> = entries.iter().map(|(key, _)| key.describe_plain()).collect();
-                let known: Vec<&str> = known.iter().map(String::as_str).collect();
+        let position = entries.iter().position(|(key, _)| key.is_text(last));
+        match (position, self.value.value()) {
+            (Some(position), NodeValue::Null) => drop(entries.remove(position)),
+            (None, NodeValue::Null) => {
+                let message = format!("--set {}: there is no `{last}` to remove", self.path.join("."));
                 return Err(self.keys[steps.len()]
-                    .error(format!("--set {}: there is no `{last}` to remove", self.path.join(".")))
-                    .help(suggestion(last, &known)));
+                    .error(message)
+                    .help(suggestion(last, &as_strs(&known))));
             }
-            return Ok(());
-        }
-        match entries.iter_mut().find(|(key, _)| key.is_text(last)) {
-            Some((_, value)) => *value = self.value.clone(),
-            None => entries.push((self.keys[steps.len()].clone(), self.value.clone())),
+            (Some(position), _) => entries[position].1 = self.value.clone(),
+            (None, _) => entries.push((self.keys[steps.len()].clone(), self.value.clone())),
         }
         Ok(())
+    }
+
+    /// Creates the error for a missing step; `parent` is a key whose mapping has the step.
+    fn missing_step(&self, depth: usize, known: &[String], parent: Option<&str>) -> InputError {
+        let step = &self.path[depth];
+        let place = match self.path[..depth].join(".").as_str() {
+            "" if known.iter().any(|key| key == "stages") => "the pipeline".to_owned(),
+            "" => "the scene".to_owned(),
+            place => format!("`{place}`"),
+        };
+        let help = match parent {
+            Some(parent) => did_you_mean(&self.path, depth, parent),
+            None => suggestion(step, &as_strs(known)),
+        };
+        let message = format!("--set {}: no `{step}` in {place}", self.path.join("."));
+        self.keys[depth].error(message).help(help)
     }
 }
 
@@ -189,7 +187,11 @@ const CREATED_DEPTH: usize = 2;
 
 /// Returns whether a step looks like a misspelt known key.
 fn is_near(step: &str, known: &[String]) -> bool {
-    nearest(step, &known.iter().map(String::as_str).collect::<Vec<_>>()).is_some()
+    nearest(step, &as_strs(known)).is_some()
+}
+
+fn as_strs(words: &[String]) -> Vec<&str> {
+    words.iter().map(String::as_str).collect()
 }
 
 /// Suggests the path with a missing step.
