@@ -246,12 +246,28 @@ impl Fields {
         self.rule(json!({ "not": { "required": [one, other] } }))
     }
 
+    /// Requires exactly one of some keys.
+    #[must_use]
+    pub fn exactly_one(self, keys: &[&str]) -> Self {
+        self.rule(json!({ "oneOf": each_required(keys) }))
+    }
+
+    /// Requires at least one of some keys.
+    #[must_use]
+    pub fn at_least_one(self, keys: &[&str]) -> Self {
+        self.rule(json!({ "anyOf": each_required(keys) }))
+    }
+
     /// Adds a schema that must also hold.
     #[must_use]
     pub fn rule(mut self, schema: Value) -> Self {
         self.rules.push(schema);
         self
     }
+}
+
+fn each_required(keys: &[&str]) -> Vec<Value> {
+    keys.iter().map(|key| json!({ "required": [key] })).collect()
 }
 
 impl From<Fields> for Schema {

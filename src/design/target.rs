@@ -3,8 +3,6 @@
 use std::collections::HashSet;
 use std::fmt;
 
-use serde_json::json;
-
 use super::objective::{Goal, GoalError, Objective};
 use deaflow_base::{
     Canonical, Decimal, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, is_plain_name,
@@ -66,7 +64,7 @@ pub struct Target {
 }
 
 fn either(fields: Fields) -> Fields {
-    fields.rule(json!({ "oneOf": [{ "required": ["objective"] }, { "required": ["targets"] }] }))
+    fields.exactly_one(&["objective", "targets"])
 }
 
 impl Targets {

@@ -1,7 +1,5 @@
 //! A charge as the drive, instead of a voltage.
 
-use serde_json::json;
-
 use deaflow_base::{Charge as Coulombs, Fields, InputError, Map, parameters};
 
 /// Smallest and largest charge in C.
@@ -20,7 +18,7 @@ parameters! {
 }
 
 fn one_of(fields: Fields) -> Fields {
-    fields.rule(json!({ "oneOf": [{ "required": ["total"] }, { "required": ["immobile"] }] }))
+    fields.exactly_one(&["total", "immobile"])
 }
 
 fn check(charge: &Charge, map: &Map<'_>) -> Result<(), InputError> {

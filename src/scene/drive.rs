@@ -34,7 +34,7 @@ parameters! {
 }
 
 fn voltage_or_voltages(fields: Fields) -> Fields {
-    fields.rule(json!({ "oneOf": [{ "required": ["voltage"] }, { "required": ["voltages"] }] }))
+    fields.exactly_one(&["voltage", "voltages"])
 }
 
 /// The same, except that a table has its own voltage, and a charge replaces the voltage.

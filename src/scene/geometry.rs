@@ -3,8 +3,6 @@
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-use serde_json::json;
-
 use super::shape::Shape;
 use deaflow_base::{
     Canonical, Decimal, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema, SpringRate,
@@ -86,7 +84,7 @@ parameters! {
 }
 
 fn opening_or_held(fields: Fields) -> Fields {
-    fields.rule(json!({ "anyOf": [{ "required": ["opening"] }, { "required": ["held"] }] }))
+    fields.at_least_one(&["opening", "held"])
 }
 
 parameters! {
@@ -186,7 +184,7 @@ fn check_masks(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
 }
 
 fn side_or_size(fields: Fields) -> Fields {
-    fields.rule(json!({ "oneOf": [{ "required": ["side"] }, { "required": ["size"] }] }))
+    fields.exactly_one(&["side", "size"])
 }
 
 pub(super) const SIDES: RangeInclusive<f64> = 1e-3..=1e4;

@@ -138,7 +138,7 @@ impl Scene {
                     "Several drives of one device, by name. Without `drive`, the first by name is the drive.",
                 ),
             )
-            .rule(serde_json::json!({ "anyOf": [{ "required": ["drive"] }, { "required": ["states"] }] }))
+            .at_least_one(&["drive", "states"])
             .optional("leads", Leads::schema(&()))
             .optional("effects", effects.default(serde_json::json!({})))
             .optional("properties", Properties::schema(&()))

@@ -2,8 +2,6 @@
 
 use std::path::Path;
 
-use serde_json::json;
-
 use deaflow_base::{
     Canonical, Declared, Fields, InputError, Length, Map, Node, NodeValue, Parameter, Schema, confined, parameters,
 };
@@ -129,11 +127,7 @@ parameters! {
 }
 
 fn one_of(fields: Fields) -> Fields {
-    let keys: Vec<_> = Shape::keys()
-        .into_iter()
-        .map(|key| json!({ "required": [key] }))
-        .collect();
-    fields.rule(json!({ "oneOf": keys }))
+    fields.exactly_one(&Shape::keys())
 }
 
 fn check(_: &Shape, map: &Map<'_>) -> Result<(), InputError> {

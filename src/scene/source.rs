@@ -1,7 +1,5 @@
 //! The electrical source that feeds the electrodes.
 
-use serde_json::json;
-
 use deaflow_base::{Current, Fields, InputError, Map, Resistance, parameters};
 
 parameters! {
@@ -17,7 +15,7 @@ parameters! {
 }
 
 fn one_or_both(fields: Fields) -> Fields {
-    fields.rule(json!({ "anyOf": [{ "required": ["resistance"] }, { "required": ["current_limit"] }] }))
+    fields.at_least_one(&["resistance", "current_limit"])
 }
 
 fn check(source: &Source, map: &Map<'_>) -> Result<(), InputError> {

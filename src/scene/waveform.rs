@@ -65,8 +65,7 @@ parameters! {
 }
 
 fn one_of(fields: Fields) -> Fields {
-    let keys: Vec<_> = fields.keys().map(|key| json!({ "required": [key] })).collect();
-    fields.rule(json!({ "oneOf": keys }))
+    fields.exactly_one(&Waveform::keys())
 }
 
 fn check(waveform: &Waveform, map: &Map<'_>) -> Result<(), InputError> {
