@@ -258,7 +258,7 @@ mod tests {
         let refused = |values| Field::from_values(Raster::PAPER, values).unwrap_err();
         assert_eq!(
             refused(vec![0.0; 3]).to_string(),
-            "a field on 50 × 50 cells has 5202 values, found 3"
+            "a field on 50 × 50 cells needs 5202 values, found 3"
         );
         let mut values = vec![0.0; 5202];
         values[5] = f64::NAN;

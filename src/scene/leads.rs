@@ -195,7 +195,7 @@ mod tests {
             ("leads: left", "must be a list of sides"),
             ("leads: []", "is empty"),
             ("leads: [west]", "west"),
-            ("leads: { cells: [[6, 0]] }", "no cell [6, 0]"),
+            ("leads: { cells: [[6, 0]] }", "the cell [6, 0]"),
             ("leads: { cells: [] }", "is empty"),
         ] {
             let error = scene(&format!("{DRIVE}, {wrong}")).unwrap_err();
