@@ -1,83 +1,85 @@
-//! The genetic algorithm: designs improve by selection among many, judged by a fast predictor.
+//! The genetic algorithm, with patterns judged by a fast predictor.
 //!
 //! The procedure of the source paper (Qin et al., doi 10.1089/soro.2024.0063, "GA-based inverse design"): 1000 random
-//! individuals of 20 × 20 units; predict, sort; the best 2 % go on unchanged, the rest is recombined by two-point
-//! crossover (p 0.7), mutated by inversion (p 0.3) and filtered; 60 iterations. What the paper leaves open: parents win a
-//! tournament of two by rank, and the search may end early after a number of generations without gain.
+//! individuals of 20 × 20 units; predict and sort; the best 2 % are kept, the others are replaced by two-point
+//! crossover (p 0.7), inversion mutation (p 0.3) and a filter; 60 iterations. Not specified in the paper: parents are
+//! selected by a tournament of two, and the search may end after a number of generations without improvement.
 //!
-//! Beside the paper's procedure stand what it does not have: a first generation of several areas where the area is free;
-//! constraints, to which each individual's pattern is mended, with a penalty for what cannot be mended; margins, of which only
-//! the best are asked; niches, so that several different designs are found at once; and a rough score by which all are ranked, so that
-//! only the best are judged. None of it changes a search without it.
+//! Extensions, which do not change a search without them: a first generation with different areas if the area is free;
+//! constraints, by repair of each pattern and a penalty for what cannot be repaired; margins, which are checked for
+//! the best only; niches, for several different designs; and a rough score, so that only the best by this score are
+//! judged.
 //!
-//! Every random choice of a generation is a function of the seed and the generation's number, and equal fitness is
-//! ordered by genome, so a search can be gone on with from any generation and does not depend on threads.
+//! The random numbers of a generation depend on the seed and the number of the generation only, and individuals of
+//! equal fitness are ordered by genome. So a search can be resumed from any generation and does not depend on threads.
 
+mod breed;
+mod checkpoint;
 mod history;
 mod niche;
 mod options;
 mod result;
+mod resume;
 mod search;
-mod state;
+mod winners;
 
+pub use checkpoint::CheckpointError;
 pub use options::{EvolveOptions, OptionsError};
-pub use result::{Evolution, GenerationReport, Stop, Watch, Winner};
-pub use state::StateError;
+pub use result::{Evolution, GenerationReport, Observer, Stop, Winner};
 
 use super::constraint::Constraints;
 use super::genome::{Genome, UNITS, unit_of};
 use super::objective::{Goal, RoughScore};
+use checkpoint::Checkpoint;
 use deaflow_base::{Stopped, Stream};
 use deaflow_field::{Feasibility, PredictError, Predictor, StateFields};
 use history::{History, Individual};
 use search::Search;
-use state::State;
 
-/// The coarsest grain of the first generation, drawn with the finer ones in equal shares. The paper's first generation is
-/// random, not saying how; at an area far from one half single random units would all fall to the filter at once.
+/// The coarsest grain of the first generation; all grains up to it have equal shares. The paper does not specify its
+/// random first generation. At an area far from one half, the filter would remove all single random units at once.
 const COARSEST: usize = 4;
 
-/// Between these the areas of the first generation lie where the area is free.
+/// The range of areas in the first generation if the area is free.
 const FREE_AREAS: [f64; 2] = [0.05, 0.95];
 
-/// What is searched for, and by what it is judged.
+/// The goal of a search, and how patterns are judged.
 #[derive(Clone, Copy)]
-pub struct Setting<'a> {
-    /// Predicts the fields of a pattern in the states of the device.
+pub struct EvolveProblem<'a> {
+    /// Predicts the fields of patterns in the states of the device.
     pub predictor: &'a dyn Predictor<StateFields>,
-    /// What is wanted.
+    /// The goal.
     pub goal: &'a Goal,
-    /// What patterns must keep to.
+    /// The constraints on patterns.
     pub constraints: &'a Constraints,
-    /// What the best must keep to beside, if anything.
+    /// Checks the margins of the best patterns.
     pub feasibility: Option<&'a dyn Feasibility>,
-    /// What ranks patterns in microseconds, so that only the best of a generation are judged.
+    /// Ranks patterns in microseconds, so that only the best of a generation are judged.
     pub rough: Option<&'a RoughScore<'a>>,
 }
 
-/// Why there is no result.
+/// Errors of a search.
 #[derive(Debug, thiserror::Error)]
 pub enum EvolveError {
-    /// The options describe no search.
+    /// The options are invalid.
     #[error(transparent)]
     Options(#[from] OptionsError),
-    /// The predictor, or what says whether a pattern is feasible, failed.
+    /// The predictor or the feasibility check failed.
     #[error(transparent)]
     Predict(#[from] PredictError),
-    /// There is nothing to choose from.
-    #[error("no pattern of the first generation has a field: there is nothing to choose from")]
+    /// No pattern has a field.
+    #[error("no pattern of the first generation has a stable solution")]
     NoField,
-    /// It was asked to stop.
+    /// The search was stopped.
     #[error(transparent)]
     Stopped(#[from] Stopped),
-    /// There is nothing to choose from.
-    #[error("no pattern of the first generation keeps the margins: there is nothing to choose from")]
+    /// No pattern is feasible.
+    #[error("no pattern of the first generation satisfies the margins")]
     NotFeasible,
 }
 
-/// Random genomes with the nearest number of units to `area` · 400 on, from the finest grain to a coarse one, and over areas
-/// from 5 % to 95 % where the area is free: the first generation of a search under a seed, or its beginning. Units of which the
-/// constraints allow no cell are off.
+/// The first individuals of the first generation of a search: random genomes of different grain with round(`area` ·
+/// 400) units on, or with areas from 5 % to 95 % if the area is free. Units without an allowed cell are off.
 #[must_use]
 pub fn first_generation(area: Option<f64>, constraints: &Constraints, seed: u64, population: usize) -> Vec<Genome> {
     let allowed = allowed_units(constraints);
@@ -92,39 +94,41 @@ pub fn first_generation(area: Option<f64>, constraints: &Constraints, seed: u64,
 
 /// The units with at least one cell that the constraints allow.
 fn allowed_units(constraints: &Constraints) -> Genome {
-    let raster = constraints.membrane().raster;
+    let allowed = constraints.allowed();
+    let [columns, rows] = allowed.sides();
     let mut units = [false; UNITS * UNITS];
-    for (cell, _) in constraints
-        .allowed()
-        .iter()
-        .enumerate()
-        .filter(|(_, allowed)| **allowed)
-    {
-        let [x, y] = unit_of(raster, [cell % raster.columns(), cell / raster.columns()]);
+    let cells = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
+    for (x, y) in cells.filter(|&(x, y)| allowed.has(x, y)) {
+        let [x, y] = unit_of(allowed.raster(), [x, y]);
         units[y * UNITS + x] = true;
     }
     Genome::from_fn(|x, y| units[y * UNITS + x])
 }
 
-/// Searches for the patterns of the least F. `watch` hears of every generation once it is judged, and may keep the state of the
-/// search: from a state that was kept it goes on to the same result, to the last bit. A pattern of which the predictor has no
-/// field is worse than any other; so is one that is not feasible, which is asked of the best of a generation only.
+/// Searches for the patterns with the smallest F. The observer receives a report and a checkpoint after every
+/// generation. A search resumed from a checkpoint gives the same result to the last bit. A pattern without a field
+/// ranks last, and so does a pattern that is not feasible, which is checked for the best of a generation only.
 ///
 /// # Errors
-/// When the options are out of range, the predictor fails, or there is nothing to choose from in the first generation.
-pub fn evolve(setting: &Setting<'_>, options: &EvolveOptions, watch: &dyn Watch) -> Result<Evolution, EvolveError> {
+/// If the options are out of range, the predictor fails, or no pattern of the first generation has a field or is
+/// feasible.
+pub fn evolve(
+    problem: &EvolveProblem<'_>,
+    options: &EvolveOptions,
+    observer: &dyn Observer,
+) -> Result<Evolution, EvolveError> {
     options.validate()?;
-    let mut search = Search::new(setting, options);
-    let mut history = match resume(&mut search, options, watch) {
+    let mut search = Search::new(problem, options);
+    let mut history = match resume(&mut search, options, observer) {
         Some(history) => history,
-        None => start(&mut search, setting, options, watch)?,
+        None => start(&mut search, problem, options, observer)?,
     };
     let stop = loop {
         if let Some(stop) = history.end(options) {
             break stop;
         }
-        let population = search.evaluated(search.next_generation(&history), watch)?;
-        record(&mut history, population, &search, watch)?;
+        let population = search.evaluated(search.next_generation(&history), observer)?;
+        record(&mut history, population, &search, observer)?;
     };
     let winners = search.winners(&history)?;
     Ok(Evolution {
@@ -135,19 +139,19 @@ pub fn evolve(setting: &Setting<'_>, options: &EvolveOptions, watch: &dyn Watch)
     })
 }
 
-/// What a search had come to when its state was kept, if it was.
-fn resume(search: &mut Search<'_>, options: &EvolveOptions, watch: &dyn Watch) -> Option<History> {
-    let bytes = watch.kept()?;
-    match State::from_bytes(&bytes, options, search.groups()) {
-        Ok(state) => {
-            let history = search.restored(state);
+/// The history from the last checkpoint, if there is one.
+fn resume(search: &mut Search<'_>, options: &EvolveOptions, observer: &dyn Observer) -> Option<History> {
+    let bytes = observer.load_checkpoint()?;
+    match Checkpoint::from_bytes(&bytes, options, search.groups()) {
+        Ok(checkpoint) => {
+            let history = search.restored(checkpoint);
             if let Some(last) = history.reports.last() {
-                watch.resumed(last);
+                observer.resumed(last);
             }
             Some(history)
         }
         Err(error) => {
-            watch.unusable(&error);
+            observer.checkpoint_rejected(&error);
             None
         }
     }
@@ -156,40 +160,36 @@ fn resume(search: &mut Search<'_>, options: &EvolveOptions, watch: &dyn Watch) -
 /// The first generation.
 fn start(
     search: &mut Search<'_>,
-    setting: &Setting<'_>,
+    problem: &EvolveProblem<'_>,
     options: &EvolveOptions,
-    watch: &dyn Watch,
+    observer: &dyn Observer,
 ) -> Result<History, EvolveError> {
-    let genomes = first_generation(
-        setting.goal.area(),
-        setting.constraints,
-        options.seed,
-        options.population,
-    );
-    let population = search.evaluated(genomes, watch)?;
-    if population[0].known.fitness.is_infinite() {
-        return Err(match population.iter().any(|i| i.known.feasible == Some(false)) {
+    let area = problem.goal.area();
+    let genomes = first_generation(area, problem.constraints, options.seed, options.population);
+    let population = search.evaluated(genomes, observer)?;
+    if population[0].evaluation.fitness.is_infinite() {
+        return Err(match population.iter().any(|i| i.evaluation.feasible == Some(false)) {
             true => EvolveError::NotFeasible,
             false => EvolveError::NoField,
         });
     }
     let mut history = History::default();
-    record(&mut history, population, search, watch)?;
+    record(&mut history, population, search, observer)?;
     Ok(history)
 }
 
-/// Adds a generation to the history and reports it.
+/// Adds a generation to the history, reports it and stores a checkpoint.
 fn record(
     history: &mut History,
     population: Vec<Individual>,
     search: &Search<'_>,
-    watch: &dyn Watch,
+    observer: &dyn Observer,
 ) -> Result<(), Stopped> {
     history.add(population);
     if let Some(report) = history.reports.last() {
-        watch.generation(report);
+        observer.generation(report);
     }
-    watch.keep(&|| search.state(history))
+    observer.save_checkpoint(&|| search.checkpoint(history))
 }
 
 #[cfg(test)]

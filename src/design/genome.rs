@@ -1,8 +1,8 @@
-//! What the genetic algorithm varies: the membrane in 20 × 20 units, each bare or with an electrode of one of the groups.
+//! The genome of the genetic algorithm: the membrane in 20 × 20 units, each bare or with an electrode of one group.
 //!
-//! The source paper searches on 20 × 20 units (Qin et al., doi 10.1089/soro.2024.0063, "GA-based inverse design") while
-//! patterns have 50 × 50 cells: cell i lies in unit floor(i · 20 / 50), so units are 3 and 2 cells wide in turn. On other rasters it is the same with
-//! their columns and rows; where these are fewer than 20, some units hold no cell.
+//! The source paper searches on 20 × 20 units (Qin et al., doi 10.1089/soro.2024.0063, "GA-based inverse design")
+//! while patterns have 50 × 50 cells: cell i lies in unit floor(i · 20 / 50), so units are alternately 3 and 2 cells
+//! wide. Other rasters are divided in the same way; with fewer than 20 columns or rows, some units contain no cell.
 
 use std::fmt;
 
@@ -12,20 +12,20 @@ use deaflow_pattern::{Pattern, Raster};
 /// Units along one side of the membrane.
 pub const UNITS: usize = 20;
 
-/// Of each unit the group of its electrode, 0 where it is bare, row by row from below.
+/// The electrode group of each unit, 0 if it is bare, row by row from below.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Genome {
     genes: Box<[u8]>,
 }
 
 impl Genome {
-    /// The genome of one group whose unit (x, y) is on where `on(x, y)`.
+    /// The genome with one group: unit (x, y) is on if `on(x, y)`.
     #[must_use]
     pub fn from_fn(on: impl Fn(usize, usize) -> bool) -> Self {
         Self::from_groups(|x, y| u8::from(on(x, y)))
     }
 
-    /// The genome whose unit (x, y) belongs to the group `group(x, y)`, or is bare where that is 0.
+    /// The genome with unit (x, y) in group `group(x, y)`; 0 means bare.
     #[must_use]
     pub fn from_groups(group: impl Fn(usize, usize) -> u8) -> Self {
         Self {
@@ -33,16 +33,17 @@ impl Genome {
         }
     }
 
-    /// A random genome of one group anywhere.
+    /// A random genome with one group, all units allowed.
     #[cfg(test)]
     pub(crate) fn random(area: f64, grain: usize, stream: &mut Stream) -> Self {
         Self::random_within(&Self::from_fn(|_, _| true), area, 1, grain, stream)
     }
 
-    /// A random genome with the nearest number of units to `area` · 400 on, among the units of another genome alone: all of these are on
-    /// where they are fewer. White noise is averaged over 3 × 3 units `grain` times and the units with the highest values are on: at grain
-    /// 0 each choice of units is equally likely, with rising grain the regions become coarser. Which of several groups a unit belongs to,
-    /// other noise of the same grain says; the groups' shares are random too.
+    /// A random genome: round(`area` · 400) of the `allowed` units are on, or all of them if they are fewer.
+    ///
+    /// White noise is averaged over 3 × 3 units `grain` times, and the units with the highest values are on. At grain
+    /// 0 each choice of units is equally likely; a higher grain gives coarser regions. The units are divided into
+    /// groups by a second noise of the same grain; the share of each group is random.
     pub(super) fn random_within(allowed: &Self, area: f64, groups: usize, grain: usize, stream: &mut Stream) -> Self {
         let mut noise = || {
             let white: Vec<f64> = (0..UNITS * UNITS).map(|_| stream.uniform()).collect();
@@ -86,22 +87,22 @@ impl Genome {
         &mut self.genes
     }
 
-    /// The group of the unit at column `x`, row `y`, 0 where it is bare.
+    /// The group of the unit at column `x`, row `y`; 0 if it is bare.
     ///
     /// # Panics
-    /// When `x` or `y` is not below 20.
+    /// If `x` or `y` is not below 20.
     #[must_use]
     pub fn group(&self, x: usize, y: usize) -> u8 {
         assert!(x < UNITS && y < UNITS, "unit ({x}, {y}) is outside the membrane");
         self.genes[y * UNITS + x]
     }
 
-    /// Bytes of a genome of so many groups in a file.
+    /// The size of [`Genome::to_bytes`].
     pub(super) const fn bytes(groups: usize) -> usize {
         planes(groups) * UNITS * UNITS / 8
     }
 
-    /// The lowest bit of all genes, then the next, as many as groups take.
+    /// Bit planes: the lowest bit of all genes, then the next; as many planes as the number of groups needs.
     pub(super) fn to_bytes(&self, groups: usize) -> Vec<u8> {
         let byte = |plane: usize, at: usize| {
             let bit = |bit: usize| (self.genes[8 * at + bit] >> plane & 1) << bit;
@@ -111,7 +112,7 @@ impl Genome {
         (0..planes(groups)).flat_map(of_plane).collect()
     }
 
-    /// The genome of such bytes; `None` where there are not as many, or one stands for a group that there is not.
+    /// Inverse of [`Genome::to_bytes`]; `None` if the length is wrong or a gene exceeds the number of groups.
     pub(super) fn from_bytes(bytes: &[u8], groups: usize) -> Option<Self> {
         let gene = |at: usize| {
             let bits = bytes
@@ -120,27 +121,23 @@ impl Genome {
             bits.rev().fold(0, |gene, bit| gene << 1 | bit)
         };
         let genes: Box<[u8]> = (0..UNITS * UNITS).map(gene).collect();
-        let sound = bytes.len() == Self::bytes(groups) && genes.iter().all(|&gene| usize::from(gene) <= groups);
-        sound.then_some(Self { genes })
+        let is_valid = bytes.len() == Self::bytes(groups) && genes.iter().all(|&gene| usize::from(gene) <= groups);
+        is_valid.then_some(Self { genes })
     }
 
-    /// The genome with those units bare of which no cell is allowed.
+    /// The genome with all units bare that are not allowed.
     pub(super) fn within(mut self, allowed: &Self) -> Self {
-        for (gene, _) in self
-            .genes
-            .iter_mut()
-            .zip(&allowed.genes)
+        let units = self.genes.iter_mut().zip(&allowed.genes);
+        units
             .filter(|(_, allowed)| **allowed == 0)
-        {
-            *gene = 0;
-        }
+            .for_each(|(gene, _)| *gene = 0);
         self
     }
 
-    /// The pattern of cells.
+    /// The pattern on a raster.
     #[must_use]
     pub fn pattern(&self, raster: Raster) -> Pattern {
-        // One division for each column and row, not for each cell.
+        // Divide once per column and row, not once per cell.
         let [columns, rows] = raster
             .sides()
             .map(|cells| (0..cells).map(|at| unit_along(cells, at)).collect::<Vec<_>>());
@@ -148,7 +145,7 @@ impl Genome {
     }
 }
 
-/// Bits of a gene.
+/// Bits per gene.
 const fn planes(groups: usize) -> usize {
     (usize::BITS - groups.leading_zeros()) as usize
 }
@@ -159,18 +156,18 @@ pub(super) fn unit_of(raster: Raster, cell: [usize; 2]) -> [usize; 2] {
     [0, 1].map(|axis| unit_along(sides[axis], cell[axis]))
 }
 
-/// The column or row of units that holds one of so many columns or rows of cells.
+/// The column or row of units that contains a column or row of cells.
 fn unit_along(cells: usize, at: usize) -> usize {
     at * UNITS / cells
 }
 
-/// The units of the 3 × 3 around a unit that lie on the membrane, the unit itself included.
+/// The 3 × 3 units around a unit, itself included, that lie on the membrane.
 pub(super) fn around(x: usize, y: usize) -> impl Iterator<Item = (usize, usize)> {
     let near = |c: usize| c.saturating_sub(1)..(c + 2).min(UNITS);
     near(y).flat_map(move |j| near(x).map(move |i| (i, j)))
 }
 
-/// Each value replaced by the mean of those around it.
+/// Averages the values over 3 × 3 units.
 fn averaged(values: &[f64]) -> Vec<f64> {
     let mean = |at: usize| {
         let (sum, count) = around(at % UNITS, at / UNITS)
@@ -193,7 +190,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn units_are_three_and_two_cells_wide_in_turn() {
+    fn units_are_alternately_three_and_two_cells_wide() {
         let columns = Genome::from_fn(|x, _| x % 2 == 0).pattern(Raster::PAPER);
         let row: Vec<u8> = columns.cells()[..10].to_vec();
         assert_eq!(row, [1, 1, 1, 0, 0, 1, 1, 1, 0, 0]);
@@ -212,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_genome_survives_the_way_to_bytes_and_back() {
+    fn genomes_round_trip_through_bytes() {
         let all = Genome::from_fn(|_, _| true);
         for groups in [1, 2, 3, 16] {
             let genome = Genome::random_within(&all, 0.37, groups, 1, &mut Stream::new(1, "test", 3));

@@ -1,44 +1,44 @@
-//! The design that a person would draw, against which optimised ones are compared.
+//! The design that a person would draw; optimised designs are compared with it.
 //!
-//! The source paper's rule (Qin et al., doi 10.1089/soro.2024.0063, case I): a line through the point, perpendicular to
-//! its wanted motion; the region behind it is active, so that its expansion pushes the point forward. Such a design has
-//! an area of its own, and a gain over it at another area says nothing; the same design at equal area comes from moving
-//! the line until the area is met.
+//! The source paper's rule (Qin et al., doi 10.1089/soro.2024.0063, case I): a line through the point, perpendicular
+//! to the target motion; the region behind the line is active, so that its expansion pushes the point forward. A
+//! comparison is only fair at equal area, so the line can be moved until the area is that of the other design.
 
 use super::objective::{Goal, PlacedAim, Subject};
 use deaflow_pattern::{Bits, Pattern, Raster};
 
-/// Distances that differ by less than this many cells are equal: rounding must not decide which cell is active.
+/// Resolution of distances in cells: rounding errors must not decide which cell is active.
 const RESOLUTION: f64 = 1e-9;
 
-/// The intuitive design of a goal. With several points each cell belongs to the point nearest to it, and in several states of a device to the
-/// one behind whose line it lies farthest.
+/// The intuitive design of a goal. Each cell belongs to the nearest point; for equal distances in different states of
+/// the device, to the point behind whose line it lies farther.
 #[derive(Clone, Debug)]
 pub struct Intuitive {
     raster: Raster,
-    /// Cells from the one farthest behind its line to the one farthest before it.
+    /// Cells in the order of activation: the cell farthest behind its line first.
     ranked: Vec<Ranked>,
 }
 
 /// A cell of an intuitive design.
 #[derive(Clone, Copy, Debug)]
 struct Ranked {
-    /// How far it lies before its line, and from its point, in cells.
+    /// Signed distance from its line in cells, negative behind the line.
     before: f64,
+    /// Distance from its point in cells.
     from_point: f64,
     cell: usize,
-    /// The group of electrodes that drives the state of its point.
+    /// The electrode group that drives the state of its point.
     group: u8,
 }
 
 impl Intuitive {
-    /// Ranks the cells by how far they lie behind their line; cells equally far by how near they are to their point, then
-    /// from the lower left. `drivers` are the groups of electrodes that drive the states of the device, in their order.
+    /// Ranks the cells by the distance behind their line, then by the distance from their point, then from the lower
+    /// left. `drivers` are the electrode groups that drive the states of the device.
     #[must_use]
     pub fn of(goal: &Goal, drivers: &[u8]) -> Self {
         let raster = goal.raster();
         let mut ranked: Vec<Ranked> = (0..raster.cells())
-            .map(|cell| ranked(goal.aims(), raster, cell, drivers))
+            .map(|cell| rank(goal.aims(), raster, cell, drivers))
             .collect();
         ranked.sort_by(|a, b| {
             let by_line = a.before.total_cmp(&b.before);
@@ -49,23 +49,23 @@ impl Intuitive {
         Self { raster, ranked }
     }
 
-    /// The same on some cells alone: electrodes on frames and bodies do nothing.
+    /// The design on the available cells only: electrodes on frames and bodies have no effect.
     #[must_use]
-    pub fn within(mut self, room: &Bits) -> Self {
+    pub fn within(mut self, available: &Bits) -> Self {
         let columns = self.raster.columns();
         self.ranked
-            .retain(|ranked| room.has(ranked.cell % columns, ranked.cell / columns));
+            .retain(|ranked| available.has(ranked.cell % columns, ranked.cell / columns));
         self
     }
 
-    /// The design with its line through the point: a cell is active where its centre lies behind the line.
+    /// The design with the line through the point: a cell is active if its centre lies behind the line.
     #[must_use]
     pub fn at_own_area(&self) -> Pattern {
         self.first(self.ranked.iter().take_while(|ranked| ranked.before < 0.0).count())
     }
 
-    /// The design with its line moved so that exactly the nearest number of cells to `area` of all is active, or as many as may be; an area
-    /// fraction outside 0 to 1 is taken as the nearer of the two.
+    /// The design with the line moved: round(`area` · cells) cells are active, or all available ones if they are
+    /// fewer. `area` is clamped to 0 to 1.
     #[must_use]
     pub fn at_area(&self, area: f64) -> Pattern {
         let all = self.raster.cells() as f64;
@@ -82,8 +82,9 @@ impl Intuitive {
     }
 }
 
-/// A cell with its point: the nearest one; of those in other states that are as near, the one farther behind whose line it lies.
-fn ranked(aims: &[PlacedAim], raster: Raster, cell: usize, drivers: &[u8]) -> Ranked {
+/// Assigns a cell to the nearest point; for equal distances in another state, to the one behind whose line it lies
+/// farther.
+fn rank(aims: &[PlacedAim], raster: Raster, cell: usize, drivers: &[u8]) -> Ranked {
     let rounded = |distance: f64| (distance / RESOLUTION).round() * RESOLUTION;
     let columns = raster.columns();
     let centre = [(cell % columns) as f64 + 0.5, (cell / columns) as f64 + 0.5];
@@ -107,8 +108,8 @@ fn ranked(aims: &[PlacedAim], raster: Raster, cell: usize, drivers: &[u8]) -> Ra
     }
 }
 
-/// How far a place, seen from its point, lies before the line through that. A body turns by a windmill: four blades, each of which pushes a
-/// side of it.
+/// The signed distance of a position relative to its point from the line through the point. The design for a rotation
+/// is a windmill: four blades, each of which pushes one side of the body.
 fn before(aim: &PlacedAim, from: [f64; 2]) -> f64 {
     match aim.subject {
         Subject::Point | Subject::Translation(_) => from[0] * aim.direction[0] + from[1] * aim.direction[1],
@@ -157,9 +158,9 @@ mod tests {
     }
 
     #[test]
-    fn what_may_carry_no_electrode_is_left_out_and_the_area_met() {
-        let room = Bits::from_fn(Raster::PAPER, |x, _| x >= 10);
-        let design = intuitive(&[(25.0, 25.0, 0.0)]).within(&room);
+    fn unavailable_cells_are_excluded_and_the_area_is_met() {
+        let available = Bits::from_fn(Raster::PAPER, |x, _| x >= 10);
+        let design = intuitive(&[(25.0, 25.0, 0.0)]).within(&available);
         assert_eq!(
             design.at_own_area(),
             Pattern::from_fn(Raster::PAPER, |x, _| (10..25).contains(&x))
@@ -168,7 +169,7 @@ mod tests {
             design.at_area(0.5),
             Pattern::from_fn(Raster::PAPER, |x, _| (10..35).contains(&x))
         );
-        assert_eq!(design.at_area(1.0).active_cells(), room.count());
+        assert_eq!(design.at_area(1.0).active_cells(), available.count());
     }
 
     #[test]

@@ -1,7 +1,7 @@
-//! Finds the pattern that moves points and bodies where they should go.
+//! Design of electrode patterns that move points and bodies to targets.
 //!
-//! Programs against the traits of [`deaflow_field`] alone: whether a network, a linear response or the finite elements predict
-//! a field is not known here.
+//! The crate uses the traits of [`deaflow_field`] only: fields may be predicted by a network, a linear response or
+//! finite elements.
 
 mod constraint;
 mod evolve;
@@ -11,27 +11,35 @@ mod local_search;
 mod objective;
 mod operators;
 mod options;
+mod planned;
 mod search;
 mod selection;
+mod status;
 mod target;
+mod task;
+#[cfg(test)]
+mod test_device;
 mod text;
 
-pub use constraint::{ConstraintError, ConstraintParameters, Constraints, Ground, Limits, Sides, Violations};
+pub use constraint::{ConstraintError, ConstraintParameters, Constraints, DesignDomain, Limits, Sides, Violations};
 pub use evolve::{
-    Evolution, EvolveError, EvolveOptions, GenerationReport, OptionsError, Setting, StateError, Stop, Watch, Winner,
-    evolve, first_generation,
+    CheckpointError, Evolution, EvolveError, EvolveOptions, EvolveProblem, GenerationReport, Observer, OptionsError,
+    Stop, Winner, evolve, first_generation,
 };
 pub use genome::{Genome, UNITS};
 pub use intuitive::Intuitive;
-pub use local_search::{LocalOptimum, SearchProblem, SearchStep};
+pub use local_search::{LocalOptimum, SearchProblem, SearchStep, StartError};
 pub use objective::{
-    AREA_PENALTY, Aim, Displacement, Distance, Goal, GoalError, Lever, MEASURES, Measure, Moment, Motion, Objective,
-    PlacedAim, Qin2024, RoughScore, Subject,
+    AREA_PENALTY, Aim, BodyMarkers, Displacement, Distance, Goal, GoalError, MEASURES, Measure, Motion, Objective,
+    PlacedAim, Qin2024, ResponseKind, RoughScore, Subject,
 };
 pub use options::{Method, SearchOptions};
+pub use planned::PlannedDesign;
 pub use search::{
-    Candidate, Cause, Elements, Evaluators, FoundDesign, Probe, Progress, References, Refinement, Search, SearchError,
-    SearchResult, cheapest_evaluator,
+    Candidate, CandidateAccuracy, Cause, DesignReferences, Evaluators, FiniteElements, FoundDesign, Refinement, Search,
+    SearchError, SearchProgress, SearchResult, cheapest_evaluator,
 };
-pub use selection::{DesignFilter, DesignLabel, Merit};
-pub use target::{Area, Target, Targets};
+pub use selection::{DesignFilter, DesignLabel, SimulatedScore};
+pub use status::own_pattern_status;
+pub use target::{Area, CaseLabel, Target, Targets};
+pub use task::DesignTask;

@@ -1,26 +1,26 @@
-//! How genomes are recombined, mutated and smoothed.
+//! Crossover, mutation and filter of genomes.
 //!
-//! The operators of the source paper (Qin et al., doi 10.1089/soro.2024.0063, "GA-based inverse design", steps 5 and 6):
-//! two-point crossover, inversion mutation, and a filter against the checkerboard, of which the paper gives the purpose
-//! only. It is a 3 × 3 majority here: units beyond the frame do not vote, and a tie leaves the unit as it is.
+//! The operators of the source paper (Qin et al., doi 10.1089/soro.2024.0063, "GA-based inverse design", steps 5 and
+//! 6): two-point crossover, inversion mutation, and a filter against checkerboards. The paper does not specify the
+//! filter; here it is a 3 × 3 majority: units beyond the frame do not vote, and a tie leaves the unit unchanged.
 
 use super::genome::{Genome, UNITS, around};
 use deaflow_base::Stream;
 use deaflow_pattern::Pattern;
 
-/// Exchanges the genes between two cuts, each pair of cuts equally likely.
+/// Two-point crossover: exchanges the genes between two cuts; each pair of cuts is equally likely.
 pub(super) fn cross(a: &mut Genome, b: &mut Genome, stream: &mut Stream) {
     let (from, to) = segment(stream);
     a.genes_mut()[from..to].swap_with_slice(&mut b.genes_mut()[from..to]);
 }
 
-/// Reverses the order of the genes between two cuts, each pair of cuts equally likely.
+/// Inversion mutation: reverses the genes between two cuts; each pair of cuts is equally likely.
 pub(super) fn invert(genome: &mut Genome, stream: &mut Stream) {
     let (from, to) = segment(stream);
     genome.genes_mut()[from..to].reverse();
 }
 
-/// Exchanges two groups between two cuts, each pair of either equally likely.
+/// Exchanges two groups between two cuts; each pair of groups and of cuts is equally likely.
 pub(super) fn exchange_groups(genome: &mut Genome, groups: usize, stream: &mut Stream) {
     let (from, to) = segment(stream);
     let pair = stream.choose(groups, 2);
@@ -34,13 +34,13 @@ pub(super) fn exchange_groups(genome: &mut Genome, groups: usize, stream: &mut S
     }
 }
 
-/// Two different cuts among the 401 places before, between and behind the genes.
+/// Two different cuts among the 401 positions before, between and after the genes.
 fn segment(stream: &mut Stream) -> (usize, usize) {
     let cuts = stream.choose(UNITS * UNITS + 1, 2);
     (cuts[0].min(cuts[1]), cuts[0].max(cuts[1]))
 }
 
-/// Gives each unit what most of the 3 × 3 units around it have, itself included: to be bare, or an electrode of one of so many groups.
+/// Sets each unit to the majority (bare or a group) of the 3 × 3 units around it, itself included.
 pub(super) fn smooth(genome: &Genome, groups: usize) -> Genome {
     Genome::from_groups(|x, y| {
         let mut votes = [0; Pattern::MOST_GROUPS + 1];
@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[test]
-    fn crossover_exchanges_one_stretch_and_loses_nothing() {
+    fn crossover_exchanges_one_segment() {
         for index in 0..50 {
             let (mut a, mut b) = (Genome::from_fn(|_, _| true), Genome::from_fn(|_, _| false));
             cross(&mut a, &mut b, &mut Stream::new(1, "test", index));
@@ -73,14 +73,14 @@ mod tests {
     }
 
     #[test]
-    fn inversion_reverses_one_stretch() {
+    fn inversion_reverses_one_segment() {
         for index in 0..50 {
             let start = Genome::random(0.5, 0, &mut Stream::new(2, "test", index));
             let mut inverted = start.clone();
             invert(&mut inverted, &mut Stream::new(1, "test", index));
             let differs: Vec<usize> = (0..400).filter(|&i| start.genes()[i] != inverted.genes()[i]).collect();
             assert_eq!(on(&start), on(&inverted));
-            // What differs lies symmetrically about the middle of the stretch.
+            // Differences are symmetric about the middle of the segment.
             if let (Some(first), Some(last)) = (differs.first(), differs.last()) {
                 for i in *first..=*last {
                     assert_eq!(inverted.genes()[i], start.genes()[first + last - i]);
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_are_exchanged_in_one_stretch() {
+    fn groups_are_exchanged_in_one_segment() {
         for index in 0..50 {
             let start = Genome::from_groups(|x, y| ((x * 7 + y * 3) % 4) as u8);
             let mut exchanged = start.clone();
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_vote_each_for_itself() {
+    fn each_group_votes_separately() {
         // Left of column 9 group 2, right of it group 1, with a speck of group 3.
         let speck = Genome::from_groups(|x, y| if (x, y) == (5, 5) { 3 } else { 1 + u8::from(x < 9) });
         assert_eq!(smooth(&speck, 3), Genome::from_groups(|x, _| 1 + u8::from(x < 9)));

@@ -1,4 +1,4 @@
-//! How designs are searched.
+//! The options of a design search.
 
 use serde_json::json;
 
@@ -9,60 +9,61 @@ use deaflow_base::{Canonical, Decimal, Declared, Fields, InputError, Length, Map
 use deaflow_pattern::CELLS;
 
 words! {
-    /// How to search.
+    /// The search method.
     pub enum Method {
         /// The genetic algorithm of the source paper.
         Ga = "ga",
-        /// Along the gradient, from several starts.
+        /// Gradient search from several start patterns.
         Adjoint = "adjoint",
     }
 }
 
-// Errors on the best pattern are several times those on random patterns: a chord step that errs by 0.0043 mm on these was 0.028 mm
-// short at the point of a design. Hence the default of `evaluator_accuracy`.
+// Errors on the best patterns are several times those on random patterns: a chord step with an error of 0.0043 mm on
+// random patterns was off by 0.028 mm at the point of a design. Hence the default of `evaluator_accuracy`.
 parameters! {
-    /// How designs are searched.
+    /// The options of a design search.
     pub struct SearchOptions as "a design stage" {
-        /// How to search.
+        /// Search method.
         pub method: Method = Method::Ga,
-        /// With `evaluator: auto`: the root mean square error that is accurate enough.
+        /// With `evaluator: auto`: largest accepted root mean square error.
         pub evaluator_accuracy: Length [1e-9..=1e3] = "0.003 mm",
-        /// Weight of the distance from the wanted area in the fitness.
+        /// Weight of the area error in the fitness.
         pub area_penalty: Decimal [0.0..=1e6] = AREA_PENALTY,
-        /// Distance from the wanted area fraction that a design found along the gradient may have.
+        /// Tolerance of the area fraction in the gradient search.
         pub area_tolerance: Decimal [0.0..=1.0] = 0.005,
-        /// Units along a side of a search along the gradient, 20 or 50.
+        /// Units along a side in the gradient search: 20 or 50.
         pub units: usize [UNITS as u64..=CELLS as u64] = CELLS,
-        /// Whether the genetic algorithm's best is improved along the gradient.
+        /// Refine the designs of the genetic algorithm by a gradient search.
         pub refine: bool = false,
-        /// Patterns from which the gradient is followed.
+        /// Number of start patterns of the gradient search.
         pub starts: usize [1..=1000] = 6,
-        /// So many different designs of each target.
+        /// Number of different designs for each target.
         pub designs: usize [1..=1000] = EvolveOptions::PAPER.designs,
-        /// Share of the cells in which two of them differ at least, whichever way they are turned.
+        /// Minimum share of cells in which two designs differ, over all symmetries of the device.
         pub distance: Decimal [0.0..=1.0] = EvolveOptions::PAPER.distance,
-        /// Individuals.
+        /// Number of individuals.
         pub population: usize [2..=1_000_000] = EvolveOptions::PAPER.population,
-        /// Generations at most.
+        /// Maximum number of generations.
         pub generations: usize [0..=1_000_000] = EvolveOptions::PAPER.generations,
-        /// Share of each generation that the evaluator judges: those that the linear response ranks first, and 50 at least. 1 judges all, as the paper does.
+        /// Share of each generation that is evaluated: the best by the linear response, at least 50. 1 evaluates all,
+        /// as the paper does.
         pub judged: Decimal [0.0..=1.0] = 0.25,
-        /// Best individuals that stay.
+        /// Share of the best individuals that are kept.
         pub elite: Decimal [0.0..=1.0] = EvolveOptions::PAPER.elite,
         /// Probability of a crossover.
         pub crossover: Decimal [0.0..=1.0] = EvolveOptions::PAPER.crossover,
         /// Probability of a mutation.
         pub mutation: Decimal [0.0..=1.0] = EvolveOptions::PAPER.mutation,
-        /// Generations without gain after which the search ends.
+        /// Stop after this many generations without improvement.
         pub stagnation: Option<usize> [1..=1_000_000],
-        /// Names the random numbers.
+        /// Seed of the random numbers.
         pub seed: Seed,
     }
     rules(rules)
     check(SearchOptions::check)
 }
 
-/// Keys that mean nothing along the gradient alone; a network, an evaluator and its accuracy are named in the stage.
+/// Keys without effect for `method: adjoint`.
 const GENETIC: [&str; 11] = [
     "evaluator",
     "evaluator_accuracy",
@@ -77,7 +78,7 @@ const GENETIC: [&str; 11] = [
     "refine",
 ];
 
-/// Keys that mean nothing to the genetic algorithm.
+/// Keys without effect for `method: ga`.
 const ADJOINT: [&str; 1] = ["starts"];
 
 fn rules(fields: Fields) -> Fields {
@@ -92,7 +93,7 @@ fn rules(fields: Fields) -> Fields {
 }
 
 impl SearchOptions {
-    /// Refuses keys that mean nothing with the method.
+    /// Refuses keys that have no effect with the method.
     fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
         let foreign: &[&str] = match self.method {
             Method::Ga => &ADJOINT,
@@ -100,8 +101,8 @@ impl SearchOptions {
         };
         if let Some((key, node)) = foreign.iter().find_map(|key| Some((key, map.optional(key)?))) {
             return Err(node
-                .error(format!("`{key}` means nothing with `method: {}`", self.method.name()))
-                .help("leave it out"));
+                .error(format!("`{key}` has no effect with `method: {}`", self.method.name()))
+                .help("remove it"));
         }
         match map.optional("units") {
             Some(node) if ![UNITS, CELLS].contains(&self.units) => Err(node
@@ -128,7 +129,7 @@ impl SearchOptions {
         }
     }
 
-    /// The canonical value of each key that the method uses.
+    /// The canonical values of the keys that the method uses.
     #[must_use]
     pub fn used(&self) -> Vec<(&'static str, Canonical)> {
         let mut entries = Vec::new();
@@ -152,17 +153,18 @@ impl SearchOptions {
         }
     }
 
-    /// How many local searches finish designs: one each, and of several each may be replaced.
+    /// The number of local searches after the genetic algorithm: one per design, and one per replacement of a weak
+    /// design.
     fn refinements(&self) -> u64 {
         self.designs as u64 * (1 + self.sweeps())
     }
 
-    /// How often weak ones of several designs are replaced.
+    /// How often weak designs are replaced if there are several designs.
     pub(crate) fn sweeps(&self) -> u64 {
         if self.designs > 1 { 2 } else { 0 }
     }
 
-    /// What these steps are: those of a genetic algorithm whose designs are refined are of two sorts.
+    /// The unit of [`SearchOptions::steps`].
     #[must_use]
     pub fn unit(&self) -> &'static str {
         match self.method {
@@ -172,7 +174,7 @@ impl SearchOptions {
         }
     }
 
-    /// How much work one step is, beside other settings.
+    /// The relative cost of one step.
     #[must_use]
     pub fn weight(&self) -> f64 {
         match self.method {

@@ -1,4 +1,4 @@
-//! Which of several designs is meant.
+//! Selects one design from an artifact.
 
 use std::cmp::Ordering;
 use std::fmt;
@@ -6,52 +6,53 @@ use std::fmt;
 use deaflow_base::InputError;
 use deaflow_pattern::Role;
 
-/// The most designs that an error lists.
+/// Maximum number of designs that an error lists.
 const LISTED: usize = 24;
 
-/// Which design is wanted; what is not said does not matter.
+/// Selects designs; `None` matches any.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DesignFilter<'a> {
-    /// The name of its target.
+    /// The name of the target.
     pub name: Option<&'a str>,
-    /// Its case.
+    /// The case.
     pub case: Option<&'a str>,
-    /// Its role.
+    /// The role.
     pub role: Option<&'a str>,
-    /// Its number among the different designs of a target.
+    /// The number among the different designs of a target, from 0.
     pub member: Option<u64>,
-    /// Its units along a side of the membrane.
+    /// Units along a side of the membrane.
     pub units: Option<u64>,
 }
 
-/// How good a design is by simulation: the less, the better.
+/// The simulated performance of a design. A smaller distance is better; for equal distances, a larger displacement.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Merit {
-    /// How far it is from the wanted displacements, mm; 0 where nothing but a direction is wanted.
+pub struct SimulatedScore {
+    /// Distance from the target displacements in mm; 0 if the target is a direction.
     pub distance_mm: f64,
-    /// How far it moves along the wanted directions, mm.
+    /// Displacement along the target directions in mm.
     pub along_mm: f64,
 }
 
-fn by_merit(a: Option<Merit>, b: Option<Merit>) -> Ordering {
+/// The best first; designs without a score last.
+fn by_score(a: Option<SimulatedScore>, b: Option<SimulatedScore>) -> Ordering {
     match (a, b) {
         (Some(a), Some(b)) => (a.distance_mm.total_cmp(&b.distance_mm)).then(b.along_mm.total_cmp(&a.along_mm)),
         (a, b) => a.is_none().cmp(&b.is_none()),
     }
 }
 
-/// What a design is called.
+/// The label of a design.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DesignLabel {
-    /// Its case, which may be empty.
+    /// The case; may be empty.
     pub case: String,
-    /// The name of its target.
+    /// The name of the target.
     pub name: String,
-    /// Its role.
+    /// The role.
     pub role: Role,
-    /// Its number among the different designs of a target.
+    /// The number among the different designs of a target, from 0.
     pub member: u64,
-    /// Its units along a side of the membrane.
+    /// Units along a side of the membrane.
     pub units: u64,
 }
 
@@ -86,43 +87,44 @@ impl DesignFilter<'_> {
             && self.units.is_none_or(|units| units == label.units)
     }
 
-    /// The row of the design that is wanted. Where only the target is known, that of the first role of refined, ga, optimum,
-    /// intuitive, own that it has, and of that role the best: that of the least merit, of equal ones the first. `merits` are those of the
-    /// rows; of designs that were not simulated none is known, and they come last.
+    /// The row of the selected design. Among the matching designs of one target, the first role of refined, ga,
+    /// optimum, intuitive, own is used, and of this role the design with the best score; ties go to the lowest member.
+    /// `scores` has one entry per row: `None` for a design without a simulation, which ranks last.
     ///
     /// # Errors
-    /// When none is as wanted, or several targets or kinds of designs are: with a list of them.
-    pub fn choose(&self, labels: &[DesignLabel], merits: &[Option<Merit>]) -> Result<usize, InputError> {
+    /// If no design matches, or several targets or kinds of designs match; the error lists them.
+    pub fn choose(&self, labels: &[DesignLabel], scores: &[Option<SimulatedScore>]) -> Result<usize, InputError> {
         let found: Vec<&DesignLabel> = labels.iter().filter(|label| self.matches(label)).collect();
         let Some(first) = found.first() else {
             let all = list(labels.iter().map(ToString::to_string));
-            return Err(InputError::new("no design is as wanted").help(format!("there are: {all}")));
+            return Err(InputError::new("no design matches").help(format!("available: {all}")));
         };
         if found.iter().any(|label| label.target() != first.target()) {
             let targets = list(found.iter().map(|label| label.target_text()));
-            return Err(InputError::new("there are designs of several targets")
-                .help(format!("give --design, and --case where two share a name: {targets}")));
+            return Err(InputError::new("designs of several targets match").help(format!(
+                "use --design, and --case if two targets share a name: {targets}"
+            )));
         }
-        let place = |label: &DesignLabel| (label.role, label.member);
+        let key = |label: &DesignLabel| (label.role, label.member);
         let role = found.iter().map(|label| label.role).min();
-        let of_role = labels.iter().zip(merits);
+        let of_role = labels.iter().zip(scores);
         let of_role = of_role.filter(|(label, _)| self.matches(label) && Some(label.role) == role);
-        let least = of_role.min_by(|(a, merit), (b, other)| by_merit(**merit, **other).then(a.member.cmp(&b.member)));
-        let least = least.map(|(label, _)| place(label));
-        let best = |label: &DesignLabel| self.matches(label) && Some(place(label)) == least;
-        let mut rows = (0..labels.len()).filter(|&row| best(&labels[row]));
+        let best = of_role.min_by(|(a, score), (b, other)| by_score(**score, **other).then(a.member.cmp(&b.member)));
+        let best = best.map(|(label, _)| key(label));
+        let is_best = |label: &DesignLabel| self.matches(label) && Some(key(label)) == best;
+        let mut rows = (0..labels.len()).filter(|&row| is_best(&labels[row]));
         match (rows.next(), rows.next()) {
             (Some(row), None) => Ok(row),
             _ => {
-                let several = list(labels.iter().filter(|label| best(label)).map(ToString::to_string));
-                Err(InputError::new("several designs are as wanted")
-                    .help(format!("give --role, --member and --units: {several}")))
+                let several = list(labels.iter().filter(|label| is_best(label)).map(ToString::to_string));
+                Err(InputError::new("several designs match")
+                    .help(format!("use --role, --member and --units: {several}")))
             }
         }
     }
 }
 
-/// Each once.
+/// Lists each text once.
 fn list(words: impl Iterator<Item = String>) -> String {
     let mut all: Vec<String> = Vec::new();
     for word in words {
@@ -163,9 +165,9 @@ mod tests {
     }
 
     #[test]
-    fn a_target_alone_means_its_refined_design_and_the_first_of_them() {
+    fn a_target_selects_its_first_refined_design() {
         let labels = labels();
-        let chosen = |wanted: &DesignFilter<'_>| wanted.choose(&labels, &[None; 6]).unwrap();
+        let chosen = |filter: &DesignFilter<'_>| filter.choose(&labels, &[None; 6]).unwrap();
         let named = |name, role| DesignFilter {
             name: Some(name),
             role,
@@ -187,28 +189,29 @@ mod tests {
     }
 
     #[test]
-    fn of_several_designs_the_best_by_simulation_is_meant() {
+    fn the_best_simulated_design_is_selected() {
         let labels: Vec<DesignLabel> = (0..4).map(|member| label("", "a", "refined", member, 20)).collect();
-        let merit = |distance_mm, along_mm| Some(Merit { distance_mm, along_mm });
-        let chosen = |merits: &[Option<Merit>]| DesignFilter::default().choose(&labels, merits).unwrap();
+        let score = |distance_mm, along_mm| Some(SimulatedScore { distance_mm, along_mm });
+        let chosen = |scores: &[Option<SimulatedScore>]| DesignFilter::default().choose(&labels, scores).unwrap();
         assert_eq!(
-            chosen(&[merit(0.006, 0.29), merit(0.0006, 0.3), None, merit(0.001, 0.31)]),
+            chosen(&[score(0.006, 0.29), score(0.0006, 0.3), None, score(0.001, 0.31)]),
             1
         );
-        assert_eq!(chosen(&[None, merit(0.0, 2.1), merit(0.0, 2.2), merit(0.0, 2.2)]), 2);
+        assert_eq!(chosen(&[None, score(0.0, 2.1), score(0.0, 2.2), score(0.0, 2.2)]), 2);
         assert_eq!(chosen(&[None; 4]), 0);
     }
 
     #[test]
-    fn what_is_not_there_or_not_alone_is_refused_with_what_there_is() {
-        let refused = |labels: &[DesignLabel], wanted: DesignFilter<'_>| {
-            let error = wanted.choose(labels, &vec![None; labels.len()]).unwrap_err();
+    fn missing_and_ambiguous_designs_are_refused_with_a_list() {
+        let refused = |labels: &[DesignLabel], filter: DesignFilter<'_>| {
+            let error = filter.choose(labels, &vec![None; labels.len()]).unwrap_err();
             format!("{error}: {}", miette::Diagnostic::help(&error).unwrap())
         };
         let all = refused(&labels(), DesignFilter::default());
         assert_eq!(
             all,
-            "there are designs of several targets: give --design, and --case where two share a name: case I, a; case II, b"
+            "designs of several targets match: use --design, and --case if two targets share a name: case I, a; \
+             case II, b"
         );
         let optimum = DesignFilter {
             role: Some("optimum"),
@@ -225,10 +228,10 @@ mod tests {
         };
         let none = refused(&labels(), none);
         assert!(
-            none.starts_with("no design is as wanted: there are: case I, a (ga"),
+            none.starts_with("no design matches: available: case I, a (ga"),
             "{none}"
         );
-        assert!(refused(&[], DesignFilter::default()).ends_with("there are: none"));
+        assert!(refused(&[], DesignFilter::default()).ends_with("available: none"));
         let many: Vec<DesignLabel> = (0..40).map(|member| label("", "a", "ga", member, 20)).collect();
         assert!(
             refused(

@@ -1,4 +1,4 @@
-//! What a design stage designs: one objective, or several by name.
+//! The targets of a design stage: one objective, or several with names.
 
 use std::collections::HashSet;
 use std::fmt;
@@ -10,60 +10,64 @@ use deaflow_base::{
 };
 use deaflow_scene::Scene;
 
-/// The name of an objective that stands by itself.
-const ALONE: &str = "design";
+/// The name of the target if a stage has a single objective.
+const SINGLE_NAME: &str = "design";
 
-/// Characters in a name: it is part of the names of files.
-const LONGEST: usize = 60;
+/// Maximum length of a name; file names contain it.
+const MAX_LENGTH: usize = 60;
 
-/// A wanted area fraction; `None` where any will do.
+/// A target area fraction; `None` if the area is free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Area(pub Option<Decimal>);
 
-/// A name that can be part of the name of a file.
+/// A name that can be part of a file name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Name(String);
 
+/// The label of a design stage for tables: text on one line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CaseLabel(pub String);
+
 parameters! {
-    /// One of several things to design.
+    /// One of several targets.
     struct NamedTarget as "a target" {
         /// Its name.
         name: Name,
-        /// What the design is for.
+        /// The objective of the design.
         objective: Objective,
-        /// Wanted area fraction of the electrode, as in 0.5 or `50 %`, or `free` where any will do.
+        /// Target area fraction of the electrodes, such as 0.5 or `50 %`, or `free`.
         area: Option<Area>,
     }
 }
 
 parameters! {
-    /// What is designed.
+    /// The targets of a design stage.
     pub struct Targets as "a design stage" {
-        /// What the design is for.
+        /// The objective of the design.
         objective: Option<Objective>,
-        /// Several designs in one stage, each with a name of its own.
+        /// Several targets with unique names, in place of `objective`.
         targets: Option<Vec<NamedTarget>> [((), 1..=10_000)],
-        /// Wanted area fraction of the electrode, as in 0.5 or `50 %`, or `free` where any will do.
+        /// Target area fraction of the electrodes, such as 0.5 or `50 %`, or `free`.
         area: Area = 0.5,
     }
-    rules(either)
+    rules(objective_or_targets)
     check(Targets::check)
 }
 
-/// One thing to design.
+/// A target in a scene.
 #[derive(Clone, Debug)]
 pub struct Target {
     /// Its name.
     pub name: String,
-    /// What it is for.
+    /// The objective.
     pub objective: Objective,
-    /// Its area.
+    /// The target area.
     pub area: Area,
-    /// Both, in the scene.
+    /// Objective and area, in the scene.
     pub goal: Goal,
 }
 
-fn either(fields: Fields) -> Fields {
+fn objective_or_targets(fields: Fields) -> Fields {
     fields.exactly_one(&["objective", "targets"])
 }
 
@@ -71,8 +75,8 @@ impl Targets {
     fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
         match (map.optional("objective"), map.optional("targets")) {
             (Some(node), Some(_)) => Err(node
-                .error("`objective` cannot stand beside `targets`, each of which has its own")
-                .help("give either")),
+                .error("`objective` cannot be used with `targets`: each target has its own")
+                .help("remove one of them")),
             (None, None) => map.required(Self::WHAT, "objective").map(|_| ()),
             (_, None) => Ok(()),
             (None, Some(list)) => {
@@ -80,7 +84,7 @@ impl Targets {
                 for (target, item) in self.targets.iter().flatten().zip(list.list("targets")?) {
                     if !names.insert(&target.name.0) {
                         let node = item.peek("name").unwrap_or(item);
-                        return Err(node.error(format!("two targets are named `{}`", target.name.0)));
+                        return Err(node.error(format!("duplicate target name `{}`", target.name.0)));
                     }
                 }
                 Ok(())
@@ -88,23 +92,20 @@ impl Targets {
         }
     }
 
-    /// The targets in a scene, with the weight of the area in the fitness; areas are those of the stage unless a
-    /// target has its own. `map` is what they were read from.
+    /// The targets in a scene. `penalty` is the weight of the area in the fitness, `map` the source of the targets. A
+    /// target without an area has that of the stage.
     ///
     /// # Errors
-    /// When an objective is none in that scene.
+    /// If an objective is invalid in the scene.
     pub fn in_scene(self, map: &Map<'_>, scene: &Scene, penalty: f64) -> Result<Vec<Target>, InputError> {
         let target = |name: String, objective: Objective, area: Area, node: Option<&Node>| {
-            let goal = objective
-                .goal(scene, area.fraction(), penalty)
-                .map_err(|e| match node {
-                    // Of a point alone the fault is in its own value, which `--set` may have given.
-                    Some(node) => match &e {
-                        GoalError::Point { .. } => node.peek("point").unwrap_or(node).error(e.to_string()),
-                        _ => node.error(e.to_string()),
-                    },
-                    None => InputError::new(e.to_string()),
-                })?;
+            let located = |error: GoalError| match (node, &error) {
+                // `--set` may have set the point alone.
+                (Some(node), GoalError::Point { .. }) => node.peek("point").unwrap_or(node).error(error.to_string()),
+                (Some(node), _) => node.error(error.to_string()),
+                (None, _) => InputError::new(error.to_string()),
+            };
+            let goal = objective.goal(scene, area.fraction(), penalty).map_err(located)?;
             Ok(Target {
                 name,
                 objective,
@@ -114,7 +115,7 @@ impl Targets {
         };
         if let Some(objective) = self.objective {
             let node = map.optional("objective");
-            return Ok(vec![target(ALONE.to_owned(), objective, self.area, node)?]);
+            return Ok(vec![target(SINGLE_NAME.to_owned(), objective, self.area, node)?]);
         }
         let items = map
             .optional("targets")
@@ -143,7 +144,7 @@ impl Target {
 }
 
 impl Area {
-    /// As a number.
+    /// The fraction as a number.
     #[must_use]
     pub fn fraction(self) -> Option<f64> {
         self.0.map(Decimal::to_f64)
@@ -170,12 +171,12 @@ impl Parameter for Area {
         let area = Decimal::read(node, key, &(0.0..=1.0));
         area.map(|area| Self(Some(area))).map_err(|_| {
             let why = match node.percentage() {
-                Some(area) if area.to_f64() > 1.0 => ": more than all of the membrane",
-                Some(_) => ": less than nothing",
+                Some(area) if area.to_f64() > 1.0 => ": larger than the membrane",
+                Some(_) => ": negative",
                 None => "",
             };
             node.error(format!("`{key}` is {}{why}", node.found()))
-                .help("allowed: an area fraction from 0 to 1, one in per cent such as `50 %`, or `free`")
+                .help("allowed: an area fraction from 0 to 1, a percentage such as `50 %`, or `free`")
         })
     }
 
@@ -199,11 +200,11 @@ impl Parameter for Name {
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
         let name = node.text(key)?;
         let is_text = matches!(node.value(), NodeValue::Text(_));
-        if !is_text || !is_plain_name(name, LONGEST) {
+        if !is_text || !is_plain_name(name, MAX_LENGTH) {
             return Err(node
-                .error(format!("a target cannot be named {}", node.found()))
+                .error(format!("invalid target name {}", node.found()))
                 .help(format!(
-                    "allowed: up to {LONGEST} letters, digits, '_' and '-'; a number in quotes"
+                    "allowed: up to {MAX_LENGTH} letters, digits, '_' and '-'; a number in quotes"
                 )));
         }
         Ok(Self(name.to_owned()))
@@ -215,6 +216,34 @@ impl Parameter for Name {
 
     fn schema((): &()) -> Schema {
         Schema::matching("^[A-Za-z0-9_-]{1,60}$")
+    }
+
+    fn literal(literal: &'static str) -> Self {
+        Self(literal.to_owned())
+    }
+}
+
+impl Parameter for CaseLabel {
+    type Limits = ();
+    type Literal = &'static str;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        let label = node.text(key)?;
+        // Artifacts limit the length of text in bytes.
+        match label.len() {
+            1..=60 if !label.contains('\n') && matches!(node.value(), NodeValue::Text(_)) => Ok(Self(label.to_owned())),
+            _ => Err(node
+                .error(format!("`{key}` is not a valid label"))
+                .help("allowed: 1 to 60 letters on one line; a number in quotes")),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(self.0.as_str().into())
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::matching("^[^\\n]{1,60}$")
     }
 
     fn literal(literal: &'static str) -> Self {
@@ -235,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn an_area_in_per_cent_is_the_same_fraction() {
+    fn percentages_are_area_fractions() {
         for (text, same) in [("50 %", "0.5"), ("12.5%", "0.125"), ("100 %", "1"), ("\"0 %\"", "0")] {
             assert_eq!(area(text).unwrap(), area(same).unwrap(), "{text}");
             assert_eq!(

@@ -1,8 +1,8 @@
-//! Declared values in their own YAML syntax on one line, as artifacts keep them.
+//! Values as YAML on one line, as artifacts store them.
 
 use deaflow_base::Canonical;
 
-/// A mapping of keys and values that are texts already; `{}` where there are none.
+/// Formats a mapping whose values are already text; `{}` if it is empty.
 pub(super) fn flow_mapping<K: AsRef<str>>(entries: impl IntoIterator<Item = (K, String)>) -> String {
     let entries: Vec<String> = entries
         .into_iter()
@@ -14,7 +14,7 @@ pub(super) fn flow_mapping<K: AsRef<str>>(entries: impl IntoIterator<Item = (K, 
     }
 }
 
-/// A canonical value.
+/// Formats a canonical value.
 pub(super) fn flow_value(value: &Canonical) -> String {
     match value {
         Canonical::List(items) => {

@@ -65,7 +65,6 @@ mod work;
 pub use accurate::{AccurateSimulation, AccurateSolver};
 pub use cells::wrinkled_fraction;
 pub use critical::{CriticalVoltage, MeshLimit};
-pub use effects::breakdown_strength;
 pub use error::SetupError;
 pub use evaluator::{
     CellStates, MeshRequest, Method, Solver, SolverParameters, UnknownMethod, check_leads, revision_of,

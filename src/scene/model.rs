@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::drive::{Drive, States, UnknownState, Voltages};
-use super::effects::{Effects, On, Properties};
+use super::effects::{Breakdown, Effects, On, Properties};
 use super::geometry::{Body, Geometry};
 use super::leads::Leads;
 use super::waveform::Waveform;
@@ -252,6 +252,13 @@ impl Scene {
             sum / cells.len() as f64
         };
         (!cells.is_empty()).then(|| [mean(0), mean(1)])
+    }
+
+    /// Returns the breakdown strength of the elastomer, from the effects or the properties.
+    #[must_use]
+    pub fn breakdown_strength(&self) -> Option<&Breakdown> {
+        let properties = self.properties.dielectric_breakdown.as_ref();
+        self.effects.dielectric_breakdown.as_ref().or(properties)
     }
 
     /// Returns the cells that can carry electrodes; `None` if all can.

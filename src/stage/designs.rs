@@ -5,7 +5,7 @@ use std::path::Path;
 use super::direct::{self, read_scene};
 use deaflow_base::InputError;
 use deaflow_content::{ArtifactKind, DesignRows, StoredAttribute, Verification, VerificationView};
-use deaflow_design::{DesignFilter, DesignLabel, Merit};
+use deaflow_design::{DesignFilter, DesignLabel, SimulatedScore};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, StoreError};
@@ -38,7 +38,7 @@ impl Design {
 /// The designs of an artifact.
 pub struct Designs {
     labels: Vec<DesignLabel>,
-    merits: Vec<Option<Merit>>,
+    scores: Vec<Option<SimulatedScore>>,
     patterns: Vec<Pattern>,
     scene: Scene,
     source: String,
@@ -64,13 +64,13 @@ impl Designs {
             member: member[i],
             units: units[i],
         };
-        let merits = match kind {
-            Some(ArtifactKind::Verify) => merits(&Verification::open(artifact)?)?,
+        let scores = match kind {
+            Some(ArtifactKind::Verify) => scores(&Verification::open(artifact)?)?,
             _ => vec![None; case.len()],
         };
         Ok(Some(Self {
             labels: (0..case.len()).map(label).collect(),
-            merits,
+            scores,
             patterns: rows.patterns().read()?,
             scene: StoredAttribute::new(artifact, "scene").read()?,
             source: format!("artifact {}", artifact.digest()),
@@ -82,7 +82,7 @@ impl Designs {
     /// # Errors
     /// If no design matches, or those of several targets or roles do; the error lists them.
     pub fn choose(&self, filter: &DesignFilter<'_>) -> Result<Design, InputError> {
-        let row = filter.choose(&self.labels, &self.merits)?;
+        let row = filter.choose(&self.labels, &self.scores)?;
         Ok(Design {
             title: self.labels[row].to_string(),
             label: Some(self.labels[row].clone()),
@@ -95,13 +95,13 @@ impl Designs {
 }
 
 /// Returns the scores of the designs of a `verify` stage; `None` for those without a field.
-fn merits(view: &VerificationView<'_>) -> Result<Vec<Option<Merit>>, StoreError> {
+fn scores(view: &VerificationView<'_>) -> Result<Vec<Option<SimulatedScore>>, StoreError> {
     let (distance, along) = (
         view.component().distance().read()?,
         view.component().simulated().read()?,
     );
-    let merit = |row: usize| {
-        Some(Merit {
+    let score = |row: usize| {
+        Some(SimulatedScore {
             distance_mm: *distance.get(row)?,
             along_mm: *along.get(row)?,
         })
@@ -109,7 +109,7 @@ fn merits(view: &VerificationView<'_>) -> Result<Vec<Option<Merit>>, StoreError>
     Ok(view
         .simulated_rows()?
         .into_iter()
-        .map(|row| row.and_then(merit))
+        .map(|row| row.and_then(score))
         .collect())
 }
 

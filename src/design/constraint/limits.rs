@@ -1,28 +1,28 @@
-//! What is asked of a pattern, in the terms in which people ask it.
+//! Constraints in mm and counts, as users state them, and their conversion to cells.
 
 use super::morphology::opened;
 use super::raster::RasterConstraints;
 use deaflow_pattern::{Bits, Membrane, Region};
 
-/// Widths within this part of a cell are equal: rounding must not widen a feature by a cell.
+/// Tolerance of widths, in cells: rounding must not widen a feature by a cell.
 const RESOLUTION: f64 = 1e-9;
 
-/// What is asked of a pattern; by default nothing.
+/// Limits on a pattern; none by default.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Limits {
-    /// The least width of electrodes and gaps in mm.
+    /// Minimum width of electrodes and gaps in mm.
     pub min_feature_mm: Option<f64>,
-    /// The least distance between electrodes of different groups in mm; that of `min_feature_mm` where this is larger.
+    /// Minimum distance between electrodes of different groups in mm; `min_feature_mm` if that is larger.
     pub gap_mm: Option<f64>,
-    /// The largest number of 4-connected pieces, of each group.
+    /// Maximum number of 4-connected pieces of each group.
     pub islands: Option<usize>,
-    /// Every piece must touch the frame on one of these sides.
+    /// Each piece must touch the frame on one of these sides.
     pub leads: Option<Sides>,
-    /// Cells whose centre lies in one of these are never active.
+    /// Regions without electrodes: a cell is excluded if its centre lies in one of them.
     pub keep_out: Vec<Region>,
-    /// Breakdown must be at least this many times away; not told from the pattern.
+    /// Minimum ratio of breakdown field to largest field; needs a simulation.
     pub breakdown_margin: Option<f64>,
-    /// Pull-in must be at least this many times away; not told from the pattern.
+    /// Minimum ratio of pull-in voltage to voltage; needs a simulation.
     pub pull_in_margin: Option<f64>,
 }
 
@@ -39,74 +39,70 @@ pub struct Sides {
     pub top: bool,
 }
 
-/// Constraints that no pattern can keep, or that are none.
+/// Invalid constraints, or constraints that no pattern satisfies.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConstraintError {
-    /// Not a length, count or margin.
+    /// A number is out of range.
     #[error("`{name}` must be {allowed}, found {found}")]
     Number {
-        /// Which.
+        /// The key.
         name: &'static str,
-        /// What was found.
+        /// The value.
         found: f64,
-        /// What is allowed.
+        /// The allowed values.
         allowed: &'static str,
     },
-    /// Wider than all there is.
-    #[error("`min_feature` is {found} mm, more than the membrane of {size}")]
+    /// The minimum width exceeds the membrane.
+    #[error("`min_feature` is {found} mm, larger than the membrane of {size}")]
     Feature {
-        /// The least width in mm.
+        /// The minimum width in mm.
         found: f64,
         /// The sides of the membrane.
         size: String,
     },
-    /// Wider than all there is.
-    #[error("`gap` is {found} mm, more than the membrane of {size}")]
+    /// The minimum distance exceeds the membrane.
+    #[error("`gap` is {found} mm, larger than the membrane of {size}")]
     Gap {
-        /// The least distance in mm.
+        /// The minimum distance in mm.
         found: f64,
         /// The sides of the membrane.
         size: String,
     },
-    /// A distance between groups where there is one.
-    #[error("`gap` is the distance between groups of electrodes, and the scene has one group")]
+    /// A distance between groups needs several groups.
+    #[error("`gap` is the distance between groups of electrodes; the scene has only one group")]
     OneGroup,
-    /// A region without a cell.
-    #[error("`keep_out` number {number} holds no cell of the membrane of {size}: no cell has its centre in it")]
+    /// A region contains no cell.
+    #[error("`keep_out` number {number} contains no cell centre of the membrane of {size}")]
     Outside {
-        /// Which region, from 1.
+        /// The number of the region, from 1.
         number: usize,
         /// The sides of the membrane.
         size: String,
     },
-    /// No side to lead out on.
+    /// No side for leads.
     #[error("`leads` names no side of the frame; allowed: left, right, bottom, top")]
     NoSide,
     /// No electrode can touch a side.
-    #[error(
-        "`leads`: no electrode of the least width can touch the frame on the {side}: `keep_out` leaves no room there"
-    )]
+    #[error("`leads`: `keep_out` leaves no space for an electrode at the frame on the {side}")]
     Side {
         /// The side's name.
         side: &'static str,
     },
-    /// Nothing can be active.
-    #[error("`keep_out` and `min_feature` leave no room for any electrode")]
-    NoRoom,
-    /// An area that is not left.
-    #[error("an area fraction of {area} cannot be had: the constraints leave {largest:.4} at most")]
-    TooMuchArea {
-        /// The wanted area fraction.
+    /// No cell can be active.
+    #[error("`keep_out` and `min_feature` leave no space for electrodes")]
+    NoSpace,
+    /// The area exceeds what the constraints allow.
+    #[error("area fraction {area} is not possible: the constraints allow at most {largest:.4}")]
+    AreaTooLarge {
+        /// The target area fraction.
         area: f64,
-        /// The largest that is left.
+        /// An upper bound of the area fraction.
         largest: f64,
     },
-    /// An area smaller than the smallest electrode.
-    #[error(
-        "an area fraction of {area} cannot be had: the smallest electrode that `min_feature` allows has {smallest:.4}"
-    )]
-    TooLittleArea {
-        /// The wanted area fraction.
+    /// The area is smaller than the smallest electrode.
+    #[error("area fraction {area} is not possible: the smallest electrode of width `min_feature` has {smallest:.4}")]
+    AreaTooSmall {
+        /// The target area fraction.
         area: f64,
         /// The area fraction of the smallest electrode.
         smallest: f64,
@@ -122,10 +118,10 @@ impl Sides {
         top: true,
     };
 
-    /// The names of the sides in the order of [`Sides::named`].
+    /// The names of the sides, in the order of [`Sides::named`].
     pub const NAMES: [&'static str; 4] = ["left", "right", "bottom", "top"];
 
-    /// Each side with whether it is one of these.
+    /// Each side, and whether it is included.
     #[must_use]
     pub fn named(self) -> [(&'static str, bool); 4] {
         let [left, right, bottom, top] = Self::NAMES;
@@ -137,29 +133,24 @@ impl Sides {
         ]
     }
 
-    /// The cells of a room at the side of this name: in each row or column the first one from there, which lies at the frame.
-    fn cells(name: &str, room: &Bits) -> Bits {
-        let [columns, rows] = room.sides();
+    /// The cells next to the frame on one side: the first cell of each row or column from that side.
+    fn cells(name: &str, membrane: &Bits) -> Bits {
         let is_row = matches!(name, "left" | "right");
-        let is_near = matches!(name, "left" | "bottom");
-        let (lines, places) = if is_row { (rows, columns) } else { (columns, rows) };
-        let first: Vec<Option<usize>> = (0..lines)
-            .map(|line| {
-                let has = |place: &usize| {
-                    if is_row {
-                        room.has(*place, line)
-                    } else {
-                        room.has(line, *place)
-                    }
-                };
-                if is_near {
-                    (0..places).find(has)
-                } else {
-                    (0..places).rev().find(has)
-                }
-            })
-            .collect();
-        Bits::from_fn(room.raster(), |x, y| match is_row {
+        let from_low = matches!(name, "left" | "bottom");
+        let [columns, rows] = membrane.sides();
+        let (lines, length) = if is_row { (rows, columns) } else { (columns, rows) };
+        let first = |line: usize| {
+            let has = |at: &usize| match is_row {
+                true => membrane.has(*at, line),
+                false => membrane.has(line, *at),
+            };
+            match from_low {
+                true => (0..length).find(has),
+                false => (0..length).rfind(has),
+            }
+        };
+        let first: Vec<Option<usize>> = (0..lines).map(first).collect();
+        Bits::from_fn(membrane.raster(), |x, y| match is_row {
             true => first[y] == Some(x),
             false => first[x] == Some(y),
         })
@@ -167,21 +158,22 @@ impl Sides {
 }
 
 impl Limits {
-    /// Whether a margin is asked for, which takes a simulation to check.
+    /// Whether there is a margin, which needs a simulation to check.
     #[must_use]
     pub fn has_margins(&self) -> bool {
         self.breakdown_margin.is_some() || self.pull_in_margin.is_some()
     }
 
-    /// What the limits mean for the cells of a membrane.
+    /// The limits in cells of a membrane; `available` are the cells that may carry electrodes.
     pub(super) fn raster(
         &self,
         membrane: Membrane,
-        within: Option<&Bits>,
+        available: Option<&Bits>,
     ) -> Result<RasterConstraints, ConstraintError> {
         let feature = self.feature(membrane)?;
         self.check_numbers()?;
-        let mut free = within.cloned().unwrap_or_else(|| Bits::full(membrane.raster));
+        let available = available.cloned().unwrap_or_else(|| Bits::full(membrane.raster));
+        let mut free = available.clone();
         for (index, region) in self.keep_out.iter().enumerate() {
             let cells = region.cells(membrane);
             if cells.is_empty() {
@@ -190,24 +182,23 @@ impl Limits {
             }
             free = free.without(&cells);
         }
-        let mut room = opened(&free, feature);
-        if room.is_empty() {
-            return Err(ConstraintError::NoRoom);
+        let mut allowed = opened(&free, feature);
+        if allowed.is_empty() {
+            return Err(ConstraintError::NoSpace);
         }
-        let membrane = within.cloned().unwrap_or_else(|| Bits::full(membrane.raster));
-        let leads = self.contacts(&membrane, &room)?;
+        let leads = self.lead_cells(&available, &allowed)?;
         if let Some(leads) = &leads {
-            room = room.flooded(leads);
+            allowed = allowed.flooded(leads);
         }
         Ok(RasterConstraints {
-            allowed: room,
+            allowed,
             feature,
             islands: self.islands,
             leads,
         })
     }
 
-    /// The least width in cells along x and y.
+    /// The minimum width in cells along x and y.
     fn feature(&self, membrane: Membrane) -> Result<[usize; 2], ConstraintError> {
         for side in membrane.size_mm {
             positive("side", side)?;
@@ -215,11 +206,13 @@ impl Limits {
         let Some(found) = self.min_feature_mm else {
             return Ok([1; 2]);
         };
-        let refused = |size| ConstraintError::Feature { found, size };
-        in_whole_cells("min_feature", found, membrane)?.ok_or_else(|| refused(membrane.size_text()))
+        in_whole_cells("min_feature", found, membrane)?.ok_or_else(|| ConstraintError::Feature {
+            found,
+            size: membrane.size_text(),
+        })
     }
 
-    /// The least number of columns, or else of rows, between electrodes of different groups.
+    /// The minimum number of columns or rows between electrodes of different groups.
     pub(super) fn gap(&self, membrane: Membrane, groups: usize) -> Result<[usize; 2], ConstraintError> {
         if self.gap_mm.is_some() && groups == 1 {
             return Err(ConstraintError::OneGroup);
@@ -232,8 +225,10 @@ impl Limits {
         let Some(found) = widest else {
             return Ok([0; 2]);
         };
-        let refused = |size| ConstraintError::Gap { found, size };
-        in_whole_cells("gap", found, membrane)?.ok_or_else(|| refused(membrane.size_text()))
+        in_whole_cells("gap", found, membrane)?.ok_or_else(|| ConstraintError::Gap {
+            found,
+            size: membrane.size_text(),
+        })
     }
 
     fn check_numbers(&self) -> Result<(), ConstraintError> {
@@ -257,14 +252,15 @@ impl Limits {
         Ok(())
     }
 
-    /// The cells of the room at a wanted side of a membrane. With the whole frame wanted some sides may be kept out, but not all.
-    fn contacts(&self, membrane: &Bits, room: &Bits) -> Result<Option<Bits>, ConstraintError> {
+    /// The allowed cells next to the frame on the sides for leads. If all sides are named, some of them may be kept
+    /// out.
+    fn lead_cells(&self, membrane: &Bits, allowed: &Bits) -> Result<Option<Bits>, ConstraintError> {
         let Some(sides) = self.leads else { return Ok(None) };
-        let wanted = || sides.named().into_iter().filter(|(_, wanted)| *wanted);
-        let at = |side| Sides::cells(side, membrane).and(room);
-        let none = Bits::empty(room.raster());
-        let all = wanted().fold(none, |all, (side, _)| all.or(&at(side)));
-        match wanted().find(|(side, _)| at(side).is_empty()) {
+        let required = || sides.named().into_iter().filter(|(_, required)| *required);
+        let at = |side| Sides::cells(side, membrane).and(allowed);
+        let none = Bits::empty(allowed.raster());
+        let all = required().fold(none, |all, (side, _)| all.or(&at(side)));
+        match required().find(|(side, _)| at(side).is_empty()) {
             Some((side, _)) if sides != Sides::ALL || all.is_empty() => Err(ConstraintError::Side { side }),
             _ if all.is_empty() => Err(ConstraintError::NoSide),
             _ => Ok(Some(all)),
@@ -283,7 +279,7 @@ fn positive(name: &'static str, found: f64) -> Result<f64, ConstraintError> {
     }
 }
 
-/// The columns and rows that a length takes; `None` where there are not as many.
+/// A length in columns and rows, rounded up; `None` if the membrane has fewer.
 fn in_whole_cells(
     name: &'static str,
     length_mm: f64,

@@ -1,10 +1,11 @@
-//! What a design must keep to so that it can be made, wired and run.
+//! Constraints that make a design possible to manufacture, to wire and to operate.
 //!
-//! Widths are those of squares: an electrode is at least f wide where squares of side f that lie within it cover it, and a gap
-//! where squares within the gap do; all outside of the membrane is gap. So the pattern equals its opening and its closing by a
-//! square of as many cells (Serra, Image Analysis and Mathematical Morphology, 1982).
+//! An electrode is at least f wide if squares of side f inside it cover it. A gap is at least f wide if squares of
+//! side f outside the electrodes cover it; everything outside the membrane counts as gap. Such a pattern equals its
+//! opening and its closing by a square of that many cells (Serra, Image Analysis and Mathematical Morphology, 1982).
 
 mod blocks;
+mod connect;
 mod limits;
 mod morphology;
 mod parameters;
@@ -28,49 +29,43 @@ use raster::RasterConstraints;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constraints {
     limits: Limits,
-    membrane: Membrane,
-    /// The cells that may carry electrodes, where there are frames or bodies.
-    room: Option<Bits>,
-    /// What the electrodes of each group keep to.
+    domain: DesignDomain,
+    /// Constraints on the electrodes of each group.
     raster: RasterConstraints,
-    groups: usize,
-    equivalence: PatternEquivalence,
-    /// The least number of columns, or else of rows, between electrodes of different groups.
+    /// Minimum number of columns or rows between electrodes of different groups.
     gap: [usize; 2],
-    /// The cells of the raster, row by row from below.
-    allowed: Box<[bool]>,
 }
 
-/// What constraints are on: a membrane, what frames and bodies leave of it, and how many groups of electrodes there are.
-#[derive(Clone, Debug)]
-pub struct Ground {
-    /// Its sides and cells.
+/// The membrane that is designed: the cells available for electrodes and the electrode groups.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DesignDomain {
+    /// The membrane.
     pub membrane: Membrane,
-    /// The cells that may carry electrodes, where there are frames or bodies.
-    pub room: Option<Bits>,
-    /// How many groups there are.
+    /// The cells that may carry electrodes; `None` if there are no frames or bodies.
+    pub available: Option<Bits>,
+    /// The number of electrode groups.
     pub groups: usize,
-    /// Which patterns move it alike.
+    /// Which patterns give equivalent displacements.
     pub equivalence: PatternEquivalence,
 }
 
-impl From<Membrane> for Ground {
-    /// With room for one group everywhere.
+impl From<Membrane> for DesignDomain {
+    /// One group; electrodes may be anywhere.
     fn from(membrane: Membrane) -> Self {
         Self {
             membrane,
-            room: None,
+            available: None,
             groups: 1,
             equivalence: PatternEquivalence::new(membrane.symmetries(), vec![1]),
         }
     }
 }
 
-impl From<&Scene> for Ground {
+impl From<&Scene> for DesignDomain {
     fn from(scene: &Scene) -> Self {
         Self {
             membrane: scene.membrane(),
-            room: scene.free_cells(),
+            available: scene.free_cells(),
             groups: scene.groups(),
             equivalence: PatternEquivalence::new(scene.symmetries(), scene.alike_groups()),
         }
@@ -78,117 +73,102 @@ impl From<&Scene> for Ground {
 }
 
 impl Constraints {
-    /// None.
+    /// No constraints.
     #[must_use]
     pub fn none(membrane: Membrane) -> Self {
-        let raster = RasterConstraints::none(membrane.raster);
-        Self::of(membrane.into(), Limits::default(), raster, [0; 2])
-    }
-
-    /// The constraints of a membrane.
-    ///
-    /// # Errors
-    /// When a number is out of range, or the constraints contradict each other.
-    pub fn new(limits: Limits, on: impl Into<Ground>) -> Result<Self, ConstraintError> {
-        let on = on.into();
-        let raster = limits.raster(on.membrane, on.room.as_ref())?;
-        let gap = limits.gap(on.membrane, on.groups)?;
-        Ok(Self::of(on, limits, raster, gap))
-    }
-
-    fn of(on: Ground, limits: Limits, raster: RasterConstraints, gap: [usize; 2]) -> Self {
-        let Ground {
-            membrane,
-            room,
-            groups,
-            equivalence,
-        } = on;
-        let columns = membrane.raster.columns();
-        let allowed = (0..membrane.raster.cells()).map(|cell| raster.allowed.has(cell % columns, cell / columns));
         Self {
-            allowed: allowed.collect(),
-            limits,
-            membrane,
-            room,
-            raster,
-            groups,
-            equivalence,
-            gap,
+            limits: Limits::default(),
+            domain: membrane.into(),
+            raster: RasterConstraints::none(membrane.raster),
+            gap: [0; 2],
         }
     }
 
-    /// Which patterns move the device alike.
+    /// Converts limits to constraints on the cells of a membrane.
+    ///
+    /// # Errors
+    /// If a number is out of range, or the limits contradict each other.
+    pub fn new(limits: Limits, domain: impl Into<DesignDomain>) -> Result<Self, ConstraintError> {
+        let domain = domain.into();
+        Ok(Self {
+            raster: limits.raster(domain.membrane, domain.available.as_ref())?,
+            gap: limits.gap(domain.membrane, domain.groups)?,
+            limits,
+            domain,
+        })
+    }
+
+    /// Which patterns give equivalent displacements.
     #[must_use]
     pub fn equivalence(&self) -> &PatternEquivalence {
-        &self.equivalence
+        &self.domain.equivalence
     }
 
-    /// How many groups of electrodes there are.
+    /// The number of electrode groups.
     #[must_use]
     pub fn groups(&self) -> usize {
-        self.groups
+        self.domain.groups
     }
 
-    /// The cells that may carry electrodes, where there are frames or bodies.
+    /// The cells that may carry electrodes; `None` if there are no frames or bodies.
     #[must_use]
-    pub fn room(&self) -> Option<&Bits> {
-        self.room.as_ref()
+    pub fn available(&self) -> Option<&Bits> {
+        self.domain.available.as_ref()
     }
 
-    /// What they are drawn on.
+    /// The membrane.
     #[must_use]
     pub fn membrane(&self) -> Membrane {
-        self.membrane
+        self.domain.membrane
     }
 
-    /// What was asked for.
+    /// The limits from which the constraints were made.
     #[must_use]
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
 
-    /// Whether nothing is asked of the pattern itself; margins may be.
+    /// Whether any pattern is valid; margins are ignored.
     #[must_use]
-    pub fn is_free(&self) -> bool {
-        self.raster.is_none() && self.gap == [0; 2]
+    pub fn allow_any_pattern(&self) -> bool {
+        self.raster.allow_any() && self.gap == [0; 2]
     }
 
-    /// Columns and rows of the square that electrodes and gaps are at least as wide as; 1 × 1 where nothing is asked.
+    /// The minimum width of electrodes and gaps in columns and rows; 1 × 1 without a minimum.
     #[must_use]
     pub fn feature_cells(&self) -> [usize; 2] {
         self.raster.feature
     }
 
-    /// For each cell, row by row from below, whether any pattern that keeps the constraints may have it active: it is not kept
-    /// out, and an electrode of the least width that can reach a lead covers it.
+    /// The cells that are active in some valid pattern: not kept out, and covered by an electrode of the minimum width
+    /// that can reach a lead.
     #[must_use]
-    pub fn allowed(&self) -> &[bool] {
-        &self.allowed
+    pub fn allowed(&self) -> &Bits {
+        &self.raster.allowed
     }
 
-    /// The largest area fraction that a pattern within the constraints has at most.
+    /// An upper bound of the area fraction of valid patterns.
     #[must_use]
     pub fn largest_area(&self) -> f64 {
-        self.raster.most_cells() as f64 / self.all()
+        self.raster.most_cells() as f64 / self.cells()
     }
 
-    /// All cells of the membrane.
-    fn all(&self) -> f64 {
-        self.membrane.raster.cells() as f64
+    fn cells(&self) -> f64 {
+        self.domain.membrane.raster.cells() as f64
     }
 
-    /// Whether some pattern may have an area fraction within a tolerance, as far as can be told without searching.
+    /// Checks an area fraction with its tolerance against bounds that need no search.
     ///
     /// # Errors
-    /// When there is none: the area is more than the constraints leave, or less than the smallest electrode.
+    /// If the constraints leave less area, or the smallest electrode is larger.
     pub fn check_area(&self, area: f64, tolerance: f64) -> Result<(), ConstraintError> {
         let largest = self.largest_area();
         if area > largest + tolerance {
-            return Err(ConstraintError::TooMuchArea { area, largest });
+            return Err(ConstraintError::AreaTooLarge { area, largest });
         }
-        let smallest = (self.raster.feature[0] * self.raster.feature[1]) as f64 / self.all();
+        let smallest = (self.raster.feature[0] * self.raster.feature[1]) as f64 / self.cells();
         if area > tolerance && area + tolerance < smallest {
-            return Err(ConstraintError::TooLittleArea { area, smallest });
+            return Err(ConstraintError::AreaTooSmall { area, smallest });
         }
         Ok(())
     }
@@ -199,61 +179,61 @@ impl Constraints {
         pattern.within(&self.raster.allowed)
     }
 
-    /// A pattern as the electrodes of as many groups as there are.
+    /// The electrodes of a pattern, one layer per group.
     #[must_use]
     pub fn layers(&self, pattern: &Pattern) -> Layers {
-        Layers::of(pattern, self.groups)
+        Layers::of(pattern, self.groups())
     }
 
-    /// Whether a pattern keeps all that can be told from the pattern alone: all but the margins.
+    /// Whether a pattern is valid; margins are ignored.
     #[must_use]
-    pub fn hold(&self, pattern: &Pattern) -> bool {
-        self.hold_layers(&self.layers(pattern))
+    pub fn satisfied_by(&self, pattern: &Pattern) -> bool {
+        self.satisfied_by_layers(&self.layers(pattern))
     }
 
-    /// The same of the electrodes of each group.
+    /// [`Constraints::satisfied_by`] for the electrodes of each group.
     #[must_use]
-    pub fn hold_layers(&self, layers: &Layers) -> bool {
-        layers.iter().all(|bits| self.raster.holds(bits)) && self.too_near(layers) == 0
+    pub fn satisfied_by_layers(&self, layers: &Layers) -> bool {
+        layers.iter().all(|bits| self.raster.satisfied_by(bits)) && self.cells_in_gaps(layers) == 0
     }
 
-    /// How many cells are too near to electrodes of another group; each counts once.
-    fn too_near(&self, layers: &Layers) -> usize {
+    /// The number of cells that are too close to electrodes of another group; each counts once.
+    fn cells_in_gaps(&self, layers: &Layers) -> usize {
         if self.gap == [0; 2] {
             return 0;
         }
-        let near = |(group, bits): (usize, &Bits)| {
+        let close = |(group, bits): (usize, &Bits)| {
             let others = layers.iter().enumerate().filter(|(other, _)| *other != group);
             let around = others
                 .map(|(_, other)| surrounded(other, self.gap))
                 .reduce(|a, b| a.or(&b));
             around.map_or(0, |around| bits.and(&around).count())
         };
-        layers.iter().enumerate().map(near).sum()
+        layers.iter().enumerate().map(close).sum()
     }
 
-    /// What of a pattern does not keep the constraints, margins aside.
+    /// The constraints that a pattern violates; margins are ignored.
     #[must_use]
     pub fn violations(&self, pattern: &Pattern) -> Violations {
         Violations::of(self, &self.layers(pattern))
     }
 
-    /// A pattern nearby that keeps the constraints, margins aside: the pattern itself where it does. What is too narrow is
-    /// opened or closed; a piece without a lead, or one too many, is joined by the shortest strip of the least width, or dropped
-    /// where the strip would be larger than the piece. Groups with fewer cells give way to those with more. The area may change. None where
-    /// nothing of the pattern is left.
+    /// A valid pattern near a pattern, margins ignored: the pattern itself if it is valid. Opening and closing remove
+    /// what is too narrow. A piece without a lead, or beyond the maximum number, is joined by the shortest strip of
+    /// the minimum width, or removed if the strip would be larger than the piece. Groups with fewer cells give way to
+    /// groups with more. The area may change. `None` if nothing of the pattern is left.
     #[must_use]
     pub fn repaired(&self, pattern: &Pattern) -> Option<Pattern> {
         Some(self.repaired_layers(&self.layers(pattern))?.pattern())
     }
 
-    /// The same of the electrodes of each group.
+    /// [`Constraints::repaired`] for the electrodes of each group.
     #[must_use]
     pub fn repaired_layers(&self, layers: &Layers) -> Option<Layers> {
         let mut order: Vec<(usize, &Bits)> = layers.iter().enumerate().collect();
         order.sort_by_key(|(_, bits)| std::cmp::Reverse(bits.count()));
-        let mut repaired = vec![Bits::empty(self.membrane.raster); order.len()];
-        let mut taken = Bits::empty(self.membrane.raster);
+        let mut taken = Bits::empty(self.domain.membrane.raster);
+        let mut repaired = vec![taken.clone(); order.len()];
         for (group, bits) in order {
             let found = match taken.is_empty() {
                 true => repair::repaired(&self.raster, bits),

@@ -1,41 +1,41 @@
-//! Opening and closing of bit patterns by a square (Serra, Image Analysis and Mathematical Morphology, 1982), and their
-//! connected components.
+//! Opening and closing of bit patterns by a square (Serra, Image Analysis and Mathematical Morphology, 1982), and
+//! their connected components.
 
 use deaflow_pattern::Bits;
 
-/// Columns and rows of the cells that a square of the least width has; cells need not be square.
+/// Columns and rows of a square of the minimum width; cells need not be square.
 pub(super) type Square = [usize; 2];
 
-/// The places of a square, by its lower left cell, in which it lies within the pattern.
+/// The erosion: positions (lower left cells) of a square at which it lies inside the pattern.
 pub(super) fn eroded(bits: &Bits, square: Square) -> Bits {
     gathered(bits, square, -1, Bits::and)
 }
 
-/// All cells of the squares whose lower left cells are given.
+/// The dilation: all cells of the squares whose lower left cells are given.
 pub(super) fn dilated(bits: &Bits, square: Square) -> Bits {
     gathered(bits, square, 1, Bits::or)
 }
 
-/// The places of a square, by its lower left cell, in which it meets the pattern.
+/// The positions (lower left cells) of a square at which it overlaps the pattern.
 pub(super) fn met(bits: &Bits, square: Square) -> Bits {
     gathered(bits, square, -1, Bits::or)
 }
 
-/// What `join` makes of the pattern moved to each cell of a square, along x and then along y.
+/// Combines the pattern shifted to each cell of a square by `join`, along x and then along y.
 fn gathered(bits: &Bits, square: Square, direction: isize, join: fn(&Bits, &Bits) -> Bits) -> Bits {
     let moves = |n: usize| (1..n as isize).map(move |by| direction * by);
     let along_x = moves(square[0]).fold(bits.clone(), |all, by| join(&all, &bits.moved(by, 0)));
     moves(square[1]).fold(along_x.clone(), |all, by| join(&all, &along_x.moved(0, by)))
 }
 
-/// What squares within the pattern and the membrane cover of it: all but what is narrower.
+/// The opening: the part of the pattern that squares inside the pattern cover.
 pub(super) fn opened(bits: &Bits, square: Square) -> Bits {
     dilated(&eroded(bits, square), square)
 }
 
-/// The pattern with those gaps that no square within the gap covers; outside of the membrane all is gap.
+/// The closing: the pattern and the gaps that no square inside a gap covers; everything outside the membrane is gap.
 pub(super) fn closed(bits: &Bits, square: Square) -> Bits {
-    // The squares that meet the pattern, also those that reach beyond the frame, and what all of these cover.
+    // Squares may extend beyond the frame.
     let sides = bits.sides();
     let [x, y] = square.map(|n| n as isize - 1);
     let wide = [sides[0] + square[0] - 1, sides[1] + square[1] - 1];
@@ -43,13 +43,13 @@ pub(super) fn closed(bits: &Bits, square: Square) -> Bits {
     gathered(&blocked, square, -1, Bits::and).placed(sides, 0, 0)
 }
 
-/// The pattern and the cells beside it, corner to corner too.
+/// The pattern and its 8 neighbours.
 pub(super) fn grown(bits: &Bits) -> Bits {
     let row = bits.or(&bits.moved(1, 0)).or(&bits.moved(-1, 0));
     row.or(&row.moved(0, 1)).or(&row.moved(0, -1))
 }
 
-/// The pattern and the cells that are fewer than so many columns and rows away from it.
+/// The pattern and all cells within the given number of columns and rows.
 pub(super) fn surrounded(bits: &Bits, [columns, rows]: Square) -> Bits {
     let sides = [-1, 1];
     let moved = |bits: &Bits, n: usize, step: &dyn Fn(isize) -> (isize, isize)| {
@@ -60,7 +60,7 @@ pub(super) fn surrounded(bits: &Bits, [columns, rows]: Square) -> Bits {
     moved(&row, rows, &|by| (0, by))
 }
 
-/// The pattern and the cells that share a side with it.
+/// The pattern and its 4 neighbours.
 pub(super) fn spread(bits: &Bits) -> Bits {
     let sides = [(1, 0), (-1, 0), (0, 1), (0, -1)];
     sides
@@ -68,7 +68,7 @@ pub(super) fn spread(bits: &Bits) -> Bits {
         .fold(bits.clone(), |all, (x, y)| all.or(&bits.moved(*x, *y)))
 }
 
-/// The 4-connected components, the largest first, of equal ones that with the lowest, then leftmost cell.
+/// The 4-connected components, the largest first; ties are ordered by the lowest, then leftmost cell.
 pub(super) fn components(bits: &Bits) -> Vec<Bits> {
     let mut found = Vec::new();
     let mut left = bits.clone();
@@ -93,7 +93,8 @@ mod tests {
         Bits::from_fn(Raster::PAPER, |x, y| cells[y * 50 + x])
     }
 
-    /// The definition: cells covered by a square that fits, looked for one by one; squares may reach `beyond` the frame.
+    /// The definition by exhaustive search: cells covered by a square that fits; squares may extend `beyond` the
+    /// frame.
     fn covered(fits: &dyn Fn(i32, i32) -> bool, n: i32, beyond: i32) -> Bits {
         let square = |x: i32, y: i32| (0..n).flat_map(move |j| (0..n).map(move |i| (x + i, y + j)));
         let places = || (-beyond..=50 + beyond - n).flat_map(|y| (-beyond..=50 + beyond - n).map(move |x| (x, y)));
@@ -144,7 +145,7 @@ mod tests {
             assert_eq!(found.iter().map(Bits::count).sum::<usize>(), bits.count());
             assert!(found.windows(2).all(|pair| pair[0].count() >= pair[1].count()));
             for (k, component) in found.iter().enumerate() {
-                // Nothing beside it is active, and it cannot be parted: any of its cells reaches all.
+                // No neighbour is active, and a flood from any cell covers the component.
                 assert_eq!(spread(component).and(&bits), *component);
                 let last = (0..2500).rfind(|at| component.has(at % 50, at / 50)).unwrap();
                 let seed = Bits::from_fn(Raster::PAPER, |x, y| y * 50 + x == last);
@@ -162,7 +163,7 @@ mod tests {
 
     #[test]
     fn a_meander_is_one_component() {
-        // The longest way that a flood can have: every other row, joined at alternating ends.
+        // The longest path of a flood: every other row, joined at alternating ends.
         let meander = Bits::from_fn(Raster::PAPER, |x, y| y % 2 == 0 || x == if y % 4 == 1 { 49 } else { 0 });
         assert_eq!(components(&meander), [meander]);
     }

@@ -1,8 +1,8 @@
-//! The constraints of a design as they stand in a pipeline and, word for word the same, in an artifact.
+//! The constraints of a design in YAML, as pipelines and artifacts contain them.
 
 use std::fmt;
 
-use super::{ConstraintError, Constraints, Ground, Limits, Sides};
+use super::{ConstraintError, Constraints, DesignDomain, Limits, Sides};
 use crate::text::{flow_mapping, flow_value};
 use deaflow_base::{
     Canonical, Decimal, Declared, InputError, Length, Map, Node, NodeValue, Parameter, Schema, parameters,
@@ -10,75 +10,68 @@ use deaflow_base::{
 use deaflow_pattern::Membrane;
 use deaflow_scene::{Scene, Shape};
 
-/// No pattern has more islands: every other cell.
-const MOST_ISLANDS: u64 = 1250;
+/// The number of islands of a checkerboard.
+const MAX_ISLANDS: u64 = 1250;
 
 /// Smallest and largest length in mm.
-const LENGTHS: std::ops::RangeInclusive<f64> = 1e-6..=1e4;
+const LENGTHS_MM: std::ops::RangeInclusive<f64> = 1e-6..=1e4;
 
 parameters! {
-    /// What designs must keep to.
-    struct Written as "`constraints`" {
-        /// Least width of electrodes and gaps.
-        min_feature: Option<Length> [LENGTHS],
-        /// Least distance between electrodes of different groups; never less than `min_feature`.
-        gap: Option<Length> [LENGTHS],
-        /// Pieces of electrode at most, of each group.
-        islands: Option<u64> [1..=MOST_ISLANDS],
-        /// Whether every piece touches the frame, or one of these sides of it.
+    /// Constraints on designs.
+    #[derive(Default)]
+    struct DeclaredConstraints as "`constraints`" {
+        /// Minimum width of electrodes and gaps.
+        min_feature: Option<Length> [LENGTHS_MM],
+        /// Minimum distance between electrodes of different groups; at least `min_feature`.
+        gap: Option<Length> [LENGTHS_MM],
+        /// Maximum number of separate electrode pieces of each group.
+        islands: Option<u64> [1..=MAX_ISLANDS],
+        /// Each piece must touch the frame (`true`), or one of the listed sides of it.
         leads: Option<Leads>,
-        /// Where no cell is active.
+        /// Regions without electrodes.
         keep_out: KeepOut = KeepOut(Vec::new()),
-        /// How many times the largest electric field is below breakdown.
+        /// Minimum ratio of the breakdown field to the largest electric field.
         breakdown_margin: Option<Decimal> [1.0..=1e3],
-        /// How many times the voltage is below that of pull-in.
+        /// Minimum ratio of the pull-in voltage to the voltage.
         pull_in_margin: Option<Decimal> [1.0..=1e3],
     }
 }
 
-/// All regions that are kept out, in the order in which they are written.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// Regions without electrodes, in the order of the YAML list.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct KeepOut(Vec<Shape>);
 
-/// Sides of the frame that a piece must touch; `None` where `false` is written.
+/// Sides of the frame that a piece must touch; `None` for `false`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Leads(Option<Sides>);
 
-/// What is asked of a design, as it was written, and what it means for the membrane.
+/// Constraints as declared in YAML, and converted for a membrane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConstraintParameters {
-    written: Written,
+    declared: DeclaredConstraints,
     constraints: Constraints,
 }
 
 impl ConstraintParameters {
-    /// The keys that constraints may have.
+    /// The YAML keys of constraints.
     #[must_use]
     pub fn keys() -> Vec<&'static str> {
-        Written::keys()
+        DeclaredConstraints::keys()
     }
 
-    /// Nothing asked.
+    /// No constraints.
     #[must_use]
     pub fn none(membrane: Membrane) -> Self {
         Self {
-            written: Written {
-                min_feature: None,
-                gap: None,
-                islands: None,
-                leads: None,
-                keep_out: KeepOut(Vec::new()),
-                breakdown_margin: None,
-                pull_in_margin: None,
-            },
+            declared: DeclaredConstraints::default(),
             constraints: Constraints::none(membrane),
         }
     }
 
-    /// Nothing asked in a scene.
+    /// No constraints in a scene.
     ///
     /// # Errors
-    /// When its frame and bodies leave no room for electrodes.
+    /// If its frame and bodies leave no cell for electrodes.
     pub fn none_in(scene: &Scene) -> Result<Self, ConstraintError> {
         Ok(Self {
             constraints: Constraints::new(Limits::default(), scene)?,
@@ -89,61 +82,61 @@ impl ConstraintParameters {
     /// Reads the mapping under `constraints` for a membrane or a scene.
     ///
     /// # Errors
-    /// When a key is unknown, a value is out of range, or the constraints contradict each other.
-    pub fn read(node: &Node, on: impl Into<Ground>) -> Result<Self, InputError> {
-        let map = node.fields(Written::WHAT, &Written::keys())?;
-        let written = Written::read_map(&map)?;
-        let constraints = Constraints::new(written.limits(), on).map_err(|e| at_its_key(node, &map, &e))?;
-        Ok(Self { written, constraints })
+    /// If a key is unknown, a value is out of range, or the constraints contradict each other.
+    pub fn read(node: &Node, domain: impl Into<DesignDomain>) -> Result<Self, InputError> {
+        let map = node.fields(DeclaredConstraints::WHAT, &DeclaredConstraints::keys())?;
+        let declared = DeclaredConstraints::read_map(&map)?;
+        let constraints = Constraints::new(declared.limits(), domain).map_err(|e| located(node, &map, &e))?;
+        Ok(Self { declared, constraints })
     }
 
-    /// Refuses an area fraction, which stands at a node, that the constraints do not leave within a tolerance.
+    /// [`Constraints::check_area`] with an error located at a node.
     ///
     /// # Errors
-    /// When it is more than they leave, or less than the smallest electrode.
+    /// As [`Constraints::check_area`].
     pub fn check_area(&self, node: &Node, area: f64, tolerance: f64) -> Result<(), InputError> {
         self.constraints.check_area(area, tolerance).map_err(|error| {
             let help = match error {
-                ConstraintError::TooLittleArea { .. } => "ask for more area, or a smaller `min_feature`",
-                _ => "ask for less area, or keep less out",
+                ConstraintError::AreaTooSmall { .. } => "increase `area`, or reduce `min_feature`",
+                _ => "reduce `area`, or `keep_out`",
             };
             node.error(error.to_string()).help(help)
         })
     }
 
-    /// What [`ConstraintParameters::read`] accepts.
+    /// The schema of [`ConstraintParameters::read`].
     #[must_use]
     pub fn schema() -> Schema {
-        Written::schema(&())
+        DeclaredConstraints::schema(&())
     }
 
-    /// The canonical value: the same however it is written.
+    /// The canonical value.
     #[must_use]
     pub fn canonical(&self) -> Canonical {
-        self.written.to_canonical()
+        self.declared.to_canonical()
     }
 
-    /// The constraints in their own YAML syntax on one line; `{}` where there are none.
+    /// The constraints in YAML on one line; `{}` without constraints.
     #[must_use]
     pub fn to_text(&self) -> String {
         let mut entries = Vec::new();
-        self.written.entries(&mut entries);
+        self.declared.entries(&mut entries);
         let text = |(key, value): (&'static str, Canonical)| match key {
-            // Canonically the regions are sorted.
-            "keep_out" => (key, self.written.keep_out.to_string()),
+            // The canonical value is sorted; the text keeps the given order.
+            "keep_out" => (key, self.declared.keep_out.to_string()),
             key => (key, flow_value(&value)),
         };
         flow_mapping(entries.into_iter().map(text))
     }
 
-    /// What they mean for the membrane.
+    /// The constraints on the patterns of the membrane.
     #[must_use]
     pub fn constraints(&self) -> &Constraints {
         &self.constraints
     }
 }
 
-impl Written {
+impl DeclaredConstraints {
     fn limits(&self) -> Limits {
         Limits {
             min_feature_mm: self.min_feature.map(|width| width.value()),
@@ -169,7 +162,7 @@ impl Parameter for KeepOut {
             .map(Self)
     }
 
-    /// Sorted, and each region once: their order means nothing.
+    /// Sorted, without duplicates: the order has no effect.
     fn canonical(&self) -> Option<Canonical> {
         let mut shapes: Vec<Canonical> = self.0.iter().filter_map(Shape::canonical).collect();
         shapes.sort();
@@ -197,10 +190,10 @@ impl Parameter for Leads {
     type Limits = ();
     type Literal = Self;
 
-    /// `true` is the whole frame, `false` is none.
+    /// `true` means all sides, `false` no leads.
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
         match (node.as_bool(), node.value()) {
-            (Some(wanted), _) => return Ok(Self(wanted.then_some(Sides::ALL))),
+            (Some(required), _) => return Ok(Self(required.then_some(Sides::ALL))),
             (None, NodeValue::List(_)) => {}
             _ => {
                 let message = format!("`{key}` must be true, false or a list of sides, found {}", node.found());
@@ -225,8 +218,8 @@ impl Parameter for Leads {
         if sides == Sides::ALL {
             return Some(Canonical::Bool(true));
         }
-        let wanted = sides.named().into_iter().filter(|(_, wanted)| *wanted);
-        Some(Canonical::List(wanted.map(|(name, _)| name.into()).collect()))
+        let required = sides.named().into_iter().filter(|(_, required)| *required);
+        Some(Canonical::List(required.map(|(name, _)| name.into()).collect()))
     }
 
     fn schema((): &()) -> Schema {
@@ -239,8 +232,8 @@ impl Parameter for Leads {
     }
 }
 
-/// The refusal at the key that it is about.
-fn at_its_key(node: &Node, map: &Map<'_>, error: &ConstraintError) -> InputError {
+/// The error, located at the key that causes it.
+fn located(node: &Node, map: &Map<'_>, error: &ConstraintError) -> InputError {
     let at = match error {
         ConstraintError::Number { name, .. } => map.optional(name),
         ConstraintError::Feature { .. } => map.optional("min_feature"),
@@ -250,8 +243,8 @@ fn at_its_key(node: &Node, map: &Map<'_>, error: &ConstraintError) -> InputError
             list.and_then(|list| list.get(number - 1))
         }
         ConstraintError::NoSide | ConstraintError::Side { .. } => map.optional("leads"),
-        ConstraintError::NoRoom => map.optional("keep_out"),
-        ConstraintError::TooMuchArea { .. } | ConstraintError::TooLittleArea { .. } => None,
+        ConstraintError::NoSpace => map.optional("keep_out"),
+        ConstraintError::AreaTooLarge { .. } | ConstraintError::AreaTooSmall { .. } => None,
     };
     at.unwrap_or(node).error(error.to_string())
 }
@@ -273,8 +266,8 @@ mod tests {
         ConstraintParameters::read(&node(text), MEMBRANE)
     }
 
-    const RICH: &str = "{ min_feature: 2 mm, islands: 1, leads: [top, left], keep_out: [{ rectangle: [[0, 0], [5 mm, 0.5 cm]] }, \
-                        { disc: { centre: [25 mm, 25], radius: 3 } }], breakdown_margin: 1.5, pull_in_margin: 1.20 }";
+    const RICH: &str = "{ min_feature: 2 mm, islands: 1, leads: [top, left], \
+                        keep_out: [{ rectangle: [[0, 0], [5 mm, 0.5 cm]] }, { disc: { centre: [25 mm, 25], radius: 3 } }], breakdown_margin: 1.5, pull_in_margin: 1.20 }";
 
     #[test]
     fn constraints_survive_their_own_text() {
@@ -320,24 +313,21 @@ mod tests {
         assert_eq!((limits.min_feature_mm, limits.islands), (Some(2.0), Some(1)));
         assert_eq!((limits.breakdown_margin, limits.pull_in_margin), (Some(1.5), Some(1.2)));
         assert_eq!(wanted.constraints().feature_cells(), [2; 2]);
-        assert!(!wanted.constraints().allowed()[0] && wanted.constraints().allowed()[2499]);
+        assert!(!wanted.constraints().allowed().has(0, 0) && wanted.constraints().allowed().has(49, 49));
     }
 
     #[test]
     fn refusals_name_the_field_and_what_is_allowed() {
         for (text, words) in [
             ("{ min_feature: 2 V }", "unknown unit \"V\" for a length"),
-            ("{ min_feature: 60 mm }", "60 mm, more than the membrane of 50 mm"),
+            ("{ min_feature: 60 mm }", "60 mm, larger than the membrane of 50 mm"),
             ("{ min_feature: 0 mm }", "`min_feature` is out of range"),
             ("{ islands: 0 }", "`islands` must be an integer from 1 to 1250, found 0"),
             ("{ leads: some }", "`leads` must be true, false or a list of sides"),
             ("{ leads: [lefft] }", "`leads` cannot be \"lefft\""),
             ("{ leads: [] }", "names no side"),
             ("{ keep_out: [{ square: 1 }] }", "unknown key `square`"),
-            (
-                "{ keep_out: [{}] }",
-                "one of a `rectangle`, a `disc`, a `polygon` and a `mask`",
-            ),
+            ("{ keep_out: [{}] }", "one of `rectangle`, `disc`, `polygon` and `mask`"),
             (
                 "{ keep_out: [{ rectangle: [[0, 0]] }] }",
                 "`rectangle` must have two values",
@@ -349,9 +339,9 @@ mod tests {
             ("{ keep_out: [{ disc: { centre: [1, 1] } }] }", "`radius` is missing"),
             (
                 "{ keep_out: [{ rectangle: [[60, 0], [70, 5]] }] }",
-                "holds no cell of the membrane",
+                "contains no cell centre of the membrane",
             ),
-            ("{ keep_out: [{ rectangle: [[0, 0], [50, 50]] }] }", "leave no room"),
+            ("{ keep_out: [{ rectangle: [[0, 0], [50, 50]] }] }", "leave no space"),
             (
                 "{ leads: [left], keep_out: [{ rectangle: [[0, 0], [1, 50]] }] }",
                 "the frame on the left",
@@ -371,7 +361,7 @@ mod tests {
         let wanted = read("{ keep_out: [{ rectangle: [[0, 0], [25, 50]] }], min_feature: 10 mm }").unwrap();
         let check = |area: f64| wanted.check_area(&node("1"), area, 0.005);
         assert!(check(0.5).is_ok() && check(0.504).is_ok() && check(0.0).is_ok());
-        assert!(check(0.6).unwrap_err().to_string().contains("leave 0.5000 at most"));
+        assert!(check(0.6).unwrap_err().to_string().contains("at most 0.5000"));
         assert!(check(0.02).unwrap_err().to_string().contains("the smallest electrode"));
         assert!(
             ConstraintParameters::none(MEMBRANE)

@@ -1,23 +1,23 @@
-//! The constraints in terms of the cells of the raster.
+//! Constraints on the electrodes of one group, in cells.
 
 use super::morphology::{Square, closed, components, opened};
 use deaflow_pattern::{Bits, Raster};
 
-/// Where electrodes may lie, and how.
+/// Constraints on the electrodes of one group, in cells.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RasterConstraints {
-    /// Cells that may be active: squares of the least width within it cover it.
+    /// Cells that may be active; squares of the minimum width inside them cover them.
     pub allowed: Bits,
-    /// Columns and rows of the square of the least width.
+    /// Columns and rows of the square of the minimum width.
     pub feature: Square,
-    /// The largest number of pieces.
+    /// The maximum number of pieces.
     pub islands: Option<usize>,
-    /// Cells of the room at the frame, one of which every piece must hold.
+    /// Allowed cells at the frame; each piece must contain one of them.
     pub leads: Option<Bits>,
 }
 
 impl RasterConstraints {
-    /// Everything is allowed.
+    /// No constraints.
     pub fn none(raster: Raster) -> Self {
         Self {
             allowed: Bits::full(raster),
@@ -27,49 +27,49 @@ impl RasterConstraints {
         }
     }
 
-    /// The same where some cells are taken; `None` where no room is left.
+    /// These constraints without the cells that are taken; `None` if no allowed cell is left.
     pub fn without(&self, taken: &Bits) -> Option<Self> {
-        let mut room = opened(&self.allowed.without(taken), self.feature);
-        let leads = self.leads.as_ref().map(|leads| leads.and(&room));
+        let mut allowed = opened(&self.allowed.without(taken), self.feature);
+        let leads = self.leads.as_ref().map(|leads| leads.and(&allowed));
         if let Some(leads) = &leads {
-            room = room.flooded(leads);
+            allowed = allowed.flooded(leads);
         }
-        (!room.is_empty()).then_some(Self {
-            allowed: room,
+        (!allowed.is_empty()).then_some(Self {
+            allowed,
             leads,
             ..self.clone()
         })
     }
 
-    /// Whether nothing is asked.
-    pub fn is_none(&self) -> bool {
-        self.allowed.inverse().is_empty() && (self.feature, self.islands, &self.leads) == ([1; 2], None, &None)
+    /// Whether any pattern is valid.
+    pub fn allow_any(&self) -> bool {
+        *self == Self::none(self.allowed.raster())
     }
 
-    /// Whether a pattern keeps to it.
-    pub fn holds(&self, bits: &Bits) -> bool {
-        if !bits.without(&self.allowed).is_empty() || !self.is_regular(bits) {
+    /// Whether a pattern is valid.
+    pub fn satisfied_by(&self, bits: &Bits) -> bool {
+        if !bits.without(&self.allowed).is_empty() || !self.has_min_widths(bits) {
             return false;
         }
         if self.islands.is_none() && self.leads.is_none() {
             return true;
         }
         let pieces = components(bits);
-        self.islands.is_none_or(|most| pieces.len() <= most) && pieces.iter().all(|piece| self.is_led(piece))
+        self.islands.is_none_or(|most| pieces.len() <= most) && pieces.iter().all(|piece| self.has_lead(piece))
     }
 
-    /// Whether no electrode and no gap is narrower than the least width.
-    pub fn is_regular(&self, bits: &Bits) -> bool {
+    /// Whether no electrode and no gap is narrower than the minimum width.
+    pub fn has_min_widths(&self, bits: &Bits) -> bool {
         let n = self.feature;
         n == [1; 2] || (opened(bits, n) == *bits && closed(bits, n) == *bits)
     }
 
-    /// Whether a piece touches the frame where it must.
-    pub fn is_led(&self, piece: &Bits) -> bool {
+    /// Whether a piece touches the frame on a side with leads; true if no leads are required.
+    pub fn has_lead(&self, piece: &Bits) -> bool {
         self.leads.as_ref().is_none_or(|leads| piece.meets(leads))
     }
 
-    /// How many cells a pattern within it has at most.
+    /// An upper bound of the number of cells of a valid pattern.
     pub fn most_cells(&self) -> usize {
         let pieces = components(&self.allowed);
         let most = self.islands.unwrap_or(usize::MAX);

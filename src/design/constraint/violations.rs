@@ -1,4 +1,4 @@
-//! In what, and how far, a pattern does not keep its constraints.
+//! Which constraints a pattern violates, and by how much.
 
 use std::fmt;
 
@@ -7,31 +7,31 @@ use super::raster::RasterConstraints;
 use super::{Constraints, Sides};
 use deaflow_pattern::{Bits, Layers};
 
-/// What of a pattern does not keep the constraints; `Display` says it in words.
+/// The constraints that a pattern violates; `Display` lists them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Violations {
-    /// Active cells that are not allowed: kept out, or where no electrode of the least width reaches.
+    /// Active cells that are not allowed: kept out, or out of reach of electrodes of the minimum width.
     pub kept_out: usize,
-    /// Active cells of electrodes narrower than the least width.
+    /// Active cells of electrodes narrower than the minimum width.
     pub thin: usize,
-    /// Bare cells of gaps narrower than the least width.
+    /// Bare cells of gaps narrower than the minimum width.
     pub narrow: usize,
-    /// Pieces beyond the largest number.
+    /// Pieces beyond the maximum number.
     pub surplus: usize,
-    /// Pieces that touch the frame nowhere that they must.
+    /// Pieces without a lead.
     pub unled: usize,
-    /// Cells that are too near to electrodes of another group.
+    /// Cells that are too close to electrodes of another group.
     pub near: usize,
-    /// Cells of the smallest pieces that are beyond the largest number, and of those without a lead.
+    /// Cells of the smallest pieces beyond the maximum number, and of pieces without a lead.
     loose: usize,
     /// Cells of the membrane.
     all: usize,
-    /// What is asked, for the words.
-    asked: Asked,
+    /// The limits, for `Display`.
+    limits: ViolatedLimits,
 }
 
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Asked {
+struct ViolatedLimits {
     pieces: usize,
     islands: usize,
     groups: usize,
@@ -44,12 +44,12 @@ impl Violations {
     pub(super) fn of(constraints: &Constraints, layers: &Layers) -> Self {
         let limits = &constraints.limits;
         let mut found = Self {
-            all: constraints.membrane.raster.cells(),
-            near: constraints.too_near(layers),
-            asked: Asked {
+            all: constraints.membrane().raster.cells(),
+            near: constraints.cells_in_gaps(layers),
+            limits: ViolatedLimits {
                 pieces: 0,
                 islands: limits.islands.unwrap_or_default(),
-                groups: constraints.groups,
+                groups: constraints.groups(),
                 feature_mm: limits.min_feature_mm.unwrap_or_default(),
                 gap_mm: limits
                     .gap_mm
@@ -64,7 +64,7 @@ impl Violations {
         found
     }
 
-    /// Adds what the electrodes of one group do not keep.
+    /// Adds the violations of the electrodes of one group.
     fn add(&mut self, raster: &RasterConstraints, bits: &Bits) {
         let n = raster.feature;
         self.kept_out += bits.without(&raster.allowed).count();
@@ -76,42 +76,35 @@ impl Violations {
             let pieces = components(bits);
             let most = raster.islands.unwrap_or(pieces.len());
             self.surplus += pieces.len().saturating_sub(most);
-            let loose = |(index, piece): &(usize, &Bits)| *index >= most || !raster.is_led(piece);
+            let loose = |(index, piece): &(usize, &Bits)| *index >= most || !raster.has_lead(piece);
             self.loose += pieces
                 .iter()
                 .enumerate()
                 .filter(loose)
                 .map(|(_, p)| p.count())
                 .sum::<usize>();
-            self.unled += pieces.iter().filter(|piece| !raster.is_led(piece)).count();
-            self.asked.pieces += pieces.len();
+            self.unled += pieces.iter().filter(|piece| !raster.has_lead(piece)).count();
+            self.limits.pieces += pieces.len();
         }
     }
 
-    /// Whether all constraints are kept.
+    /// Whether all constraints are satisfied.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        [
-            self.kept_out,
-            self.thin,
-            self.narrow,
-            self.surplus,
-            self.unled,
-            self.near,
-        ] == [0; 6]
+        self.kept_out + self.thin + self.narrow + self.surplus + self.unled + self.near == 0
     }
 
-    /// How far the constraints are from being kept: the share of the membrane that does not keep them, 0 to 1. A cell counts
-    /// once for each constraint that it does not keep.
+    /// The share of the membrane that violates constraints, 0 to 1. A cell counts once for each constraint that it
+    /// violates.
     #[must_use]
     pub fn share(&self) -> f64 {
         ((self.kept_out + self.thin + self.narrow + self.loose + self.near) as f64 / self.all.max(1) as f64).min(1.0)
     }
 
-    /// One line for each constraint that is not kept: what was found, and what is allowed.
+    /// One line for each violated constraint, with the limit. The text is part of artifact digests.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
-        let asked = &self.asked;
+        let limits = &self.limits;
         let cells = |count| match count {
             1 => "1 cell".to_owned(),
             count => format!("{count} cells"),
@@ -122,26 +115,26 @@ impl Violations {
         }
         for (count, what) in [(self.thin, "electrode"), (self.narrow, "gap")] {
             if count > 0 {
-                let width = asked.feature_mm;
+                let width = limits.feature_mm;
                 lines.push(format!("{} of {what} narrower than {width} mm", cells(count)));
             }
         }
         if self.surplus > 0 {
-            let each = if asked.groups > 1 { " of each group" } else { "" };
+            let each = if limits.groups > 1 { " of each group" } else { "" };
             lines.push(format!(
                 "{} islands, allowed: at most {}{each}",
-                asked.pieces, asked.islands
+                limits.pieces, limits.islands
             ));
         }
         if self.unled > 0 {
-            let sides = asked.sides.unwrap_or(Sides::ALL).to_string();
+            let sides = limits.sides.unwrap_or(Sides::ALL).to_string();
             lines.push(format!(
                 "{} of {} islands without a lead on the frame, allowed: {sides}",
-                self.unled, asked.pieces
+                self.unled, limits.pieces
             ));
         }
         if self.near > 0 {
-            let (near, gap) = (cells(self.near), asked.gap_mm);
+            let (near, gap) = (cells(self.near), limits.gap_mm);
             lines.push(format!("{near} nearer than {gap} mm to electrodes of another group"));
         }
         lines
@@ -162,7 +155,7 @@ impl fmt::Display for Sides {
         if *self == Self::ALL {
             return f.write_str("any side");
         }
-        let wanted: Vec<&str> = self.named().into_iter().filter(|(_, on)| *on).map(|(n, _)| n).collect();
-        f.write_str(&wanted.join(", "))
+        let names: Vec<&str> = self.named().into_iter().filter(|(_, on)| *on).map(|(n, _)| n).collect();
+        f.write_str(&names.join(", "))
     }
 }

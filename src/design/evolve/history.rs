@@ -1,14 +1,14 @@
 //! The generations of a search so far.
 
+use super::checkpoint::Evaluation;
 use super::options::EvolveOptions;
 use super::result::{GenerationReport, Stop};
-use super::state::Known;
 use crate::genome::Genome;
 
-/// A genome with what is known of it.
+/// A genome and its evaluation.
 pub(super) struct Individual {
     pub genome: Genome,
-    pub known: Known,
+    pub evaluation: Evaluation,
 }
 
 /// The generations of a search so far.
@@ -17,7 +17,7 @@ pub(super) struct History {
     /// The last generation in its order: the best first, or the best of each niche.
     pub population: Vec<Individual>,
     pub reports: Vec<GenerationReport>,
-    /// The generation of the last gain.
+    /// The last generation with an improvement.
     pub last_gain: usize,
 }
 
@@ -26,15 +26,15 @@ impl History {
     pub fn add(&mut self, population: Vec<Individual>) {
         let generation = self.reports.len();
         let best = &population[0];
-        let all = population.iter().map(|individual| individual.known.fitness);
+        let all = population.iter().map(|individual| individual.evaluation.fitness);
         let finite: Vec<f64> = all.filter(|fitness| fitness.is_finite()).collect();
         let report = GenerationReport {
             generation,
             genome: best.genome.clone(),
-            best: best.known.fitness,
+            best: best.evaluation.fitness,
             mean: finite.iter().sum::<f64>() / finite.len() as f64,
-            value_mm: best.known.value_mm,
-            area: best.known.area,
+            value_mm: best.evaluation.value_mm,
+            area: best.evaluation.area,
         };
         if self.reports.last().is_some_and(|before| report.best < before.best) {
             self.last_gain = generation;
@@ -43,7 +43,7 @@ impl History {
         self.population = population;
     }
 
-    /// Why the search ends here, if it does.
+    /// Why the search ends at this generation; `None` if it continues.
     pub fn end(&self, options: &EvolveOptions) -> Option<Stop> {
         let generation = self.reports.len().saturating_sub(1);
         if generation >= options.generations {

@@ -1,37 +1,38 @@
 //! Several designs in one search: niches, each with a winner.
 //!
 //! Clearing (Pétrowski, "A clearing procedure as a niching method for genetic algorithms", ICEC 1996, doi
-//! 10.1109/ICEC.1996.542703): from the best down, an individual that differs enough from all winners wins a niche of its own, and
-//! any other belongs to the winner nearest to it. Cleared individuals are not struck out but ranked behind: first the best of all
-//! niches, then the second of all, and so on, so that each niche has the same share of the parents.
+//! 10.1109/ICEC.1996.542703): in the order of fitness, an individual that differs enough from all winners starts a new
+//! niche, and any other joins the niche of the nearest winner. Cleared individuals are not removed but ranked lower: first the
+//! best of all niches, then the second of all, and so on, so that each niche has the same share of the parents.
 
 use deaflow_pattern::{Layers, PatternEquivalence};
 
-/// Winners of niches, added one after another.
+/// The winners of niches.
 pub(super) struct Niches<'l> {
+    /// All symmetric images of each winner.
     images: Vec<Vec<Layers>>,
-    most: usize,
+    max: usize,
     distance: f64,
     equivalence: &'l PatternEquivalence,
 }
 
 impl<'l> Niches<'l> {
-    /// No winner yet, of at most so many that are at least so far apart.
-    pub fn new(most: usize, distance: f64, equivalence: &'l PatternEquivalence) -> Self {
+    /// No niches yet. `max` is the maximum number, `distance` the minimum distance between winners.
+    pub fn new(max: usize, distance: f64, equivalence: &'l PatternEquivalence) -> Self {
         Self {
             images: Vec::new(),
-            most,
+            max,
             distance,
             equivalence,
         }
     }
 
-    /// Whether there are as many winners as wanted.
+    /// Whether the maximum number is reached.
     pub fn are_full(&self) -> bool {
-        self.images.len() >= self.most
+        self.images.len() >= self.max
     }
 
-    /// Whether a pattern is far enough from all winners.
+    /// Whether a pattern has the minimum distance from all winners.
     pub fn are_far_from(&self, layers: &Layers) -> bool {
         let layers = self.equivalence.merged(layers);
         self.images
@@ -39,12 +40,12 @@ impl<'l> Niches<'l> {
             .all(|images| layers.distance_to(images) >= self.distance)
     }
 
-    /// Makes a pattern a winner.
+    /// Starts a niche with a pattern as its winner.
     pub fn add(&mut self, layers: &Layers) {
         self.images.push(self.equivalence.images(layers));
     }
 
-    /// The niche of a pattern: that of the winner nearest to it, or a new one that it wins.
+    /// The niche of a pattern: that of the nearest winner, or a new one.
     fn of(&mut self, layers: &Layers) -> usize {
         let merged = self.equivalence.merged(layers);
         let distances = self.images.iter().map(|images| merged.distance_to(images));
@@ -59,19 +60,19 @@ impl<'l> Niches<'l> {
     }
 }
 
-/// The order of individuals that are sorted from the best down: the best of each niche, then the second of each, and so on.
-pub(super) fn order(sorted: &[Layers], most: usize, distance: f64, equivalence: &PatternEquivalence) -> Vec<usize> {
-    let mut niches = Niches::new(most, distance, equivalence);
+/// Reorders individuals that are sorted by fitness: the best of each niche, then the second of each, and so on.
+pub(super) fn order(sorted: &[Layers], max: usize, distance: f64, equivalence: &PatternEquivalence) -> Vec<usize> {
+    let mut niches = Niches::new(max, distance, equivalence);
     let mut sizes: Vec<usize> = Vec::new();
-    let mut places: Vec<(usize, usize, usize)> = Vec::with_capacity(sorted.len());
+    let mut ranks: Vec<(usize, usize, usize)> = Vec::with_capacity(sorted.len());
     for (index, layers) in sorted.iter().enumerate() {
         let niche = niches.of(layers);
         sizes.resize(niches.images.len(), 0);
-        places.push((sizes[niche], niche, index));
+        ranks.push((sizes[niche], niche, index));
         sizes[niche] += 1;
     }
-    places.sort_unstable();
-    places.into_iter().map(|(_, _, index)| index).collect()
+    ranks.sort_unstable();
+    ranks.into_iter().map(|(_, _, index)| index).collect()
 }
 
 #[cfg(test)]
@@ -88,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_without_symmetries_has_more_designs() {
+    fn a_device_without_symmetries_has_more_niches() {
         let none = PatternEquivalence::new(
             Symmetries::SQUARE.filter(|g| g == deaflow_pattern::Symmetry::IDENTITY),
             vec![1],
@@ -98,7 +99,7 @@ mod tests {
 
     #[test]
     fn the_best_of_each_niche_come_first() {
-        // Bars shifted by a column differ in 4 % of the cells; turned over they are the same.
+        // Bars shifted by a column differ in 4 % of the cells; their mirror images are the same.
         let square = square();
         let order = |sorted: &[Layers], most, distance| order(sorted, most, distance, &square);
         let sorted = [bar(0), bar(1), bar(45), bar(20), bar(21), bar(10)];
@@ -111,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn winners_are_as_far_apart_as_wanted() {
+    fn winners_have_the_minimum_distance() {
         let square = square();
         let mut niches = Niches::new(2, 0.1, &square);
         assert!(niches.are_far_from(&bar(0)) && !niches.are_full());

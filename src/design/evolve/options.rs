@@ -1,27 +1,28 @@
-//! How to search.
+//! Options of the genetic algorithm.
 
-/// How to search.
+/// Options of the genetic algorithm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EvolveOptions {
-    /// Individuals in a generation.
+    /// Number of individuals in a generation.
     pub population: usize,
-    /// Generations bred after the first, random one.
+    /// Number of generations after the first, random one.
     pub generations: usize,
-    /// Share of the best that goes on unchanged; at least one individual does.
+    /// Share of the best individuals that are kept unchanged; at least one.
     pub elite: f64,
-    /// Share of a generation that is judged, where a rough score ranks all: the best, 50 at least. The others are ranked by it alone.
+    /// Share of a generation that the evaluator judges if there is a rough score: the best by this score, at least 50.
+    /// The others have the rough score only.
     pub judged: f64,
-    /// Probability that two parents exchange genes.
+    /// Probability of a crossover.
     pub crossover: f64,
-    /// Probability that a child is mutated.
+    /// Probability of a mutation.
     pub mutation: f64,
-    /// Ends the search after this many generations without gain.
+    /// Stop after this many generations without improvement.
     pub stagnation: Option<usize>,
-    /// Different designs that are searched at once.
+    /// Number of different designs that are searched at once.
     pub designs: usize,
-    /// The least share of cells in which two of these differ, whichever way they are turned.
+    /// Minimum share of cells in which two designs differ, over all symmetries of the device.
     pub distance: f64,
-    /// Names the random choices.
+    /// Seed of the random numbers.
     pub seed: u64,
 }
 
@@ -31,33 +32,35 @@ impl Default for EvolveOptions {
     }
 }
 
-/// Options that describe no search.
+/// Invalid options.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum OptionsError {
-    /// Too few to choose among.
-    #[error("a population has at least 2 individuals, found {0}")]
+    /// The population is too small.
+    #[error("a population needs at least 2 individuals, found {0}")]
     Population(usize),
-    /// Not a share or probability.
-    #[error("{name} lies between 0 and 1, found {found}")]
+    /// A share or probability is out of range.
+    #[error("{name} must lie between 0 and 1, found {found}")]
     Share {
-        /// Which option.
+        /// The option.
         name: &'static str,
-        /// What was found.
+        /// The value.
         found: f64,
     },
-    /// A search that would end before it begins.
-    #[error("stagnation is at least 1 generation")]
+    /// The search would end at once.
+    #[error("stagnation must be at least 1 generation")]
     Stagnation,
-    /// Nothing to search.
-    #[error("designs is at least 1")]
+    /// No design.
+    #[error("designs must be at least 1")]
     Designs,
 }
 
-/// Of 60 individuals a quarter found 4 % less in ten generations than all do; a quarter of 200 is no loss.
-const LEAST_JUDGED: usize = 50;
+/// In ten generations, judging a quarter of 60 individuals gave 4 % less than judging all; a quarter of 200 gave no
+/// loss.
+const MIN_JUDGED: usize = 50;
 
 impl EvolveOptions {
-    /// The paper's: 1000 individuals, 60 generations, 2 % elite, crossover 0.7, mutation 0.3, all judged; one design.
+    /// The paper's options: 1000 individuals, 60 generations, 2 % elite, crossover 0.7, mutation 0.3, all judged; one
+    /// design.
     pub const PAPER: Self = Self {
         population: 1000,
         generations: 60,
@@ -94,15 +97,15 @@ impl EvolveOptions {
         }
     }
 
-    /// How many go on unchanged: each design that is searched, but never all, or nothing would change.
+    /// The number of individuals kept unchanged: at least one per design, but never all.
     pub(super) fn elites(&self) -> usize {
-        let wanted = (self.elite * self.population as f64).round() as usize;
-        wanted.max(self.designs).clamp(1, self.population - 1)
+        let share = (self.elite * self.population as f64).round() as usize;
+        share.max(self.designs).clamp(1, self.population - 1)
     }
 
-    /// How many are judged: all that go on unchanged, and of few not so few that a search finds less.
+    /// The number of individuals that are judged: at least those kept unchanged, and at least 50.
     pub(super) fn judged_count(&self) -> usize {
-        let wanted = (self.judged * self.population as f64).ceil() as usize;
-        wanted.max(self.elites()).max(LEAST_JUDGED).min(self.population)
+        let share = (self.judged * self.population as f64).ceil() as usize;
+        share.max(self.elites()).max(MIN_JUDGED).min(self.population)
     }
 }

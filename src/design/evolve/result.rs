@@ -1,44 +1,44 @@
-//! What a search tells on its way, and what it has found.
+//! Reports and results of the genetic algorithm.
 
 use crate::constraint::Violations;
 use crate::genome::Genome;
 use deaflow_base::Stopped;
 use deaflow_pattern::Pattern;
 
-use super::state::StateError;
+use super::checkpoint::CheckpointError;
 
-/// What is known after a generation.
+/// The report of a generation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GenerationReport {
-    /// Number of the generation; 0 is the random one.
+    /// The number of the generation; 0 is the random one.
     pub generation: usize,
     /// The best individual.
     pub genome: Genome,
-    /// F of the best; smaller is better.
+    /// F of the best individual; smaller is better.
     pub best: f64,
-    /// Mean F of all individuals with a field, the rough F of those that were not judged.
+    /// Mean F of all individuals with a field; of those not judged, F by the rough score.
     pub mean: f64,
-    /// Predicted value of the best in mm.
+    /// Predicted value of the best individual in mm.
     pub value_mm: f64,
-    /// Area fraction of the best.
+    /// Area fraction of the best individual.
     pub area: f64,
 }
 
 /// Why a search ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// All generations were bred.
+    /// The maximum number of generations was reached.
     Generations,
-    /// There was no gain for as long as the options allow.
+    /// There was no improvement for the number of generations in the options.
     Stagnation,
 }
 
-/// A design that was found.
+/// A design, the winner of a niche.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Winner {
-    /// Its genome.
+    /// The genome.
     pub genome: Genome,
-    /// Its pattern: that of the genome, repaired where constraints ask for it.
+    /// The pattern of the genome, repaired if there are constraints.
     pub pattern: Pattern,
     /// F; smaller is better.
     pub fitness: f64,
@@ -46,21 +46,21 @@ pub struct Winner {
     pub value_mm: f64,
     /// Area fraction.
     pub area: f64,
-    /// What of the pattern does not keep the constraints.
+    /// The violated constraints.
     pub violations: Violations,
 }
 
 /// A finished search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evolution {
-    /// One report for each generation, the random one included; the last holds the best individual of all.
+    /// One report for each generation, including the random one; the last one has the best individual of all.
     pub history: Vec<GenerationReport>,
-    /// Why it ended.
+    /// Why the search ended.
     pub stop: Stop,
-    /// The designs, best first: the best of all, then the best that differ from those before by the wanted distance and keep the
-    /// constraints. There may be fewer than wanted.
+    /// The designs, best first: the best of all, then the best that satisfy the constraints and have the minimum
+    /// distance from those before. There may be fewer than requested.
     pub winners: Vec<Winner>,
-    /// Patterns that were judged: one that recurs is not judged again.
+    /// The number of patterns that were judged; each pattern is judged once.
     pub evaluations: usize,
 }
 
@@ -75,43 +75,35 @@ impl Evolution {
     }
 }
 
-/// Follows a search, and keeps what it needs to be gone on with. All that is left out does nothing.
-pub trait Watch {
-    /// After each generation, once it is judged.
+/// Observes a search and stores its checkpoints. Only [`Observer::generation`] is required.
+pub trait Observer {
+    /// Called after each generation.
     fn generation(&self, report: &GenerationReport);
 
-    /// Within a generation: which part of its patterns is judged. Nothing is said of generations that are judged at once.
-    fn judged(&self, part: f64) {
-        let _ = part;
-    }
+    /// Called within a slow generation: the share of its patterns that are judged.
+    fn judged(&self, _share: f64) {}
 
-    /// The state that was last kept, if any.
-    fn kept(&self) -> Option<Vec<u8>> {
+    /// The last checkpoint, if any.
+    fn load_checkpoint(&self) -> Option<Vec<u8>> {
         None
     }
 
-    /// After each generation: the state, for whoever wants to keep it. It is made when `state` is called.
+    /// Called after each generation to store a checkpoint, which `checkpoint` encodes.
     ///
     /// # Errors
-    /// When the search is to stop here.
-    fn keep(&self, state: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
-        let _ = state;
+    /// If the search is to stop.
+    fn save_checkpoint(&self, _checkpoint: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
         Ok(())
     }
 
-    /// Before anything else, when the search goes on from a state that was kept: the report of the last generation that it
-    /// had come to.
-    fn resumed(&self, report: &GenerationReport) {
-        let _ = report;
-    }
+    /// Called first if the search is resumed from a checkpoint, with the report of its last generation.
+    fn resumed(&self, _report: &GenerationReport) {}
 
-    /// A state that was kept, but cannot be gone on from: the search starts anew.
-    fn unusable(&self, error: &StateError) {
-        let _ = error;
-    }
+    /// Called if a checkpoint cannot be used; the search starts from the beginning.
+    fn checkpoint_rejected(&self, _error: &CheckpointError) {}
 }
 
-impl<F: Fn(&GenerationReport)> Watch for F {
+impl<F: Fn(&GenerationReport)> Observer for F {
     fn generation(&self, report: &GenerationReport) {
         self(report);
     }

@@ -1,28 +1,29 @@
-//! Which units to turn on and off first, given what each alone would gain, so that the area stays in its range.
+//! Exchanges of units in the order of their gains, with the area kept in its range.
 
 use super::gains::{Change, Gains};
 use super::units::Units;
 
-/// How many of the best of either kind are looked at for one exchange: where units differ in size, the best two may not fit.
+/// Number of the best changes of each kind that are combined: if units differ in size, the best two may leave the area
+/// range.
 const WINDOW: usize = 4;
 
-/// Exchanges units one after another, the most profitable first.
+/// Exchanges units one after another, the best first.
 pub(super) struct Exchange<'a> {
     units: &'a Units,
     gains: &'a Gains,
-    /// Least and most active cells.
+    /// Minimum and maximum number of active cells.
     range: (usize, usize),
-    /// The group of each unit, 0 where it is off, after the exchanges so far.
+    /// The group of each unit after the exchanges so far, 0 if it is off.
     pub(super) on: Vec<u8>,
     area: usize,
-    /// Units that may be turned on, turned off, and given to another group, the best last.
+    /// Units that can be turned on, turned off and moved to another group, the best last.
     adds: Vec<Change>,
     removes: Vec<Change>,
     switches: Vec<Change>,
 }
 
 impl<'a> Exchange<'a> {
-    /// From the groups of the units. `gains` says what changing each would gain.
+    /// Starts from the groups of the units.
     pub(super) fn new(units: &'a Units, on: &[u8], gains: &'a Gains, range: (usize, usize)) -> Self {
         let density = |change: &Change| gains.of(*change) / units.cells(change.unit).len() as f64;
         let sorted = |change: &dyn Fn(usize) -> Option<Change>| {
@@ -43,13 +44,12 @@ impl<'a> Exchange<'a> {
         }
     }
 
-    /// Changes the units that bring the area into its range at the least loss; whether that is possible.
+    /// Brings the area into its range at the smallest loss. Returns whether that is possible.
     pub(super) fn fit(&mut self) -> bool {
         while self.area > self.range.1 || self.area < self.range.0 {
-            let list = if self.area > self.range.1 {
-                &mut self.removes
-            } else {
-                &mut self.adds
+            let list = match self.area > self.range.1 {
+                true => &mut self.removes,
+                false => &mut self.adds,
             };
             let Some(change) = list.pop() else { return false };
             self.make(change);
@@ -57,24 +57,21 @@ impl<'a> Exchange<'a> {
         true
     }
 
-    /// Makes the most profitable exchange: a unit on, one off, both, or one of another group. Whether there is one with a gain.
+    /// Makes the best exchange: turns a unit on, one off, both, or moves one to another group. Returns whether there
+    /// was a gain.
     pub(super) fn step(&mut self) -> bool {
         self.step_above(0.0)
     }
 
-    /// Makes the exchange that gains most or loses least. Whether there is one.
+    /// Makes the best exchange, even at a loss. Returns whether there was an exchange.
     pub(super) fn step_anyway(&mut self) -> bool {
         self.step_above(f64::NEG_INFINITY)
     }
 
     fn step_above(&mut self, least: f64) -> bool {
         let last = |list: &[Change]| -> Vec<Option<Change>> {
-            list.iter()
-                .rev()
-                .take(WINDOW)
-                .map(|&change| Some(change))
-                .chain([None])
-                .collect()
+            let best = list.iter().rev().take(WINDOW).copied();
+            best.map(Some).chain([None]).collect()
         };
         let (adds, removes) = (last(&self.adds), last(&self.removes));
         let mut best: Option<(f64, [Option<Change>; 2])> = None;
@@ -123,13 +120,13 @@ impl<'a> Exchange<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deaflow_pattern::Raster;
+    use deaflow_pattern::{Bits, Raster};
 
     fn cells() -> Units {
-        Units::new([50; 2], Raster::PAPER, &[true; 2500])
+        Units::new([50; 2], &Bits::full(Raster::PAPER))
     }
 
-    /// What flipping gains where each active cell is worth `worth`.
+    /// First-order gains for the value of each active cell.
     fn gains(on: &[u8], worth: impl Fn(usize) -> f64) -> Gains {
         Gains::first_order(on, &[(0..on.len()).map(worth).collect()])
     }
@@ -162,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn what_may_not_be_flipped_is_not() {
+    fn masked_units_are_not_changed() {
         let units = cells();
         let start = vec![0; 2500];
         let gains = Gains::uniform(&start, 1, 1.0).masked(|unit| unit != 7);
@@ -174,7 +171,7 @@ mod tests {
 
     #[test]
     fn units_of_different_sizes_are_exchanged_within_the_range() {
-        let units = Units::new([20; 2], Raster::PAPER, &[true; 2500]);
+        let units = Units::new([20; 2], &Bits::full(Raster::PAPER));
         let start: Vec<u8> = (0..400).map(|unit| u8::from(unit % 20 < 10)).collect();
         let mut gains = Gains::uniform(&start, 1, 0.0);
         for (unit, now) in start.iter().enumerate() {
@@ -193,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn units_go_to_the_group_in_which_they_are_worth_most() {
+    fn units_move_to_the_group_with_the_largest_value() {
         let units = cells();
         let worth: [Vec<f64>; 2] = [
             (0..2500).map(|cell| 1.0 - (cell % 50) as f64 / 25.0).collect(),

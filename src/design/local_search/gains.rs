@@ -1,34 +1,34 @@
-//! What changing units gains.
+//! The gains of changing units.
 
-/// One unit that is to be of another group, or bare.
+/// The change of one unit to another group, or to bare.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Change {
     /// The unit.
     pub unit: usize,
-    /// Its new group, 0 for none.
+    /// The new group, 0 for bare.
     pub to: u8,
 }
 
 impl Change {
-    /// The groups of units after some changes.
-    pub fn made(on: &[u8], changes: &[Self]) -> Vec<u8> {
+    /// The groups of units after changes.
+    pub fn apply(on: &[u8], changes: &[Self]) -> Vec<u8> {
         let mut on = on.to_vec();
         changes.iter().for_each(|change| on[change.unit] = change.to);
         on
     }
 }
 
-/// Of each unit what it gains to be of a group of electrodes, or bare; NaN where it may not be, or nobody knows.
+/// The gain of moving each unit to each group or to bare; NaN if it is unknown or not allowed.
 #[derive(Clone, Debug)]
 pub(super) struct Gains {
-    /// Groups, and bare.
+    /// The number of groups + 1, for bare.
     choices: usize,
-    /// Choices of the first unit, then of the next.
+    /// `[unit][choice]`.
     values: Vec<f64>,
 }
 
 impl Gains {
-    /// Nothing is known of units that may have so many groups.
+    /// All gains are unknown.
     pub fn unknown(units: usize, groups: usize) -> Self {
         Self {
             choices: groups + 1,
@@ -36,12 +36,12 @@ impl Gains {
         }
     }
 
-    /// To first order, for units of these groups, by what each is worth with an electrode of each group: `worth[group][unit]`.
-    pub fn first_order(on: &[u8], worth: &[Vec<f64>]) -> Self {
-        let mut gains = Self::unknown(on.len(), worth.len());
+    /// First-order gains from the values of an electrode of each group in each unit, `values[group][unit]`.
+    pub fn first_order(on: &[u8], values: &[Vec<f64>]) -> Self {
+        let mut gains = Self::unknown(on.len(), values.len());
         for (unit, &now) in on.iter().enumerate() {
-            let of = |group: u8| worth[usize::from(group) - 1][unit];
-            for to in (0..=worth.len() as u8).filter(|to| *to != now) {
+            let of = |group: u8| values[usize::from(group) - 1][unit];
+            for to in (0..=values.len() as u8).filter(|to| *to != now) {
                 let gain = match (now, to) {
                     (0, to) => of(to),
                     (now, 0) => -of(now),
@@ -53,7 +53,7 @@ impl Gains {
         gains
     }
 
-    /// The same where every change of a unit gains so much.
+    /// The same gain for all changes.
     pub fn uniform(on: &[u8], groups: usize, gain: f64) -> Self {
         let mut gains = Self::unknown(on.len(), groups);
         for (unit, &now) in on.iter().enumerate() {
@@ -64,30 +64,27 @@ impl Gains {
         gains
     }
 
-    /// The same after units have changed: these are of the groups `before`, and now of others.
+    /// The gains after units have changed from `before` to `now`.
     pub fn after(&self, before: &[u8], now: &[u8]) -> Self {
         let groups = 0..self.choices as u8;
         let mut gains = Self::unknown(before.len(), self.choices - 1);
         for (unit, (&before, &now)) in before.iter().zip(now).enumerate() {
-            let worth = |to: u8| {
-                if to == before {
-                    0.0
-                } else {
-                    self.of(Change { unit, to })
-                }
+            let gain = |to: u8| match to == before {
+                true => 0.0,
+                false => self.of(Change { unit, to }),
             };
             for to in groups.clone().filter(|to| *to != now) {
-                gains.set(Change { unit, to }, worth(to) - worth(now));
+                gains.set(Change { unit, to }, gain(to) - gain(now));
             }
         }
         gains
     }
 
-    /// Those of the units for which `may` says so; nothing of others.
-    pub fn masked(&self, mut may: impl FnMut(usize) -> bool) -> Self {
+    /// The gains of the units for which `is_allowed` is true; the others become unknown.
+    pub fn masked(&self, mut is_allowed: impl FnMut(usize) -> bool) -> Self {
         let mut masked = self.clone();
         for (unit, values) in masked.values.chunks_exact_mut(self.choices).enumerate() {
-            if !may(unit) {
+            if !is_allowed(unit) {
                 values.fill(f64::NAN);
             }
         }
@@ -102,7 +99,7 @@ impl Gains {
         self.values[change.unit * self.choices + usize::from(change.to)] = gain;
     }
 
-    /// The best electrode that a unit of a group, or a bare one, may have instead; the first of equals.
+    /// The best change of a unit to another group; the first of equal ones.
     pub fn best_electrode(&self, unit: usize, now: u8) -> Option<Change> {
         let electrodes = (1..self.choices as u8).filter(|to| *to != now);
         let known = electrodes
@@ -111,7 +108,7 @@ impl Gains {
         known.reduce(|best, one| if self.of(one) > self.of(best) { one } else { best })
     }
 
-    /// To be bare, where it is known.
+    /// The change of a unit to bare, if its gain is known.
     pub fn removal(&self, unit: usize) -> Option<Change> {
         let change = Change { unit, to: 0 };
         (!self.of(change).is_nan()).then_some(change)

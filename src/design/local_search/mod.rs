@@ -1,20 +1,21 @@
-//! Local search along the gradient: how good a pattern can be, and the refinement of what the genetic algorithm found.
+//! Local search along the gradient, from any pattern or from a design of the genetic algorithm.
 //!
-//! The derivative of the score with respect to the activity of every cell, for each group of electrodes, costs one more linear solve (the adjoint). It is
-//! used in two ways. First many units are turned on, off or to another group at once, those that gain most to first order, as many as a simulation
-//! confirms: thresholding by sensitivity, as in the topology optimisation of binary designs (for instance Sivapuram and
-//! Picelli, Finite Elements in Analysis and Design 139, 2018). Then units near the threshold are simulated one by one, since
-//! flipping a whole unit gains another amount than its derivative says, and are exchanged in pairs until none of the most
-//! promising pairs gains.
+//! The derivative of the score with respect to the activity of every cell, for each electrode group, costs one linear
+//! solve (the adjoint). First, many units are changed at once: those with the largest first-order gains, as many as a
+//! simulation confirms. This is thresholding by sensitivity, as in the topology optimisation of binary designs (for
+//! instance Sivapuram and Picelli, Finite Elements in Analysis and Design 139, 2018). Then units near the threshold
+//! are simulated one by one, since the gain of a whole unit differs from its derivative, and are exchanged in pairs
+//! until no promising pair gains.
 
 mod exchange;
+mod feasible;
 mod gains;
 mod problem;
 mod search;
 mod squares;
 mod units;
 
-pub use problem::{SearchProblem, Unsuited};
+pub use problem::SearchProblem;
 
 use deaflow_field::StateFields;
 use deaflow_pattern::Pattern;
@@ -22,29 +23,40 @@ use deaflow_pattern::Pattern;
 /// One step of a local search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SearchStep {
-    /// Displacement along the wanted directions in mm.
+    /// Displacement along the target directions in mm.
     pub value_mm: f64,
-    /// The score, larger is better.
+    /// The score; larger is better.
     pub score: f64,
     /// Area fraction.
     pub area: f64,
-    /// Patterns that were simulated up to here.
+    /// Number of simulated patterns so far.
     pub simulations: usize,
 }
 
-/// Where a local search ended.
+/// The result of a local search.
 #[derive(Clone, Debug)]
 pub struct LocalOptimum {
     /// The best pattern.
     pub pattern: Pattern,
-    /// Its fields in the states of the device.
+    /// The fields in the states of the device.
     pub fields: StateFields,
-    /// Its score, larger is better.
+    /// The score; larger is better.
     pub score: f64,
-    /// From the start to the best.
+    /// The steps from the start to the best pattern.
     pub steps: Vec<SearchStep>,
-    /// Whether it ended because no exchange gains; otherwise it was stopped.
+    /// Whether no exchange gains; otherwise the maximum number of steps was reached.
     pub exhausted: bool,
+}
+
+/// Why a local search cannot start from a pattern.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StartError {
+    /// No pattern near it satisfies the target area and the constraints.
+    #[error("cannot satisfy the target area and the constraints")]
+    NoPattern,
+    /// The pattern near it that satisfies them has no field, or violates the margins.
+    #[error("has no stable solution, or violates the margins, at the target area and with the constraints")]
+    NoField,
 }
 
 #[cfg(test)]

@@ -1,78 +1,165 @@
-//! A local search under way.
+//! The steps of a local search.
 
 use std::collections::{HashMap, HashSet};
 
 use super::exchange::Exchange;
 use super::gains::{Change, Gains};
-use super::problem::{SearchProblem, State};
+use super::problem::{SearchProblem, SearchState};
 use super::squares::Squares;
-use super::{LocalOptimum, SearchStep};
+use super::{LocalOptimum, SearchStep, StartError};
 use deaflow_field::PredictError;
 use deaflow_pattern::Pattern;
 
-/// Gains below this are rounding of the solver: 0.25 nm on a membrane whose displacements are of the order of 1 mm.
-const GAIN: f64 = 1e-7;
+/// Smaller gains are rounding errors of the solver: 0.25 nm for displacements of about 1 mm.
+const MIN_GAIN: f64 = 1e-7;
 
-/// What a score that is found near another may be short of, ten times what it is: what promises as much less than a gain is simulated.
-const DOUBT: f64 = 1e-6;
+/// Ten times the error of approximate scores: patterns with an approximate gain of at least `MIN_GAIN` − `SCORE_ERROR`
+/// are simulated.
+const SCORE_ERROR: f64 = 1e-6;
 
-/// So many of those that promise most are simulated together.
-const TOGETHER: usize = 8;
+/// Number of the most promising patterns that are simulated at once.
+const BATCH: usize = 8;
 
-/// Most steps of either kind; a search takes some tens.
-const STEPS: usize = 200;
+/// Maximum number of steps of either kind; searches need some tens.
+const MAX_STEPS: usize = 200;
 
-/// How far a search for gains looks: units on either side of the threshold that are simulated one by one, and pairs of them
-/// that are simulated together. The second is looked at where the first finds nothing.
-const REACH: [(usize, usize); 2] = [(48, 64), (160, 256)];
+/// Sizes of the neighbourhoods: units of each kind that are simulated one by one, and pairs of them that are simulated
+/// together. The second neighbourhood is used if the first has no gain.
+const NEIGHBOURHOODS: [(usize, usize); 2] = [(48, 64), (160, 256)];
 
-/// How a unit may be changed, by what is known and its group now.
-type Way = fn(&Gains, usize, u8) -> Option<Change>;
+/// The best change of one kind for a unit, given the gains and the group of the unit.
+type ChangeKind = fn(&Gains, usize, u8) -> Option<Change>;
 
-/// Those that are on to be off, those that are off to be on, and those that are on to be of another group.
-const WAYS: [Way; 3] = [
+/// Turn a unit off, turn it on, and move it to another group.
+const CHANGE_KINDS: [ChangeKind; 3] = [
     |gains, unit, now| gains.removal(unit).filter(|_| now != 0),
     |gains, unit, now| gains.best_electrode(unit, now).filter(|_| now == 0),
     |gains, unit, now| gains.best_electrode(unit, now).filter(|_| now != 0),
 ];
 
-pub(super) struct LocalSearch<'g> {
+/// A running local search.
+struct LocalSearch<'g> {
     problem: &'g SearchProblem<'g>,
     on_step: &'g dyn Fn(&SearchStep),
-    state: State,
-    known: Known,
+    state: SearchState,
+    cache: StateCache,
     steps: Vec<SearchStep>,
     simulations: usize,
     exhausted: bool,
 }
 
-/// What is known of a state, so that no pattern is simulated twice.
+/// Results for the present state, so that no pattern is simulated twice.
 #[derive(Default)]
-struct Known {
-    /// What changing each unit gains to first order, once it was asked for; none where there is no gradient.
+struct StateCache {
+    /// First-order gains once computed; `Some(None)` if there is no gradient.
     first_order: Option<Option<Gains>>,
-    /// The score with one unit of another group, by unit and group; none where there is no field.
+    /// The score after changing one unit, by unit and new group; `None` if there is no field.
     single: HashMap<(usize, u8), Option<f64>>,
-    /// Choices of units that are no gain.
-    refused: HashSet<Vec<u8>>,
+    /// Choices of units without a gain.
+    rejected: HashSet<Vec<u8>>,
+}
+
+impl SearchProblem<'_> {
+    /// Makes a pattern feasible and follows the gradient until no change of units gains.
+    ///
+    /// # Errors
+    /// If the model cannot be evaluated.
+    pub fn follow_gradient(
+        &self,
+        start: &Pattern,
+        on_step: &dyn Fn(&SearchStep),
+    ) -> Result<Result<LocalOptimum, StartError>, PredictError> {
+        self.search(start, on_step, LocalSearch::follow_gradient)
+    }
+
+    /// Follows the gradient, then exchanges pairs of units until no exchange gains.
+    ///
+    /// # Errors
+    /// If the model cannot be evaluated.
+    pub fn refine(
+        &self,
+        start: &Pattern,
+        on_step: &dyn Fn(&SearchStep),
+    ) -> Result<Result<LocalOptimum, StartError>, PredictError> {
+        self.search(start, on_step, |search| {
+            search.follow_gradient()?;
+            search.exchange_pairs()
+        })
+    }
+
+    fn search<'g>(
+        &'g self,
+        start: &Pattern,
+        on_step: &'g dyn Fn(&SearchStep),
+        run: impl FnOnce(&mut LocalSearch<'g>) -> Result<(), PredictError>,
+    ) -> Result<Result<LocalOptimum, StartError>, PredictError> {
+        match self.begin(start, on_step)? {
+            Ok(mut search) => {
+                run(&mut search)?;
+                Ok(Ok(search.finish()))
+            }
+            Err(error) => Ok(Err(error)),
+        }
+    }
+
+    /// Makes the start feasible and evaluates it.
+    fn begin<'g>(
+        &'g self,
+        start: &Pattern,
+        on_step: &'g dyn Fn(&SearchStep),
+    ) -> Result<Result<LocalSearch<'g>, StartError>, PredictError> {
+        let given = self.units.of(&self.best_grouped(start)?);
+        let gradient = self.gradient(&self.units.pattern(&given))?;
+        let first_order = gradient.map(|gradient| self.first_order_gains(&given, &gradient));
+        // Without a gradient all units are equal.
+        let uniform = || Gains::uniform(&given, self.groups(), 0.0);
+        let Some(on) = self.make_feasible(&given, &first_order.clone().unwrap_or_else(uniform)) else {
+            return Ok(Err(StartError::NoPattern));
+        };
+        let state = self.best_of(vec![on], f64::NEG_INFINITY)?.ok_or(StartError::NoField);
+        Ok(state.map(|state| {
+            let known = first_order.filter(|_| state.on == given);
+            LocalSearch::new(self, on_step, state, known)
+        }))
+    }
+
+    /// Exchanges two groups as long as this gains. A search by single units cannot do this if there is a gap between
+    /// groups, or if all electrodes are in a group without effect.
+    fn best_grouped(&self, start: &Pattern) -> Result<Pattern, PredictError> {
+        let groups = self.groups() as u8;
+        let mut best = start.clone();
+        for _ in 1..groups {
+            let pairs = (1..groups).flat_map(|a| (a + 1..=groups).map(move |b| [a, b]));
+            let exchanged = pairs.map(|pair| best.with_groups_exchanged(pair));
+            let patterns: Vec<Pattern> = std::iter::once(best.clone()).chain(exchanged).collect();
+            let scores = self.scores(&patterns)?;
+            // For equal scores the pattern itself is kept.
+            let known = scores.iter().zip(0..).filter_map(|(score, at)| Some(((*score)?, at)));
+            match known.reduce(|best, one| if one.0 > best.0 { one } else { best }) {
+                Some((_, at)) if at > 0 => best = patterns[at].clone(),
+                _ => break,
+            }
+        }
+        Ok(best)
+    }
 }
 
 impl<'g> LocalSearch<'g> {
-    /// From a start that was simulated twice: as it was given, and made feasible. `first_order` is what changing its units gains, where that is
+    /// A search from a start that was simulated twice: as given, and made feasible. `first_order` are its gains if
     /// known.
-    pub(super) fn new(
+    fn new(
         problem: &'g SearchProblem<'g>,
         on_step: &'g dyn Fn(&SearchStep),
-        state: State,
+        state: SearchState,
         first_order: Option<Gains>,
     ) -> Self {
         let mut search = Self {
             problem,
             on_step,
             state,
-            known: Known {
+            cache: StateCache {
                 first_order: first_order.map(Some),
-                ..Known::default()
+                ..StateCache::default()
             },
             steps: Vec::new(),
             simulations: 2,
@@ -82,8 +169,8 @@ impl<'g> LocalSearch<'g> {
         search
     }
 
-    pub(super) fn follow_gradient(&mut self) -> Result<(), PredictError> {
-        for _ in 0..STEPS {
+    fn follow_gradient(&mut self) -> Result<(), PredictError> {
+        for _ in 0..MAX_STEPS {
             match self.first_order()? {
                 Some(gains) if self.take_best(&gains)? => {}
                 _ => return Ok(()),
@@ -92,14 +179,14 @@ impl<'g> LocalSearch<'g> {
         Ok(())
     }
 
-    pub(super) fn exchange_pairs(&mut self) -> Result<(), PredictError> {
-        for _ in 0..STEPS {
+    fn exchange_pairs(&mut self) -> Result<(), PredictError> {
+        for _ in 0..MAX_STEPS {
             let Some(first_order) = self.first_order()? else {
                 return Ok(());
             };
             let mut gained = false;
-            for reach in REACH {
-                gained = gained || self.exchange(&first_order, reach)?;
+            for sizes in NEIGHBOURHOODS {
+                gained = gained || self.exchange(&first_order, sizes)?;
             }
             if !gained {
                 self.exhausted = true;
@@ -109,6 +196,7 @@ impl<'g> LocalSearch<'g> {
         Ok(())
     }
 
+    /// Exchanges units or squares in a neighbourhood. Returns whether there was a gain.
     fn exchange(&mut self, first_order: &Gains, (near, pairs): (usize, usize)) -> Result<bool, PredictError> {
         let feature = self.problem.feature();
         if feature != [1; 2] {
@@ -118,22 +206,22 @@ impl<'g> LocalSearch<'g> {
         Ok(self.take_best(&gains)? || self.take_pair(&gains, pairs)?)
     }
 
-    /// What changing each unit gains to first order.
+    /// The first-order gains of the present state.
     fn first_order(&mut self) -> Result<Option<Gains>, PredictError> {
         self.simulations += 1;
-        if let Some(gains) = &self.known.first_order {
+        if let Some(gains) = &self.cache.first_order {
             return Ok(gains.clone());
         }
         let gradient = self.problem.gradient(&self.state.pattern)?;
-        let gains = gradient.map(|gradient| self.problem.gains(&self.state.on, &gradient));
-        self.known.first_order = Some(gains.clone());
+        let gains = gradient.map(|gradient| self.problem.first_order_gains(&self.state.on, &gradient));
+        self.cache.first_order = Some(gains.clone());
         Ok(gains)
     }
 
-    /// Makes 1, 2, 4, … of the most profitable exchanges, and goes on from the best of these patterns where it is a gain.
+    /// Makes 1, 2, 4, … of the best exchanges, and accepts the best of these patterns if it gains.
     fn take_best(&mut self, gains: &Gains) -> Result<bool, PredictError> {
         let problem = self.problem;
-        let mut exchange = Exchange::new(problem.units(), &self.state.on, gains, problem.range());
+        let mut exchange = Exchange::new(&problem.units, &self.state.on, gains, problem.range);
         let (mut choices, mut count, mut next) = (Vec::new(), 0, 1);
         let mut more = exchange.step();
         while more {
@@ -150,57 +238,57 @@ impl<'g> LocalSearch<'g> {
         self.take(choices)
     }
 
-    /// What the units near the threshold gain if they alone are changed, by simulation; nothing is known of all others.
-    fn gains_near(&mut self, first_order: &Gains, most: usize) -> Result<Gains, PredictError> {
-        let candidates: Vec<Change> = WAYS.map(|way| self.nearest(way, first_order, most)).concat();
+    /// The simulated gains of changing single units, for the `count` best first-order gains of each kind.
+    fn gains_near(&mut self, first_order: &Gains, count: usize) -> Result<Gains, PredictError> {
+        let candidates: Vec<Change> = CHANGE_KINDS.map(|kind| self.nearest(kind, first_order, count)).concat();
         let key = |change: &Change| (change.unit, change.to);
-        let is_new = |change: &&Change| !self.known.single.contains_key(&key(change));
+        let is_new = |change: &&Change| !self.cache.single.contains_key(&key(change));
         let new: Vec<Change> = candidates.iter().filter(is_new).copied().collect();
-        let changed = |change: &Change| self.problem.units().pattern(&self.changed(&[*change]));
+        let changed = |change: &Change| self.problem.units.pattern(&self.changed(&[*change]));
         let patterns: Vec<Pattern> = new.iter().map(changed).collect();
         let scores = self.problem.scores_near(&self.state.pattern, &patterns)?;
-        self.known.single.extend(new.iter().map(key).zip(scores));
+        self.cache.single.extend(new.iter().map(key).zip(scores));
         self.simulations += candidates.len();
         let mut gains = Gains::unknown(self.state.on.len(), self.problem.groups());
         for change in candidates {
-            if let Some(score) = self.known.single[&key(&change)] {
+            if let Some(score) = self.cache.single[&key(&change)] {
                 gains.set(change, score - self.state.score);
             }
         }
         Ok(gains)
     }
 
-    /// The most profitable of such changes for their size.
-    fn nearest(&self, way: Way, gains: &Gains, most: usize) -> Vec<Change> {
-        let units = self.problem.units();
+    /// The changes of one kind with the largest gains per cell.
+    fn nearest(&self, kind: ChangeKind, gains: &Gains, count: usize) -> Vec<Change> {
+        let units = &self.problem.units;
         let density = |change: &Change| gains.of(*change) / units.cells(change.unit).len() as f64;
         let mut list: Vec<Change> = (0..units.count())
-            .filter_map(|unit| way(gains, unit, self.state.on[unit]))
+            .filter_map(|unit| kind(gains, unit, self.state.on[unit]))
             .collect();
         list.sort_by(|a, b| density(b).total_cmp(&density(a)).then(a.unit.cmp(&b.unit)));
-        list.truncate(most);
+        list.truncate(count);
         list
     }
 
-    /// Simulates the pairs of units, one on and one off, that promise most, and takes the best where it is a gain.
+    /// Simulates the most promising pairs of units, one turned on and one off, and accepts the best if it gains.
     fn take_pair(&mut self, gains: &Gains, most: usize) -> Result<bool, PredictError> {
-        let [removes, adds, _] = WAYS.map(|way| -> Vec<(f64, Vec<Change>)> {
-            let known = self.state.on.iter().enumerate();
-            let known = known.filter_map(|(unit, &now)| way(gains, unit, now));
-            known.map(|change| (gains.of(change), vec![change])).collect()
+        let [removes, adds, _] = CHANGE_KINDS.map(|kind| -> Vec<(f64, Vec<Change>)> {
+            let changes = self.state.on.iter().enumerate();
+            let changes = changes.filter_map(|(unit, &now)| kind(gains, unit, now));
+            changes.map(|change| (gains.of(change), vec![change])).collect()
         });
         let choices = self.pairs(&adds, &removes, most);
         self.take_promising(choices)
     }
 
-    /// The same with squares of the least width, one turned on, one off, or both.
+    /// The same with squares of the minimum width: one turned on, one off, or both.
     fn take_squares(
         &mut self,
         gains: &Gains,
         feature: [usize; 2],
         (near, most): (usize, usize),
     ) -> Result<bool, PredictError> {
-        let squares = Squares::new(self.problem.units(), feature);
+        let squares = Squares::new(&self.problem.units, feature);
         let of = |to: u8| squares.best(&self.state.on, gains, to, near);
         let none = || (0.0, Vec::new());
         let mut adds: Vec<_> = (1..=self.problem.groups() as u8).flat_map(of).collect();
@@ -213,7 +301,7 @@ impl<'g> LocalSearch<'g> {
         self.take_promising(choices)
     }
 
-    /// The pairs of units, or several of them, to turn on and off that promise most, as choices.
+    /// The choices with the best sums of gains of one addition and one removal.
     fn pairs(&self, adds: &[(f64, Vec<Change>)], removes: &[(f64, Vec<Change>)], most: usize) -> Vec<Vec<u8>> {
         let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
         for (a, add) in adds.iter().enumerate() {
@@ -224,57 +312,57 @@ impl<'g> LocalSearch<'g> {
             }
         }
         pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let (low, high) = self.problem.range();
+        let (low, high) = self.problem.range;
         let choices = pairs
             .into_iter()
             .map(|(_, a, r)| self.changed(&[&adds[a].1[..], &removes[r].1[..]].concat()));
-        let fits = |on: &Vec<u8>| (low..=high).contains(&self.problem.units().area(on));
+        let fits = |on: &Vec<u8>| (low..=high).contains(&self.problem.units.area(on));
         choices.filter(fits).take(most).collect()
     }
 
     fn changed(&self, changes: &[Change]) -> Vec<u8> {
-        Change::made(&self.state.on, changes)
+        Change::apply(&self.state.on, changes)
     }
 
-    /// Goes on from the best of some choices where it is a gain.
+    /// Accepts the best choice if it gains.
     fn take(&mut self, choices: Vec<Vec<u8>>) -> Result<bool, PredictError> {
-        let new = self.new_ones(choices);
-        let gained = self.go_on(new.clone())?;
+        let new = self.without_rejected(choices);
+        let gained = self.accept_best(new.clone())?;
         if !gained {
-            self.known.refused.extend(new);
+            self.cache.rejected.extend(new);
         }
         Ok(gained)
     }
 
-    /// The same of choices that change few cells: all are ranked by what is found near the state, and only those are simulated from rest
-    /// that may be a gain.
+    /// The same for choices that change few cells: all are ranked by approximate scores, and only those that may gain
+    /// are simulated from rest.
     fn take_promising(&mut self, choices: Vec<Vec<u8>>) -> Result<bool, PredictError> {
-        let new = self.new_ones(choices);
-        let least = self.state.score + GAIN - DOUBT;
+        let new = self.without_rejected(choices);
+        let least = self.state.score + MIN_GAIN - SCORE_ERROR;
         let promising = self.problem.promising(&self.state.pattern, new.clone(), least)?;
-        for some in promising.chunks(TOGETHER) {
-            if self.go_on(some.to_vec())? {
+        for batch in promising.chunks(BATCH) {
+            if self.accept_best(batch.to_vec())? {
                 return Ok(true);
             }
         }
-        self.known.refused.extend(new);
+        self.cache.rejected.extend(new);
         Ok(false)
     }
 
-    /// Those of some choices that were not refused.
-    fn new_ones(&mut self, choices: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
+    /// The choices that were not rejected before.
+    fn without_rejected(&mut self, choices: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
         self.simulations += choices.len();
-        let is_new = |on: &Vec<u8>| !self.known.refused.contains(on);
+        let is_new = |on: &Vec<u8>| !self.cache.rejected.contains(on);
         choices.into_iter().filter(is_new).collect()
     }
 
-    /// Goes on from the best of some choices where it is a gain.
-    fn go_on(&mut self, choices: Vec<Vec<u8>>) -> Result<bool, PredictError> {
-        let Some(state) = self.problem.best_of(choices, self.state.score + GAIN)? else {
+    /// Accepts the best choice if it gains.
+    fn accept_best(&mut self, choices: Vec<Vec<u8>>) -> Result<bool, PredictError> {
+        let Some(state) = self.problem.best_of(choices, self.state.score + MIN_GAIN)? else {
             return Ok(false);
         };
         self.state = state;
-        self.known = Known::default();
+        self.cache = StateCache::default();
         self.record_step();
         Ok(true)
     }
@@ -290,7 +378,7 @@ impl<'g> LocalSearch<'g> {
         self.steps.push(step);
     }
 
-    pub(super) fn finish(self) -> LocalOptimum {
+    fn finish(self) -> LocalOptimum {
         LocalOptimum {
             pattern: self.state.pattern,
             fields: self.state.fields,

@@ -1,15 +1,15 @@
-//! Squares of the least width that may be changed, where single units may not.
+//! Squares of the minimum width, which can be changed if single units cannot.
 
 use super::gains::{Change, Gains};
 use super::units::Units;
 
-/// The cells of a membrane in squares, one from each cell, that are wholly among the units.
+/// All squares that consist of units, one for each lower left cell.
 pub(super) struct Squares {
     squares: Vec<Vec<usize>>,
 }
 
 impl Squares {
-    /// For units that are cells, squares of so many columns and rows.
+    /// Squares of a number of columns and rows, for units that are cells.
     pub(super) fn new(units: &Units, [wide, high]: [usize; 2]) -> Self {
         let [columns, rows] = units.raster().sides();
         let mut unit_of = vec![None; columns * rows];
@@ -27,9 +27,9 @@ impl Squares {
         }
     }
 
-    /// What making each square of a group (or bare, where that is 0) changes: its units that are not so yet, with the sum of their gains, the
-    /// most profitable first, at most so many.
-    pub(super) fn best(&self, on: &[u8], gains: &Gains, to: u8, most: usize) -> Vec<(f64, Vec<Change>)> {
+    /// The changes that move each square to a group (0 for bare), with the sum of their gains: the `count` best, the
+    /// best first.
+    pub(super) fn best(&self, on: &[u8], gains: &Gains, to: u8, count: usize) -> Vec<(f64, Vec<Change>)> {
         let changed = |square: &Vec<usize>| {
             let units = square.iter().copied().filter(|&unit| on[unit] != to);
             let changes: Vec<Change> = units.map(|unit| Change { unit, to }).collect();
@@ -40,7 +40,7 @@ impl Squares {
         let mut best: Vec<(f64, Vec<Change>)> = self.squares.iter().filter_map(changed).collect();
         best.sort_by(|a, b| b.0.total_cmp(&a.0).then_with(|| units(&a.1).cmp(&units(&b.1))));
         best.dedup_by(|a, b| a.1 == b.1);
-        best.truncate(most);
+        best.truncate(count);
         best
     }
 }
@@ -48,11 +48,11 @@ impl Squares {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deaflow_pattern::Raster;
+    use deaflow_pattern::{Bits, Raster};
 
     #[test]
-    fn a_square_turns_over_what_is_not_as_it_will_be() {
-        let units = Units::new([50; 2], Raster::PAPER, &[true; 2500]);
+    fn a_square_changes_units_of_other_groups_only() {
+        let units = Units::new([50; 2], &Bits::full(Raster::PAPER));
         let squares = Squares::new(&units, [3; 2]);
         assert_eq!(squares.squares.len(), 48 * 48);
         let on: Vec<u8> = (0..2500).map(|cell| u8::from(cell % 50 < 10)).collect();

@@ -1,30 +1,32 @@
-//! What a local search turns on and off, or gives to another group of electrodes: the cells, or the coarser units of the genetic algorithm.
+//! The units that a local search changes: cells, or the coarser units of the genetic algorithm.
 
-use deaflow_pattern::{Pattern, Raster};
+use deaflow_pattern::{Bits, Pattern, Raster};
 
-/// The membrane in columns and rows of units; of n units along a side of m cells, cell i lies in unit floor(i n / m).
+/// The membrane in columns and rows of units. With n units along a side of m cells, cell i lies in unit floor(i n /
+/// m).
 #[derive(Clone, Debug)]
 pub(super) struct Units {
     raster: Raster,
-    /// The cells of each unit that may be active; units without any are left out.
+    /// The allowed cells of each unit; units without allowed cells are omitted.
     cells: Vec<Vec<usize>>,
 }
 
 impl Units {
-    /// The units whose cells may be active where `allowed` says so, `[y][x]`.
-    pub(super) fn new(units: [usize; 2], raster: Raster, allowed: &[bool]) -> Self {
+    /// Columns and rows of units with the allowed cells.
+    pub(super) fn new(units: [usize; 2], allowed: &Bits) -> Self {
+        let raster = allowed.raster();
         let [columns, rows] = raster.sides();
         let mut cells = vec![Vec::new(); units[0] * units[1]];
-        for cell in (0..raster.cells()).filter(|&cell| allowed[cell]) {
-            let unit = |c: usize, along: usize, side: usize| c * units[along] / side;
-            let (x, y) = (unit(cell % columns, 0, columns), unit(cell / columns, 1, rows));
-            cells[y * units[0] + x].push(cell);
+        for (x, y) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
+            if allowed.has(x, y) {
+                cells[y * units[1] / rows * units[0] + x * units[0] / columns].push(y * columns + x);
+            }
         }
         cells.retain(|unit| !unit.is_empty());
         Self { raster, cells }
     }
 
-    /// The cells that they are made of.
+    /// The raster of cells.
     pub(super) fn raster(&self) -> Raster {
         self.raster
     }
@@ -37,7 +39,7 @@ impl Units {
         &self.cells[unit]
     }
 
-    /// The sum over the cells of each unit, of an array of all cells.
+    /// The sum of an array over the cells of each unit.
     pub(super) fn sums(&self, of_cells: &[f64]) -> Vec<f64> {
         self.cells
             .iter()
@@ -45,7 +47,7 @@ impl Units {
             .collect()
     }
 
-    /// The group of each unit: that of more than half of its cells; 0 where there is none.
+    /// The group of each unit: that of more than half of its cells, or 0.
     pub(super) fn of(&self, pattern: &Pattern) -> Vec<u8> {
         let cells = pattern.cells();
         (0..self.count())
@@ -53,7 +55,7 @@ impl Units {
             .collect()
     }
 
-    /// The same of one unit, by the group of each cell.
+    /// The group of one unit, given the group of each cell.
     pub(super) fn group_of(&self, unit: usize, group: impl Fn(usize) -> u8) -> u8 {
         let cells = &self.cells[unit];
         let mut counts = [0; Pattern::MOST_GROUPS + 1];
@@ -70,12 +72,12 @@ impl Units {
         Pattern::from_groups(self.raster, |x, y| groups[y * self.raster.columns() + x])
     }
 
-    /// How many cells there are in all.
+    /// The number of allowed cells.
     pub(super) fn size(&self) -> usize {
         self.cells.iter().map(Vec::len).sum()
     }
 
-    /// How many cells are active.
+    /// The number of active cells.
     pub(super) fn area(&self, on: &[u8]) -> usize {
         let units = self.cells.iter().zip(on).filter(|(_, on)| **on != 0);
         units.map(|(unit, _)| unit.len()).sum()
@@ -88,8 +90,8 @@ mod tests {
     use crate::Genome;
 
     #[test]
-    fn they_are_those_of_the_genetic_algorithm() {
-        let units = Units::new([20; 2], Raster::PAPER, &[true; 2500]);
+    fn units_are_those_of_the_genetic_algorithm() {
+        let units = Units::new([20; 2], &Bits::full(Raster::PAPER));
         let genome = Genome::from_fn(|x, y| (x * 7 + y * 3) % 5 < 2);
         assert_eq!(units.pattern(genome.genes()), genome.pattern(Raster::PAPER));
         assert_eq!(units.of(&genome.pattern(Raster::PAPER)), genome.genes());
@@ -97,13 +99,12 @@ mod tests {
     }
 
     #[test]
-    fn what_is_kept_out_is_never_active() {
-        let mut allowed = [true; 2500];
-        (0..3).for_each(|cell| allowed[cell] = false);
-        let cells = Units::new([50; 2], Raster::PAPER, &allowed);
+    fn cells_that_are_not_allowed_are_never_active() {
+        let allowed = Bits::from_fn(Raster::PAPER, |x, y| y > 0 || x > 2);
+        let cells = Units::new([50; 2], &allowed);
         assert_eq!(cells.count(), 2497);
         assert_eq!(cells.pattern(&vec![1; 2497]).active_cells(), 2497);
-        let units = Units::new([20; 2], Raster::PAPER, &allowed);
+        let units = Units::new([20; 2], &allowed);
         assert_eq!((units.count(), units.cells(0).len()), (400, 6));
     }
 }

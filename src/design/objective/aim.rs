@@ -1,66 +1,66 @@
-//! Points and bodies, and how they should move.
+//! Points and bodies, and their target motions.
 
-use super::goal::GoalError;
+use super::error::GoalError;
 use deaflow_field::Field;
 use deaflow_pattern::Membrane;
 
-/// What should move, in which state of the device, and where to.
+/// A point or body with its target motion in one state of the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aim {
     /// Position in mm from the lower left corner of the membrane; of a body its centroid.
     pub point_mm: [f64; 2],
-    /// Where a rigid body is meant and not a point, how its motion is told.
-    pub body: Option<Lever>,
-    /// How it should move.
+    /// The markers of a rigid body; `None` for a point.
+    pub body: Option<BodyMarkers>,
+    /// The target motion.
     pub motion: Motion,
-    /// What it counts beside other points; positive.
+    /// The weight relative to other aims; positive.
     pub weight: f64,
-    /// The state of the device in which it should, from 0.
+    /// The state of the device, from 0.
     pub state: usize,
 }
 
-/// How a point or a body should move.
+/// The target motion of a point or body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
-    /// In a direction, in degrees counterclockwise from +x, as far as it gets.
+    /// As far as possible in a direction, in degrees counterclockwise from +x.
     Along(f64),
-    /// In a direction so many mm, no more and no less.
+    /// A distance in mm in a direction.
     By(f64, f64),
-    /// By this vector in mm.
+    /// A displacement in mm.
     To([f64; 2]),
-    /// A body turns counterclockwise, or where it is false clockwise, as far as it gets.
+    /// Rotation of a body as far as possible; true is counterclockwise.
     Turn(bool),
-    /// A body turns by so many degrees counterclockwise, no more and no less.
+    /// Rotation of a body by an angle in degrees, counterclockwise.
     TurnBy(f64),
 }
 
-/// By what the motion of a rigid body is told.
+/// Two marker points, whose displacements give the translation and rotation of a rigid body.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lever {
-    /// Two corners of its cells, by column and row.
+pub struct BodyMarkers {
+    /// Column and row of two corners of cells of the body.
     pub ends: [[usize; 2]; 2],
-    /// From the centroid of its cells to the first of them, in mm.
+    /// From the centroid of the body to the first marker in mm.
     pub start_mm: [f64; 2],
-    /// From the first to the second in mm.
+    /// From the first to the second marker in mm.
     pub offset_mm: [f64; 2],
-    /// How far its outermost corner is from its centroid, in mm. A rotation counts by the arc of that corner.
+    /// Distance of the outermost corner from the centroid in mm. A rotation counts as the arc length of this corner.
     pub arm_mm: f64,
 }
 
-/// An aim in the units of the raster.
+/// An aim in cells of the raster.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlacedAim {
     /// Position in cells.
     pub point: [f64; 2],
-    /// Unit vector; of a rotation (1, 0), or (−1, 0) where it should be clockwise.
+    /// Unit vector; (1, 0) for a counterclockwise rotation, (−1, 0) for a clockwise one.
     pub direction: [f64; 2],
-    /// Wanted displacement in mm; zero where as far as possible is wanted.
-    pub wanted: [f64; 2],
-    /// Share of all aims; they add up to 1.
+    /// Target displacement in mm; zero without a target.
+    pub target: [f64; 2],
+    /// Weight; the weights of all aims add up to 1.
     pub weight: f64,
     /// The state of the device, from 0.
     pub state: usize,
-    /// What it is that moves.
+    /// What moves.
     pub subject: Subject,
 }
 
@@ -70,13 +70,13 @@ pub enum Subject {
     /// A point.
     Point,
     /// The centroid of a rigid body.
-    Translation(Lever),
+    Translation(BodyMarkers),
     /// A rigid body about its centroid.
-    Rotation(Lever),
+    Rotation(BodyMarkers),
 }
 
 impl Aim {
-    /// The only one of a device without states.
+    /// The aim of a point with weight 1 in the first state.
     #[must_use]
     pub const fn new(point_mm: [f64; 2], motion: Motion) -> Self {
         Self {
@@ -101,15 +101,15 @@ impl Aim {
         }
         let (subject, arm_mm) = match (self.motion.turns(), self.body) {
             (false, None) => (Subject::Point, 0.0),
-            (false, Some(lever)) => (Subject::Translation(lever), 0.0),
-            (true, Some(lever)) => (Subject::Rotation(lever), lever.arm_mm),
+            (false, Some(markers)) => (Subject::Translation(markers), 0.0),
+            (true, Some(markers)) => (Subject::Rotation(markers), markers.arm_mm),
             (true, None) => return Err(GoalError::PointTurns),
         };
-        let (direction, wanted) = self.motion.vectors(arm_mm)?;
+        let (direction, target) = self.motion.vectors(arm_mm)?;
         Ok(PlacedAim {
             point: membrane.in_cells(self.point_mm),
             direction,
-            wanted,
+            target,
             weight: self.weight,
             state: self.state,
             subject,
@@ -118,9 +118,9 @@ impl Aim {
 }
 
 impl Motion {
-    /// Whether it says how far, and not only where to.
+    /// Whether there is a target displacement or angle, not only a direction.
     #[must_use]
-    pub fn is_wanted(&self) -> bool {
+    pub fn has_target(&self) -> bool {
         !matches!(self, Self::Along(_) | Self::Turn(_))
     }
 
@@ -128,23 +128,23 @@ impl Motion {
         matches!(self, Self::Turn(_) | Self::TurnBy(_))
     }
 
-    /// The direction, and the wanted displacement in mm: of a rotation the arc at the end of an arm.
+    /// The direction, and the target displacement in mm; of a rotation the arc length at the end of an arm.
     fn vectors(self, arm_mm: f64) -> Result<([f64; 2], [f64; 2]), GoalError> {
         let direction = |degrees: f64| match degrees.is_finite() {
             true => Ok(unit_vector(degrees)),
             false => Err(GoalError::Direction(degrees)),
         };
-        let (direction, wanted) = match self {
+        let (direction, target) = match self {
             Self::Along(degrees) => (direction(degrees)?, [0.0; 2]),
             Self::By(degrees, length) => (direction(degrees)?, direction(degrees)?.map(|c| c * length)),
-            Self::To(wanted) => {
-                let length = wanted[0].hypot(wanted[1]);
+            Self::To(target) => {
+                let length = target[0].hypot(target[1]);
                 let along = if length > 0.0 {
-                    wanted.map(|c| c / length)
+                    target.map(|c| c / length)
                 } else {
                     [1.0, 0.0]
                 };
-                (along, wanted)
+                (along, target)
             }
             Self::Turn(counterclockwise) => ([if counterclockwise { 1.0 } else { -1.0 }, 0.0], [0.0; 2]),
             Self::TurnBy(degrees) => (
@@ -152,97 +152,123 @@ impl Motion {
                 [degrees.to_radians() * arm_mm, 0.0],
             ),
         };
-        match wanted.iter().all(|c| c.is_finite()) {
-            true => Ok((direction, wanted)),
-            false => Err(GoalError::Wanted(wanted)),
+        match target.iter().all(|c| c.is_finite()) {
+            true => Ok((direction, target)),
+            false => Err(GoalError::Displacement(target)),
         }
     }
 }
 
-impl Lever {
-    /// From the first end to the second in a field, in mm.
+impl BodyMarkers {
+    /// From the first to the second marker in the deformed state, in mm.
     fn offset(&self, field: &Field) -> [f64; 2] {
         let [from, to] = self.ends.map(|[x, y]| field.at_corner(x, y));
         [0, 1].map(|k| self.offset_mm[k] + to[k] - from[k])
     }
 
-    /// How far the body has turned, in radians.
+    /// The rotation of the body in radians.
     fn angle(&self, field: &Field) -> f64 {
         let ([x, y], [a, b]) = (self.offset_mm, self.offset(field));
         (x * b - y * a).atan2(x * a + y * b)
     }
 
-    /// The derivative of the angle with respect to the displacement of the second end, and the negative of that to the first.
-    fn turn(&self, field: &Field) -> [f64; 2] {
+    /// The derivative of the angle with respect to the displacement of the second marker; that of the first is its
+    /// negative.
+    fn angle_gradient(&self, field: &Field) -> [f64; 2] {
         let [a, b] = self.offset(field);
         let squared = a * a + b * b;
         [-b / squared, a / squared]
     }
 
-    /// How far the centroid has moved, in mm: u = t + (R − I)(X − Xc) at the first end.
+    /// The displacement of the centroid in mm: t = u − (R − I)(X − Xc) at the first marker.
     fn translation(&self, field: &Field) -> [f64; 2] {
         let ([x, y], [u, v]) = (self.start_mm, field.at_corner(self.ends[0][0], self.ends[0][1]));
         let (sine, cosine) = self.angle(field).sin_cos();
         [u - (cosine - 1.0) * x + sine * y, v - sine * x - (cosine - 1.0) * y]
     }
 
-    /// The derivative of the translation with respect to the angle where the first end stays.
-    fn translation_by_turn(&self, field: &Field) -> [f64; 2] {
+    /// The derivative of the translation with respect to the angle at a fixed first marker.
+    fn translation_by_angle(&self, field: &Field) -> [f64; 2] {
         let ([x, y], (sine, cosine)) = (self.start_mm, self.angle(field).sin_cos());
         [sine * x + cosine * y, sine * y - cosine * x]
     }
 }
 
 impl PlacedAim {
-    /// Its motion in mm in the states of a device: a displacement, or (arc, 0) of a body that turns.
+    /// The motion in mm, given the fields in the states of the device: a displacement, or (arc length, 0) of a
+    /// rotation.
     #[must_use]
     pub fn motion(&self, fields: &[Field]) -> [f64; 2] {
         let field = &fields[self.state];
         match self.subject {
             Subject::Point => field.at(self.point),
-            Subject::Translation(lever) => lever.translation(field),
-            Subject::Rotation(lever) => [lever.arm_mm * lever.angle(field), 0.0],
+            Subject::Translation(markers) => markers.translation(field),
+            Subject::Rotation(markers) => [markers.arm_mm * markers.angle(field), 0.0],
         }
     }
 
-    /// How far a motion goes along its direction, in mm.
+    /// The component of a motion along the direction in mm.
     #[must_use]
     pub fn along(&self, [x, y]: [f64; 2]) -> f64 {
         x * self.direction[0] + y * self.direction[1]
     }
 
-    /// What of a motion is beyond the wanted one, in mm.
+    /// The difference between a motion and the target in mm.
     #[must_use]
-    pub fn off(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        [x - self.wanted[0], y - self.wanted[1]]
+    pub fn error(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [x - self.target[0], y - self.target[1]]
     }
 
-    /// How what changes by `gradient` with its motion changes with the displacements of corners: of each, by its place in `[y][x]`, the
-    /// derivative with respect to both components.
+    /// The derivative of a quantity with respect to the displacements of corners, given its `gradient` with respect to
+    /// the motion: pairs of a corner index in `[y][x]` and the derivatives with respect to both components.
     pub(super) fn slope(&self, fields: &[Field], gradient: [f64; 2]) -> Vec<(usize, [f64; 2])> {
         let field = &fields[self.state];
-        let (lever, by_turn, at_start) = match self.subject {
+        let (markers, by_angle, at_start) = match self.subject {
             Subject::Point => {
                 let shares = Field::interpolation_weights(field.raster(), self.point).into_iter();
                 return shares
                     .map(|(corner, share)| (corner, gradient.map(|g| g * share)))
                     .collect();
             }
-            Subject::Rotation(lever) => (lever, lever.arm_mm * gradient[0], [0.0; 2]),
-            Subject::Translation(lever) => {
-                let [x, y] = lever.translation_by_turn(field);
-                (lever, x * gradient[0] + y * gradient[1], gradient)
+            Subject::Rotation(markers) => (markers, markers.arm_mm * gradient[0], [0.0; 2]),
+            Subject::Translation(markers) => {
+                let [x, y] = markers.translation_by_angle(field);
+                (markers, x * gradient[0] + y * gradient[1], gradient)
             }
         };
-        let turn = lever.turn(field).map(|slope| slope * by_turn);
+        let turn = markers.angle_gradient(field).map(|slope| slope * by_angle);
         let columns = field.raster().columns() + 1;
-        let [start, end] = lever.ends.map(|[x, y]| y * columns + x);
+        let [start, end] = markers.ends.map(|[x, y]| y * columns + x);
         vec![(start, [0, 1].map(|k| at_start[k] - turn[k])), (end, turn)]
     }
 }
 
+/// The mean component of the motions along the directions of the aims in mm.
+pub(super) fn mean_along(aims: &[PlacedAim], motions: &[[f64; 2]]) -> f64 {
+    weighted_mean(aims, motions, PlacedAim::along)
+}
+
+/// The root mean square difference between motions and targets in mm.
+pub(super) fn rms_error(aims: &[PlacedAim], motions: &[[f64; 2]]) -> f64 {
+    let squared = |aim: &PlacedAim, motion| {
+        let [x, y] = aim.error(motion);
+        x * x + y * y
+    };
+    weighted_mean(aims, motions, squared).sqrt()
+}
+
+/// The mean of a value of each aim and its motion, with the weights of the aims.
+pub(super) fn weighted_mean(
+    aims: &[PlacedAim],
+    motions: &[[f64; 2]],
+    value: impl Fn(&PlacedAim, [f64; 2]) -> f64,
+) -> f64 {
+    let pairs = aims.iter().zip(motions);
+    pairs.map(|(aim, motion)| aim.weight * value(aim, *motion)).sum()
+}
+
 /// The unit vector at an angle, exact at multiples of 90° and with equal components at odd multiples of 45°, so that
-/// goals that are images of each other are treated alike to the last bit.
+/// symmetric goals have identical results to the last bit.
 fn unit_vector(degrees: f64) -> [f64; 2] {
     let degrees = degrees.rem_euclid(360.0);
     let half = std::f64::consts::FRAC_1_SQRT_2;

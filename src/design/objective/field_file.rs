@@ -1,23 +1,23 @@
-//! A wanted displacement field, from a file.
+//! Reads a target displacement field from a CSV file.
 
 use std::path::Path;
 
-use super::parameters::{LONGEST_MM, PointParameters};
+use super::points::{MAX_MM, PointParameters};
 use deaflow_base::{Decimal, Dimension, InputError, Length, Node, Quantity, confined, read_bounded};
 use deaflow_field::CORNERS;
 
 const COLUMNS: [&str; 4] = ["x_mm", "y_mm", "ux_mm", "uy_mm"];
 
-/// As many points as a field has values.
-const MOST: usize = CORNERS * CORNERS;
+/// Maximum number of points: the number of corners of the paper's raster.
+const MAX_POINTS: usize = CORNERS * CORNERS;
 
-/// Bytes of such a file.
+/// Maximum size of the file.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Reads the CSV file that a node names: a line with the names of the columns, then a line for each point.
+/// Reads the CSV file that a node names: a header, then one line per point.
 ///
 /// # Errors
-/// When the file does not exist, lies outside the folder of the pipeline, or has something else in it; with its line.
+/// If the file does not exist, is outside the folder of the pipeline, or has invalid content; with the line.
 pub(super) fn read(node: &Node) -> Result<Vec<PointParameters>, InputError> {
     let named = Path::new(node.text("field")?);
     let folder = node.file().parent().unwrap_or(Path::new(""));
@@ -25,29 +25,29 @@ pub(super) fn read(node: &Node) -> Result<Vec<PointParameters>, InputError> {
     let refused = |why: &str| node.error(format!("the file {}: {why}", path.display()));
     let found = confined(folder, named).map_err(|why| refused(&why.to_string()).help(why.help()))?;
     let bytes = read_bounded(&found, MAX_BYTES).map_err(|e| refused(&e.to_string()))?;
-    let text = String::from_utf8(bytes).map_err(|_| refused("it is not text"))?;
+    let text = String::from_utf8(bytes).map_err(|_| refused("it is not UTF-8 text"))?;
     points(&text).map_err(|why| refused(&why.to_string()).help(format!("the first line is {}", COLUMNS.join(","))))
 }
 
-/// What is wrong with a file of points.
+/// Errors of a file of points.
 #[derive(Debug, thiserror::Error)]
 enum FieldFileError {
-    #[error("its columns are {0}")]
+    #[error("wrong columns {0}")]
     Columns(String),
     #[error("line {line}: {why}")]
     Line { line: usize, why: LineError },
-    #[error("it has no points")]
+    #[error("the file has no points")]
     Empty,
-    #[error("{0} points; allowed: at most {MOST}")]
+    #[error("{0} points; allowed: at most {MAX_POINTS}")]
     Points(usize),
 }
 
-/// What is wrong with one of its lines.
+/// Errors of a line.
 #[derive(Debug, thiserror::Error)]
 enum LineError {
-    #[error("{0:?} is no length in mm up to {LONGEST_MM}")]
+    #[error("{0:?} is not a length in mm up to {MAX_MM}")]
     Length(String),
-    #[error("{0} numbers where 4 belong")]
+    #[error("{0} numbers, expected 4")]
     Numbers(usize),
 }
 
@@ -63,14 +63,14 @@ fn points(text: &str) -> Result<Vec<PointParameters>, FieldFileError> {
         .collect::<Result<_, _>>()?;
     match points.len() {
         0 => Err(FieldFileError::Empty),
-        1..=MOST => Ok(points),
+        1..=MAX_POINTS => Ok(points),
         more => Err(FieldFileError::Points(more)),
     }
 }
 
 fn point(line: &str) -> Result<PointParameters, LineError> {
     let length = |cell: &str| match Quantity::parse(cell.trim(), Dimension::Length) {
-        Ok(length) if length.value().abs() <= LONGEST_MM => Ok(Length::from_base(length.base())),
+        Ok(length) if length.value().abs() <= MAX_MM => Ok(Length::from_base(length.base())),
         _ => Err(LineError::Length(cell.trim().to_owned())),
     };
     let numbers: Vec<Length> = line.split(',').map(length).collect::<Result<_, _>>()?;
@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_is_a_point_with_its_displacement() {
+    fn a_line_is_a_point_with_a_displacement() {
         let read = points("x_mm,y_mm,ux_mm,uy_mm\n25, 25, 0.5, -0.25\n\n10,20,0,1e-3\n").unwrap();
         assert_eq!(read.len(), 2);
         assert_eq!(read[0].point.map(|c| c.value()), [25.0, 25.0]);
@@ -97,11 +97,11 @@ mod tests {
     }
 
     #[test]
-    fn other_files_are_refused_with_their_line() {
+    fn invalid_files_are_refused_with_the_line() {
         let header = COLUMNS.join(",");
         for (text, why) in [
-            (String::new(), "its columns are"),
-            ("x,y,ux,uy\n1,2,3,4".to_owned(), "its columns are x,y,ux,uy"),
+            (String::new(), "wrong columns"),
+            ("x,y,ux,uy\n1,2,3,4".to_owned(), "wrong columns x,y,ux,uy"),
             (header.clone(), "no points"),
             (format!("{header}\n1,2,3"), "line 2: 3 numbers"),
             (format!("{header}\n1,2,3,4\n1,2,x,4"), "line 3: \"x\""),

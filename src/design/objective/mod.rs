@@ -1,14 +1,17 @@
-//! What a design is for: how it stands in a pipeline, and what it means for the displacement of a membrane.
+//! Objectives of designs: their declaration in YAML, and their evaluation on displacement fields.
 
 mod aim;
+mod error;
 mod field_file;
 mod goal;
 mod measure;
-mod parameters;
+mod objective;
+mod points;
 mod rough;
 
-pub use aim::{Aim, Lever, Motion, PlacedAim, Subject};
-pub use goal::{AREA_PENALTY, Goal, GoalError};
+pub use aim::{Aim, BodyMarkers, Motion, PlacedAim, Subject};
+pub use error::GoalError;
+pub use goal::{AREA_PENALTY, Goal};
 pub use measure::{Displacement, Distance, MEASURES, Measure, Qin2024};
-pub use parameters::{Moment, Objective};
+pub use objective::{Objective, ResponseKind};
 pub use rough::RoughScore;

@@ -1,32 +1,33 @@
-//! The score of patterns to first order, in microseconds: the linear response of the membrane to a pattern is a sum over its cells.
+//! The score of a pattern from the linear response, in microseconds: the response is a sum over the active cells.
 
 use super::goal::Goal;
 use deaflow_field::{Differentiable, Field, PredictError, StateFields, WithGradient};
 use deaflow_pattern::Pattern;
 
-/// Of more aims sums would take as long as an estimate, and what stands in them longer than a search.
-const MOST_AIMS: usize = 32;
+/// With more aims, a sum takes as long as an estimate by finite elements, and its setup longer than a search.
+const MAX_AIMS: usize = 32;
 
-/// The score of patterns by the linear response.
+/// The score of patterns from the linear response.
 pub struct RoughScore<'a> {
     goal: &'a Goal,
-    /// Both components of the motion of each aim without electrodes, in mm.
+    /// Both components of the motion of each aim without electrodes in mm.
     unloaded: Vec<f64>,
-    /// What an electrode in a cell adds to them, `[group][y][x][component]`.
+    /// The contribution of an electrode in a cell to these, `[group][y][x][component]`.
     added: Vec<f64>,
 }
 
 impl<'a> RoughScore<'a> {
-    /// Of a goal in so many states of a device; `None` where there is no linear response, or too many aims.
+    /// For a goal and a number of states of the device; `None` if there is no linear response, or there are too many
+    /// aims.
     ///
     /// # Errors
-    /// When the elements fail.
+    /// If the finite elements fail.
     pub fn new(
         goal: &'a Goal,
         elements: &dyn Differentiable<StateFields>,
         states: usize,
     ) -> Result<Option<Self>, PredictError> {
-        if goal.aims().len() > MOST_AIMS {
+        if goal.aims().len() > MAX_AIMS {
             return Ok(None);
         }
         let rest = vec![Field::zero(goal.raster()); states];
@@ -65,49 +66,24 @@ impl<'a> RoughScore<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_device::TestDevice;
     use crate::{AREA_PENALTY, Aim, Displacement, Distance, Motion};
-    use deaflow_field::Predictor;
+    use deaflow_field::{InStates, Predictor};
     use deaflow_pattern::{Membrane, Raster};
 
-    /// Two groups in two states: an electrode of the first moves all by 1 µm along x in the first state, one of the second by 2 µm along y
-    /// in the second.
-    struct Additive;
-
-    impl Additive {
-        fn moved(pattern: &Pattern) -> StateFields {
-            let count = |group: u8| pattern.cells().iter().filter(|cell| **cell == group).count() as f64;
-            let uniform = |u: [f64; 2]| Field::from_values(Raster::PAPER, u.repeat(51 * 51)).unwrap();
-            vec![uniform([1e-3 * count(1), 0.0]), uniform([0.0, 2e-3 * count(2)])]
-        }
-    }
-
-    impl Predictor<StateFields> for Additive {
-        fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
-            Ok(patterns.iter().map(|pattern| Some(Self::moved(pattern))).collect())
-        }
-    }
-
-    impl Differentiable<StateFields> for Additive {
-        fn gradient(
-            &self,
-            _pattern: &Pattern,
-            _slope: &dyn Fn(&StateFields) -> StateFields,
-        ) -> Result<Option<WithGradient<StateFields>>, PredictError> {
-            Ok(None)
-        }
-
-        fn at_rest(&self, weights: &[StateFields]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
-            let sum = |field: &Field, k: usize| field.values().iter().skip(k).step_by(2).sum::<f64>();
-            let each = weights.iter().map(|weights| {
-                let groups = [1e-3 * sum(&weights[0], 0), 2e-3 * sum(&weights[1], 1)];
-                (0.0, groups.into_iter().flat_map(|of| vec![of; 2500]).collect())
-            });
-            Ok(Some(each.collect()))
-        }
+    /// Two groups in two states: an electrode of group 1 moves all points by 1 µm along x in state 1, one of group 2
+    /// by 2 µm along y in state 2.
+    fn states() -> [TestDevice; 2] {
+        let state = |loads: [f64; 2], moves_along_y| TestDevice {
+            loads: loads.to_vec(),
+            moves_along_y,
+            ..TestDevice::linear(vec![1.0; 2500])
+        };
+        [state([1e-3, 0.0], false), state([0.0, 2e-3], true)]
     }
 
     #[test]
-    fn it_is_the_score_of_what_answers_linearly() {
+    fn it_is_the_exact_score_of_a_linear_device() {
         let aim = |state, motion| Aim {
             state,
             ..Aim::new([20.0, 30.0], motion)
@@ -116,15 +92,18 @@ mod tests {
         let along = [aim(0, Motion::Along(30.0)), aim(1, Motion::Along(60.0))];
         let by = [aim(0, Motion::By(10.0, 0.4)), aim(1, Motion::To([0.1, 0.7]))];
         let pattern = Pattern::from_groups(Raster::PAPER, |x, y| ((x + 2 * y) % 3) as u8);
+        let [push, pull] = states();
+        let device = InStates::new(vec![&push, &pull]);
+        let fields = device.predict(std::slice::from_ref(&pattern)).unwrap().swap_remove(0);
         for goal in [
             Goal::new(&Displacement, &along, membrane, None, AREA_PENALTY).unwrap(),
             Goal::new(&Distance, &by, membrane, None, AREA_PENALTY).unwrap(),
         ] {
-            let rough = RoughScore::new(&goal, &Additive, 2).unwrap().unwrap();
-            let exact = goal.score(&Additive::moved(&pattern));
+            let rough = RoughScore::new(&goal, &device, 2).unwrap().unwrap();
+            let exact = goal.score(&fields);
             assert!((rough.score(&pattern) - exact).abs() < 1e-12 && exact.abs() > 0.1);
         }
         let many = Goal::new(&Displacement, &[aim(0, Motion::Along(0.0)); 33], membrane, None, 0.0).unwrap();
-        assert!(RoughScore::new(&many, &Additive, 2).unwrap().is_none());
+        assert!(RoughScore::new(&many, &device, 2).unwrap().is_none());
     }
 }

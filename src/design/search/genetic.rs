@@ -1,16 +1,16 @@
-//! By the genetic algorithm, judged by one evaluator.
+//! The search by the genetic algorithm.
 
+use super::candidates::{Candidate, CandidateAccuracy, DesignReferences, PATTERNS, cheapest_evaluator};
 use super::found::{Findings, FoundPattern};
-use super::probe::{Candidate, PATTERNS, Probe, References, cheapest_evaluator};
 use super::{Evaluators, Search, SearchError, SearchResult};
-use crate::evolve::{EvolveError, Setting, evolve, first_generation};
+use crate::evolve::{EvolveError, EvolveProblem, evolve, first_generation};
 use crate::genome::UNITS;
 use crate::objective::RoughScore;
 use deaflow_pattern::{Pattern, Role};
 
 impl Search<'_> {
     pub(super) fn genetic(&self, evaluators: Evaluators) -> Result<SearchResult, SearchError> {
-        let (candidate, probes) = match evaluators {
+        let (candidate, accuracies) = match evaluators {
             Evaluators::Named(candidate) => (candidate, Vec::new()),
             Evaluators::Cheapest(candidates) => self.cheapest(candidates)?,
         };
@@ -20,14 +20,14 @@ impl Search<'_> {
             Err(why) => return Err(SearchError::Evaluator { settings, why }),
         };
         let rough = self.rough()?;
-        let setting = Setting {
+        let problem = EvolveProblem {
             predictor: &evaluator,
             goal: &self.target.goal,
             constraints: self.constraints,
             feasibility: self.feasibility()?,
             rough: rough.as_ref(),
         };
-        let evolution = evolve(&setting, &self.options.evolve(), self.progress).map_err(|source| match source {
+        let evolution = evolve(&problem, &self.options.evolve(), self.progress).map_err(|source| match source {
             EvolveError::Stopped(stopped) => stopped.into(),
             source => SearchError::Evolve {
                 target: self.target.name.clone(),
@@ -51,10 +51,10 @@ impl Search<'_> {
         if self.options.refine {
             self.refine(&mut findings)?;
         }
-        self.result(settings, &evaluator, findings, probes)
+        self.result(settings, &evaluator, findings, accuracies)
     }
 
-    /// What ranks patterns, where not all are to be judged.
+    /// The rough score; `None` if all patterns are judged.
     fn rough(&self) -> Result<Option<RoughScore<'_>>, SearchError> {
         if self.options.judged.to_f64() >= 1.0 {
             return Ok(None);
@@ -63,8 +63,8 @@ impl Search<'_> {
         Ok(RoughScore::new(&self.target.goal, elements, self.drivers.len())?)
     }
 
-    /// The cheapest evaluator that is accurate enough, and what each said of the patterns.
-    fn cheapest(&self, candidates: Vec<Candidate>) -> Result<(Candidate, Vec<Probe>), SearchError> {
+    /// The cheapest evaluator that is accurate enough, and the accuracy of each candidate.
+    fn cheapest(&self, candidates: Vec<Candidate>) -> Result<(Candidate, Vec<CandidateAccuracy>), SearchError> {
         let count = self.options.population.min(PATTERNS);
         let genomes = first_generation(
             self.target.area.fraction(),
@@ -77,7 +77,7 @@ impl Search<'_> {
             .map(|genome| genome.pattern(self.target.goal.raster()))
             .collect();
         let (similar, values_mm) = self.similar_designs()?;
-        let references = References {
+        let references = DesignReferences {
             patterns: &similar,
             values_mm: &values_mm,
             value_mm: &|fields| self.target.goal.value_mm(fields),
@@ -86,9 +86,9 @@ impl Search<'_> {
         Ok(cheapest_evaluator(candidates, &patterns, &references, accuracy_mm)?)
     }
 
-    /// Patterns similar to those that the search will find, with their displacements: errors on the best patterns differ from
-    /// those on random ones. They are the intuitive design, and where the gradient leads from it on the units of the genetic
-    /// algorithm.
+    /// Patterns similar to future designs, with their displacements, since errors on the best patterns differ from
+    /// those on random patterns: the intuitive design, and the result of a gradient search from it on the units of the
+    /// genetic algorithm.
     fn similar_designs(&self) -> Result<(Vec<Pattern>, Vec<f64>), SearchError> {
         let problem = self.problem_on(UNITS)?;
         let intuitive = self.intuitive_start();
@@ -98,8 +98,8 @@ impl Search<'_> {
             .chain(followed.ok().map(|optimum| optimum.pattern))
             .collect();
         let fields = self.elements.gradient()?.predict_some(&patterns)?;
-        let known = patterns.into_iter().zip(fields);
-        let known = known.filter_map(|(pattern, fields)| Some((pattern, self.target.goal.value_mm(&fields?))));
+        let pairs = patterns.into_iter().zip(fields);
+        let known = pairs.filter_map(|(pattern, fields)| Some((pattern, self.target.goal.value_mm(&fields?))));
         Ok(known.unzip())
     }
 }

@@ -1,17 +1,17 @@
-//! Along the gradient alone, from several starts: how good a design can be.
+//! The gradient search from several start patterns.
 
 use super::found::Findings;
 use super::{Search, SearchError, SearchResult};
 use crate::genome::Genome;
-use crate::local_search::{LocalOptimum, SearchProblem, SearchStep, Unsuited};
+use crate::local_search::{LocalOptimum, SearchProblem, SearchStep, StartError};
 use deaflow_base::Stream;
 use deaflow_pattern::{Pattern, Role};
 
-/// How coarse random starts are: a handful of regions.
+/// The grain of random start patterns: a handful of regions.
 const START_GRAIN: usize = 6;
 
-/// How many of the best starts are finished by exchanges.
-const FINISHED: usize = 2;
+/// Number of the best results that are refined by exchanges.
+const REFINED: usize = 2;
 
 impl Search<'_> {
     pub(super) fn along_gradient(&self) -> Result<SearchResult, SearchError> {
@@ -34,27 +34,27 @@ impl Search<'_> {
         self.result(self.elements.settings(), elements, findings, Vec::new())
     }
 
-    /// The best local optimum from some starts: the gradient is followed from all, and the best are finished by exchanges. `searched` is called
-    /// after each start, and at the end.
+    /// The best local optimum from several starts: the gradient is followed from all of them, and the best results are
+    /// refined by exchanges. `searched` is called after each start, and at the end.
     pub(super) fn best_of(
         &self,
         problem: &SearchProblem<'_>,
         starts: &[Pattern],
         searched: &dyn Fn(),
-    ) -> Result<Result<LocalOptimum, Unsuited>, SearchError> {
-        let (mut followed, mut why) = (Vec::<LocalOptimum>::new(), Unsuited::Shape);
+    ) -> Result<Result<LocalOptimum, StartError>, SearchError> {
+        let (mut followed, mut why) = (Vec::<LocalOptimum>::new(), StartError::NoPattern);
         for start in starts {
             match problem.follow_gradient(start, &self.report_step())? {
                 Ok(optimum) => followed.push(optimum),
-                Err(Unsuited::Field) => why = Unsuited::Field,
-                Err(Unsuited::Shape) => {}
+                Err(StartError::NoField) => why = StartError::NoField,
+                Err(StartError::NoPattern) => {}
             }
             searched();
         }
-        // Starts that lead to the same pattern count once.
+        // Several starts may lead to the same pattern.
         followed.sort_by(|a, b| b.score.total_cmp(&a.score));
         followed.dedup_by(|a, b| a.pattern == b.pattern);
-        followed.truncate(FINISHED);
+        followed.truncate(REFINED);
         let mut best: Option<LocalOptimum> = None;
         for first in followed {
             let then = problem.refine(&first.pattern, &self.report_step())?.ok();
@@ -68,14 +68,14 @@ impl Search<'_> {
         Ok(best.ok_or(why))
     }
 
-    /// The intuitive design, an empty membrane from which the gradient picks the best cells, and random coarse patterns.
+    /// The start patterns: the intuitive design, an empty membrane, and random coarse patterns.
     fn starts(&self) -> Vec<Pattern> {
         let (area, raster) = (self.target.area.fraction(), self.target.goal.raster());
         let drawn = |index: usize| match index {
             0 => self.intuitive_start(),
             1 => Pattern::from_fn(raster, |_, _| false),
             _ => {
-                // The words name the random numbers: others would find other designs.
+                // The stream name determines the random numbers, and so the designs.
                 let mut stream = Stream::new(self.options.seed.0, "start of a climb", index as u64);
                 let area = area.unwrap_or_else(|| stream.uniform());
                 let (all, groups) = (Genome::from_fn(|_, _| true), self.constraints.groups());
@@ -86,7 +86,7 @@ impl Search<'_> {
     }
 }
 
-/// A local search that continued another one.
+/// Joins the steps of a local search and its continuation.
 fn joined(first: LocalOptimum, then: LocalOptimum) -> LocalOptimum {
     let before = first.steps.last().map_or(0, |step| step.simulations);
     let later = then.steps.iter().skip(1).map(|step| SearchStep {

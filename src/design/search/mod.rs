@@ -1,81 +1,81 @@
-//! The search of one target: by the genetic algorithm, whose designs may be refined along the gradient, or along the gradient
-//! alone.
+//! The search for designs of one target: by the genetic algorithm with optional refinement, or by gradient search.
 
+mod candidates;
 mod found;
 mod genetic;
 mod gradient;
-mod probe;
 mod refine;
+mod result;
 mod shortage;
 
+pub use candidates::{Candidate, CandidateAccuracy, DesignReferences, cheapest_evaluator};
 pub use found::{FoundDesign, Refinement, SearchResult};
-pub use probe::{Candidate, Probe, References, cheapest_evaluator};
 
 use super::constraint::Constraints;
-use super::evolve::{EvolveError, Watch};
+use super::evolve::{EvolveError, Observer};
 use super::intuitive::Intuitive;
-use super::local_search::{SearchProblem, SearchStep, Unsuited};
+use super::local_search::{SearchProblem, SearchStep, StartError};
 use super::options::{Method, SearchOptions};
 use super::target::Target;
 use deaflow_base::Stopped;
 use deaflow_field::{Differentiable, Feasibility, PredictError, StateFields};
 use deaflow_pattern::{CELLS, Pattern};
 
-/// One target, what its designs must keep to, and how they are searched.
+/// A search for designs of one target.
 pub struct Search<'a> {
-    /// What is to be designed.
+    /// The target.
     pub target: &'a Target,
-    /// What designs must keep to.
+    /// The constraints on designs.
     pub constraints: &'a Constraints,
-    /// How to search.
+    /// The search options.
     pub options: &'a SearchOptions,
-    /// Of each state of the device the group of electrodes that drives it.
+    /// The electrode group that drives each state of the device.
     pub drivers: &'a [u8],
-    /// Finite elements.
-    pub elements: &'a dyn Elements,
-    /// Follows the search.
-    pub progress: &'a dyn Progress,
+    /// The finite element models.
+    pub elements: &'a dyn FiniteElements,
+    /// Observes the search.
+    pub progress: &'a dyn SearchProgress,
 }
 
-/// Finite elements, set up when a search first needs them: one without refinement and without margins never does.
-pub trait Elements {
-    /// What predicts fields, and how they change with the pattern.
+/// Finite element models, created on first use: a search without refinement and margins does not need them.
+pub trait FiniteElements {
+    /// The model that predicts fields and gradients.
     ///
     /// # Errors
-    /// When the scene cannot be simulated.
+    /// If the scene cannot be simulated.
     fn gradient(&self) -> Result<&dyn Differentiable<StateFields>, SearchError>;
 
-    /// What [`Elements::gradient`] is called as an evaluator, on one line.
+    /// The settings of [`FiniteElements::gradient`] on one line.
     fn settings(&self) -> String;
 
-    /// What checks the margins that the constraints ask for, if they ask for any.
+    /// The check of the margins; `None` without margins.
     ///
     /// # Errors
-    /// When the scene cannot be simulated.
+    /// If the scene cannot be simulated.
     fn feasibility(&self) -> Result<Option<&dyn Feasibility>, SearchError>;
 }
 
-/// Follows a search.
-pub trait Progress: Watch {
-    /// After each step along the gradient.
+/// Observes a search.
+pub trait SearchProgress: Observer {
+    /// Called after each step of a local search.
     fn step(&self, step: &SearchStep);
 
-    /// After each local search.
+    /// Called after each local search.
     fn searched(&self);
 }
 
-/// What keeps an evaluator from being set up.
+/// The error of an evaluator that cannot be created.
 pub type Cause = Box<dyn std::error::Error + Send + Sync>;
 
-/// What judges the patterns of the genetic algorithm.
+/// The evaluators for the genetic algorithm.
 pub enum Evaluators {
-    /// This one.
+    /// One evaluator.
     Named(Candidate),
-    /// The cheapest of these that is accurate enough: from the cheapest to the most expensive, the last being the reference.
+    /// The cheapest of these that is accurate enough. They are ordered by cost, and the last one is the reference.
     Cheapest(Vec<Candidate>),
 }
 
-/// Why a search has no result.
+/// Errors of a search.
 #[derive(Debug, thiserror::Error)]
 pub enum SearchError {
     /// The evaluator cannot be used.
@@ -83,13 +83,13 @@ pub enum SearchError {
     Evaluator {
         /// Its settings.
         settings: String,
-        /// What is wrong with it.
+        /// The error.
         why: Cause,
     },
     /// The finite elements cannot be set up.
     #[error(transparent)]
     Setup(Cause),
-    /// It was asked to stop.
+    /// The search was stopped.
     #[error(transparent)]
     Stopped(#[from] Stopped),
     /// The genetic algorithm found nothing.
@@ -97,7 +97,7 @@ pub enum SearchError {
     Evolve {
         /// The target.
         target: String,
-        /// Why not.
+        /// The error.
         source: EvolveError,
     },
     /// A local search cannot start from the genetic algorithm's design.
@@ -105,18 +105,18 @@ pub enum SearchError {
     Refine {
         /// The target.
         target: String,
-        /// Why not.
-        why: Unsuited,
+        /// The error.
+        why: StartError,
     },
-    /// A local search cannot start from anywhere.
-    #[error("`{target}`: each of the {tried} patterns that were tried {why}")]
+    /// No local search can start.
+    #[error("`{target}`: each of the {tried} start patterns {why}")]
     NoStart {
         /// The target.
         target: String,
-        /// How many were tried.
+        /// The number of start patterns.
         tried: usize,
-        /// Why the one failed that came nearest.
-        why: Unsuited,
+        /// The error; [`StartError::NoField`] if any pattern had it.
+        why: StartError,
     },
     /// A field cannot be predicted.
     #[error(transparent)]
@@ -124,22 +124,22 @@ pub enum SearchError {
 }
 
 impl SearchError {
-    /// Whether nothing that was tried has a stable field.
+    /// Whether no pattern has a stable solution.
     #[must_use]
-    pub fn is_of_stability(&self) -> bool {
+    pub fn is_instability(&self) -> bool {
         match self {
             Self::Evolve { source, .. } => matches!(source, EvolveError::NoField),
-            Self::Refine { why, .. } | Self::NoStart { why, .. } => *why == Unsuited::Field,
+            Self::Refine { why, .. } | Self::NoStart { why, .. } => *why == StartError::NoField,
             Self::Evaluator { .. } | Self::Setup(_) | Self::Stopped(_) | Self::Predict(_) => false,
         }
     }
 }
 
 impl<'a> Search<'a> {
-    /// Searches by the method that the options name; `evaluators` judge patterns of the genetic algorithm.
+    /// Searches by the method of the options; `evaluators` creates the evaluators for the genetic algorithm.
     ///
     /// # Errors
-    /// When no evaluator can be used, or nothing that is tried has a field.
+    /// If no evaluator can be used, or no pattern has a field.
     pub fn run(&self, evaluators: impl FnOnce() -> Evaluators) -> Result<SearchResult, SearchError> {
         match self.options.method {
             Method::Ga => self.genetic(evaluators()),
@@ -147,7 +147,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// What checks the margins, where any are asked for.
+    /// The check of the margins; `None` without margins.
     fn feasibility(&self) -> Result<Option<&'a dyn Feasibility>, SearchError> {
         match self.constraints.limits().has_margins() {
             true => self.elements.feasibility(),
@@ -155,7 +155,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The problem of a local search for a design that differs from some others.
+    /// The problem of a local search with a minimum distance from other designs.
     fn problem(&self, others: &[Pattern]) -> Result<SearchProblem<'a>, SearchError> {
         let problem = self.problem_on(self.options.units)?;
         Ok(problem
@@ -163,7 +163,7 @@ impl<'a> Search<'a> {
             .distant_from(others, self.options.distance.to_f64()))
     }
 
-    /// The same without margins and other designs, on so many units along a side.
+    /// The problem without margins and other designs, on a number of units along a side.
     fn problem_on(&self, units: usize) -> Result<SearchProblem<'a>, SearchError> {
         Ok(SearchProblem::new(
             self.elements.gradient()?,
@@ -177,7 +177,7 @@ impl<'a> Search<'a> {
         ))
     }
 
-    /// The area fractions that a design may have.
+    /// The allowed range of the area fraction.
     fn area_range(&self) -> (f64, f64) {
         let tolerance = self.options.area_tolerance.to_f64();
         let around = |area: f64| (area - tolerance, area + tolerance);
@@ -190,13 +190,13 @@ impl<'a> Search<'a> {
 
     fn intuitive(&self) -> Intuitive {
         let all = Intuitive::of(&self.target.goal, self.drivers);
-        match self.constraints.room() {
+        match self.constraints.available() {
             None => all,
-            Some(room) => all.within(room),
+            Some(cells) => all.within(cells),
         }
     }
 
-    /// The intuitive design at the wanted area, or at its own where any will do.
+    /// The intuitive design at the target area, or at its own area if the area is free.
     fn intuitive_start(&self) -> Pattern {
         let intuitive = self.intuitive();
         let area = self.target.area.fraction();

@@ -1,4 +1,4 @@
-//! Refines designs of the genetic algorithm along the gradient.
+//! Refinement of designs of the genetic algorithm by local search.
 
 use super::found::Findings;
 use super::{Search, SearchError};
@@ -6,18 +6,19 @@ use crate::local_search::LocalOptimum;
 use deaflow_base::Stream;
 use deaflow_pattern::{Pattern, Role};
 
-/// A design is weak when its score is behind the best by more than this share of it and more than this score (0.5 µm).
+/// A design is weak if its score is lower than the best by more than this share of the best and by more than this
+/// score (0.5 µm).
 const WEAK_SHARE: f64 = 0.008;
 const WEAK_SCORE: f64 = 2e-4;
 
-/// From how many perturbed patterns a weak design is replaced.
+/// Number of perturbed patterns from which a replacement of a weak design is searched.
 const PERTURBATIONS: u64 = 4;
 
-/// A refined design, with its number.
+/// A refined design with its member number.
 type Refined = (usize, LocalOptimum);
 
 impl Search<'_> {
-    /// Adds the refined forms of the designs that were found; each differs enough from those before.
+    /// Adds the refined designs; each has the minimum distance from those before.
     pub(super) fn refine(&self, findings: &mut Findings) -> Result<(), SearchError> {
         let mut refined: Vec<Refined> = Vec::new();
         for found in &findings.patterns {
@@ -26,7 +27,7 @@ impl Search<'_> {
             self.progress.searched();
             match optimum {
                 Ok(optimum) => refined.push((found.member, optimum)),
-                // Others of several designs may stand without one; their status tells that there are fewer.
+                // Later designs may fail; the status then reports that there are fewer.
                 Err(_) if found.member > 0 => {}
                 Err(why) => {
                     let target = self.target.name.clone();
@@ -43,7 +44,7 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Searches the neighbourhood of the best of several designs for better ones in place of the weak ones.
+    /// Replaces weak designs by better ones from the neighbourhood of the best design.
     fn replace_weak_designs(&self, refined: &mut [Refined]) -> Result<(), SearchError> {
         let optima = refined.iter().map(|(_, optimum)| optimum);
         let leader = optima.reduce(|best, one| if one.score > best.score { one } else { best });
@@ -59,14 +60,14 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Replaces a design by the best that is found from another and from patterns that differ a little from it, where that is better.
+    /// Replaces a design by the best result from another design and perturbations of it, if that is better.
     fn replace(&self, refined: &mut [Refined], at: usize, leader: &Pattern) -> Result<(), SearchError> {
         let others = refined.iter().enumerate().filter(|(other, _)| *other != at);
         let problem = self.problem(&patterns(others.map(|(_, refined)| refined)))?;
         let mut starts = vec![leader.clone()];
         for draw in 0..PERTURBATIONS {
             let index = (refined[at].0 as u64) * PERTURBATIONS + draw;
-            // The words name the random numbers: others would find other designs.
+            // The stream name determines the random numbers, and so the designs.
             let mut stream = Stream::new(self.options.seed.0, "spread design", index);
             starts.extend(problem.perturb(leader, &mut stream)?);
         }

@@ -1,24 +1,26 @@
-//! What is said where a target has fewer designs than were asked for.
+//! Reports in the status if a target has fewer designs than requested.
 
 use super::found::FoundDesign;
 use deaflow_field::NO_FIELD;
 use deaflow_pattern::Role;
 
-/// Adds to the status of the last design of each role that there are fewer than `wanted` which differ in a share of the cells.
-pub(super) fn report_shortage(designs: &mut [FoundDesign], wanted: usize, distance: f64) {
+/// Adds a note to the status of the last design of each role that has fewer than `requested` designs with the minimum
+/// distance.
+pub(super) fn report_shortage(designs: &mut [FoundDesign], requested: usize, distance: f64) {
     for role in [Role::Ga, Role::Refined, Role::Optimum] {
         let found = designs.iter().filter(|design| design.role == role).count();
         let last = designs
             .iter_mut()
             .rfind(|design| design.role == role && design.status != NO_FIELD);
-        let Some(design) = last.filter(|_| found < wanted) else {
+        let Some(design) = last.filter(|_| found < requested) else {
             continue;
         };
         let percent = 100.0 * distance;
-        let words = format!("{found} of {wanted} designs: none beside differs from them in {percent} % of the cells");
+        // The text is part of artifact digests.
+        let note = format!("{found} of {requested} designs: none beside differs from them in {percent} % of the cells");
         design.status = match design.status.as_str() {
-            "met" => words,
-            other => format!("{other}; {words}"),
+            "met" => note,
+            other => format!("{other}; {note}"),
         };
     }
 }
@@ -27,8 +29,7 @@ pub(super) fn report_shortage(designs: &mut [FoundDesign], wanted: usize, distan
 mod tests {
     use super::*;
     use deaflow_field::Field;
-    use deaflow_pattern::Pattern;
-    use deaflow_pattern::Raster;
+    use deaflow_pattern::{Pattern, Raster};
 
     fn design(role: Role, status: &str) -> FoundDesign {
         FoundDesign {
@@ -43,22 +44,22 @@ mod tests {
         }
     }
 
-    fn told(rows: &[(Role, &str)], wanted: usize) -> Vec<String> {
+    fn statuses(rows: &[(Role, &str)], requested: usize) -> Vec<String> {
         let mut rows: Vec<FoundDesign> = rows.iter().map(|&(role, status)| design(role, status)).collect();
-        report_shortage(&mut rows, wanted, 0.05);
+        report_shortage(&mut rows, requested, 0.05);
         rows.into_iter().map(|row| row.status).collect()
     }
 
     #[test]
-    fn fewer_designs_than_asked_for_are_told_of() {
+    fn fewer_designs_than_requested_are_reported() {
         let few = |found| format!("{found} of 3 designs: none beside differs from them in 5 % of the cells");
         let rows = [(Role::Ga, "met"), (Role::Ga, "area 0.4"), (Role::Intuitive, "met")];
         assert_eq!(
-            told(&rows, 3),
+            statuses(&rows, 3),
             ["met".to_owned(), format!("area 0.4; {}", few(2)), "met".to_owned()]
         );
-        assert_eq!(told(&rows, 2), ["met", "area 0.4", "met"]);
+        assert_eq!(statuses(&rows, 2), ["met", "area 0.4", "met"]);
         let without_field = [(Role::Optimum, "met"), (Role::Optimum, NO_FIELD)];
-        assert_eq!(told(&without_field, 3), [few(2), NO_FIELD.to_owned()]);
+        assert_eq!(statuses(&without_field, 3), [few(2), NO_FIELD.to_owned()]);
     }
 }

@@ -28,8 +28,7 @@ pub fn breakdown_ratio_at_rest(law: &Breakdown, scene: &Scene) -> f64 {
 /// Returns the breakdown strength of the effect of a scene, or that of its material data.
 #[must_use]
 pub fn breakdown_strength(scene: &Scene) -> Option<Breakdown> {
-    let known = &scene.properties.dielectric_breakdown;
-    scene.effects.dielectric_breakdown.clone().or_else(|| known.clone())
+    scene.breakdown_strength().cloned()
 }
 
 /// Returns the breakdown strength of a scene, or that of the usual acrylic elastomer.

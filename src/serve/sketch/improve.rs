@@ -230,7 +230,7 @@ impl Improvement {
         let (least, most) = self.range();
         let is_allowed = |pattern: &Pattern| {
             let area = pattern.area_fraction();
-            self.constraints.hold(pattern) && (least..=most).contains(&area)
+            self.constraints.satisfied_by(pattern) && (least..=most).contains(&area)
         };
         let value = |pattern: &Pattern| -> Result<Option<f64>, PredictError> {
             let found = evaluator.predict_some(std::slice::from_ref(pattern))?.swap_remove(0);

@@ -1,10 +1,10 @@
-//! What the artifact of a design stage says: a row for each pattern, and how the searches went.
+//! The content of the artifact of a design stage: one row per design, and the course of the searches.
 
 use deaflow_content::{Candidates, DesignRows, Designs, GENOME_UNITS, GradientSteps, History, LongTexts, Packed};
-use deaflow_design::{FoundDesign, GenerationReport, Probe, Refinement, SearchResult, UNITS};
+use deaflow_design::{CandidateAccuracy, FoundDesign, GenerationReport, Refinement, SearchResult, UNITS};
 use deaflow_scene::Scene;
 
-/// What is said of every row of a target.
+/// The values that all rows of a target share.
 pub struct Heading {
     /// The label of the stage.
     pub case: String,
@@ -12,7 +12,7 @@ pub struct Heading {
     pub name: String,
     /// Its objective in YAML.
     pub objective: String,
-    /// The wanted area fraction, or `free`.
+    /// The target area fraction, or `free`.
     pub area: String,
     /// The constraints in YAML.
     pub constraints: String,
@@ -20,7 +20,7 @@ pub struct Heading {
 
 const _: () = assert!(GENOME_UNITS == UNITS);
 
-/// The content of the artifact of one target.
+/// Returns the content of the artifact of one target.
 pub fn designs(heading: Heading, found: SearchResult, scene: Scene, method: &str) -> Designs {
     let name = heading.name.clone();
     Designs {
@@ -29,7 +29,7 @@ pub fn designs(heading: Heading, found: SearchResult, scene: Scene, method: &str
         history: history(&name, &found.generations),
         steps: steps(&name, &found.refinements),
         evaluations: vec![found.evaluations as u64],
-        candidates: candidates(&name, &found.probes),
+        candidates: candidates(&name, &found.accuracies),
         rows: rows(heading, found.designs, found.evaluator),
         scene,
         method: method.to_owned(),
@@ -94,13 +94,13 @@ fn steps(name: &str, refinements: &[Refinement]) -> GradientSteps {
     found
 }
 
-fn candidates(name: &str, probes: &[Probe]) -> Candidates {
+fn candidates(name: &str, accuracies: &[CandidateAccuracy]) -> Candidates {
     Candidates {
-        name: vec![name.to_owned(); probes.len()],
-        settings: probes.iter().map(|probe| probe.settings.clone()).collect(),
-        rmse: probes.iter().map(|probe| probe.rmse_mm).collect(),
-        design_error: probes.iter().map(|probe| probe.design_error).collect(),
-        known: probes.iter().map(|probe| probe.known).collect(),
-        disagree: probes.iter().map(|probe| probe.disagree).collect(),
+        name: vec![name.to_owned(); accuracies.len()],
+        settings: accuracies.iter().map(|candidate| candidate.settings.clone()).collect(),
+        rmse: accuracies.iter().map(|candidate| candidate.rmse_mm).collect(),
+        design_error: accuracies.iter().map(|candidate| candidate.design_error).collect(),
+        known: accuracies.iter().map(|candidate| candidate.known).collect(),
+        disagree: accuracies.iter().map(|candidate| candidate.disagree).collect(),
     }
 }

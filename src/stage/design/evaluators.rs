@@ -1,9 +1,9 @@
-//! What judges the patterns of a search: a network, an estimate, or Newton's method.
+//! The evaluators of a design search: networks, estimates and Newton's method.
 
 use std::fmt;
 
 use deaflow_base::{Canonical, Frequency, InputError, Node, Parameter, Schema, Time};
-use deaflow_design::{Candidate, Cause, Evaluators, Goal, Moment};
+use deaflow_design::{Candidate, Cause, Evaluators, Goal, ResponseKind};
 use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{Method, SetupError, SolverParameters, Swing, ThreeSolves, UnknownMethod, creep_settings};
 use deaflow_field::{Evaluator, Field, InStates, Mesh};
@@ -13,10 +13,10 @@ use deaflow_surrogate::{NetworkKind, Surrogate};
 
 const ALLOWED: &str = "allowed: auto, surrogate, newton, linear, chord:N with N from 1 to 50";
 
-/// Elements along a side of a cell of the reference.
+/// Elements along a side of a cell in the reference.
 const REFERENCE: usize = 2;
 
-/// What a stage asks for.
+/// The evaluator that a stage requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EvaluatorChoice {
     /// The cheapest that is accurate enough.
@@ -67,15 +67,16 @@ impl fmt::Display for EvaluatorChoice {
 }
 
 impl EvaluatorChoice {
-    /// What earlier runs may have measured of its error, where it should err by no more than a length in mm: of a network on the samples that
-    /// were held back, of a method in a stage of kind `accuracy`.
-    pub fn expectations(self, most_mm: f64, needs: &[StageDeclaration<'_>]) -> Vec<Expectation> {
+    /// Results of earlier runs that may exceed a maximum error in mm: for networks, the error on the held-out samples;
+    /// for methods, the error in a stage of kind `accuracy`.
+    pub fn expectations(self, max_mm: f64, needs: &[StageDeclaration<'_>]) -> Vec<Expectation> {
         let expected = |source: ResultSource, result: String, measured: &str| Expectation {
             source,
             result,
-            limit: most_mm,
+            limit: max_mm,
             warning: format!(
-                "`evaluator: {self}` cannot keep to the `evaluator_accuracy` of {most_mm} mm: {measured}, as stage `{{stage}}` found"
+                "`evaluator: {self}` does not reach the `evaluator_accuracy` of {max_mm} mm: {measured} (stage \
+                 `{{stage}}`)"
             ),
         };
         match self {
@@ -105,7 +106,7 @@ impl EvaluatorChoice {
     }
 }
 
-/// Networks as an evaluator, one in each state of a device.
+/// Returns networks, one for each state of the device, as an evaluator.
 fn networks(each: Vec<Surrogate>) -> Candidate {
     let mut settings: Vec<String> = each.iter().map(Surrogate::settings).collect();
     settings.dedup();
@@ -116,7 +117,8 @@ fn networks(each: Vec<Surrogate>) -> Candidate {
     }
 }
 
-/// A method on bilinear elements as an evaluator in each state of a scene; at a time three of its fields stand for one.
+/// Returns a method on bilinear elements as an evaluator in each state of a scene. The field at a time follows from
+/// three equilibria.
 fn elements(scene: &Scene, time: Option<Time>, method: Method, elements_per_cell: usize) -> Candidate {
     let parameters = SolverParameters::new(method, Mesh::bilinear(elements_per_cell));
     let one = |scene: &Scene| -> Result<Box<dyn Evaluator>, SetupError> {
@@ -134,7 +136,7 @@ fn elements(scene: &Scene, time: Option<Time>, method: Method, elements_per_cell
     }
 }
 
-/// All steps in time on so many bilinear elements, in each state of a scene.
+/// Returns time integration on bilinear elements as an evaluator in each state of a scene.
 fn steps(scene: &Scene, time: Time, elements_per_cell: usize) -> Candidate {
     let parameters = SolverParameters::new(Method::Newton, Mesh::bilinear(elements_per_cell));
     let settings = parameters.settings_in_time("history");
@@ -145,7 +147,7 @@ fn steps(scene: &Scene, time: Time, elements_per_cell: usize) -> Candidate {
     }
 }
 
-/// An evaluator in each state of a scene.
+/// Builds an evaluator in each state of a scene.
 fn each(
     scene: &Scene,
     one: impl Fn(&Scene) -> Result<Box<dyn Evaluator>, SetupError>,
@@ -159,16 +161,16 @@ fn each(
     each().map(InStates::new).map_err(Into::into)
 }
 
-/// How amplitudes are solved while they are searched: one bilinear element in each cell errs little of an amplitude.
-pub fn of_swings() -> SolverParameters {
+/// Returns the solver of amplitudes in a search: one bilinear element per cell has a small error.
+pub fn amplitude_parameters() -> SolverParameters {
     SolverParameters::new(Method::Newton, Mesh::bilinear(1))
 }
 
-/// The linear response at a frequency, which has no estimate that costs less.
-fn swing(scene: &Scene, frequency: Frequency, goal: &Goal) -> Candidate {
-    let parameters = of_swings();
+/// Returns the linear response at a frequency; there is no cheaper estimate.
+fn amplitude_candidate(scene: &Scene, frequency: Frequency, goal: &Goal) -> Candidate {
+    let parameters = amplitude_parameters();
     let one = |scene: &Scene| -> Result<Box<dyn Evaluator>, SetupError> {
-        Ok(Box::new(swing_of(scene, frequency, goal, &parameters)?))
+        Ok(Box::new(amplitude_solver(scene, frequency, goal, &parameters)?))
     };
     Candidate {
         settings: parameters.settings_in_time("response"),
@@ -176,11 +178,11 @@ fn swing(scene: &Scene, frequency: Frequency, goal: &Goal) -> Candidate {
     }
 }
 
-/// What swings as far as a goal counts.
+/// Returns the solver of the amplitude that a goal measures.
 ///
 /// # Errors
 /// As [`Swing::new`].
-pub fn swing_of(
+pub fn amplitude_solver(
     scene: &Scene,
     frequency: Frequency,
     goal: &Goal,
@@ -191,31 +193,32 @@ pub fn swing_of(
     Swing::new(scene, frequency.value(), weights, parameters)
 }
 
-/// What judges the patterns of a search: what is chosen, or every evaluator in the order of its cost as `deaflow accuracy`
-/// measured it, the reference last. The order is fixed since times differ from run to run.
+/// Returns the evaluators of a search: the chosen one, or all in the order of their cost as measured by `deaflow
+/// accuracy`, the reference last. The order is fixed, since times are not reproducible. `trained` are the networks
+/// that the stage needs.
 pub fn evaluators(
     choice: EvaluatorChoice,
     scene: &Scene,
-    (moment, goal): (Moment, &Goal),
-    known: Option<Vec<Surrogate>>,
+    (response, goal): (ResponseKind, &Goal),
+    trained: Option<Vec<Surrogate>>,
 ) -> Evaluators {
-    let time = match moment {
-        Moment::Equilibrium => None,
-        Moment::After(time) => Some(time),
-        Moment::Swing(frequency) => return Evaluators::Named(swing(scene, frequency, goal)),
+    let time = match response {
+        ResponseKind::Equilibrium => None,
+        ResponseKind::After(time) => Some(time),
+        ResponseKind::Amplitude(frequency) => return Evaluators::Named(amplitude_candidate(scene, frequency, goal)),
     };
-    match (choice, known) {
+    match (choice, trained) {
         (EvaluatorChoice::Elements(method), _) => Evaluators::Named(elements(scene, time, method, 1)),
-        (EvaluatorChoice::Surrogate, Some(known)) => Evaluators::Named(networks(known)),
+        (EvaluatorChoice::Surrogate, Some(trained)) => Evaluators::Named(networks(trained)),
         (EvaluatorChoice::Surrogate, None) => Evaluators::Named(Candidate {
             settings: choice.to_string(),
-            evaluator: Err("the stage needs no network".into()),
+            evaluator: Err("the stage has no network".into()),
         }),
-        (EvaluatorChoice::Auto, known) => Evaluators::Cheapest(by_cost(scene, time, known)),
+        (EvaluatorChoice::Auto, trained) => Evaluators::Cheapest(by_cost(scene, time, trained)),
     }
 }
 
-fn by_cost(scene: &Scene, time: Option<Time>, known: Option<Vec<Surrogate>>) -> Vec<Candidate> {
+fn by_cost(scene: &Scene, time: Option<Time>, trained: Option<Vec<Surrogate>>) -> Vec<Candidate> {
     let coarse = |method| elements(scene, time, method, 1);
     let mut all = vec![
         coarse(Method::Linear),
@@ -223,9 +226,9 @@ fn by_cost(scene: &Scene, time: Option<Time>, known: Option<Vec<Surrogate>>) -> 
         coarse(Method::Chord(2)),
         coarse(Method::Newton),
     ];
-    if let Some(known) = known {
-        let is_cheap = known.iter().all(|network| network.kind() == NetworkKind::Physics);
-        all.insert(if is_cheap { 2 } else { all.len() }, networks(known));
+    if let Some(trained) = trained {
+        let is_cheap = trained.iter().all(|network| network.kind() == NetworkKind::Physics);
+        all.insert(if is_cheap { 2 } else { all.len() }, networks(trained));
     }
     all.push(match time {
         None => elements(scene, None, Method::Newton, REFERENCE),
@@ -240,13 +243,12 @@ mod tests {
 
     use super::*;
     use deaflow_base::Document;
-    use deaflow_design::{Constraints, Probe, References, cheapest_evaluator, first_generation};
+    use deaflow_design::{CandidateAccuracy, Constraints, DesignReferences, cheapest_evaluator, first_generation};
     use deaflow_field::{Field, Predictor};
-    use deaflow_pattern::Membrane;
-    use deaflow_pattern::{Pattern, Raster};
+    use deaflow_pattern::{Membrane, Pattern, Raster};
 
     #[test]
-    fn evaluators_are_read_as_they_are_written() {
+    fn evaluators_round_trip_through_text() {
         let read = |text: &str| {
             EvaluatorChoice::read(
                 &Document::from_text(Path::new("e"), text).unwrap().root,
@@ -261,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn estimates_give_no_field_where_there_is_none() {
+    fn estimates_find_unstable_patterns() {
         let scene = Scene::vhb4910().at_voltage(10e3);
         let patterns = [25, 0].map(|width| Pattern::from_fn(Raster::PAPER, |x, _| x < width));
         let linear = elements(&scene, None, Method::Linear, 1).evaluator.ok().unwrap();
@@ -278,48 +280,48 @@ mod tests {
         assert!(hot.evaluator.err().unwrap().to_string().contains("unstable"));
     }
 
-    fn chosen(volts: f64, accuracy_mm: f64) -> (String, Vec<Probe>) {
+    fn chosen(volts: f64, accuracy_mm: f64) -> (String, Vec<CandidateAccuracy>) {
         let scene = Scene::vhb4910().at_voltage(volts);
         let patterns: Vec<Pattern> = first_generation(Some(0.5), &Constraints::none(Membrane::square(50.0)), 1, 8)
             .iter()
             .map(|genome| genome.pattern(Raster::PAPER))
             .collect();
-        let none = References {
+        let none = DesignReferences {
             patterns: &[],
             values_mm: &[],
             value_mm: &|_| 0.0,
         };
-        let (evaluator, probes) =
+        let (evaluator, accuracies) =
             cheapest_evaluator(by_cost(&scene, None, None), &patterns, &none, accuracy_mm).unwrap();
-        (evaluator.settings, probes)
+        (evaluator.settings, accuracies)
     }
 
     #[test]
-    fn the_cheapest_that_is_accurate_enough_is_taken() {
-        let (_, probes) = chosen(5250.0, 1.0);
-        let errors: Vec<f64> = probes.iter().map(|probe| probe.rmse_mm).collect();
+    fn the_cheapest_accurate_evaluator_is_selected() {
+        let (_, accuracies) = chosen(5250.0, 1.0);
+        let errors: Vec<f64> = accuracies.iter().map(|accuracy| accuracy.rmse_mm).collect();
         assert!(errors[0] > 2.0 * errors[1] && errors[1] > errors[2], "{errors:?}");
         assert_eq!(errors[4], 0.0, "the reference itself");
-        for (accuracy, place) in [(1.0, 0), (0.5 * (errors[0] + errors[1]), 1), (1e-9, 4)] {
-            assert_eq!(chosen(5250.0, accuracy).0, probes[place].settings, "{accuracy}");
+        for (accuracy, index) in [(1.0, 0), (0.5 * (errors[0] + errors[1]), 1), (1e-9, 4)] {
+            assert_eq!(chosen(5250.0, accuracy).0, accuracies[index].settings, "{accuracy}");
         }
     }
 
     #[test]
-    fn evaluators_that_are_blind_to_instability_are_not_taken() {
-        let (settings, probes) = chosen(6800.0, 10.0);
-        assert!(probes[0].disagree > 0, "{probes:?}");
+    fn evaluators_that_miss_instability_are_not_selected() {
+        let (settings, accuracies) = chosen(6800.0, 10.0);
+        assert!(accuracies[0].disagree > 0, "{accuracies:?}");
         assert!(settings.starts_with("method: newton"), "{settings}");
     }
 
     #[test]
-    fn an_evaluator_that_errs_where_designs_are_is_not_taken() {
+    fn an_evaluator_with_errors_at_designs_is_not_selected() {
         let scene = Scene::vhb4910();
         let patterns = [Pattern::from_fn(Raster::PAPER, |x, y| (x * 7 + y * 3) % 5 < 2)];
         let half = [Pattern::from_fn(Raster::PAPER, |x, _| x < 25)];
         let right = |fields: &[Field]| fields[0].at([25.0, 25.0])[0];
         let chosen = |values_mm: &[f64]| {
-            let designs = References {
+            let designs = DesignReferences {
                 patterns: &half,
                 values_mm,
                 value_mm: &right,
@@ -327,8 +329,11 @@ mod tests {
             cheapest_evaluator(by_cost(&scene, None, None), &patterns, &designs, 1.0).unwrap()
         };
         // H7: the half plane moves the centre by 2.119 mm; the linear response misses by several per cent.
-        let (evaluator, probes) = chosen(&[2.119]);
-        assert!(probes[0].design_error > 0.01 && probes[0].rmse_mm < 1.0, "{probes:?}");
+        let (evaluator, accuracies) = chosen(&[2.119]);
+        assert!(
+            accuracies[0].design_error > 0.01 && accuracies[0].rmse_mm < 1.0,
+            "{accuracies:?}"
+        );
         assert!(!evaluator.settings.contains("linear"), "{}", evaluator.settings);
         // Nothing is as wrong as that: the last is taken.
         assert!(chosen(&[20.0]).0.settings.contains("elements_per_cell: 2"));

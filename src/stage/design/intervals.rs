@@ -1,5 +1,5 @@
-//! What a calibrated network says of designs, whatever judged them: its own prediction with the interval of the displacement along
-//! the wanted directions.
+//! Prediction intervals of designs by a calibrated network, for any evaluator of the search: the predicted
+//! displacement along the target directions with its interval.
 
 use crate::calibrate::{self, CalibratedModel};
 use crate::model;
@@ -19,10 +19,10 @@ pub struct Calibrated {
 }
 
 impl Calibrated {
-    /// The calibration among the inputs with its network, if there is one.
+    /// Reads the calibration among the inputs with its network; `None` if there is none.
     ///
     /// # Errors
-    /// When there are several, it is of no network among the inputs or of another scene, or an artifact is damaged.
+    /// If there are several, its network is not among the inputs or has another scene, or an artifact is damaged.
     pub fn of(inputs: &[Artifact], scene: &Scene) -> Result<Option<Self>, StageError> {
         let mut found = None;
         for input in inputs {
@@ -38,11 +38,11 @@ impl Calibrated {
                 ))
             })?;
             if !scene.states.is_empty() {
-                let message = "a calibration is of one drive, and designs of a device in several states have none";
+                let message = "a calibration cannot be used for a device with several states";
                 return Err(StageError::input(message));
             }
             if found.is_some() {
-                return Err(StageError::input("a design stage takes one calibration"));
+                return Err(StageError::input("a design stage can use only one calibration"));
             }
             found = Some(Self {
                 surrogate: model::in_scene(network, scene)?,
@@ -52,10 +52,10 @@ impl Calibrated {
         Ok(found)
     }
 
-    /// What is said of patterns.
+    /// Returns the intervals of patterns.
     ///
     /// # Errors
-    /// When the network cannot be evaluated.
+    /// If the network cannot be evaluated.
     pub fn intervals(&self, goal: &Goal, patterns: &[Pattern]) -> Result<DesignIntervals, StageError> {
         let fields = self.surrogate.predict(patterns);
         let fields = fields.map_err(StageError::failed)?;
@@ -64,15 +64,13 @@ impl Calibrated {
         let basis = self.calibration.basis();
         let mut intervals = DesignIntervals::default();
         for (pattern, field) in patterns.iter().zip(&fields) {
-            let (value, off) = (
-                goal.value_mm(std::slice::from_ref(field)),
-                half_widths.half_width(pattern, field),
-            );
+            let value = goal.value_mm(std::slice::from_ref(field));
+            let half_width = half_widths.half_width(pattern, field);
             let interval = calibration.interval(pattern, field);
             intervals.push(Some(DesignInterval {
                 coverage: COVERAGE,
                 predicted_mm: value,
-                ends_mm: [value - off, value + off],
+                ends_mm: [value - half_width, value + half_width],
                 novelty: interval.novelty,
                 out_of_distribution: interval.out_of_distribution,
                 basis: basis.clone(),

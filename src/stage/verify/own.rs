@@ -1,29 +1,29 @@
-//! A person's own patterns, beside the designs of each target.
+//! The user's own patterns, which are compared with the designs of each target.
 
 use deaflow_base::Document;
 use deaflow_content::{DesignRows, Samples};
-use deaflow_design::ConstraintParameters;
+use deaflow_design::{ConstraintParameters, own_pattern_status};
 use deaflow_orchestrator::StageError;
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 use deaflow_store::Artifact;
 
-/// Patterns from files, each once.
+/// Distinct patterns from files.
 pub struct OwnPatterns(Vec<Pattern>);
 
-/// One of them for one target: the row of the target's first design, and which pattern.
+/// A pattern for a target.
 pub struct OwnCase {
-    /// A row of a design of the target.
+    /// The row of the first design of the target.
     pub target: usize,
-    /// Which pattern.
+    /// The index of the pattern.
     pub pattern: usize,
 }
 
 impl OwnPatterns {
-    /// The patterns of some artifacts, end to end.
+    /// Reads the patterns of artifacts.
     ///
     /// # Errors
-    /// When one cannot be read.
+    /// If one cannot be read.
     pub fn read(artifacts: &[&Artifact]) -> Result<Self, StageError> {
         let mut own: Vec<Pattern> = Vec::new();
         for artifact in artifacts {
@@ -41,10 +41,10 @@ impl OwnPatterns {
         &self.0
     }
 
-    /// Adds each pattern to each target of the rows, after all designs; gives what was added, in order.
+    /// Adds each pattern to each target, after all designs. Returns the added cases in order.
     ///
     /// # Errors
-    /// When the constraints of a target cannot be read.
+    /// If the constraints of a target cannot be read.
     pub fn add_to(&self, rows: &mut DesignRows, scene: &Scene) -> Result<Vec<OwnCase>, StageError> {
         let designs = rows.clone();
         let is_first = |row: &usize| {
@@ -68,29 +68,11 @@ impl OwnPatterns {
     }
 }
 
-/// `met`, or what of a target a pattern was not made for: its area and its constraints, as far as they can be told from the pattern.
+/// Returns the status of a pattern for the area and constraints of a target.
 fn status(designs: &DesignRows, target: usize, pattern: &Pattern, scene: &Scene) -> Result<String, String> {
     let document = Document::from_text(std::path::Path::new("constraints"), &designs.constraints.0[target]);
     let document = document.map_err(|e| e.to_string())?;
-    let constraints = ConstraintParameters::read(&document.root, scene)
-        .map_err(|e| e.to_string())?
-        .constraints()
-        .clone();
-    let mut lines = Vec::new();
-    let (area, wanted) = (pattern.area_fraction(), &designs.area_target[target]);
-    let cell = 1.0 / pattern.raster().cells() as f64;
-    if wanted
-        .parse::<f64>()
-        .is_ok_and(|wanted| (wanted - area).abs() > 0.5 * cell)
-    {
-        lines.push(format!("area {area:.4}, wanted {wanted}"));
-    }
-    lines.extend(constraints.violations(pattern).lines());
-    if constraints.limits().has_margins() {
-        lines.push("margins not looked at".to_owned());
-    }
-    Ok(match lines.is_empty() {
-        true => "met".to_owned(),
-        false => lines.join("; "),
-    })
+    let read = ConstraintParameters::read(&document.root, scene).map_err(|e| e.to_string())?;
+    let area = &designs.area_target[target];
+    Ok(own_pattern_status(pattern, area, read.constraints()))
 }

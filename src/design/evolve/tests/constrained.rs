@@ -7,7 +7,7 @@ use crate::{Limits, Sides};
 use deaflow_pattern::Region;
 use deaflow_pattern::{Membrane, Raster};
 
-fn wanted() -> Constraints {
+fn limited() -> Constraints {
     let limits = Limits {
         min_feature_mm: Some(4.0),
         islands: Some(1),
@@ -23,31 +23,31 @@ fn wanted() -> Constraints {
 
 fn under(constraints: &Constraints, goal: &Goal, options: &EvolveOptions) -> Evolution {
     let linear = Linear::new([25.0, 25.0]);
-    let setting = Setting {
+    let problem = EvolveProblem {
         constraints,
         ..free(&linear, goal)
     };
-    evolve(&setting, options, &|_: &GenerationReport| ()).unwrap()
+    evolve(&problem, options, &|_: &GenerationReport| ()).unwrap()
 }
 
 #[test]
-fn a_search_keeps_its_constraints() {
-    let constraints = wanted();
+fn a_search_satisfies_its_constraints() {
+    let constraints = limited();
     let goal = goal(0.5);
     let found = under(&constraints, &goal, &small(2));
     let winner = &found.winners[0];
-    assert!(constraints.hold(&winner.pattern) && winner.violations.is_empty());
+    assert!(constraints.satisfied_by(&winner.pattern) && winner.violations.is_empty());
     assert!((winner.area - 0.5).abs() < 0.02, "area {}", winner.area);
     let last = found.history.last().unwrap();
     assert_eq!((winner.fitness, winner.value_mm), (last.best, last.value_mm));
     // What keeps the constraints is worth less than what need not, and far more than the first random patterns.
     let unconstrained = run(&small(2), 0.5).winners[0].value_mm;
     assert!(winner.value_mm < unconstrained && winner.value_mm > found.history[0].value_mm + 0.2);
-    assert_eq!(winner.value_mm, Linear::new([25.0, 25.0]).value(&winner.pattern));
+    assert_eq!(winner.value_mm, Linear::new([25.0, 25.0]).device.value(&winner.pattern));
 }
 
 #[test]
-fn units_that_are_kept_out_are_never_on() {
+fn units_in_keep_out_regions_are_off() {
     let limits = Limits {
         keep_out: vec![Region::Rectangle([[0.0, 0.0], [20.0, 50.0]])],
         ..Limits::default()
@@ -72,8 +72,8 @@ fn units_that_are_kept_out_are_never_on() {
 }
 
 #[test]
-fn what_no_individual_can_keep_is_said() {
-    // Only the whole corner is an electrode that is wide enough, and half of it is asked for.
+fn violated_constraints_are_reported() {
+    // Only the whole corner is an electrode that is wide enough, and the target area is half of it.
     let limits = Limits {
         min_feature_mm: Some(10.0),
         keep_out: vec![
@@ -90,12 +90,12 @@ fn what_no_individual_can_keep_is_said() {
     };
     let found = under(&constraints, &goal(0.015), &options);
     let winner = &found.winners[0];
-    assert!(!constraints.hold(&winner.pattern) && winner.fitness > 1.0);
+    assert!(!constraints.satisfied_by(&winner.pattern) && winner.fitness > 1.0);
     let words = winner.violations.to_string();
     assert!(words.contains("narrower than 10 mm"), "{words}");
 }
 
-/// Admits patterns with at most 625 active cells in the left half; remembers how many it was asked about.
+/// Accepts patterns with at most 625 active cells in the left half; counts the checked patterns.
 struct Left(Mutex<usize>);
 
 fn left(pattern: &Pattern) -> usize {
@@ -110,31 +110,31 @@ impl Feasibility for Left {
 }
 
 #[test]
-fn only_the_best_are_asked_for_margins_and_all_of_them_keep_them() {
+fn margins_are_checked_for_the_best_only() {
     let (linear, goal) = (Linear::new([25.0, 25.0]), goal(0.5));
     let feasibility = Left(Mutex::new(0));
-    let setting = Setting {
+    let problem = EvolveProblem {
         feasibility: Some(&feasibility),
         ..free(&linear, &goal)
     };
     let bests = RefCell::new(Vec::new());
     let watch = |report: &GenerationReport| bests.borrow_mut().push(left(&report.genome.pattern(Raster::PAPER)));
     let options = EvolveOptions { designs: 3, ..small(1) };
-    let found = evolve(&setting, &options, &watch).unwrap();
+    let found = evolve(&problem, &options, &watch).unwrap();
     // Free to choose, the search fills the left half.
     assert!(left(&run(&small(1), 0.5).best_pattern()) > 700);
     assert!(bests.borrow().iter().all(|&left| left <= 625));
     assert!(found.winners.iter().all(|winner| left(&winner.pattern) <= 625));
     assert!(found.history.last().unwrap().value_mm > found.history[0].value_mm);
-    let asked = *feasibility.0.lock().unwrap();
+    let checked = *feasibility.0.lock().unwrap();
     assert!(
-        asked > 0 && 2 * asked < found.evaluations,
-        "{asked} of {}",
+        checked > 0 && 2 * checked < found.evaluations,
+        "{checked} of {}",
         found.evaluations
     );
 }
 
-/// Gives this verdict, whatever it is asked.
+/// Returns the same verdicts for all patterns.
 struct Verdict(fn(usize) -> Result<Vec<bool>, PredictError>);
 
 impl Feasibility for Verdict {
@@ -144,27 +144,29 @@ impl Feasibility for Verdict {
 }
 
 #[test]
-fn margins_that_nothing_keeps_are_an_error() {
+fn margins_that_no_pattern_satisfies_are_an_error() {
     let judged = |verdict| {
         let (linear, goal) = (Linear::new([25.0, 25.0]), goal(0.5));
-        let setting = Setting {
+        let problem = EvolveProblem {
             feasibility: Some(&Verdict(verdict)),
             ..free(&linear, &goal)
         };
-        evolve(&setting, &small(1), &|_: &GenerationReport| ()).map_err(|e| e.to_string())
+        evolve(&problem, &small(1), &|_: &GenerationReport| ())
     };
     let none = judged(|count| Ok(vec![false; count])).unwrap_err();
-    assert!(none.contains("keeps the margins"), "{none}");
-    let failed = judged(|_| Err(PredictError::failed("no memory"))).unwrap_err();
+    assert!(matches!(none, EvolveError::NotFeasible), "{none}");
+    let failed = judged(|_| Err(PredictError::failed("no memory")))
+        .unwrap_err()
+        .to_string();
     assert!(failed.contains("no memory"), "{failed}");
-    let few = judged(|count| Ok(vec![true; count - 1])).unwrap_err();
+    let few = judged(|count| Ok(vec![true; count - 1])).unwrap_err().to_string();
     assert!(few.contains("verdicts for"), "{few}");
-    // What is_feasible everything changes nothing.
+    // A check that accepts all patterns changes nothing.
     assert_eq!(judged(|count| Ok(vec![true; count])).unwrap(), run(&small(1), 0.5));
 }
 
 #[test]
-fn a_free_area_starts_from_many() {
+fn a_free_area_starts_from_many_areas() {
     let areas: Vec<f64> = first_generation(None, &Constraints::none(Membrane::square(50.0)), 1, 200)
         .iter()
         .map(|genome| genome.pattern(Raster::PAPER).area_fraction())
@@ -182,10 +184,10 @@ fn a_free_area_starts_from_many() {
 }
 
 #[test]
-fn a_free_area_comes_near_the_known_optimum() {
+fn a_free_area_comes_close_to_the_optimum() {
     // Free to choose its area, the best pattern of a linear answer is all cells that help.
     let linear = Linear::new([37.5, 25.0]);
-    let helpful: Vec<f64> = linear.weights.iter().copied().filter(|&w| w > 0.0).collect();
+    let helpful: Vec<f64> = linear.device.worth.iter().copied().filter(|&w| w > 0.0).collect();
     let aim = Aim::new([37.5, 25.0], Motion::Along(0.0));
     let goal = Goal::new(&Displacement, &[aim], Membrane::square(50.0), None, AREA_PENALTY).unwrap();
     let options = EvolveOptions {
@@ -199,7 +201,7 @@ fn a_free_area_comes_near_the_known_optimum() {
     let area = helpful.len() as f64 / 2500.0;
     assert!(
         (found.winners[0].area - area).abs() < 0.05,
-        "{} beside {area}",
+        "{} instead of {area}",
         found.winners[0].area
     );
 }

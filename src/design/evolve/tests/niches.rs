@@ -12,7 +12,7 @@ fn several(designs: usize, distance: f64, options: &EvolveOptions) -> EvolveOpti
 }
 
 #[test]
-fn several_designs_are_as_different_as_asked() {
+fn several_designs_have_the_minimum_distance() {
     let found = run(&several(5, 0.1, &small(2)), 0.5);
     assert_eq!(found.winners.len(), 5);
     let patterns: Vec<&Pattern> = found.winners.iter().map(|winner| &winner.pattern).collect();
@@ -28,12 +28,12 @@ fn several_designs_are_as_different_as_asked() {
     // All of them are good, not the first alone: near to what a search for one design finds.
     let alone = run(&small(2), 0.5).winners[0].value_mm;
     let worst = found.winners[4].value_mm;
-    assert!(worst > 0.85 * alone, "{worst} mm beside {alone} mm");
+    assert!(worst > 0.85 * alone, "{worst} mm instead of {alone} mm");
 }
 
 #[test]
-fn there_may_be_fewer_designs_than_asked() {
-    // No two patterns of half area differ in 90 % of their cells whichever way they are turned.
+fn there_may_be_fewer_designs_than_requested() {
+    // No two patterns of half area differ in 90 % of their cells over all symmetries.
     let found = run(&several(3, 0.9, &small(2)), 0.5);
     assert_eq!(found.winners.len(), 1);
     // All individuals are the same at area 0 and 1, and there are more of them than the search has generations.

@@ -1,27 +1,10 @@
-//! Searches that judge the best of a generation alone, as a rough score ranks them.
+//! Searches that judge only the best of a generation by a rough score.
 
-use super::resumed::Keeper;
+use super::resumed::CheckpointStore;
 use super::*;
 use crate::RoughScore;
-use deaflow_field::{Differentiable, WithGradient};
 
-impl Differentiable<StateFields> for Linear {
-    fn gradient(
-        &self,
-        _pattern: &Pattern,
-        _slope: &dyn Fn(&StateFields) -> StateFields,
-    ) -> Result<Option<WithGradient<StateFields>>, PredictError> {
-        Ok(None)
-    }
-
-    fn at_rest(&self, weights: &[StateFields]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
-        let along_x = |weights: &StateFields| weights[0].values().iter().step_by(2).sum::<f64>();
-        let scaled = |by: f64| self.weights.iter().map(|weight| by * weight).collect();
-        Ok(Some(weights.iter().map(|of| (0.0, scaled(along_x(of)))).collect()))
-    }
-}
-
-/// Answers less than a linear membrane, the more the farther it moves, and has an electrode in one cell count double.
+/// A linear device that softens with displacement; one cell increases the displacement by 2 %.
 struct Softening(Linear);
 
 impl Predictor<StateFields> for Softening {
@@ -45,24 +28,24 @@ fn judging(share: f64, seed: u64) -> EvolveOptions {
     }
 }
 
-fn searched(predictor: &dyn Predictor<StateFields>, options: &EvolveOptions, watch: &dyn Watch) -> Evolution {
+fn searched(predictor: &dyn Predictor<StateFields>, options: &EvolveOptions, watch: &dyn Observer) -> Evolution {
     let (goal, linear) = (goal(0.5), Linear::new([25.0, 25.0]));
-    let rough = RoughScore::new(&goal, &linear, 1).unwrap();
-    let setting = Setting {
+    let rough = RoughScore::new(&goal, &InStates::one(&linear.device), 1).unwrap();
+    let problem = EvolveProblem {
         rough: rough.as_ref(),
         ..free(predictor, &goal)
     };
-    evolve(&setting, options, watch).unwrap()
+    evolve(&problem, options, watch).unwrap()
 }
 
 #[test]
-fn a_quarter_of_the_judgements_finds_as_much() {
+fn judging_a_quarter_finds_as_much() {
     let (mut all, mut few, mut share) = (0.0, 0.0, 0.0);
     for seed in 1..=5 {
         let softening = Softening(Linear::new([25.0, 25.0]));
         let silent = |_: &GenerationReport| ();
         let everything = searched(&softening, &judging(1.0, seed), &silent);
-        let asked = softening.0.predicted.swap(0, Ordering::Relaxed);
+        let all_judged = softening.0.predicted.swap(0, Ordering::Relaxed);
         assert_eq!(
             everything,
             evolved(&softening, &goal(0.5), &judging(1.0, seed)).unwrap()
@@ -72,7 +55,7 @@ fn a_quarter_of_the_judgements_finds_as_much() {
         assert_eq!(softening.0.predicted.load(Ordering::Relaxed), best.evaluations);
         all += everything.winners[0].value_mm / 5.0;
         few += best.winners[0].value_mm / 5.0;
-        share += best.evaluations as f64 / asked as f64 / 5.0;
+        share += best.evaluations as f64 / all_judged as f64 / 5.0;
         let judged = softening.predict(&[best.best_pattern()]).unwrap();
         assert_eq!(goal(0.5).value_mm(&judged[0]), best.winners[0].value_mm);
     }
@@ -81,7 +64,7 @@ fn a_quarter_of_the_judgements_finds_as_much() {
 }
 
 #[test]
-fn what_has_no_field_does_not_win_however_well_it_ranks() {
+fn patterns_without_a_field_do_not_win() {
     let partial = Partial(Linear::new([25.0, 25.0]));
     let found = searched(&partial, &judging(0.1, 1), &|_: &GenerationReport| ());
     assert!(found.history.iter().all(|report| report.best.is_finite()));
@@ -89,7 +72,7 @@ fn what_has_no_field_does_not_win_however_well_it_ranks() {
 }
 
 #[test]
-fn of_few_all_are_judged() {
+fn small_populations_are_all_judged() {
     let softening = Softening(Linear::new([25.0, 25.0]));
     let few = |share| EvolveOptions {
         population: 50,
@@ -103,15 +86,15 @@ fn of_few_all_are_judged() {
 }
 
 #[test]
-fn it_goes_on_to_the_same_result() {
+fn a_resumed_search_with_a_rough_score_gives_the_same_result() {
     let softening = Softening(Linear::new([25.0, 25.0]));
     let options = EvolveOptions {
         generations: 8,
         ..judging(0.25, 2)
     };
-    let keeper = Keeper::default();
+    let keeper = CheckpointStore::default();
     let whole = searched(&softening, &options, &keeper);
     for state in keeper.states.take() {
-        assert_eq!(searched(&softening, &options, &Keeper::from(&state)), whole);
+        assert_eq!(searched(&softening, &options, &CheckpointStore::from(&state)), whole);
     }
 }

@@ -1,8 +1,9 @@
-//! Displacement along the wanted directions.
+//! Displacement along the target directions.
 
-use super::{Goal, Measure, SCALE_MM};
+use super::{Measure, SCALE_MM};
+use crate::objective::aim::{PlacedAim, mean_along};
 
-/// The mean displacement along the wanted directions.
+/// The mean displacement along the target directions.
 pub struct Displacement;
 
 impl Measure for Displacement {
@@ -10,12 +11,12 @@ impl Measure for Displacement {
         "displacement"
     }
 
-    fn score(&self, goal: &Goal, motions: &[[f64; 2]]) -> f64 {
-        goal.value_of(motions) / SCALE_MM
+    fn score(&self, aims: &[PlacedAim], motions: &[[f64; 2]]) -> f64 {
+        mean_along(aims, motions) / SCALE_MM
     }
 
-    fn gradients(&self, goal: &Goal, _motions: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    fn gradients(&self, aims: &[PlacedAim], _motions: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let gradient = |direction: [f64; 2]| direction.map(|d| d / SCALE_MM);
-        goal.aims().iter().map(|aim| gradient(aim.direction)).collect()
+        aims.iter().map(|aim| gradient(aim.direction)).collect()
     }
 }

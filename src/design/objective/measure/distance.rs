@@ -1,8 +1,9 @@
-//! Distance from the wanted displacements.
+//! Distance from the target displacements.
 
-use super::{Goal, Measure, SCALE_MM};
+use super::{Measure, SCALE_MM};
+use crate::objective::aim::{PlacedAim, rms_error};
 
-/// The root mean square distance from the wanted displacements.
+/// The root mean square distance from the target displacements.
 pub struct Distance;
 
 impl Measure for Distance {
@@ -14,17 +15,17 @@ impl Measure for Distance {
         true
     }
 
-    fn score(&self, goal: &Goal, motions: &[[f64; 2]]) -> f64 {
-        -goal.distance(motions) / SCALE_MM
+    fn score(&self, aims: &[PlacedAim], motions: &[[f64; 2]]) -> f64 {
+        -rms_error(aims, motions) / SCALE_MM
     }
 
-    fn gradients(&self, goal: &Goal, motions: &[[f64; 2]]) -> Vec<[f64; 2]> {
-        let distance = goal.distance(motions);
-        let gradient = |off: [f64; 2]| match distance > 0.0 {
-            true => off.map(|off| -off / (distance * SCALE_MM)),
+    fn gradients(&self, aims: &[PlacedAim], motions: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let distance = rms_error(aims, motions);
+        let gradient = |error: [f64; 2]| match distance > 0.0 {
+            true => error.map(|error| -error / (distance * SCALE_MM)),
             false => [0.0; 2],
         };
-        let pairs = goal.aims().iter().zip(motions);
-        pairs.map(|(aim, motion)| gradient(aim.off(*motion))).collect()
+        let pairs = aims.iter().zip(motions);
+        pairs.map(|(aim, motion)| gradient(aim.error(*motion))).collect()
     }
 }

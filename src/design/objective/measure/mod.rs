@@ -1,4 +1,4 @@
-//! How motions are measured against a goal: one measure per file, all of them in [`MEASURES`].
+//! Measures of motions against their aims: one per file, listed in [`MEASURES`].
 
 mod displacement;
 mod distance;
@@ -10,34 +10,34 @@ pub use displacement::Displacement;
 pub use distance::Distance;
 pub use qin2024::Qin2024;
 
-use super::goal::Goal;
+use super::aim::PlacedAim;
 
-/// The displacement in mm that counts as 1: the top of the paper's deformation space.
+/// The displacement in mm that has score 1: the upper end of the paper's deformation space.
 const SCALE_MM: f64 = 2.5;
 
 /// Every measure.
 pub const MEASURES: [&dyn Measure; 3] = [&Displacement, &Distance, &Qin2024];
 
-/// A measure of how well the motions of points and bodies meet a goal.
+/// A measure of the motions of points and bodies.
 pub trait Measure: Sync {
-    /// The word after `measure:`.
+    /// The value of the key `measure`.
     fn name(&self) -> &'static str;
 
-    /// Whether each point needs a wanted displacement; a direction is enough otherwise.
+    /// Whether each point needs a target displacement; otherwise a direction is enough.
     fn needs_displacement(&self) -> bool {
         false
     }
 
-    /// Whether it measures the rotation of a body.
-    fn takes_rotations(&self) -> bool {
+    /// Whether rotations of bodies can be measured.
+    fn supports_rotations(&self) -> bool {
         true
     }
 
-    /// How good motions of the aims in mm are; larger is better. 1 is worth 2.5 mm of displacement, where a length is measured.
-    fn score(&self, goal: &Goal, motions: &[[f64; 2]]) -> f64;
+    /// The score of the motions of the aims in mm; larger is better. For lengths, 2.5 mm has score 1.
+    fn score(&self, aims: &[PlacedAim], motions: &[[f64; 2]]) -> f64;
 
-    /// For each aim of the goal the derivative of the score with respect to its motion, per mm, without its weight.
-    fn gradients(&self, goal: &Goal, motions: &[[f64; 2]]) -> Vec<[f64; 2]>;
+    /// The derivative of the score with respect to the motion of each aim, per mm, without the weight of the aim.
+    fn gradients(&self, aims: &[PlacedAim], motions: &[[f64; 2]]) -> Vec<[f64; 2]>;
 }
 
 impl PartialEq for dyn Measure {

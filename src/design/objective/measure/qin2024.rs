@@ -1,9 +1,9 @@
-//! The source paper's equation 6 to the letter (Qin et al., doi 10.1089/soro.2024.0063).
+//! The literal equation 6 of the source paper (Qin et al., doi 10.1089/soro.2024.0063).
 
-use super::{Goal, Measure};
-use crate::objective::aim::PlacedAim;
+use super::Measure;
+use crate::objective::aim::{PlacedAim, weighted_mean};
 
-/// How well the directions agree, regardless of sign and magnitude.
+/// The agreement of the directions, without sign and magnitude.
 pub struct Qin2024;
 
 impl Measure for Qin2024 {
@@ -11,19 +11,19 @@ impl Measure for Qin2024 {
         "qin2024"
     }
 
-    fn takes_rotations(&self) -> bool {
+    fn supports_rotations(&self) -> bool {
         false
     }
 
-    fn score(&self, goal: &Goal, motions: &[[f64; 2]]) -> f64 {
-        goal.mean(motions, |aim, u| {
+    fn score(&self, aims: &[PlacedAim], motions: &[[f64; 2]]) -> f64 {
+        weighted_mean(aims, motions, |aim, u| {
             let length = u[0].hypot(u[1]);
             if length > 0.0 { aim.along(u).abs() / length } else { 0.0 }
         })
     }
 
-    fn gradients(&self, goal: &Goal, motions: &[[f64; 2]]) -> Vec<[f64; 2]> {
-        let pairs = goal.aims().iter().zip(motions);
+    fn gradients(&self, aims: &[PlacedAim], motions: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let pairs = aims.iter().zip(motions);
         pairs.map(|(aim, motion)| gradient(aim, *motion)).collect()
     }
 }

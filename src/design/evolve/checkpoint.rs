@@ -1,6 +1,6 @@
-//! A search under way as bytes: all that it needs to be gone on with as if it had never stopped.
+//! Checkpoints: the state of a genetic search as bytes. A resumed search gives the same result to the last bit.
 //!
-//! Every generation draws from a random stream of its own, so no generator has a state to keep.
+//! Each generation has its own random stream, so no generator state is stored.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,37 +8,37 @@ use super::options::EvolveOptions;
 use crate::genome::Genome;
 use deaflow_base::{Digest, decode, encode};
 
-/// Raised when the layout changes.
+/// The version of the layout.
 const VERSION: u32 = 2;
 
-/// Bytes of what is known of a genome of so many groups: its genes, three numbers, and how far it was judged.
+/// Bytes of a genome and its evaluation: genes, three numbers and a status byte.
 const fn row_bytes(groups: usize) -> usize {
     Genome::bytes(groups) + 3 * 8 + 1
 }
 
-/// Why bytes are not the state of a search.
+/// Why a checkpoint cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum StateError {
-    /// Cut short, changed, or something else altogether.
-    #[error("it is not the state of a search")]
+pub enum CheckpointError {
+    /// The content is truncated, changed, or not a checkpoint.
+    #[error("not a valid checkpoint")]
     Damaged,
     /// Written by another version.
-    #[error("it is the state of a search in layout {found}, and this program reads layout {VERSION}")]
+    #[error("the checkpoint has layout {found}, this program reads layout {VERSION}")]
     Version {
-        /// The layout that was found.
+        /// The layout of the checkpoint.
         found: u32,
     },
-    /// The state of a search with other options.
-    #[error("it is the state of a search with other options")]
+    /// The search had other options.
+    #[error("the checkpoint belongs to a search with other options")]
     Options,
 }
 
-/// A search after a generation.
+/// The state of a search after a generation.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct State {
-    /// What is known of every genome that was met, sorted by genome.
-    pub known: Vec<(Genome, Known)>,
-    /// The last generation in its order, by place among the known.
+pub(super) struct Checkpoint {
+    /// All evaluated genomes, sorted by genome.
+    pub known: Vec<(Genome, Evaluation)>,
+    /// The last generation in its order, as indices into `known`.
     pub population: Vec<u64>,
     /// The generations so far.
     pub history: Vec<StoredGeneration>,
@@ -46,22 +46,23 @@ pub(super) struct State {
     pub last_gain: u64,
 }
 
-/// What is known of a genome; its fitness is infinite where it has no field or is not feasible, and rough where it was not judged.
+/// The evaluation of a genome.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Known {
+pub(super) struct Evaluation {
+    /// Infinite if the pattern has no field or is not feasible; from the rough score if it was not judged.
     pub fitness: f64,
     pub value_mm: f64,
     pub area: f64,
-    /// Whether the evaluator was asked.
+    /// Whether the evaluator has judged it.
     pub judged: bool,
-    /// Whether it is feasible, where that was asked.
+    /// Whether it is feasible; `None` if not checked.
     pub feasible: Option<bool>,
 }
 
-/// A generation as it was reported.
+/// The report of a generation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct StoredGeneration {
-    /// The best genome, by place among the known.
+    /// The best genome, as an index into `known`.
     pub genome: u64,
     pub best: f64,
     pub mean: f64,
@@ -78,7 +79,8 @@ struct Header {
     last_gain: u64,
 }
 
-/// The digest of the options that decide how one generation follows from another. More generations continue the same search.
+/// The digest of the options on which the search depends. The number of generations is not one of them: a search with
+/// more generations continues the same search.
 fn digest(options: &EvolveOptions) -> Digest {
     let EvolveOptions {
         elite,
@@ -96,9 +98,9 @@ fn digest(options: &EvolveOptions) -> Digest {
     Digest::of(&bytes)
 }
 
-impl State {
-    /// As bytes: the version, the length of a header, the header, what is known, and the digest of all that. None where the
-    /// header cannot be encoded, which takes a population of a million.
+impl Checkpoint {
+    /// Encodes the version, the length of the header, the header, the evaluations, and the digest of all these. `None`
+    /// if the header cannot be encoded, as for a population of a million.
     pub(super) fn to_bytes(&self, options: &EvolveOptions, groups: usize) -> Option<Vec<u8>> {
         let header = Header {
             options: digest(options),
@@ -129,38 +131,38 @@ impl State {
         Some(bytes)
     }
 
-    /// From bytes.
+    /// Inverse of [`Checkpoint::to_bytes`].
     ///
     /// # Errors
-    /// When they are something else, or the state of another search.
-    pub(super) fn from_bytes(bytes: &[u8], options: &EvolveOptions, groups: usize) -> Result<Self, StateError> {
-        let (content, sum) = bytes.split_last_chunk::<32>().ok_or(StateError::Damaged)?;
-        let (version, rest) = content.split_first_chunk::<4>().ok_or(StateError::Damaged)?;
-        if Digest::of(content) != Digest::from_bytes(*sum) {
-            return Err(StateError::Damaged);
+    /// If the bytes are not a valid checkpoint of a search with these options.
+    pub(super) fn from_bytes(bytes: &[u8], options: &EvolveOptions, groups: usize) -> Result<Self, CheckpointError> {
+        let (content, digest_bytes) = bytes.split_last_chunk::<32>().ok_or(CheckpointError::Damaged)?;
+        let (version, rest) = content.split_first_chunk::<4>().ok_or(CheckpointError::Damaged)?;
+        if Digest::of(content) != Digest::from_bytes(*digest_bytes) {
+            return Err(CheckpointError::Damaged);
         }
         let found = u32::from_le_bytes(*version);
         if found != VERSION {
-            return Err(StateError::Version { found });
+            return Err(CheckpointError::Version { found });
         }
-        let (header, rows) = parts(rest).ok_or(StateError::Damaged)?;
+        let (header, rows) = parts(rest).ok_or(CheckpointError::Damaged)?;
         if header.options != digest(options) || header.history.len() > options.generations + 1 {
-            return Err(StateError::Options);
+            return Err(CheckpointError::Options);
         }
-        let state = Self {
-            known: known(rows, groups).ok_or(StateError::Damaged)?,
+        let checkpoint = Self {
+            known: known(rows, groups).ok_or(CheckpointError::Damaged)?,
             population: header.population,
             history: header.history,
             last_gain: header.last_gain,
         };
-        let sound = header.known == state.known.len() as u64 && state.is_sound(options);
-        sound.then_some(state).ok_or(StateError::Damaged)
+        let is_valid = header.known == checkpoint.known.len() as u64 && checkpoint.is_valid(options);
+        is_valid.then_some(checkpoint).ok_or(CheckpointError::Damaged)
     }
 
-    /// Whether all places are those of something known, and there is at least one generation.
-    fn is_sound(&self, options: &EvolveOptions) -> bool {
+    /// Whether all indices are in range, and there is at least one generation.
+    fn is_valid(&self, options: &EvolveOptions) -> bool {
         let steps = self.history.iter().map(|step| &step.genome);
-        let within = |&place: &u64| place < self.known.len() as u64;
+        let within = |&index: &u64| index < self.known.len() as u64;
         !self.history.is_empty()
             && self.last_gain < self.history.len() as u64
             && self.population.len() == options.population
@@ -176,21 +178,21 @@ fn parts(bytes: &[u8]) -> Option<(Header, &[u8])> {
     Some((decode(header).ok()?, rows))
 }
 
-fn known(bytes: &[u8], groups: usize) -> Option<Vec<(Genome, Known)>> {
+fn known(bytes: &[u8], groups: usize) -> Option<Vec<(Genome, Evaluation)>> {
     let rows = bytes.chunks_exact(row_bytes(groups));
     rows.remainder().is_empty().then_some(())?;
     let row = |row: &[u8]| {
         let (genome, rest) = row.split_at_checked(Genome::bytes(groups))?;
-        let (numbers, verdict) = rest.as_chunks::<8>();
+        let (numbers, status) = rest.as_chunks::<8>();
         let [fitness, value_mm, area] = [0, 1, 2].map(|at| f64::from_le_bytes(numbers[at]));
-        let (judged, feasible) = match verdict {
+        let (judged, feasible) = match status {
             [0] => (true, None),
             [1] => (true, Some(false)),
             [2] => (true, Some(true)),
             [3] => (false, None),
             _ => return None,
         };
-        let known = Known {
+        let evaluation = Evaluation {
             fitness,
             value_mm,
             area,
@@ -198,7 +200,7 @@ fn known(bytes: &[u8], groups: usize) -> Option<Vec<(Genome, Known)>> {
             feasible,
         };
         let genome = Genome::from_bytes(genome, groups)?;
-        (!fitness.is_nan()).then_some((genome, known))
+        (!fitness.is_nan()).then_some((genome, evaluation))
     };
     rows.map(row).collect()
 }

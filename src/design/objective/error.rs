@@ -1,0 +1,64 @@
+//! Errors of goals.
+
+/// Why a goal is invalid.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum GoalError {
+    /// There is no point and no body.
+    #[error("a design needs at least one point")]
+    NoAim,
+    /// The side of the membrane is not a length.
+    #[error("the side of the membrane must be positive, found {0} mm")]
+    Side(f64),
+    /// The point cannot move.
+    #[error("the point ({} mm, {} mm) is not inside the membrane of {size}; the frame does not move", point[0],
+            point[1])]
+    Point {
+        /// The point in mm.
+        point: [f64; 2],
+        /// The sides of the membrane.
+        size: String,
+    },
+    /// Only bodies rotate.
+    #[error("a point cannot rotate; a rotation needs a rigid body")]
+    PointTurns,
+    /// There is no such body.
+    #[error("there is no body {found}: the scene has {count}, numbered from 0")]
+    Body {
+        /// The number.
+        found: usize,
+        /// The number of bodies.
+        count: usize,
+    },
+    /// There is no such state.
+    #[error("there is no state `{found}`: the scene has {}", if states.is_empty() { "none" } else { states.as_str() })]
+    State {
+        /// The name.
+        found: String,
+        /// The states of the scene.
+        states: String,
+    },
+    /// The scene has several states, and none is given.
+    #[error("a point or body needs a `state`; the scene has {states}")]
+    NoState {
+        /// The states of the scene.
+        states: String,
+    },
+    /// The direction is not finite.
+    #[error("a direction must be finite, found {0} deg")]
+    Direction(f64),
+    /// The weight of a point is out of range.
+    #[error("the weight of a point must be finite and positive, found {0}")]
+    Weight(f64),
+    /// The target displacement is not finite.
+    #[error("a target displacement must be finite, found ({} mm, {} mm)", _0[0], _0[1])]
+    Displacement([f64; 2]),
+    /// There is no target displacement to which a distance is measured.
+    #[error("a distance needs a target displacement for each point")]
+    NoDistance,
+    /// The area fraction is out of range.
+    #[error("an area fraction must lie between 0 and 1, found {0}")]
+    Area(f64),
+    /// The weight of the area is out of range.
+    #[error("the weight of the area must be finite and not negative, found {0}")]
+    Penalty(f64),
+}

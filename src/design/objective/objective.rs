@@ -1,0 +1,453 @@
+//! The objective of a design in YAML.
+
+use serde_json::json;
+
+use super::aim::Aim;
+use super::error::GoalError;
+use super::field_file;
+use super::goal::Goal;
+use super::measure::{Displacement, Distance, MEASURES, Measure};
+use super::points::{BodyParameters, MAX_MM, PointOrBody, PointParameters, ROTATIONS};
+use crate::text::flow_mapping;
+use deaflow_base::{
+    Canonical, Declared, Fields, Frequency, InputError, Length, Node, Parameter, Schema, Time, parameters,
+};
+use deaflow_scene::Scene;
+
+parameters! {
+    /// How displacements are measured.
+    struct MeasureParameters as "the objective" {
+        /// Target displacement along each direction.
+        value: Option<Length> [-MAX_MM..=MAX_MM],
+        /// Measure of a motion: its component along the direction (the default for directions), its distance from the
+        /// target (the default for targets), or the paper's formula.
+        measure: Option<&'static dyn Measure>,
+        /// Time after the voltage is applied, if the elastomer creeps; by default the end of creep.
+        time: Option<Time> [0.0..=1e12],
+    }
+}
+
+parameters! {
+    /// How an amplitude is measured.
+    struct AmplitudeParameters as "the objective" {
+        /// Use the amplitude of the displacement at this frequency, for a sinusoidal drive about its bias.
+        frequency: Option<Frequency> [1e-9..=1e9],
+    }
+    rules(amplitudes_along_directions)
+}
+
+parameters! {
+    /// A point and its target motion.
+    struct OnePoint as "the objective" {}
+    include {
+        /// The point.
+        point: PointParameters,
+        /// How it is measured.
+        measured: MeasureParameters,
+        /// Which response is measured.
+        amplitude: AmplitudeParameters,
+    }
+}
+
+parameters! {
+    /// A rigid body and its target motion.
+    struct OneBody as "the objective" {}
+    include {
+        /// The body.
+        body: BodyParameters,
+        /// How it is measured.
+        measured: MeasureParameters,
+    }
+    rules(measure_supports_rotations)
+}
+
+parameters! {
+    /// Points and bodies; the objective is their weighted mean.
+    struct ManyPoints as "the objective" {
+        /// The points and bodies.
+        points: Vec<PointOrBody> [((), 1..=usize::MAX)],
+    }
+    include {
+        /// How they are measured.
+        measured: MeasureParameters,
+        /// Which response is measured.
+        amplitude: AmplitudeParameters,
+    }
+    rules(targets_for_all_or_none)
+}
+
+parameters! {
+    /// A target displacement field.
+    struct FieldObjective as "the objective" {
+        /// A CSV file in the folder of the pipeline or below, with the columns x_mm, y_mm, ux_mm, uy_mm.
+        field: FieldPoints,
+        /// Time after the voltage is applied, if the elastomer creeps; by default the end of creep.
+        time: Option<Time> [0.0..=1e12],
+    }
+}
+
+/// The points of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct FieldPoints(Vec<PointParameters>);
+
+/// The objective of a design: points and bodies, their target motions, and how these are measured.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Objective {
+    points: Vec<PointOrBody>,
+    measure: &'static dyn Measure,
+    value: Option<Length>,
+    response: ResponseKind,
+}
+
+/// The response that an objective measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ResponseKind {
+    /// The equilibrium; with creep, at its end.
+    Equilibrium,
+    /// The displacement at a time after the voltage is applied.
+    After(Time),
+    /// The amplitude at a frequency.
+    Amplitude(Frequency),
+}
+
+/// Only measures that support rotations.
+fn measure_supports_rotations(fields: Fields) -> Fields {
+    fields.rule(json!({ "if": { "required": ["rotation"] }, "then": rotation_measures() }))
+}
+
+/// Either all points and bodies have targets or none has; rotations need a measure that supports them.
+fn targets_for_all_or_none(fields: Fields) -> Fields {
+    let has = |key: &str| json!({ "required": [key] });
+    let by_angle = json!({ "required": ["rotation"], "properties": { "rotation": { "not": { "enum": ROTATIONS } } } });
+    let target = json!({ "anyOf": [has("displacement"), has("translation"), by_angle] });
+    let both = json!([{ "contains": target }, { "contains": { "not": target } }]);
+    let rotation = json!({ "points": { "contains": has("rotation") } });
+    fields
+        .rule(json!({ "properties": { "points": { "not": { "allOf": both } } } }))
+        .rule(json!({ "if": { "properties": rotation, "required": ["points"] }, "then": rotation_measures() }))
+}
+
+fn rotation_measures() -> serde_json::Value {
+    let measures = MEASURES.iter().filter(|measure| measure.supports_rotations());
+    let names: Vec<&str> = measures.map(|measure| measure.name()).collect();
+    json!({ "properties": { "measure": { "enum": names } } })
+}
+
+/// Amplitudes are measured along directions only.
+fn amplitudes_along_directions(fields: Fields) -> Fields {
+    let has = |key: &str| json!({ "required": [key] });
+    let others = json!([has("time"), has("value"), has("displacement")]);
+    let along = json!({ "items": { "required": ["point", "direction"] } });
+    let measured = json!({ "measure": { "const": Displacement.name() }, "points": along });
+    let then = json!({ "not": { "anyOf": others }, "properties": measured });
+    fields.rule(json!({ "if": has("frequency"), "then": then }))
+}
+
+impl Objective {
+    fn new(
+        points: Vec<PointOrBody>,
+        measured: MeasureParameters,
+        frequency: Option<Frequency>,
+        node: &Node,
+    ) -> Result<Self, InputError> {
+        let MeasureParameters { measure, value, time } = measured;
+        let has_targets = value.is_some() || points.iter().all(PointOrBody::has_target);
+        let default: &'static dyn Measure = if has_targets { &Distance } else { &Displacement };
+        let objective = Self {
+            points,
+            measure: measure.unwrap_or(default),
+            value,
+            response: match (time, frequency) {
+                (_, Some(frequency)) => ResponseKind::Amplitude(frequency),
+                (Some(time), None) => ResponseKind::After(time),
+                (None, None) => ResponseKind::Equilibrium,
+            },
+        };
+        match objective.response {
+            ResponseKind::Amplitude(_) => objective.check_amplitude(node)?,
+            ResponseKind::Equilibrium | ResponseKind::After(_) => objective.check(node)?,
+        }
+        Ok(objective)
+    }
+
+    /// Refuses keys that contradict each other.
+    fn check(&self, node: &Node) -> Result<(), InputError> {
+        let targets = self.points.iter().filter(|point| point.has_target()).count();
+        let is_mixed = targets > 0 && targets < self.points.len();
+        let refused = |key, message: &str, help: &str| Err(node.peek(key).unwrap_or(node).error(message).help(help));
+        match (self.measure.needs_displacement(), &self.value) {
+            (true, None) if targets < self.points.len() => refused(
+                "measure",
+                "`measure: distance` needs a target displacement for each point",
+                "give the objective a `value`, or each point a `displacement: [x, y]` and each body a \
+                 `translation` or a `rotation` by an angle",
+            ),
+            (false, Some(_)) => refused(
+                "value",
+                "`value` needs `measure: distance`; the objective has another measure",
+                "remove `measure` or `value`",
+            ),
+            _ if is_mixed => refused(
+                "points",
+                "some points and bodies have a target displacement or angle, others only a direction",
+                "use targets for all of them, or directions for all of them",
+            ),
+            (_, Some(_)) if targets > 0 => refused(
+                "value",
+                "`value` cannot be used with a `displacement`, `translation` or angle",
+                "remove one of them",
+            ),
+            (_, Some(_)) if self.points.iter().any(PointOrBody::is_farthest_rotation) => refused(
+                "value",
+                "`value` is a length and cannot be used with a rotation",
+                "give the target angle as `rotation`",
+            ),
+            _ if !self.measure.supports_rotations() && self.points.iter().any(PointOrBody::is_rotation) => refused(
+                "measure",
+                &format!("`measure: {}` cannot be used with a rotation", self.measure.name()),
+                "remove `measure`",
+            ),
+            _ => Ok(()),
+        }
+    }
+
+    /// Refuses keys that cannot be used with an amplitude.
+    fn check_amplitude(&self, node: &Node) -> Result<(), InputError> {
+        let other = ["time", "value", "displacement"]
+            .into_iter()
+            .find_map(|key| Some((key, node.peek(key)?)));
+        if let Some((key, other)) = other {
+            let message = format!("`{key}` cannot be used with `frequency`");
+            return Err(other.error(message).help("remove one of them"));
+        }
+        if self.measure.name() != Displacement.name() {
+            let measure = node.peek("measure").unwrap_or(node);
+            let message = format!("`measure: {}` cannot be used with `frequency`", self.measure.name());
+            return Err(measure.error(message).help("remove one of them"));
+        }
+        let is_along = |one: &PointOrBody| matches!(one, PointOrBody::Point(point) if point.displacement.is_none());
+        match self.points.iter().all(is_along) {
+            true => Ok(()),
+            false => Err(node
+                .peek("points")
+                .unwrap_or(node)
+                .error("`frequency` can only be used with points along directions")
+                .help("give each point a `direction`; remove bodies and displacements")),
+        }
+    }
+
+    /// Reads a point (`{ point, direction }`), a rigid body (`{ body, direction }`), several of them (`{ points: [{
+    /// point, direction, weight, state }, …] }`), or a target field (`{ field: FILE.csv }`). In place of a direction a
+    /// point may have a target `displacement: [x, y]`, a body a `translation: [x, y]` or a `rotation`. Optional keys
+    /// are `measure`, `value` (the target displacement along each direction), `time` and `frequency`.
+    ///
+    /// # Errors
+    /// If a key is unknown or missing, a value is invalid, or the keys contradict each other.
+    pub fn read(node: &Node) -> Result<Self, InputError> {
+        let (points, measured, frequency) = if node.peek("points").is_some() {
+            let read = ManyPoints::read_with(node, &[])?;
+            (read.points, read.measured, read.amplitude.frequency)
+        } else if node.peek("field").is_some() {
+            let FieldObjective { field, time } = FieldObjective::read_with(node, &[])?;
+            let measured = MeasureParameters {
+                value: None,
+                measure: None,
+                time,
+            };
+            (field.0.into_iter().map(PointOrBody::Point).collect(), measured, None)
+        } else if node.peek("body").is_some() {
+            let OneBody { body, measured } = OneBody::read_with(node, &[])?;
+            (vec![PointOrBody::Body(body)], measured, None)
+        } else {
+            let read = OnePoint::read_with(node, &[])?;
+            (
+                vec![PointOrBody::Point(read.point)],
+                read.measured,
+                read.amplitude.frequency,
+            )
+        };
+        Self::new(points, measured, frequency, node)
+    }
+
+    /// The objective in YAML on one line.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        let mut entries = match &self.points[..] {
+            [single] => single.text_entries(),
+            many => {
+                let points: Vec<String> = many.iter().map(|point| flow_mapping(point.text_entries())).collect();
+                vec![("points", format!("[{}]", points.join(", ")))]
+            }
+        };
+        entries.extend(self.value.map(|value| ("value", value.to_string())));
+        entries.push(("measure", self.measure.name().to_owned()));
+        entries.extend(match self.response {
+            ResponseKind::Equilibrium => None,
+            ResponseKind::After(time) => Some(("time", time.to_string())),
+            ResponseKind::Amplitude(frequency) => Some(("frequency", frequency.to_string())),
+        });
+        flow_mapping(entries)
+    }
+
+    /// The response that is measured.
+    #[must_use]
+    pub fn response(&self) -> ResponseKind {
+        self.response
+    }
+
+    /// The goal in a scene.
+    ///
+    /// # Errors
+    /// If a point is not inside the membrane, a number is out of range, or the scene has no such body or state.
+    pub fn goal(&self, scene: &Scene, area: Option<f64>, area_penalty: f64) -> Result<Goal, GoalError> {
+        let aims = self.points.iter().map(|point| point.aim(self.value, scene));
+        let aims: Vec<Aim> = aims.collect::<Result<_, _>>()?;
+        Goal::new(self.measure, &aims, scene.membrane(), area, area_penalty)
+    }
+}
+
+impl Parameter for Objective {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, _key: &str, (): &()) -> Result<Self, InputError> {
+        Self::read(node)
+    }
+
+    /// Equal for one point and for a list of one point; contains the default measure.
+    fn canonical(&self) -> Option<Canonical> {
+        let points = Canonical::List(self.points.iter().filter_map(Parameter::canonical).collect());
+        let value = self.value.as_ref().and_then(Parameter::canonical);
+        let own = [("points", points), ("measure", self.measure.name().into())];
+        let value = value.map(|value| ("value", value));
+        let response = match &self.response {
+            ResponseKind::Equilibrium => None,
+            ResponseKind::After(time) => time.canonical().map(|time| ("time", time)),
+            ResponseKind::Amplitude(frequency) => frequency.canonical().map(|frequency| ("frequency", frequency)),
+        };
+        Some(Canonical::map(own.into_iter().chain(value).chain(response)))
+    }
+
+    fn schema((): &()) -> Schema {
+        let forms = [
+            OnePoint::fields(),
+            OneBody::fields(),
+            ManyPoints::fields(),
+            FieldObjective::fields(),
+        ];
+        Schema::any_of(forms.map(Schema::from))
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
+impl Parameter for &'static dyn Measure {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        let word = node.word(key, &MEASURES.map(Measure::name))?;
+        let found = MEASURES.into_iter().find(|measure| measure.name() == word);
+        Ok(found.expect("the word is one of these"))
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(self.name().into())
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::word(&MEASURES.map(Measure::name))
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
+impl Parameter for FieldPoints {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, _key: &str, (): &()) -> Result<Self, InputError> {
+        field_file::read(node).map(Self)
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        self.0.canonical()
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::text()
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use deaflow_base::Document;
+
+    fn read(text: &str) -> Result<Objective, InputError> {
+        Objective::read(&Document::from_text(Path::new("t"), text).unwrap().root)
+    }
+
+    #[test]
+    fn objectives_round_trip_through_text() {
+        for text in [
+            "{ point: [2.5 cm, 25], direction: 45 deg }",
+            "{ points: [{ point: [1, 2], direction: 0 }, { point: [3, 4], direction: -90 deg, weight: 2.5 }], \
+             measure: qin2024 }",
+            "{ point: [25, 25], direction: 30 deg, value: 1.00 mm }",
+            "{ point: [25, 25], direction: 30 deg, time: 10 min }",
+            "{ point: [25, 25], direction: 30 deg, frequency: 40 Hz }",
+            "{ points: [{ point: [1, 2], direction: 0 }, { point: [3, 4], direction: 90 deg }], frequency: 1 kHz }",
+            "{ points: [{ point: [1, 2], displacement: [0.1 mm, -0.2 mm] }, { point: [3, 4], displacement: [0, 0] }] }",
+        ] {
+            let objective = read(text).unwrap();
+            assert_eq!(read(&objective.to_text()).unwrap().canonical(), objective.canonical());
+        }
+    }
+
+    #[test]
+    fn incomplete_objectives_are_refused() {
+        for text in [
+            "{ point: [1, 2] }",
+            "{ direction: 0 deg }",
+            "{ point: [1], direction: 0 }",
+            "{ point: [1 V, 2], direction: 0 }",
+            "{}",
+            "{ points: [] }",
+            "{ point: [1, 2], direction: 0, displacement: [1, 1] }",
+            "{ point: [1, 2], direction: 0, measure: distance }",
+            "{ point: [1, 2], direction: 0, value: 1 mm, measure: displacement }",
+            "{ point: [1, 2], displacement: [1, 0], value: 1 mm }",
+            "{ points: [{ point: [1, 2], direction: 0 }, { point: [1, 2], displacement: [0, 1] }], measure: distance }",
+            "{ point: [1, 2], direction: 0, weight: 0 }",
+            "{ points: [{ point: [1, 2], direction: 0 }, { point: [1, 2], displacement: [0, 1] }] }",
+            "{ points: [{ body: 0, rotation: 1 deg }, { body: 0, direction: 0 }], measure: displacement }",
+            "{ body: 0, rotation: clockwise, measure: qin2024 }",
+            "{ point: [1, 2], direction: 0, frequency: 1 Hz, time: 1 s }",
+            "{ point: [1, 2], direction: 0, frequency: 1 Hz, value: 1 mm }",
+            "{ point: [1, 2], direction: 0, frequency: 1 Hz, measure: qin2024 }",
+            "{ point: [1, 2], displacement: [0, 1], frequency: 1 Hz }",
+            "{ points: [{ point: [1, 2], displacement: [0, 1] }], frequency: 1 Hz }",
+            "{ points: [{ body: 0, direction: 0 }], frequency: 1 Hz }",
+            "{ body: 0, direction: 0, frequency: 1 Hz }",
+        ] {
+            assert!(read(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn an_invalid_rotation_is_named() {
+        let error = read("{ body: 0, rotation: sideways }").unwrap_err().to_string();
+        assert!(error.contains("`rotation` cannot be \"sideways\""), "{error}");
+    }
+}

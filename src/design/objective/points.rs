@@ -1,0 +1,330 @@
+//! Points and bodies of an objective in YAML.
+
+use super::aim::{Aim, BodyMarkers, Motion};
+use super::error::GoalError;
+use crate::text::flow_value;
+use deaflow_base::{
+    Angle, Canonical, Decimal, Declared, Fields, InputError, Length, Map, Node, Parameter, Schema, parameters,
+};
+use deaflow_scene::{MOST_BODIES, Scene, States};
+
+/// Largest coordinate and displacement in mm.
+pub(super) const MAX_MM: f64 = 1e4;
+
+/// Range of target angles in degrees: rotations are unique up to half a turn.
+const ANGLES: std::ops::RangeInclusive<f64> = -179.0..=179.0;
+
+/// The values of `rotation` for a rotation as far as possible.
+pub(super) const ROTATIONS: [&str; 2] = ["clockwise", "counterclockwise"];
+
+/// The keys for the motion of a body.
+const MOTIONS: [&str; 3] = ["direction", "translation", "rotation"];
+
+parameters! {
+    /// A point and its target motion.
+    pub(super) struct PointParameters as "a point of the objective" {
+        /// Position, such as [25 mm, 25 mm].
+        pub(super) point: [Length; 2] [0.0..=MAX_MM],
+        /// Direction, counterclockwise from the x axis.
+        pub(super) direction: Option<Angle> [-360.0..=360.0],
+        /// Target displacement, in place of a direction.
+        pub(super) displacement: Option<[Length; 2]> [-MAX_MM..=MAX_MM],
+        /// Weight relative to other points.
+        pub(super) weight: Decimal [1e-9..=1e9] = 1.0,
+        /// State of the device, if the scene has several.
+        pub(super) state: Option<StateName>,
+    }
+    rules(one_of_two_motions)
+    check(PointParameters::check)
+}
+
+parameters! {
+    /// A rigid body and its target motion.
+    pub(super) struct BodyParameters as "a body of the objective" {
+        /// Index in the `bodies` of the scene, from 0.
+        pub(super) body: usize [0..=MOST_BODIES as u64 - 1],
+        /// Direction of the centroid, counterclockwise from the x axis.
+        pub(super) direction: Option<Angle> [-360.0..=360.0],
+        /// Target displacement of the centroid.
+        pub(super) translation: Option<[Length; 2]> [-MAX_MM..=MAX_MM],
+        /// `counterclockwise` or `clockwise` for a rotation as far as possible, or a target angle, positive
+        /// counterclockwise. A rotation counts as the arc length of the body's outermost corner.
+        pub(super) rotation: Option<Rotation>,
+        /// Weight relative to other points.
+        pub(super) weight: Decimal [1e-9..=1e9] = 1.0,
+        /// State of the device, if the scene has several.
+        pub(super) state: Option<StateName>,
+    }
+    rules(one_of_three_motions)
+    check(BodyParameters::check)
+}
+
+/// A point or a body, and its target motion.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum PointOrBody {
+    Point(PointParameters),
+    Body(BodyParameters),
+}
+
+/// The name of a state of the device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct StateName(String);
+
+/// The target rotation of a body.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Rotation {
+    /// As far as possible; true is counterclockwise.
+    Farthest(bool),
+    By(Angle),
+}
+
+fn one_of_two_motions(fields: Fields) -> Fields {
+    fields.exactly_one(&["direction", "displacement"])
+}
+
+fn one_of_three_motions(fields: Fields) -> Fields {
+    fields.exactly_one(&MOTIONS)
+}
+
+impl PointParameters {
+    fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
+        match (map.optional("displacement"), map.optional("direction")) {
+            (Some(node), Some(_)) => Err(node
+                .error("`displacement` cannot be used with `direction`")
+                .help("remove one of them")),
+            (None, None) => map.required(Self::WHAT, "direction").map(|_| ()),
+            _ => Ok(()),
+        }
+    }
+
+    fn motion(&self, value: Option<Length>) -> Motion {
+        match &self.displacement {
+            Some(vector) => Motion::To(vector.map(|c| c.value())),
+            None => along(self.direction, value),
+        }
+    }
+}
+
+impl BodyParameters {
+    fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
+        let mut given = MOTIONS.into_iter().filter_map(|key| map.optional(key));
+        match (given.next(), given.next()) {
+            (None, _) => Err(map
+                .error("a body needs a `direction`, `translation` or `rotation`")
+                .help("add one of them")),
+            (Some(_), Some(node)) => Err(node
+                .error("a body takes only one of `direction`, `translation` and `rotation`")
+                .help("remove one of them, or list the body in `points` once for each motion")),
+            (Some(_), None) => Ok(()),
+        }
+    }
+
+    fn motion(&self, value: Option<Length>) -> Motion {
+        match (&self.translation, &self.rotation, &self.direction) {
+            (Some(vector), ..) => Motion::To(vector.map(|c| c.value())),
+            (None, Some(Rotation::Farthest(counterclockwise)), _) => Motion::Turn(*counterclockwise),
+            (None, Some(Rotation::By(angle)), _) => Motion::TurnBy(angle.value()),
+            (None, None, direction) => along(*direction, value),
+        }
+    }
+}
+
+/// A motion in a direction, by a length or as far as possible.
+fn along(direction: Option<Angle>, value: Option<Length>) -> Motion {
+    let degrees = direction.map_or(0.0, |angle| angle.value());
+    match value {
+        Some(value) => Motion::By(degrees, value.value()),
+        None => Motion::Along(degrees),
+    }
+}
+
+impl PointOrBody {
+    /// Whether there is a target displacement or angle, not only a direction.
+    pub fn has_target(&self) -> bool {
+        match self {
+            Self::Point(point) => point.displacement.is_some(),
+            Self::Body(body) => body.translation.is_some() || matches!(body.rotation, Some(Rotation::By(_))),
+        }
+    }
+
+    pub fn is_rotation(&self) -> bool {
+        matches!(self, Self::Body(body) if body.rotation.is_some())
+    }
+
+    /// Whether it is a rotation as far as possible.
+    pub fn is_farthest_rotation(&self) -> bool {
+        matches!(self, Self::Body(body) if matches!(body.rotation, Some(Rotation::Farthest(_))))
+    }
+
+    /// Keys and values in YAML; the default weight is omitted.
+    pub fn text_entries(&self) -> Vec<(&'static str, String)> {
+        let mut entries = Vec::new();
+        let weight = match self {
+            Self::Point(point) => {
+                point.entries(&mut entries);
+                point.weight
+            }
+            Self::Body(body) => {
+                body.entries(&mut entries);
+                body.weight
+            }
+        };
+        let is_default = weight.to_f64() == 1.0;
+        entries.retain(|(key, _)| *key != "weight" || !is_default);
+        let texts = entries.into_iter().map(|(key, value)| (key, flow_value(&value)));
+        texts.collect()
+    }
+
+    /// The aim in a scene; `value` is the target displacement along directions.
+    pub fn aim(&self, value: Option<Length>, scene: &Scene) -> Result<Aim, GoalError> {
+        let (point_mm, body, motion, weight, state) = match self {
+            Self::Point(point) => {
+                let motion = point.motion(value);
+                (point.point.map(|c| c.value()), None, motion, point.weight, &point.state)
+            }
+            Self::Body(body) => {
+                let (centroid_mm, markers) = markers(scene, body.body)?;
+                (centroid_mm, Some(markers), body.motion(value), body.weight, &body.state)
+            }
+        };
+        Ok(Aim {
+            point_mm,
+            body,
+            motion,
+            weight: weight.to_f64(),
+            state: state_index(scene, state.as_ref())?,
+        })
+    }
+}
+
+/// The index of a state among those of a scene.
+fn state_index(scene: &Scene, state: Option<&StateName>) -> Result<usize, GoalError> {
+    let names: Vec<&str> = scene.states.iter().map(|(name, _)| name).collect();
+    let states = || names.join(", ");
+    let Some(StateName(found)) = state else {
+        return match names.len() {
+            0 | 1 => Ok(0),
+            _ => Err(GoalError::NoState { states: states() }),
+        };
+    };
+    let index = names.iter().position(|name| name == found);
+    index.ok_or_else(|| GoalError::State {
+        found: found.clone(),
+        states: states(),
+    })
+}
+
+/// The centroid of a body in mm, and its markers: the corner farthest from the centroid, and the corner farthest from
+/// that.
+fn markers(scene: &Scene, body: usize) -> Result<([f64; 2], BodyMarkers), GoalError> {
+    let count = scene.parts().map_or(0, |parts| parts.bodies());
+    let missing = || GoalError::Body { found: body, count };
+    let cells = scene.cells_of_body(body);
+    let centroid = scene.centroid_of_body(body).ok_or_else(missing)?;
+    let cell = scene.membrane().cell_mm();
+    let position = |corner: [usize; 2]| [0, 1].map(|axis| corner[axis] as f64 * cell[axis]);
+    let between = |a: [f64; 2], b: [f64; 2]| [b[0] - a[0], b[1] - a[1]];
+    let farthest = |from: [f64; 2]| {
+        let corners = cells
+            .iter()
+            .flat_map(|[x, y]| (0..4).map(move |k| [x + k % 2, y + k / 2]));
+        let distances = corners.map(|corner| {
+            let [x, y] = between(from, position(corner));
+            (x.hypot(y), corner)
+        });
+        // The first of equal distances.
+        distances.reduce(|best, one| if one.0 > best.0 { one } else { best })
+    };
+    let (arm_mm, start) = farthest(centroid).ok_or_else(missing)?;
+    let (_, end) = farthest(position(start)).ok_or_else(missing)?;
+    let markers = BodyMarkers {
+        ends: [start, end],
+        start_mm: between(centroid, position(start)),
+        offset_mm: between(position(start), position(end)),
+        arm_mm,
+    };
+    Ok((centroid, markers))
+}
+
+impl Parameter for PointOrBody {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        match node.peek("body") {
+            Some(_) => BodyParameters::read(node, key, &()).map(Self::Body),
+            None => PointParameters::read(node, key, &()).map(Self::Point),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(match self {
+            Self::Point(point) => point.to_canonical(),
+            Self::Body(body) => body.to_canonical(),
+        })
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::any_of([PointParameters::schema(&()), BodyParameters::schema(&())])
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
+impl Parameter for StateName {
+    type Limits = ();
+    type Literal = &'static str;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        Ok(Self(node.text(key)?.to_owned()))
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        Some(self.0.as_str().into())
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::matching(&States::name_pattern())
+    }
+
+    fn literal(literal: &'static str) -> Self {
+        Self(literal.to_owned())
+    }
+}
+
+impl Parameter for Rotation {
+    type Limits = ();
+    type Literal = bool;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        match ROTATIONS.iter().position(|word| node.is_text(word)) {
+            Some(at) => Ok(Self::Farthest(at == 1)),
+            None => Angle::read(node, key, &ANGLES).map(Self::By).map_err(|error| {
+                let is_word = |text: &&str| text.starts_with(char::is_alphabetic);
+                let error = match node.text(key).ok().filter(is_word) {
+                    Some(word) => node.error(format!("`{key}` cannot be {word:?}")),
+                    None => error,
+                };
+                let words = ROTATIONS.join(", ");
+                error.help(format!("allowed: {words}, or an angle from -179 deg to 179 deg"))
+            }),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        match self {
+            Self::Farthest(counterclockwise) => Some(ROTATIONS[usize::from(*counterclockwise)].into()),
+            Self::By(angle) => angle.canonical(),
+        }
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::any_of([Schema::word(&ROTATIONS), Angle::schema(&ANGLES)])
+    }
+
+    fn literal(counterclockwise: bool) -> Self {
+        Self::Farthest(counterclockwise)
+    }
+}

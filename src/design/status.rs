@@ -1,0 +1,32 @@
+//! The status of a design: `met`, or the requirements that are not met. The text is part of artifact digests.
+
+use super::constraint::Constraints;
+use deaflow_pattern::Pattern;
+
+/// Joins the requirements that are not met.
+pub(super) fn status_of(unmet: &[String]) -> String {
+    match unmet.is_empty() {
+        true => "met".to_owned(),
+        false => unmet.join("; "),
+    }
+}
+
+/// The status of a user's own pattern for the area and the constraints of a target. `area` is a number or `free`;
+/// margins are not checked.
+#[must_use]
+pub fn own_pattern_status(pattern: &Pattern, area: &str, constraints: &Constraints) -> String {
+    let mut unmet = Vec::new();
+    let found = pattern.area_fraction();
+    let tolerance = 0.5 / pattern.raster().cells() as f64;
+    if area
+        .parse::<f64>()
+        .is_ok_and(|wanted| (wanted - found).abs() > tolerance)
+    {
+        unmet.push(format!("area {found:.4}, wanted {area}"));
+    }
+    unmet.extend(constraints.violations(pattern).lines());
+    if constraints.limits().has_margins() {
+        unmet.push("margins not looked at".to_owned());
+    }
+    status_of(&unmet)
+}

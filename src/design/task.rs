@@ -1,0 +1,121 @@
+//! The targets and constraints of a design stage in a scene.
+
+use super::constraint::ConstraintParameters;
+use super::objective::{ResponseKind, Subject};
+use super::options::SearchOptions;
+use super::planned::PlannedDesign;
+use super::target::{CaseLabel, Target, Targets};
+use deaflow_base::{InputError, Map, Node};
+use deaflow_pattern::Part;
+use deaflow_scene::Scene;
+
+/// The targets and constraints of a design stage in a scene.
+#[derive(Clone, Debug)]
+pub struct DesignTask {
+    /// The targets.
+    pub targets: Vec<Target>,
+    /// The constraints.
+    pub constraints: ConstraintParameters,
+}
+
+impl DesignTask {
+    /// Reads the constraints of a stage, and evaluates its targets in the scene. `map` is the mapping of the stage.
+    ///
+    /// # Errors
+    /// If the constraints contradict each other, a breakdown margin has no breakdown strength, or an objective is
+    /// invalid in the scene.
+    pub fn read(
+        (targets, options): (Targets, &SearchOptions),
+        (map, stage): (&Map<'_>, &Node),
+        scene: &Scene,
+    ) -> Result<Self, InputError> {
+        let constraints = match map.optional("constraints") {
+            Some(node) => read_constraints(node, scene)?,
+            None => ConstraintParameters::none_in(scene).map_err(|e| stage.error(e.to_string()))?,
+        };
+        let targets = targets.in_scene(map, scene, options.area_penalty.to_f64())?;
+        Ok(Self { targets, constraints })
+    }
+
+    /// Returns the designs that a stage will search.
+    #[must_use]
+    pub fn planned(&self, stage: &str, case: Option<&CaseLabel>, options: &SearchOptions) -> Vec<PlannedDesign> {
+        let planned = self.targets.iter().map(|target| PlannedDesign {
+            stage: stage.to_owned(),
+            case: case.map_or_else(String::new, |case| case.0.clone()),
+            target: target.name.clone(),
+            objective: target.objective.to_text(),
+            response: target.objective.response(),
+            area: target.area.to_string(),
+            constraints: self.constraints.to_text(),
+            method: options.method,
+            units: options.units,
+        });
+        planned.collect()
+    }
+
+    /// Refuses points on a frame, and areas that the constraints exclude.
+    ///
+    /// # Errors
+    /// If a target cannot be reached for one of these reasons.
+    pub fn check(
+        &self,
+        options: &SearchOptions,
+        (map, stage): (&Map<'_>, &Node),
+        scene: &Scene,
+    ) -> Result<(), InputError> {
+        let node = map.optional("objective").unwrap_or(stage);
+        for target in &self.targets {
+            refuse_points_on_frame(target, scene, node)?;
+        }
+        let node = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
+        let tolerance = options.area_tolerance.to_f64();
+        let mut areas = self.targets.iter().filter_map(|target| target.area.fraction());
+        areas.try_for_each(|area| self.constraints.check_area(node, area, tolerance))
+    }
+
+    /// The parts of the scene on which the designs depend. In addition to those that are simulated, a breakdown margin
+    /// depends on the breakdown strength, and an amplitude on the bias voltage.
+    #[must_use]
+    pub fn relevant_scene(&self, scene: &Scene) -> Scene {
+        let is_amplitude = |target: &Target| matches!(target.objective.response(), ResponseKind::Amplitude(_));
+        let mut relevant = match self.targets.iter().any(is_amplitude) {
+            true => scene.simulated_about_bias(),
+            false => scene.simulated(),
+        };
+        if self.constraints.constraints().limits().breakdown_margin.is_some() {
+            let strength = &scene.properties.dielectric_breakdown;
+            relevant.properties.dielectric_breakdown.clone_from(strength);
+        }
+        relevant
+    }
+}
+
+/// Reads constraints; a breakdown margin needs the breakdown strength of the elastomer.
+fn read_constraints(node: &Node, scene: &Scene) -> Result<ConstraintParameters, InputError> {
+    let constraints = ConstraintParameters::read(node, scene)?;
+    let has_margin = constraints.constraints().limits().breakdown_margin.is_some();
+    if has_margin && scene.breakdown_strength().is_none() {
+        return Err(node
+            .peek("breakdown_margin")
+            .unwrap_or(node)
+            .error("`breakdown_margin` needs the breakdown strength of the elastomer")
+            .help("add `dielectric_breakdown` to the scene's `properties`"));
+    }
+    Ok(constraints)
+}
+
+/// Refuses a target with a point on a frame, which does not move.
+fn refuse_points_on_frame(target: &Target, scene: &Scene, node: &Node) -> Result<(), InputError> {
+    let Some(parts) = scene.parts() else { return Ok(()) };
+    let sides = parts.raster().sides();
+    let points = target.goal.aims().iter().filter(|aim| aim.subject == Subject::Point);
+    let mut cells = points.map(|aim| [0, 1].map(|axis| (aim.point[axis] as usize).min(sides[axis] - 1)));
+    match cells.find(|[x, y]| parts.at(*x, *y) == Part::Frame) {
+        None => Ok(()),
+        Some([x, y]) => Err(node.error(format!(
+            "a point of `{}` is on the frame, in cell [{x}, {y}], which does not move",
+            target.name
+        ))),
+    }
+}

@@ -1,0 +1,160 @@
+//! Simulation of designs on two meshes.
+
+use std::slice;
+
+use deaflow_design::Goal;
+use deaflow_fem::{AccurateHistory, AccurateSimulation, History, SetupError, Solver, SolverParameters, Swing};
+use deaflow_field::{Field, Outcome, StateFields};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+
+use super::CaseGoal;
+
+/// The solvers of an amplitude on the mesh of the stage, and on a second mesh.
+pub struct AmplitudeSolvers {
+    /// On the mesh of the stage.
+    pub own: Swing,
+    /// On the second mesh.
+    pub other: Option<Swing>,
+}
+
+/// The solvers in each state of the device, on the mesh of the stage and on a second mesh.
+pub struct Solvers(Vec<(Solver, Option<Solver>)>);
+
+/// The solutions of a pattern in each state of the device.
+pub struct SolvedStates(Vec<SolvedState>);
+
+/// The solution in one state, on two meshes.
+struct SolvedState {
+    result: AccurateSimulation,
+    /// The history, if times are requested.
+    history: Option<History>,
+    /// The fields at all requested times; one field without times.
+    fields: Option<Vec<Field>>,
+    /// The same on the second mesh.
+    others: Option<Vec<Field>>,
+}
+
+/// The simulation of a design.
+pub struct Simulated {
+    /// The outcome of the first state without a field, otherwise of the first state.
+    pub outcome: Outcome,
+    /// The fields in each state.
+    pub fields: Option<StateFields>,
+    /// Estimated discretisation error of the displacement along the target directions in mm, if known.
+    pub error: Option<f64>,
+    /// The value in mm at each requested time; empty without a field.
+    pub values_mm: Vec<f64>,
+    /// The history, if times are requested and there is one state.
+    pub history: Option<History>,
+}
+
+impl Solvers {
+    /// Creates the solvers of scenes with decided effects.
+    ///
+    /// # Errors
+    /// If a scene cannot be simulated.
+    pub fn new(solver: &SolverParameters, states: &[Scene]) -> Result<Self, SetupError> {
+        let both = states.iter().map(|scene| {
+            let other = solver.with_comparison_mesh().map(|other| other.build(scene));
+            Ok((solver.build(scene)?, other.transpose()?))
+        });
+        both.collect::<Result<_, _>>().map(Self)
+    }
+
+    /// Simulates patterns.
+    ///
+    /// # Errors
+    /// If a solver fails.
+    pub fn solve(&self, patterns: &[Pattern]) -> Result<Vec<SolvedStates>, SetupError> {
+        let mut solved: Vec<SolvedStates> = patterns.iter().map(|_| SolvedStates(Vec::new())).collect();
+        for (own, other) in &self.0 {
+            let (results, histories) = own.simulate_in_time(patterns)?;
+            let mut histories = histories.unwrap_or_default().into_iter().map(|found| found.history);
+            let others = other.as_ref().map(|other| other.simulate_in_time(patterns));
+            let others = others.transpose()?;
+            let mut others = others.map(fields_in_time).unwrap_or_default().into_iter();
+            for (SolvedStates(states), result) in solved.iter_mut().zip(results) {
+                let history = histories.next();
+                states.push(SolvedState {
+                    fields: fields_of(&result, history.as_ref()),
+                    others: others.next().flatten(),
+                    result,
+                    history,
+                });
+            }
+        }
+        Ok(solved)
+    }
+}
+
+impl SolvedStates {
+    /// The simulation of a design for its goal.
+    pub fn simulated(&self, case: &CaseGoal, pattern: &Pattern) -> Simulated {
+        if let Some(amplitude) = &case.amplitude {
+            return amplitude.simulated(&case.goal, pattern);
+        }
+        let goal = &case.goal;
+        let Self(states) = self;
+        let mut outcomes = states.iter().map(|state| state.result.simulation.outcome);
+        let without = outcomes.find(|outcome| !outcome.has_field());
+        let at_time = |at: usize| -> Option<StateFields> {
+            let fields = states.iter().map(|state| state.fields.as_ref()?.get(at).cloned());
+            fields.collect()
+        };
+        let fields = at_time(case.time_index);
+        let others: Option<StateFields> = states
+            .iter()
+            .map(|state| state.others.as_ref()?.get(case.time_index).cloned())
+            .collect();
+        let both = fields.as_ref().zip(others);
+        let difference = both.map(|(fields, others)| (goal.value_mm(fields) - goal.value_mm(&others)).abs());
+        let values_mm = (0..).map_while(at_time).map(|fields| goal.value_mm(&fields)).collect();
+        // An error bound of every state is an error bound of their mean.
+        let bounds = states.iter().map(|state| state.result.discretisation_error);
+        let bounds = bounds.collect::<Option<Vec<f64>>>();
+        let bound = bounds.map(|errors| errors.into_iter().fold(0.0, f64::max));
+        Simulated {
+            outcome: without.unwrap_or(states[0].result.simulation.outcome),
+            error: bound.or(difference),
+            values_mm,
+            fields,
+            history: match &states[..] {
+                [only] => only.history.clone(),
+                _ => None,
+            },
+        }
+    }
+}
+
+impl AmplitudeSolvers {
+    fn simulated(&self, goal: &Goal, pattern: &Pattern) -> Simulated {
+        let (outcome, field) = self.own.farthest(pattern);
+        let other = self.other.as_ref().and_then(|other| other.farthest(pattern).1);
+        let value = |field: &Field| goal.value_mm(slice::from_ref(field));
+        let both = field.as_ref().zip(other.as_ref());
+        Simulated {
+            outcome,
+            error: both.map(|(field, other)| (value(field) - value(other)).abs()),
+            values_mm: field.iter().map(value).collect(),
+            fields: field.map(|field| vec![field]),
+            history: None,
+        }
+    }
+}
+
+/// Returns the fields of a result at all requested times; one field without times.
+fn fields_of(result: &AccurateSimulation, history: Option<&History>) -> Option<Vec<Field>> {
+    let last = result.simulation.field.clone()?;
+    Some(history.map_or_else(|| vec![last], |history| history.fields.clone()))
+}
+
+/// [`fields_of`] for several results.
+fn fields_in_time(
+    (results, histories): (Vec<AccurateSimulation>, Option<Vec<AccurateHistory>>),
+) -> Vec<Option<Vec<Field>>> {
+    let mut histories = histories.unwrap_or_default().into_iter();
+    let each = results.iter();
+    each.map(|result| fields_of(result, histories.next().map(|found| found.history).as_ref()))
+        .collect()
+}
