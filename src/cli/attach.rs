@@ -45,15 +45,15 @@ pub fn execute(arguments: &AttachArguments, output: &Output) -> Result<Exit, Cli
             .help("submit with `deaflow run --executor`; --until and --set must be the same here")
     })?;
     if arguments.cancel {
-        return workers.cancel(&ledger.recipe, output);
+        return workers.cancel(&ledger.options, output);
     }
-    let keep_going = ledger.recipe.keep_going;
+    let keep_going = ledger.options.keep_going;
     let stay = if arguments.go_on {
         Stay::ForOther
     } else {
         Stay::UntilBuilt
     };
-    if let Some(exit) = workers.submit(ledger.recipe, stay, output)? {
+    if let Some(exit) = workers.submit(ledger.options, stay, output)? {
         return Ok(exit);
     }
     let build = Build {

@@ -21,8 +21,8 @@ use super::upstream::StoreAccess;
 use super::{CliError, Exit, Output, signals, table};
 use deaflow_base::{Document, Progress, printable_json};
 use deaflow_executor::{
-    CommandEngine, Ending, Engine, EngineKind, Failed, LEDGER, Ledger, Profile, Recipe, SlurmEngine, Submission,
-    SubmissionStatus, supervise, topic,
+    CommandEngine, Ending, Engine, EngineKind, Failed, LEDGER, Ledger, Profile, SlurmEngine, Submission,
+    SubmissionStatus, SubmitOptions, supervise, topic,
 };
 use deaflow_orchestrator::{Pipeline, Readiness, check_locked, stage_progress};
 use deaflow_stage as stage;
@@ -85,7 +85,7 @@ pub fn build(build: &Build<'_>, cluster: &ClusterArguments, output: &Output) -> 
         Some(path) => Some((path.display().to_string(), Document::text(path)?)),
         None => None,
     };
-    let recipe = Recipe {
+    let options = SubmitOptions {
         engine: match cluster.executor {
             Some(Executor::Slurm) => "slurm".to_owned(),
             Some(Executor::Command) => "command".to_owned(),
@@ -112,7 +112,7 @@ pub fn build(build: &Build<'_>, cluster: &ClusterArguments, output: &Output) -> 
     } else {
         Stay::UntilBuilt
     };
-    workers.submit(recipe, stay, output)
+    workers.submit(options, stay, output)
 }
 
 /// How long a submitter stays.
@@ -127,17 +127,17 @@ pub enum Stay {
 }
 
 impl ClusterBuild<'_> {
-    /// Submits the workers of a recipe and follows them. Returns none when everything is built.
+    /// Submits workers and follows them. Returns none when everything is built.
     ///
     /// # Errors
     /// When the workers cannot be submitted, or fail.
-    pub fn submit(&self, recipe: Recipe, stay: Stay, output: &Output) -> Result<Option<Exit>, CliError> {
-        let (profile, kind) = self.profile(&recipe)?;
-        let stages = stage_progress(self.pipeline, self.store, recipe.until.as_deref())?;
+    pub fn submit(&self, options: SubmitOptions, stay: Stay, output: &Output) -> Result<Option<Exit>, CliError> {
+        let (profile, kind) = self.profile(&options)?;
+        let stages = stage_progress(self.pipeline, self.store, options.until.as_deref())?;
         if stages.iter().all(|stage| stage.readiness == Readiness::Built) {
             return Ok(None);
         }
-        let engine = engine(&profile, kind, recipe.submit.clone())?;
+        let engine = engine(&profile, kind, options.submit.clone())?;
         let cancel = Arc::new(AtomicBool::new(false));
         signals::set_on(SIGINT, &cancel)?;
         // Closing the terminal does not cancel.
@@ -149,10 +149,10 @@ impl ClusterBuild<'_> {
             profile: &profile,
             engine: engine.as_ref(),
             worker: &self.worker(&profile)?,
-            recipe,
+            options,
             cancel: &cancel,
             once: stay == Stay::UntilSubmitted,
-            goes_on: stay == Stay::ForOther,
+            is_continuation: stay == Stay::ForOther,
         };
         let ending = supervise(&submission, &|status| display.show(status))?;
         display.end();
@@ -186,7 +186,7 @@ impl ClusterBuild<'_> {
                 .help("try again: deaflow attach PIPELINE --cancel")),
             Ending::GivenUp(stages, problem) => {
                 let why = problem.map_or(String::new(), |problem| format!("; last message: {problem}"));
-                let logs = self.board(submission.recipe.until.as_deref()).logs()?;
+                let logs = self.board(submission.options.until.as_deref()).logs()?;
                 Err(CliError::failure(format!(
                     "workers on {} repeatedly end without progress{why}",
                     stages.join(", ")
@@ -213,15 +213,15 @@ impl ClusterBuild<'_> {
     ///
     /// # Errors
     /// When they are those of another user, or some could not be cancelled.
-    pub fn cancel(&self, recipe: &Recipe, output: &Output) -> Result<Exit, CliError> {
-        if !self.board(recipe.until.as_deref()).is_own(LEDGER) {
+    pub fn cancel(&self, options: &SubmitOptions, output: &Output) -> Result<Exit, CliError> {
+        if !self.board(options.until.as_deref()).is_own(LEDGER) {
             return Err(CliError::failure(
                 "cannot cancel: the workers were submitted by another user",
             ));
         }
-        let (profile, kind) = self.profile(recipe)?;
-        let engine = engine(&profile, kind, recipe.submit.clone())?;
-        let arrays = deaflow_executor::cancel(&self.board(recipe.until.as_deref()), engine.as_ref())?;
+        let (profile, kind) = self.profile(options)?;
+        let engine = engine(&profile, kind, options.submit.clone())?;
+        let arrays = deaflow_executor::cancel(&self.board(options.until.as_deref()), engine.as_ref())?;
         let arrays = arrays.map_err(|error| CliError::failure(format!("cannot cancel all workers: {error}")))?;
         let name = &self.pipeline.name;
         output.result(
@@ -235,8 +235,8 @@ impl ClusterBuild<'_> {
         )
     }
 
-    fn profile(&self, recipe: &Recipe) -> Result<(Profile, EngineKind), CliError> {
-        let profile = match &recipe.profile {
+    fn profile(&self, options: &SubmitOptions) -> Result<(Profile, EngineKind), CliError> {
+        let profile = match &options.profile {
             Some((path, text)) => {
                 let registry = stage::registry();
                 let kinds: Vec<&str> = registry.kinds.iter().map(|kind| kind.name()).collect();
@@ -244,10 +244,10 @@ impl ClusterBuild<'_> {
             }
             None => Profile::default(),
         };
-        let kind = match recipe.engine.as_str() {
+        let kind = match options.engine.as_str() {
             "slurm" => EngineKind::Slurm,
             "command" => EngineKind::Command,
-            _ => match (profile.engine, &recipe.submit) {
+            _ => match (profile.engine, &options.submit) {
                 (Some(kind), _) => kind,
                 (None, Some(_)) => EngineKind::Command,
                 (None, None) => {
@@ -256,7 +256,7 @@ impl ClusterBuild<'_> {
                 }
             },
         };
-        if kind == EngineKind::Slurm && recipe.submit.is_some() {
+        if kind == EngineKind::Slurm && options.submit.is_some() {
             return Err(CliError::bad_input(
                 "--submit needs --executor command; the executor is slurm",
             ));

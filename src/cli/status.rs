@@ -12,7 +12,7 @@ use super::text::Text;
 use super::tone::Tone;
 use super::{CliError, Exit, Output, locate, pipeline, table};
 use deaflow_base::readable_time;
-use deaflow_executor::{SILENT, Seen, workers};
+use deaflow_executor::{HEARTBEAT_TIMEOUT, Seen, workers};
 use deaflow_orchestrator::{Environment, Outcome, PriceTotal, StageReport, Staleness, file_of, plan};
 use deaflow_store::{CheckpointProgress, Checkpoints, Command, LockFile, Run, Store, Totals};
 
@@ -188,7 +188,7 @@ impl StoreStatus {
                 .flowing(&["last heartbeat"])
                 .dispensable(&["array", "since"]);
             for Seen { worker, silent } in &self.workers {
-                let last = match *silent < SILENT {
+                let last = match *silent < HEARTBEAT_TIMEOUT {
                     true => Cell::from(format!("{} s ago", silent.as_secs())),
                     false => {
                         let silent = table::seconds(silent.as_secs_f64());

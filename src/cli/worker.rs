@@ -19,7 +19,7 @@ use super::upstream::StoreAccess;
 use super::{CliError, Exit, Output, signals, table};
 use deaflow_base::{Background, CpuLevel, Pauses, host_name};
 use deaflow_executor::{
-    Failed, Heartbeat, is_cancelled, report_begun, report_failures, report_left, report_trouble, topic,
+    Failed, Heartbeat, is_cancelled, report_failures, report_no_work, report_start, report_trouble, topic,
 };
 use deaflow_orchestrator::{Environment, Outcome, Pipeline, RunOptions, run};
 use deaflow_store::{Board, Store, StoreError};
@@ -90,7 +90,7 @@ pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, Cli
         array,
         board: access.store().board(topic),
     };
-    report_begun(&submitter.board, array).map_err(again)?;
+    report_start(&submitter.board, array).map_err(again)?;
     let done = build(arguments, Some((&submitter, &access)), output);
     if let Err(error) = &done {
         submitter.report(&[(None, error)])?;
@@ -168,7 +168,7 @@ fn build(
         let named = errors.iter().map(|(stage, error)| (Some(stage.as_str()), error));
         submitter.report(&named.collect::<Vec<_>>())?;
         if outcome.stages.iter().any(|stage| stage.outcome == Outcome::Left) {
-            report_left(&submitter.board, submitter.array).map_err(again)?;
+            report_no_work(&submitter.board, submitter.array).map_err(again)?;
         }
     }
     let errors: Vec<CliError> = errors.into_iter().map(|(_, error)| error).collect();

@@ -76,7 +76,7 @@ impl Engine for CommandEngine {
         Ok(last_line(&output).map(str::to_owned))
     }
 
-    fn living(&self, _names: &[&str]) -> Result<Option<BTreeMap<String, u32>>, EngineError> {
+    fn active_workers(&self, _names: &[&str]) -> Result<Option<BTreeMap<String, u32>>, EngineError> {
         Ok(None)
     }
 

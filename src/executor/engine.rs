@@ -56,7 +56,7 @@ pub trait Engine: Sync {
     ///
     /// # Errors
     /// If the engine does not answer; the numbers are then unknown.
-    fn living(&self, names: &[&str]) -> Result<Option<BTreeMap<String, u32>>, EngineError>;
+    fn active_workers(&self, names: &[&str]) -> Result<Option<BTreeMap<String, u32>>, EngineError>;
 
     /// Cancels arrays, given by name and number.
     ///

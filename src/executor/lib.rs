@@ -16,10 +16,10 @@ mod workers;
 
 pub use command::CommandEngine;
 pub use engine::{Engine, EngineError, Request};
-pub use ledger::{Array, LEDGER, Ledger, Recipe};
-pub use notes::{Failed, cancel, is_cancelled, report_begun, report_failures, report_left, report_trouble, topic};
+pub use ledger::{Array, LEDGER, Ledger, SubmitOptions};
+pub use notes::{Failed, cancel, is_cancelled, report_failures, report_no_work, report_start, report_trouble, topic};
 pub use profile::{EngineKind, Profile, Resources, SlurmOptions};
 pub use slurm::SlurmEngine;
 pub use submission::{Ending, Submission, SubmissionStatus, SubmitError};
 pub use supervise::supervise;
-pub use workers::{Heartbeat, SILENT, Seen, Worker, workers};
+pub use workers::{HEARTBEAT_TIMEOUT, Heartbeat, Seen, Worker, workers};

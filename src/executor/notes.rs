@@ -82,7 +82,7 @@ pub fn report_trouble(board: &Board, message: &str) -> Result<(), StoreError> {
 ///
 /// # Errors
 /// If the note cannot be written.
-pub fn report_begun(board: &Board, array: &str) -> Result<(), StoreError> {
+pub fn report_start(board: &Board, array: &str) -> Result<(), StoreError> {
     let since = SystemTime::now()
         .duration_since(SystemTime::UNIX_EPOCH)
         .unwrap_or_default();
@@ -95,7 +95,7 @@ pub fn report_begun(board: &Board, array: &str) -> Result<(), StoreError> {
 ///
 /// # Errors
 /// If the note cannot be written.
-pub fn report_left(board: &Board, array: &str) -> Result<(), StoreError> {
+pub fn report_no_work(board: &Board, array: &str) -> Result<(), StoreError> {
     board.write(&format!("{LEFT}{array}"), &true)
 }
 
@@ -131,12 +131,12 @@ pub fn cancel(board: &Board, engine: &dyn Engine) -> Result<Result<usize, Engine
 /// # Errors
 /// If the engine refuses or does not answer.
 pub fn cancel_arrays(ledger: &Ledger, engine: &dyn Engine) -> Result<usize, EngineError> {
-    let living: Vec<(&str, Option<&str>)> = ledger
-        .living()
+    let active: Vec<(&str, Option<&str>)> = ledger
+        .active()
         .map(|array| (array.name.as_str(), array.number.as_deref()))
         .collect();
-    match living.as_slice() {
+    match active.as_slice() {
         [] => Ok(0),
-        living => engine.cancel(living).map(|()| living.len()),
+        active => engine.cancel(active).map(|()| active.len()),
     }
 }

@@ -56,7 +56,7 @@ impl Engine for SlurmEngine {
         }
     }
 
-    fn living(&self, names: &[&str]) -> Result<Option<BTreeMap<String, u32>>, EngineError> {
+    fn active_workers(&self, names: &[&str]) -> Result<Option<BTreeMap<String, u32>>, EngineError> {
         let arguments = ["--me", "--noheader", "--array", "--format=%t %j"].map(str::to_owned);
         let names = format!("--name={}", names.join(","));
         let output = output_of("squeue", &[&arguments[..], &[names]].concat(), "")?;

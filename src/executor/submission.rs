@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use super::engine::{Engine, EngineError};
-use super::ledger::Recipe;
+use super::ledger::SubmitOptions;
 use super::notes::Failed;
 use super::profile::Profile;
 use deaflow_orchestrator::{Pipeline, RunError, StageProgress};
@@ -22,13 +22,13 @@ pub struct Submission<'a> {
     /// The command line of a worker, without its stages and its array.
     pub worker: &'a [String],
     /// The options with which another submitter can continue it.
-    pub recipe: Recipe,
+    pub options: SubmitOptions,
     /// Cancels everything once it is set.
     pub cancel: &'a AtomicBool,
     /// Whether to return once workers have been submitted.
     pub once: bool,
     /// Whether it only continues what another process has submitted; cancelled work then stays cancelled.
-    pub goes_on: bool,
+    pub is_continuation: bool,
 }
 
 /// The state of a submission.

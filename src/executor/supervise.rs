@@ -10,12 +10,10 @@ use std::time::{Duration, Instant, SystemTime};
 
 use super::engine::{EngineError, Request};
 use super::ledger::{Array, LEDGER, Ledger};
-use super::notes::{
-    BEGAN, CANCELLED, FAILED, LEFT, TROUBLE, cancel_arrays, failures, is_cancelled, report_trouble, topic,
-};
+use super::notes::{self, BEGAN, CANCELLED, FAILED, LEFT, TROUBLE, cancel_arrays, is_cancelled, report_trouble, topic};
 use super::profile::Resources;
 use super::submission::{Ending, Submission, SubmissionStatus, SubmitError};
-use super::workers::{SILENT, workers};
+use super::workers::{HEARTBEAT_TIMEOUT, workers};
 use deaflow_orchestrator::{Pipeline, Readiness, RunError, StageProgress, Sweep, stage_progress};
 use deaflow_store::{Board, Guard, StoreError};
 
@@ -42,7 +40,7 @@ struct WorkerGroup {
     resources: Resources,
     stages: Vec<String>,
     /// How often in succession its workers built nothing or were refused.
-    fruitless: u32,
+    failed_attempts: u32,
     /// When the next workers may be started.
     until: Option<Instant>,
 }
@@ -52,7 +50,7 @@ struct WorkerGroup {
 /// # Errors
 /// If the pipeline cannot be read, or the store fails repeatedly.
 pub fn supervise(submission: &Submission<'_>, report: &dyn Fn(&SubmissionStatus<'_>)) -> Result<Ending, SubmitError> {
-    let topic = topic(submission.pipeline, submission.recipe.until.as_deref());
+    let topic = topic(submission.pipeline, submission.options.until.as_deref());
     let board = submission.store.board(&topic);
     let mut supervisor = Supervisor {
         submission,
@@ -62,7 +60,7 @@ pub fn supervise(submission: &Submission<'_>, report: &dyn Fn(&SubmissionStatus<
         interval: query_interval().0,
         trouble: None,
         // Work that was cancelled earlier is started again once no other submitter leads.
-        is_new: !submission.goes_on,
+        is_new: !submission.is_continuation,
         lead: None,
         board,
         topic,
@@ -102,7 +100,7 @@ fn query_interval() -> (Duration, Duration) {
 
 fn groups(submission: &Submission<'_>) -> Result<Vec<WorkerGroup>, RunError> {
     let pipeline = submission.pipeline;
-    let selection = pipeline.selection(submission.recipe.until.as_deref())?;
+    let selection = pipeline.selection(submission.options.until.as_deref())?;
     let mut groups: BTreeMap<Resources, Vec<String>> = BTreeMap::new();
     for spec in selection.into_iter().map(|index| &pipeline.stages[index]) {
         let resources = submission.profile.resources(pipeline, spec);
@@ -111,7 +109,7 @@ fn groups(submission: &Submission<'_>) -> Result<Vec<WorkerGroup>, RunError> {
     let group = |(resources, stages)| WorkerGroup {
         resources,
         stages,
-        fruitless: 0,
+        failed_attempts: 0,
         until: None,
     };
     Ok(groups.into_iter().map(group).collect())
@@ -148,11 +146,11 @@ impl Supervisor<'_> {
         let stages = stage_progress(
             submission.pipeline,
             submission.store,
-            submission.recipe.until.as_deref(),
+            submission.options.until.as_deref(),
         )?;
         report(&SubmissionStatus {
             stages: &stages,
-            workers: self.ledger.living().map(|array| array.living).sum(),
+            workers: self.ledger.active().map(|array| array.active).sum(),
             trouble: self.trouble.as_deref(),
             follows: self.lead.is_none(),
         });
@@ -167,15 +165,15 @@ impl Supervisor<'_> {
     fn take_over(&mut self) -> Result<(), StoreError> {
         self.ledger = self.board.read(LEDGER)?.unwrap_or_default();
         if self.is_new {
-            let living: Vec<&str> = self.ledger.living().map(|array| array.name.as_str()).collect();
-            let is_old = |name: &String| !living.iter().any(|array| name.contains(array));
+            let active: Vec<&str> = self.ledger.active().map(|array| array.name.as_str()).collect();
+            let is_old = |name: &String| !active.iter().any(|array| name.contains(array));
             let began = self.board.names(BEGAN)?.into_iter().filter(is_old);
             let left = self.board.names(LEFT)?.into_iter().filter(is_old);
             let old: Vec<String> = began.chain(left).chain(self.board.names(FAILED)?).collect();
             old.iter().try_for_each(|name| self.board.remove(name))?;
             self.board.remove(TROUBLE)?;
             self.board.remove(CANCELLED)?;
-            self.ledger.recipe = self.submission.recipe.clone();
+            self.ledger.options = self.submission.options.clone();
             self.save()?;
             self.is_new = false;
         }
@@ -186,23 +184,23 @@ impl Supervisor<'_> {
         self.board.write(LEDGER, &self.ledger)
     }
 
-    fn living_names(&self) -> Vec<String> {
-        self.ledger.living().map(|array| array.name.clone()).collect()
+    fn active_names(&self) -> Vec<String> {
+        self.ledger.active().map(|array| array.name.clone()).collect()
     }
 
     /// The step of a submitter that follows another.
     fn follow_step(&mut self, stages: &[StageProgress]) -> Result<Option<Ending>, StoreError> {
-        let failures = failures(&self.board)?;
+        let failures = notes::failures(&self.board)?;
         Ok(match () {
             () if all_built(stages) => Some(Ending::Done),
             // The other submitter continues.
             () if self.submission.once || self.submission.cancel.load(Ordering::Relaxed) => {
-                Some(Ending::Left(self.living_names()))
+                Some(Ending::Left(self.active_names()))
             }
             // The other submitter is about to end; then this one starts again.
             () if self.is_new && is_cancelled(&self.board) => None,
             () if is_cancelled(&self.board) => Some(Ending::Cancelled(None)),
-            () if !failures.is_empty() && !self.ledger.recipe.keep_going => Some(Ending::Failed(failures)),
+            () if !failures.is_empty() && !self.ledger.options.keep_going => Some(Ending::Failed(failures)),
             () => None,
         })
     }
@@ -226,8 +224,8 @@ impl Supervisor<'_> {
             self.save()?;
             return Ok(Some(Ending::Cancelled(cancelled.err())));
         }
-        let failures = failures(&self.board)?;
-        if !failures.is_empty() && !self.submission.recipe.keep_going {
+        let failures = notes::failures(&self.board)?;
+        if !failures.is_empty() && !self.submission.options.keep_going {
             // It has failed, whether the other workers can be cancelled or not.
             let _ = self.cancel_all();
             self.save()?;
@@ -240,11 +238,11 @@ impl Supervisor<'_> {
                 return Ok(Some(ending));
             }
         }
-        let is_idle = self.ledger.living().next().is_none();
+        let is_idle = self.ledger.active().next().is_none();
         Ok(match () {
             () if is_idle && !failures.is_empty() => Some(Ending::Failed(failures)),
             () if self.submission.once && self.trouble.is_some() => self.trouble.clone().map(Ending::Refused),
-            () if self.submission.once && !is_idle => Some(Ending::Submitted(self.living_names())),
+            () if self.submission.once && !is_idle => Some(Ending::Submitted(self.active_names())),
             () => None,
         })
     }
@@ -258,12 +256,12 @@ impl Supervisor<'_> {
     /// Queries the engine for queued and running workers, if it is time.
     fn query_engine(&mut self, stages: &[StageProgress]) -> Result<(), StoreError> {
         let is_time = self.queried.is_none_or(|queried| queried.elapsed() >= self.interval);
-        if !is_time || self.ledger.living().next().is_none() {
+        if !is_time || self.ledger.active().next().is_none() {
             return Ok(());
         }
         self.queried = Some(Instant::now());
-        let names: Vec<&str> = self.ledger.living().map(|array| array.name.as_str()).collect();
-        let counts = match self.submission.engine.living(&names) {
+        let names: Vec<&str> = self.ledger.active().map(|array| array.name.as_str()).collect();
+        let counts = match self.submission.engine.active_workers(&names) {
             Ok(Some(counts)) => {
                 self.trouble = None;
                 counts
@@ -281,12 +279,12 @@ impl Supervisor<'_> {
         let mut has_changed = false;
         for at in 0..self.ledger.arrays.len() {
             let array = &mut self.ledger.arrays[at];
-            let living = counts.get(&array.name).copied().unwrap_or(0);
-            if array.living == 0 || array.living == living {
+            let active = counts.get(&array.name).copied().unwrap_or(0);
+            if array.active == 0 || array.active == active {
                 continue;
             }
-            (array.living, has_changed) = (living, true);
-            if living == 0 {
+            (array.active, has_changed) = (active, true);
+            if active == 0 {
                 let array = array.clone();
                 self.ended(stages, &array)?;
             }
@@ -311,12 +309,12 @@ impl Supervisor<'_> {
         let has_left = self.board.has(&format!("{LEFT}{}", array.name));
         let shortest = query_interval().0;
         for group in self.groups.iter_mut().filter(|group| group.stages == array.stages) {
-            group.fruitless = match has_built || has_left {
+            group.failed_attempts = match has_built || has_left {
                 true => 0,
-                false => group.fruitless + 1,
+                false => group.failed_attempts + 1,
             };
-            let doubled = shortest * 2_u32.saturating_pow(group.fruitless.saturating_sub(1).min(10));
-            group.until = match (has_built, group.fruitless) {
+            let doubled = shortest * 2_u32.saturating_pow(group.failed_attempts.saturating_sub(1).min(10));
+            group.until = match (has_built, group.failed_attempts) {
                 (true, _) => None,
                 (false, 0 | 1) if !array.refused && !has_left => None,
                 _ => Instant::now().checked_add(doubled.min(MAX_BACK_OFF)),
@@ -337,11 +335,11 @@ impl Supervisor<'_> {
     fn count_workers(&mut self) -> Result<BTreeMap<String, u32>, StoreError> {
         let began = self.board.names(BEGAN)?;
         let workers = workers(self.submission.store)?;
-        let mut living = BTreeMap::new();
-        for array in self.ledger.living() {
+        let mut active = BTreeMap::new();
+        for array in self.ledger.active() {
             let prefix = format!("{BEGAN}{}-", array.name);
             let begun = began.iter().filter(|name| name.starts_with(&prefix)).count();
-            let running = workers.iter().filter(|seen| seen.silent < SILENT);
+            let running = workers.iter().filter(|seen| seen.silent < HEARTBEAT_TIMEOUT);
             let running = running.filter(|seen| seen.worker.array.as_deref() == Some(&array.name));
             let queued = match array.refused {
                 true => 0,
@@ -354,12 +352,12 @@ impl Supervisor<'_> {
             if begun == 0 && waited.is_some_and(|waited| waited > QUEUE_WARNING) {
                 self.trouble = Some(format!("no worker of {} has started since {}", array.name, array.since));
             }
-            living.insert(
+            active.insert(
                 array.name.clone(),
                 u32::try_from(queued + running.count()).unwrap_or(u32::MAX),
             );
         }
-        Ok(living)
+        Ok(active)
     }
 
     /// Starts workers for a group of stages if it has more work than workers.
@@ -376,20 +374,20 @@ impl Supervisor<'_> {
             .map(StageProgress::ready)
             .sum();
         let shares_stages = |array: &&Array| array.stages.iter().any(|stage| group.stages.contains(stage));
-        let living: u32 = self
+        let active: u32 = self
             .ledger
-            .living()
+            .active()
             .filter(shares_stages)
-            .map(|array| array.living)
+            .map(|array| array.active)
             .sum();
         let needed = u32::try_from(ready).unwrap_or(u32::MAX).min(group.resources.workers);
-        let missing = needed.saturating_sub(living).min(self.submission.engine.most_workers());
+        let missing = needed.saturating_sub(active).min(self.submission.engine.most_workers());
         if missing == 0 || group.until.is_some_and(|until| Instant::now() < until) {
             return Ok(None);
         }
-        if group.fruitless > group.resources.retries {
+        if group.failed_attempts > group.resources.retries {
             // Other workers of the group may still build something.
-            if living > 0 {
+            if active > 0 {
                 return Ok(None);
             }
             let trouble = self.board.read(TROUBLE)?;
@@ -410,7 +408,7 @@ impl Supervisor<'_> {
     fn submit(&mut self, at: usize, workers: u32, before: u64, failed: &BTreeSet<&str>) -> Result<(), StoreError> {
         let checkpoint = self.last_checkpoint()?;
         let stages = self.groups[at].stages.clone();
-        let array = self.ledger.begin(&self.topic, stages, workers, (before, checkpoint));
+        let array = self.ledger.add(&self.topic, stages, workers, (before, checkpoint));
         // The ledger is saved first, so that the successor of a killed submitter looks for the array.
         self.save()?;
         // Workers start in other folders, so the path must be absolute.

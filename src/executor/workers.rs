@@ -14,7 +14,7 @@ const TOPIC: &str = "workers";
 const INTERVAL: Duration = Duration::from_secs(15);
 
 /// A worker without a heartbeat for this time is not counted.
-pub const SILENT: Duration = Duration::from_secs(90);
+pub const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(90);
 
 /// The number of notes that a worker checks for removal when it starts.
 const MAX_CHECKED: usize = 20;
@@ -138,7 +138,7 @@ mod tests {
         assert!(arrays.contains(&Some("deaflow-1")) && arrays.contains(&None));
         assert!(
             seen.iter()
-                .all(|seen| seen.silent < SILENT && seen.worker.owner.pid == std::process::id())
+                .all(|seen| seen.silent < HEARTBEAT_TIMEOUT && seen.worker.owner.pid == std::process::id())
         );
         drop(one);
         assert_eq!(workers(&store).unwrap().len(), 1);

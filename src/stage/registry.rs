@@ -34,3 +34,20 @@ pub fn registry() -> Registry {
         most_stages: MOST_STAGES,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use deaflow_content::ArtifactKind;
+
+    #[test]
+    fn every_kind_has_an_artifact_kind_and_a_table_collects_all_others() {
+        let names = |kinds: &[&dyn Kind]| kinds.iter().map(|kind| kind.name()).collect::<BTreeSet<_>>();
+        let known: BTreeSet<&str> = ArtifactKind::WORDS.iter().copied().collect();
+        assert_eq!(names(&registry().kinds), known);
+        let collected: BTreeSet<&str> = TABLE.needs().kinds.iter().copied().collect();
+        assert_eq!(names(&COLLECTED), collected);
+    }
+}
