@@ -1,58 +1,57 @@
-//! The device that the rows of a dataset are patterns and fields of.
+//! The device of a dataset, against which its patterns and fields are checked.
 
 use deaflow_field::Field;
 use deaflow_pattern::{Membrane, Part, Parts, PatternForm, Raster, Symmetries};
 
-/// A file holds fewer rows than this many bytes to each row of the source paper's membrane: DEFLATE, the densest filter, makes a thousandth
-/// of its 20 kB.
+/// Smallest size in bytes of a row of the source paper's membrane. DEFLATE, the densest filter, reduces its 20 kB by
+/// at most a factor of a thousand.
 const BYTES_OF_ROW: u64 = 16;
 
-/// Whether so many rows on these cells are more than a file of that many bytes holds.
+/// Returns whether a file of `bytes` bytes is too small for `rows` rows.
 #[must_use]
 pub fn is_overlong(rows: u64, raster: Raster, bytes: u64) -> bool {
     let [own, paper] = [raster, Raster::PAPER].map(|raster| raster.corners() as u64);
     rows.saturating_mul(own) > (bytes / BYTES_OF_ROW).saturating_mul(paper)
 }
 
-/// What rows are held to.
+/// The device of a dataset.
 #[derive(Clone, Debug)]
 pub struct Device {
     /// Its rectangle.
     pub membrane: Membrane,
-    /// How many groups of electrodes patterns may have.
+    /// Number of electrode groups.
     pub groups: usize,
-    /// What maps it to itself.
+    /// Its symmetries.
     pub symmetries: Symmetries,
-    /// Whether each corner of cells is held by the frame.
-    held: Vec<bool>,
+    /// Whether each corner is on the frame.
+    on_frame: Vec<bool>,
 }
 
 impl Device {
-    /// A device by its parts; without these all cells are membrane, held on its edges.
+    /// Creates a device. Without `parts` all cells are membrane, clamped at the edges.
     #[must_use]
     pub fn new(membrane: Membrane, groups: usize, symmetries: Symmetries, parts: Option<&Parts>) -> Self {
         let [columns, rows] = membrane.raster.corner_sides();
-        let is_held = |x: usize, y: usize| match parts {
+        let is_on_frame = |x: usize, y: usize| match parts {
             Some(parts) => parts.around(x, y).contains(&Part::Frame),
             None => x == 0 || y == 0 || x == columns - 1 || y == rows - 1,
         };
+        let corners = 0..columns * rows;
         Self {
             membrane,
             groups,
             symmetries,
-            held: (0..columns * rows)
-                .map(|at| is_held(at % columns, at / columns))
-                .collect(),
+            on_frame: corners.map(|at| is_on_frame(at % columns, at / columns)).collect(),
         }
     }
 
-    /// Its cells.
+    /// Returns its cells.
     #[must_use]
     pub fn raster(&self) -> Raster {
         self.membrane.raster
     }
 
-    /// What patterns of it are.
+    /// Returns the form of its patterns.
     #[must_use]
     pub fn form(&self) -> PatternForm {
         PatternForm {
@@ -61,28 +60,28 @@ impl Device {
         }
     }
 
-    /// Whether the frame holds a corner of cells, by its place in `[y][x]`.
+    /// Returns whether a corner, given by its index in `[y][x]`, is on the frame.
     ///
     /// # Panics
     /// When there is no such corner.
     #[must_use]
-    pub fn holds(&self, corner: usize) -> bool {
-        self.held[corner]
+    pub fn is_on_frame(&self, corner: usize) -> bool {
+        self.on_frame[corner]
     }
 
-    /// The largest displacement magnitude of a field in mm where the frame holds the membrane.
+    /// Returns the largest displacement magnitude of a field on the frame in mm.
     #[must_use]
-    pub fn on_the_frame(&self, field: &Field) -> f64 {
-        let corners = field.values().chunks_exact(2).zip(&self.held);
-        let held = corners.filter(|(_, is_held)| **is_held);
-        held.map(|(u, _)| u[0].hypot(u[1])).fold(0.0, f64::max)
+    pub fn max_on_frame(&self, field: &Field) -> f64 {
+        let corners = field.values().chunks_exact(2).zip(&self.on_frame);
+        let on_frame = corners.filter(|(_, on_frame)| **on_frame);
+        on_frame.map(|(u, _)| u[0].hypot(u[1])).fold(0.0, f64::max)
     }
 
-    /// The field with nothing on the frame.
+    /// Returns the field with zero displacement on the frame.
     #[must_use]
-    pub fn inside(&self, field: &Field) -> Field {
+    pub fn with_fixed_frame(&self, field: &Field) -> Field {
         let values = field.values().iter().enumerate();
-        let values = values.map(|(at, &u)| if self.held[at / 2] { 0.0 } else { u });
+        let values = values.map(|(at, &u)| if self.on_frame[at / 2] { 0.0 } else { u });
         Field::from_values(field.raster(), values.collect()).unwrap_or_else(|_| Field::zero(field.raster()))
     }
 }
@@ -92,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_frame_is_told_from_the_inside() {
+    fn corners_on_the_frame_are_found() {
         let raster = Raster::new(4, 3).unwrap();
         let membrane = Membrane {
             raster,
@@ -101,7 +100,7 @@ mod tests {
         let part = |x: usize, _| if x == 0 { Part::Frame } else { Part::Membrane };
         let parts = Parts::new(raster, 0, part).unwrap();
         // The corners of one row, from the left.
-        let row = |device: &Device| [5, 6, 7, 8, 9].map(|corner| device.holds(corner));
+        let row = |device: &Device| [5, 6, 7, 8, 9].map(|corner| device.is_on_frame(corner));
         let plain = Device::new(membrane, 1, Symmetries::RECTANGLE, None);
         assert_eq!(row(&plain), [true, false, false, false, true]);
         let framed = Device::new(membrane, 1, Symmetries::RECTANGLE, Some(&parts));
@@ -111,7 +110,8 @@ mod tests {
         let inner = Field::from_values(raster, values.clone()).unwrap();
         values[2 * 6 + 1] = -0.25;
         let moved = Field::from_values(raster, values).unwrap();
-        assert_eq!([&plain, &framed].map(|device| device.on_the_frame(&moved)), [0.0, 0.25]);
-        assert_eq!((plain.inside(&moved), framed.inside(&moved)), (moved, inner));
+        assert_eq!([&plain, &framed].map(|device| device.max_on_frame(&moved)), [0.0, 0.25]);
+        assert_eq!(plain.with_fixed_frame(&moved), moved);
+        assert_eq!(framed.with_fixed_frame(&moved), inner);
     }
 }

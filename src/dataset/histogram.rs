@@ -1,7 +1,7 @@
-//! The histogram of the largest displacement: the source paper's measure of what a dataset covers.
+//! The histogram of the largest displacement: the source paper's measure of the coverage of a dataset.
 //!
-//! Qin et al. (doi 10.1089/soro.2024.0063, equations 1 and 2) divide [0, 2.5] mm into 100 bins. Here what lies outside
-//! the range is counted below and above it: a dataset must not look complete because its extremes were left out.
+//! Qin et al. (doi 10.1089/soro.2024.0063, equations 1 and 2) divide [0, 2.5] mm into 100 bins. This histogram also
+//! counts values outside the range, so that a dataset without its extremes does not look complete.
 
 /// Equal bins over [low, high) in mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,35 +11,35 @@ pub struct Bins {
     count: usize,
 }
 
-/// Numbers that are not a division into bins.
+/// Why bins are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum BinsError {
-    /// No bin at all.
+    /// The number of bins is 0.
     #[error("a histogram needs at least one bin")]
     NoBins,
-    /// The ends are not two finite numbers in order.
-    #[error("the range of a histogram goes from a smaller to a larger number, found {low} mm to {high} mm")]
+    /// The range is not finite and increasing.
+    #[error("the range of a histogram must increase, found {low} mm to {high} mm")]
     Range {
-        /// The lower end as given.
+        /// The lower end.
         low: f64,
-        /// The upper end as given.
+        /// The upper end.
         high: f64,
     },
 }
 
-/// Where a value lies.
+/// The bin of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum BinIndex {
     /// Below the range.
     Below,
-    /// In the bin of this number.
+    /// In the bin with this index.
     Bin(usize),
-    /// At the upper end of the range or above it.
+    /// At the upper end of the range or above.
     Above,
 }
 
 impl Bins {
-    /// `count` bins over [`low`, `high`) mm.
+    /// Divides [`low`, `high`) mm into `count` bins.
     ///
     /// # Errors
     /// When there is no bin, or the range is not finite and increasing.
@@ -53,29 +53,29 @@ impl Bins {
         Ok(Self { low, high, count })
     }
 
-    /// How many bins there are.
+    /// Returns the number of bins.
     #[must_use]
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// The lower end of bin `bin` in mm; that of the bin after the last is the upper end of the range.
+    /// Returns the lower end of a bin in mm; for the bin after the last, the upper end of the range.
     #[must_use]
     pub fn edge(&self, bin: usize) -> f64 {
         self.low + (self.high - self.low) * (bin as f64 / self.count as f64)
     }
 
-    /// Where a finite value in mm lies: bin b holds `edge(b) <= value < edge(b + 1)`.
+    /// Returns the bin of a finite value in mm: bin b holds `edge(b) <= value < edge(b + 1)`.
     #[must_use]
-    pub fn place(&self, value: f64) -> Place {
+    pub fn index_of(&self, value: f64) -> BinIndex {
         if value < self.low {
-            return Place::Below;
+            return BinIndex::Below;
         }
         if value >= self.high {
-            return Place::Above;
+            return BinIndex::Above;
         }
         let estimate = ((value - self.low) / (self.high - self.low) * self.count as f64) as usize;
-        // Division and multiplication round differently: near an edge the estimate may be one off.
+        // Division and multiplication round differently, so near an edge the estimate may be off by one.
         let mut bin = estimate.min(self.count - 1);
         while bin > 0 && value < self.edge(bin) {
             bin -= 1;
@@ -83,11 +83,11 @@ impl Bins {
         while bin + 1 < self.count && value >= self.edge(bin + 1) {
             bin += 1;
         }
-        Place::Bin(bin)
+        BinIndex::Bin(bin)
     }
 }
 
-/// How many values lie in each bin, and how many outside.
+/// Numbers of values in each bin and outside the range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histogram {
     /// The bins.
@@ -96,12 +96,12 @@ pub struct Histogram {
     pub counts: Vec<u64>,
     /// Values below the range.
     pub below: u64,
-    /// Values above the range.
+    /// Values at the upper end of the range or above.
     pub above: u64,
 }
 
 impl Histogram {
-    /// The histogram of no values.
+    /// Creates an empty histogram.
     #[must_use]
     pub fn empty(bins: Bins) -> Self {
         Self {
@@ -112,32 +112,32 @@ impl Histogram {
         }
     }
 
-    /// The histogram of finite values in mm.
+    /// Creates the histogram of finite values in mm.
     #[must_use]
     pub fn of(bins: Bins, values: impl IntoIterator<Item = f64>) -> Self {
         let mut histogram = Self::empty(bins);
         for value in values {
-            histogram.add(bins.place(value), 1);
+            histogram.add(bins.index_of(value), 1);
         }
         histogram
     }
 
-    /// Counts `number` more values at a place.
-    pub fn add(&mut self, place: Place, number: u64) {
-        match place {
-            Place::Below => self.below += number,
-            Place::Bin(bin) => self.counts[bin] += number,
-            Place::Above => self.above += number,
+    /// Adds `count` values to a bin.
+    pub fn add(&mut self, index: BinIndex, count: u64) {
+        match index {
+            BinIndex::Below => self.below += count,
+            BinIndex::Bin(bin) => self.counts[bin] += count,
+            BinIndex::Above => self.above += count,
         }
     }
 
-    /// Numbers of the bins that hold nothing.
+    /// Returns the indices of empty bins.
     #[must_use]
     pub fn empty_bins(&self) -> Vec<usize> {
         (0..self.counts.len()).filter(|&bin| self.counts[bin] == 0).collect()
     }
 
-    /// Values inside the range.
+    /// Returns the number of values inside the range.
     #[must_use]
     pub fn inside(&self) -> u64 {
         self.counts.iter().sum()
@@ -153,10 +153,10 @@ mod tests {
         let bins = Bins::new(0.0, 2.5, 100).unwrap();
         assert_eq!(bins.edge(1), 0.025);
         assert_eq!(bins.edge(100), 2.5);
-        assert_eq!(bins.place(0.0), Place::Bin(0));
-        assert_eq!(bins.place(2.499_999), Place::Bin(99));
-        assert_eq!(bins.place(2.5), Place::Above);
-        assert_eq!(bins.place(-1e-300), Place::Below);
+        assert_eq!(bins.index_of(0.0), BinIndex::Bin(0));
+        assert_eq!(bins.index_of(2.499_999), BinIndex::Bin(99));
+        assert_eq!(bins.index_of(2.5), BinIndex::Above);
+        assert_eq!(bins.index_of(-1e-300), BinIndex::Below);
     }
 
     #[test]
@@ -164,14 +164,14 @@ mod tests {
         for (low, high, count) in [(0.0, 2.5, 100), (0.1, 0.7, 7), (-3.0, 11.0, 333)] {
             let bins = Bins::new(low, high, count).unwrap();
             for bin in 0..count {
-                assert_eq!(bins.place(bins.edge(bin)), Place::Bin(bin));
-                assert_eq!(bins.place(bins.edge(bin + 1).next_down()), Place::Bin(bin));
+                assert_eq!(bins.index_of(bins.edge(bin)), BinIndex::Bin(bin));
+                assert_eq!(bins.index_of(bins.edge(bin + 1).next_down()), BinIndex::Bin(bin));
             }
         }
     }
 
     #[test]
-    fn what_lies_outside_is_counted() {
+    fn values_outside_the_range_are_counted() {
         let bins = Bins::new(1.0, 2.0, 4).unwrap();
         let histogram = Histogram::of(bins, [0.5, 1.0, 1.3, 1.3, 1.999, 2.0, 7.0]);
         assert_eq!(histogram.counts, [1, 2, 0, 1]);
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_not_a_range() {
+    fn invalid_ranges_are_refused() {
         assert_eq!(Bins::new(0.0, 1.0, 0), Err(BinsError::NoBins));
         for (low, high) in [(1.0, 1.0), (2.0, 1.0), (f64::NAN, 1.0), (0.0, f64::INFINITY)] {
             assert!(matches!(Bins::new(low, high, 3), Err(BinsError::Range { .. })));

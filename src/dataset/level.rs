@@ -1,20 +1,19 @@
-//! The uniform level: how many rows each bin gives so that the set is as flat as the bins allow.
+//! The uniform level: the number of rows per bin that makes a balanced dataset as uniform as possible.
 //!
-//! Like water over steps: every bin gives the level, or all it has where that is less. Σ min(capacity, level) = target
-//! fixes the level; the paper finds it by levelling, augmenting and levelling once more.
+//! Each bin gives the level, or all its rows where it has fewer. The level solves Σ min(capacity, level) = target. The
+//! paper finds it by levelling, augmenting and levelling again.
 
-/// What each bin gives.
+/// The level and the rows of each bin.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Quotas {
-    /// The uniform level, before rounding to whole rows. The largest capacity when even all rows together do not reach the
-    /// target.
+    /// The level before rounding; the largest capacity when all rows together do not exceed the target.
     pub(super) level: f64,
-    /// Rows from each bin: the level rounded down or up, or the bin's capacity where that is less.
+    /// Rows of each bin: the level rounded down or up, or the capacity of the bin if it is less.
     pub(super) rows: Vec<u64>,
 }
 
-/// Levels the bins so that they give `target` rows together, or all they have. The rows left over by rounding the level
-/// down go one each to the bins with the smallest `order`.
+/// Computes the level at which the bins give `target` rows together, or all rows if there are fewer. Rows that remain
+/// after rounding the level down go to the bins with the smallest `order`, one each.
 pub(super) fn quotas(capacities: &[u64], target: u64, order: &[u64]) -> Quotas {
     if capacities.iter().sum::<u64>() <= target {
         return Quotas {
@@ -52,14 +51,14 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn small_bins_give_all_they_have_and_the_others_share_the_rest() {
+    fn small_bins_give_all_rows_and_the_others_share_the_rest() {
         let quotas = quotas(&[100, 3, 0, 50, 40], 43, &[0; 5]);
         assert_eq!(quotas.rows, [14, 3, 0, 13, 13]);
         assert!((quotas.level - 40.0 / 3.0).abs() < 1e-12);
     }
 
     #[test]
-    fn too_little_is_given_whole() {
+    fn fewer_rows_than_the_target_are_all_used() {
         let given = quotas(&[2, 0, 5], 100, &[0; 3]);
         assert_eq!((given.rows, given.level), (vec![2, 0, 5], 5.0));
         assert_eq!(quotas(&[], 5, &[]).rows, Vec::<u64>::new());
@@ -67,7 +66,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_target_is_met_and_no_bin_is_favoured(
+        fn the_target_is_reached_and_bins_are_level(
             capacities in prop::collection::vec(0u64..60, 1..40), target in 1u64..900, salt in any::<u64>()
         ) {
             let order: Vec<u64> = (0..capacities.len() as u64).map(|b| b.wrapping_mul(salt)).collect();

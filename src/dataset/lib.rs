@@ -1,5 +1,4 @@
-//! From solved samples to a training set: the deformation histogram, balancing, augmentation and the split; and the audit of
-//! any such set.
+//! Datasets: the histogram of displacements, balancing, augmentation, splits, import and audit.
 
 pub mod audit;
 mod balance;
@@ -12,5 +11,5 @@ mod split;
 
 pub use balance::{BalanceError, BalanceOptions, Balanced, BalancedRow, Candidate, SymmetryGroup, balance};
 pub use device::{Device, is_overlong};
-pub use histogram::{Bins, BinsError, Histogram, Place};
+pub use histogram::{BinIndex, Bins, BinsError, Histogram};
 pub use split::Split;

@@ -1,26 +1,24 @@
-//! Which part of a dataset a pattern belongs to.
+//! The split of a dataset into training, validation and test examples.
 //!
-//! The split is a function of the orbit, so all eight images of one pattern stay on one side: a mirrored training
-//! pattern in the test set would flatter every metric.
+//! The split is a function of the orbit, so all images of a pattern are in the same split. An image of a training
+//! pattern in the test split would make every metric too good.
 
-use deaflow_base::{OrbitId, Stream};
+use deaflow_base::{OrbitId, Stream, words};
 
-/// A part of a dataset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Split {
-    /// The network learns from it (80 %).
-    Train,
-    /// Chooses the epoch that is kept (10 %).
-    Validation,
-    /// Measured once, at the end (10 %).
-    Test,
+words! {
+    /// A split of a dataset.
+    pub enum Split {
+        /// Training examples (80 %).
+        Train = "train",
+        /// Examples that select the best epoch (10 %).
+        Validation = "validation",
+        /// Examples for the final test (10 %).
+        Test = "test",
+    }
 }
 
 impl Split {
-    /// All parts.
-    pub const ALL: [Self; 3] = [Self::Train, Self::Validation, Self::Test];
-
-    /// The part of an orbit under a seed.
+    /// Returns the split of an orbit.
     #[must_use]
     pub fn of(orbit: &OrbitId, seed: u64) -> Self {
         let word = u64::from_le_bytes(orbit.as_bytes()[..8].try_into().expect("a digest has 32 bytes"));
@@ -29,21 +27,5 @@ impl Split {
             u if u < 0.9 => Self::Validation,
             _ => Self::Test,
         }
-    }
-
-    /// The word that stands in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Train => "train",
-            Self::Validation => "validation",
-            Self::Test => "test",
-        }
-    }
-
-    /// The part that a word names.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|split| split.name() == name)
     }
 }

@@ -1,23 +1,23 @@
-//! What a random sample without replacement says of the rest.
+//! Upper confidence bound of the rate of faults from a random sample without replacement.
 //!
-//! With D faults among n rows, a sample of k holds X of them by the hypergeometric law. A number of faults is excluded at
-//! 95 % where so few as were found come up in 5 % of the samples or less.
+//! If D of n rows are faulty, the number of faults in a sample of k rows has a hypergeometric distribution. A number D
+//! is excluded at 95 % confidence if at most 5 % of the samples have as few faults as were found.
 
 /// Probability at which a number of faults is excluded.
-const DOUBT: f64 = 0.05;
+const SIGNIFICANCE: f64 = 0.05;
 
-/// The smallest rate of faults above which all rates are excluded at 95 %, for `found` faults among `k` random ones of `n`
-/// rows. With none found it is about 1 − 0.05^(1/k).
+/// Returns the 95 % upper bound of the rate of faults, for `found` faults among `k` random rows of `n`. Without faults
+/// it is about 1 − 0.05^(1/k).
 #[must_use]
 pub fn excluded_above(n: usize, k: usize, found: usize) -> f64 {
     if n == 0 || k == 0 {
         return 1.0;
     }
-    // Faults that are there at least, and at most.
+    // Bisection between a possible and an excluded number of faults.
     let (mut possible, mut excluded) = (found, n - (k - found) + 1);
     while excluded - possible > 1 {
         let middle = possible + (excluded - possible) / 2;
-        if at_most(n, middle, k, found) > DOUBT {
+        if at_most(n, middle, k, found) > SIGNIFICANCE {
             possible = middle;
         } else {
             excluded = middle;
@@ -26,7 +26,7 @@ pub fn excluded_above(n: usize, k: usize, found: usize) -> f64 {
     possible as f64 / n as f64
 }
 
-/// The probability of at most `found` faults among `k` of `n` rows, `faults` of which are at fault.
+/// Returns the probability of at most `found` faults among `k` of `n` rows, of which `faults` are faulty.
 fn at_most(n: usize, faults: usize, k: usize, found: usize) -> f64 {
     let all = ln_choose(n, k);
     let least = (k + faults).saturating_sub(n);
@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_clean_sample_of_a_large_set_excludes_three_faults_in_as_many() {
+    fn a_sample_without_faults_of_a_large_dataset_has_the_binomial_bound() {
         // 1 − 0.05^(1/k).
         for (k, rate) in [(32, 0.0894), (59, 0.0495), (300, 0.00994)] {
             assert!((excluded_above(1_000_000, k, 0) - rate).abs() < 1e-4, "{k}");
@@ -54,7 +54,7 @@ mod tests {
     }
 
     #[test]
-    fn a_finite_set_is_known_better_and_wholly_when_all_is_looked_at() {
+    fn the_bound_of_a_finite_dataset_is_smaller_and_exact_for_a_full_sample() {
         assert!(excluded_above(64, 32, 0) < 0.08);
         assert_eq!(excluded_above(40, 40, 0), 0.0);
         assert_eq!(excluded_above(40, 40, 3), 3.0 / 40.0);
@@ -62,8 +62,8 @@ mod tests {
     }
 
     #[test]
-    fn faults_that_were_found_leave_room_for_more() {
-        // Exact binomial bound for 1 of 30: 14.9 %; a large set comes close.
+    fn faults_in_the_sample_increase_the_bound() {
+        // The exact binomial bound for 1 of 30 is 14.9 %.
         assert!((excluded_above(1_000_000, 30, 1) - 0.1486).abs() < 2e-3);
         assert_eq!(excluded_above(10, 2, 2), 1.0);
     }

@@ -1,28 +1,28 @@
-//! What is wrong with a label: how the stored field comes of the true one.
+//! Diagnosis of wrong labels: how the stored field differs from the simulated one.
 
 use deaflow_field::Field;
 use deaflow_pattern::{Symmetries, Symmetry};
 
-/// A field that is so close to a changed truth, relative to its own size, is that.
-const ALIKE: f64 = 0.02;
+/// Relative difference below which two fields count as equal.
+const EQUAL: f64 = 0.02;
 
 /// How a stored field differs from the simulated one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// The truth with its sign flipped.
+    /// The sign is wrong.
     Sign,
-    /// The truth times a number.
+    /// The field is multiplied by this factor.
     Scale(f64),
-    /// The truth with its components turned and its places not, or the other way round.
+    /// The components are rotated or mirrored but the corners are not, or the reverse.
     Rotation,
-    /// The truth of another image of the pattern.
+    /// It is the field of another image of the pattern.
     Frame,
-    /// Something else.
+    /// Any other difference.
     Other,
 }
 
 impl Fault {
-    /// The name of the check that finds it.
+    /// Returns the name of the check.
     #[must_use]
     pub fn check(self) -> &'static str {
         match self {
@@ -35,7 +35,7 @@ impl Fault {
     }
 }
 
-/// The number a by which a·`truth` comes closest to `stored`, and the part of `stored` that is still missed.
+/// Returns the factor a for which a·`truth` is closest to `stored`, and the relative residual.
 #[must_use]
 pub fn fit(stored: &Field, truth: &Field) -> (f64, f64) {
     let (mut product, mut square, mut own) = (0.0, 0.0, 0.0);
@@ -51,42 +51,39 @@ pub fn fit(stored: &Field, truth: &Field) -> (f64, f64) {
     (ratio, ((own - ratio * product).max(0.0) / own).sqrt())
 }
 
-/// Tells how `stored` comes of `truth` on a membrane of these symmetries.
+/// Determines how `stored` differs from `truth` on a device with these symmetries.
 #[must_use]
 pub fn diagnose(stored: &Field, truth: &Field, symmetries: Symmetries) -> Fault {
-    let (ratio, rest) = fit(stored, truth);
-    if rest < ALIKE {
-        if (ratio + 1.0).abs() < ALIKE {
+    let (ratio, residual) = fit(stored, truth);
+    if residual < EQUAL {
+        if (ratio + 1.0).abs() < EQUAL {
             return Fault::Sign;
         }
-        // A number near 1 explains nothing.
-        return if (ratio - 1.0).abs() > rest {
-            Fault::Scale(ratio)
-        } else {
-            Fault::Other
+        // A factor near 1 does not explain the difference.
+        return match (ratio - 1.0).abs() > residual {
+            true => Fault::Scale(ratio),
+            false => Fault::Other,
         };
     }
-    let is = |other: &Field| {
-        let (ratio, rest) = fit(stored, other);
-        rest < ALIKE && (ratio - 1.0).abs() < ALIKE
+    let equals = |other: &Field| {
+        let (ratio, residual) = fit(stored, other);
+        residual < EQUAL && (ratio - 1.0).abs() < EQUAL
     };
     let others = || symmetries.iter().skip(1);
-    if others().any(|g| is(&truth.transformed(g))) {
+    if others().any(|g| equals(&truth.transformed(g))) {
         return Fault::Frame;
     }
-    if others().any(|g| is(&components(truth, g)) || is(&components(&truth.transformed(g), g.inverse()))) {
+    if others().any(|g| equals(&components(truth, g)) || equals(&components(&truth.transformed(g), g.inverse()))) {
         return Fault::Rotation;
     }
     Fault::Other
 }
 
-/// The field with its components turned and its places left.
+/// Transforms the components of a field, but not its corners.
 fn components(field: &Field, g: Symmetry) -> Field {
-    let turned = field
-        .values()
-        .chunks_exact(2)
-        .flat_map(|u| g.apply_vector([u[0], u[1]]));
-    Field::from_values(field.raster(), turned.collect()).unwrap_or_else(|_| Field::zero(field.raster()))
+    let vectors = field.values().chunks_exact(2);
+    let transformed = vectors.flat_map(|u| g.apply_vector([u[0], u[1]])).collect();
+    Field::from_values(field.raster(), transformed).unwrap_or_else(|_| Field::zero(field.raster()))
 }
 
 #[cfg(test)]
@@ -113,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_told_apart() {
+    fn faults_are_distinguished() {
         assert_eq!(diagnosed(&scaled(-1.0)), Fault::Sign);
         let Fault::Scale(ratio) = diagnosed(&scaled(1.03)) else {
             panic!("a scale")
@@ -121,13 +118,10 @@ mod tests {
         assert!((ratio - 1.03).abs() < 1e-12);
         for g in &Symmetry::ALL[1..] {
             let moved = components(&field().transformed(*g), g.inverse());
-            // Half a turn of the components alone is a change of sign.
-            let (expected, turned) = match g.index() {
-                2 => (Fault::Sign, components(&field(), *g)),
-                _ => (Fault::Rotation, components(&field(), *g)),
-            };
+            // A half turn of the components is a change of sign.
+            let expected = if g.index() == 2 { Fault::Sign } else { Fault::Rotation };
             assert_eq!(diagnosed(&moved), Fault::Rotation, "{g:?}");
-            assert_eq!(diagnosed(&turned), expected, "{g:?}");
+            assert_eq!(diagnosed(&components(&field(), *g)), expected, "{g:?}");
             assert_eq!(diagnosed(&field().transformed(*g)), Fault::Frame, "{g:?}");
         }
         let odd = Field::from_values(Raster::PAPER, field().values().iter().map(|u| u * u).collect()).unwrap();

@@ -1,22 +1,22 @@
-//! Why an audit could not be carried out.
+//! Errors of an audit.
 
 use std::error::Error;
 
 use deaflow_field::SimulatorError;
 
-/// An audit that could not be carried out.
+/// Error of an audit.
 #[derive(Debug, thiserror::Error)]
 pub enum AuditError {
-    /// Rows that cannot be read.
+    /// Rows cannot be read.
     #[error(transparent)]
     Read(Box<dyn Error + Send + Sync>),
-    /// A simulator that cannot be set up.
+    /// A simulator cannot be set up.
     #[error(transparent)]
     Simulator(#[from] SimulatorError),
 }
 
 impl AuditError {
-    /// From what reading reported.
+    /// Creates an error from an error of reading.
     pub fn read(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self::Read(cause.into())
     }

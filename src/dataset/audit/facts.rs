@@ -1,140 +1,133 @@
-//! What a row says about itself, without any simulation.
+//! Properties of a row that need no simulation.
 
 use super::rows::{Batch, Columns, Dataset};
-use super::symmetric::{PROJECTIONS, Projections, Standing, asymmetry};
+use super::symmetric::{PROJECTIONS, PatternSymmetry, Projections, asymmetry};
 use crate::Device;
 use deaflow_base::{Digest, OrbitId};
 use deaflow_field::Field;
 use deaflow_pattern::{Pattern, Symmetry};
 
-/// A row as far as it can be used.
+/// The valid parts of a row.
 pub struct CheckedRow {
-    /// Its pattern, where it is one.
+    /// Its pattern, if valid.
     pub pattern: Option<Pattern>,
-    /// Its field, where it claims to have one and all values are numbers.
+    /// Its field, if the row claims to have one and all values are finite.
     pub field: Option<Field>,
-    /// Whether it claims to have no field.
+    /// Whether the row claims to have no field.
     pub claims_none: bool,
-    /// Whether it claims to have none and has one: numbers, and not all of them zero.
+    /// Whether the row claims to have no field, but has finite values that are not all zero.
     pub is_hidden: bool,
 }
 
 impl CheckedRow {
-    /// Row `at` of a batch of a device; `has_field` is what the dataset claims.
+    /// Checks row `at` of a batch; `has_field` is the claim of the dataset.
     #[must_use]
     pub fn of(batch: &Batch, at: usize, has_field: bool, device: &Device) -> Self {
         let (raster, groups) = (device.raster(), device.groups as f64);
         let is_group = |cell: f64| cell.fract() == 0.0 && (0.0..=groups).contains(&cell);
         let (cells, fields) = (raster.cells(), 2 * raster.corners());
-        let cells: Option<Vec<u8>> = batch.cells[at * cells..][..cells]
-            .iter()
-            .map(|&cell| is_group(cell).then_some(cell as u8))
-            .collect();
+        let cells = batch.cells[at * cells..][..cells].iter();
+        let cells: Option<Vec<u8>> = cells.map(|&cell| is_group(cell).then_some(cell as u8)).collect();
         let values = &batch.displacement[at * fields..][..fields];
+        let field = || Field::from_values(raster, values.to_vec()).ok();
         Self {
             pattern: cells.and_then(|cells| Pattern::of_form(device.form(), &cells).ok()),
-            field: has_field
-                .then(|| Field::from_values(raster, values.to_vec()).ok())
-                .flatten(),
+            field: has_field.then(field).flatten(),
             claims_none: !has_field,
             is_hidden: !has_field && values.iter().all(|u| u.is_finite()) && values.iter().any(|&u| u != 0.0),
         }
     }
 
-    /// Pattern and field, where the row has both.
+    /// Returns pattern and field, if the row has both.
     #[must_use]
     pub fn usable(&self) -> Option<(&Pattern, &Field)> {
         Some((self.pattern.as_ref()?, self.field.as_ref()?))
     }
 }
 
-/// What stays of a row once it has been read.
+/// The properties of a row that are kept in memory.
 pub struct Facts {
-    /// Whether each cell is 0 or 1.
+    /// Whether all cells are valid.
     pub is_pattern: bool,
     /// Whether the row claims to have a field.
     pub claims_field: bool,
-    /// Whether it has one, of numbers.
+    /// Whether it has a field of finite values.
     pub has_field: bool,
-    /// Whether it claims to have none and has one.
+    /// Whether it claims to have no field, but has one.
     pub is_hidden: bool,
     /// Largest displacement magnitude on the frame, mm.
     pub frame: f64,
     /// Largest displacement magnitude, mm.
     pub peak: f64,
-    /// Part of the membrane that is active.
+    /// Active part of the membrane.
     pub area: f64,
-    /// Sides between an active and a bare cell: what a mesh has to resolve.
+    /// Number of sides between different cells, a measure of the detail that a mesh must resolve.
     pub edges: usize,
-    /// Identity of the pattern, and the one that it shares with its images.
+    /// Digest and orbit of the pattern.
     pub identity: Option<(Digest, OrbitId)>,
-    /// Identity of the pattern that the declared symmetry carries to this one.
-    pub unturned: Option<Digest>,
-    /// Whether the pattern may be of the declared family; `None` where that is not known.
+    /// Digest of the pattern that the declared symmetry maps to this pattern.
+    pub source_pattern: Option<Digest>,
+    /// Whether the pattern can belong to the declared family; `None` if unknown.
     pub fits_family: Option<bool>,
-    /// How far the field is from having the symmetries of its pattern, mm.
+    /// Largest difference between the field and its images under the symmetries of its pattern, mm.
     pub asymmetry: f64,
-    /// Projections of the field in the frame of the smallest image, mm.
+    /// Projections of the field, transformed with the pattern to the smallest image, mm.
     pub projections: [f64; PROJECTIONS],
 }
 
 impl Facts {
-    /// What is to be kept of row `index` of the dataset.
+    /// Computes the properties of row `index` of the dataset.
     #[must_use]
     pub fn of(row: &CheckedRow, index: usize, dataset: &Dataset<'_>, projections: &Projections) -> Self {
         let (columns, device) = (&dataset.columns, dataset.device);
-        let standing = row
-            .pattern
-            .as_ref()
-            .map(|pattern| Standing::of(pattern, device.symmetries));
-        let field = row.field.as_ref();
+        let (pattern, field) = (row.pattern.as_ref(), row.field.as_ref());
+        let symmetry = pattern.map(|pattern| PatternSymmetry::of(pattern, device.symmetries));
+        let fits_family = |pattern| {
+            let family = &columns.family.as_ref()?[index];
+            dataset.families.admits(family, pattern)
+        };
         let mut facts = Self {
-            is_pattern: row.pattern.is_some(),
+            is_pattern: pattern.is_some(),
             claims_field: claims_field(columns, index),
             has_field: field.is_some(),
             is_hidden: row.is_hidden,
-            frame: field.map_or(0.0, |field| device.on_the_frame(field)),
+            frame: field.map_or(0.0, |field| device.max_on_frame(field)),
             peak: field.map_or(0.0, Field::max_magnitude),
-            area: row.pattern.as_ref().map_or(0.0, Pattern::area_fraction),
-            edges: row.pattern.as_ref().map_or(0, edges),
-            identity: standing.as_ref().map(|standing| (standing.pattern, standing.orbit)),
-            unturned: row
-                .pattern
-                .as_ref()
-                .and_then(|pattern| unturned(pattern, columns, index)),
-            fits_family: row.pattern.as_ref().and_then(|pattern| {
-                let family = &columns.family.as_ref()?[index];
-                dataset.families.admits(family, pattern)
-            }),
+            area: pattern.map_or(0.0, Pattern::area_fraction),
+            edges: pattern.map_or(0, edges),
+            identity: symmetry.as_ref().map(|symmetry| (symmetry.pattern, symmetry.orbit)),
+            source_pattern: pattern.and_then(|pattern| source_pattern(pattern, columns, index)),
+            fits_family: pattern.and_then(fits_family),
             asymmetry: 0.0,
             projections: [0.0; PROJECTIONS],
         };
-        if let (Some(standing), Some(field)) = (standing, field) {
-            facts.asymmetry = asymmetry(field, &standing.stabiliser);
-            facts.projections = projections.of(&field.transformed(standing.to_smallest));
+        if let (Some(symmetry), Some(field)) = (symmetry, field) {
+            facts.asymmetry = asymmetry(field, &symmetry.stabiliser);
+            facts.projections = projections.of(&field.transformed(symmetry.to_smallest));
         }
         facts
     }
 
-    /// Whether the row has a pattern and a field.
+    /// Returns whether the row has a pattern and a field.
     #[must_use]
     pub fn is_usable(&self) -> bool {
         self.is_pattern && self.has_field
     }
 }
 
-/// Whether row `index` claims to have a field: all do, unless the dataset says how each ended.
+/// Returns whether row `index` claims to have a field. Without the column `outcome` all rows do.
 #[must_use]
 pub fn claims_field(columns: &Columns, index: usize) -> bool {
     columns.has_field.as_ref().is_none_or(|claims| claims[index])
 }
 
-fn unturned(pattern: &Pattern, columns: &Columns, index: usize) -> Option<Digest> {
+fn source_pattern(pattern: &Pattern, columns: &Columns, index: usize) -> Option<Digest> {
     let symmetry = usize::try_from(columns.symmetry.as_ref()?[index]).ok()?;
-    let turned = pattern.transformed(Symmetry::ALL.get(symmetry)?.inverse());
-    Some(Digest::of(turned.cells()))
+    let source = pattern.transformed(Symmetry::ALL.get(symmetry)?.inverse());
+    Some(Digest::of(source.cells()))
 }
 
+/// Returns the number of sides between different cells.
 fn edges(pattern: &Pattern) -> usize {
     let [columns, rows] = pattern.raster().sides();
     let cell = |x: usize, y: usize| pattern.group(x, y);
@@ -161,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_pattern_or_no_number_is_not_used() {
+    fn invalid_cells_and_displacements_are_not_used() {
         let raster = Raster::new(7, 3).unwrap();
         let membrane = Membrane {
             raster,

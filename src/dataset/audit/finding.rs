@@ -1,19 +1,19 @@
-//! What an audit has found.
+//! Findings of an audit.
 
 use serde::{Deserialize, Serialize};
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
-    /// The dataset is wrong: nothing should be learned from it.
+    /// The dataset is wrong and should not be used for training.
     Error,
-    /// The dataset can be used by somebody who knows.
+    /// The dataset can be used with care.
     Warning,
 }
 
 impl Severity {
-    /// The word that stands in files.
+    /// Returns the word in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -23,26 +23,26 @@ impl Severity {
     }
 }
 
-/// Examples that are named one by one; of more there is only the count.
+/// Largest number of rows that a finding lists.
 pub const EXAMPLES: usize = 20;
 
-/// One thing that is wrong, with the rows where it shows.
+/// A fault of a dataset, with the rows that have it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Finding {
-    /// Which check found it.
+    /// Name of the check.
     pub check: String,
-    /// How bad it is.
+    /// Its severity.
     pub severity: Severity,
-    /// In how many rows; 1 where it is the dataset as a whole.
+    /// Number of rows; 1 for the dataset as a whole.
     pub count: u64,
-    /// The first rows, by their numbers in the dataset; none where it is the dataset as a whole.
+    /// Numbers of the first rows; empty for the dataset as a whole.
     pub examples: Vec<u64>,
-    /// What is wrong, for people.
+    /// Description for users.
     pub message: String,
 }
 
 impl Finding {
-    /// A finding in rows.
+    /// Creates a finding about rows.
     #[must_use]
     pub fn rows(check: &str, severity: Severity, rows: &[usize], message: impl Into<String>) -> Self {
         Self {
@@ -54,7 +54,7 @@ impl Finding {
         }
     }
 
-    /// A finding about the dataset as a whole.
+    /// Creates a finding about the dataset as a whole.
     #[must_use]
     pub fn whole(check: &str, severity: Severity, message: impl Into<String>) -> Self {
         Self {
@@ -67,7 +67,7 @@ impl Finding {
     }
 }
 
-/// Puts errors first, and within a severity keeps the order of the checks.
+/// Sorts errors before warnings and keeps the order of the checks otherwise.
 pub fn sort(findings: &mut [Finding]) {
     findings.sort_by_key(|finding| finding.severity);
 }

@@ -1,12 +1,12 @@
-//! Finds out on which mesh fields were solved, where the dataset does not say: on that mesh they come out the same.
+//! Identifies the mesh of the fields if the dataset does not declare it: simulations on that mesh give the same fields.
 
 use super::error::AuditError;
 use super::facts::CheckedRow;
 use super::labels::Tolerance;
 use deaflow_field::{Mesh, SimulatorKind, Simulators};
 
-/// The meshes that are tried, cheapest first.
-pub const TRIED: [Mesh; 12] = [
+/// Candidate meshes, cheapest first.
+pub const CANDIDATES: [Mesh; 12] = [
     Mesh::bilinear(1),
     Mesh::bilinear(2),
     Mesh::biquadratic(1),
@@ -21,36 +21,40 @@ pub const TRIED: [Mesh; 12] = [
     Mesh::biquadratic(8),
 ];
 
-/// Part of the largest displacement within which fields are the same. Meshes differ by far more.
+/// Largest difference, relative to the largest displacement, of equal fields. Fields on different meshes differ by far
+/// more.
 const SAME: f64 = 1e-5;
 
-/// Displacements below this, mm, tell nothing of a mesh.
+/// Smallest displacement in mm of a field that can identify a mesh.
 const MOVING: f64 = 1e-4;
 
-/// How well rows come out on a mesh: the rows that are the same, those within the tolerance, and what all are off by.
+/// Agreement of rows with simulations on a mesh.
 struct Trial {
     mesh: Mesh,
+    /// Rows with equal fields.
     same: usize,
+    /// Rows within the tolerance.
     near: usize,
+    /// Sum of the differences in mm.
     off: f64,
 }
 
-/// The mesh on which most of these rows come out the same. One is enough: that does not happen by chance. Of rounded fields
-/// none does, and more than half have to come out within the tolerance. `None` where there is no such mesh among those tried.
+/// Returns the candidate mesh on which most rows have the same field. One such row is enough, because equality does
+/// not occur by chance. Rounded fields are not equal; then more than half of the rows must be within the tolerance.
 ///
 /// # Errors
-/// When a simulator cannot be set up; why.
+/// When a simulator cannot be set up.
 pub fn mesh(
     simulators: &dyn Simulators,
     rows: &[CheckedRow],
     tolerance: Tolerance,
 ) -> Result<Option<Mesh>, AuditError> {
-    // A field of zeros is the same on every mesh.
+    // A zero field is the same on every mesh.
     let moving = |(_, field): &(_, &deaflow_field::Field)| field.max_magnitude() > MOVING;
     let rows: Vec<_> = rows.iter().filter_map(CheckedRow::usable).filter(moving).collect();
     let patterns: Vec<_> = rows.iter().map(|(pattern, _)| (*pattern).clone()).collect();
     let mut best: Option<Trial> = None;
-    for mesh in TRIED {
+    for mesh in CANDIDATES {
         let found = simulators.simulator(SimulatorKind::Newton(mesh))?.simulate(&patterns);
         let mut trial = Trial {
             mesh,

@@ -1,17 +1,18 @@
-//! Rows that show one pattern, or images of one: repeats, leaks between the parts of a dataset, and fields that do not
-//! move with their patterns.
+//! Checks of rows with the same pattern or with images of it: repeats, leaks between splits, and fields that are not
+//! images of each other.
 
 use std::collections::BTreeMap;
 
+use super::claims::minority;
 use super::facts::Facts;
 use super::finding::{Finding, Severity};
-use super::labels::{Judge, LabelCheck};
+use super::labels::{LabelCheck, LabelChecker};
 use super::rows::Columns;
 use super::symmetric::{PROJECTIONS, distance};
 use deaflow_base::{Digest, OrbitId};
 use deaflow_field::Mesh;
 
-/// Rows by orbit, in the order of their first row; rows without a pattern are left out.
+/// Returns the rows of each orbit, in the order of their first row. Rows without a pattern are omitted.
 #[must_use]
 pub fn orbits(facts: &[Facts]) -> Vec<Vec<usize>> {
     grouped(facts, |(_, orbit)| *orbit)
@@ -29,7 +30,7 @@ fn grouped<T: Ord>(facts: &[Facts], by: fn(&(Digest, OrbitId)) -> T) -> Vec<Vec<
     groups
 }
 
-/// Rows that repeat the pattern of an earlier row.
+/// Returns rows that repeat the pattern of an earlier row.
 #[must_use]
 pub fn repeats(facts: &[Facts]) -> Vec<usize> {
     let groups = grouped(facts, |(pattern, _)| *pattern);
@@ -38,7 +39,7 @@ pub fn repeats(facts: &[Facts]) -> Vec<usize> {
     repeats
 }
 
-/// What is wrong with repeats and images. `repeats_are_usual` where later stages leave repeats out.
+/// Returns the findings about repeats and leaks. `repeats_are_usual` if later stages omit repeats.
 #[must_use]
 pub fn findings(facts: &[Facts], split: Option<&[String]>, repeats_are_usual: bool) -> Vec<Finding> {
     let mut findings = Vec::new();
@@ -53,56 +54,44 @@ pub fn findings(facts: &[Facts], split: Option<&[String]>, repeats_are_usual: bo
     findings
 }
 
-/// Rows of an orbit that lies in several parts, other than the part that holds most of the orbit; all, where no part does.
+/// Finds orbits in several splits. Rows outside the split with most rows of the orbit leak; all rows if several splits
+/// have most.
 fn leaks(facts: &[Facts], split: &[String]) -> Option<Finding> {
-    let mut leaked = Vec::new();
-    for orbit in orbits(facts) {
-        let mut parts: BTreeMap<&str, usize> = BTreeMap::new();
-        orbit
-            .iter()
-            .for_each(|&row| *parts.entry(&split[row]).or_default() += 1);
-        let most = parts.values().copied().max().unwrap_or(0);
-        // Of parts that hold as much, neither is known to be the right one.
-        let homes: Vec<&str> = parts
-            .iter()
-            .filter(|(_, rows)| **rows == most)
-            .map(|(part, _)| *part)
-            .collect();
-        let is_home = |row: usize| homes == [split[row].as_str()];
-        leaked.extend(orbit.iter().copied().filter(|&row| parts.len() > 1 && !is_home(row)));
-    }
-    leaked.sort_unstable();
+    let orbits = orbits(facts).into_iter().enumerate();
+    let leaked = minority(orbits.flat_map(|(orbit, rows)| rows.into_iter().map(move |row| (row, orbit, &split[row]))));
     let message = "the pattern, or an image of it, stands in another part of the dataset too: what is measured on that part is \
                    flattered";
     (!leaked.is_empty()).then(|| Finding::rows("leak", Severity::Error, &leaked, message))
 }
 
-/// Rows whose field does not have the symmetry of its pattern, or does not move with it. Of two that contradict each other,
-/// the one is named that is wrong for itself, where that is known.
+/// Finds rows whose field lacks the symmetry of its pattern, or contradicts the fields of images of the pattern. Of
+/// contradicting rows only those with a wrong label are listed, if there are any.
 #[must_use]
-pub fn asymmetric(facts: &[Facts], labels: &[LabelCheck], judge: &Judge<'_>, columns: &Columns) -> Option<Finding> {
-    let tolerance = judge.tolerance;
+pub fn asymmetric(
+    facts: &[Facts],
+    labels: &[LabelCheck],
+    checker: &LabelChecker<'_>,
+    columns: &Columns,
+) -> Option<Finding> {
+    let tolerance = checker.tolerance;
     let usable = |&index: &usize| facts[index].is_usable();
     let mut found: Vec<usize> = (0..facts.len())
         .filter(|index| usable(index) && facts[*index].asymmetry > 2.0 * tolerance.of(facts[*index].peak))
         .collect();
-    // Fields on different meshes differ, and rightly.
+    // Only fields on the same mesh must be images of each other.
     let alike = orbits(facts).into_iter().flat_map(|orbit| {
         let mut alike: BTreeMap<Option<Mesh>, Vec<usize>> = BTreeMap::new();
         for member in orbit.into_iter().filter(usable) {
-            alike.entry(judge.mesh(columns, member)).or_default().push(member);
+            alike.entry(checker.mesh(columns, member)).or_default().push(member);
         }
         alike.into_values().filter(|members| members.len() > 1)
     });
     for members in alike {
-        let usual = usual(facts, &members);
-        let off = |&&index: &&usize| distance(&facts[index].projections, &usual) > tolerance.of(facts[index].peak);
-        let off: Vec<usize> = members.iter().filter(off).copied().collect();
-        let wrong: Vec<usize> = off
-            .iter()
-            .filter(|&&index| matches!(labels[index], LabelCheck::Wrong(..)))
-            .copied()
-            .collect();
+        let median = median(facts, &members);
+        let is_off = |&index: &usize| distance(&facts[index].projections, &median) > tolerance.of(facts[index].peak);
+        let off: Vec<usize> = members.into_iter().filter(is_off).collect();
+        let is_wrong = |index: &usize| matches!(labels[*index], LabelCheck::Wrong(..));
+        let wrong: Vec<usize> = off.iter().copied().filter(is_wrong).collect();
         found.extend(if wrong.is_empty() { off } else { wrong });
     }
     found.sort_unstable();
@@ -111,8 +100,8 @@ pub fn asymmetric(facts: &[Facts], labels: &[LabelCheck], judge: &Judge<'_>, col
     (!found.is_empty()).then(|| Finding::rows("symmetry", Severity::Error, &found, message))
 }
 
-/// The median of each projection.
-fn usual(facts: &[Facts], members: &[usize]) -> [f64; PROJECTIONS] {
+/// Returns the median of each projection.
+fn median(facts: &[Facts], members: &[usize]) -> [f64; PROJECTIONS] {
     std::array::from_fn(|k| {
         let mut values: Vec<f64> = members.iter().map(|&index| facts[index].projections[k]).collect();
         values.sort_by(f64::total_cmp);

@@ -1,28 +1,26 @@
-//! Kinds of rows, and what is usual among the rows of one kind.
+//! Groups rows of one kind and finds outliers in each group.
 
 use std::collections::BTreeMap;
 
 use super::facts::Facts;
 use super::labels::LabelCheck;
 
-/// Fewer rows of a kind than this say nothing of what is usual among them: all of them are suspects.
-pub const FEWEST: usize = 12;
+/// Smallest group in which outliers can be found. In smaller groups all rows are suspects.
+pub const MIN_ROWS: usize = 12;
 
-/// Deviations by which a row is an outlier: so many robust standard deviations, and so much more.
+/// A row is an outlier if it differs from the median by more than this many robust standard deviations, plus a margin.
 const DEVIATIONS: f64 = 4.0;
 const MARGIN: f64 = 2e-3;
 
-/// A row with its ratio and rest.
+/// The index of a row, and its ratio and residual.
 pub type Comparison = (usize, [f64; 2]);
 
-/// Ratios outside these, and rests above this, are suspect whatever is usual: among many wrong rows a right one is the outlier.
-const STRANGE: [f64; 2] = [0.5, 2.0];
-const STRANGE_REST: f64 = 0.5;
+/// Ratios outside this range and residuals above this limit are always suspect: in a group of mostly wrong rows a
+/// right row would be the outlier.
+const PLAUSIBLE: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+const MAX_RESIDUAL: f64 = 0.5;
 
-/// The rows that compare with their estimates otherwise than their like, the most unlike first.
-///
-/// Rows are alike that are of one family or, where that is not known, whose patterns have as many edges but for a factor
-/// of two.
+/// Returns the outliers of all groups, the most distant first.
 #[must_use]
 pub fn suspects(kinds: &[Vec<Comparison>]) -> Vec<usize> {
     let mut found: Vec<(f64, usize)> = kinds.iter().flat_map(|rows| outliers(rows)).collect();
@@ -30,50 +28,51 @@ pub fn suspects(kinds: &[Vec<Comparison>]) -> Vec<usize> {
     found.into_iter().map(|(_, index)| index).collect()
 }
 
-/// The rows that have been compared with estimates, by kind.
+/// Groups the rows that were compared with estimates. A group has one family or, if the family is unknown, numbers of
+/// edges within a factor of two.
 #[must_use]
 pub fn kinds(labels: &[LabelCheck], facts: &[Facts], families: Option<&[String]>) -> Vec<Vec<Comparison>> {
     let mut kinds: BTreeMap<(&str, u32), Vec<Comparison>> = BTreeMap::new();
     for (index, label) in labels.iter().enumerate() {
-        if let LabelCheck::Compared { ratio, rest } = label {
+        if let LabelCheck::Compared { ratio, residual } = label {
             let kind = match families {
                 Some(families) => (families[index].as_str(), 0),
                 None => ("", facts[index].edges.max(1).ilog2()),
             };
-            kinds.entry(kind).or_default().push((index, [*ratio, *rest]));
+            kinds.entry(kind).or_default().push((index, [*ratio, *residual]));
         }
     }
     kinds.into_values().collect()
 }
 
-/// Middle and robust standard deviation of numbers; `None` without numbers.
+/// Returns the median and the robust standard deviation (1.4826 median absolute deviations) of values.
 #[must_use]
-pub fn usual(values: &[f64]) -> Option<(f64, f64)> {
-    let middle = median(values.to_vec())?;
-    let far = values.iter().map(|v| (v - middle).abs()).collect();
-    Some((middle, 1.4826 * median(far)?))
+pub fn median_and_deviation(values: &[f64]) -> Option<(f64, f64)> {
+    let median_value = median(values.to_vec())?;
+    let distances = values.iter().map(|v| (v - median_value).abs()).collect();
+    Some((median_value, 1.4826 * median(distances)?))
 }
 
-/// The outliers among rows of one kind, with how far out they are.
+/// Returns the outliers of a group with their distances relative to the limit.
 fn outliers(rows: &[Comparison]) -> Vec<(f64, usize)> {
-    if rows.len() < FEWEST {
+    if rows.len() < MIN_ROWS {
         return rows.iter().map(|(index, _)| (0.0, *index)).collect();
     }
-    let usual = [0, 1].map(|k: usize| {
+    let [(ratio_median, ratio_limit), (residual_median, residual_limit)] = [0, 1].map(|k: usize| {
         let values: Vec<f64> = rows.iter().map(|(_, numbers)| numbers[k]).collect();
-        let (middle, spread) = usual(&values).unwrap_or_default();
-        (middle, DEVIATIONS * spread + MARGIN)
+        let (median, deviation) = median_and_deviation(&values).unwrap_or_default();
+        (median, DEVIATIONS * deviation + MARGIN)
     });
-    let out = |numbers: &[f64; 2]| {
-        if !(STRANGE[0]..=STRANGE[1]).contains(&numbers[0]) || numbers[1] > STRANGE_REST {
+    let distance = |&[ratio, residual]: &[f64; 2]| {
+        if !PLAUSIBLE.contains(&ratio) || residual > MAX_RESIDUAL {
             return f64::INFINITY;
         }
-        let ratio = (numbers[0] - usual[0].0).abs() / usual[0].1;
-        // A label that is nearer to its estimate than usual is no worse for that.
-        ratio.max((numbers[1] - usual[1].0) / usual[1].1)
+        // A residual below the median is not a fault.
+        let by_ratio = (ratio - ratio_median).abs() / ratio_limit;
+        by_ratio.max((residual - residual_median) / residual_limit)
     };
-    let all = rows.iter().map(|(index, numbers)| (out(numbers), *index));
-    all.filter(|(out, _)| *out > 1.0).collect()
+    let all = rows.iter().map(|(index, numbers)| (distance(numbers), *index));
+    all.filter(|(distance, _)| *distance > 1.0).collect()
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {
@@ -86,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn outliers_are_told_from_the_spread_of_their_like() {
+    fn outliers_exceed_the_deviation_of_their_group() {
         let rows: Vec<Comparison> = (0..40)
             .map(|i| {
                 let wave = 1e-3 * (i as f64).sin();
@@ -99,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_strange_is_suspect_even_where_it_is_usual() {
+    fn implausible_rows_are_suspects_even_if_most_rows_are_implausible() {
         for strange in [[0.0, 1.0], [-1.0, 0.01], [0.0, 0.0], [3.0, 0.01]] {
             let rows: Vec<Comparison> = (0..40)
                 .map(|i| (i, if i < 30 { strange } else { [0.96, 0.01] }))

@@ -1,10 +1,9 @@
-//! The full pass: every label is compared with a simulation.
+//! The first pass over a dataset: every label is compared with a simulation.
 //!
-//! Where the mesh of a dataset is coarse, each label is solved again on that mesh and has to come out the same, which
-//! leaves no room for a wrong one. Where that is too dear, each label is compared with Newton's solution on one
-//! biquadratic element per cell. That differs by the discretisation error, which is much alike among patterns that are
-//! alike: a label whose difference is an outlier among its like is a suspect, and solved again on its own mesh. So a
-//! wrong label is found in either way, and what is found is never a false alarm.
+//! If the mesh of the dataset is coarse, each label is solved again on that mesh and must agree. Otherwise each label
+//! is compared with Newton's solution on one biquadratic element per cell. The difference is the discretisation error,
+//! which is similar for similar patterns. A label whose difference is an outlier is a suspect and is solved again on
+//! its own mesh. Both ways find wrong labels, and neither gives false alarms.
 
 use std::collections::BTreeMap;
 
@@ -16,205 +15,216 @@ use crate::Device;
 use deaflow_field::{Field, Mesh, SimulatorKind, Simulators};
 use deaflow_pattern::Pattern;
 
-/// What a solution of the full pass may cost, in solutions with one bilinear element per cell.
-const CHEAP: u64 = 5;
+/// Largest cost of a solution in the first pass, in solutions with one bilinear element per cell.
+const MAX_COST: u64 = 5;
 
-/// The mesh of the full pass where the dataset's own is dearer.
+/// The mesh of the first pass if the dataset's own mesh costs more.
 pub const SCREEN: Mesh = Mesh::biquadratic(1);
 
-/// The mesh that has the last word where nothing is declared.
+/// The mesh that decides if the dataset declares no mesh.
 pub const REFERENCE: Mesh = Mesh::biquadratic(4);
 
-/// Displacements below this are rounding, in mm.
+/// Displacements below this, in mm, are rounding errors.
 const ROUNDING: f64 = 1e-8;
 
-/// How far a label may be from the solution that it should be.
+/// Largest difference between a label and its solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
-    /// Part of the largest displacement.
+    /// Relative to the largest displacement.
     pub relative: f64,
-    /// In mm.
+    /// Absolute, in mm.
     pub absolute: f64,
-    /// Part of the largest displacement that `absolute` does not exceed.
+    /// Upper bound of `absolute`, relative to the largest displacement.
     pub part: f64,
 }
 
 impl Tolerance {
-    /// In mm, for a field with this largest displacement.
+    /// Returns the tolerance in mm of a field with the largest displacement `peak`.
     #[must_use]
     pub fn of(&self, peak: f64) -> f64 {
         self.relative * peak + self.absolute.min(self.part * peak) + ROUNDING
     }
 }
 
-/// What is known of a label.
+/// Result of the check of a label.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LabelCheck {
-    /// Nothing: the row has no pattern or no field.
+    /// Not checked: the row has no pattern or no field.
     Absent,
-    /// It is what its own mesh gives.
+    /// The label agrees with the solution on its own mesh.
     Agrees,
-    /// It is not; by so many mm.
+    /// The label differs from that solution, by this many mm.
     Wrong(Fault, f64),
-    /// Its own mesh gives no stable solution.
+    /// There is no stable solution on its own mesh.
     NoSolution,
-    /// The row claims no field, and its pattern has a stable solution.
+    /// The row claims to have no field, but its pattern has a stable solution.
     Stable,
-    /// How it compares with the estimate: its ratio to that, and the part of it that no ratio explains.
+    /// The label was compared with an estimate only.
     Compared {
-        /// Stored over estimated.
+        /// Ratio of the stored to the estimated field.
         ratio: f64,
-        /// Relative to the stored field.
-        rest: f64,
+        /// Residual after the ratio, relative to the stored field.
+        residual: f64,
     },
 }
 
-/// By what labels are judged.
-pub struct Judge<'a> {
+/// Checks labels.
+pub struct LabelChecker<'a> {
     /// The device.
     pub device: &'a Device,
     /// Simulators.
     pub simulators: &'a dyn Simulators,
-    /// How the fields were found.
-    pub declared: Discretisation,
-    /// How exactly.
+    /// Mesh and method of the fields.
+    pub discretisation: Discretisation,
+    /// The tolerance.
     pub tolerance: Tolerance,
-    /// Whether how they were found was found out.
-    pub found_out: bool,
+    /// Whether the mesh was identified rather than declared.
+    pub is_identified: bool,
 }
 
-/// A label solved again.
+/// A label that was solved again.
 #[derive(Clone, Copy, Debug)]
-pub struct Solved {
-    /// What comes of it.
+pub struct SolvedLabel {
+    /// The result.
     pub label: LabelCheck,
-    /// The stored field over the solution, and the label if that ratio were wrong; `None` without a solution.
-    pub otherwise: Option<(f64, LabelCheck)>,
+    /// The ratio of the stored field to the solution, and the result if this ratio is an outlier; `None` without a
+    /// solution.
+    pub if_outlier: Option<(f64, LabelCheck)>,
 }
 
-impl Judge<'_> {
-    /// The mesh of a row, where it is known.
+impl LabelChecker<'_> {
+    /// Returns the mesh of a row, if it is known.
     #[must_use]
     pub fn mesh(&self, columns: &Columns, index: usize) -> Option<Mesh> {
-        match self.declared {
+        match self.discretisation {
             Discretisation::Mesh(mesh) | Discretisation::Estimates(mesh) => Some(mesh),
             Discretisation::PerRow => columns.mesh.as_ref().map(|meshes| meshes[index]),
             Discretisation::Unknown => None,
         }
     }
 
-    /// What a label is solved again by, so that it has to come out the same.
-    #[must_use]
-    pub fn own(&self, mesh: Option<Mesh>) -> SimulatorKind {
+    fn own_simulator(mesh: Option<Mesh>) -> SimulatorKind {
         mesh.map_or(SimulatorKind::Newton(REFERENCE), SimulatorKind::AsDeclared)
     }
 
-    fn in_full_pass(&self, mesh: Option<Mesh>) -> SimulatorKind {
-        let estimates = matches!(self.declared, Discretisation::Estimates(_));
+    fn first_simulator(&self, mesh: Option<Mesh>) -> SimulatorKind {
+        let estimates = matches!(self.discretisation, Discretisation::Estimates(_));
         match mesh {
-            Some(mesh) if estimates || mesh.cost() <= CHEAP => SimulatorKind::AsDeclared(mesh),
+            Some(mesh) if estimates || mesh.cost() <= MAX_COST => SimulatorKind::AsDeclared(mesh),
             _ => SimulatorKind::Newton(SCREEN),
         }
     }
 
-    /// The full pass over some rows, the first of which is row `start` of the dataset.
+    /// Makes the first pass over rows. The first is row `start` of the dataset.
     ///
     /// # Errors
     /// When a simulator cannot be set up.
-    pub fn pass(&self, rows: &[CheckedRow], start: usize, columns: &Columns) -> Result<Vec<LabelCheck>, AuditError> {
+    pub fn first_pass(
+        &self,
+        rows: &[CheckedRow],
+        start: usize,
+        columns: &Columns,
+    ) -> Result<Vec<LabelCheck>, AuditError> {
         let mut labels = vec![LabelCheck::Absent; rows.len()];
         let mut groups: BTreeMap<Option<Mesh>, Vec<usize>> = BTreeMap::new();
         for (at, _) in rows.iter().enumerate().filter(|(_, row)| row.usable().is_some()) {
             groups.entry(self.mesh(columns, start + at)).or_default().push(at);
         }
         for (mesh, members) in groups {
-            let wanted = self.in_full_pass(mesh);
+            let simulator = self.first_simulator(mesh);
             let pairs: Vec<(&Pattern, &Field)> = members.iter().filter_map(|&at| rows[at].usable()).collect();
-            let found = self.against(wanted, &pairs)?;
-            for ((at, (_, stored)), truth) in members.into_iter().zip(pairs).zip(found) {
-                labels[at] = match (wanted, truth) {
-                    (SimulatorKind::Newton(_), truth) => self.compared(stored, truth.as_ref()),
-                    (_, truth) => self.verdict(stored, truth.as_ref()),
+            let patterns: Vec<Pattern> = pairs.iter().map(|(pattern, _)| (*pattern).clone()).collect();
+            let found = self.simulate(simulator, &patterns)?;
+            for ((at, (_, stored)), found) in members.into_iter().zip(pairs).zip(found) {
+                labels[at] = match simulator {
+                    SimulatorKind::Newton(_) => self.compare(stored, found.as_ref()),
+                    SimulatorKind::AsDeclared(_) => self.check(stored, found.as_ref()),
                 };
             }
         }
         Ok(labels)
     }
 
-    /// A label solved again as it was made, on this mesh. Of a row that claims no field the pattern is solved: where rows may
-    /// stand on several meshes, a stable solution has to be stable on the mesh that has the last word as well.
+    /// Solves a label again on its mesh. If the row claims to have no field, the pattern is solved. If rows may have
+    /// several meshes, a solution counts as stable only if it is also stable on the reference mesh.
     ///
     /// # Errors
     /// When a simulator cannot be set up.
-    pub fn again(&self, row: &CheckedRow, mesh: Option<Mesh>) -> Result<Solved, AuditError> {
-        let plain = |label| Solved { label, otherwise: None };
+    pub fn solve_again(&self, row: &CheckedRow, mesh: Option<Mesh>) -> Result<SolvedLabel, AuditError> {
         let Some((pattern, stored)) = row.usable() else {
-            let is_stable = match &row.pattern {
-                Some(pattern) if row.claims_none => self.is_stable(pattern, mesh)?,
-                _ => false,
+            let label = match &row.pattern {
+                Some(pattern) if row.claims_none && self.is_stable(pattern, mesh)? => LabelCheck::Stable,
+                _ => LabelCheck::Absent,
             };
-            return Ok(plain(if is_stable {
-                LabelCheck::Stable
-            } else {
-                LabelCheck::Absent
-            }));
+            return Ok(SolvedLabel {
+                label,
+                if_outlier: None,
+            });
         };
-        let truth = self.against(self.own(mesh), &[(pattern, stored)])?.pop().flatten();
-        let label = self.verdict(stored, truth.as_ref());
-        let otherwise = truth.map(|truth| {
-            let inner = self.device.inside(stored);
-            let off = inner.max_difference(&self.device.inside(&truth));
-            let fault = diagnose(&inner, &truth, self.device.symmetries);
-            (fit(&inner, &truth).0, LabelCheck::Wrong(fault, off))
+        let found = self.solve(Self::own_simulator(mesh), pattern)?;
+        let label = self.check(stored, found.as_ref());
+        let if_outlier = found.map(|found| {
+            let ratio = fit(&self.device.with_fixed_frame(stored), &found).0;
+            (ratio, self.wrong(stored, &found))
         });
-        Ok(Solved { label, otherwise })
+        Ok(SolvedLabel { label, if_outlier })
     }
 
     fn is_stable(&self, pattern: &Pattern, mesh: Option<Mesh>) -> Result<bool, AuditError> {
-        let mut wanted = vec![self.own(mesh)];
-        if self.found_out || self.declared == Discretisation::PerRow {
-            wanted.push(SimulatorKind::Newton(REFERENCE));
-        }
-        for wanted in wanted {
-            let found = self
-                .simulators
-                .simulator(wanted)?
-                .simulate(std::slice::from_ref(pattern));
-            if found.iter().all(|simulation| simulation.field.is_none()) {
-                return Ok(false);
-            }
-        }
-        Ok(true)
+        let needs_reference = self.is_identified || self.discretisation == Discretisation::PerRow;
+        Ok(self.solve(Self::own_simulator(mesh), pattern)?.is_some()
+            && (!needs_reference || self.solve(SimulatorKind::Newton(REFERENCE), pattern)?.is_some()))
     }
 
-    fn against(&self, wanted: SimulatorKind, pairs: &[(&Pattern, &Field)]) -> Result<Vec<Option<Field>>, AuditError> {
-        let patterns: Vec<Pattern> = pairs.iter().map(|(pattern, _)| (*pattern).clone()).collect();
-        let simulations = self.simulators.simulator(wanted)?.simulate(&patterns);
+    /// Simulates patterns; `None` for each pattern without a stable solution.
+    fn simulate(&self, simulator: SimulatorKind, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, AuditError> {
+        let simulations = self.simulators.simulator(simulator)?.simulate(patterns);
         Ok(simulations.into_iter().map(|simulation| simulation.field).collect())
     }
 
-    /// The frame has a check of its own, so it does not count here.
-    fn verdict(&self, stored: &Field, truth: Option<&Field>) -> LabelCheck {
-        let Some(truth) = truth else {
-            return LabelCheck::NoSolution;
-        };
-        let stored = self.device.inside(stored);
-        let off = stored.max_difference(&self.device.inside(truth));
-        if off <= self.tolerance.of(truth.max_magnitude()) {
-            return LabelCheck::Agrees;
-        }
-        LabelCheck::Wrong(diagnose(&stored, truth, self.device.symmetries), off)
+    /// Simulates a pattern; `None` without a stable solution.
+    ///
+    /// # Errors
+    /// When a simulator cannot be set up.
+    pub fn solve(&self, simulator: SimulatorKind, pattern: &Pattern) -> Result<Option<Field>, AuditError> {
+        Ok(self.simulate(simulator, std::slice::from_ref(pattern))?.pop().flatten())
     }
 
-    /// A field beside an estimate of it.
-    fn compared(&self, stored: &Field, estimate: Option<&Field>) -> LabelCheck {
+    /// Checks a label against the solution on its own mesh, without the frame, which has its own check.
+    fn check(&self, stored: &Field, found: Option<&Field>) -> LabelCheck {
+        let Some(found) = found else {
+            return LabelCheck::NoSolution;
+        };
+        match self.difference(stored, found) <= self.tolerance.of(found.max_magnitude()) {
+            true => LabelCheck::Agrees,
+            false => self.wrong(stored, found),
+        }
+    }
+
+    /// Returns the largest difference without the frame, in mm.
+    fn difference(&self, stored: &Field, found: &Field) -> f64 {
+        let [stored, found] = [stored, found].map(|field| self.device.with_fixed_frame(field));
+        stored.max_difference(&found)
+    }
+
+    /// Diagnoses the difference between a label and its solution.
+    fn wrong(&self, stored: &Field, found: &Field) -> LabelCheck {
+        let fault = diagnose(&self.device.with_fixed_frame(stored), found, self.device.symmetries);
+        LabelCheck::Wrong(fault, self.difference(stored, found))
+    }
+
+    /// Compares a label with an estimate.
+    fn compare(&self, stored: &Field, estimate: Option<&Field>) -> LabelCheck {
         let Some(estimate) = estimate else {
-            return LabelCheck::Compared { ratio: 0.0, rest: 1.0 };
+            return LabelCheck::Compared {
+                ratio: 0.0,
+                residual: 1.0,
+            };
         };
         if stored.max_magnitude().max(estimate.max_magnitude()) <= ROUNDING {
             return LabelCheck::Agrees;
         }
-        let (ratio, rest) = fit(&self.device.inside(stored), estimate);
-        LabelCheck::Compared { ratio, rest }
+        let (ratio, residual) = fit(&self.device.with_fixed_frame(stored), estimate);
+        LabelCheck::Compared { ratio, residual }
     }
 }

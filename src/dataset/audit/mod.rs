@@ -1,12 +1,13 @@
-//! The audit: whether a dataset is what it says it is.
+//! Audit: checks a dataset against its declarations and against simulations.
 //!
-//! Every row is read once, checked for values that cannot be, and its label compared with a simulation; some random rows
-//! are simulated on a finer mesh too. A sound dataset gives no finding; what only describes it stands in the summary.
-//! Memory is bounded: of a row some hundred bytes are kept.
+//! The audit reads every row once, checks its values and compares its label with a simulation. It simulates some
+//! random rows on a finer mesh too. A correct dataset has no findings; the summary describes it. Memory is bounded:
+//! the audit keeps some hundred bytes per row.
 
 mod claims;
 mod confidence;
 mod diagnosis;
+mod distribution;
 mod error;
 mod facts;
 mod finding;
@@ -19,22 +20,20 @@ mod report;
 mod resimulate;
 mod rows;
 mod run;
-mod spread;
 mod symmetric;
 mod values;
 mod verdicts;
 
-pub use claims::{Families, Origin};
 pub use confidence::excluded_above;
 pub use diagnosis::Fault;
+pub use distribution::{DeclaredBalance, Distribution};
 pub use error::AuditError;
 pub use finding::{EXAMPLES, Finding, Severity, sort};
 pub use labels::{LabelCheck, REFERENCE, SCREEN};
 pub use report::{Report, Resimulation, Summary};
 pub use resimulate::Resimulated;
-pub use rows::{Batch, Columns, Dataset, Discretisation, NO_NUMBER, RowSource};
+pub use rows::{Batch, Columns, Dataset, Discretisation, Families, NO_NUMBER, RowSource, SourceSample};
 pub use run::{Options, audit};
-pub use spread::{Level, Spread};
 
 #[cfg(test)]
 mod tests;

@@ -1,100 +1,100 @@
-//! What an audit says beside its findings.
+//! The report of an audit.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::confidence::excluded_above;
+use super::distribution::Distribution;
 use super::finding::{Finding, Severity};
 use super::labels::LabelCheck;
 use super::resimulate::Resimulated;
-use super::spread::Spread;
 
-/// The outcome of an audit.
+/// The result of an audit.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// What is wrong, errors first.
+    /// Findings, errors first.
     pub findings: Vec<Finding>,
-    /// What was looked at, and what it says.
+    /// Summary.
     pub summary: Summary,
-    /// What is known of each label.
+    /// Result for each label.
     pub labels: Vec<LabelCheck>,
     /// Largest displacement of each row, mm; 0 without a field.
     pub peaks: Vec<f64>,
-    /// The rows that were simulated on a finer mesh.
+    /// Rows that were simulated on a finer mesh.
     pub resimulated: Vec<Resimulated>,
 }
 
 impl Report {
-    /// Whether a finding is an error.
+    /// Returns whether a finding is an error.
     #[must_use]
     pub fn has_errors(&self) -> bool {
         self.findings.iter().any(|finding| finding.severity == Severity::Error)
     }
 }
 
-/// What was looked at, and what it says.
+/// Summary of an audit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
-    /// Rows.
+    /// Number of rows.
     pub samples: usize,
-    /// Rows without a field, by number; the first only.
+    /// Numbers of the first rows without a field.
     pub not_converged: Vec<usize>,
-    /// How the fields were found: the mesh, as declared or found out.
+    /// The declared or identified mesh of the fields.
     pub made_by: String,
-    /// Labels that were solved again on their own mesh.
+    /// Number of labels that were solved again on their own mesh.
     pub solved_again: usize,
-    /// Labels that were compared with an estimate.
+    /// Number of labels that were compared with an estimate.
     pub compared: usize,
-    /// Outliers among these, solved again on their own mesh.
+    /// Number of outliers among these.
     pub suspects: usize,
-    /// Outliers that were not: among so many, few of the others were wrong.
+    /// Number of outliers that were not solved again, because few of the others were wrong.
     #[serde(default)]
     pub unsolved: usize,
-    /// Rows that repeat a pattern.
+    /// Number of rows that repeat a pattern.
     pub repeats: usize,
-    /// Patterns that are different under the symmetries.
+    /// Number of orbits.
     pub orbits: usize,
-    /// Rows by part of the dataset.
+    /// Number of rows by split.
     pub splits: BTreeMap<String, usize>,
-    /// Active part of the membrane.
-    pub area: Spread,
-    /// Largest displacement, mm.
-    pub displacement: Spread,
-    /// Rows that were simulated on a finer mesh.
+    /// Distribution of the active part of the membrane.
+    pub area: Distribution,
+    /// Distribution of the largest displacement, mm.
+    pub displacement: Distribution,
+    /// Results on finer meshes.
     pub resimulated: Resimulation,
 }
 
-/// What rows on a finer mesh say.
+/// Results of random rows on finer meshes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Resimulation {
-    /// How many.
+    /// Number of rows.
     pub samples: usize,
-    /// How many of them are at fault.
+    /// Number of faulty rows.
     pub faults: usize,
-    /// Rates of faults above this are excluded at 95 %.
+    /// Upper bound of the rate of faults with 95 % confidence.
     pub excluded_above: f64,
     /// Largest error, mm.
     pub largest_error: Option<f64>,
     /// Mean error, mm.
     pub mean_error: Option<f64>,
-    /// Largest error that is declared, mm.
+    /// Largest allowed error, mm.
     pub allowed: Option<f64>,
 }
 
 impl Resimulation {
-    /// Of `n` rows that have a field.
+    /// Summarises the results of random rows among `n` rows with a field.
     #[must_use]
     pub fn of(rows: &[Resimulated], faults: usize, n: usize) -> Self {
-        let largest = |values: &mut dyn Iterator<Item = f64>| values.reduce(f64::max);
         let errors: Vec<f64> = rows.iter().filter_map(|row| row.error).collect();
         let mean = errors.iter().sum::<f64>() / errors.len().max(1) as f64;
         Self {
             samples: rows.len(),
             faults,
-            excluded_above: super::confidence::excluded_above(n, rows.len(), faults),
-            largest_error: largest(&mut errors.iter().copied()),
+            excluded_above: excluded_above(n, rows.len(), faults),
+            largest_error: errors.iter().copied().reduce(f64::max),
             mean_error: (!errors.is_empty()).then_some(mean),
-            allowed: largest(&mut rows.iter().filter_map(|row| row.allowed)),
+            allowed: rows.iter().filter_map(|row| row.allowed).reduce(f64::max),
         }
     }
 }

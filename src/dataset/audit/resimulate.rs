@@ -1,44 +1,44 @@
-//! Random rows, simulated again as they were made and on a finer mesh.
+//! Simulates random rows on a finer mesh.
 
 use super::error::AuditError;
 use super::facts::CheckedRow;
-use super::labels::{Judge, LabelCheck, REFERENCE};
+use super::labels::{LabelCheck, LabelChecker, REFERENCE};
 use deaflow_field::{Mesh, SimulatorKind};
 
-/// A row that was simulated again.
+/// A row that was simulated on a finer mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resimulated {
-    /// Which.
+    /// Index of the row.
     pub index: usize,
-    /// Largest difference from the finer solution in mm; `None` where that has no stable solution, or the dataset's mesh is
-    /// the finest.
+    /// Largest difference from the finer solution in mm; `None` if there is no stable solution, or no finer mesh.
     pub error: Option<f64>,
-    /// The error that it may have, in mm; `None` where nothing is said of it.
+    /// Largest allowed error in mm, if there is one.
     pub allowed: Option<f64>,
-    /// Whether its mesh is the finest.
+    /// Whether there is no finer mesh.
     pub is_finest: bool,
 }
 
 impl Resimulated {
-    /// Whether its error is larger than is allowed.
+    /// Returns whether the error is larger than allowed.
     #[must_use]
     pub fn exceeds(&self) -> bool {
         matches!((self.error, self.allowed), (Some(error), Some(allowed)) if error > allowed)
     }
 
-    /// Whether the finer mesh knows no stable solution.
+    /// Returns whether there is no stable solution on the finer mesh.
     #[must_use]
     pub fn is_unstable(&self) -> bool {
         self.error.is_none() && !self.is_finest
     }
 }
 
-/// Simulates one usable row on a finer mesh; `allowed` is the error that it may have, in mm.
+/// Simulates a row on a finer mesh; `allowed` is the largest allowed error in mm. Returns `None` for a row without
+/// pattern or field.
 ///
 /// # Errors
-/// When a simulator cannot be set up; why.
+/// When a simulator cannot be set up.
 pub fn resimulate(
-    judge: &Judge<'_>,
+    checker: &LabelChecker<'_>,
     (index, row): (usize, &CheckedRow),
     mesh: Option<Mesh>,
     allowed: Option<f64>,
@@ -46,28 +46,20 @@ pub fn resimulate(
     let Some((pattern, stored)) = row.usable() else {
         return Ok(None);
     };
-    let wanted = match mesh {
-        Some(mesh) => mesh.finer().map(SimulatorKind::Newton),
-        None => Some(SimulatorKind::Newton(REFERENCE)),
+    let finer = mesh.map_or(Some(REFERENCE), Mesh::finer);
+    let solution = match finer {
+        Some(mesh) => checker.solve(SimulatorKind::Newton(mesh), pattern)?,
+        None => None,
     };
-    let mut result = Resimulated {
+    Ok(Some(Resimulated {
         index,
-        error: None,
+        error: solution.map(|solution| stored.max_difference(&solution)),
         allowed,
-        is_finest: wanted.is_none(),
-    };
-    if let Some(wanted) = wanted {
-        let finer = judge
-            .simulators
-            .simulator(wanted)?
-            .simulate(std::slice::from_ref(pattern));
-        let finer = finer.into_iter().next().and_then(|simulation| simulation.field);
-        result.error = finer.map(|finer| stored.max_difference(&finer));
-    }
-    Ok(Some(result))
+        is_finest: finer.is_none(),
+    }))
 }
 
-/// Whether a label is known to be wrong.
+/// Returns whether a label is known to be wrong.
 #[must_use]
 pub fn is_wrong(label: LabelCheck) -> bool {
     matches!(

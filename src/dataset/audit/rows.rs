@@ -1,13 +1,15 @@
-//! What an audit reads: rows by ranges, so that a dataset need not fit into memory, and columns of one value per row.
+//! The input of an audit: ranges of rows, so that a dataset need not fit into memory, and columns with one value per
+//! row.
 
 use std::ops::Range;
 
-use super::claims::{Families, Origin};
 use super::error::AuditError;
 use crate::{Bins, Device};
+use deaflow_base::Digest;
 use deaflow_field::Mesh;
+use deaflow_pattern::Pattern;
 
-/// Rows as they stand in the file: nothing is known of them yet.
+/// Unchecked rows of a file.
 pub struct Batch {
     /// Cells, row by row.
     pub cells: Vec<f64>,
@@ -15,21 +17,21 @@ pub struct Batch {
     pub displacement: Vec<f64>,
 }
 
-/// Gives rows.
+/// Reads rows.
 pub trait RowSource: Sync {
-    /// The rows of a range.
+    /// Reads a range of rows.
     ///
     /// # Errors
     /// When they cannot be read.
     fn read(&self, range: Range<usize>) -> Result<Batch, AuditError>;
 }
 
-/// One value per row each; what a dataset does not say is `None`.
+/// Columns with one value per row. Columns that the dataset does not have are `None`.
 #[derive(Clone, Debug, Default)]
 pub struct Columns {
-    /// Part of the dataset.
+    /// Split.
     pub split: Option<Vec<String>>,
-    /// Family that the pattern was drawn from.
+    /// Family of the pattern.
     pub family: Option<Vec<String>>,
     /// Whether the row claims to have a field.
     pub has_field: Option<Vec<bool>>,
@@ -41,19 +43,19 @@ pub struct Columns {
     pub mesh: Option<Vec<Mesh>>,
     /// Estimated largest error in mm.
     pub error: Option<Vec<f64>>,
-    /// The sample that the row was made from; [`NO_NUMBER`] where it is no whole number.
+    /// The sample of the row; [`NO_NUMBER`] if the value is not a whole number.
     pub source: Option<Vec<u64>>,
-    /// The symmetry that carries the sample to the row; likewise.
+    /// The symmetry that maps the sample to the row, or [`NO_NUMBER`].
     pub symmetry: Option<Vec<u64>>,
-    /// Bin of the largest displacement; likewise.
+    /// Bin of the largest displacement, or [`NO_NUMBER`].
     pub bin: Option<Vec<u64>>,
 }
 
-/// Stands for what is no whole number, in columns of these.
+/// Replaces values that are not whole numbers.
 pub const NO_NUMBER: u64 = u64::MAX;
 
 impl Columns {
-    /// Names and lengths of the columns that are there.
+    /// Returns names and lengths of the columns of the dataset.
     #[must_use]
     pub fn lengths(&self) -> Vec<(&'static str, usize)> {
         fn length<T>(name: &'static str, column: &Option<Vec<T>>) -> Option<(&'static str, usize)> {
@@ -75,35 +77,50 @@ impl Columns {
     }
 }
 
-/// What is known of how the fields were found.
+/// The mesh and the method of the fields.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Discretisation {
-    /// On one mesh, by Newton's method.
+    /// Newton's method on one mesh.
     Mesh(Mesh),
-    /// Each row on a mesh of its own (the column), by Newton's method.
+    /// Newton's method on the mesh of each row in the column `mesh`.
     PerRow,
-    /// Estimates on one mesh: no equilibria.
+    /// Estimates on one mesh, which are not equilibria.
     Estimates(Mesh),
-    /// Nothing.
+    /// Unknown.
     Unknown,
+}
+
+/// Checks whether a pattern can belong to a family.
+pub trait Families: Sync {
+    /// Returns whether the family may contain the pattern; `None` for an unknown family.
+    fn admits(&self, family: &str, pattern: &Pattern) -> Option<bool>;
+}
+
+/// A sample from which rows were made.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SourceSample {
+    /// Digest of its pattern.
+    pub pattern: Digest,
+    /// Its family.
+    pub family: String,
 }
 
 /// A dataset.
 pub struct Dataset<'a> {
-    /// The device that its rows are patterns and fields of.
+    /// The device.
     pub device: &'a Device,
-    /// How many rows.
+    /// Number of rows.
     pub len: usize,
     /// The rows.
     pub rows: &'a dyn RowSource,
-    /// Their columns.
+    /// The columns.
     pub columns: Columns,
-    /// How the fields were found.
+    /// The declared mesh and method of the fields.
     pub declared: Discretisation,
-    /// The samples that `source` counts, where they are at hand.
-    pub origins: Option<&'a [Origin]>,
-    /// The bins that `bin` counts, where they are known.
+    /// The samples to which `source` refers, if they are available.
+    pub source_samples: Option<&'a [SourceSample]>,
+    /// The bins to which `bin` refers, if they are known.
     pub bins: Option<Bins>,
-    /// Tells what patterns a family has.
+    /// The families.
     pub families: &'a dyn Families,
 }

@@ -1,61 +1,61 @@
-//! The order of an audit: one pass over all rows, then the suspects, then random rows on a finer mesh.
+//! The steps of an audit: a pass over all rows, suspects, and random rows on a finer mesh.
 
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
+use super::distribution::{DeclaredBalance, Distribution};
 use super::error::AuditError;
 use super::facts::{CheckedRow, Facts, claims_field};
-use super::finding::{self, EXAMPLES};
-use super::labels::{Judge, LabelCheck, Tolerance};
+use super::finding::{self, EXAMPLES, Finding};
+use super::labels::{LabelCheck, LabelChecker, Tolerance};
 use super::recheck::{Recheck, row};
 use super::report::{Report, Resimulation, Summary};
 use super::resimulate::{Resimulated, is_wrong, resimulate};
 use super::rows::{Columns, Dataset, Discretisation};
-use super::spread::{Level, Spread};
 use super::symmetric::Projections;
 use super::{claims, identify, images, values, verdicts};
 use deaflow_base::Stream;
 use deaflow_field::{Mesh, Simulators};
 
-/// Rows that are held in memory at a time.
+/// Rows in memory at a time.
 const BATCH: usize = 256;
 
-/// Rows by which an undeclared mesh is found out.
+/// Number of rows that identify an undeclared mesh.
 const PROBES: usize = 8;
 
-/// Part of the largest displacement that a label may be off by, whatever the accuracy, where nothing is known of it; and
-/// the same of rounding where its mesh was found out.
-const ROUGH: f64 = 0.1;
-const ROUNDED: f64 = 1e-2;
+/// Upper bounds of absolute tolerances, relative to the largest displacement: for an unknown mesh, and for rounding on
+/// an identified mesh.
+const UNKNOWN_MESH_PART: f64 = 0.1;
+const ROUNDING_PART: f64 = 1e-2;
 
-/// How to audit.
+/// Options of an audit.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Random rows to simulate on a finer mesh; `None` for all.
+    /// Number of random rows to simulate on a finer mesh; `None` for all.
     pub samples: Option<usize>,
-    /// Names the random choice.
+    /// Seed of the random choice.
     pub seed: u64,
-    /// The error that labels may have, mm, where that is asked for.
+    /// Required accuracy of the labels, mm; `None` for the declared accuracy.
     pub accuracy: Option<f64>,
-    /// The same where neither that nor the dataset says anything, mm.
-    pub usual_accuracy: f64,
-    /// How exactly a label comes out when it is solved again, relative to its largest displacement.
+    /// Accuracy if neither the user nor the dataset states one, mm.
+    pub default_accuracy: f64,
+    /// Tolerance of labels that are solved again, relative to the largest displacement.
     pub tolerance: f64,
-    /// The largest error in mm that a row may declare for itself; `None` where any may.
-    pub most_declared: Option<f64>,
-    /// What is taken for rounding where nothing is declared, mm.
+    /// Largest error in mm that a row may declare for itself; `None` for any.
+    pub max_declared_error: Option<f64>,
+    /// Rounding error of datasets that declare no mesh, mm.
     pub rounding: f64,
-    /// What a balanced dataset says of its level.
-    pub level: Option<Level>,
-    /// Whether repeats are usual: those of solved samples are left out when these are balanced.
+    /// The histograms of a balanced dataset.
+    pub balance: Option<DeclaredBalance>,
+    /// Whether repeats are usual. Balancing omits the repeats of solved samples.
     pub repeats_are_usual: bool,
 }
 
-/// Audits a dataset. `advance` is told of finished rows.
+/// Audits a dataset. Calls `advance` with numbers of finished rows.
 ///
 /// # Errors
-/// When rows cannot be read or a simulator cannot be set up; why.
+/// When rows cannot be read or a simulator cannot be set up.
 pub fn audit(
     dataset: &Dataset<'_>,
     simulators: &dyn Simulators,
@@ -68,59 +68,32 @@ pub fn audit(
             ..Report::default()
         });
     }
-    let judge = judge(dataset, simulators, options)?;
-    let (facts, mut labels) = pass(dataset, &judge, advance)?;
-    let compared = labels
-        .iter()
-        .filter(|l| matches!(l, LabelCheck::Compared { .. }))
-        .count();
+    let checker = label_checker(dataset, simulators, options)?;
+    let (facts, mut labels) = first_pass(dataset, &checker, advance)?;
+    let is_compared = |label: &LabelCheck| matches!(label, LabelCheck::Compared { .. });
+    let compared = labels.iter().filter(|label| is_compared(label)).count();
     let recheck = Recheck {
         dataset,
-        judge: &judge,
+        checker: &checker,
         seed: options.seed,
     };
-    let (suspects, unsolved) = recheck.confirm(&facts, &mut labels)?;
-    recheck.absent(&facts, &mut labels)?;
-    let chosen = chosen(options, &facts);
-    let is_unsure = |index: &&usize| matches!(labels[**index], LabelCheck::Compared { .. });
-    let unsure: Vec<usize> = chosen.iter().filter(is_unsure).copied().collect();
-    recheck.again(&unsure, &mut labels)?;
-    let moved = recheck.elsewhere(&mut labels)?;
-    let (judge, columns) = on_their_meshes(judge, dataset, &moved);
-    let known = Dataset { columns, ..*dataset };
-    let resimulated = on_finer_meshes(&known, &judge, options, &chosen)?;
-    let rounding = if dataset.declared == Discretisation::Unknown {
-        options.rounding
-    } else {
-        0.0
-    };
-    let mut findings = values::findings(&facts, dataset, rounding);
-    findings.extend(claims::findings(&facts, dataset));
-    findings.extend(images::findings(
-        &facts,
-        dataset.columns.split.as_deref(),
-        options.repeats_are_usual,
-    ));
-    findings.extend(verdicts::of_labels(&labels));
-    findings.extend(images::asymmetric(&facts, &labels, &judge, &known.columns));
-    findings.extend(verdicts::of_accuracy(&resimulated, &labels));
+    let (suspects, unsolved) = recheck.check_suspects(&facts, &mut labels)?;
+    recheck.check_absent(&facts, &mut labels)?;
+    let chosen = random_rows(options, &facts);
+    let open = chosen.iter().copied().filter(|&index| is_compared(&labels[index]));
+    recheck.solve_again(&open.collect::<Vec<_>>(), &mut labels)?;
+    let meshes = recheck.check_other_meshes(&mut labels)?;
+    let (checker, columns) = with_row_meshes(checker, dataset, &meshes);
+    let dataset = &Dataset { columns, ..*dataset };
+    let resimulated = on_finer_meshes(dataset, &checker, options, &chosen)?;
     let peaks: Vec<f64> = facts.iter().map(|facts| facts.peak).collect();
-    if let Some(level) = &options.level {
-        findings.extend(level.findings(&peaks));
-    }
-    finding::sort(&mut findings);
     let faults = |row: &&Resimulated| row.exceeds() || row.is_unstable() || is_wrong(labels[row.index]);
     let faults = resimulated.iter().filter(faults).count();
     let usable = facts.iter().filter(|facts| facts.is_usable()).count();
-    let again = labels.iter().filter(|l| {
-        matches!(
-            l,
-            LabelCheck::Agrees | LabelCheck::Wrong(..) | LabelCheck::NoSolution | LabelCheck::Stable
-        )
-    });
+    let is_solved = |label: &&LabelCheck| is_wrong(**label) || **label == LabelCheck::Agrees;
     let summary = Summary {
-        made_by: made_by(judge.declared, dataset.declared),
-        solved_again: again.count(),
+        made_by: made_by(checker.discretisation, dataset.declared),
+        solved_again: labels.iter().filter(is_solved).count(),
         compared,
         suspects,
         unsolved,
@@ -128,7 +101,7 @@ pub fn audit(
         ..describe(dataset, &facts)
     };
     Ok(Report {
-        findings,
+        findings: findings(dataset, options, &facts, &labels, &checker, &resimulated),
         summary,
         labels,
         peaks,
@@ -136,64 +109,103 @@ pub fn audit(
     })
 }
 
-/// By what the labels of a dataset are judged; where it does not say how they were found, that is looked for first.
-fn judge<'a>(
+/// Returns all findings, errors first.
+fn findings(
+    dataset: &Dataset<'_>,
+    options: &Options,
+    facts: &[Facts],
+    labels: &[LabelCheck],
+    checker: &LabelChecker<'_>,
+    resimulated: &[Resimulated],
+) -> Vec<Finding> {
+    let columns = &dataset.columns;
+    let is_undeclared = dataset.declared == Discretisation::Unknown;
+    let rounding = if is_undeclared { options.rounding } else { 0.0 };
+    let mut findings = values::findings(facts, dataset, rounding);
+    findings.extend(claims::findings(facts, dataset));
+    findings.extend(images::findings(
+        facts,
+        columns.split.as_deref(),
+        options.repeats_are_usual,
+    ));
+    findings.extend(verdicts::of_labels(labels));
+    findings.extend(images::asymmetric(facts, labels, checker, columns));
+    findings.extend(verdicts::of_accuracy(resimulated, labels));
+    if let Some(balance) = &options.balance {
+        let peaks: Vec<f64> = facts.iter().map(|facts| facts.peak).collect();
+        findings.extend(balance.findings(&peaks));
+    }
+    finding::sort(&mut findings);
+    findings
+}
+
+/// Returns the checker of the labels. If the dataset declares no mesh, it is identified first.
+fn label_checker<'a>(
     dataset: &Dataset<'a>,
     simulators: &'a dyn Simulators,
     options: &Options,
-) -> Result<Judge<'a>, AuditError> {
-    let found_out = Tolerance {
+) -> Result<LabelChecker<'a>, AuditError> {
+    let of_identified = Tolerance {
         relative: options.tolerance,
         absolute: options.rounding,
-        part: ROUNDED,
+        part: ROUNDING_PART,
     };
-    let declared = declared(dataset, simulators, options, found_out)?;
-    let accuracy = options.accuracy.unwrap_or(options.usual_accuracy);
-    // The reference has an error of its own.
-    let near = accuracy / 4.0;
-    let tolerance = match (declared, dataset.declared) {
+    let discretisation = discretisation(dataset, simulators, options, of_identified)?;
+    let accuracy = options.accuracy.unwrap_or(options.default_accuracy);
+    // The reference has an error too.
+    let of_reference = accuracy / 4.0;
+    let tolerance = match (discretisation, dataset.declared) {
         (Discretisation::Unknown, _) => Tolerance {
             relative: 0.0,
-            absolute: accuracy + near,
-            part: ROUGH,
+            absolute: accuracy + of_reference,
+            part: UNKNOWN_MESH_PART,
         },
-        (_, Discretisation::Unknown) => found_out,
+        (_, Discretisation::Unknown) => of_identified,
         _ => Tolerance {
             relative: options.tolerance,
             absolute: 0.0,
             part: 0.0,
         },
     };
-    Ok(Judge {
+    let is_identified = dataset.declared == Discretisation::Unknown && discretisation != Discretisation::Unknown;
+    Ok(LabelChecker {
         device: dataset.device,
         simulators,
-        declared,
+        discretisation,
         tolerance,
-        found_out: dataset.declared == Discretisation::Unknown && declared != Discretisation::Unknown,
+        is_identified,
     })
 }
 
-/// What is known once some rows have come out on other meshes than the one that was found out.
-fn on_their_meshes<'a>(judge: Judge<'a>, dataset: &Dataset<'_>, moved: &BTreeMap<usize, Mesh>) -> (Judge<'a>, Columns) {
+/// Adds a column of meshes if some rows have another mesh than the identified one.
+fn with_row_meshes<'a>(
+    checker: LabelChecker<'a>,
+    dataset: &Dataset<'_>,
+    meshes: &BTreeMap<usize, Mesh>,
+) -> (LabelChecker<'a>, Columns) {
     let mut columns = dataset.columns.clone();
-    let Discretisation::Mesh(usual) = judge.declared else {
-        return (judge, columns);
+    let Discretisation::Mesh(usual) = checker.discretisation else {
+        return (checker, columns);
     };
-    if moved.is_empty() {
-        return (judge, columns);
+    if meshes.is_empty() {
+        return (checker, columns);
     }
-    let mesh = |index| moved.get(&index).copied().unwrap_or(usual);
+    let mesh = |index| meshes.get(&index).copied().unwrap_or(usual);
     columns.mesh = Some((0..dataset.len).map(mesh).collect());
-    let declared = Discretisation::PerRow;
-    (Judge { declared, ..judge }, columns)
+    let discretisation = Discretisation::PerRow;
+    let checker = LabelChecker {
+        discretisation,
+        ..checker
+    };
+    (checker, columns)
 }
 
-/// What the dataset says, or what can be found out.
-fn declared(
+/// Returns the declared mesh and method, or an identified mesh.
+fn discretisation(
     dataset: &Dataset<'_>,
     simulators: &dyn Simulators,
     options: &Options,
-    found_out: Tolerance,
+    tolerance: Tolerance,
 ) -> Result<Discretisation, AuditError> {
     if let (Discretisation::PerRow, Some([first, rest @ ..])) = (dataset.declared, dataset.columns.mesh.as_deref())
         && rest.iter().all(|mesh| mesh == first)
@@ -206,19 +218,20 @@ fn declared(
     let mut order: Vec<usize> = (0..dataset.len).collect();
     Stream::new(options.seed, "audit probe", 0).shuffle(&mut order);
     let mut probes = Vec::new();
-    // A dataset of which so many rows are of no use is not worth the search.
+    // The search ends early if most rows are unusable.
     for index in order.into_iter().take(4 * PROBES) {
         let row = row(dataset, index)?;
         if row.usable().is_some() && probes.len() < PROBES {
             probes.push(row);
         }
     }
-    Ok(identify::mesh(simulators, &probes, found_out)?.map_or(Discretisation::Unknown, Discretisation::Mesh))
+    Ok(identify::mesh(simulators, &probes, tolerance)?.map_or(Discretisation::Unknown, Discretisation::Mesh))
 }
 
-fn pass(
+/// Reads all rows, computes their properties and compares their labels with simulations.
+fn first_pass(
     dataset: &Dataset<'_>,
-    judge: &Judge<'_>,
+    checker: &LabelChecker<'_>,
     advance: &dyn Fn(usize),
 ) -> Result<(Vec<Facts>, Vec<LabelCheck>), AuditError> {
     let projections = Projections::on(dataset.device.raster());
@@ -234,55 +247,51 @@ fn pass(
             (row, facts)
         };
         let (rows, found): (Vec<CheckedRow>, Vec<Facts>) = (0..count).into_par_iter().map(read).unzip();
-        labels.extend(judge.pass(&rows, start, &dataset.columns)?);
+        labels.extend(checker.first_pass(&rows, start, &dataset.columns)?);
         facts.extend(found);
         advance(count);
     }
     Ok((facts, labels))
 }
 
-/// The random rows that are simulated on a finer mesh.
-fn chosen(options: &Options, facts: &[Facts]) -> Vec<usize> {
+/// Chooses the random rows that are simulated on a finer mesh.
+fn random_rows(options: &Options, facts: &[Facts]) -> Vec<usize> {
     let usable: Vec<usize> = (0..facts.len()).filter(|&index| facts[index].is_usable()).collect();
     let count = options.samples.unwrap_or(usable.len()).min(usable.len());
-    let mut stream = Stream::new(options.seed, "audit", 0);
-    let mut chosen: Vec<usize> = stream
-        .choose(usable.len(), count)
-        .into_iter()
-        .map(|at| usable[at])
-        .collect();
+    let chosen = Stream::new(options.seed, "audit", 0).choose(usable.len(), count);
+    let mut chosen: Vec<usize> = chosen.into_iter().map(|at| usable[at]).collect();
     chosen.sort_unstable();
     chosen
 }
 
 fn on_finer_meshes(
     dataset: &Dataset<'_>,
-    judge: &Judge<'_>,
+    checker: &LabelChecker<'_>,
     options: &Options,
     chosen: &[usize],
 ) -> Result<Vec<Resimulated>, AuditError> {
-    let accuracy = match judge.declared {
-        Discretisation::Unknown => Some(judge.tolerance.absolute),
+    let accuracy = match checker.discretisation {
+        Discretisation::Unknown => Some(checker.tolerance.absolute),
         _ => options.accuracy,
     };
-    let solved = |&index: &usize| {
-        let mesh = judge.mesh(&dataset.columns, index);
+    let solve = |&index: &usize| {
+        let mesh = checker.mesh(&dataset.columns, index);
         let allowed = accuracy.or_else(|| declared_error(&dataset.columns, index, options));
-        resimulate(judge, (index, &row(dataset, index)?), mesh, allowed)
+        resimulate(checker, (index, &row(dataset, index)?), mesh, allowed)
     };
-    let found: Result<Vec<Option<Resimulated>>, AuditError> = chosen.par_iter().map(solved).collect();
-    Ok(found?.into_iter().flatten().collect())
+    let found: Vec<Option<Resimulated>> = chosen.par_iter().map(solve).collect::<Result<_, _>>()?;
+    Ok(found.into_iter().flatten().collect())
 }
 
-/// The error that a row declares, as far as it may; what is no length allows nothing.
+/// Returns the error that a row declares, within the limit. An invalid error counts as 0.
 fn declared_error(columns: &Columns, index: usize, options: &Options) -> Option<f64> {
     let declared = columns.error.as_ref()?[index];
     let declared = if declared >= 0.0 { declared } else { 0.0 };
-    Some(options.most_declared.map_or(declared, |most| declared.min(most)))
+    Some(options.max_declared_error.map_or(declared, |most| declared.min(most)))
 }
 
-fn made_by(found: Discretisation, said: Discretisation) -> String {
-    match (found, said) {
+fn made_by(found: Discretisation, declared: Discretisation) -> String {
+    match (found, declared) {
         (Discretisation::Mesh(mesh), Discretisation::Unknown) => format!("{mesh} (found out)"),
         (Discretisation::Mesh(mesh), _) => mesh.to_string(),
         (Discretisation::Estimates(mesh), _) => format!("estimates, {mesh}"),
@@ -306,8 +315,8 @@ fn describe(dataset: &Dataset<'_>, facts: &[Facts]) -> Summary {
         repeats: images::repeats(facts).len(),
         orbits: images::orbits(facts).len(),
         splits,
-        area: Spread::of(areas, 1.0, 20),
-        displacement: Spread::of(peaks(), peaks().fold(0.0, f64::max), 50),
+        area: Distribution::of(areas, 1.0, 20),
+        displacement: Distribution::of(peaks(), peaks().fold(0.0, f64::max), 50),
         ..Summary::default()
     }
 }

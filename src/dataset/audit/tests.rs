@@ -1,11 +1,12 @@
-//! Every fault planted into a dataset is found by its own check and named by its row, and a sound dataset gives no finding.
-//! The membrane here is not one: displacement away from active cells near by, which has the symmetries of the real thing.
+//! Every fault planted into a dataset is found by its own check and named by its row, and a sound dataset gives no
+//! finding. The membrane here is not one: displacement away from active cells near by, which has the symmetries of the
+//! real thing.
 
 use std::ops::Range;
 use std::sync::{Arc, LazyLock};
 
 use super::*;
-use crate::{Bins, Device, Place};
+use crate::{BinIndex, Bins, Device};
 use deaflow_base::{Digest, Stream};
 use deaflow_field::{
     CORNERS, Field, Mesh, Observation, Outcome, SharedSimulator, Simulation, Simulator, SimulatorError, SimulatorKind,
@@ -161,7 +162,7 @@ fn dataset(memory: &Memory, columns: Columns, declared: Discretisation) -> Datas
         rows: memory,
         columns,
         declared,
-        origins: None,
+        source_samples: None,
         bins: None,
         families: &ThreeFamilies,
     }
@@ -171,7 +172,7 @@ fn audited(memory: &Memory, columns: Columns, declared: Discretisation) -> Repor
     let dataset = dataset(memory, columns, declared);
     let options = Options {
         samples: Some(4),
-        usual_accuracy: 0.01,
+        default_accuracy: 0.01,
         tolerance: 1e-5,
         ..Options::default()
     };
@@ -400,7 +401,7 @@ fn rounding_of_a_file_that_declares_nothing_is_no_fault() {
         let dataset = dataset(&memory, columns, Discretisation::Unknown);
         let options = Options {
             samples: Some(2),
-            usual_accuracy: 0.01,
+            default_accuracy: 0.01,
             tolerance: 1e-5,
             rounding: 1e-4,
             ..Options::default()
@@ -458,7 +459,7 @@ fn an_accuracy_that_is_not_kept_is_found_in_the_random_rows() {
         samples: None,
         accuracy: Some(1e-7),
         tolerance: 1e-5,
-        usual_accuracy: 0.01,
+        default_accuracy: 0.01,
         ..Options::default()
     };
     let report = audit(&dataset, &Membranes, &options, &|_| {}).unwrap();
@@ -478,8 +479,8 @@ fn an_accuracy_that_is_not_kept_is_found_in_the_random_rows() {
 fn balanced() -> (Memory, Columns) {
     let (memory, columns) = sound(MESHES[0]);
     let bins = Bins::new(0.0, 1.0, 1000).unwrap();
-    let bin = |peak: &f64| match bins.place(*peak) {
-        Place::Bin(bin) => bin as u64,
+    let bin = |peak: &f64| match bins.index_of(*peak) {
+        BinIndex::Bin(bin) => bin as u64,
         _ => panic!("{peak}"),
     };
     let number = |last: [u64; 2], of: &dyn Fn(u64) -> u64| Some((0..30).map(of).chain(last).collect::<Vec<u64>>());
@@ -492,19 +493,19 @@ fn balanced() -> (Memory, Columns) {
     (memory, columns)
 }
 
-/// The rows that are not what their columns claim, where the samples and bins are at hand and where they are not.
+/// Rows with wrong columns, with and without the samples and bins.
 fn claimed(change: impl Fn(&mut Columns)) -> [Vec<(String, Vec<u64>)>; 2] {
-    [true, false].map(|at_hand| {
+    [true, false].map(|is_available| {
         let (memory, mut columns) = balanced();
         change(&mut columns);
-        let origin = |pattern: &Pattern| Origin {
+        let sample = |pattern: &Pattern| SourceSample {
             pattern: Digest::of(pattern.cells()),
             family: String::new(),
         };
-        let origins: Vec<Origin> = memory.patterns[..30].iter().map(origin).collect();
+        let samples: Vec<SourceSample> = memory.patterns[..30].iter().map(sample).collect();
         let dataset = Dataset {
-            origins: at_hand.then_some(&origins),
-            bins: at_hand.then(|| Bins::new(0.0, 1.0, 1000).unwrap()),
+            source_samples: is_available.then_some(&samples),
+            bins: is_available.then(|| Bins::new(0.0, 1.0, 1000).unwrap()),
             ..dataset(&memory, columns, Discretisation::Mesh(MESHES[0]))
         };
         let options = Options {
@@ -581,7 +582,7 @@ fn an_error_that_a_row_declares_for_itself_is_bounded() {
         let options = Options {
             samples: None,
             tolerance: 1e-5,
-            most_declared: most,
+            max_declared_error: most,
             ..Options::default()
         };
         let dataset = dataset(&memory, columns, Discretisation::Mesh(MESHES[0]));

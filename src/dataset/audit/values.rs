@@ -1,15 +1,13 @@
-//! Values that cannot be: cells that are neither bare nor active, displacements that are no numbers or move the frame, and
-//! columns that do not fit the rows that they describe.
+//! Checks of values: cells, displacements, the frame, and columns that must agree with patterns and fields.
 
 use super::facts::Facts;
 use super::finding::{Finding, Severity};
 use super::rows::Dataset;
-use deaflow_base::{Digest, OrbitId};
 
-/// Part of the largest displacement by which a stored maximum may differ from its field, and by which the frame may move.
+/// Relative tolerance of a stored maximum, and of the displacement of the frame.
 const EXACT: f64 = 1e-6;
 
-/// What the lengths of a dataset's columns contradict; nothing can be checked then.
+/// Returns a finding if the lengths of the columns differ. The dataset cannot be checked then.
 #[must_use]
 pub fn lengths(dataset: &Dataset<'_>) -> Option<Finding> {
     let lengths = dataset.columns.lengths().into_iter();
@@ -21,7 +19,7 @@ pub fn lengths(dataset: &Dataset<'_>) -> Option<Finding> {
     (!wrong.is_empty()).then(|| Finding::whole("shape", Severity::Error, message()))
 }
 
-/// What is wrong with values, where so many mm may be rounding.
+/// Returns the findings about values. `rounding` is the allowed rounding error in mm.
 #[must_use]
 pub fn findings(facts: &[Facts], dataset: &Dataset<'_>, rounding: f64) -> Vec<Finding> {
     let columns = &dataset.columns;
@@ -57,11 +55,9 @@ pub fn findings(facts: &[Facts], dataset: &Dataset<'_>, rounding: f64) -> Vec<Fi
             "derived",
             Severity::Error,
             rows(&|i, f| {
-                let other = |(_, orbit): &(Digest, OrbitId)| {
-                    let orbits = columns.orbit.as_ref();
-                    orbits.is_some_and(|orbits| orbits[i] != orbit.to_string())
-                };
-                f.identity.as_ref().is_some_and(other)
+                let stored = columns.orbit.as_ref().map(|orbits| &orbits[i]);
+                let found = f.identity.as_ref().map(|(_, orbit)| orbit.to_string());
+                stored.zip(found).is_some_and(|(stored, found)| *stored != found)
             }),
             "`orbit` is not that of the pattern",
         ),

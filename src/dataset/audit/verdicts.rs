@@ -1,4 +1,4 @@
-//! What is said of labels that are wrong or inaccurate.
+//! Findings about wrong and inaccurate labels.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use super::finding::{Finding, Severity};
 use super::labels::LabelCheck;
 use super::resimulate::{Resimulated, is_wrong};
 
-/// Rows whose labels are wrong in the same way.
+/// Rows with the same fault.
 #[derive(Default)]
 struct Wrong {
     rows: Vec<usize>,
@@ -16,7 +16,7 @@ struct Wrong {
     off: f64,
 }
 
-/// Wrong labels, by what is wrong with them.
+/// Returns the findings about wrong labels, by fault.
 #[must_use]
 pub fn of_labels(labels: &[LabelCheck]) -> Vec<Finding> {
     let mut wrong: BTreeMap<&str, Wrong> = BTreeMap::new();
@@ -36,10 +36,11 @@ pub fn of_labels(labels: &[LabelCheck]) -> Vec<Finding> {
             LabelCheck::Absent | LabelCheck::Agrees | LabelCheck::Compared { .. } => {}
         }
     }
-    let mut findings: Vec<Finding> = wrong
-        .into_iter()
-        .map(|(check, own)| Finding::rows(check, Severity::Error, &own.rows, told(check, &own.ratios, own.off)))
-        .collect();
+    let finding = |(check, own): (&str, Wrong)| {
+        let message = message(check, &own.ratios, own.off);
+        Finding::rows(check, Severity::Error, &own.rows, message)
+    };
+    let mut findings: Vec<Finding> = wrong.into_iter().map(finding).collect();
     if !unstable.is_empty() {
         let message = "the row has a field, and its pattern has no stable solution";
         findings.push(Finding::rows("outcome", Severity::Error, &unstable, message));
@@ -51,21 +52,19 @@ pub fn of_labels(labels: &[LabelCheck]) -> Vec<Finding> {
     findings
 }
 
-fn told(check: &str, ratios: &[f64], off: f64) -> String {
+fn message(check: &str, ratios: &[f64], off: f64) -> String {
     match check {
         "sign" => "the field has the wrong sign".to_owned(),
         "scale" => {
-            let (least, most) = ratios
-                .iter()
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &r| (a.min(r), b.max(r)));
+            let least = ratios.iter().copied().fold(f64::INFINITY, f64::min);
+            let most = ratios.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             let number = |ratio: f64| match ratio.abs() {
                 1e-3..1e4 => format!("{ratio:.4}"),
                 _ => format!("{ratio:.3e}"),
             };
-            let by = if most - least < 1e-4 {
-                number(least)
-            } else {
-                format!("{} to {}", number(least), number(most))
+            let by = match most - least < 1e-4 {
+                true => number(least),
+                false => format!("{} to {}", number(least), number(most)),
             };
             format!("the field is {by} times what the pattern gives")
         }
@@ -77,7 +76,7 @@ fn told(check: &str, ratios: &[f64], off: f64) -> String {
     }
 }
 
-/// What finer meshes say of labels that are right on their own.
+/// Returns the findings of finer meshes about labels that are right on their own mesh.
 #[must_use]
 pub fn of_accuracy(resimulated: &[Resimulated], labels: &[LabelCheck]) -> Vec<Finding> {
     let right = |row: &&Resimulated| !is_wrong(labels[row.index]);
@@ -89,10 +88,8 @@ pub fn of_accuracy(resimulated: &[Resimulated], labels: &[LabelCheck]) -> Vec<Fi
     let mut findings = Vec::new();
     let inaccurate = rows(Resimulated::exceeds);
     if !inaccurate.is_empty() {
-        let worst = resimulated
-            .iter()
-            .filter(|row| row.exceeds())
-            .filter_map(|row| row.error);
+        let worst = resimulated.iter().filter(|row| row.exceeds());
+        let worst = worst.filter_map(|row| row.error);
         let message = format!(
             "on a finer mesh the field differs by up to {:.3e} mm, more than is declared",
             worst.fold(0.0, f64::max)
@@ -101,7 +98,8 @@ pub fn of_accuracy(resimulated: &[Resimulated], labels: &[LabelCheck]) -> Vec<Fi
     }
     let unstable = rows(Resimulated::is_unstable);
     if !unstable.is_empty() {
-        let message = "on a finer mesh the pattern has no stable solution: it is close to where stability is lost, and the mesh of the label too coarse to tell";
+        let message = "on a finer mesh the pattern has no stable solution: it is close to where stability is lost, and the \
+                       mesh of the label too coarse to tell";
         findings.push(Finding::rows("stability", Severity::Warning, &unstable, message));
     }
     findings
@@ -112,8 +110,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ratios_are_told_in_a_few_digits() {
-        assert!(told("scale", &[1.03], 0.1).contains("1.0300 times"));
-        assert!(told("scale", &[1e300, 0.97], 0.1).contains("0.9700 to 1.000e300 times"));
+    fn messages_show_ratios_with_a_few_digits() {
+        assert!(message("scale", &[1.03], 0.1).contains("1.0300 times"));
+        assert!(message("scale", &[1e300, 0.97], 0.1).contains("0.9700 to 1.000e300 times"));
     }
 }

@@ -3,7 +3,7 @@ use std::collections::{BTreeMap, HashSet};
 use super::*;
 use deaflow_pattern::Raster;
 
-/// A pattern of its own for each number below 65,536, without symmetry: the number in binary, and a mark.
+/// A distinct asymmetric pattern for each number below 65,536: the number in binary, and a mark.
 fn pattern(number: usize) -> Pattern {
     Pattern::from_fn(Raster::PAPER, |x, y| match y {
         30 => (10..26).contains(&x) && (number >> (x - 10)) & 1 == 1,
@@ -11,7 +11,7 @@ fn pattern(number: usize) -> Pattern {
     })
 }
 
-/// Numbers of samples by bin of 1 mm.
+/// Samples with a given number in each bin of 1 mm.
 fn samples(counts: &[usize]) -> (Vec<Pattern>, Vec<f64>) {
     let peaks: Vec<f64> = counts
         .iter()
@@ -46,7 +46,7 @@ fn balanced(counts: &[usize], options: &BalanceOptions) -> (Vec<Pattern>, Balanc
 }
 
 #[test]
-fn crowded_bins_are_thinned_and_sparse_ones_augmented() {
+fn full_bins_are_reduced_and_sparse_bins_augmented() {
     let (_, result) = balanced(&[200, 30, 3, 0, 10], &options(5, 164));
     // Capacities 1600, 240, 24, 0, 80: the third gives its 24 images, the others (164 − 24) / 3 each.
     assert_eq!(result.before.counts, [200, 30, 3, 0, 10]);
@@ -74,7 +74,7 @@ fn crowded_bins_are_thinned_and_sparse_ones_augmented() {
 }
 
 #[test]
-fn the_set_is_flat_where_capacity_suffices() {
+fn the_dataset_is_uniform_if_all_bins_have_enough_rows() {
     let (_, result) = balanced(&[500, 70, 40, 900, 33], &options(5, 1000));
     assert_eq!(result.after.counts, [200; 5]);
 }
@@ -106,7 +106,7 @@ fn samples_that_are_images_of_each_other_are_not_rows_twice() {
     let result = balance(&candidates(&patterns, &[0.5; 5]), &options(1, 1000)).unwrap();
     assert_eq!(result.repeats, [3, 4]);
     assert_eq!(result.before.counts, [5]);
-    // Eight images of the one, four of the half plane.
+    // Eight images of `base`, four of the half plane.
     assert_eq!(result.after.counts, [12]);
     assert_eq!(result.level, 12.0);
     let rows: HashSet<Pattern> = result.rows.iter().map(|r| r.pattern(&patterns[r.source])).collect();
@@ -116,7 +116,7 @@ fn samples_that_are_images_of_each_other_are_not_rows_twice() {
 #[test]
 fn fields_rotate_with_their_patterns() {
     let (patterns, result) = balanced(&[2], &options(1, 16));
-    // A field made from the pattern in a way that the symmetries carry along: away from the centre where active.
+    // A field that commutes with the symmetries: it points away from the centre at active cells.
     let field_of = |pattern: &Pattern| {
         let values = (0..51 * 51).flat_map(|i| {
             let (x, y) = (i % 51, i / 51);
@@ -140,7 +140,7 @@ fn touches(pattern: &Pattern, x: usize, y: usize) -> bool {
 }
 
 #[test]
-fn what_is_left_out_is_accounted_for() {
+fn omitted_candidates_are_reported() {
     let (patterns, mut peaks) = samples(&[4, 4]);
     peaks[1] = 7.0;
     peaks[2] = 0.05;
@@ -172,7 +172,7 @@ fn without_symmetry_nothing_is_augmented() {
 }
 
 #[test]
-fn the_choice_follows_the_pattern_not_its_place() {
+fn the_selection_does_not_depend_on_the_order_of_the_samples() {
     let (patterns, peaks) = samples(&[60, 4]);
     let options = options(2, 40);
     let chosen = |patterns: &[Pattern], peaks: &[f64]| {
@@ -188,7 +188,7 @@ fn the_choice_follows_the_pattern_not_its_place() {
 }
 
 #[test]
-fn the_seed_names_the_choice() {
+fn the_seed_determines_the_selection() {
     let sources = |seed| {
         let options = BalanceOptions { seed, ..options(1, 10) };
         balanced(&[100], &options)
@@ -203,7 +203,7 @@ fn the_seed_names_the_choice() {
 }
 
 #[test]
-fn degenerate_inputs_have_sound_results() {
+fn degenerate_inputs_have_valid_results() {
     let (_, nothing) = balanced(&[], &options(3, 10));
     assert!(nothing.rows.is_empty() && nothing.after.empty_bins().len() == 3);
     let (_, one) = balanced(&[0, 1], &options(3, 10));

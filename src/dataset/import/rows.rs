@@ -125,7 +125,7 @@ fn field(values: &[f64], row: usize, device: &Device) -> Result<Field, ImportErr
                 size: device.membrane.size_text(),
             });
         }
-        let on_frame = device.holds(corner);
+        let on_frame = device.is_on_frame(corner);
         if on_frame && found_mm > ROUNDING_MM {
             return Err(ImportError::Frame { row, y, x, found_mm });
         }

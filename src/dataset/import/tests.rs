@@ -17,7 +17,7 @@ fn device() -> Arc<Device> {
 
 struct Folder(tempfile::TempDir);
 
-/// Serves the tests of this room, which start their program anew with this one alone.
+/// Reads HDF5 files for the tests of this crate, which start the test program again with this test only.
 #[test]
 #[ignore = "the process that other tests start"]
 fn the_process_that_other_tests_start() {

@@ -51,7 +51,7 @@ fn state(label: &LabelCheck) -> u8 {
 
 fn compared(label: &LabelCheck) -> [f64; 2] {
     match label {
-        LabelCheck::Compared { ratio, rest } => [*ratio, *rest],
+        LabelCheck::Compared { ratio, residual } => [*ratio, *residual],
         _ => [0.0, 0.0],
     }
 }

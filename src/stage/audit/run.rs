@@ -117,7 +117,7 @@ pub fn run(
         rows: source,
         columns: source.columns.clone(),
         declared: source.declared,
-        origins: source.origins.as_deref(),
+        source_samples: source.source_samples.as_deref(),
         bins: source.bins,
         families: &KnownFamilies {
             is_paper: is_of_paper(&scene.outline()),
@@ -129,13 +129,13 @@ pub fn run(
             .map(|samples| usize::try_from(samples).unwrap_or(usize::MAX)),
         seed: request.seed,
         accuracy: limits.accuracy,
-        usual_accuracy: USUAL_ACCURACY * scene.side_mm(),
+        default_accuracy: USUAL_ACCURACY * scene.side_mm(),
         tolerance: limits.tolerance,
-        most_declared: limits.most_declared,
+        max_declared_error: limits.most_declared,
         rounding: ROUNDING * scene.side_mm(),
-        level: source.level.clone(),
+        balance: source.balance.clone(),
         // Random samples of a pipeline may repeat; balancing removes repeats. Of other datasets nothing is known.
-        repeats_are_usual: trust == Trust::Pipeline && source.level.is_none() && source.solver.is_some(),
+        repeats_are_usual: trust == Trust::Pipeline && source.balance.is_none() && source.solver.is_some(),
     };
     let reached = Cell::new((0_usize, 0_u64));
     let advance = |rows: usize| {

@@ -10,7 +10,7 @@ use deaflow_base::Digest;
 use deaflow_content::{BalancedView, Labelled, StoredAttribute, files};
 use deaflow_dataset::Bins;
 use deaflow_dataset::audit::{
-    AuditError, Batch, Columns, Discretisation, Finding, Level, NO_NUMBER, Origin, RowSource, Severity,
+    AuditError, Batch, Columns, DeclaredBalance, Discretisation, Finding, NO_NUMBER, RowSource, Severity, SourceSample,
 };
 use deaflow_fem::{Method, SceneSimulators, SetupError, SolverParameters};
 use deaflow_field::{Mesh, OutcomeKind};
@@ -41,10 +41,10 @@ pub struct Source {
     pub declared: Discretisation,
     /// The declared solver.
     pub solver: Option<SolverParameters>,
-    /// The level of a balanced dataset.
-    pub level: Option<Level>,
+    /// The histograms of a balanced dataset.
+    pub balance: Option<DeclaredBalance>,
     /// The samples to which the column `source` refers, if available.
-    pub origins: Option<Vec<Origin>>,
+    pub source_samples: Option<Vec<SourceSample>>,
     /// The bins of the largest displacement, if known.
     pub bins: Option<Bins>,
     /// Problems found while reading.
@@ -114,8 +114,8 @@ impl Source {
             columns: Columns::default(),
             declared: Discretisation::Unknown,
             solver: None,
-            level: None,
-            origins: None,
+            balance: None,
+            source_samples: None,
             bins: None,
             findings: Vec::new(),
             scene: None,
@@ -187,7 +187,7 @@ impl Source {
                 let histogram = view.histogram().read()?;
                 let [level] = histogram.level;
                 source.bins = bins(&histogram.edges);
-                source.level = Some(Level {
+                source.balance = Some(DeclaredBalance {
                     edges: histogram.edges,
                     available: histogram.augmented,
                     counts: histogram.after,
@@ -253,12 +253,12 @@ impl Source {
         let from = balanced.source().read()?;
         let (mut meshes, mut errors) = (Vec::new(), Vec::new());
         let (mut estimates, mut solvers) = (Vec::new(), Vec::new());
-        let mut origins = Vec::new();
+        let mut source_samples = Vec::new();
         for solved in super::lineage::inputs(balanced.artifact())? {
             let Ok(solved) = solved else { return Ok(()) };
             let solved = Self::of_artifact(&solved, self.raster)?;
             let n = solved.len();
-            origins.extend(solved.as_origins()?);
+            source_samples.extend(solved.as_source_samples()?);
             match (solved.declared, &solved.columns.mesh) {
                 (Discretisation::Mesh(mesh), _) => meshes.extend(std::iter::repeat_n(mesh, n)),
                 (Discretisation::PerRow, Some(own)) => meshes.extend(own),
@@ -269,7 +269,7 @@ impl Source {
             solvers.push(solved.solver);
             self.effects = solved.effects;
         }
-        self.origins = Some(origins);
+        self.source_samples = Some(source_samples);
         if solvers.windows(2).any(|pair| pair[0] != pair[1]) && !estimates.is_empty() {
             // Estimates by several methods have no common measure.
             return Ok(());
@@ -287,9 +287,9 @@ impl Source {
         Ok(())
     }
 
-    /// Returns its rows as origins of others.
-    fn as_origins(&self) -> Result<Vec<Origin>, StoreError> {
-        let mut origins = Vec::with_capacity(self.len());
+    /// Returns its rows as source samples of others.
+    fn as_source_samples(&self) -> Result<Vec<SourceSample>, StoreError> {
+        let mut source_samples = Vec::with_capacity(self.len());
         for segment in &self.segments {
             let file = segment.file.open()?;
             let families = self.columns.family.as_deref().unwrap_or_default();
@@ -297,16 +297,16 @@ impl Source {
             for start in (0..segment.rows.len()).step_by(BATCH) {
                 let end = (start + BATCH).min(segment.rows.len());
                 let cells = file.numbers("patterns", start..end)?;
-                origins.extend(cells.chunks(self.raster.cells()).zip(start..).map(|(cells, row)| {
+                source_samples.extend(cells.chunks(self.raster.cells()).zip(start..).map(|(cells, row)| {
                     let cells: Vec<u8> = cells.iter().map(|&cell| cell as u8).collect();
-                    Origin {
+                    SourceSample {
                         pattern: Digest::of(&cells),
                         family: families.get(row).cloned().unwrap_or_default(),
                     }
                 }));
             }
         }
-        Ok(origins)
+        Ok(source_samples)
     }
 
     fn read_columns(&self) -> Result<Columns, StoreError> {
