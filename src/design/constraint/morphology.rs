@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn opening_and_closing_are_what_squares_cover() {
+    fn opening_and_closing_are_covered_by_squares() {
         for (index, n) in [(0, 1), (1, 2), (2, 3), (3, 5), (4, 9)] {
             for bits in [noise(index, 0.9), noise(index, 0.1)] {
                 let inside = |x: i32, y: i32| (0..50).contains(&x) && (0..50).contains(&y);

@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn what_means_the_same_has_one_canonical_value() {
+    fn equal_constraints_have_one_canonical_value() {
         let canonical = |text: &str| read(text).unwrap().canonical();
         assert_eq!(
             canonical("{ leads: true }"),
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_read_is_what_is_asked() {
+    fn constraints_are_read_from_yaml() {
         let wanted = read(RICH).unwrap();
         let limits = wanted.constraints().limits();
         assert_eq!((limits.min_feature_mm, limits.islands), (Some(2.0), Some(1)));
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn refusals_name_the_field_and_what_is_allowed() {
+    fn errors_name_the_key_and_the_allowed_values() {
         for (text, words) in [
             ("{ min_feature: 2 V }", "unknown unit \"V\" for a length"),
             ("{ min_feature: 60 mm }", "60 mm, larger than the membrane of 50 mm"),
@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn an_area_that_is_not_left_is_refused() {
+    fn an_impossible_area_is_refused() {
         let wanted = read("{ keep_out: [{ rectangle: [[0, 0], [25, 50]] }], min_feature: 10 mm }").unwrap();
         let check = |area: f64| wanted.check_area(&node("1"), area, 0.005);
         assert!(check(0.5).is_ok() && check(0.504).is_ok() && check(0.0).is_ok());

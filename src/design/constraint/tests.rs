@@ -439,7 +439,7 @@ fn repaired_groups_are_valid() {
 }
 
 #[test]
-fn leads_reach_the_frame_wherever_it_is() {
+fn leads_reach_a_frame_of_any_shape() {
     let disc = |radius: f64| {
         Bits::from_fn(Raster::PAPER, move |x, y| {
             (x as f64 - 24.5).hypot(y as f64 - 24.5) < radius

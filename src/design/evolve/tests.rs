@@ -155,7 +155,7 @@ fn without_improvement_the_search_ends_early() {
         stagnation: Some(4),
         ..small(1)
     };
-    // To the letter the paper's objective cannot tell motions along the line apart: nothing is ever gained.
+    // The paper's literal objective is the same for all motions along the line, so nothing improves.
     let aim = Aim::new([25.0, 25.0], Motion::Along(0.0));
     let literal = Goal::new(&Qin2024, &[aim], Membrane::square(50.0), Some(0.5), 0.0).unwrap();
     let result = evolved(&Linear::new([25.0, 25.0]), &literal, &options).unwrap();

@@ -148,7 +148,7 @@ mod tests {
             while exchange.step() {}
             let mut valuable: Vec<usize> = (0..2500).collect();
             valuable.sort_by(|&a, &b| worth(b).total_cmp(&worth(a)));
-            // A cell worth nothing may be on or off.
+            // A cell without value may be on or off.
             let on = exchange.on.iter().filter(|on| **on != 0).count();
             assert!(on == expected || on == expected + 1, "{range:?}: {on}");
             assert!(

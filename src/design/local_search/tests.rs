@@ -54,7 +54,7 @@ fn the_optimum_of_a_linear_device_is_found_from_any_start() {
 
 #[test]
 fn no_exchange_of_two_units_improves_a_local_optimum() {
-    // Concave: what a cell is worth depends on all others, and a few hundred exchanges are needed from anywhere.
+    // Concave: the value of a cell depends on all others, and any start needs a few hundred exchanges.
     let device = TestDevice {
         spread: (0..2500)
             .map(|cell| ((cell * 53 % 1009) as f64 - 300.0) * 3e-6)
@@ -132,7 +132,7 @@ fn no_pattern_is_simulated_twice() {
     assert!(again.exhausted && again.pattern == best.pattern && again.steps.len() == 1);
     let [fields, gradients, near] = &*model.simulated.lock().unwrap();
     assert!(gradients.len() == 1 && near.len() > 160);
-    // From rest only what is about as good.
+    // Only patterns with a similar score are simulated from rest.
     assert!(fields.len() < near.len() / 2, "{} of {}", fields.len(), near.len());
     for patterns in [fields, near] {
         for (at, pattern) in patterns.iter().enumerate() {
@@ -287,7 +287,7 @@ fn two_groups() -> DesignDomain {
 
 #[test]
 fn groups_and_states_reach_the_optimum_of_a_linear_device() {
-    // What a cell is worth in one of the states is not what it is in the other.
+    // The value of a cell differs between the states.
     let worth = |a: usize, b: usize| -> Vec<f64> {
         let cells = 0..2500;
         cells.map(|cell| ((cell * a % 2503) as f64 - b as f64) * 1e-6).collect()

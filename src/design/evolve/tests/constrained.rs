@@ -40,7 +40,7 @@ fn a_search_satisfies_its_constraints() {
     assert!((winner.area - 0.5).abs() < 0.02, "area {}", winner.area);
     let last = found.history.last().unwrap();
     assert_eq!((winner.fitness, winner.value_mm), (last.best, last.value_mm));
-    // What keeps the constraints is worth less than what need not, and far more than the first random patterns.
+    // The constraints reduce the value, which is still far above that of the first random patterns.
     let unconstrained = run(&small(2), 0.5).winners[0].value_mm;
     assert!(winner.value_mm < unconstrained && winner.value_mm > found.history[0].value_mm + 0.2);
     assert_eq!(winner.value_mm, Linear::new([25.0, 25.0]).device.value(&winner.pattern));

@@ -25,7 +25,7 @@ fn several_designs_have_the_minimum_distance() {
         (&found.winners[0].genome, found.winners[0].fitness),
         (&last.genome, last.best)
     );
-    // All of them are good, not the first alone: near to what a search for one design finds.
+    // All designs are close to the result of a search for one design.
     let alone = run(&small(2), 0.5).winners[0].value_mm;
     let worst = found.winners[4].value_mm;
     assert!(worst > 0.85 * alone, "{worst} mm instead of {alone} mm");
