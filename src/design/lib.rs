@@ -17,8 +17,6 @@ mod selection;
 mod status;
 mod target;
 mod task;
-#[cfg(test)]
-mod test_device;
 mod text;
 
 pub use constraint::{ConstraintError, ConstraintParameters, Constraints, DesignDomain, Limits, Sides, Violations};
@@ -43,3 +41,6 @@ pub use selection::{DesignFilter, DesignLabel, SimulatedScore};
 pub use status::own_pattern_status;
 pub use target::{Area, CaseLabel, Target, Targets};
 pub use task::DesignTask;
+
+#[cfg(test)]
+mod tests;

@@ -2,7 +2,7 @@ use std::cell::RefCell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::*;
-use crate::test_device::TestDevice;
+use crate::tests::TestDevice;
 use crate::{AREA_PENALTY, Aim, Displacement, Motion, Qin2024};
 use deaflow_field::{Field, InStates};
 use deaflow_pattern::{CELLS, Membrane, Pattern, Raster};

@@ -1,7 +1,7 @@
 use std::sync::Mutex;
 
 use super::*;
-use crate::test_device::TestDevice;
+use crate::tests::TestDevice;
 use crate::{Aim, Constraints, DesignDomain, Displacement, Distance, Goal, Limits, Measure, Motion};
 use deaflow_field::{Differentiable, InStates, PredictError, Predictor, StateFields, WithGradient};
 use deaflow_pattern::{Bits, Membrane, Raster, distance};

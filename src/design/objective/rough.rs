@@ -66,7 +66,7 @@ impl<'a> RoughScore<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_device::TestDevice;
+    use crate::tests::TestDevice;
     use crate::{AREA_PENALTY, Aim, Displacement, Distance, Motion};
     use deaflow_field::{InStates, Predictor};
     use deaflow_pattern::{Membrane, Raster};

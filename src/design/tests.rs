@@ -1,4 +1,4 @@
-//! A device with an exact solution, for tests.
+//! A device with an exact solution for the tests of this crate.
 
 use deaflow_field::{CORNERS, Differentiable, Field, PredictError, Predictor, WithGradient};
 use deaflow_pattern::{CELLS, Pattern, Raster};
