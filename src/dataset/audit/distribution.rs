@@ -96,8 +96,8 @@ impl DeclaredBalance {
         let uneven: Vec<usize> = (0..bins).filter(uneven).collect();
         if !uneven.is_empty() {
             let message = format!(
-                "{} of {bins} bins hold neither the level of {:.1} rows nor all that they could give: the dataset is not \
-                 level",
+                "{} of {bins} bins hold neither the level of {:.1} rows nor all that they could give: the dataset \
+                 is not level",
                 uneven.len(),
                 self.level
             );

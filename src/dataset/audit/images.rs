@@ -59,8 +59,8 @@ pub fn findings(facts: &[Facts], split: Option<&[String]>, repeats_are_usual: bo
 fn leaks(facts: &[Facts], split: &[String]) -> Option<Finding> {
     let orbits = orbits(facts).into_iter().enumerate();
     let leaked = minority(orbits.flat_map(|(orbit, rows)| rows.into_iter().map(move |row| (row, orbit, &split[row]))));
-    let message = "the pattern, or an image of it, stands in another part of the dataset too: what is measured on that part is \
-                   flattered";
+    let message = "the pattern, or an image of it, stands in another part of the dataset too: what is measured on that \
+                   part is flattered";
     (!leaked.is_empty()).then(|| Finding::rows("leak", Severity::Error, &leaked, message))
 }
 

@@ -98,8 +98,8 @@ pub fn of_accuracy(resimulated: &[Resimulated], labels: &[LabelCheck]) -> Vec<Fi
     }
     let unstable = rows(Resimulated::is_unstable);
     if !unstable.is_empty() {
-        let message = "on a finer mesh the pattern has no stable solution: it is close to where stability is lost, and the \
-                       mesh of the label too coarse to tell";
+        let message = "on a finer mesh the pattern has no stable solution: it is close to where stability is lost, and \
+                       the mesh of the label too coarse to tell";
         findings.push(Finding::rows("stability", Severity::Warning, &unstable, message));
     }
     findings

@@ -43,8 +43,8 @@ impl ImportError {
             Self::Far { .. } => "convert displacements to mm: divide µm by 1000, multiply m by 1000".to_owned(),
             Self::Columns(_) => format!("the first line must be {}", COLUMNS.join(",")),
             Self::Line { .. } | Self::Corner { .. } => format!(
-                "each sample needs one line for each of its {columns} × {rows} corners; `electrode` is {} for the cell to \
-                 the upper right, and empty on the right and upper edges",
+                "each sample needs one line for each of its {columns} × {rows} corners; `electrode` is {} for the cell \
+                 to the upper right, and empty on the right and upper edges",
                 numbers(device, "or")
             ),
         }

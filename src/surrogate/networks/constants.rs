@@ -43,8 +43,8 @@ pub enum ConstantsError {
     Large(usize),
     /// The frame and the bodies touch the membrane at too many corners.
     #[error(
-        "the frame and the bodies of this scene touch the membrane at {0} corners, but at most {MAX_NODES} are allowed; \
-         use fewer cells"
+        "the frame and the bodies of this scene touch the membrane at {0} corners, but at most {MAX_NODES} are \
+         allowed; use fewer cells"
     )]
     Long(usize),
     /// The numerical library reported an error.
