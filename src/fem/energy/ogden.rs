@@ -19,8 +19,6 @@
 //!
 //! with A = (μₚ/μαₚ) λp^(α−2). The thickness adds B j^(−α), B = (μₚ/μαₚ) λp^(−2α−2). All terms share the roots and ln j; each takes one exponential.
 
-use pulp::{Simd, WithSimd};
-
 use super::potential::{Invariants, Rest, Slopes};
 use crate::lanes::Value;
 use crate::powers::{exponential_minus_one, logarithm_of_one_plus};
@@ -237,45 +235,15 @@ impl Term {
     }
 }
 
-/// [`Ogden::energy`] at some points.
-struct EnergyAt<'a, V>(&'a Ogden, &'a Invariants<V>);
-
-impl<V: Value> WithSimd for EnergyAt<'_, V> {
-    type Output = V;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) -> V {
-        let Self(ogden, at) = self;
-        if is_far(at) {
-            ogden.energy_doubled::<V, DOUBLINGS>(at)
-        } else {
-            ogden.energy_doubled::<V, 0>(at)
-        }
-    }
-}
-
-/// [`Ogden::slopes`] at some points.
-struct SlopesAt<'a, V>(&'a Ogden, &'a Invariants<V>);
-
-impl<V: Value> WithSimd for SlopesAt<'_, V> {
-    type Output = Slopes<V>;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) -> Slopes<V> {
-        let Self(ogden, at) = self;
-        if is_far(at) {
-            ogden.slopes_doubled::<V, DOUBLINGS>(at)
-        } else {
-            ogden.slopes_doubled::<V, 0>(at)
-        }
-    }
-}
-
 impl Ogden {
-    /// φ. Out of line, so that functions of all laws need no more registers and stack than the others take.
-    #[inline(never)]
+    /// φ.
+    #[inline(always)]
     pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
-        at.area.apart(EnergyAt(self, at))
+        if is_far(at) {
+            self.energy_doubled::<V, DOUBLINGS>(at)
+        } else {
+            self.energy_doubled::<V, 0>(at)
+        }
     }
 
     #[inline(always)]
@@ -288,10 +256,14 @@ impl Ogden {
         sum
     }
 
-    /// The derivatives of φ. Out of line as [`Ogden::energy`].
-    #[inline(never)]
+    /// The derivatives of φ.
+    #[inline(always)]
     pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
-        at.area.apart(SlopesAt(self, at))
+        if is_far(at) {
+            self.slopes_doubled::<V, DOUBLINGS>(at)
+        } else {
+            self.slopes_doubled::<V, 0>(at)
+        }
     }
 
     #[inline(always)]
