@@ -49,10 +49,34 @@ impl Potential for AnyPotential {
     }
 
     #[inline(always)]
-    fn watched<V: Value>(&self, at: &Invariants<V>, active: V) -> Watched<V> {
+    fn energy_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
         match self {
-            Self::Flat(flat) => flat.watched(at, active),
-            Self::TensionField(field) => field.watched(at, active),
+            Self::Flat(flat) => flat.energy_apart(at, active),
+            Self::TensionField(field) => field.energy_apart(at, active),
+        }
+    }
+
+    #[inline(always)]
+    fn slopes_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> Slopes<V> {
+        match self {
+            Self::Flat(flat) => flat.slopes_apart(at, active),
+            Self::TensionField(field) => field.slopes_apart(at, active),
+        }
+    }
+
+    #[inline(always)]
+    fn first_slopes_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> [V; 3] {
+        match self {
+            Self::Flat(flat) => flat.first_slopes_apart(at, active),
+            Self::TensionField(field) => field.first_slopes_apart(at, active),
+        }
+    }
+
+    #[inline(always)]
+    fn watched_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> Watched<V> {
+        match self {
+            Self::Flat(flat) => flat.watched_apart(at, active),
+            Self::TensionField(field) => field.watched_apart(at, active),
         }
     }
 

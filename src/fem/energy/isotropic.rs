@@ -1,8 +1,6 @@
 //! The law of an isotropic potential: stress, tangent and the margins of stability, in closed form.
 
-use super::potential::{
-    Invariants, Potential, Slopes, Watched, energy_apart, first_slopes_apart, slopes_apart, watched_apart,
-};
+use super::potential::{Invariants, Potential, Slopes, Watched};
 use super::{MODULI, Margins, MaterialPoint, Rest};
 use crate::kinematics::{Tensor, add_scaled, cofactor, conformal_split, contract, deformation};
 use crate::lanes::Value;
@@ -104,13 +102,13 @@ impl<P: Potential> MaterialPoint for Isotropic<P> {
 
     #[inline(always)]
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-        energy_apart(&self.potential, &Invariants::of(displacement(f)), active)
+        self.potential.energy_apart(&Invariants::of(displacement(f)), active)
     }
 
     #[inline(always)]
     fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V> {
         // 2φᵢ(I + ∇u) + φⱼ(I + cof ∇u) without the self-stress.
-        let [pressure, i, j] = first_slopes_apart(&self.potential, &Invariants::of(gradient), active);
+        let [pressure, i, j] = self.potential.first_slopes_apart(&Invariants::of(gradient), active);
         let c = cofactor(gradient);
         [
             [
@@ -131,7 +129,7 @@ impl<P: Potential> MaterialPoint for Isotropic<P> {
 
     #[inline(always)]
     fn moduli<V: Value>(&self, gradient: Tensor<V>, active: V) -> [V; MODULI] {
-        let s = slopes_apart(&self.potential, &Invariants::of(gradient), active);
+        let s = self.potential.slopes_apart(&Invariants::of(gradient), active);
         [s.i, s.j, s.ii, s.ij, s.jj]
     }
 
@@ -156,7 +154,7 @@ impl<P: Potential> MaterialPoint for Isotropic<P> {
 
     #[inline(always)]
     fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> Margins<V> {
-        let watched = watched_apart(&self.potential, &Invariants::of(displacement(f)), active);
+        let watched = self.potential.watched_apart(&Invariants::of(displacement(f)), active);
         let q = Self::form(f, &watched.slopes);
         Margins {
             ellipticity: Self::ellipticity_of(&q, &watched),

@@ -166,7 +166,7 @@ impl Add for Rest {
 }
 
 /// An isotropic energy per prestretched area, in units of μH.
-pub trait Potential: Sync + 'static {
+pub trait Potential: Sync + Sized + 'static {
     /// Whether there can be several stable equilibria at one load.
     fn has_several_branches(&self) -> bool;
     /// Whether it bears no compression.
@@ -193,6 +193,27 @@ pub trait Potential: Sync + 'static {
     #[inline(always)]
     fn watched<V: Value>(&self, at: &Invariants<V>, active: V) -> Watched<V> {
         Watched::taut(self.slopes(at, active), active)
+    }
+
+    /// [`energy_apart`], or the same of the potential that this one stands for; so are the others.
+    #[inline(always)]
+    fn energy_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
+        energy_apart(self, at, active)
+    }
+    /// [`slopes_apart`].
+    #[inline(always)]
+    fn slopes_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> Slopes<V> {
+        slopes_apart(self, at, active)
+    }
+    /// [`first_slopes_apart`].
+    #[inline(always)]
+    fn first_slopes_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> [V; 3] {
+        first_slopes_apart(self, at, active)
+    }
+    /// [`watched_apart`].
+    #[inline(always)]
+    fn watched_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> Watched<V> {
+        watched_apart(self, at, active)
     }
 }
 
