@@ -1,5 +1,5 @@
-//! Names the build: the BLAKE3 of the sources, of the lock file and of the features that are on. It stands in the provenance of
-//! every artifact, and a checkpoint is gone on with by the same build only.
+//! Names the build: the BLAKE3 of the sources, of the lock file and of the features that are on. It stands in the
+//! provenance of every artifact, and a checkpoint is gone on with by the same build only.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};

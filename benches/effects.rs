@@ -1,8 +1,8 @@
 //! What each effect costs: a solve with it against one without any, side by side in one run.
 //!
-//! `cargo bench --bench effects`. Bilinear elements, 100² of them, random small-grid patterns (1250 of 2500 cells active) in
-//! the default scene, relative residual 1e-8. Times are those that the thread was on a core (`/proc/thread-self/schedstat`);
-//! all effects take turns, and the best of five rounds counts.
+//! `cargo bench --bench effects`. Bilinear elements, 100² of them, random small-grid patterns (1250 of 2500 cells
+//! active) in the default scene, relative residual 1e-8. Times are those that the thread was on a core
+//! (`/proc/thread-self/schedstat`); all effects take turns, and the best of five rounds counts.
 
 mod effect_set;
 

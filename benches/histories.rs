@@ -1,10 +1,11 @@
 //! What steps in time cost beside the static solve of the same mesh and law.
 //!
-//! `cargo bench --bench histories`. VHB 4910 with three branches (`pipelines/scenes/vhb4910-hossain.yaml`), a step of voltage held for 10 s,
-//! random patterns of 10² blocks, bilinear elements, one core. `Newton` solves for the state of every step, `chord:1` estimates it by one chord
-//! step and `linear` by one linear system; `Newton, energies` has charge and energies of every step too, as `deaflow solve --history` writes
-//! them. Steps are those of all passes. Times are those that the thread was on a core; all kinds take turns, and the best of five rounds counts.
-//! With names behind `--` only kinds that begin so are measured.
+//! `cargo bench --bench histories`. VHB 4910 with three branches (`pipelines/scenes/vhb4910-hossain.yaml`), a step of
+//! voltage held for 10 s, random patterns of 10² blocks, bilinear elements, one core. `Newton` solves for the state of
+//! every step, `chord:1` estimates it by one chord step and `linear` by one linear system; `Newton, energies` has
+//! charge and energies of every step too, as `deaflow solve --history` writes them. Steps are those of all passes.
+//! Times are those that the thread was on a core; all kinds take turns, and the best of five rounds counts. With names
+//! behind `--` only kinds that begin so are measured.
 
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! What the store and the orchestrator cost beside the work itself.
 //!
-//! `cargo bench --bench orchestrator`: a toy kind whose chunks are arrays of a few numbers, through the public API. Each
-//! case runs in a process of its own, so that its peak memory is its own. A rerun opens the store anew each time, as a
-//! process does. The share of the disk is what the same files cost when they are only written, synced and renamed.
+//! `cargo bench --bench orchestrator`: a toy kind whose chunks are arrays of a few numbers, through the public API.
+//! Each case runs in a process of its own, so that its peak memory is its own. A rerun opens the store anew each time,
+//! as a process does. The share of the disk is what the same files cost when they are only written, synced and renamed.
 //! `… -- --case NAME CHUNKS VALUES` runs one case.
 
 use std::fs::{self, File};

@@ -1,9 +1,10 @@
 //! Where the time of a solve goes: each phase on its own, and the share of the machine's bound that it reaches.
 //!
-//! `cargo bench --bench phases`. The arithmetic bound is measured: independent fused multiply–adds in the registers that
-//! the kernels use. Operations are counted from the sources of the kernels, padding not included; a division counts as one.
-//! Vectors are streamed by conjugate gradients, so their bound is the speed of a sum of two vectors in as much memory: the last table
-//! says what share of a solve the arithmetic takes at its bound, and what share the vectors at theirs.
+//! `cargo bench --bench phases`. The arithmetic bound is measured: independent fused multiply–adds in the registers
+//! that the kernels use. Operations are counted from the sources of the kernels, padding not included; a division
+//! counts as one. Vectors are streamed by conjugate gradients, so their bound is the speed of a sum of two vectors in
+//! as much memory: the last table says what share of a solve the arithmetic takes at its bound, and what share the
+//! vectors at theirs.
 
 mod bound;
 
@@ -123,14 +124,15 @@ fn report(order: Order, per_cell: usize, double: f64, single: f64) -> String {
     row(&format!("solve, {order:?} {side}²"), solve, work)
 }
 
-/// Bytes for each number of a vector that an iteration of conjugate gradients reads and writes: a product with the tangent has three, the
-/// preconditioner four, the three updates three each and the two inner products two each, in single precision.
+/// Bytes for each number of a vector that an iteration of conjugate gradients reads and writes: a product with the
+/// tangent has three, the preconditioner four, the three updates three each and the two inner products two each, in
+/// single precision.
 const ITERATION_BYTES: f64 = 4.0 * (3.0 + 4.0 + 9.0 + 4.0);
 /// The same of a residual: the displacement, the forces and their norm, in double precision.
 const RESIDUAL_BYTES: f64 = 8.0 * 3.0;
 
-/// Operations per element of a residual and of a tangent product, from the formulas: gradients and forces of the element,
-/// and the law at each point (residual 36, det f included; tangent 58).
+/// Operations per element of a residual and of a tangent product, from the formulas: gradients and forces of the
+/// element, and the law at each point (residual 36, det f included; tangent 58).
 fn element_flops(order: Order) -> (f64, f64) {
     match order {
         // Per component: gradients 4 + 4·2, forces 13.

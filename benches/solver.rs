@@ -1,8 +1,9 @@
 //! Solver throughput: milliseconds of one core per pattern, by mesh and order, and by device.
 //!
-//! `cargo bench --bench solver`. The patterns are random small-grid ones (1250 of 2500 cells active), κ = 0.0255, relative
-//! residual 1e-8. Times are those that the thread was on a core (`/proc/thread-self/schedstat`), so other work on the
-//! machine disturbs them little; the best of three rounds counts. Devices have as many elements as the square, and take turns with it.
+//! `cargo bench --bench solver`. The patterns are random small-grid ones (1250 of 2500 cells active), κ = 0.0255,
+//! relative residual 1e-8. Times are those that the thread was on a core (`/proc/thread-self/schedstat`), so other work
+//! on the machine disturbs them little; the best of three rounds counts. Devices have as many elements as the square,
+//! and take turns with it.
 
 use deaflow::base::{Stream, thread_seconds};
 use deaflow::fem::{MembraneSolver, SolveOptions};
@@ -66,8 +67,8 @@ const DEVICES: [(&str, &str); 5] = [
     ),
     (
         "disc with rotor",
-        "side: 50 mm, prestretch: 3, thickness: 1 mm, frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 22 mm } } }, \
-         bodies: [{ disc: { centre: [25 mm, 25 mm], radius: 5 mm } }]",
+        "side: 50 mm, prestretch: 3, thickness: 1 mm, frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 22 \
+         mm } } }, bodies: [{ disc: { centre: [25 mm, 25 mm], radius: 5 mm } }]",
     ),
 ];
 

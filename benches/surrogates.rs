@@ -1,8 +1,9 @@
 //! Predictions of the surrogates on one core beside the estimates that they have to beat.
 //!
-//! `cargo bench --bench surrogates`. The networks are built for the default scene and trained on a few fields only: how long a
-//! prediction takes does not depend on the weights. Times are those that the thread was on a core, the best of ten rounds of
-//! 1000 patterns; so other work on the machine disturbs them little. With names behind `--` only those are measured.
+//! `cargo bench --bench surrogates`. The networks are built for the default scene and trained on a few fields only: how
+//! long a prediction takes does not depend on the weights. Times are those that the thread was on a core, the best of
+//! ten rounds of 1000 patterns; so other work on the machine disturbs them little. With names behind `--` only those
+//! are measured.
 
 mod bound;
 #[allow(dead_code, reason = "trainings are in another benchmark")]

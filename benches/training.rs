@@ -1,9 +1,10 @@
-//! Where the time of a training goes: the matrix products of the network of the paper, each with the share of the machine's
-//! arithmetic bound that it reaches, and a whole training step on one core.
+//! Where the time of a training goes: the matrix products of the network of the paper, each with the share of the
+//! machine's arithmetic bound that it reaches, and a whole training step on one core.
 //!
-//! `RAYON_NUM_THREADS=1 cargo bench --bench training`. The bound is measured: independent fused multiply–adds in the widest registers.
-//! Operations of a product are counted as two for each pair of numbers. Beside it stands the same network in candle's own layers, which
-//! would take more threads without that variable; `benches/peers/training.py` is the same in PyTorch.
+//! `RAYON_NUM_THREADS=1 cargo bench --bench training`. The bound is measured: independent fused multiply–adds in the
+//! widest registers. Operations of a product are counted as two for each pair of numbers. Beside it stands the same
+//! network in candle's own layers, which would take more threads without that variable; `benches/peers/training.py` is
+//! the same in PyTorch.
 
 mod bound;
 #[allow(dead_code, reason = "predictions are in another benchmark")]
@@ -240,8 +241,8 @@ impl Kind {
     }
 }
 
-/// The least processor time of an epoch, of a few, in s: training on one thread, it is that of the thread, so that it matters
-/// little what else the machine does.
+/// The least processor time of an epoch, of a few, in s: training on one thread, it is that of the thread, so that it
+/// matters little what else the machine does.
 fn epoch(optimizer: OptimizerKind) -> f64 {
     let options = TrainOptions {
         epochs: 4,

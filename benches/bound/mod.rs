@@ -22,8 +22,8 @@ pub fn arithmetic32() -> f64 {
     *PEAK
 }
 
-/// Bytes a second that are read and written by `y += a x` where both arrays together take so many bytes: what lies in a cache that holds
-/// them is as fast as that cache.
+/// Bytes a second that are read and written by `y += a x` where both arrays together take so many bytes: what lies in a
+/// cache that holds them is as fast as that cache.
 pub fn memory(bytes: usize) -> f64 {
     let count = (bytes / 8).max(1024);
     let (x, mut y) = (vec![1.0f32; count], vec![1.0f32; count]);
@@ -71,8 +71,8 @@ pub fn print(rows: &[String]) {
     rows.iter().for_each(|row| println!("{row}"));
 }
 
-/// What share of some seconds the bounds account for. Both go on at once, so what is left beside the larger is waiting for what was asked
-/// before, operations that are not counted, and calls.
+/// What share of some seconds the bounds account for. Both go on at once, so what is left beside the larger is waiting
+/// for what was asked before, operations that are not counted, and calls.
 pub fn row(name: &str, seconds: f64, work: Work) -> String {
     let arithmetic = (work.double / arithmetic64() + work.single / arithmetic32()) / seconds;
     let memory = work.bytes / memory(work.held) / seconds;

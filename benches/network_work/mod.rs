@@ -20,8 +20,8 @@ pub const PRODUCTS: [(&str, usize, [usize; 3]); 11] = [
 /// Weights of `qin2024`.
 const WEIGHTS: f64 = 4.5e5;
 
-/// What passes forward and back take: each product reads and writes its matrices, and of its gradients likewise; `passes` says how many there are
-/// of each. `weights` says how often the weights are read or written.
+/// What passes forward and back take: each product reads and writes its matrices, and of its gradients likewise;
+/// `passes` says how many there are of each. `weights` says how often the weights are read or written.
 fn qin2024(passes: impl Fn(&str) -> f64, weights: f64) -> Work {
     let (mut flops, mut numbers) = (0.0, 0.0);
     for (name, calls, [m, k, n]) in PRODUCTS {
@@ -42,8 +42,8 @@ pub fn predict_qin2024() -> Work {
     qin2024(|name| f64::from(u8::from(!name.starts_with("auxiliary"))), 1.0)
 }
 
-/// The patterns themselves need no gradient. Two examples are a part, which reads the weights twice and writes their gradient, and a batch of
-/// eight has an update that reads four arrays of weights and writes three.
+/// The patterns themselves need no gradient. Two examples are a part, which reads the weights twice and writes their
+/// gradient, and a batch of eight has an update that reads four arrays of weights and writes three.
 pub fn train_qin2024() -> Work {
     qin2024(
         |name| if name == "encoder.1" { 2.0 } else { 3.0 },
@@ -57,7 +57,8 @@ const LAW: [f64; 3] = [22.0, 8.0, 6.0];
 /// Numbers of the matrix of the response.
 const RESPONSE: f64 = 4.0 * 625.0 * 1250.0;
 
-/// Of `physics`, the operations of a correction: factors of the features, stresses, and Green's function in four products a component.
+/// Of `physics`, the operations of a correction: factors of the features, stresses, and Green's function in four
+/// products a component.
 fn correction() -> [f64; 3] {
     let [features, products, modes] = LAW;
     [
@@ -67,8 +68,8 @@ fn correction() -> [f64; 3] {
     ]
 }
 
-/// The response, which is read once for 64 patterns, and two corrections of so many operations, in which each product of the law reads and writes
-/// so many times what it sees of all cells.
+/// The response, which is read once for 64 patterns, and two corrections of so many operations, in which each product
+/// of the law reads and writes so many times what it sees of all cells.
 fn physics(correction: f64, times: f64) -> Work {
     let [features, products, modes] = LAW;
     Work {

@@ -1,7 +1,7 @@
 //! Our side of the comparison with public codes: `benches/peers/run.sh` runs it.
 //!
-//! `cargo bench --bench peers -- PATTERNS.npy` prints a line of JSON per mesh: milliseconds of one core per pattern and the
-//! largest displacement of each pattern in mm.
+//! `cargo bench --bench peers -- PATTERNS.npy` prints a line of JSON per mesh: milliseconds of one core per pattern and
+//! the largest displacement of each pattern in mm.
 
 use deaflow::base::thread_seconds;
 use deaflow::fem::{MembraneSolver, SolveOptions};

@@ -26,15 +26,20 @@ const PATTERNS: &str = "Patterns";
 
 /// Measure error and time of methods and meshes in a scene
 #[derive(Debug, Args)]
-#[command(after_help = concat!(examples!("deaflow accuracy scene.yaml -o accuracy --target \"0.01 mm\""), "\n\n--jobs applies to the reference; methods are measured on one thread."))]
+#[command(after_help = concat!(
+    examples!("deaflow accuracy scene.yaml -o accuracy --target \"0.01 mm\""),
+    "\n\n--jobs applies to the reference; methods are measured on one thread."
+))]
 pub struct AccuracyArguments {
     /// The scene: a YAML file of a scene, or of a pipeline that has one
     pub scene: PathBuf,
     /// Patterns to measure on: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
-    #[arg(long, value_name = "PATTERN", num_args = 1.., conflicts_with_all = ["families", "count", "seed"], help_heading = PATTERNS)]
+    #[arg(long, value_name = "PATTERN", num_args = 1.., help_heading = PATTERNS)]
+    #[arg(conflicts_with_all = ["families", "count", "seed"])]
     pub patterns: Vec<String>,
     /// The same, as for `solve` and `screen`
-    #[arg(value_name = "PATTERN", conflicts_with_all = ["patterns", "families", "count", "seed"], help_heading = PATTERNS)]
+    #[arg(value_name = "PATTERN", help_heading = PATTERNS)]
+    #[arg(conflicts_with_all = ["patterns", "families", "count", "seed"])]
     pub own: Vec<String>,
     /// Measure on patterns of the families small and large grids, Bézier curves, stripes, blobs, checkers, dithers,
     /// mazes,
@@ -42,10 +47,12 @@ pub struct AccuracyArguments {
     #[arg(long, help_heading = PATTERNS)]
     pub families: bool,
     /// Number of patterns per family
-    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u64).range(1..=10_000), help_heading = PATTERNS)]
+    #[arg(long, value_name = "N", default_value_t = 12, help_heading = PATTERNS)]
+    #[arg(value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub count: u64,
     /// Seed of the families
-    #[arg(long, value_name = "S", default_value_t = 1, value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64), help_heading = PATTERNS)]
+    #[arg(long, value_name = "S", default_value_t = 1, help_heading = PATTERNS)]
+    #[arg(value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
     pub seed: u64,
     /// Folder for accuracy.h5, accuracy.csv and accuracy.png
     #[arg(short, long, value_name = "DIR")]

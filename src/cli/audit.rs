@@ -20,7 +20,10 @@ use report::AuditReport;
 
 /// Check a dataset: provenance, values, symmetries, leaks, and labels by simulation
 #[derive(Debug, Args)]
-#[command(after_help = examples!("deaflow audit pipeline.yaml:solved", "deaflow audit measured.h5 --scene scene.yaml --samples all"))]
+#[command(after_help = examples!(
+    "deaflow audit pipeline.yaml:solved",
+    "deaflow audit measured.h5 --scene scene.yaml --samples all"
+))]
 pub struct AuditArguments {
     /// PIPELINE.yaml:STAGE, or a file in the layout of `deaflow solve`, which needs --scene
     #[arg(value_name = "PIPELINE:STAGE|FILE.h5")]
@@ -32,7 +35,8 @@ pub struct AuditArguments {
     #[arg(long, value_name = "N|all", default_value = "32", value_parser = samples)]
     pub samples: Samples,
     /// Seed of the random choice
-    #[arg(long, value_name = "S", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    #[arg(value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
     pub seed: u64,
     /// Allowed error of the labels, as in "0.01 mm" [default: as declared by the dataset]
     #[arg(long, value_name = "LENGTH", value_parser = accuracy)]

@@ -170,8 +170,8 @@ impl ClusterBuild<'_> {
                     false => arrays.join(", "),
                 };
                 output.note(&format!(
-                    "another process is building this pipeline (submitted: {arrays}); cancel it with `deaflow attach {} \
-                     --cancel`",
+                    "another process is building this pipeline (submitted: {arrays}); cancel it with `deaflow attach \
+                     {} --cancel`",
                     self.of.pipeline.display()
                 ));
                 Ok(Some(if stay == Stay::UntilSubmitted {

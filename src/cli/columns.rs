@@ -1,5 +1,5 @@
-//! Layout of tables. Without a terminal every column has its natural width. On a narrow terminal texts wrap within their columns or
-//! below their row, dispensable columns are dropped, and what is still too wide is truncated.
+//! Layout of tables. Without a terminal every column has its natural width. On a narrow terminal texts wrap within
+//! their columns or below their row, dispensable columns are dropped, and what is still too wide is truncated.
 
 use textwrap::core::{Word, display_width};
 use textwrap::{WordSeparator, WordSplitter};
@@ -386,8 +386,8 @@ mod tests {
         let mut table = table(&["stage", "time"], &["time"]);
         table.add_row(["surrogate", "0.43 s"]);
         table.add_row(["x", "12.0 s"]);
-        let shown = "────────────────────\n stage         time\n════════════════════\n surrogate   0.43 s\n x           12.0 s\n\
-                     ────────────────────";
+        let shown = "────────────────────\n stage         time\n════════════════════\n surrogate   0.43 s\n \
+                     x           12.0 s\n────────────────────";
         assert_eq!(table.show(Screen::default()), shown);
     }
 

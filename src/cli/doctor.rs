@@ -49,7 +49,13 @@ pub fn execute(arguments: &DoctorArguments, output: &Output) -> Result<Exit, Cli
             "trials": checks.collect::<Vec<_>>(),
         });
         if arguments.measure {
-            let service = |service: &OperationTime| json!({ "name": service.name, "requests": service.requests, "seconds": service.seconds });
+            let service = |service: &OperationTime| {
+                json!({
+                    "name": service.name,
+                    "requests": service.requests,
+                    "seconds": service.seconds,
+                })
+            };
             document["services"] = services.iter().map(service).collect();
         }
         document

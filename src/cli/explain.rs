@@ -12,7 +12,8 @@ use deaflow_orchestrator::{Explanation, explain};
 
 /// Explain why a stage would be built: all changed parameters and inputs
 #[derive(Debug, Args)]
-#[command(allow_missing_positional = true, after_help = examples!("deaflow explain pipeline.yaml design", "deaflow explain pipeline.yaml:design"))]
+#[command(allow_missing_positional = true)]
+#[command(after_help = examples!("deaflow explain pipeline.yaml design", "deaflow explain pipeline.yaml:design"))]
 pub struct ExplainArguments {
     /// The pipeline: a YAML file, or a folder with exactly one [default: the current folder]
     #[arg(value_parser = pipeline_parser())]
@@ -63,11 +64,13 @@ fn pipeline_here(stage: &str) -> Result<PathBuf, CliError> {
 
 fn document(found: &Explanation) -> serde_json::Value {
     let text = |digest: &Option<ArtifactId>| digest.map(|digest| digest.to_string());
+    let inputs = found.inputs.iter();
+    let inputs = inputs.map(|(name, digest)| json!({ "stage": name, "digest": text(digest) }));
     json!({
         "stage": found.report,
         "key": found.key.map(|key| key.to_string()),
         "reasons": found.reasons.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        "inputs": found.inputs.iter().map(|(name, digest)| json!({ "stage": name, "digest": text(digest) })).collect::<Vec<_>>(),
+        "inputs": inputs.collect::<Vec<_>>(),
         "causes": found.causes.iter().map(|(name, reasons)| json!({
             "stage": name,
             "reasons": reasons.iter().map(ToString::to_string).collect::<Vec<_>>(),

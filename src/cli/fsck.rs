@@ -130,8 +130,8 @@ fn text(report: &Report, repaired: bool) -> String {
          not used and can be deleted"
             .to_owned()
     } else {
-        "the store is damaged: repair it with `deaflow fsck --repair`, then build missing artifacts again with `deaflow run` \
-         and the same `--set` (see `deaflow log`)"
+        "the store is damaged: repair it with `deaflow fsck --repair`, then build missing artifacts again with \
+         `deaflow run` and the same `--set` (see `deaflow log`)"
             .to_owned()
     });
     lines.join("\n")

@@ -1,6 +1,7 @@
-//! The rate of work and the remaining time. The rate is measured from the first progress of this process, without the steps of an
-//! earlier process, the time to start, and pauses in which other work had the processors: it is that of the last half to whole
-//! minute, if that contains some steps. During the first step, the estimate of the plan is mixed in, with decreasing weight.
+//! The rate of work and the remaining time. The rate is measured from the first progress of this process, without the
+//! steps of an earlier process, the time to start, and pauses in which other work had the processors: it is that of the
+//! last half to whole minute, if that contains some steps. During the first step, the estimate of the plan is mixed in,
+//! with decreasing weight.
 
 use super::table;
 
@@ -106,7 +107,8 @@ impl Pace {
         self.first.get_or_insert(first);
     }
 
-    /// Returns the time since the last progress, s, if it is unusually long: the current step takes longer than earlier ones.
+    /// Returns the time since the last progress, s, if it is unusually long: the current step takes longer than earlier
+    /// ones.
     fn overdue(&self, at: f64) -> Option<f64> {
         let silent = at - self.last;
         let is_last_of_all = self.position() >= self.length as f64;

@@ -19,7 +19,11 @@ use deaflow_store::{Artifact, Content, Lookup, Store, StoreError};
 
 /// Show the content of an artifact or a result file: datasets, statistics, provenance
 #[derive(Debug, Args)]
-#[command(after_help = examples!("deaflow show solved", "deaflow show pipeline.yaml:design --csv", "deaflow show simulated.h5"))]
+#[command(after_help = examples!(
+    "deaflow show solved",
+    "deaflow show pipeline.yaml:design --csv",
+    "deaflow show simulated.h5"
+))]
 pub struct ShowArguments {
     /// A stage of the last run, PIPELINE.yaml:STAGE, a digest or its first digits, at least 4; or an HDF5 file: an
     /// artifact,

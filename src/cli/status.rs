@@ -109,9 +109,15 @@ impl StoreStatus {
     fn document(&self) -> Value {
         let unfinished = self.checkpoints.iter().filter(|kept| kept.size > 0);
         let unfinished = unfinished.map(|kept| {
-        let reached = kept.progress.clone().unwrap_or_default();
-        json!({ "key": kept.key.to_string(), "stage": reached.stage, "steps": reached.steps, "unit": reached.unit, "bytes": kept.size })
-    });
+            let reached = kept.progress.clone().unwrap_or_default();
+            json!({
+                "key": kept.key.to_string(),
+                "stage": reached.stage,
+                "steps": reached.steps,
+                "unit": reached.unit,
+                "bytes": kept.size,
+            })
+        });
         let workers = self.workers.iter().map(|seen| {
             json!({
                 "host": seen.worker.owner.host,

@@ -26,7 +26,9 @@ const TABLE: &str = "sweep";
 
 /// Run a pipeline for each combination of values and collect results in a table
 #[derive(Debug, Args)]
-#[command(after_help = examples!("deaflow sweep pipeline.yaml --set scene.drive.voltage=\"4 kV, 5 kV\" --table max_displacement"))]
+#[command(after_help = examples!(
+    "deaflow sweep pipeline.yaml --set scene.drive.voltage=\"4 kV, 5 kV\" --table max_displacement"
+))]
 pub struct SweepArguments {
     /// The pipeline, a YAML file
     pub pipeline: PathBuf,

@@ -76,8 +76,8 @@ impl Text {
         self.blocks.iter().all(is_empty)
     }
 
-    /// Formats the text for a terminal. Control characters are removed; long lines are wrapped between words, with an indent. A
-    /// single long word, such as a path, stays whole, so that it can be copied.
+    /// Formats the text for a terminal. Control characters are removed; long lines are wrapped between words, with an
+    /// indent. A single long word, such as a path, stays whole, so that it can be copied.
     pub fn show(&self, screen: Screen) -> String {
         let block = |block: &Block| match block {
             Block::Lines(tone, text) => lines(&printable(text), *tone, screen),
@@ -105,7 +105,8 @@ const FIRST_WORDS: [(&str, Tone); 4] = [
     ("error:", Tone::Bad),
 ];
 
-/// Formats lines without control characters for a terminal. In lines without a tone, "warning" and "error" are coloured.
+/// Formats lines without control characters for a terminal. In lines without a tone, "warning" and "error" are
+/// coloured.
 pub fn lines(text: &str, tone: Tone, screen: Screen) -> String {
     let mut in_table = false;
     let mut shown: Vec<String> = Vec::new();

@@ -190,7 +190,11 @@ pub fn ignored_document(remote: &Remote, foreign: &IgnoredRecords) -> Value {
     let disagreements = remote.disagreements();
     let disagreements = disagreements.iter().map(|disagreement| {
         let said = disagreement.results.iter().map(|said| {
-            json!({ "key": said.signer.to_string(), "whose": remote.owner(&said.signer), "artifact": said.artifact.to_string() })
+            json!({
+                "key": said.signer.to_string(),
+                "whose": remote.owner(&said.signer),
+                "artifact": said.artifact.to_string(),
+            })
         });
         json!({
             "action": disagreement.key.to_string(),
@@ -199,7 +203,9 @@ pub fn ignored_document(remote: &Remote, foreign: &IgnoredRecords) -> Value {
         })
     });
     json!({
-        "untrusted": untrusted.map(|(key, files)| json!({ "key": key.to_string(), "files": files })).collect::<Vec<_>>(),
+        "untrusted": untrusted
+            .map(|(key, files)| json!({ "key": key.to_string(), "files": files }))
+            .collect::<Vec<_>>(),
         "rejected": rejected.map(|(name, why)| json!({ "name": name, "why": why.to_string() })).collect::<Vec<_>>(),
         "disagreements": disagreements.collect::<Vec<_>>(),
     })

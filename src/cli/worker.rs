@@ -49,8 +49,8 @@ const PBS_TIME: &str = "PBS_WALLTIME";
         "deaflow worker pipeline.yaml --store /shared/store",
         "deaflow worker pipeline.yaml --stop-before 5min"
     ),
-    "\n\nExit codes: 0 everything is built; 75 stopped, or refused by the machine or the disk: start it again; others as for \
-     all commands: starting it again does not help."
+    "\n\nExit codes: 0 everything is built; 75 stopped, or refused by the machine or the disk: start it again; others \
+     as for all commands: starting it again does not help."
 ))]
 pub struct WorkerArguments {
     #[command(flatten)]

@@ -74,8 +74,8 @@ pub fn schema(kind: &dyn Kind, fields: Fields, registry: &Registry) -> Fields {
     let word = target.name();
     let rounds = Schema::integer(1, MOST_ROUNDS)
         .description(&format!(
-            "Rounds: from the second on, the stages of kind {word} that lead here learn from this stage as well, and the \
-             stages in between are done again, as NAME-2, NAME-3, …"
+            "Rounds: from the second on, the stages of kind {word} that lead here learn from this stage as well, and \
+             the stages in between are done again, as NAME-2, NAME-3, …"
         ))
         .default(1);
     let says = format!("Keys in which stages of kind {word} differ from the second round on.");

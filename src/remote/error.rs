@@ -34,7 +34,10 @@ pub enum RemoteError {
         reason: String,
     },
     /// The storage refused a request.
-    #[error("{host} refuses to {action} `{name}`: {status} {code}{}", if message.is_empty() { String::new() } else { format!(": {message}") })]
+    #[error(
+        "{host} refuses to {action} `{name}`: {status} {code}{}",
+        if message.is_empty() { String::new() } else { format!(": {message}") }
+    )]
     Refused {
         /// Host name and port.
         host: String,
@@ -98,8 +101,8 @@ impl RemoteError {
                     Some("the bucket is in another region; set it with --region of `remote add`")
                 }
                 _ if [401, 403].contains(status) => Some(
-                    "check your credentials: AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE in ~/.aws/credentials, \
-                     or the role of the machine",
+                    "check your credentials: AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE in \
+                     ~/.aws/credentials, or the role of the machine",
                 ),
                 _ => None,
             },

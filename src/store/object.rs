@@ -72,8 +72,8 @@ pub enum ObjectError {
     },
     /// The names of the axes are not valid.
     #[error(
-        "dataset `{path}` has {extents} axes, but the axis names are {axes:?}: give each axis a different name that is not \
-         empty or reserved"
+        "dataset `{path}` has {extents} axes, but the axis names are {axes:?}: give each axis a different name that \
+         is not empty or reserved"
     )]
     Axes {
         /// Path of the dataset.

@@ -321,8 +321,8 @@ fn networks_learn_a_rectangle_are_calibrated_and_judged() {
     snapshot!(printed);
 
     // A search by the network, verified by finite elements.
-    let design = "stages.design={ kind: design, needs: [physics], evaluator: surrogate, population: 20, generations: 4, seed: 1, \
-                  objective: { point: [25 mm, 15 mm], direction: 0 deg }, area: 0.5 }";
+    let design = "stages.design={ kind: design, needs: [physics], evaluator: surrogate, population: 20, generations: \
+                  4, seed: 1, objective: { point: [25 mm, 15 mm], direction: 0 deg }, area: 0.5 }";
     let verified = "stages.verified={ kind: verify, needs: [design], elements_per_cell: 1 }";
     let made = workspace.stages(&[
         "run",

@@ -81,8 +81,9 @@ impl Browser {
         }
     }
 
-    /// What is wrong with a page at the widths of a screen, a tablet and a telephone, light and dark, and on paper: text that leaves the page
-    /// or its box, texts that cover each other, and text that hardly differs from what is behind it. One line for each fault.
+    /// What is wrong with a page at the widths of a screen, a tablet and a telephone, light and dark, and on paper:
+    /// text that leaves the page or its box, texts that cover each other, and text that hardly differs from what is
+    /// behind it. One line for each fault.
     pub fn faults(&self, page: &Path) -> Vec<String> {
         let text = std::fs::read_to_string(page).unwrap();
         let folder = tempfile::tempdir().unwrap();

@@ -176,8 +176,8 @@ fn a_refined_design_reaches_the_optimum_and_a_target_is_rebuilt_alone() {
 #[test]
 fn several_designs_of_one_value_differ() {
     let workspace = alone();
-    let more = "stages.design={ kind: design, evaluator: chord:2, seed: 3, population: 40, generations: 3, designs: 2, distance: 0.05, \
-                refine: true, units: 20, area: 0.5, objective: { point: [25 mm, 25 mm], direction: 0 deg, value: 0.8 mm } }";
+    let more = "stages.design={ kind: design, evaluator: chord:2, seed: 3, population: 40, generations: 3, designs: \
+                2, distance: 0.05, refine: true, units: 20, area: 0.5, objective: { point: [25 mm, 25 mm], direction: 0 deg, value: 0.8 mm } }";
     let ended = workspace.run(&["run", "alone.yaml", "--set", more, "--json"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let document = ended.json();
@@ -241,9 +241,9 @@ fn least_difference(one: &[u8], other: &[u8]) -> usize {
 #[test]
 fn designs_keep_their_constraints() {
     let workspace = alone();
-    let wired = "stages.design={ kind: design, evaluator: linear, seed: 3, population: 60, generations: 2, refine: true, area: 0.3, \
-                 area_tolerance: 0.02, objective: { point: [30 mm, 25 mm], direction: 0 deg }, constraints: { min_feature: 3 mm, islands: 1, \
-                 leads: true, pull_in_margin: 1.1, keep_out: [{ disc: { centre: [25 mm, 25 mm], radius: 4 mm } }] } }";
+    let wired = "stages.design={ kind: design, evaluator: linear, seed: 3, population: 60, generations: 2, refine: \
+                 true, area: 0.3, area_tolerance: 0.02, objective: { point: [30 mm, 25 mm], direction: 0 deg }, \
+                 constraints: { min_feature: 3 mm, islands: 1, leads: true, pull_in_margin: 1.1, keep_out: [{ disc: { centre: [25 mm, 25 mm], radius: 4 mm } }] } }";
     let ended = workspace.run(&["run", "alone.yaml", "--set", wired, "--json"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let document = ended.json();

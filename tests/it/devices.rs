@@ -642,8 +642,8 @@ fn a_tip_in_an_odd_frame_is_designed_verified_drawn_and_exported() {
     let cells = "cells: [40, 24]";
     // The upper right corner is cut off; the tip hangs on a spring.
     let device = format!(
-        "{cells}, frame: {{ opening: {{ polygon: [[0 mm, 0 mm], [60 mm, 0 mm], [60 mm, 20 mm], [50 mm, 30 mm], [0 mm, 30 mm]] }} }}, \
-         bodies: [{{ rectangle: [[36 mm, 11 mm], [42 mm, 19 mm]], spring: 1 N/m }}]"
+        "{cells}, frame: {{ opening: {{ polygon: [[0 mm, 0 mm], [60 mm, 0 mm], [60 mm, 20 mm], [50 mm, 30 mm], [0 mm, \
+         30 mm]] }} }}, bodies: [{{ rectangle: [[36 mm, 11 mm], [42 mm, 19 mm]], spring: 1 N/m }}]"
     );
     workspace.write("scene.yaml", &SCENE.replace(cells, &device).replace("[3, 4]", "3"));
     let objective = "objective: { point: [39 mm, 15 mm], direction: 0 deg }, area: 0.3";
@@ -652,8 +652,8 @@ fn a_tip_in_an_odd_frame_is_designed_verified_drawn_and_exported() {
         &format!(
             "version: 1\nname: tip\nscene: scene.yaml\nstages:\n  \
              best: {{ kind: design, method: adjoint, {objective}, starts: 2, seed: 1 }}\n  \
-             searched: {{ kind: design, case: ga, {objective}, evaluator: linear, population: 20, generations: 3, refine: true, \
-             constraints: {{ min_feature: 3 mm }}, seed: 1 }}\n  \
+             searched: {{ kind: design, case: ga, {objective}, evaluator: linear, population: 20, generations: 3, \
+             refine: true, constraints: {{ min_feature: 3 mm }}, seed: 1 }}\n  \
              checked: {{ kind: verify, needs: [best, searched] }}\n"
         ),
     );
@@ -744,8 +744,8 @@ fn groups_are_designed_for_the_states_of_a_device() {
         &format!(
             "version: 1\nname: stage\nscene: scene.yaml\nstages:\n  \
              best: {{ kind: design, method: adjoint, targets: {targets}, {made}, starts: 3, seed: 1 }}\n  \
-             searched: {{ kind: design, objective: {stroke}, {made}, population: 60, generations: 6, refine: true, case: ga, seed: 2 }}\n  \
-             checked: {{ kind: verify, needs: [best, searched], elements_per_cell: 1, order: 2 }}\n"
+             searched: {{ kind: design, objective: {stroke}, {made}, population: 60, generations: 6, refine: true, \
+             case: ga, seed: 2 }}\n  checked: {{ kind: verify, needs: [best, searched], elements_per_cell: 1, order: 2 }}\n"
         ),
     );
     assert_eq!(workspace.stages(&["run", "stage.yaml"]).with("built").len(), 3);

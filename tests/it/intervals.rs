@@ -218,8 +218,8 @@ fn designs_have_intervals_to_compare_with_the_simulation() {
     let workspace = workspace();
     let design = |needs: &str| {
         format!(
-            "stages.design={{ kind: design, needs: {needs}, evaluator: surrogate, objective: {{ point: [25 mm, 25 mm], direction: 0 \
-             deg }}, area: 0.5, population: 20, generations: 2, seed: 6 }}"
+            "stages.design={{ kind: design, needs: {needs}, evaluator: surrogate, objective: {{ point: [25 mm, 25 \
+             mm], direction: 0 deg }}, area: 0.5, population: 20, generations: 2, seed: 6 }}"
         )
     };
     let run = |design: &str, more: &[&str]| {

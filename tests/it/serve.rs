@@ -829,7 +829,8 @@ fn pipelines_rows_and_runs_are_looked_at() {
             .unwrap()
             .starts_with("solved solve ")
     );
-    // A filter that is none leaves no count; a family that there is not is said; the button back goes through all of it.
+    // A filter that is none leaves no count; a family that there is not is said; the button back goes through all of
+    // it.
     tab.write("input[name=filter]", "family");
     tab.until("document.querySelector('#matched').textContent.includes('invalid filter') && !document.querySelector('#matched').dataset.matched");
     tab.until("document.querySelector('.cards.old')");

@@ -170,9 +170,9 @@ impl<'a> Findings<'a> {
             "99 % of the patterns of these families are below the bound (95 % confidence)"
         };
         format!(
-            "patterns: {}\nreference: {}, error at most {} mm\nmax and bound: displacement errors at the corners, in the \
-             worst family; {meaning}\ndisagree: number of patterns on whose stability method and reference disagree; such \
-             a method is not recommended\nfront: * if no other method is both faster and more accurate (RMS)\n",
+            "patterns: {}\nreference: {}, error at most {} mm\nmax and bound: displacement errors at the corners, in \
+             the worst family; {meaning}\ndisagree: number of patterns on whose stability method and reference \
+             disagree; such a method is not recommended\nfront: * if no other method is both faster and more accurate (RMS)\n",
             families.join(", "),
             self.benchmark.reference.settings(),
             millimetres(self.reference_error()),
@@ -255,7 +255,10 @@ impl<'a> Findings<'a> {
         json!({
             "beaten_by": beaten,
             "measured_on": self.benchmark.families,
-            "reference": { "settings": self.benchmark.reference.settings().to_string(), "error_mm": self.reference_error() },
+            "reference": {
+                "settings": self.benchmark.reference.settings().to_string(),
+                "error_mm": self.reference_error(),
+            },
             "methods": methods,
             "target": target,
             "files": files,

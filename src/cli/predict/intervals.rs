@@ -198,8 +198,8 @@ impl Intervals {
         }
         let (name, digest) = (&self.calibration.name, &self.calibration.digest);
         text.line(format!(
-            "for {:.0} % of patterns like those of the calibration, each component of the displacement at each corner is \
-             within the radius; intervals of objectives have the same coverage",
+            "for {:.0} % of patterns like those of the calibration, each component of the displacement at each corner \
+             is within the radius; intervals of objectives have the same coverage",
             100.0 * COVERAGE
         ));
         text.line(format!("calibration {name} ({digest:.12}), made from {}", self.basis()));
@@ -210,8 +210,8 @@ impl Intervals {
         let verdict = match self.flagged() {
             0 => "all patterns are like those of the calibration".to_owned(),
             n => format!(
-                "{n} of {} patterns are out of distribution (novelty above 1): their intervals are not reliable; simulate \
-                 them with `deaflow solve`",
+                "{n} of {} patterns are out of distribution (novelty above 1): their intervals are not reliable; \
+                 simulate them with `deaflow solve`",
                 self.rows.len()
             ),
         };

@@ -58,8 +58,8 @@ pub fn definitions() -> [(String, Value); 2] {
         "minProperties": 1,
         "properties": { "zip": { "anyOf": [zip, { "type": "array", "items": zip }] } },
         "additionalProperties": axis,
-        "description": "One stage for each combination of values: lists by the names of axes, `\"${axis}\"` in the stage's values; \
-            axes under `zip` go in step.",
+        "description": "One stage for each combination of values: lists by the names of axes, `\"${axis}\"` in the \
+            stage's values; axes under `zip` go in step.",
     });
     let gather = json!({
         "anyOf": [{ "type": "boolean" }, { "type": "array", "items": { "type": "string" } }],

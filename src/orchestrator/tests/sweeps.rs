@@ -422,8 +422,8 @@ fn what_contradicts_itself_is_refused() {
             "",
         ),
         (
-            "  a: { kind: count, foreach: { n: [1] }, count: 1 }\n  c: { kind: count, foreach: { n: [2] }, count: 1 }\n  \
-             b: { kind: sum, needs: [a, c] }",
+            "  a: { kind: count, foreach: { n: [1] }, count: 1 }\n  c: { kind: count, foreach: { n: [2] }, count: 1 \
+             }\n  b: { kind: sum, needs: [a, c] }",
             "no values of their axes in common",
             "",
         ),

@@ -53,7 +53,8 @@ fn the_critical_voltage_is_that_of_the_pattern_whatever_voltage_is_asked_for() {
     for voltage in ["0 V", "1 kV", "5.9 kV"] {
         assert_eq!(at(voltage).0, [critical, error_of_meshes, limit], "{voltage}");
     }
-    // Whatever the mesh: meshes make a membrane too stiff, so that it is lost below, and a finer one finds it within the error.
+    // Whatever the mesh: meshes make a membrane too stiff, so that it is lost below, and a finer one finds it within
+    // the error.
     assert!(critical < limit, "{critical} and {limit}");
     assert!(
         error_of_meshes > 0.0 && error_of_meshes < 0.05 * critical,

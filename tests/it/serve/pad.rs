@@ -1,4 +1,5 @@
-//! The sketchpad and the page of a pipeline as a person finds them: what may be drawn, what is old, what is kept, what is refused where.
+//! The sketchpad and the page of a pipeline as a person finds them: what may be drawn, what is old, what is kept, what
+//! is refused where.
 
 use rustix::process::Signal;
 use serde_json::{Value, json};

@@ -1,4 +1,5 @@
-//! What a page shows comes out elsewhere: by the command and the stages that it names, on the mesh of an audit, near a wanted value.
+//! What a page shows comes out elsewhere: by the command and the stages that it names, on the mesh of an audit, near a
+//! wanted value.
 
 use serde_json::{Value, json};
 

@@ -1,4 +1,5 @@
-//! A tab of a real Chromium, driven over its pipe (Chrome DevTools Protocol): pens, keys, sizes of screens, photographs.
+//! A tab of a real Chromium, driven over its pipe (Chrome DevTools Protocol): pens, keys, sizes of screens,
+//! photographs.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
@@ -277,7 +278,8 @@ impl Tab {
         found.as_f64().unwrap()
     }
 
-    /// What is to be hit with a finger and is less than 24 pixels high or wide (WCAG 2.2, 2.5.8): what stands in a line of text, or is drawn, may be.
+    /// What is to be hit with a finger and is less than 24 pixels high or wide (WCAG 2.2, 2.5.8): what stands in a line
+    /// of text, or is drawn, may be.
     pub fn small_targets(&mut self) -> Value {
         self.value("[...document.querySelectorAll('button, input:not([type=file]), select, summary, nav a')].filter((e) => { const b = e.getBoundingClientRect(); return b.width > 0 && (b.width < 23.9 || b.height < 23.9) }).map((e) => e.outerHTML.slice(0, 90) + ' ' + e.getBoundingClientRect().width + ' x ' + e.getBoundingClientRect().height)")
     }
