@@ -295,6 +295,6 @@ fn designs_have_intervals_to_compare_with_the_simulation() {
     let ended = run(&design("[intervals]"), &["--json"]);
     assert_eq!(ended.code, Some(1), "{}", ended.stdout);
     let message = ended.json()["error"]["message"].to_string();
-    assert!(message.contains("`train`"), "{message}");
+    assert!(message.contains("train stage"), "{message}");
     snapshot!(message);
 }
