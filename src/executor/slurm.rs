@@ -186,7 +186,8 @@ mod tests {
         assert_eq!(
             arguments(&options, &request).join(" "),
             "--qos=low --parsable --job-name=deaflow-1 --array=0-7 --output=/logs/100%%/deaflow-1-%a.log \
-             --open-mode=append --cpus-per-task=4 --requeue --mem=7630M --time=2 --partition=main --gpus=1 --account=lab"
+             --open-mode=append --cpus-per-task=4 --requeue --mem=7630M --time=2 --partition=main --gpus=1 \
+             --account=lab"
         );
         assert_eq!(
             script(&["module load hdf5".to_owned()], &request),

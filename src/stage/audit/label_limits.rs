@@ -47,8 +47,8 @@ pub struct LabelLimits {
     pub most_declared: Option<f64>,
 }
 
-/// Returns the limits for the labels of a dataset, with findings if it declares larger errors than usual. `allowed_mm` is
-/// the accuracy in mm that the user allows.
+/// Returns the limits for the labels of a dataset, with findings if it declares larger errors than usual. `allowed_mm`
+/// is the accuracy in mm that the user allows.
 pub fn label_limits(
     source: &Source,
     scene: &Scene,
