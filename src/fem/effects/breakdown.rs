@@ -37,7 +37,7 @@ pub fn breakdown_strength_or_default(scene: &Scene) -> Breakdown {
     breakdown_strength(scene).unwrap_or(Breakdown::Huang(HuangStrength {}))
 }
 
-/// The effect.
+/// The effect, as an entry of [`super::EFFECTS`].
 pub struct DielectricBreakdown;
 
 const THRESHOLD: f64 = 0.8;

@@ -4,7 +4,7 @@ use super::effect::{Effect, Significance, Verdict};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
 
-/// The effect.
+/// The effect, as an entry of [`super::EFFECTS`].
 pub struct ChargeControl;
 
 impl Effect for ChargeControl {
@@ -22,7 +22,7 @@ impl Effect for ChargeControl {
 
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         Some(match &scene.drive.charge {
-            Some(_) => Significance::open("–", Verdict::Significant, 0.0, "the drive is a charge".to_owned()),
+            Some(_) => Significance::open("–", Verdict::Significant, 0.0, "the drive is a charge"),
             None => Significance::not_applicable("the drive is a voltage"),
         })
     }

@@ -118,7 +118,7 @@ impl Verdict {
 impl Significance {
     /// Compares a number with a threshold.
     #[must_use]
-    pub fn known(quantity: &str, number: f64, threshold: f64, change: String) -> Self {
+    pub fn known(quantity: &str, number: f64, threshold: f64, change: impl Into<String>) -> Self {
         // The margin allows for rounding.
         let verdict = match number > threshold + 1e-9 {
             true => Verdict::Significant,
@@ -133,14 +133,14 @@ impl Significance {
 
     /// Creates a verdict without a number.
     #[must_use]
-    pub fn open(quantity: &str, verdict: Verdict, threshold: f64, change: String) -> Self {
+    pub fn open(quantity: &str, verdict: Verdict, threshold: f64, change: impl Into<String>) -> Self {
         Self {
             quantity: quantity.to_owned(),
             number: None,
             error: None,
             threshold,
             verdict,
-            change,
+            change: change.into(),
         }
     }
 
@@ -152,7 +152,7 @@ impl Significance {
 
     /// An effect that does not apply to the scene.
     pub(super) fn not_applicable(why: &str) -> Self {
-        Self::open("–", Verdict::NotSignificant, 0.0, why.to_owned())
+        Self::open("–", Verdict::NotSignificant, 0.0, why)
     }
 }
 

@@ -50,7 +50,7 @@ impl Stiff {
     }
 }
 
-/// The effect.
+/// The effect, as an entry of [`super::EFFECTS`].
 pub struct ElectrodeStiffness;
 
 impl Effect for ElectrodeStiffness {

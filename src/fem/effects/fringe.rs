@@ -222,7 +222,7 @@ fn zones(pattern: &Pattern, x: usize, y: usize, loads: &[f64]) -> [[f64; 3]; 3] 
     std::array::from_fn(|dy| std::array::from_fn(|dx| load(dx, 1).max(load(1, dy)).max(load(dx, dy))))
 }
 
-/// The effect.
+/// The effect, as an entry of [`super::EFFECTS`].
 pub struct FringeField;
 
 impl Effect for FringeField {

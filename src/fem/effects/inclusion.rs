@@ -4,7 +4,7 @@ use super::effect::{Effect, Significance, Verdict};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
 
-/// The effect.
+/// The effect, as an entry of [`super::EFFECTS`].
 pub struct RigidInclusion;
 
 impl Effect for RigidInclusion {
@@ -22,12 +22,7 @@ impl Effect for RigidInclusion {
 
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         Some(match &scene.geometry.bodies {
-            Some(_) => Significance::open(
-                "–",
-                Verdict::Significant,
-                0.0,
-                "the geometry has rigid bodies".to_owned(),
-            ),
+            Some(_) => Significance::open("–", Verdict::Significant, 0.0, "the geometry has rigid bodies"),
             None => Significance::not_applicable("the scene has no rigid part"),
         })
     }

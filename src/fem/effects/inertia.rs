@@ -4,7 +4,7 @@ use super::effect::{Effect, Significance, Verdict};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
 
-/// The effect.
+/// The effect, as an entry of [`super::EFFECTS`].
 pub struct Inertia;
 
 const THRESHOLD: f64 = 0.1;
@@ -37,7 +37,7 @@ impl Effect for Inertia {
 
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         let Some(frequency) = scene.drive.force_frequency_hz() else {
-            let change = "the drive is static".to_owned();
+            let change = "the drive is static";
             return Some(Significance::open("f/f1", Verdict::NotSignificant, THRESHOLD, change));
         };
         let density = scene.density().unwrap_or(DEFAULT_DENSITY);

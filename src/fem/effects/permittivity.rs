@@ -90,7 +90,7 @@ impl Decaying {
     }
 }
 
-/// The effect.
+/// The effect, as an entry of [`super::EFFECTS`].
 pub struct StretchDependentPermittivity;
 
 impl Effect for StretchDependentPermittivity {

@@ -6,7 +6,7 @@ use crate::critical::{COARSE, CriticalVoltage};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, On, Scene};
 
-/// The effect.
+/// The effect, as an entry of [`super::EFFECTS`].
 pub struct ElectromechanicalStability;
 
 /// Threshold of κ/κ(critical).

@@ -6,7 +6,7 @@ use super::effect::{Effect, Significance, Verdict, switch};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
 
-/// The effect.
+/// The effect, as an entry of [`super::EFFECTS`].
 pub struct ElectrodeResistance;
 
 const QUANTITY: &str = "2πf R c/Λ₁";
@@ -40,13 +40,13 @@ impl Effect for ElectrodeResistance {
 
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         let Some(frequency) = scene.drive.voltage_frequency_hz() else {
-            let change = "the drive is static".to_owned();
+            let change = "the drive is static";
             return Some(Significance::open(QUANTITY, Verdict::NotSignificant, THRESHOLD, change));
         };
         let simulated = scene.effects.electrode_resistance.as_ref();
         let simulated = simulated.map(|effect| &effect.sheet_resistance);
         let Some(resistance) = simulated.or(scene.properties.sheet_resistance.as_ref()) else {
-            let change = "the voltage would lag; without `sheet_resistance` it is judged by 1 kHz".to_owned();
+            let change = "the voltage would lag; without `sheet_resistance` it is judged by 1 kHz";
             return Some(Significance::known("f/(1 kHz)", frequency / 1e3, 1.0, change));
         };
         let capacitance = scene.permittivity() / (1e-3 * scene.prestretched_thickness_mm());

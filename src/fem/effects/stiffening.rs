@@ -6,7 +6,7 @@ use super::strip::Strip;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
 
-/// The effect.
+/// The effect, as an entry of [`super::EFFECTS`].
 pub struct StrainStiffening;
 
 impl Effect for StrainStiffening {

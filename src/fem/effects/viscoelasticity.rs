@@ -5,7 +5,7 @@ use super::effect::{Effect, SMALL, Significance, Verdict};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene, Viscoelasticity as Branches};
 
-/// The effect.
+/// The effect, as an entry of [`super::EFFECTS`].
 pub struct Viscoelasticity;
 
 /// Returns the branches of the effect of a scene, or those of its material data.
@@ -72,7 +72,7 @@ impl Effect for Viscoelasticity {
 
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         let quantity = "Σ 4Gφ/(μ λp²)";
-        let open = |verdict, why: &str| Some(Significance::open(quantity, verdict, SMALL, why.to_owned()));
+        let open = |verdict, why: &str| Some(Significance::open(quantity, verdict, SMALL, why));
         let span = TimeSpan::of(scene);
         if span.is_none() && scene.drive.rest.is_none() {
             return open(Verdict::NotSignificant, "the drive is static");
@@ -112,6 +112,6 @@ impl Effect for Viscoelasticity {
             Some(TimeSpan::Hold(_)) => "the membrane would be relaxed when the drive ends",
             Some(TimeSpan::Period(_)) | None => "the membrane would resist the oscillation",
         };
-        Some(Significance::known(quantity, creep, SMALL, change.to_owned()))
+        Some(Significance::known(quantity, creep, SMALL, change))
     }
 }

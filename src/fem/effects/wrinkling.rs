@@ -321,7 +321,7 @@ impl Potential for TensionField {
     }
 }
 
-/// The effect.
+/// The effect, as an entry of [`super::EFFECTS`].
 pub struct Wrinkling;
 
 impl Effect for Wrinkling {

@@ -65,26 +65,23 @@ impl Solver {
         let limit = parameters.work_limit();
         let scene = &resolve(scene)?;
         let tolerance = parameters.tolerance();
-        if let Some(times) = parameters.times() {
-            return Ok(Self {
-                parameters: parameters.clone(),
-                form: scene.form(),
-                leads: scene.leads.clone(),
-                engine: Engine::History(Box::new(parameters.history_solver(scene, times)?)),
-            });
-        }
-        let engine = match (parameters.mesh_request(), parameters.method().chord_steps()) {
-            (MeshRequest::Accuracy(accuracy), _) => {
+        let (history, mesh) = (parameters.history_request(), parameters.mesh_request());
+        let engine = match (history, mesh, parameters.method().chord_steps()) {
+            (Some(request), ..) => {
+                let solver = HistorySolver::new(scene, &parameters.history_options(), request)?;
+                Engine::History(Box::new(solver))
+            }
+            (None, MeshRequest::Accuracy(accuracy), _) => {
                 let solver = AccurateSolver::new(scene, accuracy.value(), tolerance)?;
                 Engine::Accurate(Box::new(solver.within(limit)))
             }
-            (MeshRequest::Fixed(mesh), None) => {
+            (None, MeshRequest::Fixed(mesh), None) => {
                 let options = SolveOptions { mesh, tolerance };
                 Engine::Fixed(Box::new(
                     MembraneSolver::with_unrelaxed(scene, gamma, options)?.within(limit),
                 ))
             }
-            (MeshRequest::Fixed(mesh), Some(chord_steps)) => {
+            (None, MeshRequest::Fixed(mesh), Some(chord_steps)) => {
                 let response = LinearResponse::with_unrelaxed(scene, gamma, mesh)?;
                 Engine::Estimate(Box::new(Estimator { response, chord_steps }), mesh)
             }

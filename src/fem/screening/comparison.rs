@@ -75,7 +75,7 @@ pub fn assess(comparisons: &[Comparison]) -> Significance {
         .iter()
         .max_by(|a, b| a.difference().total_cmp(&b.difference()));
     let Some(largest) = largest else {
-        return Significance::open(DISPLACED, Verdict::Unknown, SMALL, "no patterns".to_owned());
+        return Significance::open(DISPLACED, Verdict::Unknown, SMALL, "no patterns");
     };
     let number = largest.displacement.map(|d| d.difference);
     let by_number = Significance {
