@@ -72,12 +72,25 @@ impl Loading {
     }
 }
 
-/// Why a load step fails.
+/// Why a load or time step fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum StepFailure {
+pub enum StepFailure {
+    /// The state is not stable.
     Lost(Loss),
-    Limit,
+    /// The iteration did not converge.
+    Unknown,
+    /// The work limit was reached.
     Work,
+}
+
+impl From<NewtonFailure> for StepFailure {
+    fn from(failure: NewtonFailure) -> Self {
+        match failure {
+            NewtonFailure::NegativeCurvature | NewtonFailure::LineSearch => Self::Lost(Loss::Stability),
+            NewtonFailure::Limit => Self::Unknown,
+            NewtonFailure::Work => Self::Work,
+        }
+    }
 }
 
 /// Relative width of the bracket in load: one part in a thousand of the voltage.
@@ -224,7 +237,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
                         total.ending = ending(failure, stable, share);
                         return total;
                     }
-                    if stable == 0.0 && failure != StepFailure::Limit && self.is_loose_at_rest() {
+                    if stable == 0.0 && failure != StepFailure::Unknown && self.is_loose_at_rest() {
                         let loss = Loss::Tension;
                         total.ending = ending(StepFailure::Lost(loss), stable, share);
                         return total;
@@ -296,18 +309,14 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
                 }
                 Stability::Lost(loss) => Err(StepFailure::Lost(loss)),
             },
-            Err((NewtonFailure::NegativeCurvature | NewtonFailure::LineSearch, _)) => {
-                Err(StepFailure::Lost(Loss::Stability))
-            }
-            Err((NewtonFailure::Limit, _)) => Err(StepFailure::Limit),
-            Err((NewtonFailure::Work, _)) => Err(StepFailure::Work),
+            Err((failure, _)) => Err(failure.into()),
         }
     }
 }
 
 fn ending(failure: StepFailure, stable: f64, unstable: f64) -> LoadingEnd {
     match failure {
-        StepFailure::Limit => LoadingEnd::Unknown { stable },
+        StepFailure::Unknown => LoadingEnd::Unknown { stable },
         StepFailure::Work => LoadingEnd::WorkLimit { stable },
         StepFailure::Lost(loss) => LoadingEnd::Lost { stable, unstable, loss },
     }

@@ -14,9 +14,9 @@ use super::leads::{Charged, Conductor};
 use super::pass::{Instant, MOST_STEPS, Pass, PassEnd, Steps, magnitude_at};
 use super::transient::{StepEstimate, TransientProblem};
 use super::viscous::{BranchEnergy, Viscous};
+use crate::continuation::StepFailure;
 use crate::material::Material;
 use crate::newton::Workspace;
-use crate::stability::Loss;
 use crate::stored::{Content, Units};
 use deaflow_scene::Knot;
 
@@ -31,13 +31,6 @@ const GROWTH: f64 = 1.8;
 const ERROR_PER_DIFFERENCE: f64 = 0.1;
 /// Minimum number of steps per period of a sine.
 pub const IN_PERIOD: f64 = 40.0;
-
-/// Why a step is not accepted.
-enum StepError {
-    Lost(Loss),
-    Unknown,
-    Work,
-}
 
 /// A state at the end of a step.
 struct StepState {
@@ -253,8 +246,8 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
                     };
                     return Ok(to);
                 }
-                Err(refusal) if shortest => return Err(ended(&refusal, now, to)),
-                Err(StepError::Work) => return Err(PassEnd::WorkLimit),
+                Err(failure) if shortest => return Err(ended(failure, now, to)),
+                Err(StepFailure::Work) => return Err(PassEnd::WorkLimit),
                 Err(_) => *length = 0.5 * (to - now),
             }
         }
@@ -275,8 +268,8 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
                     self.advance(from, end, found);
                     from = end;
                 }
-                Err(StepError::Work) => return Err(PassEnd::WorkLimit),
-                Err(refusal) if end - from <= self.shortest(end) => return Err(ended(&refusal, from, end)),
+                Err(StepFailure::Work) => return Err(PassEnd::WorkLimit),
+                Err(failure) if end - from <= self.shortest(end) => return Err(ended(failure, from, end)),
                 Err(_) => length = 0.5 * (end - from),
             }
         }
@@ -354,14 +347,11 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
     }
 }
 
-fn ended(refusal: &StepError, before: f64, after: f64) -> PassEnd {
-    match refusal {
-        StepError::Lost(loss) => PassEnd::Lost {
-            before,
-            after,
-            loss: *loss,
-        },
-        StepError::Unknown => PassEnd::Unknown,
-        StepError::Work => PassEnd::WorkLimit,
+/// Converts the failure of a step between two times in s.
+fn ended(failure: StepFailure, before: f64, after: f64) -> PassEnd {
+    match failure {
+        StepFailure::Lost(loss) => PassEnd::Lost { before, after, loss },
+        StepFailure::Unknown => PassEnd::Unknown,
+        StepFailure::Work => PassEnd::WorkLimit,
     }
 }

@@ -1,7 +1,7 @@
 //! The start of the drive, and jumps of the voltage.
 
 use super::super::transient::FixedCharge;
-use super::{March, PastState, StepError};
+use super::{March, PastState, ended};
 use crate::charge::{self, ChargedLoading};
 use crate::continuation::{LoadRange, Loading, LoadingEnd, Problem};
 use crate::material::Material;
@@ -130,18 +130,8 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         } else {
             let start = self.u.clone();
             let activity = self.transient.problem.activity;
-            let found = self
-                .solve(activity, 0.0, after, start)
-                .map_err(|refusal| match refusal {
-                    StepError::Lost(loss) => PassEnd::Lost {
-                        before: now,
-                        after: now,
-                        loss,
-                    },
-                    StepError::Unknown => PassEnd::Unknown,
-                    StepError::Work => PassEnd::WorkLimit,
-                })?;
-            self.u = found;
+            let found = self.solve(activity, 0.0, after, start);
+            self.u = found.map_err(|failure| ended(failure, now, now))?;
         }
         self.recent.clear();
         self.volts = self.transient.voltage(now, Side::After);

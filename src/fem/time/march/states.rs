@@ -2,13 +2,13 @@
 
 use super::super::equilibrium::equilibrium;
 use super::super::transient::{Estimate, StepEstimate};
-use super::{March, PastState, StepError};
-use crate::continuation::Problem;
+use super::{March, PastState};
+use crate::continuation::{Problem, StepFailure};
 use crate::material::Material;
 use crate::newton::{self, ChordSteps, NewtonFailure};
 use crate::operator::{Activity, Operator};
 use crate::response::INNER;
-use crate::stability::{Loss, Stability, judge};
+use crate::stability::{Stability, judge};
 
 /// Additional chord steps if there is no earlier state to start from.
 const MORE_CHORD_STEPS: u32 = 2;
@@ -24,7 +24,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         seconds: f64,
         share: f64,
         guess: Vec<f64>,
-    ) -> Result<Vec<f64>, StepError> {
+    ) -> Result<Vec<f64>, StepFailure> {
         let transient = self.transient;
         if let Some(estimate) = transient.estimate {
             return self.estimate(estimate, seconds, share, guess);
@@ -49,22 +49,19 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
                     self.viscous.recycle(activity);
                     match stability {
                         Stability::Stable { .. } => return Ok(u),
-                        Stability::Lost(loss) => last = Some(StepError::Lost(loss)),
+                        Stability::Lost(loss) => last = Some(StepFailure::Lost(loss)),
                     }
                 }
-                Err((trouble, progress)) => {
+                Err((failure, progress)) => {
                     self.pass.newton_steps += progress.steps;
-                    last = Some(match trouble {
-                        NewtonFailure::NegativeCurvature | NewtonFailure::LineSearch => {
-                            StepError::Lost(Loss::Stability)
-                        }
-                        NewtonFailure::Limit => StepError::Unknown,
-                        NewtonFailure::Work => return Err(StepError::Work),
-                    });
+                    last = Some(failure.into());
+                    if failure == NewtonFailure::Work {
+                        break;
+                    }
                 }
             }
         }
-        Err(last.unwrap_or(StepError::Unknown))
+        Err(last.unwrap_or(StepFailure::Unknown))
     }
 
     /// Returns an estimate of the state at the end of a step, from a guess. Steps of zero length have no earlier states
@@ -75,12 +72,12 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         seconds: f64,
         share: f64,
         guess: Vec<f64>,
-    ) -> Result<Vec<f64>, StepError> {
+    ) -> Result<Vec<f64>, StepFailure> {
         let transient = self.transient;
         let material = (transient.problem.material)(share);
         self.count_work();
         if self.workspace.is_spent() {
-            return Err(StepError::Work);
+            return Err(StepFailure::Work);
         }
         let remembered = self.viscous.remembered(transient.problem.activity, seconds);
         let gamma = self.viscous.unrelaxed_modulus(seconds);
@@ -119,7 +116,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
                 self.pass.residual = progress.residual;
                 Ok(u)
             }
-            Err(_) => Err(StepError::Unknown),
+            Err(_) => Err(StepFailure::Unknown),
         }
     }
 

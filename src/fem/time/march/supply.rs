@@ -4,9 +4,9 @@
 use super::super::equilibrium::at_charge;
 use super::super::leads::{Charged, Circuit, Conductor, FIRST_STAGE, Relaxation};
 use super::super::supply::Electrodes;
-use super::{March, StepError, StepState};
+use super::{March, StepState};
 use crate::charge::{self, ChargedState};
-use crate::continuation::{Loading, LoadingEnd};
+use crate::continuation::{Loading, StepFailure};
 use crate::kinematics::deformation_of_metric;
 use crate::material::Material;
 use crate::operator::metrics;
@@ -19,7 +19,7 @@ const SETTLED: f64 = 1e-10;
 
 impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
     /// Returns the stable state at the end of a step and the voltage of its electrodes.
-    pub(super) fn fed(&mut self, from: f64, to: f64, guess: Vec<f64>) -> Result<StepState, StepError> {
+    pub(super) fn fed(&mut self, from: f64, to: f64, guess: Vec<f64>) -> Result<StepState, StepFailure> {
         let transient = self.transient;
         if let (Some(conductor), Some(charged)) = (&transient.conductor, &self.charged) {
             let charged = charged.clone();
@@ -78,22 +78,17 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             last = Some([volts, off]);
             volts = if slope < -0.2 { volts - off / slope } else { target };
         }
-        Err(StepError::Unknown)
+        Err(StepFailure::Unknown)
     }
 
     /// Returns the stable state at the end of a step of some seconds with a charge on conducting electrodes.
-    pub(super) fn held(&mut self, charge: f64, seconds: f64, guess: &[f64]) -> Result<StepState, StepError> {
+    pub(super) fn held(&mut self, charge: f64, seconds: f64, guess: &[f64]) -> Result<StepState, StepFailure> {
         let transient = self.transient;
         let problem = transient.problem_of(transient.problem.activity);
         self.count_work();
-        let mut refusal = StepError::Unknown;
+        let mut failure = StepFailure::Unknown;
         for start in [guess, &self.u.clone()] {
-            let mut loading = Loading {
-                ending: LoadingEnd::Stable,
-                steps: 0,
-                residual: 0.0,
-                pointwise: false,
-            };
+            let mut loading = Loading::from(0.0);
             let room = (&mut *self.workspace, &mut loading);
             let branches = (&mut self.viscous, seconds);
             let found = at_charge(&problem, (transient.scene, charge), branches, start, room);
@@ -107,12 +102,12 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
                         charged: None,
                     });
                 }
-                Err(charge::ChargeFailure::Work) => return Err(StepError::Work),
-                Err(charge::ChargeFailure::Lost(loss, _)) => refusal = StepError::Lost(loss),
+                Err(charge::ChargeFailure::Work) => return Err(StepFailure::Work),
+                Err(charge::ChargeFailure::Lost(loss, _)) => failure = StepFailure::Lost(loss),
                 Err(charge::ChargeFailure::Unknown) => {}
             }
         }
-        Err(refusal)
+        Err(failure)
     }
 
     /// Returns the same with electrodes that charge from their leads; solves for potentials and displacement
@@ -123,7 +118,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         charged: &Charged,
         [from, to]: [f64; 2],
         guess: Vec<f64>,
-    ) -> Result<StepState, StepError> {
+    ) -> Result<StepState, StepFailure> {
         let transient = self.transient;
         let before = self.circuit(conductor, &self.u);
         let volts = [
@@ -134,7 +129,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         for _ in 0..MOST_ITERATIONS {
             let after = self.circuit(conductor, &u);
             let found = conductor.step(to - from, &charged.charge, [&before, &after], volts);
-            let potential = found.ok_or(StepError::Unknown)?;
+            let potential = found.ok_or(StepFailure::Unknown)?;
             if relaxation.off(&potential) <= SETTLED * transient.scene.voltage_v() {
                 let charged = conductor.charged(potential, &after, charged);
                 return Ok(StepState {
@@ -146,7 +141,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             let (activity, share) = conductor.loads(relaxation.next(potential));
             u = self.solve(&activity, to - from, share, u)?;
         }
-        Err(StepError::Unknown)
+        Err(StepFailure::Unknown)
     }
 
     /// Returns the circuit of the electrodes at a displacement. The material gives the dependence of its capacitance on
