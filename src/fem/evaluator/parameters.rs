@@ -6,7 +6,8 @@ use std::path::Path;
 use serde_json::json;
 
 use super::method::Method;
-use crate::time::{HistoryOptions, HistoryRequest, refusal};
+use crate::error::SetupError;
+use crate::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
 use crate::work::WorkLimit;
 use deaflow_base::{
     Canonical, Decimal, Declared, Document, Fields, InputError, Length, Map, Quantity, Schema, Time, parameters,
@@ -191,6 +192,14 @@ impl SolverParameters {
         Some(history.at.iter().map(|time| time.value()).collect())
     }
 
+    /// Creates the solver of histories for a scene with decided effects and ascending times in s.
+    ///
+    /// # Errors
+    /// If it cannot be set up.
+    pub fn history_solver(&self, scene: &Scene, times: Vec<f64>) -> Result<HistorySolver, SetupError> {
+        HistorySolver::new(scene, &self.history_options(), self.request_at(times))
+    }
+
     /// Returns the options of histories.
     #[must_use]
     pub fn history_options(&self) -> HistoryOptions {
@@ -214,13 +223,17 @@ impl SolverParameters {
     /// Returns the request of a history, if any.
     #[must_use]
     pub fn history_request(&self) -> Option<HistoryRequest> {
-        Some(HistoryRequest {
-            times: self.times()?,
+        Some(self.request_at(self.times()?))
+    }
+
+    fn request_at(&self, times: Vec<f64>) -> HistoryRequest {
+        HistoryRequest {
+            times,
             accuracy_mm: self.accuracy().map(|accuracy| accuracy.value()),
             limit: WorkLimit::of_history(self.time_limit.as_ref()),
             estimate: None,
             measures: true,
-        })
+        }
     }
 
     /// Parses the text in an artifact of a solve stage.

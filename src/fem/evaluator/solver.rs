@@ -65,12 +65,9 @@ impl Solver {
         let limit = parameters.work_limit();
         let scene = &resolve(scene)?;
         let tolerance = parameters.tolerance();
-        let (history, mesh) = (parameters.history_request(), parameters.mesh_request());
-        let engine = match (history, mesh, parameters.method().chord_steps()) {
-            (Some(request), ..) => {
-                let solver = HistorySolver::new(scene, &parameters.history_options(), request)?;
-                Engine::History(Box::new(solver))
-            }
+        let (times, mesh) = (parameters.times(), parameters.mesh_request());
+        let engine = match (times, mesh, parameters.method().chord_steps()) {
+            (Some(times), ..) => Engine::History(Box::new(parameters.history_solver(scene, times)?)),
             (None, MeshRequest::Accuracy(accuracy), _) => {
                 let solver = AccurateSolver::new(scene, accuracy.value(), tolerance)?;
                 Engine::Accurate(Box::new(solver.within(limit)))
