@@ -89,7 +89,7 @@ impl Differentiable for TestDevice {
         Ok(self.field(pattern).map(with_gradient))
     }
 
-    fn at_rest(&self, weights: &[Field]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
+    fn linear_response(&self, weights: &[Field]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
         let each = weights.iter().map(|weights| (0.0, self.derivative(weights, 0.0)));
         Ok(Some(each.collect()))
     }

@@ -94,7 +94,7 @@ impl Differentiable for GradientEvaluator {
     }
 
     /// Uses one bilinear element per cell; `None` if the half-active membrane is unstable, or the drive is a charge.
-    fn at_rest(&self, weights: &[Field]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
+    fn linear_response(&self, weights: &[Field]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
         if self.scene.drive.charge.is_some() {
             return Ok(None);
         }

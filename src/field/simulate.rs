@@ -266,7 +266,7 @@ pub trait Differentiable<F = Field>: Predictor<F> {
     ///
     /// # Errors
     /// When the model cannot be evaluated.
-    fn at_rest(&self, _weights: &[F]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
+    fn linear_response(&self, _weights: &[F]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
         Ok(None)
     }
 }

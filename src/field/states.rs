@@ -122,11 +122,11 @@ impl<P: Deref<Target: Differentiable> + Sync> Differentiable<StateFields> for In
         self.in_all(patterns, |state| state.predict_near(base, patterns))
     }
 
-    fn at_rest(&self, weights: &[StateFields]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
+    fn linear_response(&self, weights: &[StateFields]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
         let mut sums: Vec<WithGradient<f64>> = vec![(0.0, Vec::new()); weights.len()];
         for (at, state) in self.0.iter().enumerate() {
             let own: Vec<Field> = weights.iter().map(|weights| weights[at].clone()).collect();
-            let Some(own) = state.at_rest(&own)? else {
+            let Some(own) = state.linear_response(&own)? else {
                 return Ok(None);
             };
             for (sum, own) in sums.iter_mut().zip(own) {
@@ -202,8 +202,8 @@ impl<P: Deref<Target: Differentiable> + Sync> Differentiable for Weighted<P> {
         Ok(each.map(|fields| fields.map(|fields| self.sum(&fields))).collect())
     }
 
-    fn at_rest(&self, weights: &[Field]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
+    fn linear_response(&self, weights: &[Field]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
         let of_parts: Vec<StateFields> = weights.iter().map(|weights| self.of_parts(weights)).collect();
-        self.parts.at_rest(&of_parts)
+        self.parts.linear_response(&of_parts)
     }
 }

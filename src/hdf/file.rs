@@ -29,7 +29,7 @@ impl HdfFile {
     ///
     /// # Errors
     /// If the library cannot open it.
-    pub fn here(path: &Path) -> Result<Self, HdfError> {
+    pub fn open_trusted(path: &Path) -> Result<Self, HdfError> {
         let open = OpenFile::open(path).map_err(|failure| HdfError::failed(path, failure))?;
         Ok(Self {
             path: path.to_owned(),
@@ -41,7 +41,7 @@ impl HdfFile {
     ///
     /// # Errors
     /// If it cannot be opened, or the process crashes or does not finish.
-    pub fn apart(path: &Path) -> Result<Self, HdfError> {
+    pub fn open_untrusted(path: &Path) -> Result<Self, HdfError> {
         let file = Self::keyed(path, Key::File(path.to_owned()));
         match file.request(Request::Open)? {
             Received::Plain(Response::Opened) => Ok(file),
@@ -54,10 +54,10 @@ impl HdfFile {
     ///
     /// # Errors
     /// If the library cannot open it.
-    pub fn guarded(path: &Path) -> Result<Self, HdfError> {
+    pub fn open_of_store(path: &Path) -> Result<Self, HdfError> {
         match has_reader() {
             true => Ok(Self::keyed(path, Key::Stores)),
-            false => Self::here(path),
+            false => Self::open_trusted(path),
         }
     }
 

@@ -18,7 +18,7 @@ pub fn split(spec: &str) -> Option<(&str, &str)> {
 }
 
 pub(super) fn read(path: &Path, dataset: &str, form: PatternForm) -> Result<Vec<Pattern>, PatternFileError> {
-    let file = HdfFile::apart(path).map_err(refused)?;
+    let file = HdfFile::open_untrusted(path).map_err(refused)?;
     let found = file.find(dataset).map_err(|error| match error {
         HdfError::Failed {
             failure: Failure::Refused(why),
@@ -55,7 +55,9 @@ const TYPES: &str = "allowed: booleans, integers (1 to 8 bytes), floats (4 or 8 
 
 /// Returns how to name a dataset, with the datasets at the top of the file.
 pub(super) fn advice(path: &Path) -> String {
-    let names = HdfFile::apart(path).and_then(|file| file.names()).unwrap_or_default();
+    let names = HdfFile::open_untrusted(path)
+        .and_then(|file| file.names())
+        .unwrap_or_default();
     let mut text = "name a dataset, such as FILE.h5:/patterns".to_owned();
     if !names.is_empty() {
         let shown: Vec<String> = names.iter().take(12).map(|n| format!("/{n}")).collect();

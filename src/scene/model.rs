@@ -211,7 +211,7 @@ impl Scene {
 
     /// Returns for each electrode group the first group with the same voltages in all states, counted from 1.
     #[must_use]
-    pub fn alike_groups(&self) -> Vec<u8> {
+    pub fn equivalent_groups(&self) -> Vec<u8> {
         let states = self.in_states();
         let volts: Vec<Vec<f64>> = states
             .iter()

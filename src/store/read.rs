@@ -33,9 +33,9 @@ impl Access {
     /// If it cannot be opened.
     pub fn open(self, path: &Path) -> Result<HdfFile, StoreError> {
         let opened = match self {
-            Self::Here => HdfFile::here(path),
-            Self::Guarded => HdfFile::guarded(path),
-            Self::Apart => HdfFile::apart(path),
+            Self::Here => HdfFile::open_trusted(path),
+            Self::Guarded => HdfFile::open_of_store(path),
+            Self::Apart => HdfFile::open_untrusted(path),
         };
         opened.map_err(|error| self.error("open", path, error))
     }

@@ -16,7 +16,7 @@ struct ResultFile<'a> {
 }
 
 pub fn execute(path: &Path, arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
-    let file = HdfFile::apart(path).map_err(StoreError::from)?;
+    let file = HdfFile::open_untrusted(path).map_err(StoreError::from)?;
     let tree = file.tree().map_err(StoreError::from)?;
     let file = ResultFile { path, file, tree };
     if arguments.corners && !output.is_json() {

@@ -23,7 +23,7 @@ impl Hdf {
     pub fn open(path: &Path, raster: Raster) -> Result<Self, ImportError> {
         let bytes = open_regular(path).and_then(|file| file.metadata());
         let bytes = bytes.map_err(|e| ImportError::Unreadable(e.to_string()))?.len();
-        let file = HdfFile::apart(path).map_err(unreadable)?;
+        let file = HdfFile::open_untrusted(path).map_err(unreadable)?;
         let [patterns, displacement] = [PATTERNS, DISPLACEMENT].map(|name| array(&file, name));
         let (patterns, displacement) = (patterns?, displacement?);
         for (name, found) in [(PATTERNS, &patterns), (DISPLACEMENT, &displacement)] {
@@ -58,7 +58,7 @@ impl Hdf {
 
     /// Reads a range of rows of both arrays.
     pub fn numbers(&self, rows: Range<usize>) -> Result<(Vec<f64>, Vec<f64>), ImportError> {
-        let file = HdfFile::apart(&self.path).map_err(unreadable)?;
+        let file = HdfFile::open_untrusted(&self.path).map_err(unreadable)?;
         let cells = file.numbers(PATTERNS, rows.clone()).map_err(unreadable)?;
         Ok((cells, file.numbers(DISPLACEMENT, rows).map_err(unreadable)?))
     }

@@ -67,7 +67,7 @@ impl From<&Scene> for DesignDomain {
             membrane: scene.membrane(),
             available: scene.free_cells(),
             groups: scene.groups(),
-            equivalence: PatternEquivalence::new(scene.symmetries(), scene.alike_groups()),
+            equivalence: PatternEquivalence::new(scene.symmetries(), scene.equivalent_groups()),
         }
     }
 }

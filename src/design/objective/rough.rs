@@ -35,7 +35,7 @@ impl<'a> RoughScore<'a> {
             let of = |gradient| goal.slope_of(aim, &rest, gradient);
             [of([1.0, 0.0]), of([0.0, 1.0])]
         });
-        let found = elements.at_rest(&components.collect::<Vec<_>>())?;
+        let found = elements.linear_response(&components.collect::<Vec<_>>())?;
         Ok(found.map(|found| Self::of(goal, &found)))
     }
 

@@ -182,7 +182,7 @@ fn what_electrodes_move_is_roughly_a_sum_over_their_cells() {
         vec![Field::zero(raster), weights.clone()],
         vec![weights.clone(), weights.scaled(-3.0)],
     ];
-    let found = states.at_rest(&functionals).unwrap().unwrap();
+    let found = states.linear_response(&functionals).unwrap().unwrap();
     let rough = found.iter().map(|(unloaded, gradient)| {
         let cells = pattern.cells().iter().enumerate().filter(|(_, group)| **group > 0);
         let added = cells.map(|(cell, group)| gradient[(usize::from(*group) - 1) * raster.cells() + cell]);
