@@ -59,7 +59,7 @@ fn a_broken_record_is_damage() {
     let path = store.layout.record(&key);
     let sound = fs::read(&path).unwrap();
     let seeds = Seeds::new("record", [sound.clone(), sound[..sound.len() - 32].to_vec()], &[]);
-    assert_eq!(seeds.sound, 2);
+    assert_eq!(seeds.valid, 2);
     let root = store.root().to_owned();
     check!().with_iterations(600).for_each(|entropy: &[u8]| {
         // Half of the records get a checksum that matches their bytes.

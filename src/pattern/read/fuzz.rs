@@ -16,7 +16,7 @@ use mutate::Seeds;
 fn damaged_hdf5_files_are_read_or_rejected() {
     let folder = Folder::new();
     let seeds = Seeds::new("h5", [sound(&folder)], &[]);
-    fs::write(folder.path("damaged.h5"), &seeds.inputs[..seeds.sound][0]).unwrap();
+    fs::write(folder.path("damaged.h5"), &seeds.inputs[..seeds.valid][0]).unwrap();
     assert_eq!(folder.read("damaged.h5:/p").unwrap(), [wanted()]);
     check!().with_iterations(250).for_each(|entropy: &[u8]| {
         fs::write(folder.path("damaged.h5"), seeds.mutated(entropy)).unwrap();

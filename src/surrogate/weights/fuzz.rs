@@ -47,7 +47,7 @@ fn check_message(error: &LoadError) {
 #[test]
 fn models() {
     let seeds = Seeds::new("model", [model()], JSON);
-    seeds.inputs[..seeds.sound]
+    seeds.inputs[..seeds.valid]
         .iter()
         .for_each(|sound| drop(from_bytes(sound).unwrap()));
     check!().with_iterations(600).for_each(|entropy: &[u8]| {

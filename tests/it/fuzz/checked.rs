@@ -1,21 +1,21 @@
-//! What every input is held to.
+//! Checks for every input.
 
 use std::time::{Duration, Instant};
 
 use super::mutate::Seeds;
 
-/// No input of a few kilobytes takes longer.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// The longest time for an input of a few kilobytes.
+const MAX_DURATION: Duration = Duration::from_secs(10);
 
-/// Reads the sound inputs, which have to be accepted, and those that were found, and gives what reads one that is
-/// changed as random bytes say. `read` tells whether it accepts.
+/// Reads the valid inputs, which must be accepted, and those of the corpus. Returns a function that changes an input as
+/// random bytes determine, and reads it. `read` returns whether it accepts the input.
 pub fn checked<'a>(seeds: &'a Seeds, read: impl Fn(&[u8]) -> bool + 'a) -> impl Fn(&[u8]) + 'a {
     let timed = move |bytes: &[u8]| in_time(|| read(bytes));
     for (at, input) in seeds.inputs.iter().enumerate() {
         let is_accepted = timed(input);
         assert!(
-            is_accepted || at >= seeds.sound,
-            "refused: {:?}",
+            is_accepted || at >= seeds.valid,
+            "rejected: {:?}",
             String::from_utf8_lossy(input)
         );
     }
@@ -24,16 +24,16 @@ pub fn checked<'a>(seeds: &'a Seeds, read: impl Fn(&[u8]) -> bool + 'a) -> impl 
     }
 }
 
-/// Does something that takes no longer than anything may.
+/// Runs some work and checks its duration.
 pub fn in_time<T>(work: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let result = work();
     let took = start.elapsed();
-    assert!(took < PATIENCE, "{took:?}");
+    assert!(took < MAX_DURATION, "{took:?}");
     result
 }
 
-/// A refusal says something, in a length that a person reads.
-pub fn is_told(message: &str) {
+/// Checks that an error message is neither empty nor very long.
+pub fn check_message(message: &str) {
     assert!(!message.is_empty() && message.len() < 20_000, "{message:?}");
 }

@@ -13,7 +13,7 @@ use deaflow::stage::registry;
 use deaflow::store::LockFile;
 use miette::Diagnostic as _;
 
-use super::checked::{checked, is_told};
+use super::checked::{check_message, checked};
 use super::mutate::Seeds;
 
 const YAML: &[&str] = &[
@@ -79,9 +79,9 @@ fn yaml_in(name: &str) -> Vec<Vec<u8>> {
 }
 
 fn refused(error: &InputError) {
-    is_told(&error.to_string());
+    check_message(&error.to_string());
     if let Some(help) = error.help() {
-        is_told(&help.to_string());
+        check_message(&help.to_string());
     }
 }
 
@@ -132,7 +132,7 @@ fn check_node(node: &Node, text: &str) {
     check_position(&node.error("refused"), text);
     assert!(node.found().len() <= 10 * text.len() + 20);
     if let Err(error) = node.fields("it", &["version"]) {
-        is_told(&error.to_string());
+        check_message(&error.to_string());
     }
     match node.value() {
         NodeValue::List(items) => items.iter().for_each(|item| check_node(item, text)),
@@ -162,7 +162,7 @@ fn pipelines() {
         let read = Pipeline::read(document, &[], &registry()).inspect_err(refused);
         if let Ok(pipeline) = &read {
             for stage in &pipeline.stages {
-                is_told(&format!("{:.100}", stage.stage.parameters().to_string()));
+                check_message(&format!("{:.100}", stage.stage.parameters().to_string()));
             }
             assert!(pipeline.selection(None).is_ok());
         }
@@ -212,12 +212,12 @@ fn values_of_the_command_line() {
 #[test]
 fn lock_files() {
     let digest = |of: &str| deaflow::base::Digest::of(of.as_bytes()).to_string();
-    let sound = format!(
+    let valid = format!(
         "version: 1\npipeline: \"p\"\ntarget: \"x86_64-linux\"\nstages:\n  \"a b\":\n    key: \"{}\"\n    artifact: \"{}\"\n",
         digest("key"),
         digest("artifact")
     );
-    let seeds = Seeds::new("lock", [sound.into_bytes()], YAML);
+    let seeds = Seeds::new("lock", [valid.into_bytes()], YAML);
     let place = tempfile::tempdir().unwrap();
     let path = place.path().join("p.yaml.lock");
     let read = checked(&seeds, move |bytes| {
@@ -234,14 +234,14 @@ fn lock_files() {
 
 #[test]
 fn objectives() {
-    let sound = [
+    let valid = [
         "{ point: [25 mm, 25 mm], direction: 45 deg }",
         "{ point: [12.5 mm, 25 mm], direction: 0 deg, value: 0.5 mm }",
         "{ points: [{ point: [37.5 mm, 37.5 mm], direction: 225 deg, weight: 2 }, { point: [1 mm, 2 mm], direction: 10 deg }] }",
         "{ points: [{ point: [3 mm, 3 mm], displacement: [0.1 mm, -0.2 mm] }] }",
         "{ field: fields/pinch.csv }",
     ];
-    let seeds = Seeds::new("objective", sound.map(|text| text.as_bytes().to_vec()), YAML);
+    let seeds = Seeds::new("objective", valid.map(|text| text.as_bytes().to_vec()), YAML);
     let read = checked(&seeds, |bytes| {
         let Some(node) = root(&String::from_utf8_lossy(bytes)) else {
             return false;
@@ -252,7 +252,7 @@ fn objectives() {
             let again = Objective::read(&root(&text).unwrap()).unwrap_or_else(|e| panic!("{text}: {e}"));
             assert_eq!(again.to_text(), text);
             if let Err(error) = objective.goal(&Scene::vhb4910(), Some(0.5), 1.0) {
-                is_told(&error.to_string());
+                check_message(&error.to_string());
             }
         }
         read.is_ok()
@@ -262,13 +262,13 @@ fn objectives() {
 
 #[test]
 fn constraints() {
-    let sound = [
+    let valid = [
         "{ min_feature: 2 mm, islands: 3, leads: [left] }",
         "{ keep_out: [{ rectangle: [[0 mm, 0 mm], [10 mm, 10 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 5 mm } }] }",
         "{ breakdown_margin: 1.5, pull_in_margin: 1.2 }",
         "{}",
     ];
-    let seeds = Seeds::new("constraint", sound.map(|text| text.as_bytes().to_vec()), YAML);
+    let seeds = Seeds::new("constraint", valid.map(|text| text.as_bytes().to_vec()), YAML);
     let read = checked(&seeds, |bytes| {
         let Some(node) = root(&String::from_utf8_lossy(bytes)) else {
             return false;

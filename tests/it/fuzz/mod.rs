@@ -1,8 +1,8 @@
-//! Every format that is read, broken at random: read or refused, never a panic, and never long. Where there is a
-//! writer, what was read and written is read as the same.
+//! Random changes of inputs in every format: an input is read or rejected in short time, without a panic. If the program
+//! also writes the format, what it read and wrote must be read as the same value.
 //!
-//! Some hundred inputs each are tried here; CONTRIBUTING.md says how to try more. What has been found stands in
-//! `corpus`, in a folder for each format, and is tried first.
+//! Some hundred inputs of each format are tried; CONTRIBUTING.md shows how to try more. Inputs that found a bug are in
+//! `corpus`, with a folder for each format, and are tried first.
 
 mod checked;
 mod documents;

@@ -1,26 +1,26 @@
-//! Breaks sound inputs as random bytes say, so that a fuzzer that looks for new paths can steer.
+//! Changes valid inputs as random bytes determine, so that a coverage-guided fuzzer can control the changes.
 
 use std::fs;
 use std::path::PathBuf;
 
-/// Most changes to one input.
+/// The largest number of changes of one input.
 const MOST_CHANGES: u8 = 6;
 
-/// Longest piece that is removed or repeated, bytes.
+/// The longest piece that is removed or repeated, in bytes.
 const LONGEST_PIECE: usize = 200;
 
-/// Sound inputs of one format, those that have been found to do harm, and the pieces that the format is made of.
+/// Valid inputs of one format, inputs that found a bug, and the tokens of the format.
 pub struct Seeds {
     /// The inputs.
     pub inputs: Vec<Vec<u8>>,
-    /// How many of these are sound; the others have been found.
-    pub sound: usize,
+    /// The number of valid inputs, which come first; the others found a bug.
+    pub valid: usize,
     tokens: &'static [&'static str],
 }
 
 impl Seeds {
-    /// Sound inputs, and those in the corpus of that name.
-    pub fn new(corpus: &str, sound: impl IntoIterator<Item = Vec<u8>>, tokens: &'static [&'static str]) -> Self {
+    /// Combines valid inputs with those in a corpus.
+    pub fn new(corpus: &str, valid: impl IntoIterator<Item = Vec<u8>>, tokens: &'static [&'static str]) -> Self {
         let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
             .join("tests/it/fuzz/corpus")
             .join(corpus);
@@ -29,15 +29,15 @@ impl Seeds {
             .unwrap_or_default();
         found.sort();
         let found = found.iter().map(|path| fs::read(path).unwrap());
-        let sound: Vec<Vec<u8>> = sound.into_iter().collect();
+        let valid: Vec<Vec<u8>> = valid.into_iter().collect();
         Self {
-            sound: sound.len(),
-            inputs: sound.into_iter().chain(found).collect(),
+            valid: valid.len(),
+            inputs: valid.into_iter().chain(found).collect(),
             tokens,
         }
     }
 
-    /// One of the inputs, changed as `entropy` says; the same for the same bytes.
+    /// Returns one of the inputs with changes, as a function of `entropy`.
     pub fn mutated(&self, entropy: &[u8]) -> Vec<u8> {
         let mut choices = Choices(entropy);
         let mut bytes = self.inputs[choices.below(self.inputs.len())].clone();
@@ -75,7 +75,7 @@ impl Seeds {
             }
             6 => bytes.truncate(at),
             7 => {
-                // Numbers are where limits are: eight bytes of one, and a text of the same.
+                // Numbers near limits, as eight bytes or as text.
                 let number = [0, 1, 127, 255, 65_535, u64::from(u32::MAX), i64::MAX as u64, u64::MAX][choices.below(8)];
                 let number = match choices.byte() % 2 {
                     0 => number.to_le_bytes().to_vec(),
@@ -94,7 +94,7 @@ impl Seeds {
     }
 }
 
-/// Random bytes as choices; zeros once they are used up.
+/// Makes choices from random bytes, and from zeros after their end.
 struct Choices<'a>(&'a [u8]);
 
 impl Choices<'_> {
@@ -104,7 +104,7 @@ impl Choices<'_> {
         *first
     }
 
-    /// A number below `n`, which is not 0.
+    /// Returns a number below `n`, which must not be 0.
     fn below(&mut self, n: usize) -> usize {
         let bytes = [self.byte(), self.byte(), self.byte()];
         (usize::from(bytes[0]) | usize::from(bytes[1]) << 8 | usize::from(bytes[2]) << 16) % n

@@ -5,7 +5,7 @@ use std::fs;
 use bolero::check;
 use deaflow::pattern::{PatternForm, read_patterns};
 
-use super::checked::{checked, is_told};
+use super::checked::{check_message, checked};
 use super::mutate::Seeds;
 
 fn cell(x: usize, y: usize) -> u8 {
@@ -24,7 +24,7 @@ fn reader(form: &'static str) -> impl Fn(&[u8]) -> bool {
                 true
             }
             Err(error) => {
-                is_told(&error.to_string());
+                check_message(&error.to_string());
                 false
             }
         }
@@ -103,7 +103,7 @@ fn images() {
 
 #[test]
 fn names() {
-    let sound = [
+    let valid = [
         "p.npy",
         "a/b.png",
         "x.h5:/patterns",
@@ -112,7 +112,7 @@ fn names() {
     ];
     let seeds = Seeds::new(
         "name",
-        sound.map(|name| name.as_bytes().to_vec()),
+        valid.map(|name| name.as_bytes().to_vec()),
         &[":", "/", "[", "]", ".h5", "..", "\0", "-1"],
     );
     let read = checked(&seeds, |bytes| {
@@ -122,7 +122,7 @@ fn names() {
             PatternForm::PAPER,
         )
         .unwrap_err();
-        is_told(&refusal.to_string());
+        check_message(&refusal.to_string());
         true
     });
     check!().with_iterations(400).for_each(read);

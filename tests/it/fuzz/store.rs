@@ -1,4 +1,4 @@
-//! The small files of a store: whatever stands in them, a store opens or says why not, and forgets nothing else.
+//! The small files of a store: with any content, the store opens or reports an error, and other files are unaffected.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use deaflow::store::{
     Run, RunStage, StageOutcome, Store, StoreError,
 };
 
-use super::checked::{in_time, is_told};
+use super::checked::{check_message, in_time};
 use super::mutate::Seeds;
 use crate::common::files;
 
@@ -41,7 +41,7 @@ fn record(artifact: ArtifactId) -> Record {
     }
 }
 
-/// A store with a file of every form but for artifacts, which are HDF5.
+/// Creates a store with a file of every format except artifacts, which are HDF5.
 fn fill(root: &Path) -> ActionKey {
     let store = Store::open(&root.join("store")).unwrap();
     let object = Object::default().with("v", Dataset::new("mm", "d", &[2], Data::F64(vec![1.0, 2.0])));
@@ -95,7 +95,7 @@ fn fill(root: &Path) -> ActionKey {
     record.key
 }
 
-/// Reads all that a store says of itself.
+/// Reads all files of a store.
 fn read(root: &Path, key: &ActionKey) -> Result<(), StoreError> {
     let store = Store::open_existing(&root.join("store"))?;
     if let Lookup::Found(found, _) = store.record(key)? {
@@ -106,8 +106,8 @@ fn read(root: &Path, key: &ActionKey) -> Result<(), StoreError> {
     store.runs()?;
     store.last_made("s", None)?;
     assert!(store.costs().iter().all(|cost| cost.steps > 0));
-    // Each of these may say that its own file is damaged, and the others go on.
-    let told = [
+    // Each of these may report its own file as damaged; the others continue.
+    let errors = [
         store.pins().err(),
         store.lock_files().err(),
         store.checkpoint(key, "training", BUILD).err(),
@@ -115,7 +115,10 @@ fn read(root: &Path, key: &ActionKey) -> Result<(), StoreError> {
         store.totals().err(),
         store.fsck(&|_, _| {}).err(),
     ];
-    told.into_iter().flatten().for_each(|error| is_told(&error.to_string()));
+    errors
+        .into_iter()
+        .flatten()
+        .for_each(|error| check_message(&error.to_string()));
     Ok(())
 }
 
@@ -148,14 +151,14 @@ fn small_files() {
     check!().with_iterations(400).for_each(|entropy: &[u8]| {
         let (which, rest) = entropy.split_first().unwrap_or((&0, &[]));
         let at = usize::from(*which) % small.len();
-        let (path, sound) = &small[at];
+        let (path, valid) = &small[at];
         fs::write(path, seeds[at].mutated(rest)).unwrap();
         in_time(|| {
             if let Err(error) = read(&root, &key) {
-                is_told(&error.to_string());
+                check_message(&error.to_string());
             }
         });
-        fs::write(path, sound).unwrap();
+        fs::write(path, valid).unwrap();
     });
-    assert!(read(&root, &key).is_ok(), "the store is sound again");
+    assert!(read(&root, &key).is_ok(), "the store is valid again");
 }

@@ -1,4 +1,4 @@
-//! Values as texts and as bytes: what is written reads as the same.
+//! Values as texts and as bytes: what is written is read as the same value.
 
 use std::str::FromStr;
 
@@ -7,11 +7,11 @@ use deaflow::base::{ArtifactId, Canonical, Decimal, Digest, Dimension, Quantity,
 use deaflow::fem::{Method, SolverParameters};
 use deaflow::scene::Effects;
 
-use super::checked::{checked, is_told};
+use super::checked::{check_message, checked};
 use super::mutate::Seeds;
 
-fn texts(sound: &[&str]) -> Vec<Vec<u8>> {
-    sound.iter().map(|text| text.as_bytes().to_vec()).collect()
+fn texts(valid: &[&str]) -> Vec<Vec<u8>> {
+    valid.iter().map(|text| text.as_bytes().to_vec()).collect()
 }
 
 const NUMBERS: &[&str] = &[
@@ -48,7 +48,7 @@ fn numbers_and_quantities() {
         let text = String::from_utf8_lossy(bytes);
         match Decimal::from_str(&text) {
             Ok(number) => assert_eq!(Decimal::from_str(&number.to_string()).ok(), Some(number), "{text:?}"),
-            Err(error) => is_told(&error.to_string()),
+            Err(error) => check_message(&error.to_string()),
         }
         for dimension in [
             Dimension::Number,
@@ -66,7 +66,7 @@ fn numbers_and_quantities() {
                         "{text:?} {written:?}"
                     );
                 }
-                Err(error) => is_told(&error.to_string()),
+                Err(error) => check_message(&error.to_string()),
             }
         }
         true
@@ -94,7 +94,7 @@ fn canonical_values() {
 
 #[test]
 fn solvers_and_effects() {
-    let sound = [
+    let valid = [
         "{ method: newton, elements_per_cell: 2, order: 1, tolerance: 1e-8 }",
         "{ method: chord:3, elements_per_cell: 1, order: 2 }",
         "{ method: newton, accuracy: 0.02 mm }",
@@ -103,7 +103,7 @@ fn solvers_and_effects() {
     ];
     let seeds = Seeds::new(
         "solver",
-        texts(&sound),
+        texts(&valid),
         &[
             "{", "}", ":", ",", "newton", "linear", "chord:", "{}", "1e-9", "~", "[", "\n",
         ],
@@ -115,11 +115,11 @@ fn solvers_and_effects() {
                 let written = solver.canonical([]).to_string();
                 assert_eq!(SolverParameters::from_text(&written).ok(), Some(solver), "{written}");
             }
-            Err(error) => is_told(&error.to_string()),
+            Err(error) => check_message(&error.to_string()),
         }
         match Effects::from_text(&text) {
             Ok(effects) => assert_eq!(Effects::from_text(&effects.to_text()).ok(), Some(effects)),
-            Err(error) => is_told(&error.to_string()),
+            Err(error) => check_message(&error.to_string()),
         }
         if let Ok(method) = Method::from_str(&text) {
             assert_eq!(Method::from_str(&method.to_string()).ok(), Some(method));
@@ -143,7 +143,7 @@ fn digests() {
                 let written = text.to_ascii_lowercase();
                 assert_eq!((digest.to_string(), artifact.to_string()), (written.clone(), written));
             }
-            (Err(error), Err(_)) => is_told(&error.to_string()),
+            (Err(error), Err(_)) => check_message(&error.to_string()),
             (one, other) => panic!("{text:?}: {one:?} {other:?}"),
         }
         true
