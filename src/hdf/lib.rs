@@ -2,8 +2,8 @@
 //!
 //! libhdf5 is not robust against damaged or malicious files: a few changed bytes make it hang, crash or allocate all
 //! memory. So untrusted files are opened by a child process of this program with limits on memory and time and without
-//! plugins ([`HdfFile::open_untrusted`]), and its responses are limited and checked. Files whose bytes have been verified with
-//! our own checksum are read in this process ([`HdfFile::open_trusted`]), by the same code.
+//! plugins ([`HdfFile::open_untrusted`]), and its responses are limited and checked. Files whose bytes have been
+//! verified with our own checksum are read in this process ([`HdfFile::open_trusted`]), by the same code.
 
 mod attributes;
 mod child;
