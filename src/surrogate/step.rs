@@ -15,7 +15,7 @@ use super::metrics::ErrorSums;
 use super::networks::{Network, Output};
 use deaflow_pattern::{Pattern, Raster, Symmetry};
 
-/// What gradients and losses are computed from, besides the examples.
+/// The network and the loss of a training.
 pub(crate) struct Problem<'a> {
     /// Cells of the patterns.
     pub(crate) raster: Raster,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::confidence::excluded_above;
 use super::distribution::Distribution;
-use super::finding::{Finding, Severity};
+use super::finding::Finding;
 use super::labels::LabelCheck;
 use super::resimulate::Resimulated;
 
@@ -23,14 +23,6 @@ pub struct Report {
     pub peaks: Vec<f64>,
     /// Rows that were simulated on a finer mesh.
     pub resimulated: Vec<Resimulated>,
-}
-
-impl Report {
-    /// Returns whether a finding is an error.
-    #[must_use]
-    pub fn has_errors(&self) -> bool {
-        self.findings.iter().any(|finding| finding.severity == Severity::Error)
-    }
 }
 
 /// Summary of an audit.

@@ -43,14 +43,9 @@ pub struct DifficultyParts {
     pub scores: Vec<f64>,
 }
 
-/// The regression and the scored patterns. The fields are those of [`DifficultyParts`].
+/// The regression and the scored patterns.
 pub(super) struct Difficulty {
-    centre: Point,
-    deviation: Point,
-    range: [f64; 2],
-    coefficients: Vec<f64>,
-    points: Vec<Point>,
-    scores: Vec<f64>,
+    parts: DifficultyParts,
 }
 
 impl Difficulty {
@@ -60,64 +55,77 @@ impl Difficulty {
     /// When a value is not a number.
     pub(super) fn fit(first: &[(Point, f64)], second: &[(Point, f64)]) -> Result<Self, CalibrationError> {
         let n = first.len() as f64;
-        let centre: Point = std::array::from_fn(|k| first.iter().map(|(f, _)| f[k]).sum::<f64>() / n);
-        let deviation = std::array::from_fn(|k| {
+        let mean = |k: usize| first.iter().map(|(f, _)| f[k]).sum::<f64>() / n;
+        let centre: Vec<f64> = (0..DIFFICULTY).map(mean).collect();
+        let deviation = |k: usize| {
             let squares: f64 = first.iter().map(|(f, _)| (f[k] - centre[k]).powi(2)).sum();
             (squares / n).sqrt() + 1e-9
-        });
+        };
+        let deviation = (0..DIFFICULTY).map(deviation).collect();
         let logs: Vec<f64> = first.iter().map(|(_, log)| *log).collect();
+        let range = vec![
+            logs.iter().copied().fold(f64::INFINITY, f64::min),
+            logs.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        ];
         let mut fitted = Self {
-            centre,
-            deviation,
-            range: [
-                logs.iter().copied().fold(f64::INFINITY, f64::min),
-                logs.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            ],
-            coefficients: Vec::new(),
-            points: Vec::new(),
-            scores: Vec::new(),
+            parts: DifficultyParts {
+                centre,
+                deviation,
+                range,
+                coefficients: Vec::new(),
+                points: Vec::new(),
+                scores: Vec::new(),
+            },
         };
         let rows: Vec<[f64; TERMS]> = first.iter().map(|(f, _)| terms(&fitted.scaled(f))).collect();
-        fitted.coefficients = median_regression(&rows, &logs)?;
+        fitted.parts.coefficients = median_regression(&rows, &logs)?;
         for (features, log) in second {
             let point = fitted.scaled(features);
-            fitted.scores.push(log - fitted.median(&point).ln());
-            fitted.points.push(point);
+            fitted.parts.scores.push(log - fitted.median(&point).ln());
+            fitted.parts.points.extend(point);
         }
         Ok(fitted)
     }
 
     fn scaled(&self, features: &Point) -> Point {
-        std::array::from_fn(|k| (features[k] - self.centre[k]) / self.deviation[k])
+        std::array::from_fn(|k| (features[k] - self.parts.centre[k]) / self.parts.deviation[k])
     }
 
     fn median(&self, point: &Point) -> f64 {
-        let log: f64 = terms(point).iter().zip(&self.coefficients).map(|(t, c)| t * c).sum();
+        let log: f64 = terms(point)
+            .iter()
+            .zip(&self.parts.coefficients)
+            .map(|(t, c)| t * c)
+            .sum();
         // Far from the calibration patterns a quadratic polynomial may take any value.
-        log.max(self.range[0]).min(self.range[1]).exp()
+        log.max(self.parts.range[0]).min(self.parts.range[1]).exp()
     }
 
     /// Returns the number of scored patterns.
     pub(super) fn len(&self) -> usize {
-        self.scores.len()
+        self.parts.scores.len()
+    }
+
+    fn points(&self) -> &[Point] {
+        self.parts.points.as_chunks().0
     }
 
     /// Returns the medians of the largest error of the scored patterns, mm.
     pub(super) fn medians(&self) -> impl Iterator<Item = f64> {
-        self.points.iter().map(|point| self.median(point))
+        self.points().iter().map(|point| self.median(point))
     }
 
     /// Returns the median of the largest error of a component in mm, and the conformal quantile of the scores of the
     /// nearest patterns. `scores` of the first scored patterns may replace the own scores.
     pub(super) fn median_and_quantile(&self, features: &Point, scores: Option<&[f64]>) -> (f64, f64) {
         let point = self.scaled(features);
-        let scores = scores.unwrap_or(&self.scores);
+        let scores = scores.unwrap_or(&self.parts.scores);
         (self.median(&point), self.quantile(&point, scores, COVERAGE))
     }
 
     fn quantile(&self, point: &Point, scores: &[f64], probability: f64) -> f64 {
         let distance = |other: &Point| other.iter().zip(point).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
-        let mut near: Vec<(f64, f64)> = self.points.iter().map(distance).zip(scores.iter().copied()).collect();
+        let mut near: Vec<(f64, f64)> = self.points().iter().map(distance).zip(scores.iter().copied()).collect();
         let count = NEIGHBOURS.min(near.len());
         if count == 0 {
             return 0.0;
@@ -131,31 +139,23 @@ impl Difficulty {
 
     /// Returns the arrays.
     pub(super) fn parts(&self) -> DifficultyParts {
-        DifficultyParts {
-            centre: self.centre.to_vec(),
-            deviation: self.deviation.to_vec(),
-            range: self.range.to_vec(),
-            coefficients: self.coefficients.clone(),
-            points: self.points.iter().flatten().copied().collect(),
-            scores: self.scores.clone(),
-        }
+        self.parts.clone()
     }
 
+    /// Checks the arrays.
     pub(super) fn from_parts(parts: DifficultyParts) -> Result<Self, CalibrationError> {
-        let wrong = |_| CalibrationError::Parts("features");
-        let (points, rest) = parts.points.as_chunks::<DIFFICULTY>();
-        let fits = rest.is_empty() && !points.is_empty() && points.len() == parts.scores.len();
-        if !fits || parts.coefficients.len() != TERMS {
-            return Err(CalibrationError::Parts("difficulty"));
+        if [&parts.centre, &parts.deviation]
+            .iter()
+            .any(|array| array.len() != DIFFICULTY)
+            || parts.range.len() != 2
+        {
+            return Err(CalibrationError::Parts("features"));
         }
-        Ok(Self {
-            centre: parts.centre.try_into().map_err(wrong)?,
-            deviation: parts.deviation.try_into().map_err(wrong)?,
-            range: parts.range.try_into().map_err(wrong)?,
-            coefficients: parts.coefficients,
-            points: points.to_vec(),
-            scores: parts.scores,
-        })
+        let points = parts.points.len() == DIFFICULTY * parts.scores.len() && !parts.scores.is_empty();
+        match points && parts.coefficients.len() == TERMS {
+            true => Ok(Self { parts }),
+            false => Err(CalibrationError::Parts("difficulty")),
+        }
     }
 }
 

@@ -28,14 +28,10 @@ pub struct NoveltyParts {
     pub threshold: f64,
 }
 
-/// The familiar patterns. The fields are those of [`NoveltyParts`].
+/// The familiar patterns.
 pub(super) struct Novelty {
-    centre: Vec<f64>,
-    deviation: Vec<f64>,
+    parts: NoveltyParts,
     factor: Mat<f64>,
-    points: Vec<Vec<f64>>,
-    distances: Vec<f64>,
-    threshold: f64,
 }
 
 impl Novelty {
@@ -57,46 +53,43 @@ impl Novelty {
             products / n + if i == j { SOFTENING } else { 0.0 }
         });
         let factor = cholesky(&covariance).ok_or(CalibrationError::Singular)?;
-        let points: Vec<Vec<f64>> = scaled.iter().map(|row| whitened(&factor, row)).collect();
-        let distance = |i: usize| mean_distance(&nearest(&points[i], &points, Some(i)));
-        let distances = (0..points.len()).map(distance).collect();
+        let points: Vec<f64> = scaled.iter().flat_map(|row| whitened(&factor, row)).collect();
+        let distance = |i: usize| mean_distance(&nearest(&points[i * m..][..m], &points, Some(i)));
+        let distances = (0..reference.len()).map(distance).collect();
         let mut fitted = Self {
-            centre,
-            deviation,
+            parts: NoveltyParts {
+                centre,
+                deviation,
+                factor: (0..m * m).map(|at| factor[(at / m, at % m)]).collect(),
+                points,
+                distances,
+                threshold: 1.0,
+            },
             factor,
-            points,
-            distances,
-            threshold: 1.0,
         };
         let mut ratios: Vec<f64> = fresh.iter().map(|features| fitted.novelty(features)).collect();
         ratios.sort_by(f64::total_cmp);
-        fitted.threshold = ratios[rank(ratios.len(), 1.0 - false_alarm)].max(f64::MIN_POSITIVE);
+        fitted.parts.threshold = ratios[rank(ratios.len(), 1.0 - false_alarm)].max(f64::MIN_POSITIVE);
         Ok(fitted)
     }
 
     /// Returns the mean distance of a pattern from its neighbours, relative to their own distances and the threshold.
     pub(super) fn novelty(&self, features: &[f64]) -> f64 {
-        let point = whitened(&self.factor, &scaled(features, &self.centre, &self.deviation));
-        let nearest = nearest(&point, &self.points, None);
-        let own = nearest.iter().map(|&(_, i)| self.distances[i]).sum::<f64>() / nearest.len() as f64;
-        let mean = self.distances.iter().sum::<f64>() / self.distances.len() as f64;
+        let parts = &self.parts;
+        let point = whitened(&self.factor, &scaled(features, &parts.centre, &parts.deviation));
+        let nearest = nearest(&point, &parts.points, None);
+        let own = nearest.iter().map(|&(_, i)| parts.distances[i]).sum::<f64>() / nearest.len() as f64;
+        let mean = parts.distances.iter().sum::<f64>() / parts.distances.len() as f64;
         // Distances of coinciding familiar patterns vanish, so a small part of the mean is added.
-        mean_distance(&nearest) / (own + 0.05 * mean + 1e-12) / self.threshold
+        mean_distance(&nearest) / (own + 0.05 * mean + 1e-12) / parts.threshold
     }
 
     /// Returns the arrays.
     pub(super) fn parts(&self) -> NoveltyParts {
-        let m = self.centre.len();
-        NoveltyParts {
-            centre: self.centre.clone(),
-            deviation: self.deviation.clone(),
-            factor: (0..m * m).map(|at| self.factor[(at / m, at % m)]).collect(),
-            points: self.points.concat(),
-            distances: self.distances.clone(),
-            threshold: self.threshold,
-        }
+        self.parts.clone()
     }
 
+    /// Checks the arrays.
     pub(super) fn from_parts(parts: NoveltyParts) -> Result<Self, CalibrationError> {
         let m = parts.centre.len();
         let fits = m > 0
@@ -108,14 +101,8 @@ impl Novelty {
         if !fits {
             return Err(CalibrationError::Parts("novelty"));
         }
-        Ok(Self {
-            factor: Mat::from_fn(m, m, |i, j| parts.factor[i * m + j]),
-            points: parts.points.chunks_exact(m).map(<[f64]>::to_vec).collect(),
-            centre: parts.centre,
-            deviation: parts.deviation,
-            distances: parts.distances,
-            threshold: parts.threshold,
-        })
+        let factor = Mat::from_fn(m, m, |i, j| parts.factor[i * m + j]);
+        Ok(Self { parts, factor })
     }
 }
 
@@ -132,9 +119,9 @@ fn scaled(features: &[f64], centre: &[f64], deviation: &[f64]) -> Vec<f64> {
 }
 
 /// Returns distances and indices of the points nearest to a point, without the point `own` itself.
-fn nearest(point: &[f64], points: &[Vec<f64>], own: Option<usize>) -> Vec<(f64, usize)> {
+fn nearest(point: &[f64], points: &[f64], own: Option<usize>) -> Vec<(f64, usize)> {
     let squares = |other: &[f64]| other.iter().zip(point).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
-    let distances = points.iter().map(|other| squares(other).sqrt());
+    let distances = points.chunks_exact(point.len()).map(|other| squares(other).sqrt());
     let mut found: Vec<(f64, usize)> = distances.zip(0..).collect();
     if let Some(own) = own {
         found.swap_remove(own);
