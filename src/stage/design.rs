@@ -153,8 +153,8 @@ impl Kind for DesignKind {
         if map.optional("evaluator_accuracy").is_some() && evaluator != EvaluatorChoice::Auto {
             let accuracy = &parameters.options.evaluator_accuracy;
             warnings.push(format!(
-                "`evaluator_accuracy: {accuracy}` has no effect with `evaluator: {evaluator}`; `evaluator: auto` selects \
-                 the cheapest evaluator with this accuracy"
+                "`evaluator_accuracy: {accuracy}` has no effect with `evaluator: {evaluator}`; `evaluator: auto` \
+                 selects the cheapest evaluator with this accuracy"
             ));
             expectations = evaluator.expectations(accuracy.value(), needs);
         }

@@ -376,8 +376,8 @@ impl Cases {
             |k: usize| own.objective.0[k] != others.objective.0[row] || own.area_target[k] != others.area_target[row];
         if of_target().next().is_some_and(differs) {
             return Err(StageError::input(format!(
-                "two designs `{name}` of case {label:?} have different objectives or areas and cannot be compared: give \
-                 them different `case` labels or target names"
+                "two designs `{name}` of case {label:?} have different objectives or areas and cannot be compared: \
+                 give them different `case` labels or target names"
             )));
         }
         let mut of_role = of_target().filter(|&k| own.role[k] == role);
@@ -386,8 +386,8 @@ impl Cases {
         }
         if of_role.any(|k| own.member[k] == others.member[row] && own.units[k] == others.units[row]) {
             return Err(StageError::input(format!(
-                "two stages have a design `{name}` of role {}, {} units and case {label:?}: give them different `case` labels \
-                 or target names",
+                "two stages have a design `{name}` of role {}, {} units and case {label:?}: give them different `case` \
+                 labels or target names",
                 role.name(),
                 others.units[row]
             )));

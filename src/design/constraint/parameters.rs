@@ -267,18 +267,19 @@ mod tests {
     }
 
     const RICH: &str = "{ min_feature: 2 mm, islands: 1, leads: [top, left], \
-                        keep_out: [{ rectangle: [[0, 0], [5 mm, 0.5 cm]] }, { disc: { centre: [25 mm, 25], radius: 3 } }], breakdown_margin: 1.5, pull_in_margin: 1.20 }";
+                        keep_out: [{ rectangle: [[0, 0], [5 mm, 0.5 cm]] }, { disc: { centre: [25 mm, 25], radius: 3 } }], \
+                        breakdown_margin: 1.5, pull_in_margin: 1.20 }";
 
     #[test]
-    fn constraints_survive_their_own_text() {
+    fn constraints_round_trip_through_text() {
         for text in [RICH, "{ leads: true }", "{ islands: 3 }", "{ pull_in_margin: 2 }", "{}"] {
-            let wanted = read(text).unwrap();
-            let again = read(&wanted.to_text()).unwrap();
+            let parameters = read(text).unwrap();
+            let read_again = read(&parameters.to_text()).unwrap();
             assert_eq!(
-                (again.canonical(), again.to_text()),
-                (wanted.canonical(), wanted.to_text())
+                (read_again.canonical(), read_again.to_text()),
+                (parameters.canonical(), parameters.to_text())
             );
-            assert_eq!(again.constraints(), wanted.constraints());
+            assert_eq!(read_again.constraints(), parameters.constraints());
         }
         let expected = "{ min_feature: 2 mm, islands: 1, leads: [left, top], keep_out: [{ rectangle: [[0 mm, 0 mm], \
                         [5 mm, 5 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 3 mm } }], breakdown_margin: 1.5, \
@@ -308,12 +309,12 @@ mod tests {
 
     #[test]
     fn constraints_are_read_from_yaml() {
-        let wanted = read(RICH).unwrap();
-        let limits = wanted.constraints().limits();
+        let parameters = read(RICH).unwrap();
+        let limits = parameters.constraints().limits();
         assert_eq!((limits.min_feature_mm, limits.islands), (Some(2.0), Some(1)));
         assert_eq!((limits.breakdown_margin, limits.pull_in_margin), (Some(1.5), Some(1.2)));
-        assert_eq!(wanted.constraints().feature_cells(), [2; 2]);
-        assert!(!wanted.constraints().allowed().has(0, 0) && wanted.constraints().allowed().has(49, 49));
+        assert_eq!(parameters.constraints().feature_cells(), [2; 2]);
+        assert!(!parameters.constraints().allowed().has(0, 0) && parameters.constraints().allowed().has(49, 49));
     }
 
     #[test]
@@ -358,8 +359,8 @@ mod tests {
 
     #[test]
     fn an_impossible_area_is_refused() {
-        let wanted = read("{ keep_out: [{ rectangle: [[0, 0], [25, 50]] }], min_feature: 10 mm }").unwrap();
-        let check = |area: f64| wanted.check_area(&node("1"), area, 0.005);
+        let parameters = read("{ keep_out: [{ rectangle: [[0, 0], [25, 50]] }], min_feature: 10 mm }").unwrap();
+        let check = |area: f64| parameters.check_area(&node("1"), area, 0.005);
         assert!(check(0.5).is_ok() && check(0.504).is_ok() && check(0.0).is_ok());
         assert!(check(0.6).unwrap_err().to_string().contains("at most 0.5000"));
         assert!(check(0.02).unwrap_err().to_string().contains("the smallest electrode"));

@@ -2,8 +2,9 @@
 //!
 //! Clearing (Pétrowski, "A clearing procedure as a niching method for genetic algorithms", ICEC 1996, doi
 //! 10.1109/ICEC.1996.542703): in the order of fitness, an individual that differs enough from all winners starts a new
-//! niche, and any other joins the niche of the nearest winner. Cleared individuals are not removed but ranked lower: first the
-//! best of all niches, then the second of all, and so on, so that each niche has the same share of the parents.
+//! niche, and any other joins the niche of the nearest winner. Cleared individuals are not removed but ranked lower:
+//! first the best of all niches, then the second of all, and so on, so that each niche has the same share of the
+//! parents.
 
 use deaflow_pattern::{Layers, PatternEquivalence};
 

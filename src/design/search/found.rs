@@ -13,7 +13,8 @@ pub struct FoundDesign {
     pub role: Role,
     /// The number among several designs of the target, from 0.
     pub member: usize,
-    /// Units along a side of the membrane in the search; [`CELLS`](deaflow_pattern::CELLS) if units were the cells of any raster.
+    /// Units along a side of the membrane in the search; [`CELLS`](deaflow_pattern::CELLS) if units were the cells of
+    /// any raster.
     pub units: usize,
     /// The pattern.
     pub pattern: Pattern,
