@@ -57,7 +57,7 @@ fn report(order: Order, per_cell: usize, double: f64, single: f64) -> String {
     let operator = Operator {
         material: &material,
         activity: &activity,
-        pulled: 1.0,
+        body_load: 1.0,
     };
     let laplacian = Laplacian::new(&grid).expect("the eigenvectors converge");
     let len = grid.layout().vector_len();

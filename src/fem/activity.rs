@@ -15,16 +15,16 @@ use super::lanes::{Value, Wide};
 #[cfg(doc)]
 use super::layout::NodeLayout;
 use super::memory::Memory;
-use super::precision::{Both, Precision};
+use super::precision::{BothPrecisions, Precision};
 
 /// The activity of a pattern on a grid.
 #[derive(Clone, Debug)]
 pub struct Activity {
     grid: Grid,
     /// Activity of each element, in rows of [`NodeLayout::part`] numbers.
-    values: Both,
+    values: BothPrecisions,
     /// Sides of each column and each row of elements, if not all 1.
-    sides: Option<[Both; 2]>,
+    sides: Option<[BothPrecisions; 2]>,
     /// Activity of each point, if the points of an element differ.
     points: Option<Arc<Points>>,
     /// Whether each element is either active or bare.
@@ -37,9 +37,9 @@ pub struct Activity {
 #[derive(Debug)]
 struct Points {
     /// Activity of each point, in lines of [`NodeLayout::part`] numbers for the points of each row of elements.
-    values: Both,
+    values: BothPrecisions,
     /// Activity of the strongest electrode in each element.
-    strongest: Both,
+    strongest: BothPrecisions,
 }
 
 /// Activities of the points of an element.
@@ -107,8 +107,8 @@ impl Activity {
             }
         }
         let points = Points {
-            values: Both::new(points),
-            strongest: Both::new(strongest),
+            values: BothPrecisions::new(points),
+            strongest: BothPrecisions::new(strongest),
         };
         Self {
             points: Some(Arc::new(points)),
@@ -127,12 +127,12 @@ impl Activity {
         }
         // Past the last element it is 1, because kernels divide by it.
         let width = |at: usize| if at < columns { grid.sides([at, 0])[0] } else { 1.0 };
-        let widths = || Both::new((0..layout.part()).map(width).collect());
-        let heights = || Both::new((0..rows).map(|at| grid.sides([0, at])[1]).collect());
+        let widths = || BothPrecisions::new((0..layout.part()).map(width).collect());
+        let heights = || BothPrecisions::new((0..rows).map(|at| grid.sides([0, at])[1]).collect());
         Self {
             grid: grid.clone(),
             is_binary: values.iter().all(|value| *value == 0.0 || *value == 1.0),
-            values: Both::new(values),
+            values: BothPrecisions::new(values),
             points: None,
             sides: (!grid.is_plain()).then(|| [widths(), heights()]),
             memory: None,

@@ -112,16 +112,16 @@ impl Capacitance {
 
 impl Correction {
     fn new(supports: &Supports, rectangle: &Rectangle) -> Option<Self> {
-        let (mut places, mut starts) = (supports.held_edge().to_vec(), Vec::new());
+        let (mut indices, mut starts) = (supports.held_edge().to_vec(), Vec::new());
         for body in supports.bodies() {
-            starts.push(places.len());
-            places.extend(body.edge.iter().map(|(at, _)| at));
+            starts.push(indices.len());
+            indices.extend(body.edge.iter().map(|(at, _)| at));
         }
-        let count = places.len();
+        let count = indices.len();
         if count == 0 || count > MOST {
             return None;
         }
-        let nodes = rectangle.nodes(&places);
+        let nodes = rectangle.nodes(&indices);
         let columns = rectangle.between(&nodes);
         let symmetric = Mat::from_fn(count, count, |i, k| 0.5 * (columns[(i, k)] + columns[(k, i)]));
         let inverse = inverse_definite(&symmetric)?;
@@ -200,7 +200,7 @@ impl Correction {
         let size = 3 * bodies.len();
         let unit = |at: usize| std::array::from_fn(|k| if k == at { 1.0 } else { 0.0 });
         // Eᵀ of nodal values, by component.
-        let seen = |body: usize, values: &dyn Fn(usize, usize) -> f64| -> [f64; 3] {
+        let on_body = |body: usize, values: &dyn Fn(usize, usize) -> f64| -> [f64; 3] {
             let nodes: &RigidNodes = &bodies[body].edge;
             let mut sum = [0.0; 3];
             for (at, (_, arm)) in nodes.iter().enumerate() {
@@ -217,14 +217,14 @@ impl Correction {
                 let weights = weights(&poses[other], unit(motion));
                 let image = |c: usize, at: usize| weights[c].iter().zip(rigid).map(|(w, values)| w * values[at]).sum();
                 for body in 0..bodies.len() {
-                    for (k, value) in seen(body, &image).into_iter().enumerate() {
+                    for (k, value) in on_body(body, &image).into_iter().enumerate() {
                         matrix[(3 * body + k, 3 * other + motion)] = value;
                     }
                 }
             }
         }
         for (body, force) in forces.iter().enumerate() {
-            let own = seen(body, &|c, at| f64::from(images[c][at]));
+            let own = on_body(body, &|c, at| f64::from(images[c][at]));
             for k in 0..3 {
                 right[3 * body + k] = force[k] + own[k];
             }

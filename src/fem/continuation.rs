@@ -157,11 +157,11 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         let mut reached = u.to_vec();
         workspace.begin_again();
         for _ in 0..MAX_LOAD_STEPS {
-            let pulled = f64::min(applied + step, 1.0);
-            match self.attempt([0.0, pulled], Some(&reached), u, workspace, &mut total) {
-                Ok(()) if pulled >= 1.0 => return Ok(()),
+            let body_load = f64::min(applied + step, 1.0);
+            match self.attempt([0.0, body_load], Some(&reached), u, workspace, &mut total) {
+                Ok(()) if body_load >= 1.0 => return Ok(()),
                 Ok(()) => {
-                    applied = pulled;
+                    applied = body_load;
                     reached.copy_from_slice(u);
                 }
                 Err(failure) => {
@@ -280,7 +280,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
     /// Solves at shares of the full load and of the forces on bodies, and checks stability.
     fn attempt(
         &self,
-        [share, pulled]: [f64; 2],
+        [share, body_load]: [f64; 2],
         before: Option<&[f64]>,
         u: &mut [f64],
         workspace: &mut Workspace,
@@ -290,7 +290,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         let operator = Operator {
             material: &material,
             activity: self.activity,
-            pulled,
+            body_load,
         };
         let result = newton::solve(&operator, self.laplacian, self.tolerance, u, workspace);
         let (Ok(progress) | Err((_, progress))) = result;

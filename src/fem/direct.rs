@@ -1,4 +1,4 @@
-//! The assembled tangent, factorised: the robust path beside conjugate gradients, and the judge of stability.
+//! The assembled and factorised tangent: for Newton steps where conjugate gradients fail, and to check stability.
 
 use std::sync::Arc;
 
@@ -14,15 +14,14 @@ use super::operator::{Operator, from_rest, on_sides, per_side};
 use super::supports::{Pose, Supports};
 use deaflow_field::Order;
 
-/// Where the entries of the tangent stand, and an order of the unknowns in which its factors stay sparse: the same for all
-/// tangents of a grid.
+/// The sparsity of the tangent and a fill-reducing order of the unknowns, the same for all tangents of a grid.
 pub struct Structure {
     unknowns: Unknowns,
     sparsity: Sparsity,
 }
 
 impl Structure {
-    /// The structure of a grid; `None` when memory is short.
+    /// Creates the structure of a grid; `None` if memory is short.
     pub fn new(grid: &Grid) -> Option<Arc<Self>> {
         let unknowns = Unknowns::new(grid);
         let at_rest = vec![Pose::REST; unknowns.bodies()];
@@ -38,7 +37,7 @@ impl Structure {
         Some(Arc::new(Self { unknowns, sparsity }))
     }
 
-    /// The entries of the tangent at `u`; those of bodies stand last.
+    /// Returns the entries of the tangent at `u`; those of bodies are last.
     fn entries<L: Material>(&self, operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
         let poses = operator.activity.grid().poses(u);
         let mut entries = match operator.activity.grid().order() {
@@ -53,7 +52,7 @@ impl Structure {
         entries
     }
 
-    /// The tangent at `u` on and below the diagonal; `None` when memory is short.
+    /// Returns the tangent at `u` on and below the diagonal; `None` if memory is short.
     pub(super) fn tangent<L: Material>(
         &self,
         operator: &Operator<'_, L>,
@@ -62,7 +61,8 @@ impl Structure {
         self.sparsity.matrix(&self.entries(operator, u))
     }
 
-    /// The consistent mass of [`super::mass::Mass`] at `u`, where bodies have turned, on and below the diagonal; `None` when memory is short.
+    /// Returns the consistent mass of [`super::mass::Mass`] at `u`, which includes rotated bodies, on and below the
+    /// diagonal; `None` if memory is short.
     pub(super) fn mass(&self, grid: &Grid, u: &[f64]) -> Option<SparseColMat<usize, f64>> {
         let poses = grid.poses(u);
         let mut entries = match grid.order() {
@@ -73,17 +73,17 @@ impl Structure {
         self.sparsity.matrix(&entries)
     }
 
-    /// A vector as one of unknowns at `u`: what they see of its forces.
+    /// Converts nodal forces to forces on the unknowns at `u`.
     pub(super) fn pack(&self, grid: &Grid, u: &[f64], vector: &[f64]) -> Vec<f64> {
         self.unknowns.pack(&grid.poses(u), vector)
     }
 
-    /// The change of displacement from `u` that unknowns stand for.
+    /// Converts unknowns to a change of displacement from `u`.
     pub(super) fn unpack(&self, grid: &Grid, u: &[f64], packed: &[f64]) -> Vec<f64> {
         self.unknowns.unpack(&grid.poses(u), packed)
     }
 
-    /// The factors of the tangent at `u`; `None` when a pivot is exactly zero or memory is short.
+    /// Factorises the tangent at `u`; `None` if a pivot is exactly zero or memory is short.
     pub fn factorise<L: Material>(self: &Arc<Self>, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
         let entries = self.entries(operator, u);
         Some(Factorisation {
@@ -98,24 +98,24 @@ impl Structure {
 pub struct Factorisation {
     structure: Arc<Structure>,
     values: Vec<f64>,
-    /// Of the bodies in the state that it is the tangent at.
+    /// Poses of the bodies at the state of the tangent.
     poses: Vec<Pose>,
 }
 
 impl Factorisation {
-    /// The tangent at `u`; `None` when a pivot is exactly zero or memory is short.
+    /// Factorises the tangent at `u`; `None` if a pivot is exactly zero or memory is short.
     #[cfg(test)]
     pub fn new<L: Material>(operator: &Operator<'_, L>, u: &[f64]) -> Option<Self> {
         Structure::new(operator.activity.grid())?.factorise(operator, u)
     }
 
-    /// How many eigenvalues of the tangent are negative.
+    /// Returns the number of negative eigenvalues of the tangent.
     #[must_use]
     pub fn negative_pivots(&self) -> usize {
         self.structure.sparsity.negative_pivots(&self.values)
     }
 
-    /// Solves with the factors: `r` is a residual, the result a displacement, both zero on the frame.
+    /// Solves with the factors. `r` is a residual, the result a displacement; both are zero on the frame.
     #[must_use]
     pub fn solve(&self, r: &[f64]) -> Vec<f64> {
         let Structure { unknowns, sparsity } = &*self.structure;
@@ -125,32 +125,34 @@ impl Factorisation {
     }
 }
 
-/// The unknowns of a grid: both components of each free node, row by row, then two translations and a rotation of each body.
+/// The unknowns of a grid: both components of each free node, row by row, then two translations and a rotation of each
+/// body.
 struct Unknowns {
     layout: NodeLayout,
     supports: Option<Arc<Supports>>,
-    /// Places of the free nodes, in the plane of the first component.
+    /// Indices of the free nodes, for the first component.
     free: Vec<usize>,
-    /// What each node is, by its place.
+    /// Kind of each node, by its index.
     nodes: Vec<Node>,
 }
 
 #[derive(Clone, Copy)]
 enum Node {
-    Held,
-    /// By its position among the free ones.
+    /// Fixed by a frame.
+    Fixed,
+    /// Number of the free node.
     Free(usize),
-    /// Of a body, at an arm.
+    /// Body and arm of the node.
     Rigid(usize, [f64; 2]),
 }
 
-/// An entry of the tangent on or below the diagonal, to which a column of an element's matrix adds one of its forces.
+/// An entry of the tangent on or below the diagonal, to which a column of an element matrix adds one of its forces.
 struct MatrixEntry {
     row: usize,
     column: usize,
-    /// Position among the forces of the element.
+    /// Index of the force of the element.
     force: usize,
-    /// What the force is multiplied by.
+    /// Factor of the force.
     weight: f64,
 }
 
@@ -161,7 +163,7 @@ impl Unknowns {
         let mut mask = vec![1.0; layout.vector_len()];
         layout.clear_frame(&mut mask);
         let supports = grid.shared_supports();
-        let mut nodes = vec![Node::Held; plane];
+        let mut nodes = vec![Node::Fixed; plane];
         if let Some(supports) = &supports {
             supports.clear_held(&mut mask);
             for (number, body) in supports.bodies().iter().enumerate() {
@@ -196,7 +198,7 @@ impl Unknowns {
         2 * self.free.len() + 3 * self.bodies()
     }
 
-    /// A vector as one of unknowns: what they see of its forces.
+    /// Converts nodal forces to forces on the unknowns.
     fn pack(&self, poses: &[Pose], vector: &[f64]) -> Vec<f64> {
         let plane = self.nodes.len();
         let mut packed: Vec<f64> = self
@@ -212,7 +214,7 @@ impl Unknowns {
         packed
     }
 
-    /// The change of displacement that unknowns stand for.
+    /// Converts unknowns to a change of displacement.
     fn unpack(&self, poses: &[Pose], packed: &[f64]) -> Vec<f64> {
         let plane = self.nodes.len();
         let mut vector = vec![0.0; 2 * plane];
@@ -228,8 +230,8 @@ impl Unknowns {
         vector
     }
 
-    /// The unknowns that a component of a node (column, row) follows, and how much.
-    fn followed(
+    /// Returns the unknowns that a component of a node (column, row) depends on, with their weights.
+    fn unknowns_of(
         &self,
         poses: &[Pose],
         c: usize,
@@ -238,7 +240,7 @@ impl Unknowns {
     ) -> impl Iterator<Item = (usize, f64)> + use<> {
         let none = (0, 0.0);
         let (terms, count) = match self.nodes[self.layout.index(0, column, row)] {
-            Node::Held => ([none; 2], 0),
+            Node::Fixed => ([none; 2], 0),
             Node::Free(free) => ([(2 * free + c, 1.0), none], 1),
             Node::Rigid(body, arm) => {
                 let first = 2 * self.free.len() + 3 * body;
@@ -248,8 +250,8 @@ impl Unknowns {
         terms.into_iter().take(count)
     }
 
-    /// Visits the columns of the element matrices in the order of assembly: `visit` takes the element (column, row) with the
-    /// component and node of the column, and the entries that it adds to.
+    /// Visits the columns of the element matrices in the order of assembly. `visit` takes the element (column, row)
+    /// with the component and node of the column, and the entries that it adds to.
     fn for_each_entry<const N: usize>(
         &self,
         poses: &[Pose],
@@ -257,20 +259,20 @@ impl Unknowns {
     ) {
         let degree = self.layout.degree();
         let side = degree + 1;
-        let mut followed = Vec::new();
+        let mut dependencies = Vec::new();
         for [column, row] in self.layout.each_element() {
-            let place = |node: usize| (column * degree + node % side, row * degree + node / side);
+            let position = |node: usize| (column * degree + node % side, row * degree + node / side);
             let of = |at: usize| {
-                let (x, y) = place(at % N);
-                self.followed(poses, at / N, x, y)
+                let (x, y) = position(at % N);
+                self.unknowns_of(poses, at / N, x, y)
                     .map(move |(unknown, weight)| (at, unknown, weight))
             };
-            followed.clear();
-            followed.extend((0..2 * N).flat_map(of));
+            dependencies.clear();
+            dependencies.extend((0..2 * N).flat_map(of));
             for at in 0..2 * N {
-                let own = followed.iter().filter(|(of, ..)| *of == at);
+                let own = dependencies.iter().filter(|(of, ..)| *of == at);
                 let mut entries = own.flat_map(|&(_, column, weight)| {
-                    let below = followed.iter().filter(move |(_, row, _)| *row >= column);
+                    let below = dependencies.iter().filter(move |(_, row, _)| *row >= column);
                     below.map(move |&(force, row, own)| MatrixEntry {
                         row,
                         column,
@@ -284,7 +286,7 @@ impl Unknowns {
     }
 }
 
-/// The entries of the tangent in the order of [`Unknowns::for_each_entry`].
+/// Returns the entries of the tangent in the order of [`Unknowns::for_each_entry`].
 fn assemble<E: Element<N>, L: Material, const N: usize>(
     unknowns: &Unknowns,
     operator: &Operator<'_, L>,
@@ -304,8 +306,8 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
         }
         let sides = grid.sides([column, row]);
         if current.replace([column, row]) != Some([column, row]) {
-            let place = |node: usize| (column * E::DEGREE + node % side, row * E::DEGREE + node / side);
-            let value = |c, node| u[layout.index(c, place(node).0, place(node).1)];
+            let position = |node: usize| (column * E::DEGREE + node % side, row * E::DEGREE + node / side);
+            let value = |c, node| u[layout.index(c, position(node).0, position(node).1)];
             gradients = E::gradients(&std::array::from_fn(|c| std::array::from_fn(|node| value(c, node))));
             per_side(&mut gradients, sides);
             from_rest(&mut gradients, grid.rest());
@@ -314,13 +316,13 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
         per_side(&mut changes, sides);
         let mut stresses = std::array::from_fn(|q| {
             let active = operator.activity.at_point(row, q, N)[column];
-            let of_law = operator.material.tangent(gradients[q], active, changes[q]);
+            let of_material = operator.material.tangent(gradients[q], active, changes[q]);
             let Some(memory) = operator.activity.memory() else {
-                return of_law;
+                return of_material;
             };
             let numbers: &[f64] = memory.view();
             let numbers = std::array::from_fn(|at| numbers[memory::line(layout, N, row, q, at) + column]);
-            add_scaled(of_law, 1.0, memory::tangent(numbers, gradients[q], changes[q]))
+            add_scaled(of_material, 1.0, memory::tangent(numbers, gradients[q], changes[q]))
         });
         on_sides(&mut stresses, sides);
         let forces = E::forces(&stresses);
@@ -329,7 +331,7 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
     sums
 }
 
-/// The entries of the consistent mass in the order of [`Unknowns::for_each_entry`].
+/// Returns the entries of the consistent mass in the order of [`Unknowns::for_each_entry`].
 fn assemble_mass<const A: usize, const N: usize>(
     unknowns: &Unknowns,
     grid: &Grid,
@@ -358,7 +360,7 @@ fn assemble_mass<const A: usize, const N: usize>(
     sums
 }
 
-/// ∇u at the points of an element for a unit displacement of each node, `[component][node][point]`.
+/// Returns ∇u at the points of an element for a unit displacement of each node, `[component][node][point]`.
 fn unit_gradients<E: Element<N>, const N: usize>() -> [[[Tensor<f64>; N]; N]; 2] {
     std::array::from_fn(|c| {
         std::array::from_fn(|node| {

@@ -1,8 +1,8 @@
-//! The smallest eigenvalue of the tangent against the Laplacian: K v = μ L v.
+//! The smallest eigenvalue of the tangent relative to the Laplacian: K v = μ L v.
 //!
-//! It is dimensionless, does not depend on the mesh, is near 1 for a bare membrane at rest and zero where stability is
+//! It is dimensionless, independent of the mesh, close to 1 for a bare membrane at rest, and zero where stability is
 //! lost. The iteration is LOBPCG with one vector (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517), preconditioned by the
-//! Laplacian itself: Rayleigh and Ritz in the span of the last vector, its preconditioned residual, and the last step.
+//! Laplacian itself: Rayleigh–Ritz in the span of the last vector, its preconditioned residual, and the last step.
 
 use deaflow_linalg::{Mat, eigen};
 
@@ -13,7 +13,7 @@ use super::operator::Operator;
 use super::precondition::{Laplacian, LaplacianScratch};
 use super::supports::Pose;
 
-/// An eigenvalue and its vector, which has the length v · L v = 1.
+/// An eigenvalue and its vector with v · L v = 1.
 #[derive(Clone, Debug)]
 pub struct Eigenpair {
     /// μ.
@@ -22,21 +22,21 @@ pub struct Eigenpair {
     pub vector: Vec<f64>,
 }
 
-/// Steps after which the value is taken as it is.
+/// Largest number of steps.
 const LIMIT: usize = 300;
-/// Steps over which the value must have stopped to fall.
+/// Number of steps over which the change of the value is compared with [`SETTLED`].
 const WINDOW: usize = 8;
-/// How little that is, relative to the value but at least to [`FLOOR`].
+/// Largest change of a converged value, relative to the value or [`FLOOR`], whichever is larger.
 const SETTLED: f64 = 1e-5;
 const FLOOR: f64 = 1e-3;
 
-/// A vector with its images.
+/// A vector with its products by K and L.
 #[derive(Clone)]
 struct Direction {
     vector: Vec<f64>,
-    /// K times it.
+    /// K times the vector.
     stiff: Vec<f64>,
-    /// L times it.
+    /// L times the vector.
     harmonic: Vec<f64>,
 }
 
@@ -71,10 +71,10 @@ impl Direction {
         }
     }
 
-    /// Makes it orthogonal to unit directions and of unit length; `false` when nothing is left of it.
+    /// Makes it orthogonal to unit directions and of unit length; `false` if it vanishes.
     fn orthonormalise(&mut self, others: &[&Self]) -> bool {
         let before = dot(&self.vector, &self.harmonic);
-        // Once more: the first pass leaves rounding of the size of what it took away.
+        // Twice: the first pass leaves rounding of the size of what it subtracted.
         for _ in 0..2 {
             for other in others {
                 self.add(-dot(&self.vector, &other.harmonic), other);
@@ -89,9 +89,9 @@ impl Direction {
     }
 }
 
-/// The smallest eigenvalue at `u`, from the vector of a neighbouring state where there is one.
+/// Computes the smallest eigenvalue at `u`, starting from the vector of a neighbouring state if given.
 ///
-/// Its relative error is about 1e-5, absolutely 1e-8 where it is near zero.
+/// The relative error is about 1e-5; close to zero the absolute error is 1e-8.
 #[must_use]
 pub fn smallest<L: Material>(
     operator: &Operator<'_, L>,
@@ -106,7 +106,7 @@ pub fn smallest<L: Material>(
         return None;
     }
     if let Some(near) = near {
-        // A little noise remains, or the vector of another symmetry would never be seen.
+        // A small random part remains; otherwise a vector of another symmetry could not be found.
         x.scale(0.1);
         x.add(1.0, &Direction::new(operator, u, near.vector.clone()));
         x.orthonormalise(&[]);
@@ -139,7 +139,8 @@ pub fn smallest<L: Material>(
     })
 }
 
-/// The best vector of the span, and the step to it made orthogonal to it. The directions are orthonormal.
+/// Returns the Ritz vector of the smallest value in the span of orthonormal directions, and the step to it, orthogonal
+/// to it.
 fn ritz(x: &Direction, w: Direction, p: Option<Direction>) -> Option<(Direction, Option<Direction>)> {
     let span: Vec<&Direction> = [x, &w].into_iter().chain(&p).collect();
     let n = span.len();
@@ -163,7 +164,7 @@ fn ritz(x: &Direction, w: Direction, p: Option<Direction>) -> Option<(Direction,
     Some((next, kept.then_some(step)))
 }
 
-/// A smooth vector that has a part along every mode.
+/// Returns a smooth start vector with a part along every mode.
 fn start<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
@@ -176,7 +177,7 @@ fn start<L: Material>(
     precondition(laplacian, &load, &grid.poses(u), scratch).unwrap_or(load)
 }
 
-/// The inverse Laplacian of a load, of any length; `None` where there is no load.
+/// Applies the inverse Laplacian to a load of any magnitude; `None` for a zero load.
 pub(super) fn precondition(
     laplacian: &Laplacian,
     load: &[f64],
@@ -193,7 +194,7 @@ pub(super) fn precondition(
     Some(solution.into_iter().map(f64::from).collect())
 }
 
-/// a · b, in an order that depends on the length alone.
+/// Returns a · b, summed in an order that depends only on the length.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let (a, b) = (a.chunks_exact(8), b.chunks_exact(8));
@@ -222,7 +223,7 @@ mod tests {
         let operator = Operator {
             material: &material,
             activity: &activity,
-            pulled: 1.0,
+            body_load: 1.0,
         };
         work(
             &operator,
@@ -233,7 +234,7 @@ mod tests {
 
     #[test]
     fn a_membrane_at_rest_is_as_stiff_as_the_laplacian() {
-        // K = L + 3a (div)² at rest without voltage but for a null Lagrangian, and fields without divergence are among the modes.
+        // At rest without voltage K = L + 3a (div)² up to a null Lagrangian, and some modes are free of divergence.
         for (per_cell, order) in [(1, Order::Bilinear), (1, Order::Biquadratic)] {
             let value = at(Mesh::new(per_cell, order), 0.0, |operator, laplacian, u| {
                 smallest(operator, laplacian, u, None).unwrap().value
@@ -244,8 +245,8 @@ mod tests {
 
     #[test]
     fn a_membrane_that_is_active_everywhere_has_the_closed_form_value() {
-        // K = L + (3a − b)(div)² but for a null Lagrangian: 1 + 3a − b where that is less than 1, which meshes approach from
-        // above, since fields without rotation are among the modes.
+        // K = L + (3a − b)(div)² up to a null Lagrangian: the value is 1 + 3a − b where that is less than 1, because
+        // some modes are free of rotation. Meshes converge from above.
         let grid = Grid::paper(Mesh::new(1, Order::Biquadratic));
         let activity = Activity::from_shares(&grid, |_, _| 1.0);
         let (laplacian, u) = (Laplacian::new(&grid).unwrap(), vec![0.0; grid.layout().vector_len()]);
@@ -259,7 +260,7 @@ mod tests {
             let operator = Operator {
                 material: &material,
                 activity: &activity,
-                pulled: 1.0,
+                body_load: 1.0,
             };
             let value = smallest(&operator, &laplacian, &u, None).unwrap().value;
             assert!((-1e-6..2e-4).contains(&(value - exact)), "{pull}: {value} {exact}");
@@ -267,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_the_one_of_inverse_iteration() {
+    fn it_equals_the_result_of_inverse_iteration() {
         for (per_cell, order) in [(1, Order::Bilinear), (1, Order::Biquadratic)] {
             at(Mesh::new(per_cell, order), 0.7, |operator, laplacian, u| {
                 let found = smallest(operator, laplacian, u, None).unwrap().value;
@@ -285,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn its_sign_is_that_of_the_inertia() {
+    fn its_sign_agrees_with_the_inertia() {
         let mut near = None;
         let mut seen = [false, false];
         for pull in [0.6, 0.8, 1.0, 1.2, 1.4] {

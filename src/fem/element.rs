@@ -1,39 +1,39 @@
-//! The square elements: nodal values to gradients at the quadrature points, and stresses there back to nodal forces.
+//! Square elements: nodal values to gradients at the quadrature points, and stresses there to nodal forces.
 //!
-//! Nodes and points are numbered row by row. Order p uses p + 1 Gauss points in each direction, which integrates det ∇u
-//! exactly, so the null Lagrangian that the stability test relies on vanishes in the discrete problem too.
+//! Nodes and points are numbered row by row. Order p has p + 1 Gauss points in each direction. They integrate det ∇u
+//! exactly, so the null Lagrangian of the stability test vanishes in the discrete problem too.
 
 use super::kinematics::Tensor;
 use super::lanes::Value;
 
-/// A square element of side 1 with N nodes and as many quadrature points.
+/// A square element of side 1 with N nodes and N quadrature points.
 pub trait Element<const N: usize> {
     /// Polynomial degree.
     const DEGREE: usize;
-    /// Weights of the quadrature points, which add up to 1: the forces contain them, only tests ask for them.
+    /// Weights of the quadrature points, which add up to 1. The forces contain them; only tests read them.
     #[cfg(test)]
     const WEIGHTS: [f64; N];
-    /// ∇u at each point from the nodal values of both components.
+    /// Returns ∇u at each point from the nodal values of both components.
     #[inline(always)]
     fn gradients<V: Value>(nodal: &[[V; N]; 2]) -> [Tensor<V>; N] {
         let mut gradients = [[[nodal[0][0]; 2]; 2]; N];
         Self::write_gradients(nodal, &mut gradients);
         gradients
     }
-    /// The same into room that is there: where there are many points, taking it anew for each element takes a tenth of a solve.
+    /// Writes ∇u into a buffer: a new array per element costs a tenth of a solve where elements have many points.
     fn write_gradients<V: Value>(nodal: &[[V; N]; 2], gradients: &mut [Tensor<V>; N]);
-    /// Σ over the points of weight · stress : ∇N, for each component and node.
+    /// Returns Σ weight · stress : ∇N over the points, for each component and node.
     fn forces<V: Value>(stresses: &[Tensor<V>; N]) -> [[V; N]; 2];
 
-    /// The gradients on an element of other sides: derivatives along x and y are those on the square times two factors, and an offset is added
-    /// to the diagonal.
+    /// Returns the gradients on a rectangle: derivatives along x and y are those on the square times two factors, and
+    /// an offset is added to the diagonal.
     #[inline(always)]
     fn gradients_on<V: Value>(nodal: &[[V; N]; 2], factors: [f64; 2], offset: [f64; 2]) -> [Tensor<V>; N] {
         let mut gradients = [[[nodal[0][0]; 2]; 2]; N];
         Self::write_gradients_on(nodal, factors, offset, &mut gradients);
         gradients
     }
-    /// The same into room that is there.
+    /// Writes the gradients on a rectangle into a buffer.
     fn write_gradients_on<V: Value>(
         nodal: &[[V; N]; 2],
         factors: [f64; 2],
@@ -41,15 +41,15 @@ pub trait Element<const N: usize> {
         gradients: &mut [Tensor<V>; N],
     );
 
-    /// The forces on an element whose gradients are [`Element::gradients_on`], times its area: stresses along x and y are those on the square
-    /// times two factors.
+    /// Returns the forces on a rectangle with [`Element::gradients_on`], times its area: stresses along x and y are
+    /// those on the square times two factors.
     fn forces_on<V: Value>(stresses: &[Tensor<V>; N], factors: [f64; 2]) -> [[V; N]; 2];
 }
 
-/// Four nodes, four points.
+/// Four nodes and four points.
 ///
-/// With the edge slopes d and the twist t of a component, ∂x u = d₀ + ηt and ∂y u = d₁ + ξt: a gradient costs one
-/// multiplication.
+/// With the edge slopes d and the twist t of a component, ∂x u = d₀ + ηt and ∂y u = d₁ + ξt: one multiplication per
+/// gradient.
 pub struct Bilinear;
 
 impl Element<4> for Bilinear {
@@ -66,7 +66,8 @@ impl Element<4> for Bilinear {
         }
     }
 
-    /// Factors and offset go into the slopes of edges, of which there are half as many as entries of gradients, and into the places of the twist.
+    /// Factors and offset are applied to the slopes of edges, which are half as many as entries of gradients, and to
+    /// the factors of the twist.
     #[inline(always)]
     fn write_gradients_on<V: Value>(
         nodal: &[[V; 4]; 2],
@@ -86,7 +87,7 @@ impl Element<4> for Bilinear {
         }
     }
 
-    /// Factors go into the weights of the sums over the edges.
+    /// Factors are applied to the weights of the sums over the edges.
     #[inline(always)]
     fn forces_on<V: Value>(stresses: &[Tensor<V>; 4], [x, y]: [f64; 2]) -> [[V; 4]; 2] {
         let number = |value: f64| stresses[0][0][0].constant(value);
@@ -114,30 +115,33 @@ impl Element<4> for Bilinear {
     }
 }
 
-/// The sums of the stresses of a component over the lower and upper edge along x, and over the left and right edge along y.
+/// Returns the sums of the stresses of a component over the lower and upper edge along x, and over the left and right
+/// edge along y.
 #[inline(always)]
 fn edge_sums<V: Value>(stresses: &[Tensor<V>; 4], c: usize) -> [V; 4] {
     let sum = |a: usize, b: usize, axis: usize| stresses[a][c][axis] + stresses[b][c][axis];
     [sum(0, 1, 0), sum(2, 3, 0), sum(0, 2, 1), sum(1, 3, 1)]
 }
 
-/// The gradients of a component from the slopes of its lower and left edge and its twist, which both directions see with a factor.
+/// Writes the gradients of a component from the slopes of its lower and left edge and its twist times a factor for each
+/// direction.
 #[inline(always)]
 fn slopes<V: Value>(gradients: &mut [Tensor<V>; 4], c: usize, [along, across]: [V; 2], twist: V, factors: [f64; 2]) {
     let [near, far] = Line::LINEAR.points;
-    for (low, high, place) in [(0, 1, near), (2, 3, far)] {
-        let slope = twist.madd(along.constant(factors[0] * place), along);
+    for (low, high, point) in [(0, 1, near), (2, 3, far)] {
+        let slope = twist.madd(along.constant(factors[0] * point), along);
         gradients[low][c][0] = slope;
         gradients[high][c][0] = slope;
     }
-    for (left, right, place) in [(0, 2, near), (1, 3, far)] {
-        let slope = twist.madd(across.constant(factors[1] * place), across);
+    for (left, right, point) in [(0, 2, near), (1, 3, far)] {
+        let slope = twist.madd(across.constant(factors[1] * point), across);
         gradients[left][c][1] = slope;
         gradients[right][c][1] = slope;
     }
 }
 
-/// The forces of a component from the sums of its stresses along the lower and upper, and the left and right edge.
+/// Returns the forces of a component from the sums of its stresses along the lower and upper, and the left and right
+/// edge.
 #[inline(always)]
 fn from_edges<V: Value>([low, high]: [V; 2], [left, right]: [V; 2]) -> [V; 4] {
     let weight = low.constant(0.25);
@@ -148,7 +152,7 @@ fn from_edges<V: Value>([low, high]: [V; 2], [left, right]: [V; 2]) -> [V; 4] {
     [twist - along - across, along - twist, across - twist, twist]
 }
 
-/// Nine nodes, nine points; sums are factorised by direction.
+/// Nine nodes and nine points; sums are factorised by direction.
 pub struct Biquadratic;
 
 impl Element<9> for Biquadratic {
@@ -209,8 +213,8 @@ impl Element<9> for Biquadratic {
     }
 }
 
-/// The gradients times two factors, and an offset on their diagonal: factors go into the slopes of the basis, the offset into the beginning of
-/// the sums.
+/// Writes the gradients times two factors, with an offset on the diagonal. The factors are applied to the slopes of the
+/// basis; sums start from the offset.
 #[inline(always)]
 fn biquadratic_gradients<V: Value>(
     nodal: &[[V; 9]; 2],
@@ -229,11 +233,11 @@ fn biquadratic_gradients<V: Value>(
                 rises[a] = weighted(column, scaled(line.slopes[row], y));
             }
             for q in 0..3 {
-                let (slopes, here) = (scaled(line.slopes[q], x), line.values[q]);
+                let (slopes, at_point) = (scaled(line.slopes[q], x), line.values[q]);
                 gradients[3 * row + q][c] = match (c, offset) {
-                    (_, None) => [weighted(values, slopes), weighted(rises, here)],
-                    (0, Some([along, _])) => [weighted_from(along, values, slopes), weighted(rises, here)],
-                    (_, Some([_, across])) => [weighted(values, slopes), weighted_from(across, rises, here)],
+                    (_, None) => [weighted(values, slopes), weighted(rises, at_point)],
+                    (0, Some([along, _])) => [weighted_from(along, values, slopes), weighted(rises, at_point)],
+                    (_, Some([_, across])) => [weighted(values, slopes), weighted_from(across, rises, at_point)],
                 };
             }
         }
@@ -245,7 +249,7 @@ fn scaled([a, b, c]: [f64; 3], factor: f64) -> [f64; 3] {
     [a * factor, b * factor, c * factor]
 }
 
-/// A column of a table, times the weights of the points and another factor.
+/// Returns a column of a table times the weights of the points and a factor.
 #[inline(always)]
 fn transposed(table: &[[f64; 3]; 3], weights: [f64; 3], a: usize, factor: f64) -> [f64; 3] {
     [
@@ -262,7 +266,7 @@ fn weighted<V: Value>(terms: [V; 3], factors: [f64; 3]) -> V {
     a.constant(f).madd(a, b.constant(g).madd(b, c.constant(h) * c))
 }
 
-/// The same added to a number.
+/// Returns the weighted sum added to a number.
 #[inline(always)]
 fn weighted_from<V: Value>(start: f64, terms: [V; 3], factors: [f64; 3]) -> V {
     let [a, b, c] = terms;
@@ -274,13 +278,13 @@ fn weighted_from<V: Value>(start: f64, terms: [V; 3], factors: [f64; 3]) -> V {
 /// A Lagrange basis on [0, 1] and its values at the Gauss points.
 #[derive(Clone, Copy, Debug)]
 pub struct Line<const A: usize> {
-    /// Places of the points.
+    /// Coordinates of the points.
     pub points: [f64; A],
     /// Weights of the points; they add up to 1.
     pub weights: [f64; A],
     /// `values[q][a]`: basis function a at point q.
     pub values: [[f64; A]; A],
-    /// `slopes[q][a]`: its derivative.
+    /// `slopes[q][a]`: derivative of basis function a at point q.
     pub slopes: [[f64; A]; A],
 }
 
@@ -350,17 +354,18 @@ mod tests {
         check_line(&Line::QUADRATIC);
     }
 
-    /// Gradients of xʸ-monomials up to the degree, and forces as the transpose of gradients.
+    /// Gradients of monomials are exact, and forces are the transpose of gradients.
     fn check_element<E: Element<N>, const N: usize>() {
         let side = E::DEGREE + 1;
-        let place = |node: usize| [node % side, node / side].map(|i| i as f64 / E::DEGREE as f64);
+        let coordinates = |node: usize| [node % side, node / side].map(|i| i as f64 / E::DEGREE as f64);
         let points: Vec<f64> = if side == 2 {
             Line::LINEAR.points.into()
         } else {
             Line::QUADRATIC.points.into()
         };
         for (i, k) in (0..side as i32).flat_map(|i| (0..side as i32).map(move |k| (i, k))) {
-            let values: [f64; N] = std::array::from_fn(|node| place(node)[0].powi(i) * place(node)[1].powi(k));
+            let values: [f64; N] =
+                std::array::from_fn(|node| coordinates(node)[0].powi(i) * coordinates(node)[1].powi(k));
             for (q, gradient) in E::gradients(&[values, values.map(|v| 2.0 * v)]).iter().enumerate() {
                 let (x, y) = (points[q % side], points[q / side]);
                 let exact = [
@@ -385,7 +390,7 @@ mod tests {
             .sum();
         assert!((work - exact).abs() < 1e-14);
         assert!((E::WEIGHTS.iter().sum::<f64>() - 1.0).abs() < 1e-15);
-        // On other sides both are scaled alike.
+        // On rectangles both are scaled.
         let (factors, offset) = ([1.7, 0.4], [0.3, -0.2]);
         for (on, plain) in E::gradients_on(&nodal, factors, offset).iter().zip(&gradients) {
             for (i, k) in [(0, 0), (0, 1), (1, 0), (1, 1)] {

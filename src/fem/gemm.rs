@@ -1,29 +1,29 @@
 //! Products of small dense matrices in single precision, for the fast diagonalisation.
 //!
-//! The matrices fit in the second-level cache, so nothing is packed: a tile of the result stays in registers while a row of
-//! the right factor and a column of the left one pass by.
+//! The matrices fit in the L2 cache, so nothing is packed: a tile of the result stays in registers during the loop over
+//! a row of the right factor and a column of the left one.
 
 use pulp::{Simd, WithSimd};
 
 use crate::registers::dispatch_widest;
 
-/// A matrix inside a longer row-major array: row i begins at `offset + i · stride`.
+/// A matrix inside a larger row-major array: row i starts at `offset + i · stride`.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
-    /// Where the first row begins.
+    /// Index of the first row.
     pub offset: usize,
     /// Distance between rows.
     pub stride: usize,
 }
 
-/// target = left · right, with `inner` columns in the left matrix. `right` has rows of `width` numbers, a multiple of the
-/// widest register.
+/// The product target = left · right, with `inner` columns in the left matrix. Rows of `right` have `width` numbers, a
+/// multiple of the widest register.
 pub struct Product<'a> {
     /// The left factor.
     pub left: &'a [f32],
-    /// How it lies.
+    /// Layout of the left factor.
     pub left_layout: Layout,
-    /// The right factor, row after row.
+    /// The right factor, row by row.
     pub right: &'a [f32],
     /// Columns of the right factor and of the result.
     pub width: usize,
@@ -33,12 +33,12 @@ pub struct Product<'a> {
     pub rows: usize,
     /// The result.
     pub target: &'a mut [f32],
-    /// How it lies.
+    /// Layout of the result.
     pub target_layout: Layout,
 }
 
 impl Product<'_> {
-    /// Computes it.
+    /// Computes the product.
     pub fn run(self) {
         dispatch_widest(self);
     }
@@ -61,7 +61,7 @@ impl WithSimd for Product<'_> {
 }
 
 impl Product<'_> {
-    /// All rows of C registers' worth of columns.
+    /// Computes all rows of the columns of C registers.
     #[inline(always)]
     fn panel<S: Simd, const C: usize>(&mut self, simd: S, column: usize) {
         let mut row = 0;
@@ -72,7 +72,7 @@ impl Product<'_> {
         self.tiles::<S, 1, C>(simd, row, column);
     }
 
-    /// As many tiles of R rows as there is room for; returns the first row that is left.
+    /// Computes complete tiles of R rows; returns the first remaining row.
     #[inline(always)]
     fn tiles<S: Simd, const R: usize, const C: usize>(&mut self, simd: S, mut row: usize, column: usize) -> usize {
         while row + R <= self.rows {
@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn products_are_right_for_every_shape() {
+    fn products_are_exact_for_every_shape() {
         for (rows, inner, width) in [(1, 1, 16), (7, 3, 16), (13, 25, 32), (21, 10, 48), (102, 25, 32)] {
             let left: Vec<f32> = (0..5 + rows * 40).map(|i| ((i * 7) % 11) as f32 - 5.0).collect();
             let right: Vec<f32> = (0..inner * width).map(|i| ((i * 5) % 13) as f32 - 6.0).collect();

@@ -1,8 +1,8 @@
-//! One pass of one law over all elements: the kernels, and which of them is taken.
+//! Passes of a material over all elements: the kernels, and their selection.
 //!
-//! Neighbouring elements of a row are treated side by side, one per lane of a register. The forces that they exert on
-//! their nodes are first written apart, one line per node of the element, and added up once the row is finished: no
-//! element waits for its neighbour.
+//! Neighbouring elements of a row are computed together, one per lane of a register. Their forces on nodes are first
+//! written to separate lines, one per node of the element, and summed when the row is finished: no element waits for
+//! its neighbour.
 
 mod gather;
 mod point;
@@ -27,59 +27,60 @@ pub(crate) use gather::stress_at_rest;
 pub(crate) use gather::{from_rest, on_sides, per_side};
 use gather::{gather, sides};
 use point::{
-    FollowingTangent, MemoryBetween, MemoryStress, Point, StressAt, StressAtRest, StressBetween, TangentAt,
-    TangentAtRest, TangentFrom, TangentOfBoth,
+    MemoryBetween, MemoryStress, Point, RelaxedTangentDerivative, StressAt, StressAtRest, StressBetween, TangentAt,
+    TangentAtRest, TangentFrom, TangentWithMemory,
 };
 pub use survey::MaterialAtRest;
-use survey::{AskAtRest, Metrics, Store, Survey, place};
+use survey::{EvaluateAtRest, Metrics, Store, Survey, moduli_offset};
 
-/// A membrane without thickness and voltage: its tangent is the Laplacian.
+/// A material without thickness and voltage: its tangent is the Laplacian.
 const WITHOUT_THICKNESS: NeoHookean = NeoHookean::without_thickness();
 
-/// A law and the elements that it is asked for.
+/// A material and the elements it is evaluated on.
 #[derive(Clone, Copy)]
 pub struct Kernels<'a, L> {
     material: &'a L,
     activity: &'a Activity,
 }
 
-/// Those of a membrane without thickness and voltage, for passes that no law has a part in.
-pub(super) fn without_law(activity: &Activity) -> Kernels<'_, NeoHookean> {
+/// Returns the kernels of a material without thickness and voltage, for passes that do not depend on the material.
+pub(super) fn without_material(activity: &Activity) -> Kernels<'_, NeoHookean> {
     Kernels::new(&WITHOUT_THICKNESS, activity)
 }
 
 impl Kernels<'_, NeoHookean> {
-    /// The stresses at rest of what is bare and of what is active as forces.
-    pub(super) fn forces_at_rest(&self, rest: &[f64], law: &MaterialAtRest, out: &mut [f64]) {
-        self.sweep_plain([rest], &[], out, StressAtRest(law.stresses));
+    /// Computes the forces of the stresses at rest.
+    pub(super) fn forces_at_rest(&self, rest: &[f64], material: &MaterialAtRest, out: &mut [f64]) {
+        self.sweep_plain([rest], &[], out, StressAtRest(material.stresses));
     }
 
-    /// The tangent at rest, of elements that are squares there.
-    pub(super) fn tangent_at_rest<T: Precision>(&self, step: [&[T]; 2], law: &MaterialAtRest, out: &mut [T]) {
-        self.sweep_plain(step, &[], out, TangentAtRest(law.moduli));
+    /// Computes the tangent at rest times a vector, for elements that are squares at rest.
+    pub(super) fn tangent_at_rest<T: Precision>(&self, step: [&[T]; 2], material: &MaterialAtRest, out: &mut [T]) {
+        self.sweep_plain(step, &[], out, TangentAtRest(material.moduli));
     }
 
-    /// The tangent at the first field times the second.
+    /// Computes the tangent at the first field times the second.
     pub(super) fn tangent<T: Precision>(&self, step: [&[T]; 2], out: &mut [T]) {
         self.sweep(step, &[], out, TangentAt(self.material));
     }
 
-    /// The forces of memories.
+    /// Computes the forces of a [`memory::Memory`].
     pub(super) fn forces_of_memory(&self, u: &[f64], out: &mut [f64]) {
         self.sweep([u], &[], out, MemoryStress);
     }
 
-    /// Their mean over a step.
+    /// Computes the mean forces of a [`memory::Memory`] over a step from the first field by the second.
     pub(super) fn forces_of_memory_between(&self, step: [&[f64]; 2], out: &mut [f64]) {
         self.sweep(step, &[], out, MemoryBetween);
     }
 
-    /// How the tangent of memories that follow the first field changes with it, along the second and times it.
-    pub(super) fn following_tangent(&self, step: [&[f64]; 2], out: &mut [f64]) {
-        self.sweep(step, &[], out, FollowingTangent);
+    /// Computes the derivative of the tangent of relaxed branches with respect to the first field, along the second and
+    /// times the second.
+    pub(super) fn relaxed_tangent_derivative(&self, step: [&[f64]; 2], out: &mut [f64]) {
+        self.sweep(step, &[], out, RelaxedTangentDerivative);
     }
 
-    /// The metrics of points.
+    /// Computes the metrics of the quadrature points.
     pub(super) fn metrics(&self, u: &[f64], values: &mut [f64]) {
         match self.activity.grid().order() {
             Order::Bilinear => dispatch(Metrics {
@@ -95,7 +96,7 @@ impl Kernels<'_, NeoHookean> {
 }
 
 impl<'a, L: MaterialPoint> Kernels<'a, L> {
-    /// Those of a law for some elements.
+    /// Creates the kernels of a material on some elements.
     pub(crate) fn new(material: &'a L, activity: &'a Activity) -> Self {
         Self { material, activity }
     }
@@ -104,66 +105,67 @@ impl<'a, L: MaterialPoint> Kernels<'a, L> {
         self.activity.grid().layout()
     }
 
-    /// The law at rest in numbers of a kind.
+    /// Evaluates the material at rest in a precision.
     pub(crate) fn at_rest<T: Precision>(material: &L) -> MaterialAtRest {
-        dispatch(AskAtRest::<L, T> {
+        dispatch(EvaluateAtRest::<L, T> {
             material,
-            number: PhantomData,
+            precision: PhantomData,
         })
     }
 
-    /// The forces at one field; returns the smallest [`MaterialPoint::admissible`].
+    /// Computes the forces at a field; returns the smallest [`MaterialPoint::admissible`].
     pub(crate) fn forces(&self, u: &[f64], out: &mut [f64]) -> f64 {
         self.sweep([u], &[], out, StressAt(self.material))
     }
 
-    /// The mean forces of a step from the first field by the second.
+    /// Computes the mean forces of a step from the first field by the second.
     pub(crate) fn forces_between(&self, step: [&[f64]; 2], out: &mut [f64]) {
         self.sweep(step, &[], out, StressBetween(self.material));
     }
 
-    /// The tangent at the first field times the second, by kernels that are the same for all laws which store moduli: they are compiled once.
-    pub(crate) fn image<T: Precision>(&self, step: [&[T]; 2], moduli: &[T], out: &mut [T]) {
+    /// Computes the tangent at the first field times the second. All materials that store moduli share the same
+    /// kernels, which are compiled once.
+    pub(crate) fn tangent_product<T: Precision>(&self, step: [&[T]; 2], moduli: &[T], out: &mut [T]) {
         if self.activity.memory().is_some() {
-            without_law(self.activity).sweep(step, moduli, out, TangentOfBoth);
-        } else if L::STORES {
-            without_law(self.activity).sweep(step, moduli, out, TangentFrom);
+            without_material(self.activity).sweep(step, moduli, out, TangentWithMemory);
+        } else if L::STORES_MODULI {
+            without_material(self.activity).sweep(step, moduli, out, TangentFrom);
         } else {
             self.sweep(step, &[], out, TangentAt(self.material));
         }
     }
 
-    /// The moduli that [`Kernels::image`] reads.
-    pub(crate) fn store<T: Precision>(&self, u: &[T], moduli: &mut Vec<T>) {
-        if !L::STORES && self.activity.memory().is_none() {
+    /// Writes the moduli that [`Kernels::tangent_product`] reads.
+    pub(crate) fn store_moduli<T: Precision>(&self, u: &[T], moduli: &mut Vec<T>) {
+        if !L::STORES_MODULI && self.activity.memory().is_none() {
             return moduli.clear();
         }
         match self.activity.grid().order() {
-            Order::Bilinear => self.store_of::<Bilinear, T, 4>(u, moduli),
-            Order::Biquadratic => self.store_of::<Biquadratic, T, 9>(u, moduli),
+            Order::Bilinear => self.store_moduli_of::<Bilinear, T, 4>(u, moduli),
+            Order::Biquadratic => self.store_moduli_of::<Biquadratic, T, 9>(u, moduli),
         }
     }
 
-    fn store_of<E: Element<N>, T: Precision, const N: usize>(&self, u: &[T], moduli: &mut Vec<T>) {
+    fn store_moduli_of<E: Element<N>, T: Precision, const N: usize>(&self, u: &[T], moduli: &mut Vec<T>) {
         let layout = self.layout();
-        let each = match self.activity.memory() {
+        let per_point = match self.activity.memory() {
             None => MODULI,
             Some(_) => MODULI_WITH_MEMORY,
         };
-        moduli.resize(layout.rows() * layout.part() * N * each, T::default());
+        moduli.resize(layout.rows() * layout.part() * N * per_point, T::default());
         let survey = self.survey::<E, T, N>(u);
         self.survey_with(Store { survey, moduli });
     }
 
-    /// The smallest margins over the quadrature points.
-    pub(crate) fn least<T: Precision>(&self, u: &[T]) -> Margins<f64> {
+    /// Returns the smallest margins over the quadrature points.
+    pub(crate) fn smallest_margins<T: Precision>(&self, u: &[T]) -> Margins<f64> {
         match self.activity.grid().order() {
             Order::Bilinear => self.survey_with(self.survey::<Bilinear, T, 4>(u)),
             Order::Biquadratic => self.survey_with(self.survey::<Biquadratic, T, 9>(u)),
         }
     }
 
-    /// With the registers that [`Kernels::sweep_elements`] takes, on which the order of stored moduli depends.
+    /// Runs a pass with the registers of [`Kernels::sweep_elements`]: the order of stored moduli depends on them.
     fn survey_with<W: WithSimd>(&self, survey: W) -> W::Output {
         match self.activity.grid().is_plain() {
             true => dispatch_widest(survey),
@@ -198,7 +200,7 @@ impl<'a, L: MaterialPoint> Kernels<'a, L> {
         }
     }
 
-    /// On squares of side 1 that rest at f = I.
+    /// Runs a pass over squares of side 1 that rest at f = I.
     fn sweep_plain<T: Precision, P: Point<M>, const M: usize>(
         &self,
         inputs: [&[T]; M],
@@ -225,8 +227,8 @@ impl<'a, L: MaterialPoint> Kernels<'a, L> {
         }
     }
 
-    /// By a kernel of its own for each shape: no number waits for a branch there. That for all shapes serves machines without vector
-    /// registers, so that less is compiled for them.
+    /// Runs a pass by the kernel of the shape of elements: the inner loops have no branch on the shape. Machines
+    /// without vector registers use the kernel of any shape, to compile less code for them.
     fn sweep_shape<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize>(
         &self,
         inputs: [&[T]; M],
@@ -277,7 +279,7 @@ impl<'a, L: MaterialPoint> Kernels<'a, L> {
     }
 }
 
-/// Shapes of elements: squares of side 1 that rest at f = I; all of the same sides; and any.
+/// Shapes of elements: squares of side 1 that rest at f = I; rectangles with equal sides; any rectangles.
 const PLAIN: u8 = 0;
 const UNIFORM: u8 = 1;
 const VARIED: u8 = 2;
@@ -288,13 +290,13 @@ struct Sweep<'a, E, T, P, const N: usize, const M: usize, const SHAPE: u8> {
     activity: View<'a, T>,
     /// f at rest.
     rest: [f64; 2],
-    /// The stress there of what is not active, along x and y. It is the same everywhere, so its forces are none: without it small loads do not
-    /// drown in its rounding.
+    /// Stress of the bare membrane at rest, along x and y. It is uniform and gives no forces; without subtracting it,
+    /// small loads are lost in its rounding.
     stress_at_rest: [f64; 2],
     inputs: [&'a [T]; M],
-    /// Moduli of the points, if they are used, as [`Store`] writes them.
+    /// Moduli of the points as written by [`Store`], if used.
     moduli: &'a [T],
-    /// One line for each component and node of the element: a margin of zeros, then a number per element of the row.
+    /// A line for each component and node of the element: a margin of zeros, then one number per element of the row.
     lines: Vec<T>,
     out: &'a mut [T],
     point: P,
@@ -309,7 +311,7 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) -> f64 {
         let mut smallest = Wide::<S, T>::splat(simd, f64::INFINITY);
-        // Of elements that all have the same sides.
+        // Used if all elements have equal sides.
         let [width, height] = match self.activity.sides {
             Some([widths, heights]) => [widths[0].to_f64(), heights[0].to_f64()],
             None => [1.0; 2],
@@ -324,7 +326,8 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                     Some(all) if SHAPE == VARIED => sides(simd, all, first, row),
                     _ => [Wide::splat(simd, 1.0); 2],
                 };
-                // Not a loop, which is too long to be unrolled: gradients would go through memory, a third of a tangent.
+                // Not a loop: it would not be unrolled, and gradients in memory would cost a third of a tangent
+                // product.
                 self.gradients(simd, (first, row), 0, factors, self.rest, sides, &mut gradients);
                 if M > 1 {
                     self.gradients(simd, (first, row), 1, factors, [1.0; 2], sides, &mut changes);
@@ -332,24 +335,24 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                 if SHAPE == VARIED {
                     from_rest(&mut gradients, self.rest);
                 }
-                // Each gradient gives place to its stress.
+                // Each stress overwrites its gradient.
                 for q in 0..N {
-                    let mut here = [gradients[q]; M];
-                    if let Some(here) = here.get_mut(1) {
-                        *here = changes[q];
+                    let mut at_point = [gradients[q]; M];
+                    if let Some(change) = at_point.get_mut(1) {
+                        *change = changes[q];
                     }
-                    if P::WATCHED {
-                        smallest = smallest.min(self.point.watched(here[0]));
+                    if P::IS_STRESS {
+                        smallest = smallest.min(self.point.admissible(at_point[0]));
                     }
                     let mut moduli = [zero; MODULI_WITH_MEMORY];
-                    if P::STORED > 0 {
+                    if P::STORED_MODULI > 0 {
                         let lanes = T::lanes::<S>();
-                        let start = place(self.layout, [first, row], lanes, [N, q], P::STORED);
-                        for (at, value) in moduli.iter_mut().take(P::STORED).enumerate() {
+                        let start = moduli_offset(self.layout, [first, row], lanes, [N, q], P::STORED_MODULI);
+                        for (at, value) in moduli.iter_mut().take(P::STORED_MODULI).enumerate() {
                             *value = Wide::load(simd, &self.moduli[start + at * lanes..]);
                         }
                     }
-                    if P::REMEMBERS
+                    if P::READS_MEMORY
                         && let Some((numbers, _)) = self.activity.memory
                     {
                         for (at, value) in moduli.iter_mut().take(memory::NUMBERS).enumerate() {
@@ -357,8 +360,8 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                         }
                     }
                     let active = self.activity.at(simd, [first, row], q);
-                    let mut stress = self.point.stress(here, active, moduli);
-                    if SHAPE != PLAIN && P::WATCHED {
+                    let mut stress = self.point.stress(at_point, active, moduli);
+                    if SHAPE != PLAIN && P::IS_STRESS {
                         let [along, across] = self.stress_at_rest;
                         stress[0][0] = stress[0][0] + zero.constant(-along);
                         stress[1][1] = stress[1][1] + zero.constant(-across);
@@ -382,11 +385,12 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
 }
 
 impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPE: u8> Sweep<'_, E, T, P, N, M, SHAPE> {
-    /// Writes the gradients of a field at the points of some elements, less 1 on the diagonal but for what it rests at.
+    /// Writes f − I at the points of some elements, for a field that is f = `rest` at rest; for [`VARIED`] elements
+    /// without the offset of `rest`.
     #[inline(always)]
     #[expect(
         clippy::too_many_arguments,
-        reason = "all of them differ between the two fields, or are known once for both"
+        reason = "each differs between the two fields, or is computed once for both"
     )]
     fn gradients<S: Simd>(
         &self,
@@ -409,7 +413,7 @@ impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPE
         }
     }
 
-    /// Where the line of a node of the element begins.
+    /// Returns the start of the line of a node of the element.
     #[inline(always)]
     fn line(&self, c: usize, node: usize) -> usize {
         (c * N + node) * (WIDEST + self.layout.part()) + WIDEST
@@ -425,11 +429,11 @@ impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPE
         }
     }
 
-    /// Adds the lines of a finished row of elements to the rows of nodes that it touches.
+    /// Adds the lines of a finished row of elements to the adjacent rows of nodes.
     #[inline(always)]
     fn collect<S: Simd>(&mut self, simd: S, row: usize) {
         let (degree, part) = (E::DEGREE, self.layout.part());
-        // One loop for both, of which nested ones would be longer to compile.
+        // A single loop over both indices: nested loops take longer to compile.
         for component in 0..2 * (degree + 1) {
             let (c, rise) = (component / (degree + 1), component % (degree + 1));
             for inner in 0..degree {

@@ -1,24 +1,24 @@
-//! The numbers that the element kernels compute with: one number, or a vector register of neighbouring elements.
+//! The numbers of the element kernels: one number, or a vector register of neighbouring elements.
 //!
-//! The kernels are written once over [`Value`]. [`Wide`] is a register of the widest kind that the machine at hand has,
-//! found at run time by `pulp`; with `f64` the same formulas serve tests, observables and assembly.
+//! The kernels are written once over [`Value`]. [`Wide`] is a vector register, of a width selected at run time by
+//! `pulp`; with `f64` the same formulas serve tests, observables and assembly.
 //!
-//! Code over `Wide` is compiled for the registers only where it is inlined into the function that `pulp` dispatches to.
-//! So every function is `inline(always)`, and there are loops where closures would be handed to the standard library. Where
-//! that would copy much code into many kernels, [`Value::apart`] compiles it once.
+//! Code over `Wide` uses the registers only where it is inlined into the function dispatched by `pulp`. So every
+//! function is `inline(always)`, and loops replace closures passed to the standard library. Where that would copy much
+//! code into many kernels, [`Value::out_of_line`] compiles it once.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
 use pulp::{Scalar, Simd, WithSimd};
 
-/// Rows of vectors are padded to a multiple of this, the most numbers that any register holds.
+/// Rows of vectors are padded to a multiple of this, the largest number of lanes of any register.
 pub const WIDEST: usize = 16;
 
-/// What a kernel may do with its numbers.
+/// Operations on the numbers of a kernel.
 pub trait Value: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self> {
-    /// Whether it has the digits of single precision alone, for which a shorter series does.
+    /// Whether it has single precision, for which shorter series are exact.
     const SINGLE: bool;
-    /// A constant, of the same kind as `self`.
+    /// Returns a constant of the same kind as `self`.
     fn constant(self, value: f64) -> Self;
     /// self · factor + term.
     fn madd(self, factor: Self, term: Self) -> Self;
@@ -34,8 +34,8 @@ pub trait Value: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = S
     fn choose(self, yes: Self, no: Self) -> Self;
     /// Whether any lane is positive.
     fn any_positive(self) -> bool;
-    /// Does work compiled for the registers of `self`, whatever the function around it was compiled for.
-    fn apart<W: WithSimd>(self, work: W) -> W::Output;
+    /// Runs `work` compiled for the registers of `self`, for any target of the calling function.
+    fn out_of_line<W: WithSimd>(self, work: W) -> W::Output;
 }
 
 impl Value for f64 {
@@ -73,22 +73,22 @@ impl Value for f64 {
         self > 0.0
     }
     #[inline(always)]
-    fn apart<W: WithSimd>(self, work: W) -> W::Output {
+    fn out_of_line<W: WithSimd>(self, work: W) -> W::Output {
         work.with_simd(Scalar::new())
     }
 }
 
-/// A number that registers can be filled with: `f64` for residuals, `f32` where a few digits do.
+/// A number of a register: `f64` for residuals, `f32` where a few digits are enough.
 pub trait Real: Copy + Default + Send + Sync + 'static {
-    /// As [`Value::SINGLE`].
+    /// [`Value::SINGLE`].
     const SINGLE: bool;
     /// A register.
     type Register<S: Simd>: Copy;
     /// Numbers in a register.
     fn lanes<S: Simd>() -> usize;
-    /// The nearest number.
+    /// Rounds to the nearest number.
     fn from_f64(value: f64) -> Self;
-    /// The same number.
+    /// Converts to `f64` exactly.
     fn to_f64(self) -> f64;
     /// The same number in all lanes.
     fn splat<S: Simd>(simd: S, value: f64) -> Self::Register<S>;
@@ -130,8 +130,9 @@ pub trait Real: Copy + Default + Send + Sync + 'static {
 }
 
 macro_rules! real {
-    ($t:ident, $register:ident, $lanes:ident, $slice:ident, $slice_mut:ident, $splat:ident, $partial:ident, $reduce:ident,
-     $largest:ident, $greater:ident, $select:ident, $madd:ident, $neg:ident, $sqrt:ident, $($method:ident $with:ident),*) => {
+    ($t:ident, $register:ident, $lanes:ident, $slice:ident, $slice_mut:ident, $splat:ident, $partial:ident,
+     $reduce:ident, $largest:ident, $greater:ident, $select:ident, $madd:ident, $neg:ident, $sqrt:ident,
+     $($method:ident $with:ident),*) => {
         impl Real for $t {
             const SINGLE: bool = size_of::<$t>() == size_of::<f32>();
             type Register<S: Simd> = S::$register;
@@ -196,14 +197,16 @@ macro_rules! real {
 }
 real!(
     f64, f64s, F64_LANES, as_simd_f64s, as_mut_simd_f64s, splat_f64s, partial_load_f64s, reduce_min_f64s,
-    reduce_max_f64s, greater_than_f64s, select_f64s, mul_add_e_f64s, neg_f64s, sqrt_f64s, add add_f64s, sub sub_f64s, mul mul_f64s, div div_f64s, max max_f64s, min min_f64s
+    reduce_max_f64s, greater_than_f64s, select_f64s, mul_add_e_f64s, neg_f64s, sqrt_f64s,
+    add add_f64s, sub sub_f64s, mul mul_f64s, div div_f64s, max max_f64s, min min_f64s
 );
 real!(
     f32, f32s, F32_LANES, as_simd_f32s, as_mut_simd_f32s, splat_f32s, partial_load_f32s, reduce_min_f32s,
-    reduce_max_f32s, greater_than_f32s, select_f32s, mul_add_e_f32s, neg_f32s, sqrt_f32s, add add_f32s, sub sub_f32s, mul mul_f32s, div div_f32s, max max_f32s, min min_f32s
+    reduce_max_f32s, greater_than_f32s, select_f32s, mul_add_e_f32s, neg_f32s, sqrt_f32s,
+    add add_f32s, sub sub_f32s, mul mul_f32s, div div_f32s, max max_f32s, min min_f32s
 );
 
-/// A register with the proof that the machine has it.
+/// A register with the proof that the CPU supports it.
 #[derive(Clone, Copy)]
 pub struct Wide<S: Simd, T: Real> {
     simd: S,
@@ -223,7 +226,7 @@ impl<S: Simd, T: Real> Wide<S, T> {
         Self::of(simd, T::load_full::<S>(slice))
     }
 
-    /// All numbers of a slice that is shorter than a register, then zeros.
+    /// All numbers of a slice shorter than a register, then zeros.
     #[inline(always)]
     pub fn load_part(simd: S, slice: &[T]) -> Self {
         Self::of(simd, T::load(simd, slice))
@@ -306,7 +309,7 @@ impl<S: Simd, T: Real> Value for Wide<S, T> {
         T::any_positive(self.simd, self.register)
     }
     #[inline(always)]
-    fn apart<W: WithSimd>(self, work: W) -> W::Output {
+    fn out_of_line<W: WithSimd>(self, work: W) -> W::Output {
         self.simd.vectorize(work)
     }
 }

@@ -1,8 +1,8 @@
-//! Laws as the solver asks for them.
+//! Materials with type-erased passes over elements.
 //!
-//! A [`MaterialPoint`] is written once for numbers and registers, and compiled into kernels of its own. All that solves, follows and judges is the
-//! same under every law: it asks a [`Material`], and what a scene calls for is [`AnyMaterial`], of which the type says nothing. So the solver is compiled
-//! once and not for each law; it is asked for whole passes over the elements, or for single points where these are few.
+//! A [`MaterialPoint`] is written once for numbers and registers, and compiled into separate kernels. The solver
+//! depends on a [`Material`] only, and scenes give an [`AnyMaterial`], which hides the type. So the solver is compiled
+//! once and not per material. Its calls are whole passes over the elements, or single points where these are few.
 
 use crate::activity::Activity;
 use crate::energy::{Margins, MaterialPoint};
@@ -11,14 +11,14 @@ use crate::kinematics::{self, Tensor};
 use crate::precision::Precision;
 use crate::registers::dispatch;
 
-/// A [`MaterialPoint`], of which a program can hold one without knowing its type.
+/// A [`MaterialPoint`] as a trait object.
 pub trait Material: Passes<f64> + Passes<f32> + Sync {
     /// [`MaterialPoint::wrinkles`].
     fn wrinkles(&self) -> bool;
     /// [`MaterialPoint::has_several_branches`].
     fn has_several_branches(&self) -> bool;
-    /// [`MaterialPoint::STORES`].
-    fn stores(&self) -> bool;
+    /// [`MaterialPoint::STORES_MODULI`].
+    fn stores_moduli(&self) -> bool;
     /// [`MaterialPoint::load`].
     fn load(&self) -> f64;
     /// [`MaterialPoint::largest_load`].
@@ -43,26 +43,28 @@ pub trait Material: Passes<f64> + Passes<f32> + Sync {
     fn with_unrelaxed(&self, gamma: f64) -> Option<Self>
     where
         Self: Sized;
-    /// The same of a law whose type is not known.
+    /// [`Material::with_unrelaxed`] with a type-erased result.
     fn any_with_unrelaxed(&self, gamma: f64) -> Option<AnyMaterial>;
-    /// The energies of points side by side, from the lines of their metrics, into `out`; of a law that takes much time at active ones alone,
-    /// where these are what is asked for.
+    /// Writes the energies of points, from the lines of their metrics, into `out`. With `of_active_alone`, a material
+    /// that stores moduli is evaluated at active points only.
     fn energies(&self, metric: [&[f64]; 4], active: &[f64], of_active_alone: bool, out: &mut [f64]);
-    /// The forces of all elements at `u` on the nodes that are not on the edge, into `out`; returns the smallest [`MaterialPoint::admissible`].
+    /// Writes the forces of all elements at `u` on the nodes inside the edge into `out`; returns the smallest
+    /// [`MaterialPoint::admissible`].
     fn forces(&self, activity: &Activity, u: &[f64], out: &mut [f64]) -> f64;
-    /// Their mean over a step from `u` by `du`.
+    /// Writes the mean forces over a step from `u` by `du` into `out`.
     fn forces_between(&self, activity: &Activity, step: [&[f64]; 2], out: &mut [f64]);
 }
 
-/// Passes of a law over the elements, in one precision.
+/// Passes of a material over the elements, in one precision.
 pub trait Passes<T> {
-    /// Writes the moduli that [`Passes::image`] reads: none of a law that is quick to evaluate, on elements without a memory.
-    fn store(&self, activity: &Activity, u: &[T], moduli: &mut Vec<T>);
-    /// The elements' part of the tangent at `u` times `du`, into `out`.
-    fn image(&self, activity: &Activity, step: [&[T]; 2], moduli: &[T], out: &mut [T]);
-    /// The smallest margins over the quadrature points.
-    fn least(&self, activity: &Activity, u: &[T]) -> Margins<f64>;
-    /// What the law says of undisplaced points.
+    /// Writes the moduli that [`Passes::tangent_product`] reads: none without a memory for a material that does not
+    /// store them.
+    fn store_moduli(&self, activity: &Activity, u: &[T], moduli: &mut Vec<T>);
+    /// Writes the tangent of the elements at `u` times `du` into `out`.
+    fn tangent_product(&self, activity: &Activity, step: [&[T]; 2], moduli: &[T], out: &mut [T]);
+    /// Returns the smallest margins over the quadrature points.
+    fn smallest_margins(&self, activity: &Activity, u: &[T]) -> Margins<f64>;
+    /// Returns stresses and moduli at undisplaced points.
     fn at_rest(&self) -> MaterialAtRest;
 }
 
@@ -93,8 +95,8 @@ impl<L: MaterialPoint> Material for L {
         MaterialPoint::has_several_branches(self)
     }
 
-    fn stores(&self) -> bool {
-        L::STORES
+    fn stores_moduli(&self) -> bool {
+        L::STORES_MODULI
     }
 
     fn load(&self) -> f64 {
@@ -150,7 +152,7 @@ impl<L: MaterialPoint> Material for L {
                         active[at],
                     )
                 };
-                if L::STORES && of_active_alone {
+                if L::STORES_MODULI && of_active_alone {
                     for at in (0..active.len()).filter(|at| active[*at] != 0.0) {
                         out[at] = one(at);
                     }
@@ -173,16 +175,16 @@ impl<L: MaterialPoint> Material for L {
 }
 
 impl<L: MaterialPoint, T: Precision> Passes<T> for L {
-    fn store(&self, activity: &Activity, u: &[T], moduli: &mut Vec<T>) {
-        Kernels::new(self, activity).store(u, moduli);
+    fn store_moduli(&self, activity: &Activity, u: &[T], moduli: &mut Vec<T>) {
+        Kernels::new(self, activity).store_moduli(u, moduli);
     }
 
-    fn image(&self, activity: &Activity, step: [&[T]; 2], moduli: &[T], out: &mut [T]) {
-        Kernels::new(self, activity).image(step, moduli, out);
+    fn tangent_product(&self, activity: &Activity, step: [&[T]; 2], moduli: &[T], out: &mut [T]) {
+        Kernels::new(self, activity).tangent_product(step, moduli, out);
     }
 
-    fn least(&self, activity: &Activity, u: &[T]) -> Margins<f64> {
-        Kernels::new(self, activity).least(u)
+    fn smallest_margins(&self, activity: &Activity, u: &[T]) -> Margins<f64> {
+        Kernels::new(self, activity).smallest_margins(u)
     }
 
     fn at_rest(&self) -> MaterialAtRest {
@@ -190,11 +192,11 @@ impl<L: MaterialPoint, T: Precision> Passes<T> for L {
     }
 }
 
-/// Any law.
+/// A material of any type.
 pub struct AnyMaterial(Box<dyn Material>);
 
 impl AnyMaterial {
-    /// One of them.
+    /// Erases the type of a material.
     #[must_use]
     pub fn new(material: impl MaterialPoint) -> Self {
         Self(Box::new(material))
@@ -210,8 +212,8 @@ impl Material for AnyMaterial {
         self.0.has_several_branches()
     }
 
-    fn stores(&self) -> bool {
-        self.0.stores()
+    fn stores_moduli(&self) -> bool {
+        self.0.stores_moduli()
     }
 
     fn load(&self) -> f64 {
@@ -268,16 +270,16 @@ impl Material for AnyMaterial {
 }
 
 impl<T: MaterialPrecision> Passes<T> for AnyMaterial {
-    fn store(&self, activity: &Activity, u: &[T], moduli: &mut Vec<T>) {
-        T::passes(&*self.0).store(activity, u, moduli);
+    fn store_moduli(&self, activity: &Activity, u: &[T], moduli: &mut Vec<T>) {
+        T::passes(&*self.0).store_moduli(activity, u, moduli);
     }
 
-    fn image(&self, activity: &Activity, step: [&[T]; 2], moduli: &[T], out: &mut [T]) {
-        T::passes(&*self.0).image(activity, step, moduli, out);
+    fn tangent_product(&self, activity: &Activity, step: [&[T]; 2], moduli: &[T], out: &mut [T]) {
+        T::passes(&*self.0).tangent_product(activity, step, moduli, out);
     }
 
-    fn least(&self, activity: &Activity, u: &[T]) -> Margins<f64> {
-        T::passes(&*self.0).least(activity, u)
+    fn smallest_margins(&self, activity: &Activity, u: &[T]) -> Margins<f64> {
+        T::passes(&*self.0).smallest_margins(activity, u)
     }
 
     fn at_rest(&self) -> MaterialAtRest {

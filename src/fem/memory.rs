@@ -1,4 +1,4 @@
-//! An energy beside that of the law, with coefficients of its own at each quadrature point.
+//! An energy in addition to that of the material, with separate coefficients at each quadrature point.
 //!
 //! ```text
 //! w  += ½ (P : c + P₃₃ j⁻²),   c = fᵀf
@@ -6,7 +6,7 @@
 //! dp += df P + P₃₃ [3 j⁻⁴ (cof f : df) cof f − j⁻³ cof df]
 //! ```
 //!
-//! However many viscoelastic branches there are, at one time they add no more than that: P is the sum of what they remember.
+//! At one time, viscoelastic branches of any number add just this energy: P is the sum over the branches.
 
 use std::ops::Range;
 
@@ -18,30 +18,30 @@ use super::kinematics::{
 };
 use super::lanes::Value;
 use super::layout::NodeLayout;
-use super::precision::{Both, Precision};
+use super::precision::{BothPrecisions, Precision};
 
 /// Numbers at a point: P along xx, xy and yy, and P₃₃.
 pub const NUMBERS: usize = 4;
 
-/// Sums that are taken beside each other; rows are padded to a multiple of it.
-const ABREAST: usize = 8;
+/// Number of partial sums; rows are padded to a multiple of it.
+const PARTIAL_SUMS: usize = 8;
 
-/// Numbers that determine the tangent of a law and a memory together at a given deformation: 2φᵢ + P along xx, xy and yy, then
-/// φⱼ − P₃₃ j⁻³, 4φᵢᵢ, 2φᵢⱼ and φⱼⱼ + 3 P₃₃ j⁻⁴.
+/// Number of moduli that determine the tangent of a material with memory at a given deformation: 2φᵢ + P along xx, xy
+/// and yy, then φⱼ − P₃₃ j⁻³, 4φᵢᵢ, 2φᵢⱼ and φⱼⱼ + 3 P₃₃ j⁻⁴.
 pub const MODULI_WITH_MEMORY: usize = 7;
 
 /// The coefficients at all quadrature points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Memory {
-    values: Both,
-    /// The largest of them, whatever its sign.
+    values: BothPrecisions,
+    /// Largest absolute value.
     pub largest: f64,
-    /// The mean of P₃₃: what a null Lagrangian can take of it.
+    /// Mean of P₃₃, which a null Lagrangian can compensate.
     pub weight: f64,
 }
 
 impl Memory {
-    /// From the numbers of all points, in the lines that [`line()`] says.
+    /// Creates a memory from the numbers of all points, in lines as [`line()`].
     #[must_use]
     pub fn new(layout: NodeLayout, values: &[f64]) -> Self {
         let mut memory = Self::zeros(values.len());
@@ -49,30 +49,30 @@ impl Memory {
         memory
     }
 
-    /// So many numbers, to be filled.
+    /// Creates a memory with a number of zeros, to be filled.
     #[must_use]
     pub fn zeros(count: usize) -> Self {
         Self {
-            values: Both::zeros(count),
+            values: BothPrecisions::zeros(count),
             largest: 0.0,
             weight: 0.0,
         }
     }
 
-    /// How many numbers there are.
+    /// Returns the total number of coefficients.
     #[must_use]
     pub fn count(&self) -> usize {
         self.values.double().len()
     }
 
-    /// Writes all numbers anew, those of the elements of a row at one point at a time: `fill` is told where they stand. One pass, since there
-    /// are more of them than a cache holds.
+    /// Rewrites all numbers, those of a row of elements at one point at a time: `fill` gets their index range and
+    /// writes them. A single pass, because the numbers exceed the cache.
     #[inline(always)]
     pub fn refill(&mut self, layout: NodeLayout, mut fill: impl FnMut(Range<usize>, &mut [f64])) {
         let size = NUMBERS * layout.part();
         let (double, single) = self.values.parts_mut();
         let count = double.len() / size * layout.columns();
-        let (mut largest, mut sum) = ([0.0_f64; ABREAST], [0.0; ABREAST]);
+        let (mut largest, mut sum) = ([0.0_f64; PARTIAL_SUMS], [0.0; PARTIAL_SUMS]);
         dispatch(
             #[inline(always)]
             || {
@@ -82,16 +82,16 @@ impl Memory {
                     for (narrow, value) in single.iter_mut().zip(&*double) {
                         *narrow = *value as f32;
                     }
-                    for values in double.chunks_exact(ABREAST) {
+                    for values in double.chunks_exact(PARTIAL_SUMS) {
                         for (largest, value) in largest.iter_mut().zip(values) {
                             let size = value.abs();
                             *largest = if size > *largest { size } else { *largest };
                         }
                     }
                     let normal = &double[(NUMBERS - 1) * layout.part()..][..layout.columns()];
-                    let whole = normal.chunks_exact(ABREAST);
-                    let rest = whole.remainder();
-                    for values in whole {
+                    let chunks = normal.chunks_exact(PARTIAL_SUMS);
+                    let rest = chunks.remainder();
+                    for values in chunks {
                         for (sum, value) in sum.iter_mut().zip(values) {
                             *sum += value;
                         }
@@ -106,21 +106,21 @@ impl Memory {
         self.weight = sum.iter().sum::<f64>() / count as f64;
     }
 
-    /// The numbers in one precision.
+    /// Returns the numbers in one precision.
     #[must_use]
     pub fn view<T: Precision>(&self) -> &[T] {
         T::of(&self.values)
     }
 }
 
-/// Where the line of a number begins, that of a point `q` of the elements of a row, which have so many points: one number for each element.
+/// Returns the start of the line of a number at point `q` of `points` of a row of elements: one number per element.
 #[inline(always)]
 #[must_use]
 pub fn line(layout: NodeLayout, points: usize, row: usize, q: usize, number: usize) -> usize {
     ((row * points + q) * NUMBERS + number) * layout.part()
 }
 
-/// The lines of the numbers of the points of a row of elements.
+/// Returns the lines of the numbers of a row of elements at a point.
 #[inline(always)]
 #[must_use]
 pub fn lines(part: usize, row: &[f64]) -> [&[f64]; NUMBERS] {
@@ -132,7 +132,7 @@ pub fn lines(part: usize, row: &[f64]) -> [&[f64]; NUMBERS] {
     ]
 }
 
-/// Adds a share of P : c + P₃₃ j⁻² at each point, from P and from c⁻¹ and j² in rows of elements of so many numbers.
+/// Adds a share of P : c + P₃₃ j⁻² at each point, from P and from c⁻¹ and j² in rows of `part` elements.
 pub fn add_energy(part: usize, [coefficients, metric]: [&[f64]; 2], share: f64, energy: &mut [f64]) {
     let rows = coefficients
         .chunks_exact(NUMBERS * part)
@@ -153,7 +153,7 @@ pub fn add_energy(part: usize, [coefficients, metric]: [&[f64]; 2], share: f64, 
     );
 }
 
-/// The same with the sums of two sets of P, between two metrics: a share of the energy at the second less that at the first.
+/// Adds a share of the difference of this energy between two metrics, for the sum of two sets of P.
 pub fn add_work(part: usize, coefficients: [&[f64]; 2], metric: [&[f64]; 2], share: f64, work: &mut [f64]) {
     let size = NUMBERS * part;
     dispatch(
@@ -180,14 +180,14 @@ pub fn add_work(part: usize, coefficients: [&[f64]; 2], metric: [&[f64]; 2], sha
     );
 }
 
-/// P : c + P₃₃ j⁻² from c⁻¹ and j².
+/// Returns P : c + P₃₃ j⁻² from c⁻¹ and j².
 #[inline(always)]
 fn paired([xx, xy, yy, normal]: [f64; NUMBERS], [ixx, ixy, iyy, square]: [f64; NUMBERS]) -> f64 {
     let across = xx * iyy - 2.0 * xy * ixy + yy * ixx;
     square * across + normal / square
 }
 
-/// The stress at f = I + ∇u.
+/// Returns the stress at f = I + ∇u.
 #[inline(always)]
 pub fn stress<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Tensor<V>) -> Tensor<V> {
     let f = deformation(gradient);
@@ -196,7 +196,7 @@ pub fn stress<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Tensor<V>)
     add_scaled(times(f, [xx, xy, yy]), squeezed, cofactor(f))
 }
 
-/// The mean stress of a step from f = I + ∇u to f + `df`, whose work is the change of energy.
+/// Returns the mean stress of a step from f = I + ∇u to f + `df`; its work is the change of energy.
 #[inline(always)]
 pub fn stress_between<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Tensor<V>, df: Tensor<V>) -> Tensor<V> {
     let number = |value: f64| normal.constant(value);
@@ -210,7 +210,7 @@ pub fn stress_between<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Te
     add_scaled(times(middle, [xx, xy, yy]), squeezed, cofactor(middle))
 }
 
-/// The change of stress along `df`.
+/// Returns the derivative of the stress along `df`.
 #[inline(always)]
 pub fn tangent<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Tensor<V>, df: Tensor<V>) -> Tensor<V> {
     let f = deformation(gradient);
@@ -221,10 +221,10 @@ pub fn tangent<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], gradient: Tensor<V>
     add_scaled(add_scaled(times(df, [xx, xy, yy]), along, c), -squeezed, cofactor(df))
 }
 
-/// The derivative of the change of stress, along `df` and times `df`, of a memory with P = c⁻¹ and P₃₃ = j² that follows the deformation: at
-/// f it is S = H + Hᵀ + 2 tr H I with H = df f⁻¹ in place of the gradient, and H changes by −H δf f⁻¹.
+/// Returns the derivative with respect to f of df : (tangent along `df`) for relaxed branches, which have P = c⁻¹ and
+/// P₃₃ = j² at f. In terms of H = df f⁻¹ the tangent is S = H + Hᵀ + 2 tr H I, and H changes by −H δf f⁻¹.
 #[inline(always)]
-pub fn tangent_that_follows<V: Value>(gradient: Tensor<V>, df: Tensor<V>) -> Tensor<V> {
+pub fn relaxed_tangent_derivative<V: Value>(gradient: Tensor<V>, df: Tensor<V>) -> Tensor<V> {
     let f = deformation(gradient);
     let inverse = determinant(f).recip();
     let zero = [[inverse.constant(0.0); 2]; 2];
@@ -240,7 +240,7 @@ pub fn tangent_that_follows<V: Value>(gradient: Tensor<V>, df: Tensor<V>) -> Ten
     add_scaled(zero, -two, times_transposed(product, transposed(back)))
 }
 
-/// The numbers of [`MODULI_WITH_MEMORY`] from those of the law.
+/// Returns the moduli of [`MODULI_WITH_MEMORY`] from those of the material.
 #[inline(always)]
 pub fn moduli_with_memory<V: Value>(
     [i, j, ii, ij, jj]: [V; MODULI],
@@ -253,7 +253,7 @@ pub fn moduli_with_memory<V: Value>(
     [i + xx, xy, i + yy, j - squeezed, ii, ij, curvature]
 }
 
-/// The change of stress along `df` from these numbers.
+/// Returns the derivative of the stress along `df` from these moduli.
 #[inline(always)]
 pub fn tangent_from<V: Value>(
     gradient: Tensor<V>,
@@ -268,8 +268,8 @@ pub fn tangent_from<V: Value>(
     add_scaled(add_scaled(direct, first, f), second, c)
 }
 
-/// How much it adds at least to the margins of ellipticity and of convexity, with the null Lagrangian of a weight taken out: f P and cof df are
-/// bounded by the smaller eigenvalue of P and by |df|².
+/// Returns lower bounds of its contributions to the margins of ellipticity and of convexity, without the null
+/// Lagrangian of a weight: f P and cof df are bounded by the smaller eigenvalue of P and by |df|².
 #[inline(always)]
 pub fn margins<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], weight: f64, f: Tensor<V>) -> [V; 2] {
     let half = xx.constant(0.5);
@@ -280,7 +280,8 @@ pub fn margins<V: Value>([xx, xy, yy, normal]: [V; NUMBERS], weight: f64, f: Ten
     [least, least - turned.max(-turned)]
 }
 
-/// f P. Not by `map`, whose closure is a function of its own: without the registers of the kernel it takes three times as long.
+/// Returns f P. Not by `map`: its closure is a separate function without the registers of the kernel, and takes three
+/// times as long.
 #[inline(always)]
 fn times<V: Value>([[a, b], [c, d]]: Tensor<V>, [xx, xy, yy]: [V; 3]) -> Tensor<V> {
     [
@@ -333,18 +334,18 @@ mod tests {
     }
 
     #[test]
-    fn what_follows_the_deformation_changes_the_tangent() {
+    fn relaxed_tangent_derivative_is_the_derivative() {
         let df = [[0.2, -0.1], [0.07, 0.15]];
-        // df : (change of stress along df) with P = c⁻¹ and P₃₃ = j².
+        // df : (tangent along df) with P = c⁻¹ and P₃₃ = j².
         let value = |gradient: Tensor<f64>| {
             let f = deformation(gradient);
             let [[a, b], [c, d]] = f;
             let (xx, xy, yy) = (a * a + c * c, a * b + c * d, b * b + d * d);
             let square = determinant(f).powi(2);
-            let follows = [yy / square, -xy / square, xx / square, square];
-            contract(df, tangent(follows, gradient, df))
+            let relaxed = [yy / square, -xy / square, xx / square, square];
+            contract(df, tangent(relaxed, gradient, df))
         };
-        let slopes = tangent_that_follows(GRADIENT, df);
+        let slopes = relaxed_tangent_derivative(GRADIENT, df);
         for (i, k) in ENTRIES {
             let slope = (value(nudged(i, k, 1e-6)) - value(nudged(i, k, -1e-6))) / 2e-6;
             assert!((slopes[i][k] - slope).abs() < 1e-8, "{i}{k}: {} {slope}", slopes[i][k]);

@@ -1,10 +1,10 @@
-//! The residual and the tangent–vector product of the whole membrane, without a matrix.
+//! The residual and the tangent–vector product of the membrane, without a matrix.
 
 pub use super::activity::{Activity, Within, load_of};
 use super::energy::Margins;
 pub use super::kernels::MaterialAtRest;
 pub(crate) use super::kernels::{from_rest, on_sides, per_side};
-use super::kernels::{stress_at_rest, without_law};
+use super::kernels::{stress_at_rest, without_material};
 use super::layout::NodeLayout;
 use super::material::{Material, MaterialPrecision, Passes};
 use super::memory;
@@ -13,37 +13,38 @@ use super::registers::dispatch;
 use super::sheet::Mount;
 use super::supports::{Pose, Supports};
 
-/// The discrete equilibrium of one pattern under one law.
+/// The discrete equilibrium of a pattern with a material.
 #[derive(Clone, Copy)]
 pub struct Operator<'a, L> {
-    /// What the membrane is made of, at its load.
+    /// The material at its load.
     pub material: &'a L,
-    /// Its elements, and where it is active.
+    /// The elements and their activity.
     pub activity: &'a Activity,
-    /// The share of their loads that pulls the bodies.
-    pub pulled: f64,
+    /// Share of the loads of bodies.
+    pub body_load: f64,
 }
 
 impl<'a, L> Operator<'a, L> {
-    /// The equilibrium with the whole loads of bodies.
+    /// Creates the equilibrium with the full loads of bodies.
     #[must_use]
     pub fn new(material: &'a L, activity: &'a Activity) -> Self {
         Self {
             material,
             activity,
-            pulled: 1.0,
+            body_load: 1.0,
         }
     }
 }
 
 impl<L: Material> Operator<'_, L> {
-    /// How vectors lie in memory.
+    /// Returns the layout of nodal vectors.
     #[must_use]
     pub fn layout(&self) -> NodeLayout {
         self.activity.grid().layout()
     }
 
-    /// What rounding of the stress at rest may leave of a residual, entry by entry: where prestretch is unequal that stress is not zero.
+    /// Returns a bound of the entries of a residual due to rounding of the stress at rest, which is not zero with
+    /// unequal prestretch.
     #[must_use]
     pub fn rounding(&self) -> f64 {
         let [along, across] = stress_at_rest(
@@ -54,76 +55,78 @@ impl<L: Material> Operator<'_, L> {
         2.0 * f64::EPSILON * (along.abs() + across.abs() + remembered)
     }
 
-    /// The residual at interior nodes, zero on the frame, into `out`. Returns the smallest [`Material::admissible`]; the
-    /// residual means something only where that is positive.
+    /// Writes the residual at interior nodes, zero on the frame, into `out`. Returns the smallest
+    /// [`Material::admissible`]; the residual is valid only where that is positive.
     pub fn residual(&self, u: &[f64], out: &mut [f64]) -> f64 {
         let smallest = self.forces(u, out);
         if let Some(supports) = self.activity.grid().supports() {
-            self.mount(supports, &supports.poses(u), out);
+            self.apply_supports(supports, &supports.poses(u), out);
         }
         smallest
     }
 
-    /// Makes forces on nodes those that frames and bodies at some poses see, with loads and springs.
-    fn mount(&self, supports: &Supports, poses: &[Pose], out: &mut [f64]) {
+    /// Projects nodal forces onto those of frames and bodies at the given poses, and adds loads and springs.
+    fn apply_supports(&self, supports: &Supports, poses: &[Pose], out: &mut [f64]) {
         let bodies = supports.bodies();
         supports.restrict_with(poses, out, |body, [x, y, moment]| {
             let (Mount { load, spring }, [p, q]) = (bodies[body].mount, poses[body].translation);
             [
-                x + spring * p - self.pulled * load[0],
-                y + spring * q - self.pulled * load[1],
+                x + spring * p - self.body_load * load[0],
+                y + spring * q - self.body_load * load[1],
                 moment,
             ]
         });
     }
 
-    /// The residual of a membrane that is not displaced; `rest` is zero everywhere.
+    /// Writes the residual of the undisplaced membrane into `out`; `rest` is zero everywhere.
     pub fn residual_at_rest(&self, rest: &[f64], out: &mut [f64]) {
         if self.is_uniform_at_rest() {
-            let law = f64::passes(self.material).at_rest();
-            without_law(self.activity).forces_at_rest(rest, &law, out);
+            let at_rest = f64::passes(self.material).at_rest();
+            without_material(self.activity).forces_at_rest(rest, &at_rest, out);
         } else {
             self.residual(rest, out);
         }
     }
 
-    /// Whether all bare elements are alike at rest, and all active ones, under a law that is worth asking once for each.
+    /// Returns whether all bare elements are equal at rest, and all active ones, and a single evaluation of each saves
+    /// time.
     fn is_uniform_at_rest(&self) -> bool {
         let grid = self.activity.grid();
         let is_alone = grid.supports().is_none() && self.activity.memory().is_none();
-        self.material.stores() && grid.is_plain() && is_alone && self.activity.is_binary()
+        self.material.stores_moduli() && grid.is_plain() && is_alone && self.activity.is_binary()
     }
 
-    /// The forces of all elements on the nodes that are not on the edge; returns the smallest [`Material::admissible`].
+    /// Writes the forces of all elements on the nodes inside the edge into `out`; returns the smallest
+    /// [`Material::admissible`].
     fn forces(&self, u: &[f64], out: &mut [f64]) -> f64 {
         let smallest = self.material.forces(self.activity, u, out);
-        self.remember(out, |of_memory| {
-            without_law(self.activity).forces_of_memory(u, of_memory)
+        self.add_memory_forces(out, |memory_forces| {
+            without_material(self.activity).forces_of_memory(u, memory_forces)
         });
         smallest
     }
 
-    /// The mean residual over a step from `u` by `du`, of which the work is the change of energy, at interior nodes, into `out`; `poses` are
-    /// those of the bodies half-way.
+    /// Writes the mean residual over a step from `u` by `du` at interior nodes into `out`; its work is the change of
+    /// energy. `poses` are those of the bodies half-way.
     pub fn residual_between(&self, u: &[f64], du: &[f64], poses: &[Pose], out: &mut [f64]) {
         self.material.forces_between(self.activity, [u, du], out);
-        self.remember(out, |of_memory| {
-            without_law(self.activity).forces_of_memory_between([u, du], of_memory);
+        self.add_memory_forces(out, |memory_forces| {
+            without_material(self.activity).forces_of_memory_between([u, du], memory_forces);
         });
         if let Some(supports) = self.activity.grid().supports() {
-            self.mount(supports, poses, out);
+            self.apply_supports(supports, poses, out);
         }
     }
 
-    /// The derivative by `u` of v · (the tangent times v) of branches of modulus 1 that have relaxed at `u`, at interior nodes, into `out`.
-    /// Bodies are not seen to.
-    pub fn relaxed_change(&self, u: &[f64], v: &[f64], out: &mut [f64]) {
-        without_law(self.activity).following_tangent([u, v], out);
+    /// Writes the derivative with respect to `u` of v · Kv at interior nodes into `out`, with the tangent K of branches
+    /// of modulus 1 that are relaxed at `u`. Bodies are ignored.
+    pub fn relaxed_tangent_derivative(&self, u: &[f64], v: &[f64], out: &mut [f64]) {
+        without_material(self.activity).relaxed_tangent_derivative([u, v], out);
         self.activity.grid().restrict(u, out);
     }
 
-    /// Adds the forces of the [`super::memory::Memory`] of the elements, where they have one.
-    fn remember(&self, out: &mut [f64], forces: impl FnOnce(&mut [f64])) {
+    /// Adds the forces of the [`memory::Memory`] of the elements, if any.
+    fn add_memory_forces(&self, out: &mut [f64], forces: impl FnOnce(&mut [f64])) {
         if self.activity.memory().is_none() {
             return;
         }
@@ -135,24 +138,25 @@ impl<L: Material> Operator<'_, L> {
         );
     }
 
-    /// The tangent at `u` times `du`, at interior nodes, into `out`.
+    /// Writes the tangent at `u` times `du` at interior nodes into `out`.
     pub fn tangent<T: MaterialPrecision>(&self, u: &[T], du: &[T], out: &mut [T]) {
         let curvatures = self.curvatures(u);
-        let (mut moduli, law) = (Vec::new(), T::passes(self.material));
-        law.store(self.activity, u, &mut moduli);
-        law.image(self.activity, [u, du], &moduli, out);
+        let (mut moduli, passes) = (Vec::new(), T::passes(self.material));
+        passes.store_moduli(self.activity, u, &mut moduli);
+        passes.tangent_product(self.activity, [u, du], &moduli, out);
         self.add_bodies(u, du, &curvatures, out);
     }
 
-    /// The Laplacian times `du`: the tangent of a membrane without thickness and voltage, of bodies without loads and springs.
+    /// Writes the Laplacian times `du` into `out`: the tangent of a membrane without thickness and voltage, and of
+    /// bodies without loads and springs.
     pub fn laplacian<T: MaterialPrecision>(&self, u: &[T], du: &[T], out: &mut [T]) {
-        without_law(self.activity).tangent([u, du], out);
+        without_material(self.activity).tangent([u, du], out);
         if let Some(supports) = self.activity.grid().supports() {
             supports.restrict(&supports.poses(u), out);
         }
     }
 
-    /// The curvature of the rotation of each body at `u`.
+    /// Returns the curvature of the rotation of each body at `u`.
     pub(super) fn curvatures<T: MaterialPrecision>(&self, u: &[T]) -> Vec<f64> {
         let Some(supports) = self.activity.grid().supports() else {
             return Vec::new();
@@ -167,7 +171,8 @@ impl<L: Material> Operator<'_, L> {
         each.map(|(body, pose)| body.nodes.curvature(&pose, &forces)).collect()
     }
 
-    /// Makes the image of `du` one that frames and bodies see, with the springs and the curvature of rotations.
+    /// Projects the tangent product of `du` onto forces of frames and bodies, and adds springs and the curvature of
+    /// rotations.
     fn add_bodies<T: MaterialPrecision>(&self, u: &[T], du: &[T], curvatures: &[f64], out: &mut [T]) {
         let Some(supports) = self.activity.grid().supports() else {
             return;
@@ -186,18 +191,18 @@ impl<L: Material> Operator<'_, L> {
         });
     }
 
-    /// What [`Operator::tangent_at`] wants to be kept of `u`: nothing at rest, where elements are alike, and for laws that are quick to
-    /// evaluate without a memory.
+    /// Writes the moduli for [`Operator::tangent_at`] at `u`, and the curvatures of bodies. There are no moduli at rest
+    /// with equal elements, and for a material without memory that does not store moduli.
     pub fn linearise<T: MaterialPrecision>(&self, u: &[T], moduli: &mut Vec<T>) {
         if self.is_uniform_at_rest() && u.iter().all(|u| u.to_f64() == 0.0) {
             moduli.clear();
         } else {
-            T::passes(self.material).store(self.activity, u, moduli);
+            T::passes(self.material).store_moduli(self.activity, u, moduli);
         }
         moduli.extend(self.curvatures(u).into_iter().map(T::from_f64));
     }
 
-    /// The tangent at a `u` that was linearised, times `du`, at interior nodes, into `out`.
+    /// Writes the tangent at a linearised `u` times `du` at interior nodes into `out`.
     pub fn tangent_at<T: MaterialPrecision>(&self, u: &[T], moduli: &[T], du: &[T], out: &mut [T]) {
         let bodies = self
             .activity
@@ -205,23 +210,23 @@ impl<L: Material> Operator<'_, L> {
             .supports()
             .map_or(0, |supports| supports.bodies().len());
         let (moduli, curvatures) = moduli.split_at(moduli.len() - bodies);
-        let law = T::passes(self.material);
-        if self.material.stores() && moduli.is_empty() {
-            without_law(self.activity).tangent_at_rest([u, du], &law.at_rest(), out);
+        let passes = T::passes(self.material);
+        if self.material.stores_moduli() && moduli.is_empty() {
+            without_material(self.activity).tangent_at_rest([u, du], &passes.at_rest(), out);
         } else {
-            law.image(self.activity, [u, du], moduli, out);
+            passes.tangent_product(self.activity, [u, du], moduli, out);
         }
         let curvatures: Vec<f64> = curvatures.iter().map(|curvature| curvature.to_f64()).collect();
         self.add_bodies(u, du, &curvatures, out);
     }
 
-    /// The smallest margins over the quadrature points.
+    /// Returns the smallest margins over the quadrature points.
     pub fn margins<T: MaterialPrecision>(&self, u: &[T]) -> Margins<f64> {
-        T::passes(self.material).least(self.activity, u)
+        T::passes(self.material).smallest_margins(self.activity, u)
     }
 }
 
-/// c⁻¹ along xx, xy and yy, and j², at all quadrature points, in the lines that `memory::line` says.
+/// Returns c⁻¹ along xx, xy and yy, and j², at all quadrature points, in lines as [`memory::line`].
 #[must_use]
 pub fn metrics(activity: &Activity, u: &[f64]) -> Vec<f64> {
     let mut values = Vec::new();
@@ -229,10 +234,10 @@ pub fn metrics(activity: &Activity, u: &[f64]) -> Vec<f64> {
     values
 }
 
-/// The same into room that may be there: of metrics of the same grid, whose padding is left as it is.
+/// Writes the metrics into a buffer, new or of the same grid; padding is left unchanged.
 pub fn write_metrics(activity: &Activity, u: &[f64], values: &mut Vec<f64>) {
     let layout = activity.grid().layout();
     let points = (layout.degree() + 1).pow(2);
     values.resize(layout.rows() * points * memory::NUMBERS * layout.part(), 0.0);
-    without_law(activity).metrics(u, values);
+    without_material(activity).metrics(u, values);
 }

@@ -1,23 +1,23 @@
-//! Numbers that are kept in both precisions: residuals are taken in double, steps in single.
+//! Numbers stored in both precisions: residuals are computed in double, steps in single precision.
 
 use super::lanes::Real;
 
 /// Numbers in both precisions.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Both {
+pub struct BothPrecisions {
     double: Vec<f64>,
     single: Vec<f32>,
 }
 
-impl Both {
-    /// Of numbers in double precision.
+impl BothPrecisions {
+    /// Converts numbers in double precision.
     #[must_use]
     pub fn new(double: Vec<f64>) -> Self {
         let single = double.iter().map(|&value| value as f32).collect();
         Self { double, single }
     }
 
-    /// So many zeros.
+    /// Creates a number of zeros.
     #[must_use]
     pub fn zeros(count: usize) -> Self {
         Self {
@@ -26,32 +26,32 @@ impl Both {
         }
     }
 
-    /// In both precisions, to be written.
+    /// Returns the numbers in both precisions, writable.
     pub fn parts_mut(&mut self) -> (&mut [f64], &mut [f32]) {
         (&mut self.double, &mut self.single)
     }
 
-    /// In double precision.
+    /// Returns the numbers in double precision.
     #[must_use]
     pub fn double(&self) -> &[f64] {
         &self.double
     }
 }
 
-/// A precision that operators work in.
+/// A precision of operators.
 pub trait Precision: Real {
-    /// The numbers in this precision.
-    fn of(both: &Both) -> &[Self];
+    /// Returns the numbers in this precision.
+    fn of(both: &BothPrecisions) -> &[Self];
 }
 
 impl Precision for f64 {
-    fn of(both: &Both) -> &[Self] {
+    fn of(both: &BothPrecisions) -> &[Self] {
         &both.double
     }
 }
 
 impl Precision for f32 {
-    fn of(both: &Both) -> &[Self] {
+    fn of(both: &BothPrecisions) -> &[Self] {
         &both.single
     }
 }

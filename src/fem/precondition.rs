@@ -1,12 +1,12 @@
 //! The componentwise Laplacian of a mesh, inverted by fast diagonalisation.
 //!
 //! On a tensor-product mesh the Laplacian is K⊗M + M⊗K with the one-dimensional stiffness K and mass M. With Q the
-//! generalised eigenvectors, KQ = MQΛ and QᵀMQ = I, a transform by Q along x leaves one banded system K + λM along y for
-//! each mode (Lynch, Rice and Thomas, Numer. Math. 6 (1964) 185; Buzbee, Golub and Nielson, SIAM J. Numer. Anal. 7 (1970)
-//! 627). Lengths along the sides are those of [`Grid`]: on the membrane the operator is λ₁²∂xx + λ₂²∂yy.
-//! Modes are even or odd about the middle of the membrane, which halves the transforms. At a prestretch of 3 the
-//! tangent differs from the Laplacian by a quarter at most, so conjugate gradients need the same few iterations on every
-//! mesh; single precision is enough for a preconditioner.
+//! generalised eigenvectors, KQ = MQΛ and QᵀMQ = I, a transform by Q along x gives one banded system K + λM along y for
+//! each mode (Lynch, Rice and Thomas, Numer. Math. 6 (1964) 185; Buzbee, Golub and Nielson, SIAM J. Numer. Anal. 7
+//! (1970) 627). Side lengths are those of [`Grid`]: on the membrane the operator is λ₁²∂xx + λ₂²∂yy. Modes are even or
+//! odd about the middle of the membrane, which halves the cost of transforms. At a prestretch of 3 the tangent differs
+//! from the Laplacian by a quarter at most, so conjugate gradients need the same few iterations on every mesh. Single
+//! precision is enough for a preconditioner.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -28,28 +28,28 @@ use super::modes::{half_modes, line_matrices};
 use super::supports::Pose;
 use deaflow_field::Order;
 
-/// The inverse Laplacian of a grid, of what frames and bodies leave of it.
+/// The inverse Laplacian of a grid with frames and bodies.
 pub struct Laplacian {
     rectangle: Rectangle,
     capacitance: Option<Capacitance>,
 }
 
-/// Room for [`Laplacian::solve`].
+/// Vectors for [`Laplacian::solve`].
 pub struct LaplacianScratch {
     rectangle: RectangleScratch,
     capacitance: Option<CapacitanceScratch>,
 }
 
 impl Laplacian {
-    /// The Laplacian of a grid.
+    /// Creates the inverse Laplacian of a grid.
     ///
     /// # Errors
-    /// When the eigenvectors cannot be computed.
+    /// If the eigenvectors cannot be computed.
     pub fn new(grid: &Grid) -> Result<Self, SetupError> {
         Self::with_mass(grid, 0.0)
     }
 
-    /// The Laplacian of a grid and a multiple of its consistent mass.
+    /// Creates the inverse of the Laplacian plus a multiple of the consistent mass.
     ///
     /// # Errors
     /// As [`Laplacian::new`].
@@ -61,7 +61,7 @@ impl Laplacian {
         Ok(Self { rectangle, capacitance })
     }
 
-    /// Room for a solve.
+    /// Returns the vectors for a solve.
     #[must_use]
     pub fn scratch(&self) -> LaplacianScratch {
         LaplacianScratch {
@@ -70,7 +70,7 @@ impl Laplacian {
         }
     }
 
-    /// Writes the solution for the right-hand side `r`, a vector that frames and bodies at these poses leave as it is, into `z`.
+    /// Writes the solution for `r`, which is admissible for frames and bodies at these poses, into `z`.
     pub fn solve(&self, r: &[f32], poses: &[Pose], z: &mut [f32], scratch: &mut LaplacianScratch) {
         match (&self.capacitance, &mut scratch.capacitance) {
             (Some(capacitance), Some(own)) => {
@@ -81,21 +81,21 @@ impl Laplacian {
     }
 }
 
-/// The inverse Laplacian of the whole rectangle, with zero values on its edge.
+/// The inverse Laplacian of the full rectangle, with zero values on its edge.
 pub(super) struct Rectangle {
     layout: NodeLayout,
-    /// Half the interior nodes of a row, the middle one counted whole; also the number of even modes.
+    /// Half the interior nodes of a row, including a middle node; also the number of even modes.
     half: usize,
-    /// `half` and padding.
+    /// `half` with padding.
     width: usize,
-    /// Even, then odd modes: from folded rows to modes, `[position][mode]`.
+    /// Transforms from folded rows to modes, even then odd: `[position][mode]`.
     forward: [Vec<f32>; 2],
-    /// And back, `[mode][position]`.
+    /// Transforms from modes to folded rows: `[mode][position]`.
     backward: [Vec<f32>; 2],
     columns: Columns,
 }
 
-/// Some nodes of a rectangle, by their rows and the modes along x at their columns.
+/// Some nodes of a rectangle: their rows, and the modes along x at their columns.
 pub(super) struct ModalNodes {
     rows: Vec<usize>,
     /// `[node][mode]`.
@@ -108,14 +108,14 @@ impl ModalNodes {
     }
 }
 
-/// Room for [`Rectangle::solve`].
+/// Vectors for [`Rectangle::solve`].
 pub(super) struct RectangleScratch {
     folded: Vec<f32>,
     modes: Vec<f32>,
 }
 
 impl Rectangle {
-    fn new(grid: &Grid, heaviness: f64) -> Result<Self, SetupError> {
+    fn new(grid: &Grid, mass_factor: f64) -> Result<Self, SetupError> {
         let layout = grid.layout();
         let [(stiffness, mass), columns] = [0, 1].map(|axis| {
             let size = |at: usize| grid.sides([at; 2])[axis];
@@ -134,7 +134,7 @@ impl Rectangle {
         let mut values = vec![1.0; 2 * width];
         for (parity, (_, eigenvalues)) in modes.iter().enumerate() {
             let of_modes = values[parity * width..].iter_mut().zip(eigenvalues);
-            of_modes.for_each(|(value, eigenvalue)| *value = eigenvalue + heaviness);
+            of_modes.for_each(|(value, eigenvalue)| *value = eigenvalue + mass_factor);
         }
         let order = folded_order(layout);
         let middle = layout.nodes()[0] / 2 - 1;
@@ -145,9 +145,9 @@ impl Rectangle {
         };
         let entry = |parity: usize, position: usize, mode: usize| {
             let (vectors, _): &(Mat<f64>, Vec<f64>) = &modes[parity];
-            let place = order[position];
-            if place < vectors.nrows() && mode < vectors.ncols() {
-                vectors[(place, mode)]
+            let node = order[position];
+            if node < vectors.nrows() && mode < vectors.ncols() {
+                vectors[(node, mode)]
             } else {
                 0.0
             }
@@ -179,31 +179,31 @@ impl Rectangle {
         })
     }
 
-    /// Nodes that lie at these places of a vector, in the plane of the first component.
-    pub(super) fn nodes(&self, places: &[usize]) -> ModalNodes {
+    /// Returns the nodes at these indices of a vector, of the first component.
+    pub(super) fn nodes(&self, indices: &[usize]) -> ModalNodes {
         let (degree, part, stride) = (self.layout.degree(), self.layout.part(), self.layout.stride());
         let order = folded_order(self.layout);
-        let node = |place: &usize| {
-            let (row, within) = (place / stride, place % stride);
+        let node = |index: &usize| {
+            let (row, within) = (index / stride, index % stride);
             (row, self.modes_at(within % part * degree + within / part, &order))
         };
-        let (rows, modes): (Vec<usize>, Vec<Vec<f32>>) = places.iter().map(node).unzip();
+        let (rows, modes): (Vec<usize>, Vec<Vec<f32>>) = indices.iter().map(node).unzip();
         ModalNodes {
             rows,
             modes: modes.concat(),
         }
     }
 
-    /// The modes at a column of nodes, even, then odd ones; `order` is the [`folded_order`].
+    /// Returns the modes at a column of nodes, even then odd; `order` is the [`folded_order`].
     fn modes_at(&self, column: usize, order: &[usize]) -> Vec<f32> {
         let last = self.layout.nodes()[0] - 1;
-        let (place, sign) = if 2 * column <= last {
+        let (node, sign) = if 2 * column <= last {
             (column - 1, 1.0)
         } else {
             (last - column - 1, -1.0)
         };
-        let position = order.iter().position(|at| *at == place);
-        let position = position.expect("the node is no frame's");
+        let position = order.iter().position(|at| *at == node);
+        let position = position.expect("the node is not on the frame");
         let mut modes = vec![0.0; 2 * self.width];
         for mode in 0..self.half {
             modes[mode] = self.backward[0][mode * self.width + position];
@@ -212,7 +212,7 @@ impl Rectangle {
         modes
     }
 
-    /// The inverse between some nodes: sums over the modes along x of solutions along y for a load on each row.
+    /// Returns the inverse between some nodes: sums over the modes along x of solutions along y for a load on each row.
     pub(super) fn between(&self, nodes: &ModalNodes) -> Mat<f64> {
         let width = 2 * self.width;
         let mut by_row: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
@@ -242,7 +242,7 @@ impl Rectangle {
         matrix
     }
 
-    /// Room for a solve.
+    /// Returns the vectors for a solve.
     pub(super) fn scratch(&self) -> RectangleScratch {
         let len = 2 * self.layout.nodes()[1] * 2 * self.width;
         RectangleScratch {
@@ -251,15 +251,15 @@ impl Rectangle {
         }
     }
 
-    /// Writes the solution for the right-hand side `r`, zero on the edge, into the interior of `z`.
+    /// Writes the solution for `r`, zero on the edge, into the interior of `z`.
     pub(super) fn solve(&self, r: &[f32], z: &mut [f32], scratch: &mut RectangleScratch) {
         self.solve_with(r, z, scratch, |_, _| {});
     }
 
-    /// The same, with forces on some nodes that depend on the solution without them: `correct` gets the values of both components on the nodes,
-    /// and leaves the forces in their place.
+    /// Solves with forces on some nodes that depend on the solution without them: `correct` replaces the values of both
+    /// components on the nodes by the forces.
     ///
-    /// The solution without them is known by its modes alone, so that it takes neither transform.
+    /// The solution without them is evaluated from its modes, so it needs no further transforms.
     pub(super) fn solve_corrected(
         &self,
         r: &[f32],
@@ -286,7 +286,7 @@ impl Rectangle {
         });
     }
 
-    /// A solve on whose right-hand side, by modes, something is done.
+    /// Solves with a change of the modes of the right-hand side.
     fn solve_with(
         &self,
         r: &[f32],
@@ -303,7 +303,7 @@ impl Rectangle {
         self.unfold(folded, z);
     }
 
-    /// Solves along y for all modes, of as many components as there are, in place.
+    /// Solves along y for all modes of each component, in place.
     fn solve_columns(&self, modes: &mut [f32]) {
         dispatch_widest(ColumnSolve {
             columns: &self.columns,
@@ -331,7 +331,7 @@ impl Rectangle {
         }
     }
 
-    /// Sums and differences of the two halves of each row.
+    /// Writes sums and differences of the two halves of each row.
     fn fold(&self, r: &[f32], folded: &mut [f32]) {
         let part = self.layout.part();
         dispatch_widest(
@@ -340,11 +340,11 @@ impl Rectangle {
                 let rows = r.chunks_exact(self.layout.stride());
                 for (row, target) in rows.zip(folded.chunks_exact_mut(2 * self.width)) {
                     let (even, odd) = target.split_at_mut(self.width);
-                    let mut begin = 0;
+                    let mut start = 0;
                     for (inner, nodes) in row.chunks_exact(part).enumerate() {
                         let [left, right] = halves(self.layout, inner);
-                        let span = begin..begin + left.len();
-                        begin = span.end;
+                        let span = start..start + left.len();
+                        start = span.end;
                         let (left, right) = (&nodes[left], &nodes[right]);
                         let targets = even[span.clone()].iter_mut().zip(&mut odd[span]);
                         for ((even, odd), (a, b)) in targets.zip(left.iter().zip(right.iter().rev())) {
@@ -357,7 +357,7 @@ impl Rectangle {
         );
     }
 
-    /// Rows from the sums and differences of their halves.
+    /// Writes rows from the sums and differences of their halves.
     fn unfold(&self, folded: &[f32], z: &mut [f32]) {
         let part = self.layout.part();
         let [_, nodes] = self.layout.nodes();
@@ -372,11 +372,11 @@ impl Rectangle {
                         continue;
                     }
                     let (even, odd) = source.split_at(self.width);
-                    let mut begin = 0;
+                    let mut start = 0;
                     for (inner, line) in row.chunks_exact_mut(part).enumerate() {
                         let [left, right] = halves(self.layout, inner);
-                        let span = begin..begin + left.len();
-                        begin = span.end;
+                        let span = start..start + left.len();
+                        start = span.end;
                         let (even, odd) = (&even[span.clone()], &odd[span]);
                         line[left]
                             .iter_mut()
@@ -394,8 +394,8 @@ impl Rectangle {
     }
 }
 
-/// The interior nodes of a part of a row in the left half, and their mirror images in the right one. A node in the middle, which is the last
-/// of the left half, is its own image.
+/// Returns the interior nodes of a part of a row in the left half, and their mirror images in the right one. A node in
+/// the middle is the last of the left half and its own image.
 #[inline(always)]
 fn halves(layout: NodeLayout, inner: usize) -> [Range<usize>; 2] {
     let elements = layout.columns();
@@ -406,7 +406,7 @@ fn halves(layout: NodeLayout, inner: usize) -> [Range<usize>; 2] {
     [first..first + count, elements - count..elements]
 }
 
-/// For each position of a folded row, how many columns to the right of the frame's next node it is.
+/// Returns the index of the interior node for each position of a folded row.
 fn folded_order(layout: NodeLayout) -> Vec<usize> {
     let degree = layout.degree();
     let parts = (0..degree).flat_map(|inner| {
@@ -450,7 +450,7 @@ impl Columns {
     }
 }
 
-/// D and the rows of L, `[row][distance − 1]`, of a symmetric banded matrix.
+/// Returns D and the rows of L, `[row][distance − 1]`, of a symmetric banded matrix.
 fn banded_factors(n: usize, band: usize, entry: &dyn Fn(usize, usize) -> f64) -> (Vec<f64>, Vec<Vec<f64>>) {
     let (mut pivots, mut rows) = (vec![0.0; n], vec![vec![0.0; band]; n]);
     for i in 0..n {
@@ -569,7 +569,7 @@ mod tests {
             let operator = Operator {
                 material: &material,
                 activity: &activity,
-                pulled: 1.0,
+                body_load: 1.0,
             };
             let laplacian = Laplacian::new(&grid).unwrap();
             let mut u: Vec<f32> = (0..layout.vector_len())

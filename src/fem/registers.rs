@@ -1,10 +1,10 @@
-//! Work compiled for several kinds of vector registers, of which the machine at hand takes the widest that it has.
+//! Dispatch of work compiled for several widths of vector registers to the widest that the CPU supports.
 //!
-//! Results are the same bits with 256 and with 512 bits: no sum depends on how many numbers a register holds.
+//! Results are identical with 256 and 512 bits: no sum depends on the number of lanes.
 
 use pulp::{Simd, WithSimd};
 
-/// Whether the machine has no vector registers that kernels are compiled for.
+/// Returns whether the CPU has no vector registers that kernels are compiled for.
 #[must_use]
 pub fn are_scalar() -> bool {
     #[cfg(test)]
@@ -19,7 +19,7 @@ pub fn are_scalar() -> bool {
     false
 }
 
-/// Does work with registers of up to 256 bits.
+/// Runs work with registers of up to 256 bits.
 #[inline]
 pub fn dispatch<W: WithSimd>(work: W) -> W::Output {
     if are_scalar() {
@@ -29,22 +29,23 @@ pub fn dispatch<W: WithSimd>(work: W) -> W::Output {
     }
 }
 
-/// The same where there are vector registers.
+/// As [`dispatch`], for a CPU with vector registers.
 ///
 /// # Panics
-/// When [`are_scalar`].
+/// If [`are_scalar`].
 #[inline]
 pub fn dispatch_vector<W: WithSimd>(work: W) -> W::Output {
     #[cfg(target_arch = "x86_64")]
     {
-        let simd = pulp::x86::V3::try_new().expect("asked by are_scalar()");
+        let simd = pulp::x86::V3::try_new().expect("are_scalar() is false");
         Simd::vectorize(simd, work)
     }
     #[cfg(not(target_arch = "x86_64"))]
     pulp::Arch::new().dispatch(work)
 }
 
-/// As [`dispatch`], with registers of 512 bits where there are: for what most solves wait for, since it is compiled once more.
+/// As [`dispatch`], with AVX-512 if supported. It compiles the work once more, so it is used only for the longest parts
+/// of a solve.
 #[inline]
 pub fn dispatch_widest<W: WithSimd>(work: W) -> W::Output {
     if are_scalar() {
@@ -54,10 +55,10 @@ pub fn dispatch_widest<W: WithSimd>(work: W) -> W::Output {
     }
 }
 
-/// The same where there are vector registers.
+/// As [`dispatch_widest`], for a CPU with vector registers.
 ///
 /// # Panics
-/// When [`are_scalar`].
+/// If [`are_scalar`].
 #[inline]
 pub fn dispatch_widest_vector<W: WithSimd>(work: W) -> W::Output {
     #[cfg(test)]
@@ -82,7 +83,7 @@ mod tests {
 
     use crate::{MembraneSolver, SolveOptions};
 
-    /// What a thread takes of the registers that there are.
+    /// Registers that a thread may use.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub(super) enum Allowed {
         /// None.
@@ -98,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn registers_change_no_bit_and_doing_without_them_only_rounding() {
+    fn results_are_identical_for_all_registers_and_equal_to_rounding_without() {
         let stiffening = Effects {
             strain_stiffening: Some(Stiffening::Gent(Gent {
                 jm: deaflow_base::Decimal::from_f64(100.0).unwrap(),
@@ -106,7 +107,7 @@ mod tests {
             wrinkling: Some(On {}),
             ..Effects::default()
         };
-        // A checkerboard with a frame, whose rows end within a register.
+        // A checkerboard whose rows end within a register.
         let active: Vec<u8> = (0..CELLS * CELLS)
             .map(|i| u8::from((i % CELLS / 3 + i / CELLS / 4).is_multiple_of(2)))
             .collect();
@@ -115,7 +116,7 @@ mod tests {
             fringe_field: Some(On {}),
             ..Effects::default()
         };
-        // Squares that rest at f = I, elements that are all alike but do not, and elements of many sides.
+        // Squares that rest at f = I, equal rectangles that rest at other f, and elements of several sizes.
         let mut scenes = [Effects::default(), stiffening, fringe]
             .map(|effects| Scene::vhb4910().with_effects(effects))
             .to_vec();

@@ -140,7 +140,7 @@ impl LinearResponse {
     fn to_activity(
         &self,
         share: impl Fn(usize, usize) -> f64,
-        pulled: f64,
+        body_load: f64,
         workspace: &mut Workspace,
     ) -> Option<Field> {
         let activity = self
@@ -149,7 +149,7 @@ impl LinearResponse {
         self.model.with(ToActivity {
             response: self,
             activity: &activity,
-            pulled,
+            body_load,
             workspace,
         })
     }
@@ -256,7 +256,7 @@ struct ToActivity<'a> {
     response: &'a LinearResponse,
     activity: &'a Activity,
     /// Share of the forces on bodies.
-    pulled: f64,
+    body_load: f64,
     workspace: &'a mut Workspace,
 }
 
@@ -267,11 +267,11 @@ impl WithMaterial for ToActivity<'_> {
         let Self { response, .. } = self;
         let material = material(1.0);
         let mut load = vec![0.0; response.rest.len()];
-        let pulled = Operator {
-            pulled: self.pulled,
+        let loaded = Operator {
+            body_load: self.body_load,
             ..Operator::new(&material, self.activity)
         };
-        pulled.residual(&response.rest, &mut load);
+        loaded.residual(&response.rest, &mut load);
         load.iter_mut().for_each(|force| *force = -*force);
         let linear = Operator::new(&material, &response.half_active);
         let solution = newton::solve_tangent(

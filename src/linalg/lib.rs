@@ -1,9 +1,9 @@
-//! Dense and sparse linear algebra: what deaflow uses of `faer`.
+//! Dense and sparse linear algebra: the functions of `faer` that deaflow uses.
 //!
-//! The functions of `faer` are generic, so each crate that calls them compiles them again, for every register width. Here they are compiled
-//! once: other crates call these functions, and use only the storage types of `faer` (see [`Mat`]).
+//! The functions of `faer` are generic, so every calling crate compiles them again for each register width. Here they
+//! are compiled once: other crates call these functions, and use only the storage types of `faer` (see [`Mat`]).
 //!
-//! Everything runs on one thread, so that results are the same bits for any number of threads.
+//! All functions run on one thread, so results are identical for any number of threads.
 
 mod dense;
 mod product;

@@ -1,4 +1,4 @@
-//! Sparse symmetric matrices, factorised.
+//! Factorisation of sparse symmetric matrices.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
@@ -12,16 +12,17 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par, Side};
 
-/// Where the entries of a symmetric matrix stand, and an order of the unknowns in which its factors stay sparse.
+/// The sparsity of a symmetric matrix and a fill-reducing order of its unknowns.
 pub struct Sparsity {
     matrix: SymbolicSparseColMat<usize>,
-    /// From the order of assembly to that of the matrix.
+    /// Permutation from the order of assembly to that of the matrix.
     sorting: Argsort<usize>,
     symbolic: SymbolicCholesky<usize>,
 }
 
 impl Sparsity {
-    /// Of a matrix of so many unknowns with entries on and below the diagonal, which may stand several times; `None` when memory is short.
+    /// Creates the sparsity of a matrix with `count` unknowns from its entries on and below the diagonal, which may
+    /// repeat; `None` if memory is short.
     #[must_use]
     pub fn new(count: usize, entries: &[Pair<usize, usize>]) -> Option<Self> {
         let (matrix, sorting) = SymbolicSparseColMat::try_new_from_indices(count, count, entries).ok()?;
@@ -33,14 +34,15 @@ impl Sparsity {
         })
     }
 
-    /// The matrix with these entries, in the order of [`Sparsity::new`]; those at one place are added. `None` when memory is short.
+    /// Assembles the matrix with these entries, in the order of [`Sparsity::new`]; repeated entries are added. `None`
+    /// if memory is short.
     #[must_use]
     pub fn matrix(&self, entries: &[f64]) -> Option<SparseColMat<usize, f64>> {
         SparseColMat::new_from_argsort(self.matrix.clone(), &self.sorting, entries).ok()
     }
 
-    /// LDLᵀ of the matrix with these entries, in the order of [`Sparsity::new`]; those at one place are added. `None` when a pivot is exactly
-    /// zero or memory is short.
+    /// Computes LDLᵀ of the matrix with these entries, in the order of [`Sparsity::new`]; repeated entries are added.
+    /// `None` if a pivot is exactly zero or memory is short.
     #[must_use]
     pub fn factors(&self, entries: &[f64]) -> Option<Vec<f64>> {
         let matrix = self.matrix(entries)?;
@@ -63,7 +65,7 @@ impl Sparsity {
         Some(values)
     }
 
-    /// Solves with the factors: the right side becomes the solution.
+    /// Solves with the factors; overwrites the right side with the solution.
     pub fn solve(&self, factors: &[f64], right: &mut [f64]) {
         let count = right.len();
         let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
@@ -75,7 +77,7 @@ impl Sparsity {
         );
     }
 
-    /// How many eigenvalues of the factorised matrix are negative.
+    /// Returns the number of negative eigenvalues of the factorised matrix.
     #[must_use]
     pub fn negative_pivots(&self, factors: &[f64]) -> usize {
         match self.symbolic.raw() {
@@ -102,11 +104,11 @@ pub struct IndefiniteOrder {
 }
 
 impl IndefiniteOrder {
-    /// Of a matrix whose entries on and below the diagonal are given; `None` when memory is short.
+    /// Creates the order of a matrix given by its entries on and below the diagonal; `None` if memory is short.
     #[must_use]
     pub fn new(matrix: SymbolicSparseColMat<usize>) -> Option<Self> {
         let parameters = CholeskySymbolicParams {
-            // Only dense blocks have pivots to choose from.
+            // Pivots are chosen within dense blocks only.
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             ..CholeskySymbolicParams::default()
         };
@@ -119,7 +121,8 @@ fn order(matrix: &SymbolicSparseColMat<usize>, parameters: CholeskySymbolicParam
     factorize_symbolic_cholesky(matrix.as_ref(), Side::Lower, SymmetricOrdering::Amd, parameters).ok()
 }
 
-/// An indefinite symmetric matrix, factorised with pivots chosen within dense blocks (Bunch and Kaufman, Math. Comp. 31 (1977) 163).
+/// A factorised indefinite symmetric matrix, with pivots chosen within dense blocks (Bunch and Kaufman, Math. Comp. 31
+/// (1977) 163).
 pub struct Indefinite<'a> {
     order: &'a IndefiniteOrder,
     values: Vec<f64>,
@@ -129,7 +132,7 @@ pub struct Indefinite<'a> {
 }
 
 impl<'a> Indefinite<'a> {
-    /// From the entries in the order of the matrix of `order`; `None` when memory is short.
+    /// Factorises the entries in the order of the matrix of `order`; `None` if memory is short.
     #[must_use]
     pub fn new(order: &'a IndefiniteOrder, entries: Vec<f64>) -> Option<Self> {
         let count = order.matrix.ncols();
@@ -159,7 +162,7 @@ impl<'a> Indefinite<'a> {
         Some(factors)
     }
 
-    /// Solves: the right side becomes the solution.
+    /// Solves; overwrites the right side with the solution.
     pub fn solve(&self, right: &mut [f64]) {
         let symbolic = &self.order.symbolic;
         let permutation = PermRef::new_checked(&self.forward, &self.inverse, right.len());

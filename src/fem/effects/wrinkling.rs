@@ -30,7 +30,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::effect::{Effect, switch};
-use crate::energy::{Compound, Invariants, Potential, Rest, Slopes, Watched, slopes_apart};
+use crate::energy::{Compound, Invariants, MarginTerms, Potential, Rest, Slopes, slopes_out_of_line};
 use crate::lanes::Value;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, On, Scene};
@@ -94,7 +94,7 @@ impl TensionField {
 
     #[inline(always)]
     fn principal<V: Value>(&self, at: &Invariants<V>, active: V) -> Principal<V> {
-        let slopes = slopes_apart(&self.flat, at, active);
+        let slopes = slopes_out_of_line(&self.flat, at, active);
         let gap = at.split();
         let half = active.constant(0.5);
         let first = half * (at.shear + at.area + at.area + gap);
@@ -112,7 +112,7 @@ impl TensionField {
     /// Returns φ₁, φ₂, φ₁₁, φ₁₂ and φ₂₂ at squared stretches.
     #[inline(always)]
     fn derivatives<V: Value>(&self, at: &Invariants<V>, first: V, second: V, active: V) -> [V; 5] {
-        let s = slopes_apart(&self.flat, at, active);
+        let s = slopes_out_of_line(&self.flat, at, active);
         let j = s.j + active.constant(self.flat.rest().j);
         let (one, two) = (first.sqrt(), second.sqrt());
         let cross = (s.ij + s.ij).madd(at.area, s.i);
@@ -187,8 +187,8 @@ impl TensionField {
 
     /// [`TensionField::strip`], compiled once.
     #[inline(never)]
-    fn strip_apart<V: Value>(&self, first: V, active: V) -> Strip<V> {
-        active.apart(StripAt {
+    fn strip_out_of_line<V: Value>(&self, first: V, active: V) -> Strip<V> {
+        active.out_of_line(StripAt {
             field: self,
             first,
             active,
@@ -264,7 +264,7 @@ impl Potential for TensionField {
         if !principal.compression.any_positive() {
             return flat;
         }
-        let strip = self.strip_apart(principal.first, active);
+        let strip = self.strip_out_of_line(principal.first, active);
         let relaxed = strip.stress.choose(
             self.flat.energy(&strip.at, active),
             self.flat.energy(&self.unloaded(active), active),
@@ -279,7 +279,7 @@ impl Potential for TensionField {
         if !principal.compression.any_positive() {
             return principal.slopes;
         }
-        let strip = self.strip_apart(principal.first, active);
+        let strip = self.strip_out_of_line(principal.first, active);
         self.relaxed(at, &principal, &strip, active)
     }
 
@@ -301,22 +301,22 @@ impl Potential for TensionField {
     }
 
     #[inline(always)]
-    fn watched<V: Value>(&self, at: &Invariants<V>, active: V) -> Watched<V> {
+    fn margin_terms<V: Value>(&self, at: &Invariants<V>, active: V) -> MarginTerms<V> {
         let principal = self.principal(at, active);
-        let taut = Watched::taut(principal.slopes, active);
+        let taut = MarginTerms::taut(principal.slopes, active);
         let folds = principal.compression;
         if !folds.any_positive() {
             return taut;
         }
-        let strip = self.strip_apart(principal.first, active);
+        let strip = self.strip_out_of_line(principal.first, active);
         let missed = active.constant(WIDTH_TOLERANCE) - strip.across.max(-strip.across);
         // In slack membrane the residual of the flat potential is not checked.
-        let is_slack = strip.stress.choose(taut.is_loose, active.constant(1.0));
-        Watched {
+        let is_slack = strip.stress.choose(taut.is_slack, active.constant(1.0));
+        MarginTerms {
             slopes: self.relaxed(at, &principal, &strip, active),
             bound: folds.choose(strip.lateral.min(missed), taut.bound),
             tension: folds.choose(strip.stress, taut.tension),
-            is_loose: folds.choose(is_slack, taut.is_loose),
+            is_slack: folds.choose(is_slack, taut.is_slack),
         }
     }
 }

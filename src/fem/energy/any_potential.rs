@@ -1,7 +1,7 @@
-//! The potentials of all combinations of effects as one type, so that the kernels of all are compiled once.
+//! One type for the potentials of all combinations of effects, so that the kernels are compiled once.
 
 use super::compound::Compound;
-use super::potential::{Invariants, Potential, Rest, Slopes, Watched};
+use super::potential::{Invariants, MarginTerms, Potential, Rest, Slopes};
 use crate::effects::TensionField;
 use crate::lanes::Value;
 
@@ -10,7 +10,7 @@ use crate::lanes::Value;
 pub enum AnyPotential {
     /// The membrane bears compression.
     Flat(Compound),
-    /// It wrinkles instead.
+    /// The membrane wrinkles instead of bearing compression.
     TensionField(TensionField),
 }
 
@@ -49,34 +49,34 @@ impl Potential for AnyPotential {
     }
 
     #[inline(always)]
-    fn energy_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
+    fn energy_out_of_line<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
         match self {
-            Self::Flat(flat) => flat.energy_apart(at, active),
-            Self::TensionField(field) => field.energy_apart(at, active),
+            Self::Flat(flat) => flat.energy_out_of_line(at, active),
+            Self::TensionField(field) => field.energy_out_of_line(at, active),
         }
     }
 
     #[inline(always)]
-    fn slopes_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> Slopes<V> {
+    fn slopes_out_of_line<V: Value>(&self, at: &Invariants<V>, active: V) -> Slopes<V> {
         match self {
-            Self::Flat(flat) => flat.slopes_apart(at, active),
-            Self::TensionField(field) => field.slopes_apart(at, active),
+            Self::Flat(flat) => flat.slopes_out_of_line(at, active),
+            Self::TensionField(field) => field.slopes_out_of_line(at, active),
         }
     }
 
     #[inline(always)]
-    fn first_slopes_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> [V; 3] {
+    fn first_slopes_out_of_line<V: Value>(&self, at: &Invariants<V>, active: V) -> [V; 3] {
         match self {
-            Self::Flat(flat) => flat.first_slopes_apart(at, active),
-            Self::TensionField(field) => field.first_slopes_apart(at, active),
+            Self::Flat(flat) => flat.first_slopes_out_of_line(at, active),
+            Self::TensionField(field) => field.first_slopes_out_of_line(at, active),
         }
     }
 
     #[inline(always)]
-    fn watched_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> Watched<V> {
+    fn margin_terms_out_of_line<V: Value>(&self, at: &Invariants<V>, active: V) -> MarginTerms<V> {
         match self {
-            Self::Flat(flat) => flat.watched_apart(at, active),
-            Self::TensionField(field) => field.watched_apart(at, active),
+            Self::Flat(flat) => flat.margin_terms_out_of_line(at, active),
+            Self::TensionField(field) => field.margin_terms_out_of_line(at, active),
         }
     }
 

@@ -1,4 +1,4 @@
-//! A potential put together: an elastomer, the dielectric that it is, and electrodes.
+//! The potential of an elastomer that is a dielectric, with electrodes.
 
 use super::elasticity::Elastic;
 use super::potential::{Invariants, Potential, Rest, Slopes};
@@ -15,11 +15,11 @@ pub struct Compound {
     thickness: f64,
 }
 
-/// Newton steps to a natural width that no formula gives; three or four are usual.
+/// Largest number of Newton steps to a natural width without closed form; three or four are usual.
 const WIDTH_STEPS: u32 = 40;
 
 impl Compound {
-    /// The potential at prestretch λp.
+    /// Creates the potential at prestretch λp.
     #[must_use]
     pub fn new(prestretch: f64, elasticity: Elastic, dielectric: Decaying, electrode: Stiff) -> Self {
         Self {
@@ -30,25 +30,32 @@ impl Compound {
         }
     }
 
-    /// The square of the natural width, the l₂ at which a strip of squared stretch l₁² has no stress across: a lower bound and an estimate.
+    /// Returns a lower bound and an estimate of the squared natural width: l₂² at which a strip of squared stretch l₁²
+    /// has no stress across.
     ///
-    /// From (m + χ)l₂ − (ma + χ)l₁⁻²l₂⁻³ = b l₁²l₂ with the moduli and the load at rest: exact where they are constant.
-    /// Without electrodes and voltage it is uniaxial tension whatever the elastic law, l₂⁴ = a/l₁²; both make it wider.
+    /// They solve (m + χ)l₂ − (ma + χ)l₁⁻²l₂⁻³ = b l₁²l₂ with the moduli and the load at rest, which is exact where
+    /// these are constant. Without electrodes and voltage it is uniaxial tension, l₂⁴ = a/l₁², for any elastic law;
+    /// electrodes and voltage increase the width.
     #[inline(always)]
     pub fn natural_width<V: Value>(&self, first: V, active: V) -> [V; 2] {
         let number = |value: f64| active.constant(value);
         let coating = number(self.electrode.ratio) * active;
         let modulus = number(self.elasticity.rest().i);
         let resistance = number(self.thickness).madd(modulus, coating);
-        let room = modulus + coating - number(self.dielectric.load()) * active * first;
-        // A modulus that grows leaves more room.
-        let least = number(if self.width_steps() == 0 { SMALLEST_ROOM } else { 0.1 });
+        let stiffness = modulus + coating - number(self.dielectric.load()) * active * first;
+        // A stiffening modulus is larger than at rest.
+        let least = number(if self.width_steps() == 0 {
+            SMALLEST_STIFFNESS
+        } else {
+            0.1
+        });
         let inverse = first.recip();
         let uniaxial = (number(self.thickness) * inverse).sqrt();
-        [uniaxial, (resistance * (inverse * room.max(least).recip())).sqrt()]
+        [uniaxial, (resistance * (inverse * stiffness.max(least).recip())).sqrt()]
     }
 
-    /// Newton steps from the estimate to the natural width at most; none where it is exact.
+    /// Returns the largest number of Newton steps from the estimate to the natural width; 0 where the estimate is
+    /// exact.
     #[must_use]
     pub fn width_steps(&self) -> u32 {
         if self.elasticity.stiffens() || !self.dielectric.is_ideal() {
@@ -95,5 +102,5 @@ impl Potential for Compound {
     }
 }
 
-/// What is left of the stiffness across a strip where none is: a width far beyond any real one.
-const SMALLEST_ROOM: f64 = 1e-4;
+/// Lower bound of the stiffness across a strip: it gives a width far beyond any real one.
+const SMALLEST_STIFFNESS: f64 = 1e-4;

@@ -1,4 +1,4 @@
-//! The elastic part of an energy, in units of μH per prestretched area: neo-Hookean, or one that stiffens.
+//! Elastic energies in units of μH per prestretched area: neo-Hookean, or with stiffening.
 
 use super::first_invariant::FirstInvariant;
 use super::ogden::{MOST_TERMS, Ogden};
@@ -8,7 +8,7 @@ use crate::error::SetupError;
 use crate::lanes::Value;
 use deaflow_scene::laws::Form;
 
-/// ½(i + a j⁻² − 3/λp²): the elastic part of [`super::NeoHookean`], to be put together with effects.
+/// ½(i + a j⁻² − 3/λp²): the elastic part of [`super::NeoHookean`], to be combined with effects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Neo {
     /// a = λp⁻⁶.
@@ -16,16 +16,14 @@ pub struct Neo {
 }
 
 impl Neo {
-    /// At prestretch λp.
+    /// Creates the energy at prestretch λp.
     #[must_use]
     pub fn new(prestretch: f64) -> Self {
         Self {
             thickness: prestretch.powi(-6),
         }
     }
-}
 
-impl Neo {
     #[inline(always)]
     fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
         let a = at.area.constant(self.thickness);
@@ -36,7 +34,7 @@ impl Neo {
     #[inline(always)]
     fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
         let cubic = at.area.constant(self.thickness) * at.inverse * (at.inverse * at.inverse);
-        let first = cubic * relief(at);
+        let first = cubic * cube_minus_one(at);
         Slopes {
             i: at.area.constant(1.0),
             ..Slopes::of_area(first, at.area.constant(3.0) * at.inverse * cubic)
@@ -51,35 +49,36 @@ impl Neo {
     }
 }
 
-/// j³ − 1 without cancellation.
+/// Returns j³ − 1 without cancellation.
 #[inline(always)]
-pub fn relief<V: Value>(at: &Invariants<V>) -> V {
+pub fn cube_minus_one<V: Value>(at: &Invariants<V>) -> V {
     let one = at.area.constant(1.0);
     at.dilation * at.area.madd(at.area + one, one)
 }
 
-/// An elastic energy of any form that a law may have: one type for all, so that kernels are compiled once. The branch is the same at all points.
+/// An elastic energy of any form. A single type, so that kernels are compiled once; the branch is the same at all
+/// points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(
     clippy::large_enum_variant,
-    reason = "one is made per load step and read at every point: no indirection"
+    reason = "created once per load step and read at every point, so no indirection"
 )]
 pub enum Elastic {
     /// Without stiffening.
     NeoHookean(Neo),
     /// Gent, Yeoh, Arruda–Boyce.
     FirstInvariant(FirstInvariant),
-    /// With a share of the second invariant.
+    /// With a term in the second invariant.
     BothInvariants(FirstInvariant, SecondInvariant),
     /// Ogden.
     Stretches(Ogden),
 }
 
 impl Elastic {
-    /// The energy of a form at prestretch λp.
+    /// Creates the energy of a form at prestretch λp.
     ///
     /// # Errors
-    /// When the prestretch is beyond a limiting stretch, or there are no terms.
+    /// If the prestretch exceeds the limiting stretch, or the number or exponents of terms are invalid.
     pub fn new(form: &Form, prestretch: f64) -> Result<Self, SetupError> {
         let limited =
             |response| FirstInvariant::new(response, prestretch).ok_or(SetupError::LimitingStretch { prestretch });
@@ -90,8 +89,8 @@ impl Elastic {
                 SecondInvariant::new(*second, prestretch),
             )),
             Form::Stretches(terms) => {
-                let some = (1..=MOST_TERMS).contains(&terms.len());
-                if some && terms.iter().all(|(_, exponent)| *exponent != 0.0) {
+                let is_valid_count = (1..=MOST_TERMS).contains(&terms.len());
+                if is_valid_count && terms.iter().all(|(_, exponent)| *exponent != 0.0) {
                     Ok(Self::Stretches(Ogden::new(terms, prestretch)))
                 } else {
                     Err(SetupError::OgdenTerms)
@@ -100,13 +99,13 @@ impl Elastic {
         }
     }
 
-    /// Whether it stiffens, so that a membrane can be stable again after a snap.
+    /// Returns whether it stiffens, so that a membrane can be stable again after a snap.
     #[must_use]
     pub fn stiffens(&self) -> bool {
         !matches!(self, Self::NeoHookean(_))
     }
 
-    /// φ.
+    /// Returns φ.
     #[inline(always)]
     pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
         match self {
@@ -117,7 +116,7 @@ impl Elastic {
         }
     }
 
-    /// The derivatives of φ.
+    /// Returns the derivatives of φ.
     #[inline(always)]
     pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
         match self {
@@ -128,7 +127,7 @@ impl Elastic {
         }
     }
 
-    /// At rest.
+    /// Returns the derivatives at rest.
     #[must_use]
     pub fn rest(&self) -> Rest {
         match self {
@@ -139,7 +138,7 @@ impl Elastic {
         }
     }
 
-    /// Positive where φ is finite.
+    /// Returns a number that is positive where φ is finite.
     #[inline(always)]
     pub fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
         match self {

@@ -1,6 +1,6 @@
-//! Elastic energies that depend on the first invariant alone, W = ψ(I₁).
+//! Elastic energies of the first invariant alone, W = ψ(I₁).
 //!
-//! The laws in use have a 2ψ′/μ that is a polynomial in I₁ with a pole at most. One form serves them all:
+//! In the laws in use 2ψ′/μ is a polynomial in I₁, with or without a pole. One form covers them all:
 //!
 //! ```text
 //! 2ψ′/μ = m = c₀ + c₁Y + c₂Y² + r/(1 − Y),   Y = (I₁ − I⁰)/s
@@ -13,7 +13,7 @@
 //! 2φᵢ = m,  φⱼ = ½m q_j,  4φᵢᵢ = 2m_q,  2φᵢⱼ = m_q q_j,  φⱼⱼ = ½m_q q_j² + ½m q_jj
 //! ```
 
-use super::elasticity::relief;
+use super::elasticity::cube_minus_one;
 use super::potential::{Invariants, Rest, Slopes};
 use crate::lanes::Value;
 use crate::powers::logarithm_of_one_plus;
@@ -31,12 +31,12 @@ pub struct FirstInvariant {
     rest: f64,
     /// m at rest.
     modulus: f64,
-    /// s/λp² times the primitive of ½m over Y, where the elastomer is undeformed.
+    /// Primitive of ½m over q for the undeformed elastomer.
     undeformed: f64,
 }
 
 impl FirstInvariant {
-    /// The energy at prestretch λp; `None` where it is infinite there.
+    /// Creates the energy at prestretch λp; `None` where it is infinite there.
     #[must_use]
     pub fn new(response: Response, prestretch: f64) -> Option<Self> {
         let squared = prestretch * prestretch;
@@ -60,7 +60,7 @@ impl FirstInvariant {
         })
     }
 
-    /// Y − Y°.
+    /// Returns Y − Y°.
     #[inline(always)]
     fn rise<V: Value>(&self, at: &Invariants<V>) -> V {
         let one = at.area.constant(1.0);
@@ -69,7 +69,7 @@ impl FirstInvariant {
         at.area.constant(self.rate) * q
     }
 
-    /// ∫½m dq up to Y, but for a constant.
+    /// Returns ∫½m dq up to Y, up to a constant.
     #[inline(always)]
     fn primitive<V: Value>(&self, y: V) -> V {
         let [c0, c1, c2] = self.response.polynomial.map(|c| 0.5 * c / self.rate);
@@ -77,17 +77,15 @@ impl FirstInvariant {
         let polynomial = y * cubic.madd(y, y.constant(c0));
         polynomial - y.constant(0.5 * self.response.pole / self.rate) * logarithm_of_one_plus(-y)
     }
-}
 
-impl FirstInvariant {
-    /// φ.
+    /// Returns φ.
     #[inline(always)]
     pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
         let y = self.rise(at) + at.area.constant(self.rest);
         self.primitive(y) - at.area.constant(self.undeformed)
     }
 
-    /// The derivatives of φ.
+    /// Returns the derivatives of φ.
     #[inline(always)]
     pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
         let number = |value: f64| at.area.constant(value);
@@ -104,7 +102,7 @@ impl FirstInvariant {
         let cube = at.inverse * (at.inverse * at.inverse);
         let cubic = number(self.thickness) * cube;
         // −a(m j⁻³ − m°)
-        let first = cubic * (number(self.modulus).madd(relief(at), -change));
+        let first = cubic * (number(self.modulus).madd(cube_minus_one(at), -change));
         let falling = number(-2.0) * cubic;
         let cross = slope * falling;
         Slopes {
@@ -117,7 +115,7 @@ impl FirstInvariant {
         }
     }
 
-    /// At rest.
+    /// Returns the derivatives at rest.
     #[must_use]
     pub fn rest(&self) -> Rest {
         Rest {
@@ -126,10 +124,10 @@ impl FirstInvariant {
         }
     }
 
-    /// Positive where φ is finite.
+    /// Returns a number that is positive where φ is finite.
     #[inline(always)]
     pub fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
-        let room = at.area.constant(1.0 - self.rest) - self.rise(at);
-        at.area.min(room)
+        let below_pole = at.area.constant(1.0 - self.rest) - self.rise(at);
+        at.area.min(below_pole)
     }
 }

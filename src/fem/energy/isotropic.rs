@@ -1,11 +1,11 @@
-//! The law of an isotropic potential: stress, tangent and the margins of stability, in closed form.
+//! The material of an isotropic potential: stress, tangent and the margins of stability, in closed form.
 
-use super::potential::{Invariants, Potential, Slopes, Watched};
+use super::potential::{Invariants, MarginTerms, Potential, Slopes};
 use super::{MODULI, Margins, MaterialPoint, Rest};
 use crate::kinematics::{Tensor, add_scaled, cofactor, conformal_split, contract, deformation};
 use crate::lanes::Value;
 
-/// The law of a potential.
+/// The material of a potential.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Isotropic<P> {
     /// The potential.
@@ -15,13 +15,13 @@ pub struct Isotropic<P> {
 }
 
 impl<P: Potential> Isotropic<P> {
-    /// The law of a potential.
+    /// Creates the material of a potential.
     #[must_use]
     pub fn new(potential: P) -> Self {
         let rest = potential.slopes(&Invariants::new(0.0, 0.0), 0.0);
         let volumetric = rest.i + rest.ii + 2.0 * rest.ij + rest.jj;
         Self {
-            // As in the base model, found by hand; a stiffer membrane admits more.
+            // As in the base model; a stiffer membrane allows a larger weight.
             weight: -(2.0 * potential.load()).min(0.9 * rest.i),
             largest_load: 2.0 * volumetric / potential.softening().max(0.1),
             potential,
@@ -30,7 +30,7 @@ impl<P: Potential> Isotropic<P> {
 
     #[inline(always)]
     fn form<V: Value>(f: Tensor<V>, s: &Slopes<V>) -> Form<V> {
-        // In principal axes an m⊗N has the diagonal x = m₁N₁, y = m₂N₂, and f:(m⊗N) = l₁x + l₂y, c:(m⊗N) = l₂x + l₁y.
+        // In principal axes the diagonal of m⊗N is x = m₁N₁, y = m₂N₂; f:(m⊗N) = l₁x + l₂y and c:(m⊗N) = l₂x + l₁y.
         let (conformal, anticonformal) = conformal_split(f);
         let half = conformal.constant(0.5);
         let twice = s.ij + s.ij;
@@ -41,23 +41,23 @@ impl<P: Potential> Isotropic<P> {
         }
     }
 
-    /// (m⊗N) : ∂²w/∂f² : (m⊗N) = 2φᵢ + Q(x, y), where Q is a quadratic form and |x| + |y| ≤ 1: the least is 2φᵢ, or on an
+    /// (m⊗N) : ∂²w/∂f² : (m⊗N) = 2φᵢ + Q(x, y), with a quadratic form Q and |x| + |y| ≤ 1: the minimum is 2φᵢ or on an
     /// edge of that square.
     #[inline(always)]
-    fn ellipticity_of<V: Value>(q: &Form<V>, watched: &Watched<V>) -> V {
+    fn ellipticity_of<V: Value>(q: &Form<V>, terms: &MarginTerms<V>) -> V {
         let equal = smallest_on_edge(q.sums, q.mixed, q.differences);
         let opposite = smallest_on_edge(q.differences, q.mixed, q.sums);
-        let Watched {
+        let MarginTerms {
             slopes,
             bound,
-            is_loose,
+            is_slack,
             ..
-        } = *watched;
+        } = *terms;
         let least = slopes.i + equal.min(opposite).min(bound.constant(0.0));
-        is_loose.choose(bound, least.min(bound))
+        is_slack.choose(bound, least.min(bound))
     }
 
-    /// In principal axes the tangent falls apart into the shears, 2φᵢ ± φⱼ, and a two-by-two block of the stretches.
+    /// In principal axes the tangent splits into the shears, 2φᵢ ± φⱼ, and a two-by-two block of the stretches.
     #[inline(always)]
     fn convexity_of<V: Value>(&self, q: &Form<V>, s: &Slopes<V>) -> V {
         let shift = s.j - s.j.constant(self.weight);
@@ -80,7 +80,7 @@ struct Form<V> {
     differences: V,
 }
 
-/// The smallest a + 2b t + c t² with |t| ≤ 1.
+/// Returns the minimum of a + 2b t + c t² with |t| ≤ 1.
 #[inline(always)]
 fn smallest_on_edge<V: Value>(a: V, b: V, c: V) -> V {
     let size = b.max(-b);
@@ -90,7 +90,7 @@ fn smallest_on_edge<V: Value>(a: V, b: V, c: V) -> V {
 }
 
 impl<P: Potential> MaterialPoint for Isotropic<P> {
-    const STORES: bool = true;
+    const STORES_MODULI: bool = true;
 
     fn has_several_branches(&self) -> bool {
         self.potential.has_several_branches()
@@ -102,13 +102,16 @@ impl<P: Potential> MaterialPoint for Isotropic<P> {
 
     #[inline(always)]
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-        self.potential.energy_apart(&Invariants::of(displacement(f)), active)
+        self.potential
+            .energy_out_of_line(&Invariants::of(displacement(f)), active)
     }
 
     #[inline(always)]
     fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V> {
-        // 2φᵢ(I + ∇u) + φⱼ(I + cof ∇u) without the self-stress.
-        let [pressure, i, j] = self.potential.first_slopes_apart(&Invariants::of(gradient), active);
+        // 2φᵢ(I + ∇u) + φⱼ(I + cof ∇u), minus the self-stress.
+        let [pressure, i, j] = self
+            .potential
+            .first_slopes_out_of_line(&Invariants::of(gradient), active);
         let c = cofactor(gradient);
         [
             [
@@ -129,7 +132,7 @@ impl<P: Potential> MaterialPoint for Isotropic<P> {
 
     #[inline(always)]
     fn moduli<V: Value>(&self, gradient: Tensor<V>, active: V) -> [V; MODULI] {
-        let s = self.potential.slopes_apart(&Invariants::of(gradient), active);
+        let s = self.potential.slopes_out_of_line(&Invariants::of(gradient), active);
         [s.i, s.j, s.ii, s.ij, s.jj]
     }
 
@@ -154,17 +157,19 @@ impl<P: Potential> MaterialPoint for Isotropic<P> {
 
     #[inline(always)]
     fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> Margins<V> {
-        let watched = self.potential.watched_apart(&Invariants::of(displacement(f)), active);
-        let q = Self::form(f, &watched.slopes);
+        let terms = self
+            .potential
+            .margin_terms_out_of_line(&Invariants::of(displacement(f)), active);
+        let q = Self::form(f, &terms.slopes);
         Margins {
-            ellipticity: Self::ellipticity_of(&q, &watched),
-            convexity: self.convexity_of(&q, &watched.slopes),
-            tension: watched.tension,
+            ellipticity: Self::ellipticity_of(&q, &terms),
+            convexity: self.convexity_of(&q, &terms.slopes),
+            tension: terms.tension,
         }
     }
 }
 
-/// The tangent along `df` of any isotropic potential, from its moduli at a place.
+/// Returns the tangent along `df` of any isotropic potential from its moduli at a point.
 #[inline(always)]
 pub fn tangent_from<V: Value>(gradient: Tensor<V>, moduli: [V; MODULI], df: Tensor<V>) -> Tensor<V> {
     let [i, j, ii, ij, jj] = moduli;
@@ -201,8 +206,8 @@ mod tests {
         Elastic::new(&law.form(1.0), 3.0).unwrap()
     }
 
-    /// Laws from the neo-Hookean one to stiff ones, with electrodes.
-    fn laws(kappa: f64) -> [Isotropic<Compound>; 3] {
+    /// Materials of three laws with electrodes.
+    fn materials(kappa: f64) -> [Isotropic<Compound>; 3] {
         let elastic = [
             stiffened(&Gent { jm: decimal(25.0) }),
             stiffened(&ArrudaBoyce {
@@ -226,7 +231,7 @@ mod tests {
     fn ellipticity_is_the_smallest_acoustic_eigenvalue() {
         for (material, gradient) in [0.02, 0.12, 0.3]
             .iter()
-            .flat_map(|&k| laws(k))
+            .flat_map(|&k| materials(k))
             .flat_map(|l| gradients().map(|g| (l, g)))
         {
             let mut smallest = f64::INFINITY;
@@ -249,7 +254,7 @@ mod tests {
         let mut seen = [0, 0];
         for (material, gradient) in [0.01, 0.04, 0.08, 0.2]
             .iter()
-            .flat_map(|&k| laws(k))
+            .flat_map(|&k| materials(k))
             .flat_map(|l| gradients().map(|g| (l, g)))
         {
             for active in [0.0, 1.0] {
@@ -275,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn margins_of_the_base_model_are_its_own() {
+    fn margins_equal_those_of_the_base_model() {
         for kappa in [0.0255, 0.1, 0.15] {
             let base = super::super::NeoHookean::new(3.0, kappa);
             let compound = Compound::new(

@@ -1,4 +1,4 @@
-//! The base model: incompressible neo-Hookean membrane in plane stress with an ideal dielectric between electrodes.
+//! The base model: an incompressible neo-Hookean membrane in plane stress, with an ideal dielectric between electrodes.
 //!
 //! Per undeformed volume W = ½μ(tr FᵀF + J⁻² − 3) − S ½ε(V/H)²J² (Zhao and Suo, Appl. Phys. Lett. 91 (2007) 061921, for
 //! the ideal dielectric elastomer). With F = λp f, J = λp² j, per prestretched area and in units of μH:
@@ -9,7 +9,7 @@
 //! dp    = df + g″ (cof f : df) cof f + g′ cof df
 //! ```
 //!
-//! Taking I − a cof f out of p leaves ∇u + (g′ + a) cof f, which is zero at rest and without voltage.
+//! Without I − a cof f, p is ∇u + (g′ + a) cof f, which is zero at rest without voltage.
 
 use super::{MODULI, Margins, MaterialPoint};
 use crate::kinematics::{
@@ -17,58 +17,58 @@ use crate::kinematics::{
 };
 use crate::lanes::Value;
 
-/// The numbers of the base model.
+/// The parameters of the base model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NeoHookean {
-    /// a = λp⁻⁶: resistance of the thickness.
+    /// a = λp⁻⁶: stiffness against thinning.
     pub thickness: f64,
-    /// b = κλp²: electric pull.
+    /// b = κλp²: electric stress at rest.
     pub pull: f64,
-    /// 3/λp², what the energy is counted from.
-    at_rest: f64,
+    /// 3/λp²: energy of the undeformed elastomer, times 2.
+    undeformed: f64,
 }
 
 impl NeoHookean {
-    /// The law at prestretch λp and κ = ε(V/H)²/μ.
+    /// Creates the material at prestretch λp and κ = ε(V/H)²/μ.
     #[must_use]
     pub fn new(prestretch: f64, kappa: f64) -> Self {
         Self::of(prestretch.powi(-6), kappa * prestretch * prestretch)
     }
 
-    /// That of a and b.
+    /// Creates the material of a and b.
     #[must_use]
     pub fn of(thickness: f64, pull: f64) -> Self {
         Self {
             thickness,
             pull,
-            at_rest: 3.0 * thickness.cbrt(),
+            undeformed: 3.0 * thickness.cbrt(),
         }
     }
 
-    /// That of a membrane without thickness and voltage.
+    /// Creates the material without thickness and voltage.
     #[must_use]
     pub const fn without_thickness() -> Self {
         Self {
             thickness: 0.0,
             pull: 0.0,
-            at_rest: 0.0,
+            undeformed: 0.0,
         }
     }
 
-    /// The same with ½γ(tr c + j⁻²) beside it, in units of (1 + γ)μH: its law is of the same form.
+    /// Returns the material with the additional energy ½γ(tr c + j⁻²), in units of (1 + γ)μH: it has the same form.
     #[must_use]
     pub fn with_unrelaxed(self, gamma: f64) -> Self {
-        let whole = 1.0 + gamma;
-        Self::of((self.thickness + gamma) / whole, self.pull / whole)
+        let scale = 1.0 + gamma;
+        Self::of((self.thickness + gamma) / scale, self.pull / scale)
     }
 
-    /// j − 1 without cancellation.
+    /// Returns j − 1 without cancellation.
     #[inline(always)]
     fn dilation<V: Value>(gradient: Tensor<V>) -> V {
         gradient[0][0] + gradient[1][1] + determinant(gradient)
     }
 
-    /// g′ + a and g″ from j − 1.
+    /// Returns g′ + a and g″ from j − 1.
     #[inline(always)]
     fn slopes<V: Value>(&self, dilation: V, active: V) -> (V, V) {
         let one = active.constant(1.0);
@@ -80,8 +80,8 @@ impl NeoHookean {
         (pull.madd(j, relief), (active.constant(3.0) * inverse).madd(cubic, pull))
     }
 
-    /// The weight of the null Lagrangian det ∇w in [`Margins::convexity`]: found by hand to be near the best for patterns of
-    /// active and bare cells, for which it must serve both.
+    /// Returns the weight of the null Lagrangian det ∇w in [`Margins::convexity`]. It is the same for active and bare
+    /// cells, and was found by trial to be nearly optimal for patterns of both.
     fn null_weight(&self) -> f64 {
         -(2.0 * self.pull).min(0.9)
     }
@@ -98,7 +98,7 @@ impl MaterialPoint for NeoHookean {
         let inverse = j.recip();
         let thickness = active.constant(self.thickness) * inverse * inverse;
         let electric = active.constant(self.pull) * active * j * j;
-        let rest = active.constant(self.at_rest);
+        let rest = active.constant(self.undeformed);
         active.constant(0.5) * (contract(f, f) + thickness - electric - rest)
     }
 
@@ -124,7 +124,7 @@ impl MaterialPoint for NeoHookean {
         [number(1.0), slope, number(0.0), number(0.0), curvature]
     }
 
-    /// Exact, because j is a quadratic function of f: φ cof f in the middle, with φ = [g(j₁) − g(j₀)]/(j₁ − j₀).
+    /// Exact, because j is a quadratic function of f: φ cof f at the midpoint, with φ = [g(j₁) − g(j₀)]/(j₁ − j₀).
     #[inline(always)]
     fn stress_between<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V> {
         let number = |value: f64| active.constant(value);
@@ -160,18 +160,19 @@ impl MaterialPoint for NeoHookean {
         let (slope, curvature) = self.slopes(determinant(f) - active.constant(1.0), active);
         let (one, curvature) = (active.constant(1.0), curvature.min(active.constant(0.0)));
         let [largest, _] = squared_stretches(f);
-        // df : cof df is +|df|² on the conformal part and −|df|² on the other, so the tangent is diag(1 + δ, 1 − δ) plus
-        // the rank-one volumetric term; Sherman and Morrison's determinant decides.
+        // df : cof df is +|df|² on the conformal part and −|df|² on the other, so the tangent is diag(1 + δ, 1 − δ)
+        // plus the rank-one volumetric term. The determinant by Sherman and Morrison gives its sign.
         let shift = slope - active.constant(self.null_weight());
         let (conformal, anticonformal) = conformal_split(f);
-        let room = (one + shift).min(one - shift);
-        let guarded = room.max(active.constant(1e-6));
+        let smallest = (one + shift).min(one - shift);
+        let guarded = smallest.max(active.constant(1e-6));
         let (plus, minus) = ((one + shift).max(guarded), (one - shift).max(guarded));
         let flexibility = conformal * plus.recip() + anticonformal * minus.recip();
         Margins {
-            // cof(m⊗N) is orthogonal to m⊗N, so only the volumetric part can be negative, at most along the largest stretch.
+            // cof(m⊗N) is orthogonal to m⊗N, so only the volumetric part can be negative; its minimum is along the
+            // largest stretch.
             ellipticity: curvature.madd(largest, one),
-            convexity: room.min(curvature.madd(flexibility, one)),
+            convexity: smallest.min(curvature.madd(flexibility, one)),
             tension: one,
         }
     }
@@ -225,9 +226,9 @@ mod tests {
             let change = material.energy(end, active) - material.energy(F, active);
             let own = contract(material.stress_between(GRADIENT, active, df), df) + null;
             assert!((own - change).abs() < 4e-16, "{own} {change}");
-            // The way of other laws.
-            struct Other(NeoHookean);
-            impl MaterialPoint for Other {
+            // The default implementation.
+            struct Default(NeoHookean);
+            impl MaterialPoint for Default {
                 fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
                     self.0.energy(f, active)
                 }
@@ -253,21 +254,21 @@ mod tests {
                     self.0.margins(f, active)
                 }
             }
-            let other = contract(Other(material).stress_between(GRADIENT, active, df), df) + null;
-            assert!((other - change).abs() < 1e-15, "{other} {change}");
+            let default = contract(Default(material).stress_between(GRADIENT, active, df), df) + null;
+            assert!((default - change).abs() < 1e-15, "{default} {change}");
         }
     }
 
     #[test]
-    fn what_has_no_time_to_relax_is_a_law_of_the_same_form() {
-        // Along m⊗N no null Lagrangian is seen.
+    fn unrelaxed_branches_give_a_material_of_the_same_form() {
+        // A null Lagrangian vanishes along m⊗N.
         let (material, gamma) = (NeoHookean::new(3.0, 0.03), 0.7);
         let slow = material.with_unrelaxed(gamma);
         for (active, angle) in [(0.0, 0.3), (1.0, 0.3), (1.0, 1.9), (0.4, -0.6)] {
             let (m, n) = ([f64::cos(angle), f64::sin(angle)], [0.8, -0.6]);
             let df = m.map(|m| n.map(|n| m * n));
-            let beside = memory::tangent([gamma, 0.0, gamma, gamma], GRADIENT, df);
-            let sum = contract(df, material.tangent(GRADIENT, active, df)) + contract(df, beside);
+            let of_branches = memory::tangent([gamma, 0.0, gamma, gamma], GRADIENT, df);
+            let sum = contract(df, material.tangent(GRADIENT, active, df)) + contract(df, of_branches);
             let own = (1.0 + gamma) * contract(df, slow.tangent(GRADIENT, active, df));
             assert!((sum - own).abs() < 1e-14, "{sum} {own}");
         }
@@ -279,12 +280,12 @@ mod tests {
         let (material, df) = (NeoHookean::new(3.0, 0.03), [[0.2, -0.1], [0.07, 0.15]]);
         let remembered = [0.9, 0.2, 1.3, 0.7];
         let moduli = material.moduli(GRADIENT, 0.6);
-        let of_law = material.tangent(GRADIENT, 0.6, df);
+        let of_material = material.tangent(GRADIENT, 0.6, df);
         let of_memory = memory::tangent(remembered, GRADIENT, df);
         let both = memory::moduli_with_memory(moduli, remembered, GRADIENT);
         let found = memory::tangent_from(GRADIENT, both, df);
         for (i, k) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-            assert!((found[i][k] - of_law[i][k] - of_memory[i][k]).abs() < 1e-15);
+            assert!((found[i][k] - of_material[i][k] - of_memory[i][k]).abs() < 1e-15);
         }
     }
 

@@ -7,31 +7,33 @@
 //! l₁^α + l₂^α = 2 j^β T(c),   T(c) = cosh(β arcosh c) = 1 + β²(c − 1) + β²(β² − 1)/6 (c − 1)² + …
 //! ```
 //!
-//! T is Chebyshev's polynomial with any degree β; its n-th derivative at 1 is Π (β² − k²)/(2k + 1), k < n (Abramowitz and
-//! Stegun, 22.14 and 15.4). Where stretches differ by less than a fifth the series is summed at ρ. Elsewhere it is summed at an eighth of ρ,
-//! and T(c) = 2T(√((1 + c)/2))² − 1 doubles it three times; c − 1 = (l₁ − l₂)²/2j is known without cancellation, and no root of a stretch is
-//! taken. In that form
+//! T is the Chebyshev polynomial of real degree β; its n-th derivative at 1 is Π (β² − k²)/(2k + 1), k < n (Abramowitz
+//! and Stegun, 22.14 and 15.4). Where stretches differ by less than a fifth, the series is summed at ρ. Elsewhere it is
+//! summed at ρ/8 and doubled three times by T(c) = 2T(√((1 + c)/2))² − 1. c − 1 = (l₁ − l₂)²/2j has no cancellation,
+//! and no root of a stretch is needed. In that form
 //!
 //! ```text
 //! φᵢ = A j^(β−1) T′,  φⱼ = 2A j^(β−1)(βT − cT′),  φᵢᵢ = ½A j^(β−2) T″,
 //! φᵢⱼ = A j^(β−2)((β − 1)T′ − cT″),  φⱼⱼ = 2A j^(β−2)(β(β − 1)T − 2(β − 1)cT′ + c²T″)
 //! ```
 //!
-//! with A = (μₚ/μαₚ) λp^(α−2). The thickness adds B j^(−α), B = (μₚ/μαₚ) λp^(−2α−2). All terms share the roots and ln j; each takes one exponential.
+//! with A = (μₚ/μαₚ) λp^(α−2). The thickness adds B j^(−α) with B = (μₚ/μαₚ) λp^(−2α−2). All terms share the roots and
+//! ln j; each needs one exponential.
 
 use super::potential::{Invariants, Rest, Slopes};
 use crate::lanes::Value;
 use crate::powers::{exponential_minus_one, logarithm_of_one_plus};
 
-/// Terms of a law at most.
+/// Largest number of terms.
 pub const MOST_TERMS: usize = 3;
-/// Terms of the series of T. They suffice to rounding for stretch ratios up to 5 at |α| ≤ 5, and up to 2 at |α| ≤ 15.
+/// Number of terms of the series of T: exact to rounding for stretch ratios up to 5 at |α| ≤ 5, and up to 2 at |α| ≤
+/// 15.
 const SERIES: usize = 10;
-/// The same to single precision.
+/// Number of terms in single precision.
 const SINGLE_SERIES: usize = 6;
-/// Doublings where stretches differ much.
+/// Number of doublings where stretches differ much.
 const DOUBLINGS: usize = 3;
-/// The largest c − 1 at which the series is summed: that of a stretch ratio of 5 after all doublings, or of 1.22 without any.
+/// Largest c − 1 at which the series is summed: that of a stretch ratio of 5 after all doublings, or of 1.22 without.
 const NEAR: f64 = 0.02;
 
 /// The energy of one to three terms at a prestretch.
@@ -63,24 +65,24 @@ struct Chebyshev<V> {
     second: V,
 }
 
-/// What all terms need of a deformation.
+/// Functions of the deformation that all terms share.
 struct Shared<V, const D: usize> {
     /// ln j.
     logarithm: V,
     /// c − 1 and c at ρ.
     excess: V,
     cosine: V,
-    /// c − 1 and 1/c at ρ/2, ρ/4 … of so many doublings.
+    /// c − 1 and 1/c at ρ/2, ρ/4 … for each doubling.
     levels: [[V; 2]; D],
 }
 
-/// c − 1.
+/// Returns c − 1.
 #[inline(always)]
 fn excess<V: Value>(at: &Invariants<V>) -> V {
     at.area.constant(0.5) * at.shear * at.inverse
 }
 
-/// Whether stretches differ so much in any lane that the series has to be doubled.
+/// Returns whether stretches differ so much in any lane that the series has to be doubled.
 #[inline(always)]
 fn is_far<V: Value>(at: &Invariants<V>) -> bool {
     (excess(at) - at.area.constant(NEAR)).any_positive()
@@ -108,10 +110,10 @@ impl<V: Value, const D: usize> Shared<V, D> {
 }
 
 impl Ogden {
-    /// The energy of terms (μₚ/μ, αₚ) at prestretch λp. Terms beyond [`MOST_TERMS`] are left out.
+    /// Creates the energy of terms (μₚ/μ, αₚ) at prestretch λp. Terms beyond [`MOST_TERMS`] are ignored.
     #[must_use]
     pub fn new(terms: &[(f64, f64)], prestretch: f64) -> Self {
-        let mut material = Self {
+        let mut energy = Self {
             terms: [Term::default(); MOST_TERMS],
             count: terms.len().min(MOST_TERMS),
             undeformed: terms
@@ -119,10 +121,10 @@ impl Ogden {
                 .map(|(modulus, alpha)| 3.0 * modulus / alpha / (prestretch * prestretch))
                 .sum(),
         };
-        for (term, &(modulus, alpha)) in material.terms.iter_mut().zip(terms) {
+        for (term, &(modulus, alpha)) in energy.terms.iter_mut().zip(terms) {
             *term = Term::new(modulus, alpha, prestretch);
         }
-        material
+        energy
     }
 }
 
@@ -166,9 +168,9 @@ impl Term {
             second: curvature,
         };
         for [excess, inverse] in shared.levels.iter().rev().copied() {
-            let whole = t.rise + number(1.0);
-            let first = whole * t.first * inverse;
-            let bend = (t.first.madd(t.first, whole * t.second) - first) * inverse;
+            let polynomial = t.rise + number(1.0);
+            let first = polynomial * t.first * inverse;
+            let bend = (t.first.madd(t.first, polynomial * t.second) - first) * inverse;
             t = Chebyshev {
                 rise: number(2.0) * t.rise * (t.rise + number(2.0)),
                 first_rise: (t.rise.madd(t.first, t.first_rise) - square * excess) * inverse,
@@ -200,11 +202,11 @@ impl Term {
         let lower = power * at.inverse;
         let lowest = lower * at.inverse;
         let (excess, c) = (shared.excess, shared.cosine);
-        let whole = t.rise + one;
+        let polynomial = t.rise + one;
         let plane = number(self.plane);
         let i = number(2.0) * plane * lower * t.first;
         let i_rise = number(2.0) * plane * lower_rise.madd(t.first, t.first_rise);
-        let bracket = beta * whole - c * t.first;
+        let bracket = beta * polynomial - c * t.first;
         let bracket_rise = beta * t.rise - excess * t.first - t.first_rise;
         let area = number(2.0) * plane * lower_rise.madd(bracket, bracket_rise);
         // −αB(j^(−α−1) − 1) and its derivative.
@@ -215,7 +217,7 @@ impl Term {
         let less = beta - one;
         let double = c * t.first * less;
         let stretch = c * c * t.second - (double + double);
-        let bend = (less * beta).madd(whole, stretch);
+        let bend = (less * beta).madd(polynomial, stretch);
         let scale = number(2.0) * plane * lowest;
         Slopes {
             pressure: i_rise + first,
@@ -236,7 +238,7 @@ impl Term {
 }
 
 impl Ogden {
-    /// φ.
+    /// Returns φ.
     #[inline(always)]
     pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
         if is_far(at) {
@@ -256,7 +258,7 @@ impl Ogden {
         sum
     }
 
-    /// The derivatives of φ.
+    /// Returns the derivatives of φ.
     #[inline(always)]
     pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
         if is_far(at) {
@@ -276,7 +278,7 @@ impl Ogden {
         sum
     }
 
-    /// At rest.
+    /// Returns the derivatives at rest.
     #[must_use]
     pub fn rest(&self) -> Rest {
         let mut sum = Rest { i: 0.0, j: 0.0 };
@@ -300,18 +302,18 @@ mod tests {
     }
 
     #[test]
-    fn the_series_says_the_same_at_both_arguments() {
-        let law = Ogden::new(&[(1.0, 1.3), (0.1, 5.0), (-0.1, -2.0)], 3.0);
+    fn the_series_agrees_with_its_doubled_form() {
+        let energy = Ogden::new(&[(1.0, 1.3), (0.1, 5.0), (-0.1, -2.0)], 3.0);
         for (share, dilation) in [0.0, 1e-6, 0.1, 0.5, 1.0]
             .into_iter()
             .flat_map(|share| [-0.2, 0.0, 0.3].map(|dilation| (share, dilation)))
         {
             let at = Invariants::<f64>::new(share * 2.0 * NEAR * (1.0 + dilation), dilation);
-            let direct = numbers(&law.slopes_doubled::<f64, 0>(&at));
-            let doubled = numbers(&law.slopes_doubled::<f64, DOUBLINGS>(&at));
+            let direct = numbers(&energy.slopes_doubled::<f64, 0>(&at));
+            let doubled = numbers(&energy.slopes_doubled::<f64, DOUBLINGS>(&at));
             let energies = [
-                law.energy_doubled::<f64, 0>(&at),
-                law.energy_doubled::<f64, DOUBLINGS>(&at),
+                energy.energy_doubled::<f64, 0>(&at),
+                energy.energy_doubled::<f64, DOUBLINGS>(&at),
             ];
             let mut pairs = direct.iter().zip(&doubled).chain([(&energies[0], &energies[1])]);
             assert!(

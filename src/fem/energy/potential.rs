@@ -1,14 +1,14 @@
 //! Isotropic energies as functions of two invariants.
 //!
-//! In two dimensions an isotropic energy is w = φ(i, j) with i = f:f and j = det f, so a law needs no more than five
-//! derivatives of φ. With c = cof f,
+//! In two dimensions an isotropic energy is w = φ(i, j) with i = f:f and j = det f, so five derivatives of φ determine
+//! a material. With c = cof f,
 //!
 //! ```text
 //! p  = 2φᵢ f + φⱼ c
 //! dp = 2φᵢ df + φⱼ cof df + [4φᵢᵢ(f:df) + 2φᵢⱼ(c:df)] f + [2φᵢⱼ(f:df) + φⱼⱼ(c:df)] c
 //! ```
 //!
-//! The effects add to the five; nothing else of a law knows of them.
+//! Effects only add to these five derivatives.
 
 use std::ops::Add;
 
@@ -17,7 +17,7 @@ use pulp::{Simd, WithSimd};
 use crate::kinematics::{Tensor, determinant};
 use crate::lanes::Value;
 
-/// What an isotropic energy depends on, measured from rest so that small strains keep their digits.
+/// The invariants of a deformation, relative to rest so that small strains keep their digits.
 #[derive(Clone, Copy, Debug)]
 pub struct Invariants<V> {
     /// i − 2j = (l₁ − l₂)².
@@ -31,7 +31,7 @@ pub struct Invariants<V> {
 }
 
 impl<V: Value> Invariants<V> {
-    /// Those of f = I + ∇u.
+    /// Computes the invariants of f = I + ∇u.
     #[inline(always)]
     pub fn of(gradient: Tensor<V>) -> Self {
         let [[a, b], [c, d]] = gradient;
@@ -39,7 +39,7 @@ impl<V: Value> Invariants<V> {
         Self::new(across.madd(across, twist * twist), a + d + determinant(gradient))
     }
 
-    /// Those with given (l₁ − l₂)² and j − 1.
+    /// Creates invariants from (l₁ − l₂)² and j − 1.
     #[inline(always)]
     pub fn new(shear: V, dilation: V) -> Self {
         let area = dilation.constant(1.0) + dilation;
@@ -51,7 +51,7 @@ impl<V: Value> Invariants<V> {
         }
     }
 
-    /// Those of the squared stretches l₁² and l₂².
+    /// Computes the invariants of the squared stretches l₁² and l₂².
     #[inline(always)]
     pub fn of_squares(first: V, second: V) -> Self {
         let one = first.constant(1.0);
@@ -59,23 +59,23 @@ impl<V: Value> Invariants<V> {
         Self::new(first + second - one.constant(2.0) * area, area - one)
     }
 
-    /// i − 2.
+    /// Returns i − 2.
     #[inline(always)]
     pub fn growth(&self) -> V {
         self.dilation.constant(2.0).madd(self.dilation, self.shear)
     }
 
-    /// l₁² − l₂².
+    /// Returns l₁² − l₂².
     #[inline(always)]
     pub fn split(&self) -> V {
         (self.shear * (self.area.constant(4.0) * self.area + self.shear)).sqrt()
     }
 }
 
-/// The derivatives of φ in the multiples that stress and tangent need, φᵢ° and φⱼ° being those of the bare membrane at rest.
+/// The derivatives of φ, with the factors of stress and tangent; φᵢ° and φⱼ° are those of the bare membrane at rest.
 #[derive(Clone, Copy, Debug)]
 pub struct Slopes<V> {
-    /// 2(φᵢ − φᵢ°) + φⱼ − φⱼ°: the equal stress beyond that of the bare membrane at rest.
+    /// 2(φᵢ − φᵢ°) + φⱼ − φⱼ°: equal-biaxial stress relative to the bare membrane at rest.
     pub pressure: V,
     /// 2φᵢ.
     pub i: V,
@@ -90,7 +90,7 @@ pub struct Slopes<V> {
 }
 
 impl<V: Value> Slopes<V> {
-    /// Those of an energy that depends on j alone and is not there in the bare membrane.
+    /// Creates the derivatives of an energy of j alone that vanishes in the bare membrane.
     #[inline(always)]
     pub fn of_area(first: V, second: V) -> Self {
         let zero = first.constant(0.0);
@@ -104,7 +104,7 @@ impl<V: Value> Slopes<V> {
         }
     }
 
-    /// `yes` in the lanes where `sign` is positive, `no` in the others.
+    /// Returns `yes` in the lanes where `sign` is positive, `no` in the others.
     #[inline(always)]
     pub fn choose(sign: V, yes: Self, no: Self) -> Self {
         Self {
@@ -117,7 +117,7 @@ impl<V: Value> Slopes<V> {
         }
     }
 
-    /// All six times a factor.
+    /// Returns all derivatives times a factor.
     #[inline(always)]
     pub fn scaled(self, factor: V) -> Self {
         Self {
@@ -167,104 +167,109 @@ impl Add for Rest {
 
 /// An isotropic energy per prestretched area, in units of μH.
 pub trait Potential: Sync + Sized + 'static {
-    /// Whether there can be several stable equilibria at one load.
+    /// Returns whether there can be several stable equilibria at one load.
     fn has_several_branches(&self) -> bool;
-    /// Whether it bears no compression.
+    /// Returns whether it bears no compression.
     fn wrinkles(&self) -> bool {
         false
     }
 
-    /// φ.
+    /// Returns φ.
     fn energy<V: Value>(&self, at: &Invariants<V>, active: V) -> V;
-    /// The derivatives of φ.
+    /// Returns the derivatives of φ.
     fn slopes<V: Value>(&self, at: &Invariants<V>, active: V) -> Slopes<V>;
-    /// Of the bare membrane at rest.
+    /// Returns the derivatives of the bare membrane at rest.
     fn rest(&self) -> Rest;
-    /// Positive where φ is finite.
+    /// Returns a number that is positive where φ is finite.
     #[inline(always)]
     fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
         at.area
     }
-    /// The stress that the voltage causes in an undisplaced active cell.
+    /// Returns the stress due to the voltage in an undisplaced active cell.
     fn load(&self) -> f64;
-    /// By how much φⱼⱼ of an undisplaced active cell falls for each unit of load.
+    /// Returns the decrease of φⱼⱼ of an undisplaced active cell per unit of load.
     fn softening(&self) -> f64;
-    /// The slopes with what the margins of a potential that wrinkles need beside them.
+    /// Returns the terms of the margins of stability.
     #[inline(always)]
-    fn watched<V: Value>(&self, at: &Invariants<V>, active: V) -> Watched<V> {
-        Watched::taut(self.slopes(at, active), active)
+    fn margin_terms<V: Value>(&self, at: &Invariants<V>, active: V) -> MarginTerms<V> {
+        MarginTerms::taut(self.slopes(at, active), active)
     }
 
-    /// [`energy_apart`], or the same of the potential that this one stands for; so are the others.
+    /// [`energy_out_of_line`] of this potential, or of the variant that it holds. The other functions out of line are
+    /// alike.
     #[inline(always)]
-    fn energy_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
-        energy_apart(self, at, active)
+    fn energy_out_of_line<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
+        energy_out_of_line(self, at, active)
     }
-    /// [`slopes_apart`].
+    /// [`slopes_out_of_line`].
     #[inline(always)]
-    fn slopes_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> Slopes<V> {
-        slopes_apart(self, at, active)
+    fn slopes_out_of_line<V: Value>(&self, at: &Invariants<V>, active: V) -> Slopes<V> {
+        slopes_out_of_line(self, at, active)
     }
-    /// [`first_slopes_apart`].
+    /// [`first_slopes_out_of_line`].
     #[inline(always)]
-    fn first_slopes_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> [V; 3] {
-        first_slopes_apart(self, at, active)
+    fn first_slopes_out_of_line<V: Value>(&self, at: &Invariants<V>, active: V) -> [V; 3] {
+        first_slopes_out_of_line(self, at, active)
     }
-    /// [`watched_apart`].
+    /// [`margin_terms_out_of_line`].
     #[inline(always)]
-    fn watched_apart<V: Value>(&self, at: &Invariants<V>, active: V) -> Watched<V> {
-        watched_apart(self, at, active)
+    fn margin_terms_out_of_line<V: Value>(&self, at: &Invariants<V>, active: V) -> MarginTerms<V> {
+        margin_terms_out_of_line(self, at, active)
     }
 }
 
-/// What [`Potential::watched`] says of a point.
+/// The terms of the margins of stability at a point.
 #[derive(Clone, Copy, Debug)]
-pub struct Watched<V> {
+pub struct MarginTerms<V> {
     /// The derivatives of φ.
     pub slopes: Slopes<V>,
-    /// What the margin of ellipticity is not above: where there is no natural width there is no ellipticity.
+    /// Upper bound of the margin of ellipticity; without a natural width there is no ellipticity.
     pub bound: V,
-    /// Positive where there is tension, as a potential that wrinkles needs to hold its shape.
+    /// Positive where there is tension, which a wrinkling membrane needs to keep its shape.
     pub tension: V,
-    /// Positive where the slopes say nothing about ellipticity, and the bound alone does.
-    pub is_loose: V,
+    /// Positive where the membrane is slack: there the bound alone determines ellipticity.
+    pub is_slack: V,
 }
 
-impl<V: Value> Watched<V> {
-    /// Where nothing wrinkles the slopes say all.
+impl<V: Value> MarginTerms<V> {
+    /// Creates the terms of a taut membrane, which the derivatives determine.
     #[inline(always)]
     pub fn taut(slopes: Slopes<V>, active: V) -> Self {
         Self {
             slopes,
             bound: active.constant(f64::INFINITY),
             tension: active.constant(1.0),
-            is_loose: active.constant(-1.0),
+            is_slack: active.constant(-1.0),
         }
     }
 }
 
-/// [`Potential::watched`], compiled once for each kind of number.
+/// Evaluates [`Potential::margin_terms`] out of line: compiled once for each kind of number.
 #[inline(never)]
-pub fn watched_apart<P: Potential, V: Value>(potential: &P, at: &Invariants<V>, active: V) -> Watched<V> {
-    active.apart(WatchedAt(SlopesAt { potential, at, active }))
+pub fn margin_terms_out_of_line<P: Potential, V: Value>(
+    potential: &P,
+    at: &Invariants<V>,
+    active: V,
+) -> MarginTerms<V> {
+    active.out_of_line(MarginTermsAt(SlopesAt { potential, at, active }))
 }
 
-struct WatchedAt<'a, P, V>(SlopesAt<'a, P, V>);
+struct MarginTermsAt<'a, P, V>(SlopesAt<'a, P, V>);
 
-impl<P: Potential, V: Value> WithSimd for WatchedAt<'_, P, V> {
-    type Output = Watched<V>;
+impl<P: Potential, V: Value> WithSimd for MarginTermsAt<'_, P, V> {
+    type Output = MarginTerms<V>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) -> Watched<V> {
-        self.0.potential.watched(self.0.at, self.0.active)
+    fn with_simd<S: Simd>(self, _simd: S) -> MarginTerms<V> {
+        self.0.potential.margin_terms(self.0.at, self.0.active)
     }
 }
 
-/// [`Potential::slopes`], compiled once for each kind of number: inlined into every kernel it would make the program several
-/// times as long to build.
+/// Evaluates [`Potential::slopes`] out of line: compiled once for each kind of number. Inlined into every kernel, it
+/// would multiply the build time of the program.
 #[inline(never)]
-pub fn slopes_apart<P: Potential, V: Value>(potential: &P, at: &Invariants<V>, active: V) -> Slopes<V> {
-    active.apart(SlopesAt { potential, at, active })
+pub fn slopes_out_of_line<P: Potential, V: Value>(potential: &P, at: &Invariants<V>, active: V) -> Slopes<V> {
+    active.out_of_line(SlopesAt { potential, at, active })
 }
 
 struct SlopesAt<'a, P, V> {
@@ -282,10 +287,10 @@ impl<P: Potential, V: Value> WithSimd for SlopesAt<'_, P, V> {
     }
 }
 
-/// [`Potential::energy`], compiled once for each kind of number.
+/// Evaluates [`Potential::energy`] out of line: compiled once for each kind of number.
 #[inline(never)]
-pub fn energy_apart<P: Potential, V: Value>(potential: &P, at: &Invariants<V>, active: V) -> V {
-    active.apart(EnergyAt(SlopesAt { potential, at, active }))
+pub fn energy_out_of_line<P: Potential, V: Value>(potential: &P, at: &Invariants<V>, active: V) -> V {
+    active.out_of_line(EnergyAt(SlopesAt { potential, at, active }))
 }
 
 struct EnergyAt<'a, P, V>(SlopesAt<'a, P, V>);
@@ -299,10 +304,11 @@ impl<P: Potential, V: Value> WithSimd for EnergyAt<'_, P, V> {
     }
 }
 
-/// What stress needs of [`Potential::slopes`]: `pressure`, `i` and `j`. Compiled apart from the others, so that nothing else is computed.
+/// Evaluates `pressure`, `i` and `j` of [`Potential::slopes`] out of line. It is compiled separately, so that nothing
+/// else is computed.
 #[inline(never)]
-pub fn first_slopes_apart<P: Potential, V: Value>(potential: &P, at: &Invariants<V>, active: V) -> [V; 3] {
-    active.apart(FirstSlopesAt(SlopesAt { potential, at, active }))
+pub fn first_slopes_out_of_line<P: Potential, V: Value>(potential: &P, at: &Invariants<V>, active: V) -> [V; 3] {
+    active.out_of_line(FirstSlopesAt(SlopesAt { potential, at, active }))
 }
 
 struct FirstSlopesAt<'a, P, V>(SlopesAt<'a, P, V>);

@@ -1,14 +1,14 @@
-//! The elastic energy that is linear in the second invariant, W/μ = c(I₂ − 3).
+//! Elastic energy linear in the second invariant, W/μ = c(I₂ − 3).
 //!
-//! With F = λp f and incompressibility, I₂ = λp⁴j² + λp⁻² i j⁻². Per prestretched area and in units of μH, with p = cλp² and
-//! q = cλp⁻⁴,
+//! With F = λp f and incompressibility, I₂ = λp⁴j² + λp⁻² i j⁻². Per prestretched area and in units of μH, with p =
+//! cλp² and q = cλp⁻⁴,
 //!
 //! ```text
 //! φ  = p j² + q i j⁻² − 3c/λp²
 //! φᵢ = q j⁻²,  φⱼ = 2pj − 2q i j⁻³,  φᵢⱼ = −2q j⁻³,  φⱼⱼ = 2p + 6q i j⁻⁴
 //! ```
 
-use super::elasticity::relief;
+use super::elasticity::cube_minus_one;
 use super::potential::{Invariants, Rest, Slopes};
 use crate::lanes::Value;
 
@@ -24,7 +24,7 @@ pub struct SecondInvariant {
 }
 
 impl SecondInvariant {
-    /// The energy with coefficient c at prestretch λp.
+    /// Creates the energy with coefficient c at prestretch λp.
     #[must_use]
     pub fn new(coefficient: f64, prestretch: f64) -> Self {
         let squared = prestretch * prestretch;
@@ -35,7 +35,7 @@ impl SecondInvariant {
         }
     }
 
-    /// φ.
+    /// Returns φ.
     #[inline(always)]
     pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
         let number = |value: f64| at.area.constant(value);
@@ -44,7 +44,7 @@ impl SecondInvariant {
         number(self.thickness).madd(stretched, plane)
     }
 
-    /// The derivatives of φ.
+    /// Returns the derivatives of φ.
     #[inline(always)]
     pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
         let number = |value: f64| at.area.constant(value);
@@ -53,7 +53,7 @@ impl SecondInvariant {
         let (plane, twice) = (number(2.0 * self.plane), number(2.0 * self.thickness));
         let growth = at.growth();
         // −2q(i j⁻³ − 2), where i j⁻³ − 2 = (i − 2 − 2(j³ − 1))j⁻³.
-        let relieved = relief(at);
+        let relieved = cube_minus_one(at);
         let thinning = twice * cube * (relieved + relieved - growth);
         let first = plane.madd(at.dilation, thinning);
         let thinner = twice * square * at.dilation * (at.area + number(1.0));
@@ -67,7 +67,7 @@ impl SecondInvariant {
         }
     }
 
-    /// At rest.
+    /// Returns the derivatives at rest.
     #[must_use]
     pub fn rest(&self) -> Rest {
         Rest {

@@ -1,4 +1,5 @@
-//! Nodal values of neighbouring elements in registers, and the conversion of gradients and stresses to the sides of elements.
+//! Loads nodal values of neighbouring elements into registers; converts gradients and stresses to the sides of
+//! elements.
 
 use pulp::Simd;
 
@@ -7,7 +8,7 @@ use crate::kinematics::Tensor;
 use crate::lanes::{Real, Value, Wide};
 use crate::layout::NodeLayout;
 
-/// The widths of as many elements as a register holds, and their height.
+/// Returns the widths of the elements of a register, and their height.
 #[inline(always)]
 pub(super) fn sides<S: Simd, T: Real>(
     simd: S,
@@ -21,13 +22,13 @@ pub(super) fn sides<S: Simd, T: Real>(
     ]
 }
 
-/// The stress at rest of what is not active. The law is isotropic, so it has no shear.
+/// Returns the stress of the bare membrane at rest along x and y; an isotropic material has no shear stress there.
 pub(crate) fn stress_at_rest(stress: impl Fn(Tensor<f64>) -> Tensor<f64>, [along, across]: [f64; 2]) -> [f64; 2] {
     let [[xx, _], [_, yy]] = stress([[along - 1.0, 0.0], [0.0, across - 1.0]]);
     [xx, yy]
 }
 
-/// (∇u) D as f − I, which at rest is D − I.
+/// Converts (∇u) D to f − I with f = (I + ∇u) D; at rest f = D.
 #[inline(always)]
 pub(crate) fn from_rest<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [along, across]: [f64; 2]) {
     for gradient in gradients {
@@ -36,7 +37,7 @@ pub(crate) fn from_rest<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N]
     }
 }
 
-/// Gradients on elements of sides 1 as gradients on elements of these sides.
+/// Converts gradients on elements with sides 1 to elements with the given sides.
 #[inline(always)]
 pub(crate) fn per_side<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [width, height]: [V; 2]) {
     let (along, across) = (width.recip(), height.recip());
@@ -47,7 +48,7 @@ pub(crate) fn per_side<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N],
     }
 }
 
-/// Stresses of which the forces on an element of sides 1 are those of the given stresses on an element of these sides.
+/// Converts stresses on elements with the given sides to stresses that give the same forces on elements with sides 1.
 #[inline(always)]
 pub(crate) fn on_sides<V: Value, const N: usize>(stresses: &mut [Tensor<V>; N], [width, height]: [V; 2]) {
     for stress in stresses {
@@ -57,7 +58,8 @@ pub(crate) fn on_sides<V: Value, const N: usize>(stresses: &mut [Tensor<V>; N], 
     }
 }
 
-/// The nodal values of as many elements as a register holds, from element `first` of a row; beyond the last element zero.
+/// Returns the nodal values of the elements of a register, from element `first` of a row; zeros beyond the last
+/// element.
 #[inline(always)]
 pub(super) fn gather<E: Element<N>, S: Simd, T: Real, const N: usize>(
     simd: S,
@@ -67,17 +69,17 @@ pub(super) fn gather<E: Element<N>, S: Simd, T: Real, const N: usize>(
     row: usize,
 ) -> [[Wide<S, T>; N]; 2] {
     let (degree, lanes) = (E::DEGREE, T::lanes::<S>());
-    let real = layout.columns() - first;
+    let remaining = layout.columns() - first;
     let mut nodal = [[Wide::splat(simd, 0.0); N]; 2];
     for (c, component) in nodal.iter_mut().enumerate() {
         for (node, value) in component.iter_mut().enumerate() {
             let (column, rise) = (node % (degree + 1), node / (degree + 1));
-            // The degree is known where this is compiled, so nothing is divided.
+            // The degree is a constant after inlining, so no division remains.
             let start = layout.index_in(c, first + column / degree, column % degree, row * degree + rise);
-            *value = if real >= lanes {
+            *value = if remaining >= lanes {
                 Wide::load(simd, &vector[start..])
             } else {
-                Wide::load_part(simd, &vector[start..start + real])
+                Wide::load_part(simd, &vector[start..start + remaining])
             };
         }
     }

@@ -1,4 +1,4 @@
-//! What an operator does at a quadrature point.
+//! Operators at a quadrature point.
 
 use crate::energy::{MODULI, MaterialPoint, tangent_from};
 use crate::kinematics::Tensor;
@@ -7,62 +7,64 @@ use crate::lanes::Value;
 use crate::memory::Memory;
 use crate::memory::{self, MODULI_WITH_MEMORY};
 
-/// What happens at a quadrature point: from the gradients of M fields to a stress.
+/// An operator at a quadrature point: converts the gradients of M fields to a stress.
 pub(super) trait Point<const M: usize>: Copy {
-    /// Whether it is worth a kernel of its own for registers of 512 bits.
+    /// Whether a separate kernel with AVX-512 is compiled.
     const WIDEST: bool = false;
-    /// Whether this is the stress of the first field: then [`Point::watched`] is wanted, and the stress at rest is taken away.
-    const WATCHED: bool = false;
-    /// What has to stay positive at the gradient of the first field.
+    /// Whether this is the stress of a material at the first field: then [`Point::admissible`] is evaluated, and the
+    /// stress at rest is subtracted.
+    const IS_STRESS: bool = false;
+    /// Returns a number that must be positive at the gradient of the first field.
     #[inline(always)]
-    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
+    fn admissible<V: Value>(self, gradient: Tensor<V>) -> V {
         gradient[0][0]
     }
-    /// How many stored numbers are wanted.
-    const STORED: usize = 0;
-    /// Whether the numbers of a [`Memory`] are wanted, as the first of them.
-    const REMEMBERS: bool = false;
+    /// Number of stored moduli that are read.
+    const STORED_MODULI: usize = 0;
+    /// Whether the numbers of a [`Memory`] are read, as the first stored numbers.
+    const READS_MEMORY: bool = false;
     fn stress<V: Value>(self, gradients: [Tensor<V>; M], active: V, stored: [V; MODULI_WITH_MEMORY]) -> Tensor<V>;
 }
 
-/// The stress at one field.
+/// The stress of a material at a field.
 pub(super) struct StressAt<'a, L>(pub(super) &'a L);
 
-/// The tangent at the first field along the second.
+/// The tangent of a material at the first field along the second.
 pub(super) struct TangentAt<'a, L>(pub(super) &'a L);
 
-/// The same from stored moduli.
+/// The tangent from stored moduli.
 #[derive(Clone, Copy)]
 pub(super) struct TangentFrom;
 
-/// The stress at rest, where the law says the same of all that is bare, and of all that is active.
+/// The stress at rest of bare and of active points.
 #[derive(Clone, Copy)]
 pub(super) struct StressAtRest(pub(super) [Tensor<f64>; 2]);
 
-/// The tangent at rest, by the moduli of what is bare and of what is active.
+/// The tangent at rest, from the moduli of bare and of active points.
 #[derive(Clone, Copy)]
 pub(super) struct TangentAtRest(pub(super) [[f64; MODULI]; 2]);
 
-/// The same of a law and a [`Memory`] together.
+/// The tangent of a material and a [`Memory`] from stored moduli.
 #[derive(Clone, Copy)]
-pub(super) struct TangentOfBoth;
+pub(super) struct TangentWithMemory;
 
-/// The stress of a [`Memory`] at one field.
+/// The stress of a [`Memory`] at a field.
 #[derive(Clone, Copy)]
 pub(super) struct MemoryStress;
 
-/// The mean stress of a step from the first field by the second.
+/// The mean stress of a material in a step from the first field by the second.
 pub(super) struct StressBetween<'a, L>(pub(super) &'a L);
 
 /// The mean stress of a [`Memory`] in a step from the first field by the second.
 #[derive(Clone, Copy)]
 pub(super) struct MemoryBetween;
 
-/// How the tangent of a [`Memory`] that follows the first field changes with it, along the second field and times it.
+/// The derivative of the tangent of relaxed branches with respect to the first field, along the second and times the
+/// second.
 #[derive(Clone, Copy)]
-pub(super) struct FollowingTangent;
+pub(super) struct RelaxedTangentDerivative;
 
-impl Point<2> for FollowingTangent {
+impl Point<2> for RelaxedTangentDerivative {
     #[inline(always)]
     fn stress<V: Value>(
         self,
@@ -70,7 +72,7 @@ impl Point<2> for FollowingTangent {
         _active: V,
         _stored: [V; MODULI_WITH_MEMORY],
     ) -> Tensor<V> {
-        memory::tangent_that_follows(gradient, change)
+        memory::relaxed_tangent_derivative(gradient, change)
     }
 }
 
@@ -100,9 +102,9 @@ impl<L> Copy for TangentAt<'_, L> {}
 
 impl<L: MaterialPoint> Point<1> for StressAt<'_, L> {
     const WIDEST: bool = true;
-    const WATCHED: bool = true;
+    const IS_STRESS: bool = true;
     #[inline(always)]
-    fn watched<V: Value>(self, gradient: Tensor<V>) -> V {
+    fn admissible<V: Value>(self, gradient: Tensor<V>) -> V {
         self.0.admissible(gradient)
     }
     #[inline(always)]
@@ -126,7 +128,7 @@ impl<L: MaterialPoint> Point<2> for TangentAt<'_, L> {
 
 impl Point<2> for TangentFrom {
     const WIDEST: bool = true;
-    const STORED: usize = MODULI;
+    const STORED_MODULI: usize = MODULI;
     #[inline(always)]
     fn stress<V: Value>(
         self,
@@ -143,11 +145,11 @@ impl Point<1> for StressAtRest {
     const WIDEST: bool = true;
     #[inline(always)]
     fn stress<V: Value>(self, _gradients: [Tensor<V>; 1], active: V, _stored: [V; MODULI_WITH_MEMORY]) -> Tensor<V> {
-        let [bare, covered] = self.0;
+        let [bare, coated] = self.0;
         let mut stress = [[active; 2]; 2];
         for (i, row) in stress.iter_mut().enumerate() {
             for (k, entry) in row.iter_mut().enumerate() {
-                *entry = active.choose(active.constant(covered[i][k]), active.constant(bare[i][k]));
+                *entry = active.choose(active.constant(coated[i][k]), active.constant(bare[i][k]));
             }
         }
         stress
@@ -163,18 +165,18 @@ impl Point<2> for TangentAtRest {
         active: V,
         _stored: [V; MODULI_WITH_MEMORY],
     ) -> Tensor<V> {
-        let [bare, covered] = self.0;
+        let [bare, coated] = self.0;
         let mut moduli = [active; MODULI];
         for (at, modulus) in moduli.iter_mut().enumerate() {
-            *modulus = active.choose(active.constant(covered[at]), active.constant(bare[at]));
+            *modulus = active.choose(active.constant(coated[at]), active.constant(bare[at]));
         }
         tangent_from(gradient, moduli, change)
     }
 }
 
-impl Point<2> for TangentOfBoth {
+impl Point<2> for TangentWithMemory {
     const WIDEST: bool = true;
-    const STORED: usize = MODULI_WITH_MEMORY;
+    const STORED_MODULI: usize = MODULI_WITH_MEMORY;
     #[inline(always)]
     fn stress<V: Value>(
         self,
@@ -187,7 +189,7 @@ impl Point<2> for TangentOfBoth {
 }
 
 impl Point<1> for MemoryStress {
-    const REMEMBERS: bool = true;
+    const READS_MEMORY: bool = true;
     #[inline(always)]
     fn stress<V: Value>(
         self,
@@ -212,7 +214,7 @@ impl<L: MaterialPoint> Point<2> for StressBetween<'_, L> {
 }
 
 impl Point<2> for MemoryBetween {
-    const REMEMBERS: bool = true;
+    const READS_MEMORY: bool = true;
     #[inline(always)]
     fn stress<V: Value>(
         self,

@@ -1,4 +1,4 @@
-//! Passes over the quadrature points that leave no forces: margins of stability, and moduli to be kept.
+//! Passes over the quadrature points without forces: margins of stability, moduli, metrics.
 
 use std::marker::PhantomData;
 
@@ -14,7 +14,7 @@ use crate::layout::NodeLayout;
 use crate::memory::{self, MODULI_WITH_MEMORY};
 use crate::precision::Precision;
 
-/// One pass over the quadrature points that finds the smallest margins.
+/// One pass over the quadrature points for the smallest margins.
 pub(super) struct Survey<'a, E, L, T, const N: usize> {
     pub layout: NodeLayout,
     pub material: &'a L,
@@ -40,20 +40,20 @@ impl<E: Element<N>, L: MaterialPoint, T: Precision, const N: usize> WithSimd for
                         .activity
                         .within_electrode(simd, self.layout.part(), [first, row], q);
                     let f = deformation(gradient);
-                    let mut here = self.material.margins(f, active);
+                    let mut margins = self.material.margins(f, active);
                     if let Some((numbers, weight)) = self.activity.memory {
                         let number =
                             |at| Wide::load(simd, &numbers[memory::line(self.layout, N, row, q, at) + first..]);
                         let [elliptic, convex] =
                             memory::margins([number(0), number(1), number(2), number(3)], weight, f);
-                        // A law says no more than whether it is convex, so nothing can be added to that.
-                        here.ellipticity = here.ellipticity + elliptic;
-                        here.convexity = here.convexity.min(convex.choose(active.constant(1e30), convex));
+                        // Only the sign of the convexity of a material has a meaning, so the two cannot be added.
+                        margins.ellipticity = margins.ellipticity + elliptic;
+                        margins.convexity = margins.convexity.min(convex.choose(active.constant(1e30), convex));
                     }
-                    ellipticity = ellipticity.min(here.ellipticity);
-                    convexity = convexity.min(here.convexity);
+                    ellipticity = ellipticity.min(margins.ellipticity);
+                    convexity = convexity.min(margins.convexity);
                     if wrinkles {
-                        tension = tension.min(here.tension);
+                        tension = tension.min(margins.tension);
                     }
                 }
             }
@@ -67,7 +67,7 @@ impl<E: Element<N>, L: MaterialPoint, T: Precision, const N: usize> WithSimd for
 }
 
 impl<E: Element<N>, L, T: Precision, const N: usize> Survey<'_, E, L, T, N> {
-    /// f − I at the points of elements.
+    /// Returns f − I at the points of elements.
     #[inline(always)]
     fn gradients<S: Simd>(&self, simd: S, first: usize, row: usize) -> [Tensor<Wide<S, T>>; N] {
         let nodal = gather::<E, S, T, N>(simd, self.layout, self.u, first, row);
@@ -87,9 +87,10 @@ impl<E: Element<N>, L, T: Precision, const N: usize> Survey<'_, E, L, T, N> {
     }
 }
 
-/// Where so many moduli of point `q` of N lie, of the elements from `first` on of a row: a register for each.
+/// Returns the index of the `moduli` of point `q` of `points`, of the elements from `first` on of a row: a register for
+/// each modulus.
 #[inline(always)]
-pub(super) fn place(
+pub(super) fn moduli_offset(
     layout: NodeLayout,
     [first, row]: [usize; 2],
     lanes: usize,
@@ -99,7 +100,7 @@ pub(super) fn place(
     ((row * layout.part() + first) * points + q * lanes) * moduli
 }
 
-/// One pass over the quadrature points that stores their moduli: those of the law, or with a memory those of both.
+/// One pass over the quadrature points that stores their moduli: of the material, or of material and memory.
 pub(super) struct Store<'a, E, L, T, const N: usize> {
     pub survey: Survey<'a, E, L, T, N>,
     pub moduli: &'a mut [T],
@@ -126,12 +127,12 @@ impl<E: Element<N>, L: MaterialPoint, T: Precision, const N: usize> WithSimd for
                         let number = |at| Wide::load(simd, &numbers[memory::line(layout, N, row, q, at) + first..]);
                         let numbers = [number(0), number(1), number(2), number(3)];
                         let both = memory::moduli_with_memory(moduli, numbers, gradient);
-                        let start = place(layout, [first, row], lanes, [N, q], MODULI_WITH_MEMORY);
+                        let start = moduli_offset(layout, [first, row], lanes, [N, q], MODULI_WITH_MEMORY);
                         for (at, &value) in both.iter().enumerate() {
                             value.store(&mut self.moduli[start + at * lanes..]);
                         }
                     } else {
-                        let start = place(layout, [first, row], lanes, [N, q], MODULI);
+                        let start = moduli_offset(layout, [first, row], lanes, [N, q], MODULI);
                         for (at, &value) in moduli.iter().enumerate() {
                             value.store(&mut self.moduli[start + at * lanes..]);
                         }
@@ -142,41 +143,41 @@ impl<E: Element<N>, L: MaterialPoint, T: Precision, const N: usize> WithSimd for
     }
 }
 
-/// What a law says of an undisplaced point that is bare, and of one that is active.
+/// Stresses and moduli of a material at an undisplaced point: bare, then active.
 pub struct MaterialAtRest {
-    /// Without the self-stress.
+    /// Stresses without the self-stress.
     pub stresses: [Tensor<f64>; 2],
-    /// As [`MaterialPoint::moduli`].
+    /// [`MaterialPoint::moduli`].
     pub moduli: [[f64; MODULI]; 2],
 }
 
-/// Asks a law for that with the registers of the kernels, so that the numbers are the same bits as theirs.
-pub(super) struct AskAtRest<'a, L, T> {
+/// Evaluates a material at rest with the registers of the kernels, so that the numbers are the same bits.
+pub(super) struct EvaluateAtRest<'a, L, T> {
     pub material: &'a L,
-    pub number: PhantomData<T>,
+    pub precision: PhantomData<T>,
 }
 
-impl<L: MaterialPoint, T: Precision> WithSimd for AskAtRest<'_, L, T> {
+impl<L: MaterialPoint, T: Precision> WithSimd for EvaluateAtRest<'_, L, T> {
     type Output = MaterialAtRest;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> MaterialAtRest {
         let rest = [[Wide::<S, T>::splat(simd, 0.0); 2]; 2];
-        let mut law = MaterialAtRest {
+        let mut at_rest = MaterialAtRest {
             stresses: [[[0.0; 2]; 2]; 2],
             moduli: [[0.0; MODULI]; 2],
         };
         for (at, active) in [0.0, 1.0].into_iter().enumerate() {
             let active = Wide::<S, T>::splat(simd, active);
             let stress = self.material.stress(rest, active);
-            for (to, row) in law.stresses[at].iter_mut().zip(stress) {
+            for (to, row) in at_rest.stresses[at].iter_mut().zip(stress) {
                 *to = [row[0].smallest(), row[1].smallest()];
             }
-            for (to, modulus) in law.moduli[at].iter_mut().zip(self.material.moduli(rest, active)) {
+            for (to, modulus) in at_rest.moduli[at].iter_mut().zip(self.material.moduli(rest, active)) {
                 *to = modulus.smallest();
             }
         }
-        law
+        at_rest
     }
 }
 

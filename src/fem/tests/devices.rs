@@ -70,7 +70,7 @@ fn the_laplacian_is_inverted_whatever_frames_and_bodies_do() {
         let operator = Operator {
             material: &material,
             activity: &activity,
-            pulled: 0.0,
+            body_load: 0.0,
         };
         let at: Vec<f32> = allowed(&grid, 0.02, 0.3).into_iter().map(|u| u as f32).collect();
         let poses = grid.poses(&at);

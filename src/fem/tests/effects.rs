@@ -379,7 +379,7 @@ impl PointWork for AtRest<'_> {
 
         let moved: Vec<f64> = step.iter().map(|u| 0.05 * u / norm(&step)).collect();
         operator.linearise(&moved, &mut moduli);
-        assert_eq!(moduli.is_empty(), !material.stores());
+        assert_eq!(moduli.is_empty(), !material.stores_moduli());
     }
 }
 

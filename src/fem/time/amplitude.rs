@@ -164,7 +164,7 @@ impl<L: Material> Forced<'_, L> {
         let (operator, u) = (self.operator, self.u);
         let change = |v: &[f64]| {
             let mut change = vec![0.0; v.len()];
-            operator.relaxed_change(u, v, &mut change);
+            operator.relaxed_tangent_derivative(u, v, &mut change);
             change
         };
         of_two(&mut self.sum, share, (v, w), change);

@@ -154,7 +154,7 @@ fn a_body_swings_at_the_natural_frequencies_of_its_membrane() {
     let operator = Operator {
         material: &law,
         activity: &Activity::new(&solver.grid, &bare),
-        pulled: 1.0,
+        body_load: 1.0,
     };
     let modes = lowest(&operator, &solver.laplacian, &mass, &vec![0.0; still.len()], 4);
     let along = |mode: &[f64], u: &[f64]| {
