@@ -10,7 +10,7 @@ use super::effects::WithMaterial;
 use super::element::{Bilinear, Biquadratic, Element};
 use super::material::Material;
 use super::newton::{self, NewtonFailure, Workspace};
-use super::operator::{Activity, Operator, from_rest, on_sides, per_side};
+use super::operator::{Activity, Operator, add_rest, scale_gradients, scale_stresses};
 use super::precondition::Laplacian;
 
 /// Computes dJ/dS of each cell, `[y][x]`, for J = Σ weights · u over the cell corners, with u in units of
@@ -82,8 +82,8 @@ fn cells<E: Element<N>, L: Material, const N: usize>(
         };
         let sides = grid.sides([column, row]);
         let mut gradients = E::gradients(&local(u));
-        per_side(&mut gradients, sides);
-        from_rest(&mut gradients, grid.rest());
+        scale_gradients(&mut gradients, sides);
+        add_rest(&mut gradients, grid.rest());
         let mut pull = gradients.map(|gradient| {
             let (active, bare) = (
                 operator.material.stress(gradient, 1.0),
@@ -91,7 +91,7 @@ fn cells<E: Element<N>, L: Material, const N: usize>(
             );
             std::array::from_fn(|i| std::array::from_fn(|k| active[i][k] - bare[i][k]))
         });
-        on_sides(&mut pull, sides);
+        scale_stresses(&mut pull, sides);
         let (forces, adjoint) = (E::forces(&pull), local(adjoint));
         let work = |c: usize| -> f64 { forces[c].iter().zip(adjoint[c]).map(|(force, psi)| force * psi).sum() };
         gradient[row / across * raster.columns() + column / along] -= work(0) + work(1);

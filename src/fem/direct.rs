@@ -10,7 +10,7 @@ use super::kinematics::{Tensor, add_scaled};
 use super::layout::NodeLayout;
 use super::material::Material;
 use super::memory;
-use super::operator::{Operator, from_rest, on_sides, per_side};
+use super::operator::{Operator, add_rest, scale_gradients, scale_stresses};
 use super::supports::{Pose, Supports};
 use deaflow_field::Order;
 
@@ -309,11 +309,11 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
             let position = |node: usize| (column * E::DEGREE + node % side, row * E::DEGREE + node / side);
             let value = |c, node| u[layout.index(c, position(node).0, position(node).1)];
             gradients = E::gradients(&std::array::from_fn(|c| std::array::from_fn(|node| value(c, node))));
-            per_side(&mut gradients, sides);
-            from_rest(&mut gradients, grid.rest());
+            scale_gradients(&mut gradients, sides);
+            add_rest(&mut gradients, grid.rest());
         }
         let mut changes = units[c][node];
-        per_side(&mut changes, sides);
+        scale_gradients(&mut changes, sides);
         let mut stresses = std::array::from_fn(|q| {
             let active = operator.activity.at_point(row, q, N)[column];
             let of_material = operator.material.tangent(gradients[q], active, changes[q]);
@@ -324,7 +324,7 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
             let numbers = std::array::from_fn(|at| numbers[memory::line(layout, N, row, q, at) + column]);
             add_scaled(of_material, 1.0, memory::tangent(numbers, gradients[q], changes[q]))
         });
-        on_sides(&mut stresses, sides);
+        scale_stresses(&mut stresses, sides);
         let forces = E::forces(&stresses);
         sums.extend(entries.map(|entry| entry.weight * forces[entry.force / N][entry.force % N]));
     });

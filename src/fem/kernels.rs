@@ -23,8 +23,7 @@ use crate::layout::NodeLayout;
 use crate::memory::{self, MODULI_WITH_MEMORY};
 use crate::precision::Precision;
 use crate::registers::{self, dispatch, dispatch_widest};
-pub(crate) use gather::stress_at_rest;
-pub(crate) use gather::{from_rest, on_sides, per_side};
+pub(crate) use gather::{add_rest, scale_gradients, scale_stresses, stress_at_rest};
 use gather::{gather, sides};
 use point::{
     MemoryBetween, MemoryStress, Point, RelaxedTangentDerivative, StressAt, StressAtRest, StressBetween, TangentAt,
@@ -333,7 +332,7 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                     self.gradients(simd, (first, row), 1, factors, [1.0; 2], sides, &mut changes);
                 }
                 if SHAPE == VARIED {
-                    from_rest(&mut gradients, self.rest);
+                    add_rest(&mut gradients, self.rest);
                 }
                 // Each stress overwrites its gradient.
                 for q in 0..N {
@@ -372,7 +371,7 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                     E::forces_on(&gradients, [height, width])
                 } else {
                     if SHAPE == VARIED {
-                        on_sides(&mut gradients, sides);
+                        scale_stresses(&mut gradients, sides);
                     }
                     E::forces(&gradients)
                 };
@@ -408,7 +407,7 @@ impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPE
             UNIFORM => E::write_gradients_on(&nodal, factors, [rest[0] - 1.0, rest[1] - 1.0], gradients),
             _ => {
                 E::write_gradients(&nodal, gradients);
-                per_side(gradients, sides);
+                scale_gradients(gradients, sides);
             }
         }
     }

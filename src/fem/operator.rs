@@ -3,7 +3,7 @@
 pub use super::activity::{Activity, Within, load_of};
 use super::energy::Margins;
 pub use super::kernels::MaterialAtRest;
-pub(crate) use super::kernels::{from_rest, on_sides, per_side};
+pub(crate) use super::kernels::{add_rest, scale_gradients, scale_stresses};
 use super::kernels::{stress_at_rest, without_material};
 use super::layout::NodeLayout;
 use super::material::{Material, MaterialPrecision, Passes};

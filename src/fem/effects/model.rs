@@ -1,7 +1,7 @@
 //! The physical model of a scene: its law at a point of the membrane.
 
 use super::{Decaying, Fringe, Stiff, TensionField};
-use crate::energy::{AnyPotential, Compound, Elastic, Isotropic, Neo, NeoHookean};
+use crate::energy::{AnyPotential, Compound, Elastic, Isotropic, NeoHookean, NeoHookeanEnergy};
 use crate::error::SetupError;
 use crate::grid::Grid;
 use crate::material::{AnyMaterial, Material};
@@ -153,7 +153,7 @@ impl Model {
         let (prestretch, kappa) = (self.prestretch, share * self.kappa);
         let elasticity = self
             .stiffening
-            .unwrap_or_else(|| Elastic::NeoHookean(Neo::new(prestretch)));
+            .unwrap_or_else(|| Elastic::NeoHookean(NeoHookeanEnergy::new(prestretch)));
         let dielectric = match &self.decay {
             None => Decaying::ideal(prestretch, kappa),
             Some(decay) => Decaying::new(decay, prestretch, kappa),

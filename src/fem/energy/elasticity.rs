@@ -10,12 +10,12 @@ use deaflow_scene::laws::Form;
 
 /// ½(i + a j⁻² − 3/λp²): the elastic part of [`super::NeoHookean`], to be combined with effects.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Neo {
+pub struct NeoHookeanEnergy {
     /// a = λp⁻⁶.
     thickness: f64,
 }
 
-impl Neo {
+impl NeoHookeanEnergy {
     /// Creates the energy at prestretch λp.
     #[must_use]
     pub fn new(prestretch: f64) -> Self {
@@ -65,7 +65,7 @@ pub fn cube_minus_one<V: Value>(at: &Invariants<V>) -> V {
 )]
 pub enum Elastic {
     /// Without stiffening.
-    NeoHookean(Neo),
+    NeoHookean(NeoHookeanEnergy),
     /// Gent, Yeoh, Arruda–Boyce.
     FirstInvariant(FirstInvariant),
     /// With a term in the second invariant.

@@ -193,7 +193,7 @@ fn displacement<V: Value>(f: Tensor<V>) -> Tensor<V> {
 mod tests {
     use super::*;
     use crate::effects::{Decaying, Stiff};
-    use crate::energy::{Compound, Elastic, Neo, Ogden};
+    use crate::energy::{Compound, Elastic, NeoHookeanEnergy, Ogden};
     use deaflow_base::Decimal;
     use deaflow_linalg::{Mat, eigen};
     use deaflow_scene::laws::{ArrudaBoyce, Gent, StiffeningLaw};
@@ -285,7 +285,7 @@ mod tests {
             let base = super::super::NeoHookean::new(3.0, kappa);
             let compound = Compound::new(
                 3.0,
-                Elastic::NeoHookean(Neo::new(3.0)),
+                Elastic::NeoHookean(NeoHookeanEnergy::new(3.0)),
                 Decaying::ideal(3.0, kappa),
                 Stiff { ratio: 0.0 },
             );

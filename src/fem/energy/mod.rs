@@ -18,7 +18,7 @@ mod second_invariant;
 
 pub use any_potential::AnyPotential;
 pub use compound::Compound;
-pub use elasticity::{Elastic, Neo, cube_minus_one};
+pub use elasticity::{Elastic, NeoHookeanEnergy, cube_minus_one};
 pub use first_invariant::FirstInvariant;
 pub use isotropic::{Isotropic, tangent_from};
 pub use neo_hookean::NeoHookean;

@@ -195,8 +195,7 @@ pub trait Potential: Sync + Sized + 'static {
         MarginTerms::taut(self.slopes(at, active), active)
     }
 
-    /// [`energy_out_of_line`] of this potential, or of the variant that it holds. The other functions out of line are
-    /// alike.
+    /// [`energy_out_of_line`]. An enum of potentials forwards this and the following functions to its variant.
     #[inline(always)]
     fn energy_out_of_line<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
         energy_out_of_line(self, at, active)

@@ -30,7 +30,7 @@ pub(crate) fn stress_at_rest(stress: impl Fn(Tensor<f64>) -> Tensor<f64>, [along
 
 /// Converts (∇u) D to f − I with f = (I + ∇u) D; at rest f = D.
 #[inline(always)]
-pub(crate) fn from_rest<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [along, across]: [f64; 2]) {
+pub(crate) fn add_rest<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [along, across]: [f64; 2]) {
     for gradient in gradients {
         gradient[0][0] = gradient[0][0] + gradient[0][0].constant(along - 1.0);
         gradient[1][1] = gradient[1][1] + gradient[1][1].constant(across - 1.0);
@@ -39,7 +39,7 @@ pub(crate) fn from_rest<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N]
 
 /// Converts gradients on elements with sides 1 to elements with the given sides.
 #[inline(always)]
-pub(crate) fn per_side<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [width, height]: [V; 2]) {
+pub(crate) fn scale_gradients<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [width, height]: [V; 2]) {
     let (along, across) = (width.recip(), height.recip());
     for gradient in gradients {
         for row in gradient {
@@ -50,7 +50,7 @@ pub(crate) fn per_side<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N],
 
 /// Converts stresses on elements with the given sides to stresses that give the same forces on elements with sides 1.
 #[inline(always)]
-pub(crate) fn on_sides<V: Value, const N: usize>(stresses: &mut [Tensor<V>; N], [width, height]: [V; 2]) {
+pub(crate) fn scale_stresses<V: Value, const N: usize>(stresses: &mut [Tensor<V>; N], [width, height]: [V; 2]) {
     for stress in stresses {
         for row in stress {
             *row = [row[0] * height, row[1] * width];

@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 
 use pulp::{Simd, WithSimd};
 
-use super::gather::{from_rest, gather, per_side, sides};
+use super::gather::{add_rest, gather, scale_gradients, sides};
 use crate::activity::View;
 use crate::element::Element;
 use crate::energy::{MODULI, Margins, MaterialPoint};
@@ -79,8 +79,8 @@ impl<E: Element<N>, L, T: Precision, const N: usize> Survey<'_, E, L, T, N> {
             }
             Some(all) => {
                 let mut gradients = E::gradients(&nodal);
-                per_side(&mut gradients, sides(simd, all, first, row));
-                from_rest(&mut gradients, self.rest);
+                scale_gradients(&mut gradients, sides(simd, all, first, row));
+                add_rest(&mut gradients, self.rest);
                 gradients
             }
         }

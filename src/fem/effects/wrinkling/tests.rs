@@ -1,6 +1,6 @@
 use super::*;
 use crate::effects::{Decaying, Stiff};
-use crate::energy::{Compound, Elastic, Isotropic, MaterialPoint, Neo};
+use crate::energy::{Compound, Elastic, Isotropic, MaterialPoint, NeoHookeanEnergy};
 use deaflow_base::Decimal;
 use deaflow_scene::laws::{Gent, StiffeningLaw};
 
@@ -10,7 +10,7 @@ fn field(prestretch: f64, kappa: f64, elasticity: Elastic) -> TensionField {
 }
 
 fn neo(prestretch: f64) -> Elastic {
-    Elastic::NeoHookean(Neo::new(prestretch))
+    Elastic::NeoHookean(NeoHookeanEnergy::new(prestretch))
 }
 
 fn stiff(jm: f64, prestretch: f64) -> Elastic {
