@@ -13,9 +13,9 @@ use crate::registers::dispatch;
 
 /// A [`MaterialPoint`] as a trait object.
 pub trait Material: Passes<f64> + Passes<f32> + Sync {
-    /// [`MaterialPoint::wrinkles`].
+    /// [`MaterialPoint::WRINKLES`].
     fn wrinkles(&self) -> bool;
-    /// [`MaterialPoint::has_several_branches`].
+    /// [`MaterialPoint::SEVERAL_BRANCHES`].
     fn has_several_branches(&self) -> bool;
     /// [`MaterialPoint::STORES_MODULI`].
     fn stores_moduli(&self) -> bool;
@@ -88,11 +88,11 @@ impl MaterialPrecision for f32 {
 
 impl<L: MaterialPoint> Material for L {
     fn wrinkles(&self) -> bool {
-        MaterialPoint::wrinkles(self)
+        L::WRINKLES
     }
 
     fn has_several_branches(&self) -> bool {
-        MaterialPoint::has_several_branches(self)
+        L::SEVERAL_BRANCHES
     }
 
     fn stores_moduli(&self) -> bool {

@@ -1,7 +1,7 @@
 //! The physical model of a scene: its law at a point of the membrane.
 
 use super::{Decaying, Fringe, Stiff, TensionField};
-use crate::energy::{AnyPotential, Compound, Elastic, Isotropic, NeoHookean, NeoHookeanEnergy};
+use crate::energy::{Compound, Elasticity, Isotropic, NeoHookean, NeoHookeanEnergy, Stiffened};
 use crate::error::SetupError;
 use crate::grid::Grid;
 use crate::material::{AnyMaterial, Material};
@@ -22,7 +22,7 @@ pub struct Model {
     /// √(λ₁λ₂), which the laws assume; [`Grid`] handles the difference of λ₁ and λ₂.
     prestretch: f64,
     kappa: f64,
-    stiffening: Option<Elastic>,
+    stiffening: Option<Stiffened>,
     electrode: Option<Stiff>,
     decay: Option<PermittivityDecay>,
     fringe: Option<Fringe>,
@@ -77,7 +77,7 @@ impl Model {
     pub fn with_law(scene: &Scene, law: Option<&dyn StiffeningLaw>) -> Result<Self, SetupError> {
         let effects = &scene.effects;
         let prestretch = scene.mean_prestretch();
-        let stiffened = |law: &dyn StiffeningLaw| Elastic::new(&law.form(scene.shear_modulus_pa()), prestretch);
+        let stiffened = |law: &dyn StiffeningLaw| Stiffened::new(&law.form(scene.shear_modulus_pa()), prestretch);
         let sheet = Sheet::of(scene);
         let [along, across] = sheet.prestretch;
         if effects.electrode_stiffness.is_some() && along != across {
@@ -129,7 +129,8 @@ impl Model {
                     AnyMaterial::new(NeoHookean::new(prestretch, share * kappa).with_unrelaxed(gamma))
                 })
             }
-            _ => run(work, &|share| AnyMaterial::new(Isotropic::new(self.potential(share)))),
+            None => self.with_elasticity(NeoHookeanEnergy::new(prestretch), work),
+            Some(elasticity) => self.with_elasticity(elasticity, work),
         }
     }
 
@@ -148,21 +149,22 @@ impl Model {
         is_plain && self.sheet.mounts.is_empty() && !self.has_charge
     }
 
-    /// The potential of the effects at a share of the full load.
-    fn potential(&self, share: f64) -> AnyPotential {
-        let (prestretch, kappa) = (self.prestretch, share * self.kappa);
-        let elasticity = self
-            .stiffening
-            .unwrap_or_else(|| Elastic::NeoHookean(NeoHookeanEnergy::new(prestretch)));
-        let dielectric = match &self.decay {
-            None => Decaying::ideal(prestretch, kappa),
-            Some(decay) => Decaying::new(decay, prestretch, kappa),
-        };
+    fn with_elasticity<M: Elasticity, W: WithMaterial>(&self, elasticity: M, work: W) -> W::Output {
+        let (prestretch, kappa) = (self.prestretch, self.kappa);
         let electrode = self.electrode.unwrap_or(Stiff { ratio: 0.0 });
-        let flat = Compound::new(prestretch, elasticity, dielectric, electrode);
-        match self.wrinkles {
-            false => AnyPotential::Flat(flat),
-            true => AnyPotential::TensionField(TensionField::new(flat)),
+        let potential = |share: f64| {
+            let dielectric = match &self.decay {
+                None => Decaying::ideal(prestretch, share * kappa),
+                Some(decay) => Decaying::new(decay, prestretch, share * kappa),
+            };
+            Compound::new(prestretch, elasticity, dielectric, electrode)
+        };
+        if self.wrinkles {
+            run(work, &|share| {
+                AnyMaterial::new(Isotropic::new(TensionField::new(potential(share))))
+            })
+        } else {
+            run(work, &|share| AnyMaterial::new(Isotropic::new(potential(share))))
         }
     }
 

@@ -30,7 +30,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::effect::{Effect, switch};
-use crate::energy::{Compound, Invariants, MarginTerms, Potential, Rest, Slopes, slopes_out_of_line};
+use crate::energy::{Invariants, MarginTerms, Potential, Rest, Slopes, slopes_out_of_line};
 use crate::lanes::Value;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, On, Scene};
@@ -54,8 +54,8 @@ const FIXED_POINT_STEPS: u32 = 60;
 
 /// A potential without compression.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TensionField {
-    flat: Compound,
+pub struct TensionField<P> {
+    flat: P,
 }
 
 /// Principal stretches and the derivatives of the flat potential.
@@ -79,19 +79,12 @@ struct Strip<V> {
     at: Invariants<V>,
 }
 
-impl TensionField {
+impl<P: Potential> TensionField<P> {
     /// Relaxes a potential.
     #[must_use]
-    pub fn new(flat: Compound) -> Self {
+    pub fn new(flat: P) -> Self {
         Self { flat }
     }
-
-    /// The potential of membrane that does not wrinkle.
-    #[must_use]
-    pub fn flat(&self) -> &Compound {
-        &self.flat
-    }
-
     #[inline(always)]
     fn principal<V: Value>(&self, at: &Invariants<V>, active: V) -> Principal<V> {
         let slopes = slopes_out_of_line(&self.flat, at, active);
@@ -233,13 +226,13 @@ impl TensionField {
     }
 }
 
-struct StripAt<'a, V> {
-    field: &'a TensionField,
+struct StripAt<'a, P, V> {
+    field: &'a TensionField<P>,
     first: V,
     active: V,
 }
 
-impl<V: Value> WithSimd for StripAt<'_, V> {
+impl<P: Potential, V: Value> WithSimd for StripAt<'_, P, V> {
     type Output = Strip<V>;
 
     #[inline(always)]
@@ -248,14 +241,9 @@ impl<V: Value> WithSimd for StripAt<'_, V> {
     }
 }
 
-impl Potential for TensionField {
-    fn has_several_branches(&self) -> bool {
-        self.flat.has_several_branches()
-    }
-
-    fn wrinkles(&self) -> bool {
-        true
-    }
+impl<P: Potential> Potential for TensionField<P> {
+    const SEVERAL_BRANCHES: bool = P::SEVERAL_BRANCHES;
+    const WRINKLES: bool = true;
 
     #[inline(always)]
     fn energy<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
@@ -290,6 +278,15 @@ impl Potential for TensionField {
     #[inline(always)]
     fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
         self.flat.admissible(at)
+    }
+
+    #[inline(always)]
+    fn natural_width<V: Value>(&self, first: V, active: V) -> [V; 2] {
+        self.flat.natural_width(first, active)
+    }
+
+    fn width_steps(&self) -> u32 {
+        self.flat.width_steps()
     }
 
     fn load(&self) -> f64 {

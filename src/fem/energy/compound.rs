@@ -1,14 +1,14 @@
 //! The potential of an elastomer that is a dielectric, with electrodes.
 
-use super::elasticity::Elastic;
+use super::elasticity::Elasticity;
 use super::potential::{Invariants, Potential, Rest, Slopes};
 use crate::effects::{Decaying, Stiff};
 use crate::lanes::Value;
 
 /// Elastomer, dielectric and electrodes at a prestretch.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Compound {
-    elasticity: Elastic,
+pub struct Compound<M> {
+    elasticity: M,
     dielectric: Decaying,
     electrode: Stiff,
     /// a = λp⁻⁶.
@@ -18,10 +18,10 @@ pub struct Compound {
 /// Largest number of Newton steps to a natural width without closed form; three or four are usual.
 const WIDTH_STEPS: u32 = 40;
 
-impl Compound {
+impl<M: Elasticity> Compound<M> {
     /// Creates the potential at prestretch λp.
     #[must_use]
-    pub fn new(prestretch: f64, elasticity: Elastic, dielectric: Decaying, electrode: Stiff) -> Self {
+    pub fn new(prestretch: f64, elasticity: M, dielectric: Decaying, electrode: Stiff) -> Self {
         Self {
             elasticity,
             dielectric,
@@ -29,47 +29,10 @@ impl Compound {
             thickness: prestretch.powi(-6),
         }
     }
-
-    /// Returns a lower bound and an estimate of the squared natural width: l₂² at which a strip of squared stretch l₁²
-    /// has no stress across.
-    ///
-    /// They solve (m + χ)l₂ − (ma + χ)l₁⁻²l₂⁻³ = b l₁²l₂ with the moduli and the load at rest, which is exact where
-    /// these are constant. Without electrodes and voltage it is uniaxial tension, l₂⁴ = a/l₁², for any elastic law;
-    /// electrodes and voltage increase the width.
-    #[inline(always)]
-    pub fn natural_width<V: Value>(&self, first: V, active: V) -> [V; 2] {
-        let number = |value: f64| active.constant(value);
-        let coating = number(self.electrode.ratio) * active;
-        let modulus = number(self.elasticity.rest().i);
-        let resistance = number(self.thickness).madd(modulus, coating);
-        let stiffness = modulus + coating - number(self.dielectric.load()) * active * first;
-        // A stiffening modulus is larger than at rest.
-        let least = number(if self.width_steps() == 0 {
-            SMALLEST_STIFFNESS
-        } else {
-            0.1
-        });
-        let inverse = first.recip();
-        let uniaxial = (number(self.thickness) * inverse).sqrt();
-        [uniaxial, (resistance * (inverse * stiffness.max(least).recip())).sqrt()]
-    }
-
-    /// Returns the largest number of Newton steps from the estimate to the natural width; 0 where the estimate is
-    /// exact.
-    #[must_use]
-    pub fn width_steps(&self) -> u32 {
-        if self.elasticity.stiffens() || !self.dielectric.is_ideal() {
-            WIDTH_STEPS
-        } else {
-            0
-        }
-    }
 }
 
-impl Potential for Compound {
-    fn has_several_branches(&self) -> bool {
-        self.elasticity.stiffens()
-    }
+impl<M: Elasticity> Potential for Compound<M> {
+    const SEVERAL_BRANCHES: bool = M::STIFFENS;
 
     #[inline(always)]
     fn energy<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
@@ -91,6 +54,35 @@ impl Potential for Compound {
     #[inline(always)]
     fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
         self.elasticity.admissible(at)
+    }
+
+    // They solve (m + χ)l₂ − (ma + χ)l₁⁻²l₂⁻³ = b l₁²l₂ with the moduli and the load at rest, which is exact where
+    // these are constant. Without electrodes and voltage it is uniaxial tension, l₂⁴ = a/l₁², for any elastic law;
+    // electrodes and voltage increase the width.
+    #[inline(always)]
+    fn natural_width<V: Value>(&self, first: V, active: V) -> [V; 2] {
+        let number = |value: f64| active.constant(value);
+        let coating = number(self.electrode.ratio) * active;
+        let modulus = number(self.elasticity.rest().i);
+        let resistance = number(self.thickness).madd(modulus, coating);
+        let stiffness = modulus + coating - number(self.dielectric.load()) * active * first;
+        // A stiffening modulus is larger than at rest.
+        let least = number(if self.width_steps() == 0 {
+            SMALLEST_STIFFNESS
+        } else {
+            0.1
+        });
+        let inverse = first.recip();
+        let uniaxial = (number(self.thickness) * inverse).sqrt();
+        [uniaxial, (resistance * (inverse * stiffness.max(least).recip())).sqrt()]
+    }
+
+    fn width_steps(&self) -> u32 {
+        if M::STIFFENS || !self.dielectric.is_ideal() {
+            WIDTH_STEPS
+        } else {
+            0
+        }
     }
 
     fn load(&self) -> f64 {

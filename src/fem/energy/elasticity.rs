@@ -8,6 +8,24 @@ use crate::error::SetupError;
 use crate::lanes::Value;
 use deaflow_scene::laws::Form;
 
+/// An elastic energy per prestretched area, in units of μH.
+pub trait Elasticity: Sync + Copy + 'static {
+    /// Whether it stiffens, so that a membrane can be stable again after a snap.
+    const STIFFENS: bool;
+
+    /// Returns φ.
+    fn energy<V: Value>(&self, at: &Invariants<V>) -> V;
+    /// Returns the derivatives of φ.
+    fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V>;
+    /// Returns the derivatives at rest.
+    fn rest(&self) -> Rest;
+    /// Returns a number that is positive where φ is finite.
+    #[inline(always)]
+    fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
+        at.area
+    }
+}
+
 /// ½(i + a j⁻² − 3/λp²): the elastic part of [`super::NeoHookean`], to be combined with effects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NeoHookeanEnergy {
@@ -23,6 +41,10 @@ impl NeoHookeanEnergy {
             thickness: prestretch.powi(-6),
         }
     }
+}
+
+impl Elasticity for NeoHookeanEnergy {
+    const STIFFENS: bool = false;
 
     #[inline(always)]
     fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
@@ -56,16 +78,14 @@ pub fn cube_minus_one<V: Value>(at: &Invariants<V>) -> V {
     at.dilation * at.area.madd(at.area + one, one)
 }
 
-/// An elastic energy of any form. A single type, so that kernels are compiled once; the branch is the same at all
-/// points.
+/// An elastic energy with stiffening, of any form. A single type, so that kernels are compiled once; the branch is the
+/// same at all points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(
     clippy::large_enum_variant,
     reason = "created once per load step and read at every point, so no indirection"
 )]
-pub enum Elastic {
-    /// Without stiffening.
-    NeoHookean(NeoHookeanEnergy),
+pub enum Stiffened {
     /// Gent, Yeoh, Arruda–Boyce.
     FirstInvariant(FirstInvariant),
     /// With a term in the second invariant.
@@ -74,7 +94,7 @@ pub enum Elastic {
     Stretches(Ogden),
 }
 
-impl Elastic {
+impl Stiffened {
     /// Creates the energy of a form at prestretch λp.
     ///
     /// # Errors
@@ -98,52 +118,42 @@ impl Elastic {
             }
         }
     }
+}
 
-    /// Returns whether it stiffens, so that a membrane can be stable again after a snap.
-    #[must_use]
-    pub fn stiffens(&self) -> bool {
-        !matches!(self, Self::NeoHookean(_))
-    }
+impl Elasticity for Stiffened {
+    const STIFFENS: bool = true;
 
-    /// Returns φ.
     #[inline(always)]
-    pub fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
+    fn energy<V: Value>(&self, at: &Invariants<V>) -> V {
         match self {
-            Self::NeoHookean(energy) => energy.energy(at),
             Self::FirstInvariant(energy) => energy.energy(at),
             Self::BothInvariants(first, second) => first.energy(at) + second.energy(at),
             Self::Stretches(energy) => energy.energy(at),
         }
     }
 
-    /// Returns the derivatives of φ.
     #[inline(always)]
-    pub fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
+    fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
         match self {
-            Self::NeoHookean(energy) => energy.slopes(at),
             Self::FirstInvariant(energy) => energy.slopes(at),
             Self::BothInvariants(first, second) => first.slopes(at) + second.slopes(at),
             Self::Stretches(energy) => energy.slopes(at),
         }
     }
 
-    /// Returns the derivatives at rest.
-    #[must_use]
-    pub fn rest(&self) -> Rest {
+    fn rest(&self) -> Rest {
         match self {
-            Self::NeoHookean(energy) => energy.rest(),
             Self::FirstInvariant(energy) => energy.rest(),
             Self::BothInvariants(first, second) => first.rest() + second.rest(),
             Self::Stretches(energy) => energy.rest(),
         }
     }
 
-    /// Returns a number that is positive where φ is finite.
     #[inline(always)]
-    pub fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
+    fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
         match self {
             Self::FirstInvariant(energy) | Self::BothInvariants(energy, _) => energy.admissible(at),
-            Self::NeoHookean(_) | Self::Stretches(_) => at.area,
+            Self::Stretches(_) => at.area,
         }
     }
 }

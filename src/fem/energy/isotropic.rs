@@ -1,6 +1,9 @@
 //! The material of an isotropic potential: stress, tangent and the margins of stability, in closed form.
 
-use super::potential::{Invariants, MarginTerms, Potential, Slopes};
+use super::potential::{
+    Invariants, MarginTerms, Potential, Slopes, energy_out_of_line, first_slopes_out_of_line, margin_terms_out_of_line,
+    slopes_out_of_line,
+};
 use super::{MODULI, Margins, MaterialPoint, Rest};
 use crate::kinematics::{Tensor, add_scaled, cofactor, conformal_split, contract, deformation};
 use crate::lanes::Value;
@@ -90,28 +93,19 @@ fn smallest_on_edge<V: Value>(a: V, b: V, c: V) -> V {
 }
 
 impl<P: Potential> MaterialPoint for Isotropic<P> {
+    const SEVERAL_BRANCHES: bool = P::SEVERAL_BRANCHES;
+    const WRINKLES: bool = P::WRINKLES;
     const STORES_MODULI: bool = true;
-
-    fn has_several_branches(&self) -> bool {
-        self.potential.has_several_branches()
-    }
-
-    fn wrinkles(&self) -> bool {
-        self.potential.wrinkles()
-    }
 
     #[inline(always)]
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-        self.potential
-            .energy_out_of_line(&Invariants::of(displacement(f)), active)
+        energy_out_of_line(&self.potential, &Invariants::of(displacement(f)), active)
     }
 
     #[inline(always)]
     fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V> {
         // 2φᵢ(I + ∇u) + φⱼ(I + cof ∇u), minus the self-stress.
-        let [pressure, i, j] = self
-            .potential
-            .first_slopes_out_of_line(&Invariants::of(gradient), active);
+        let [pressure, i, j] = first_slopes_out_of_line(&self.potential, &Invariants::of(gradient), active);
         let c = cofactor(gradient);
         [
             [
@@ -132,7 +126,7 @@ impl<P: Potential> MaterialPoint for Isotropic<P> {
 
     #[inline(always)]
     fn moduli<V: Value>(&self, gradient: Tensor<V>, active: V) -> [V; MODULI] {
-        let s = self.potential.slopes_out_of_line(&Invariants::of(gradient), active);
+        let s = slopes_out_of_line(&self.potential, &Invariants::of(gradient), active);
         [s.i, s.j, s.ii, s.ij, s.jj]
     }
 
@@ -157,9 +151,7 @@ impl<P: Potential> MaterialPoint for Isotropic<P> {
 
     #[inline(always)]
     fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> Margins<V> {
-        let terms = self
-            .potential
-            .margin_terms_out_of_line(&Invariants::of(displacement(f)), active);
+        let terms = margin_terms_out_of_line(&self.potential, &Invariants::of(displacement(f)), active);
         let q = Self::form(f, &terms.slopes);
         Margins {
             ellipticity: Self::ellipticity_of(&q, &terms),
@@ -193,7 +185,7 @@ fn displacement<V: Value>(f: Tensor<V>) -> Tensor<V> {
 mod tests {
     use super::*;
     use crate::effects::{Decaying, Stiff};
-    use crate::energy::{Compound, Elastic, NeoHookeanEnergy, Ogden};
+    use crate::energy::{Compound, NeoHookeanEnergy, Ogden, Stiffened};
     use deaflow_base::Decimal;
     use deaflow_linalg::{Mat, eigen};
     use deaflow_scene::laws::{ArrudaBoyce, Gent, StiffeningLaw};
@@ -202,18 +194,18 @@ mod tests {
         Decimal::from_f64(value).unwrap()
     }
 
-    fn stiffened(law: &dyn StiffeningLaw) -> Elastic {
-        Elastic::new(&law.form(1.0), 3.0).unwrap()
+    fn stiffened(law: &dyn StiffeningLaw) -> Stiffened {
+        Stiffened::new(&law.form(1.0), 3.0).unwrap()
     }
 
     /// Materials of three laws with electrodes.
-    fn materials(kappa: f64) -> [Isotropic<Compound>; 3] {
+    fn materials(kappa: f64) -> [Isotropic<Compound<Stiffened>>; 3] {
         let elastic = [
             stiffened(&Gent { jm: decimal(25.0) }),
             stiffened(&ArrudaBoyce {
                 locking_stretch: decimal(3.5),
             }),
-            Elastic::Stretches(Ogden::new(&[(1.0, 1.3), (0.01, 4.0), (-0.1, -2.0)], 3.0)),
+            Stiffened::Stretches(Ogden::new(&[(1.0, 1.3), (0.01, 4.0), (-0.1, -2.0)], 3.0)),
         ];
         elastic.map(|e| Isotropic::new(Compound::new(3.0, e, Decaying::ideal(3.0, kappa), Stiff { ratio: 0.1 })))
     }
@@ -285,7 +277,7 @@ mod tests {
             let base = super::super::NeoHookean::new(3.0, kappa);
             let compound = Compound::new(
                 3.0,
-                Elastic::NeoHookean(NeoHookeanEnergy::new(3.0)),
+                NeoHookeanEnergy::new(3.0),
                 Decaying::ideal(3.0, kappa),
                 Stiff { ratio: 0.0 },
             );

@@ -166,13 +166,11 @@ impl Add for Rest {
 }
 
 /// An isotropic energy per prestretched area, in units of μH.
-pub trait Potential: Sync + Sized + 'static {
-    /// Returns whether there can be several stable equilibria at one load.
-    fn has_several_branches(&self) -> bool;
-    /// Returns whether it bears no compression.
-    fn wrinkles(&self) -> bool {
-        false
-    }
+pub trait Potential: Sync + 'static {
+    /// Whether there can be several stable equilibria at one load.
+    const SEVERAL_BRANCHES: bool = false;
+    /// Whether it bears no compression.
+    const WRINKLES: bool = false;
 
     /// Returns φ.
     fn energy<V: Value>(&self, at: &Invariants<V>, active: V) -> V;
@@ -185,6 +183,12 @@ pub trait Potential: Sync + Sized + 'static {
     fn admissible<V: Value>(&self, at: &Invariants<V>) -> V {
         at.area
     }
+    /// Returns a lower bound and an estimate of the squared natural width: l₂² at which a strip of squared stretch l₁²
+    /// has no stress across.
+    fn natural_width<V: Value>(&self, first: V, active: V) -> [V; 2];
+    /// Returns the largest number of Newton steps from the estimate to the natural width; 0 where the estimate is
+    /// exact.
+    fn width_steps(&self) -> u32;
     /// Returns the stress due to the voltage in an undisplaced active cell.
     fn load(&self) -> f64;
     /// Returns the decrease of φⱼⱼ of an undisplaced active cell per unit of load.
@@ -193,27 +197,6 @@ pub trait Potential: Sync + Sized + 'static {
     #[inline(always)]
     fn margin_terms<V: Value>(&self, at: &Invariants<V>, active: V) -> MarginTerms<V> {
         MarginTerms::taut(self.slopes(at, active), active)
-    }
-
-    /// [`energy_out_of_line`]. An enum of potentials forwards this and the following functions to its variant.
-    #[inline(always)]
-    fn energy_out_of_line<V: Value>(&self, at: &Invariants<V>, active: V) -> V {
-        energy_out_of_line(self, at, active)
-    }
-    /// [`slopes_out_of_line`].
-    #[inline(always)]
-    fn slopes_out_of_line<V: Value>(&self, at: &Invariants<V>, active: V) -> Slopes<V> {
-        slopes_out_of_line(self, at, active)
-    }
-    /// [`first_slopes_out_of_line`].
-    #[inline(always)]
-    fn first_slopes_out_of_line<V: Value>(&self, at: &Invariants<V>, active: V) -> [V; 3] {
-        first_slopes_out_of_line(self, at, active)
-    }
-    /// [`margin_terms_out_of_line`].
-    #[inline(always)]
-    fn margin_terms_out_of_line<V: Value>(&self, at: &Invariants<V>, active: V) -> MarginTerms<V> {
-        margin_terms_out_of_line(self, at, active)
     }
 }
 

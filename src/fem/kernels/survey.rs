@@ -32,7 +32,6 @@ impl<E: Element<N>, L: MaterialPoint, T: Precision, const N: usize> WithSimd for
     fn with_simd<S: Simd>(self, simd: S) -> Margins<f64> {
         let mut ellipticity = Wide::<S, T>::splat(simd, f64::INFINITY);
         let (mut convexity, mut tension) = (ellipticity, ellipticity);
-        let wrinkles = self.material.wrinkles();
         for row in 0..self.layout.rows() {
             for first in (0..self.layout.columns()).step_by(T::lanes::<S>()) {
                 for (q, &gradient) in self.gradients(simd, first, row).iter().enumerate() {
@@ -52,7 +51,7 @@ impl<E: Element<N>, L: MaterialPoint, T: Precision, const N: usize> WithSimd for
                     }
                     ellipticity = ellipticity.min(margins.ellipticity);
                     convexity = convexity.min(margins.convexity);
-                    if wrinkles {
+                    if L::WRINKLES {
                         tension = tension.min(margins.tension);
                     }
                 }

@@ -166,9 +166,7 @@ impl Stiffening {
 }
 
 impl MaterialPoint for Stiffening {
-    fn has_several_branches(&self) -> bool {
-        true
-    }
+    const SEVERAL_BRANCHES: bool = true;
 
     fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
         let (j, half) = (determinant(f), active.constant(0.5));

@@ -1,23 +1,23 @@
 use super::*;
 use crate::effects::{Decaying, Stiff};
-use crate::energy::{Compound, Elastic, Isotropic, MaterialPoint, NeoHookeanEnergy};
+use crate::energy::{Compound, Elasticity, Isotropic, MaterialPoint, NeoHookeanEnergy, Stiffened};
 use deaflow_base::Decimal;
 use deaflow_scene::laws::{Gent, StiffeningLaw};
 
-fn field(prestretch: f64, kappa: f64, elasticity: Elastic) -> TensionField {
+fn field<M: Elasticity>(prestretch: f64, kappa: f64, elasticity: M) -> TensionField<Compound<M>> {
     let dielectric = Decaying::ideal(prestretch, kappa);
     TensionField::new(Compound::new(prestretch, elasticity, dielectric, Stiff { ratio: 0.0 }))
 }
 
-fn neo(prestretch: f64) -> Elastic {
-    Elastic::NeoHookean(NeoHookeanEnergy::new(prestretch))
+fn neo(prestretch: f64) -> NeoHookeanEnergy {
+    NeoHookeanEnergy::new(prestretch)
 }
 
-fn stiff(jm: f64, prestretch: f64) -> Elastic {
+fn stiff(jm: f64, prestretch: f64) -> Stiffened {
     let gent = Gent {
         jm: Decimal::from_f64(jm).unwrap(),
     };
-    Elastic::new(&gent.form(1.0), prestretch).unwrap()
+    Stiffened::new(&gent.form(1.0), prestretch).unwrap()
 }
 
 #[test]
