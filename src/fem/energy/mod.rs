@@ -53,10 +53,10 @@ pub struct Margins<V> {
 ///
 /// `active` is 1 where the membrane carries an electrode and 0 where it is bare.
 pub trait MaterialPoint: Sync + 'static {
-    /// Returns whether a pattern can have several stable equilibria at one load, e.g. after a snap of a stiffening
+    /// Whether a pattern can have several stable equilibria at one load, e.g. after a snap of a stiffening
     /// elastomer. The load steps are then chosen to stay on the branch from rest.
     const SEVERAL_BRANCHES: bool = false;
-    /// Returns whether the membrane bears no compression, so that it can lose its tension.
+    /// Whether the membrane bears no compression, so that it can lose its tension.
     const WRINKLES: bool = false;
     /// Whether storing [`MaterialPoint::moduli`] at all points saves time.
     const STORES_MODULI: bool = false;
