@@ -14,7 +14,7 @@ use std::sync::Arc;
 use deaflow_linalg::{Mat, inverse_definite, solve};
 
 use super::krylov::dot;
-use super::precondition::{ModalNodes, Rectangle, RectangleScratch};
+use super::rectangle::{ModalNodes, Rectangle, RectangleScratch};
 use super::supports::{Pose, RigidNodes, Supports};
 
 /// Largest number of nodes for which S⁻¹ is stored, which takes 10 MB and a second. Beyond it the solution on the

@@ -48,6 +48,7 @@ mod path;
 mod powers;
 mod precision;
 pub mod precondition;
+mod rectangle;
 pub mod registers;
 mod response;
 mod safety_margins;

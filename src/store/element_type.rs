@@ -1,8 +1,7 @@
 //! The element types of datasets.
 
+use deaflow_hdf::Elements as Data;
 use serde::{Deserialize, Serialize};
-
-use super::object::Data;
 
 /// The element types of datasets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]

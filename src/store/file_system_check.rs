@@ -5,7 +5,8 @@ use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
 use super::error::StoreError;
-use super::locking::{self, LockingChoice};
+use super::file_system::file_system;
+use super::locking::LockingChoice;
 use super::open::Store;
 use super::stamp::{file_system_time, machine_time};
 
@@ -64,7 +65,7 @@ impl Store {
             FileSystemCheck { name, result, found }
         };
         Ok(FileSystemReport {
-            file_system: locking::file_system(self.root()).0,
+            file_system: file_system(self.root()).0,
             choice: self.locking().clone(),
             checks: vec![
                 check("locks", locks(folder)),

@@ -28,7 +28,7 @@ use super::atomic;
 use super::delayed_names;
 use super::entries::{files_in, names_in};
 use super::error::StoreError;
-use super::locking;
+use super::file_system::file_system;
 use super::marker;
 use deaflow_base::{ActionKey, ArtifactId, folder_of, kind_of};
 
@@ -210,7 +210,7 @@ impl Layout {
     }
 
     fn expect_late_names(&self) {
-        if !locking::file_system(&self.root).1 {
+        if !file_system(&self.root).1 {
             delayed_names::expect();
         }
     }

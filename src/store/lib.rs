@@ -18,6 +18,7 @@ mod element_type;
 mod entries;
 mod error;
 mod fetch;
+mod file_system;
 mod file_system_check;
 mod file_system_time;
 mod fsck;

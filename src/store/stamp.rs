@@ -88,7 +88,7 @@ pub fn machine_time() -> Time {
 
 #[cfg(test)]
 mod tests {
-    use super::super::locking::file_system;
+    use super::super::file_system::file_system;
     use super::*;
 
     fn changed(changed: Time) -> Stamp {

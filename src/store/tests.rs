@@ -87,7 +87,7 @@ fn an_object_comes_back_as_it_was_put() {
 #[test]
 fn what_is_only_looked_at_leaves_no_trace_where_the_disk_is_this_machines() {
     let (folder, store) = store();
-    if !super::locking::file_system(folder.path()).1 {
+    if !super::file_system::file_system(folder.path()).1 {
         return;
     }
     let digest = put(&store, &chunk(0, 3));

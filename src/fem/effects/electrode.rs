@@ -6,7 +6,7 @@
 
 use super::effect::{Effect, Significance, switch};
 use super::strip::Strip;
-use crate::energy::{Invariants, Slopes, cube_minus_one};
+use crate::energy::{Invariants, Slopes};
 use crate::lanes::Value;
 use deaflow_base::two_digits;
 use deaflow_scene::effects::names;
@@ -43,7 +43,7 @@ impl Stiff {
         let cubic = stiffness * at.inverse * (at.inverse * at.inverse);
         Slopes {
             // χ(1 − j⁻³): the layer is free of stress at rest.
-            pressure: cubic * cube_minus_one(at),
+            pressure: cubic * at.cube_minus_one(),
             i: stiffness,
             ..Slopes::of_area(-cubic, at.area.constant(3.0) * at.inverse * cubic)
         }

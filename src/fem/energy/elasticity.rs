@@ -56,7 +56,7 @@ impl Elasticity for NeoHookeanEnergy {
     #[inline(always)]
     fn slopes<V: Value>(&self, at: &Invariants<V>) -> Slopes<V> {
         let cubic = at.area.constant(self.thickness) * at.inverse * (at.inverse * at.inverse);
-        let first = cubic * cube_minus_one(at);
+        let first = cubic * at.cube_minus_one();
         Slopes {
             i: at.area.constant(1.0),
             ..Slopes::of_area(first, at.area.constant(3.0) * at.inverse * cubic)
@@ -69,13 +69,6 @@ impl Elasticity for NeoHookeanEnergy {
             j: -self.thickness,
         }
     }
-}
-
-/// Returns j³ − 1 without cancellation.
-#[inline(always)]
-pub fn cube_minus_one<V: Value>(at: &Invariants<V>) -> V {
-    let one = at.area.constant(1.0);
-    at.dilation * at.area.madd(at.area + one, one)
 }
 
 /// An elastic energy with stiffening, of any form. A single type, so that kernels are compiled once; the branch is the

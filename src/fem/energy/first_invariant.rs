@@ -13,7 +13,6 @@
 //! 2φᵢ = m,  φⱼ = ½m q_j,  4φᵢᵢ = 2m_q,  2φᵢⱼ = m_q q_j,  φⱼⱼ = ½m_q q_j² + ½m q_jj
 //! ```
 
-use super::elasticity::cube_minus_one;
 use super::potential::{Invariants, Rest, Slopes};
 use crate::lanes::Value;
 use crate::powers::logarithm_of_one_plus;
@@ -102,7 +101,7 @@ impl FirstInvariant {
         let cube = at.inverse * (at.inverse * at.inverse);
         let cubic = number(self.thickness) * cube;
         // −a(m j⁻³ − m°)
-        let first = cubic * (number(self.modulus).madd(cube_minus_one(at), -change));
+        let first = cubic * (number(self.modulus).madd(at.cube_minus_one(), -change));
         let falling = number(-2.0) * cubic;
         let cross = slope * falling;
         Slopes {

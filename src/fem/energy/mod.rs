@@ -16,7 +16,7 @@ mod potential;
 mod second_invariant;
 
 pub use compound::Compound;
-pub use elasticity::{Elasticity, NeoHookeanEnergy, Stiffened, cube_minus_one};
+pub use elasticity::{Elasticity, NeoHookeanEnergy, Stiffened};
 pub use first_invariant::FirstInvariant;
 pub use isotropic::{Isotropic, tangent_from};
 pub use neo_hookean::NeoHookean;

@@ -65,6 +65,13 @@ impl<V: Value> Invariants<V> {
         self.dilation.constant(2.0).madd(self.dilation, self.shear)
     }
 
+    /// Returns j³ − 1 without cancellation.
+    #[inline(always)]
+    pub fn cube_minus_one(&self) -> V {
+        let one = self.area.constant(1.0);
+        self.dilation * self.area.madd(self.area + one, one)
+    }
+
     /// Returns l₁² − l₂².
     #[inline(always)]
     pub fn split(&self) -> V {

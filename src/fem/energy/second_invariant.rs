@@ -8,7 +8,6 @@
 //! φᵢ = q j⁻²,  φⱼ = 2pj − 2q i j⁻³,  φᵢⱼ = −2q j⁻³,  φⱼⱼ = 2p + 6q i j⁻⁴
 //! ```
 
-use super::elasticity::cube_minus_one;
 use super::potential::{Invariants, Rest, Slopes};
 use crate::lanes::Value;
 
@@ -53,7 +52,7 @@ impl SecondInvariant {
         let (plane, twice) = (number(2.0 * self.plane), number(2.0 * self.thickness));
         let growth = at.growth();
         // −2q(i j⁻³ − 2), where i j⁻³ − 2 = (i − 2 − 2(j³ − 1))j⁻³.
-        let relieved = cube_minus_one(at);
+        let relieved = at.cube_minus_one();
         let thinning = twice * cube * (relieved + relieved - growth);
         let first = plane.madd(at.dilation, thinning);
         let thinner = twice * square * at.dilation * (at.area + number(1.0));

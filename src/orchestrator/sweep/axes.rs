@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::rc::Rc;
 
 use super::settings::{AxisValue, Setting, Settings, text_of};
-use super::substitute::axes_in;
+use super::template::axes_in;
 use deaflow_base::{InputError, Node, NodeValue, is_plain_name};
 
 /// The key of the axes.

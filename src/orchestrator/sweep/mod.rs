@@ -15,10 +15,11 @@ mod expansion;
 mod matching;
 mod settings;
 mod substitute;
+mod template;
 
 pub use axes::FOREACH;
 pub use expansion::{GATHER, SCENE, unroll};
-pub use substitute::axes_in;
+pub use template::axes_in;
 
 use serde_json::{Value, json};
 

@@ -2,44 +2,12 @@
 
 use super::axes::{FOREACH, combinations, declared, unused};
 use super::settings::{Setting, joined, value_of};
+use super::template::{OPEN, axes_in};
 use crate::entry::suggestion;
 use deaflow_base::{InputError, Node, NodeValue};
 
-/// What stands for a value, up to the name of the axis.
-const OPEN: &str = "${";
-
 /// Items that a list may be expanded to.
 const MOST_ITEMS: usize = 10_000;
-
-/// Names of the axes that a node asks for, in order, each once.
-pub fn axes_in(node: &Node) -> Vec<String> {
-    let mut names = Vec::new();
-    visit(node, &mut |text| {
-        for (at, _) in text.match_indices(OPEN).filter(|(at, _)| !text[..*at].ends_with('$')) {
-            let name = text[at + OPEN.len()..].split('}').next().unwrap_or_default();
-            if !names.iter().any(|known| known == name) {
-                names.push(name.to_owned());
-            }
-        }
-    });
-    names
-}
-
-/// Whether a text in a node asks for an axis, or says that it does not.
-pub fn is_template(node: &Node) -> bool {
-    let mut found = false;
-    visit(node, &mut |_| found = true);
-    found
-}
-
-fn visit(node: &Node, each: &mut dyn FnMut(&str)) {
-    match node.value() {
-        NodeValue::Text(text) if text.contains(OPEN) => each(text),
-        NodeValue::List(items) => items.iter().for_each(|item| visit(item, each)),
-        NodeValue::Map(entries) => entries.iter().for_each(|(_, value)| visit(value, each)),
-        _ => {}
-    }
-}
 
 /// Puts values in place of axes, as long as what comes out together is of a size that a person means.
 pub struct Substitution {
