@@ -142,8 +142,9 @@ impl Schema {
     #[must_use]
     pub fn description(mut self, meaning: &str) -> Self {
         let text = match self.0.get("description").and_then(Value::as_str) {
-            Some(allowed) => format!("{meaning} {allowed}"),
-            None => meaning.to_owned(),
+            Some(allowed) if allowed.starts_with(meaning) => allowed.to_owned(),
+            Some(allowed) if !meaning.starts_with(allowed.trim_end_matches('.')) => format!("{meaning} {allowed}"),
+            _ => meaning.to_owned(),
         };
         self.0.insert("description".to_owned(), Value::String(text));
         self

@@ -39,7 +39,8 @@ pub struct ClusterArguments {
     /// Resources of workers: a YAML file
     #[arg(long, value_name = "FILE", help_heading = "Clusters")]
     pub profile: Option<PathBuf>,
-    /// The command that starts workers of `--executor command`, with {n} and {worker} for their number and command line
+    /// The command that starts workers of `--executor command`: {worker} stands for the command line of a worker, and
+    /// `n` in braces for their number
     #[arg(long, value_name = "COMMAND", help_heading = "Clusters")]
     pub submit: Option<String>,
     /// Submit and return; `deaflow attach` shows the progress

@@ -14,7 +14,7 @@ pub struct PointArguments {
     /// Also report the displacement of this point, measured from the lower left corner, as in "25 mm, 25 mm"
     #[arg(long = "point", value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
     point: Option<Coordinates>,
-    /// Report the component along this direction, counter-clockwise from the x axis, as in "90 deg"
+    /// Report the component along this direction, counterclockwise from the x axis, as in "90 deg"
     #[arg(long, value_name = "ANGLE", value_parser = direction, requires = "point", allow_hyphen_values = true)]
     direction: Option<Quantity>,
 }

@@ -179,14 +179,11 @@ fn remove(configuration: &Configuration, name: &str, output: &Output) -> Result<
     if !configuration.remove(name)? {
         let names = configuration.names()?;
         return Err(
-            CliError::bad_input(format!("there is no remote `{name}`")).help(format!(
-                "there are: {}",
-                if names.is_empty() {
-                    "none".to_owned()
-                } else {
-                    names.join(", ")
-                }
-            )),
+            CliError::bad_input(format!("there is no remote `{name}`")).help(if names.is_empty() {
+                "no remotes are configured".to_owned()
+            } else {
+                format!("there are: {}", names.join(", "))
+            }),
         );
     }
     output.result(

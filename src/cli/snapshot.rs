@@ -147,7 +147,11 @@ impl<'a> SnapshotReader<'a> {
             format!(" of {pipeline}")
         };
         Err(CliError::bad_input(format!(
-            "there is no run @{position}{of}: {seen} runs are recorded in {}",
+            "there is no run @{position}{of}: {} recorded in {}",
+            match seen {
+                1 => "1 run is".to_owned(),
+                _ => format!("{seen} runs are"),
+            },
             self.store.root().display()
         ))
         .help("list them with `deaflow log`"))

@@ -22,7 +22,7 @@ pub fn add_results(text: &mut Text, pipeline: &str, outcome: &RunOutcome, (found
         text.toned(tone, line.text.as_str());
     }
     if more > 0 {
-        text.line(format!("and {} more", table::counted(more as u64, "results")));
+        text.line(format!("and {}", table::counted(more as u64, "more results")));
     }
 }
 

@@ -64,10 +64,10 @@ pub struct WorkerArguments {
     /// Refuse processors below this level, so that all workers produce identical bits: any, or x86-64-v3
     #[arg(long, value_name = "LEVEL", value_parser = level)]
     cpu: Option<CpuLevel>,
-    /// The array in which `deaflow run --executor` has started this worker
+    /// The job array of this worker, as `deaflow run --executor` names it
     #[arg(long, value_name = "NAME", requires = "topic")]
     array: Option<String>,
-    /// The board on which this worker reports to `deaflow run --executor`
+    /// The folder for messages of this worker to `deaflow run --executor`
     #[arg(long, value_name = "NAME", requires = "array")]
     topic: Option<String>,
     /// Stop this long before the end of the job
@@ -338,7 +338,7 @@ fn range(text: &str) -> Result<(usize, usize), String> {
     let parts = text.split_once('-').unwrap_or((text, text));
     match (parts.0.trim().parse(), parts.1.trim().parse()) {
         (Ok(first), Ok(last)) if first <= last => Ok((first, last)),
-        _ => Err("expected FIRST-LAST, such as 17-48, or one number".to_owned()),
+        _ => Err("expected FIRST-LAST with FIRST ≤ LAST, such as 17-48, or one number".to_owned()),
     }
 }
 

@@ -38,7 +38,7 @@ arrays! {
         supplied: Packed<f64> = array("supplied", "J", [sample, time]),
         /// Displacement of the centroid of each rigid body.
         body_translation: Option<Packed<PerBody<[f64; 2]>>> = array("body_translation", "mm", [sample, time, body, xy]),
-        /// Rotation of each rigid body, from -180 to 180, counter-clockwise.
+        /// Rotation of each rigid body, from -180 to 180, counterclockwise.
         body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, time, body]),
         /// How the simulation ended: `converged`; `pull-in`, `not-elliptic` or `slack` at the start; `delayed-pull-in`
         /// or `delayed-slack` later; `iteration-limit` or `work-limit`.

@@ -23,7 +23,7 @@ arrays! {
         critical_voltage: Option<Vec<[f64; 2]>> = array("critical_voltage", "V", [sample, bound]),
         /// Displacement of the centroid of each rigid body; NaN without a stable solution.
         body_translation: Option<Packed<PerBody<[f64; 2]>>> = array("body_translation", "mm", [sample, body, xy]),
-        /// Rotation of each rigid body, from -180 to 180, counter-clockwise; NaN without a stable solution.
+        /// Rotation of each rigid body, from -180 to 180, counterclockwise; NaN without a stable solution.
         body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, body]),
         /// If the drive is a charge, the charge of the solution or of the last stable state; 0 without an electrode,
         /// NaN without a stable state.

@@ -73,7 +73,7 @@ arrays! {
         charge: Packed<f64> = array("charge", "C", [sample, time]),
         /// Displacement of the centroid of each rigid body.
         body_translation: Option<Packed<PerBody<[f64; 2]>>> = array("body_translation", "mm", [sample, time, body, xy]),
-        /// Rotation of each rigid body, from -180 to 180, counter-clockwise.
+        /// Rotation of each rigid body, from -180 to 180, counterclockwise.
         body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, time, body]),
         /// Estimated largest error of the displacement due to time steps.
         error_in_time: Vec<f64> = array("error_in_time", "mm", [sample]),

@@ -74,7 +74,7 @@ pub enum EvolveError {
     #[error(transparent)]
     Stopped(#[from] Stopped),
     /// No pattern is feasible.
-    #[error("no pattern of the first generation satisfies the margins")]
+    #[error("no pattern of the first generation satisfies the margins (`pull_in_margin`, `breakdown_margin`)")]
     NotFeasible,
 }
 

@@ -62,7 +62,7 @@ impl Pose {
         turn: [1.0, 0.0],
     };
 
-    /// Returns θ in radians, −π to π, counter-clockwise.
+    /// Returns θ in radians, −π to π, counterclockwise.
     #[must_use]
     pub fn angle(&self) -> f64 {
         self.turn[1].atan2(self.turn[0])

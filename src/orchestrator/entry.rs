@@ -152,7 +152,8 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
         (least, most) => format!("{least} to {most}"),
     };
     let message = format!(
-        "stage `{name}` needs {expected} of kind {}, found {count}",
+        "stage `{name}` needs {expected} {} of kind {}, found {count}",
+        if expected == "1" { "stage" } else { "stages" },
         needs.kinds.join(" or ")
     );
     let node = entry.node.peek("needs").unwrap_or(entry.key);

@@ -36,7 +36,7 @@ pub enum PartsError {
         body: usize,
     },
     /// A body that touches the frame.
-    #[error("body {body} touches the frame at the corner of cells [{x}, {y}]")]
+    #[error("body {body} touches the frame at the cell corner [{x}, {y}]")]
     BodyAtFrame {
         /// Its number from 0.
         body: usize,
@@ -46,7 +46,7 @@ pub enum PartsError {
         y: usize,
     },
     /// Two bodies that touch.
-    #[error("bodies {} and {} touch at the corner of cells [{x}, {y}]", .bodies[0], .bodies[1])]
+    #[error("bodies {} and {} touch at the cell corner [{x}, {y}]", .bodies[0], .bodies[1])]
     BodiesTouch {
         /// Their numbers from 0.
         bodies: [usize; 2],

@@ -231,7 +231,7 @@ fn with_nominal_voltage(drive: &Node, geometry: &Geometry, material: &Material) 
     if let Some(node) = given("charge") {
         if let Some(other) = voltage.or_else(|| given("waveform")).or_else(|| given("source")) {
             return Err(other
-                .error("the drive has both a charge and a voltage")
+                .error("the drive has a charge, so it cannot have this key")
                 .help("remove `voltage`, `waveform` and `source`, or `charge`"));
         }
         let charge = Charge::read_with(node, &[])?.in_coulombs();

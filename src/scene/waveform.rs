@@ -108,10 +108,10 @@ impl Table {
     /// Creates a table from rows and their names, which error messages begin with.
     fn of_rows(rows: Vec<([Decimal; 2], String)>) -> Result<Self, String> {
         if rows.len() < 2 {
-            return Err(format!("has {} rows; at least two are needed", rows.len()));
+            return Err(format!("{} rows; at least two are needed", rows.len()));
         }
         if rows.len() > MOST_ROWS {
-            return Err(format!("has {} rows; at most {MOST_ROWS} are allowed", rows.len()));
+            return Err(format!("{} rows; at most {MOST_ROWS} are allowed", rows.len()));
         }
         let mut before = 0.0;
         for ([time, voltage], name) in &rows {

@@ -66,7 +66,7 @@ pub enum StoreError {
         wanted: &'static str,
     },
     /// The path is not a folder, or a folder with other files.
-    #[error("{path} is not an artifact store: name an empty or a new folder with --store", path = path.display())]
+    #[error("{path} is not an artifact store: name an empty or a new folder", path = path.display())]
     NotAStore {
         /// The folder.
         path: PathBuf,

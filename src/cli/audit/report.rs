@@ -134,12 +134,11 @@ impl AuditReport {
         let mut lines = vec![self.labels_line(), self.resimulated_line()];
         let spread = &summary.displacement;
         lines.push(format!(
-            "{} patterns that differ under the symmetries, {} repeats; largest displacement up to {:.3} mm; {} gaps in \
-             the {} bins of the histogram",
-            summary.orbits,
-            summary.repeats,
+            "{} without symmetric images, {}; largest displacement up to {:.3} mm; {} in the {} bins of the histogram",
+            table::counted(summary.orbits as u64, "patterns"),
+            table::counted(summary.repeats as u64, "repeats"),
             spread.edges.last().copied().unwrap_or(0.0),
-            spread.gaps,
+            table::counted(spread.gaps as u64, "gaps"),
             spread.counts.len()
         ));
         if !summary.splits.is_empty() {

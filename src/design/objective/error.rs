@@ -22,7 +22,7 @@ pub enum GoalError {
     #[error("a point cannot rotate; a rotation needs a rigid body")]
     PointTurns,
     /// There is no such body.
-    #[error("there is no body {found}: the scene has {count}, numbered from 0")]
+    #[error("there is no body {found}; number of bodies in the scene: {count}, numbered from 0")]
     Body {
         /// The number.
         found: usize,

@@ -1,17 +1,17 @@
 //! Objectives of designs: their declaration in YAML, and their evaluation on displacement fields.
 
 mod aim;
+mod definition;
 mod error;
 mod field_file;
 mod goal;
 mod measure;
-mod objective;
 mod points;
 mod rough;
 
 pub use aim::{Aim, BodyMarkers, Motion, PlacedAim, Subject};
+pub use definition::{Objective, ResponseKind};
 pub use error::GoalError;
 pub use goal::{AREA_PENALTY, Goal};
 pub use measure::{Displacement, Distance, MEASURES, Measure, Qin2024};
-pub use objective::{Objective, ResponseKind};
 pub use rough::RoughScore;

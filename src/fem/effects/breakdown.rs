@@ -86,13 +86,13 @@ impl Effect for DielectricBreakdown {
             (_, Some(_)) => open(
                 Verdict::Unknown,
                 format!(
-                    "the field of `{pattern}` is unknown: the pattern is unstable; {field:.2} at rest, more during \
-                     pull-in"
+                    "the field of `{pattern}` is unknown: the pattern is unstable; at rest E/E_B is {field:.2}, \
+                     during pull-in it is larger"
                 ),
             ),
             (_, None) => open(
                 Verdict::WorkLimit,
-                format!("the field of `{pattern}` is unknown: the work limit was reached; {field:.2} at rest"),
+                format!("the field of `{pattern}` is unknown: the work limit was reached; at rest E/E_B is {field:.2}"),
             ),
         }
     }

@@ -158,7 +158,7 @@ fn zipped(axes: &[(&Node, &Node)], place: &Node) -> Result<Group, InputError> {
         }
     }
     if steps.is_empty() {
-        return Err(first.error("an axis has at least one value"));
+        return Err(first.error("an axis needs at least one value"));
     }
     name_by(&mut steps, axes)?;
     Ok(Group {

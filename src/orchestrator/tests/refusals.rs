@@ -66,7 +66,7 @@ fn each_mistake_is_named_underlined_and_set_right() {
         ),
         (
             format!("{one}  b: {{ kind: sum }}\n"),
-            "stage `b` needs 1 to 2 of kind count or divide or sum, found 0",
+            "stage `b` needs 1 to 2 stages of kind count or divide or sum, found 0",
             "b",
             "a",
         ),
