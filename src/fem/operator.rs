@@ -226,7 +226,7 @@ impl<L: Material> Operator<'_, L> {
     }
 }
 
-/// Returns c⁻¹ along xx, xy and yy, and j², at all quadrature points, in lines as [`memory::line`].
+/// Returns c⁻¹ along xx, xy and yy, and j², at all quadrature points, in lines as `memory::line` orders them.
 #[must_use]
 pub fn metrics(activity: &Activity, u: &[f64]) -> Vec<f64> {
     let mut values = Vec::new();
