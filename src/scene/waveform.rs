@@ -382,8 +382,8 @@ mod tests {
     fn errors_in_tables_name_the_line() {
         for (text, said) in [
             ("t_s,voltage_V\n0,0\n2,5\n1,5\n", "line 4: the time 1 s follows 2 s"),
-            ("t_s,voltage_V\n0,5\n", "has 1 row"),
-            ("t_s,voltage_V\n", "has 0 row"),
+            ("t_s,voltage_V\n0,5\n", "1 rows; at least two"),
+            ("t_s,voltage_V\n", "0 rows; at least two"),
             (
                 "t,v\n0,0\n1,1\n",
                 "line 1: the columns must be t_s,voltage_V, found t,v",
