@@ -5,8 +5,8 @@
 //!
 //! # Layers
 //!
-//! Each line is a crate, and the crates that it may import; a test reads their manifests and fails on any other dependency.
-//! Every crate may import `base`.
+//! Each line is a crate, and the crates that it may import; a test reads their manifests and fails on any other
+//! dependency. Every crate may import `base`.
 //!
 //! ```text
 //! cli          → every domain crate, stage, content, executor, orchestrator, remote, store, report, serve, hdf

@@ -27,8 +27,8 @@ pub fn neglected_effects(pipeline: &Pipeline, stages: &[&str], store: &Store) ->
     }
     if screened_scenes < scenes.len() {
         warnings.push(format!(
-            "only the first {screened_scenes} of {} scenes were screened for neglected effects; use `deaflow screen` for \
-             others",
+            "only the first {screened_scenes} of {} scenes were screened for neglected effects; use `deaflow screen` \
+             for others",
             scenes.len()
         ));
     }

@@ -108,10 +108,10 @@ impl Table {
     /// Creates a table from rows and their names, which error messages begin with.
     fn of_rows(rows: Vec<([Decimal; 2], String)>) -> Result<Self, String> {
         if rows.len() < 2 {
-            return Err(format!("{} rows; at least two are needed", rows.len()));
+            return Err(format!("at least two rows are needed, found {}", rows.len()));
         }
         if rows.len() > MOST_ROWS {
-            return Err(format!("{} rows; at most {MOST_ROWS} are allowed", rows.len()));
+            return Err(format!("at most {MOST_ROWS} rows are allowed, found {}", rows.len()));
         }
         let mut before = 0.0;
         for ([time, voltage], name) in &rows {
@@ -382,8 +382,8 @@ mod tests {
     fn errors_in_tables_name_the_line() {
         for (text, said) in [
             ("t_s,voltage_V\n0,0\n2,5\n1,5\n", "line 4: the time 1 s follows 2 s"),
-            ("t_s,voltage_V\n0,5\n", "1 rows; at least two"),
-            ("t_s,voltage_V\n", "0 rows; at least two"),
+            ("t_s,voltage_V\n0,5\n", "at least two rows are needed, found 1"),
+            ("t_s,voltage_V\n", "at least two rows are needed, found 0"),
             (
                 "t,v\n0,0\n1,1\n",
                 "line 1: the columns must be t_s,voltage_V, found t,v",

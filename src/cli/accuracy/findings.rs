@@ -172,7 +172,8 @@ impl<'a> Findings<'a> {
         format!(
             "patterns: {}\nreference: {}, error at most {} mm\nmax and bound: displacement errors at the corners, in \
              the worst family; {meaning}\ndisagree: number of patterns on whose stability method and reference \
-             disagree; such a method is not recommended\nfront: * if no other method is both faster and more accurate (RMS)\n",
+             disagree; such a method is not recommended\nfront: * if no other method is both faster and more \
+             accurate (RMS)\n",
             families.join(", "),
             self.benchmark.reference.settings(),
             millimetres(self.reference_error()),
