@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::{CliError, locate};
 use deaflow_base::read_bounded;
-use deaflow_content::Training;
+use deaflow_content::{ArtifactKind, Training};
 use deaflow_store::Artifact;
 
 /// The largest model, bytes. Larger files are not models.
@@ -18,7 +18,7 @@ pub fn weights(model: &str, store: &Path) -> Result<Vec<u8>, CliError> {
     if extension(model) == Some("safetensors") {
         return read(Path::new(model));
     }
-    let artifact = of_kind(model, store, "train", "model")?;
+    let artifact = of_kind(model, store, ArtifactKind::Train, "model")?;
     Ok(Training::unchecked(&artifact).weights().read()?)
 }
 
@@ -35,21 +35,21 @@ fn extension(reference: &str) -> Option<&str> {
 ///
 /// # Errors
 /// When it does not exist, cannot be read, or is of another kind.
-pub fn of_kind(reference: &str, store: &Path, kind: &str, what: &str) -> Result<Artifact, CliError> {
-    locate::check_stage_is_named(reference, Some(kind))?;
+pub fn of_kind(reference: &str, store: &Path, kind: ArtifactKind, what: &str) -> Result<Artifact, CliError> {
+    locate::check_stage_is_named(reference, Some(kind.name()))?;
     let path = Path::new(reference);
     let artifact = match extension(reference) {
         Some("h5") if path.is_file() => Artifact::open(path)?,
         Some("h5") => return Err(CliError::bad_input(format!("there is no file {}", path.display()))),
         _ => locate::artifact(&locate::existing_store(store)?, reference)?,
     };
-    if artifact.kind() == kind {
+    if kind.is_of(&artifact) {
         return Ok(artifact);
     }
     let (digest, found) = (artifact.digest().short(), artifact.kind());
     Err(
         CliError::bad_input(format!("artifact {digest} of kind `{found}` is not a {what}"))
-            .help(format!("name a stage of kind `{kind}`")),
+            .help(format!("name a stage of kind `{}`", kind.name())),
     )
 }
 

@@ -2,8 +2,8 @@
 
 use super::declared::Declared;
 use super::{
-    Accuracy, Audit, Balanced, Calibration, Designs, Evaluation, FrequencyResponses, Histories, LoadPaths, Samples,
-    Solutions, SolveFile, Table, Training, Verification, Vibrations,
+    Accuracy, ArtifactKind, Audit, Balanced, Calibration, Designs, Evaluation, FrequencyResponses, Histories,
+    LoadPaths, Samples, Solutions, SolveFile, Table, Training, Verification, Vibrations,
 };
 
 /// The content of a kind of artifact or file.
@@ -21,7 +21,7 @@ pub struct ContentOfKind {
 #[must_use]
 pub fn catalogue() -> Vec<ContentOfKind> {
     macro_rules! kinds {
-        ($($name:literal: $content:ty),* $(,)?) => {
+        ($($name:expr => $content:ty),* $(,)?) => {
             vec![$(ContentOfKind {
                 name: $name,
                 arrays: <$content>::declared(),
@@ -30,23 +30,23 @@ pub fn catalogue() -> Vec<ContentOfKind> {
         };
     }
     kinds! {
-        "sample": Samples,
-        "patterns": Samples,
-        "solve": Solutions,
-        "import": Solutions,
-        "balance": Balanced,
-        "train": Training,
-        "calibrate": Calibration,
-        "evaluate": Evaluation,
-        "design": Designs,
-        "verify": Verification,
-        "accuracy": Accuracy,
-        "audit": Audit,
-        "table": Table,
-        "the file of `deaflow solve` and `deaflow predict`": SolveFile,
-        "the file of `deaflow solve --path`": LoadPaths,
-        "the file of `deaflow solve --history`": Histories,
-        "the file of `deaflow solve --modes`": Vibrations,
-        "the file of `deaflow solve --response`": FrequencyResponses,
+        ArtifactKind::Sample.name() => Samples,
+        ArtifactKind::Patterns.name() => Samples,
+        ArtifactKind::Solve.name() => Solutions,
+        ArtifactKind::Import.name() => Solutions,
+        ArtifactKind::Balance.name() => Balanced,
+        ArtifactKind::Train.name() => Training,
+        ArtifactKind::Calibrate.name() => Calibration,
+        ArtifactKind::Evaluate.name() => Evaluation,
+        ArtifactKind::Design.name() => Designs,
+        ArtifactKind::Verify.name() => Verification,
+        ArtifactKind::Accuracy.name() => Accuracy,
+        ArtifactKind::Audit.name() => Audit,
+        ArtifactKind::Table.name() => Table,
+        "the file of `deaflow solve` and `deaflow predict`" => SolveFile,
+        "the file of `deaflow solve --path`" => LoadPaths,
+        "the file of `deaflow solve --history`" => Histories,
+        "the file of `deaflow solve --modes`" => Vibrations,
+        "the file of `deaflow solve --response`" => FrequencyResponses,
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::PredictArguments;
 use crate::{CliError, locate, model};
 use deaflow_base::Digest;
-use deaflow_content::Calibration;
+use deaflow_content::{ArtifactKind, Calibration};
 use deaflow_stage::calibrate::{self, CalibratedModel};
 use deaflow_store::Artifact;
 
@@ -27,7 +27,7 @@ pub fn find(arguments: &PredictArguments, weights: &[u8]) -> Result<Option<Named
     let (store, weights) = (arguments.store_folder(), Digest::of(weights).to_string());
     let found = match &arguments.calibration {
         Some(name) => {
-            let artifact = model::of_kind(name, &store, "calibrate", "calibration")?;
+            let artifact = model::of_kind(name, &store, ArtifactKind::Calibrate, "calibration")?;
             Some((name.clone(), artifact))
         }
         // The store of this folder may belong to another project than the file.
@@ -66,7 +66,11 @@ fn of_runs(store: &Path, weights: &str) -> Result<Option<(String, Artifact)>, Cl
     let store = locate::existing_store(store)?;
     for run in store.runs()? {
         let mut found: Vec<(u64, String, Artifact)> = Vec::new();
-        for stage in run?.stages.iter().filter(|stage| stage.kind == "calibrate") {
+        for stage in run?
+            .stages
+            .iter()
+            .filter(|stage| stage.kind == ArtifactKind::Calibrate.name())
+        {
             // Artifacts of old runs may have been removed since.
             if store.find(&stage.artifact.to_string())?.is_empty() {
                 continue;
