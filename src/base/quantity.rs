@@ -19,8 +19,11 @@ pub struct Decimal {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum QuantityError {
     /// Not a decimal number.
-    #[error("{0:?} is not a decimal number with at most 18 digits and a decimal point")]
+    #[error("{0:?} is not a decimal number such as 5250, 5.25 or 5.25e3")]
     NotANumber(String),
+    /// A number that no double holds.
+    #[error("{0} is out of range: numbers have a size up to 1.8e308")]
+    OutOfRange(String),
     /// An unknown unit, or a unit of another dimension.
     #[error("unknown unit {found:?} for {}; allowed: {allowed}", .dimension.with_article())]
     UnknownUnit {
@@ -60,10 +63,15 @@ impl Decimal {
         exponent: 0,
     };
 
-    /// Returns the shortest decimal that reads as this double; `None` for infinities, NaN and magnitudes beyond 1e±99.
+    /// Returns the shortest decimal that reads as this double; `None` for infinities and NaN.
     #[must_use]
     pub fn from_f64(value: f64) -> Option<Self> {
-        value.is_finite().then(|| format!("{value:e}").parse().ok())?
+        value.is_finite().then(|| exact(&format!("{value:e}")))?
+    }
+
+    /// Reads a number that must not be rounded; `None` if it has too many digits, or is not a number.
+    pub(crate) fn exact(text: &str) -> Option<Self> {
+        exact(text)
     }
 
     /// Returns the nearest double.
@@ -95,9 +103,10 @@ impl Decimal {
         }
     }
 
-    /// Returns this number times an integer; `None` if the digits do not fit.
-    fn times(self, factor: i64) -> Option<Self> {
-        Some(Self::normalised(self.mantissa.checked_mul(factor)?, self.exponent))
+    /// Returns this number times an integer, rounded if the digits do not fit.
+    fn times(self, factor: i64) -> Result<Self, QuantityError> {
+        let product = i128::from(self.mantissa) * i128::from(factor);
+        format!("{product}e{}", self.exponent).parse()
     }
 
     fn normalised(mut mantissa: i64, mut exponent: i32) -> Self {
@@ -119,22 +128,33 @@ impl From<u64> for Decimal {
     }
 }
 
+/// Reads a number. One with at most [`DIGITS`] digits is exact; another is rounded to the nearest double, since programs
+/// write doubles with more digits than these hold (`numpy.savetxt` with 19).
 impl FromStr for Decimal {
     type Err = QuantityError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        parse_decimal(text).ok_or_else(|| QuantityError::NotANumber(text.to_owned()))
+        if let Some(exact) = exact(text) {
+            return Ok(exact);
+        }
+        let is_decimal = text.bytes().all(|b| b.is_ascii_digit() || b"+-.eE".contains(&b));
+        let Some(nearest) = text.parse::<f64>().ok().filter(|_| is_decimal) else {
+            return Err(QuantityError::NotANumber(text.to_owned()));
+        };
+        Self::from_f64(nearest).ok_or_else(|| QuantityError::OutOfRange(text.to_owned()))
     }
 }
 
-fn parse_decimal(text: &str) -> Option<Decimal> {
+/// Significant digits that are kept exactly.
+const DIGITS: usize = 18;
+
+/// Returns a decimal number with all its digits; `None` if they are too many, no double has its size, or the text is not
+/// a number.
+fn exact(text: &str) -> Option<Decimal> {
     let (number, exponent) = match text.find(['e', 'E']) {
         Some(at) => (&text[..at], text[at + 1..].parse::<i32>().ok()?),
         None => (text, 0),
     };
-    if exponent.abs() > 99 {
-        return None;
-    }
     let (negative, digits) = match number.strip_prefix('-') {
         Some(rest) => (true, rest),
         None => (false, number.strip_prefix('+').unwrap_or(number)),
@@ -146,16 +166,25 @@ fn parse_decimal(text: &str) -> Option<Decimal> {
     }
     let trimmed = all.trim_start_matches('0');
     let kept = trimmed.trim_end_matches('0');
-    let dropped = (trimmed.len() - kept.len()) as i32;
-    if kept.len() > 18 || fraction.len() > 99 {
+    if kept.is_empty() {
+        return Some(Decimal::ZERO);
+    }
+    if kept.len() > DIGITS {
         return None;
     }
-    let mantissa: i64 = if kept.is_empty() { 0 } else { kept.parse().ok()? };
-    let exponent = exponent - fraction.len() as i32 + dropped;
-    Some(Decimal::normalised(
-        if negative { -mantissa } else { mantissa },
-        exponent,
-    ))
+    let dropped = i32::try_from(trimmed.len() - kept.len()).ok()?;
+    let places = i32::try_from(fraction.len()).ok()?;
+    let exponent = exponent.checked_sub(places)?.checked_add(dropped)?;
+    let mantissa: i64 = kept.parse().ok()?;
+    let read = Decimal::normalised(if negative { -mantissa } else { mantissa }, exponent);
+    // Doubles have sizes from 5e-324 to 1.8e308.
+    let leading = exponent.checked_add(kept.len() as i32 - 1)?;
+    let is_double = match leading {
+        -323..=307 => true,
+        -324 | 308 => read.to_f64().is_normal() || read.to_f64().is_subnormal(),
+        _ => false,
+    };
+    is_double.then_some(read)
 }
 
 impl fmt::Display for Decimal {
@@ -210,6 +239,24 @@ pub enum Dimension {
 }
 
 impl Dimension {
+    /// All dimensions.
+    pub const ALL: [Self; 14] = [
+        Self::Number,
+        Self::Length,
+        Self::Voltage,
+        Self::Stress,
+        Self::Angle,
+        Self::Field,
+        Self::Frequency,
+        Self::Time,
+        Self::Density,
+        Self::Resistance,
+        Self::Force,
+        Self::SpringRate,
+        Self::Charge,
+        Self::Current,
+    ];
+
     /// The symbol of the base unit, which bare numbers and files have.
     #[must_use]
     pub fn base_unit(self) -> &'static str {
@@ -325,19 +372,22 @@ impl Quantity {
             // A decimal comma is not a unit.
             return Err(QuantityError::NotANumber(text.to_owned()));
         }
-        let value: Decimal = number.parse().map_err(|_| QuantityError::NotANumber(text.to_owned()))?;
+        let refused = |error: QuantityError| match error {
+            QuantityError::OutOfRange(_) => QuantityError::OutOfRange(text.to_owned()),
+            _ => QuantityError::NotANumber(text.to_owned()),
+        };
+        let value: Decimal = number.parse().map_err(refused)?;
         if unit.is_empty() {
             return Ok(Self { base: value, dimension });
         }
         let Some((_, power)) = dimension.units().iter().find(|(symbol, _)| *symbol == unit) else {
             return Err(QuantityError::unknown_unit(unit, dimension));
         };
-        let multiplied = value.times(dimension.multiple(unit));
-        let value = multiplied.ok_or_else(|| QuantityError::NotANumber(text.to_owned()))?;
-        Ok(Self {
-            base: value.scaled(*power),
-            dimension,
-        })
+        let base = value.times(dimension.multiple(unit)).map_err(refused)?.scaled(*power);
+        match base.to_f64().is_finite() {
+            true => Ok(Self { base, dimension }),
+            false => Err(QuantityError::OutOfRange(text.to_owned())),
+        }
     }
 
     /// Creates a quantity from an exact number in the base unit.
@@ -434,7 +484,11 @@ mod tests {
         let time = |text| Quantity::parse(text, Dimension::Time);
         assert_eq!(time("10 min"), time("600 s"));
         assert_eq!(time("1.5h"), time("5400 s"));
-        assert!(time("999999999999999999 min").is_err(), "more digits than fit");
+        assert_eq!(
+            time("999999999999999999 min").unwrap().value(),
+            6e19,
+            "rounded to a double"
+        );
     }
 
     #[test]
@@ -445,17 +499,41 @@ mod tests {
         assert_eq!(error, "unknown unit \"mm\" for a number; allowed: none");
         let error = Quantity::parse("5 mm", Dimension::Field).unwrap_err().to_string();
         assert!(error.contains("for an electric field; allowed: V/m"), "{error}");
-        for text in [
-            "",
-            "kV",
-            "1.2.3 V",
-            "--5",
-            "1e999",
-            "NaN",
-            "inf",
-            "12345678901234567890123",
-        ] {
+        for text in ["", "kV", "1.2.3 V", "--5", "1e999", "NaN", "inf", "1,5", "1e308 MV"] {
             assert!(Quantity::parse(text, Dimension::Voltage).is_err(), "{text}");
+        }
+        let error = Quantity::parse("1e999 V", Dimension::Voltage).unwrap_err().to_string();
+        assert_eq!(error, "1e999 V is out of range: numbers have a size up to 1.8e308");
+    }
+
+    /// `numpy.savetxt` writes 19 digits, C++ with `max_digits10` 17, MATLAB's `format long` 16.
+    #[test]
+    fn more_digits_than_a_double_holds_are_rounded_to_the_double() {
+        for (text, shortest) in [
+            ("5.000000000000000409e-06", "5e-6"),
+            ("2.061664879999778677e+01", "20.61664879999778677"),
+            ("1.000000000000000056e-01", "0.1"),
+            ("-5.000000000000000277e-02", "-0.05"),
+            ("5.000000000000000000e+03", "5000"),
+            ("12345678901234567890123", "12345678901234567890123"),
+            ("3.000000000000000000000000000000000000000001", "3"),
+            ("1.7976931348623157e308", "1.7976931348623157e308"),
+            ("4.940656458412465442e-324", "5e-324"),
+            ("2.5e-310", "2.5e-310"),
+            ("1e-400", "0"),
+        ] {
+            let read: Decimal = text.parse().unwrap();
+            assert_eq!(read.to_f64(), text.parse::<f64>().unwrap(), "{text}");
+            assert_eq!(read, Decimal::from_f64(shortest.parse().unwrap()).unwrap(), "{text}");
+        }
+        // Up to 18 digits a number is exact, as before.
+        let exact: Decimal = "0.123456789012345678".parse().unwrap();
+        assert_eq!(exact.to_string(), "123456789012345678e-18");
+        for refused in ["1.8e308", "1e999", "1e99999999999"] {
+            assert!(
+                matches!(refused.parse::<Decimal>(), Err(QuantityError::OutOfRange(_))),
+                "{refused}"
+            );
         }
     }
 

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
-use serde_saphyr::{Location, Spanned, options::DuplicateKeyPolicy};
+use serde_saphyr::options::{DuplicateKeyPolicy, NonFiniteFloatPolicy};
+use serde_saphyr::{Location, Spanned};
 
 use super::error::{InputError, clipped, nearest};
 use super::node::{Node, NodeValue};
@@ -95,6 +96,8 @@ impl Node {
             duplicate_keys: DuplicateKeyPolicy::Error,
             // As in YAML 1.2: a key `y` or a stage `on` is not a boolean.
             strict_booleans: true,
+            // A number that no double holds is refused where it is read, with the range that is allowed there.
+            non_finite_float_policy: NonFiniteFloatPolicy::PassThrough,
         };
         let parsed: Spanned<Raw> = serde_saphyr::from_str_with_options(&source.text, options).map_err(|error| {
             let plain = error.without_snippet();

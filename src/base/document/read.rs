@@ -128,9 +128,9 @@ impl Node {
         let NodeValue::Number(text) = &self.value else {
             return Err(self.wrong_type(field, range));
         };
-        text.parse::<Decimal>()
-            .ok()
-            .and_then(Decimal::to_u64)
+        // An integer of many digits must not be rounded.
+        let exact = text.parse().ok().or_else(|| Decimal::exact(text)?.to_u64());
+        exact
             .filter(|n| (low..=high).contains(n))
             .ok_or_else(|| self.wrong_type(field, range))
     }
@@ -170,16 +170,21 @@ impl Node {
     /// # Errors
     /// When it is not a quantity, or outside the bounds.
     pub fn quantity_in(&self, field: &str, dimension: Dimension, low: f64, high: f64) -> Result<Quantity, InputError> {
-        let quantity = self.quantity(field, dimension)?;
-        if (low..=high).contains(&quantity.value()) {
-            return Ok(quantity);
-        }
+        let found = match &self.value {
+            NodeValue::Number(text) | NodeValue::Text(text) => match Quantity::parse(text, dimension) {
+                Ok(quantity) if (low..=high).contains(&quantity.value()) => return Ok(quantity),
+                Ok(quantity) => quantity.to_string(),
+                Err(QuantityError::OutOfRange(text)) => text,
+                Err(_) => return self.quantity(field, dimension),
+            },
+            _ => return self.quantity(field, dimension),
+        };
         let unit = match dimension.base_unit() {
             "" => String::new(),
             unit => format!(" {unit}"),
         };
         Err(self
-            .error(format!("`{field}` is out of range: found {quantity}"))
+            .error(format!("`{field}` is out of range: found {found}"))
             .help(format!("allowed: {low}{unit} to {high}{unit}")))
     }
 }

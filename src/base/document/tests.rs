@@ -155,3 +155,21 @@ fn a_value_is_shown_as_written() {
         ["drive: { voltage: 5.25 kV }", "point: [25 mm, 2.5 cm]", "effects: {}"]
     );
 }
+
+#[test]
+fn numbers_of_many_digits_are_read_and_integers_are_never_rounded() {
+    let node =
+        parse("a: 5.000000000000000409e-06\nb: \"2.061664879999778677e+01 kV\"\nc: 1e400\nd: 9007199254740993\n");
+    let at = |key: &str| node.peek(key).unwrap();
+    let volts = |key: &str| at(key).quantity_in(key, Dimension::Voltage, 0.0, 1e6);
+    assert_eq!(volts("a").unwrap().base().to_string(), "0.000005");
+    assert_eq!(volts("b").unwrap().value(), 2.061664879999778677e4);
+    let far = volts("c").unwrap_err();
+    assert_eq!(far.message, "`c` is out of range: found 1e400");
+    assert_eq!(far.help.as_deref(), Some("allowed: 0 V to 1000000 V"));
+    assert_eq!(at("d").integer("d", 0, u64::MAX).unwrap(), 9_007_199_254_740_993);
+    let seeds = parse("a: 9223372036854775807\nb: 92233720368547758070\nc: 1234567890123456789.0\n");
+    let seed = |key: &str| seeds.peek(key).unwrap().integer(key, 0, i64::MAX as u64);
+    assert_eq!(seed("a").unwrap(), i64::MAX as u64);
+    assert!(seed("b").is_err() && seed("c").is_err());
+}
