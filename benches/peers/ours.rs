@@ -15,7 +15,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!("no PATTERNS.npy given: nothing to compare");
         return Ok(());
     };
-    let patterns = read_patterns(&path, PatternForm::PAPER).map_err(|e| e.to_string())?;
+    let patterns = read_patterns(&path, PatternForm::PAPER)
+        .map_err(|e| e.to_string())?
+        .patterns;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     for elements_per_cell in [1, 2, 4] {
         let options = SolveOptions::on(Mesh::bilinear(elements_per_cell));

@@ -14,6 +14,7 @@ mod encoding;
 mod file;
 mod host;
 mod ids;
+mod listed;
 mod no_break;
 mod npy;
 mod output_file;
@@ -25,6 +26,7 @@ mod progress;
 mod quantity;
 mod schema;
 mod stream;
+mod table;
 
 pub use background::{Background, Pauses};
 pub use canonical::Canonical;
@@ -40,6 +42,7 @@ pub use encoding::{EncodingError, decode, encode};
 pub use file::{open_own, open_regular, own_metadata, read_bounded, read_own};
 pub use host::host_name;
 pub use ids::{ActionKey, ArtifactId, FileDigest, OrbitId};
+pub use listed::listed;
 pub use no_break::{NO_BREAK, no_break_units};
 pub use npy::{NpyElement, NpyError, NpyHeader};
 pub use output_file::{
@@ -56,3 +59,4 @@ pub use progress::{Progress, Stopped};
 pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
 pub use schema::{Fields, Schema};
 pub use stream::Stream;
+pub use table::{Row, Table, TableError, with_point};

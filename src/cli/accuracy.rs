@@ -9,7 +9,7 @@ use std::time::Instant;
 use clap::Args;
 use findings::Findings;
 
-use super::arguments::{StateArguments, StoreArguments, accuracy};
+use super::arguments::{StateArguments, StoreArguments, accuracy, integer};
 use super::progress::Bar;
 use super::{CliError, Exit, Output, csv, job, model, write};
 use deaflow_accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
@@ -48,11 +48,11 @@ pub struct AccuracyArguments {
     pub families: bool,
     /// Number of patterns per family
     #[arg(long, value_name = "N", default_value_t = 12, help_heading = PATTERNS)]
-    #[arg(value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    #[arg(value_parser = integer::<u64>(1..=10_000))]
     pub count: u64,
     /// Seed of the families
     #[arg(long, value_name = "S", default_value_t = 1, help_heading = PATTERNS)]
-    #[arg(value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
+    #[arg(value_parser = integer::<u64>(0..=i64::MAX as u64))]
     pub seed: u64,
     /// Folder for accuracy.h5, accuracy.csv and accuracy.png
     #[arg(short, long, value_name = "DIR")]
@@ -97,7 +97,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
             .check_scene(&scene, reference.settings().time())
             .map_err(bad_input)?;
     }
-    let families = families(arguments, &scene)?;
+    let families = families(arguments, &scene, output)?;
     // Checked before minutes of work.
     write::folder(&arguments.output)?;
     let [file, rows, figure] = FILES.map(|name| arguments.output.join(name));
@@ -146,13 +146,14 @@ fn methods(arguments: &AccuracyArguments, scene: &Scene, reference: &Reference) 
 }
 
 /// Returns the patterns by family; given patterns are a family of their own.
-fn families(arguments: &AccuracyArguments, scene: &Scene) -> Result<Families, CliError> {
+fn families(arguments: &AccuracyArguments, scene: &Scene, output: &Output) -> Result<Families, CliError> {
     let own = [arguments.patterns.as_slice(), &arguments.own].concat();
     if own.is_empty() {
         let canvas = Canvas::of(&scene.membrane());
         return drawn(canvas, arguments.count, arguments.seed).map_err(|e| CliError::bad_input(e.to_string()));
     }
-    let patterns = direct::patterns(&own, scene.form())?;
+    let direct::NamedPatterns { patterns, notes, .. } = direct::patterns(&own, scene.form())?;
+    notes.iter().for_each(|note| output.warn(note));
     if patterns.is_empty() {
         return Err(CliError::bad_input("the files contain no patterns"));
     }

@@ -80,7 +80,9 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     let scene = scene.map(|scene| arguments.state.of(scene)).transpose()?;
     let weights = model::weights(&arguments.model, &arguments.store_folder())?;
     let surrogate = surrogate(&weights, scene.as_ref())?;
-    let (patterns, names) = direct::patterns_with_names(&arguments.patterns.patterns, surrogate.form())?;
+    let direct::NamedPatterns { patterns, names, notes } =
+        direct::patterns(&arguments.patterns.patterns, surrogate.form())?;
+    notes.iter().for_each(|note| output.warn(note));
     let calibration = calibration::find(arguments, &weights)?;
     let table = file.map(|file| attached_files(file)[0].clone());
     match (&calibration, &table) {
@@ -125,7 +127,10 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     let results: Vec<SampleResult> = fields.iter().enumerate().map(result).collect();
     let mut document = results::document(&results, patterns.len(), probe.as_ref());
     let intervals_document = intervals.as_ref().map(|intervals| intervals.document(table.as_deref()));
-    extend(&mut document, json!({ "intervals": intervals_document }));
+    extend(
+        &mut document,
+        json!({ "intervals": intervals_document, "notes": notes }),
+    );
     let mut text = Text::new();
     // The table of intervals lists the patterns too, without the point.
     if intervals.is_none() || results.len() > FEW || probe.is_some() {

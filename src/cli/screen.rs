@@ -8,7 +8,6 @@ use super::arguments::{StateArguments, TimeArguments};
 use super::text::Text;
 use super::{CliError, Exit, Output, table};
 use deaflow_base::InputError;
-use deaflow_content::named_patterns;
 use deaflow_fem::WorkLimit;
 use deaflow_fem::screening::{self, Row, Screening, Status, TestPattern};
 use deaflow_pattern::PatternForm;
@@ -48,7 +47,11 @@ pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, Cli
     if let Some(faint) = stage::weak_drive_warning(&scene.at_largest_voltages()) {
         output.warn(format_args!("{faint}"));
     }
-    let screening = screen(scene, &arguments.patterns, arguments.time.work_limit())?;
+    let patterns = match arguments.patterns.is_empty() {
+        true => None,
+        false => Some(named(&arguments.patterns, scene.form(), output)?),
+    };
+    let screening = screen(scene, patterns, arguments.time.work_limit())?;
     output.result(|| screening.document(), || text(&screening))
 }
 
@@ -110,13 +113,10 @@ fn text(screening: &Screening) -> Text {
 ///
 /// # Errors
 /// When a pattern cannot be read, or the effects cannot be simulated.
-fn screen(scene: Scene, patterns: &[String], limit: WorkLimit) -> Result<Screening, CliError> {
+fn screen(scene: Scene, patterns: Option<Vec<TestPattern>>, limit: WorkLimit) -> Result<Screening, CliError> {
     let scene = scene.at_largest_voltages();
-    let own = !patterns.is_empty();
-    let patterns = match own {
-        true => named(patterns, scene.form())?,
-        false => screening::reference_patterns(&scene),
-    };
+    let own = patterns.is_some();
+    let patterns = patterns.unwrap_or_else(|| screening::reference_patterns(&scene));
     // `auto` always depends on the reference patterns and the default limit.
     let scene = match own || limit != WorkLimit::default() {
         true => screening::resolve(&scene)?,
@@ -126,19 +126,9 @@ fn screen(scene: Scene, patterns: &[String], limit: WorkLimit) -> Result<Screeni
 }
 
 /// Reads the patterns of each argument, and names them after it.
-fn named(arguments: &[String], form: PatternForm) -> Result<Vec<TestPattern>, InputError> {
-    let mut all = Vec::new();
-    for argument in arguments {
-        let patterns = named_patterns(argument, form)?;
-        let several = patterns.len() > 1;
-        all.extend(patterns.into_iter().enumerate().map(|(i, pattern)| {
-            let name = if several {
-                format!("{argument}[{i}]")
-            } else {
-                argument.clone()
-            };
-            TestPattern::new(&name, pattern)
-        }));
-    }
-    Ok(all)
+fn named(arguments: &[String], form: PatternForm, output: &Output) -> Result<Vec<TestPattern>, InputError> {
+    let direct::NamedPatterns { patterns, names, notes } = direct::patterns(arguments, form)?;
+    notes.iter().for_each(|note| output.warn(note));
+    let named = names.iter().zip(patterns);
+    Ok(named.map(|(name, pattern)| TestPattern::new(name, pattern)).collect())
 }

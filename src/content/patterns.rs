@@ -5,7 +5,7 @@ use std::path::Path;
 use super::part::At;
 use super::view::Stored;
 use deaflow_base::InputError;
-use deaflow_pattern::{Pattern, PatternForm, read_patterns, split_h5};
+use deaflow_pattern::{FilePatterns, Pattern, PatternForm, read_patterns, split_array};
 use deaflow_store::Artifact;
 
 /// Reads the patterns that an argument names: a file of patterns, or a dataset of an artifact, which may be a manifest.
@@ -13,8 +13,8 @@ use deaflow_store::Artifact;
 ///
 /// # Errors
 /// If the file cannot be read, is damaged, or has no patterns at this path.
-pub fn named_patterns(argument: &str, form: PatternForm) -> Result<Vec<Pattern>, InputError> {
-    let named = split_h5(argument).map(|(file, dataset)| (Path::new(file), dataset));
+pub fn named_patterns(argument: &str, form: PatternForm) -> Result<FilePatterns, InputError> {
+    let named = split_array(argument).map(|(file, dataset)| (Path::new(file), dataset));
     let Some((path, dataset)) = named.filter(|(path, _)| Artifact::is_at(path)) else {
         return read_patterns(argument, form);
     };
@@ -27,7 +27,10 @@ pub fn named_patterns(argument: &str, form: PatternForm) -> Result<Vec<Pattern>,
         .iter()
         .find(|pattern| pattern.raster() != raster || pattern.groups() > groups);
     match other {
-        None => Ok(patterns),
+        None => Ok(FilePatterns {
+            patterns,
+            notes: Vec::new(),
+        }),
         Some(other) if other.raster() != raster => Err(refused(format!(
             "its patterns have {} cells, but the membrane has {raster}",
             other.raster()

@@ -68,7 +68,7 @@ impl HdfFile {
         }
     }
 
-    /// Returns the names in the root group, at most 1000.
+    /// Returns the paths of the datasets, at most 1000.
     ///
     /// # Errors
     /// If the file cannot be read.

@@ -11,6 +11,7 @@ mod elements;
 mod error;
 mod file;
 mod limits;
+mod links;
 mod message;
 mod open;
 mod pool;

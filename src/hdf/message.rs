@@ -31,7 +31,7 @@ pub(super) struct FileRequest {
 pub(super) enum Request {
     /// Opens the file.
     Open,
-    /// The names in the root group.
+    /// The paths of the datasets.
     Names,
     /// Type and shape of a dataset.
     Find(String),
@@ -81,10 +81,12 @@ pub(super) type Reply = std::result::Result<Response, Failure>;
 /// A dataset without its elements.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DatasetInfo {
-    /// Extents, slowest first.
+    /// Extents, slowest first; for a dataset of MATLAB those of the array in MATLAB.
     pub shape: Vec<u64>,
     /// Type of the elements.
     pub element: Element,
+    /// Whether MATLAB wrote it, which reverses the axes in its files. [`super::HdfFile::numbers`] reverses them again.
+    pub is_reversed: bool,
 }
 
 /// Sends a message and its bytes.

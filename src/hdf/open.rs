@@ -1,17 +1,19 @@
 //! An open file, in this or in the child process.
 
 use std::collections::BTreeSet;
+use std::io::Read;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenAscii, VarLenUnicode};
-use hdf5::{Dataset, File};
+use hdf5::{Dataset, File, Location};
 
 use super::attributes::{self, utf8};
 use super::elements::{Element, Elements};
 use super::error::Failure;
 use super::limits::{CHUNK, ROW};
+use super::links;
 use super::message::{DatasetInfo, Form};
 use super::storage;
 use super::tree::{self, Tree};
@@ -22,13 +24,21 @@ const WIDTH: usize = 1024;
 /// The attribute of a dataset with its unit.
 const UNITS: &str = "units";
 
-/// Maximum number of names that are listed.
-const NAMES: usize = 1000;
+/// The beginning of the user block of a file that MATLAB saved with `-v7.3`.
+const MATLAB_BLOCK: &[u8] = b"MATLAB 7.3 MAT-file";
+
+/// The attribute of a dataset that MATLAB wrote, with the class of its elements.
+const MATLAB_CLASS: &str = "MATLAB_class";
+
+/// The attribute of a dataset that stands for an empty array of MATLAB; its elements are the extents.
+const MATLAB_EMPTY: &str = "MATLAB_empty";
 
 /// An open HDF5 file.
 pub(super) struct OpenFile {
     path: PathBuf,
     file: File,
+    /// Whether MATLAB wrote it.
+    is_of_matlab: bool,
     /// Datasets that have been checked.
     checked: Mutex<BTreeSet<String>>,
 }
@@ -38,22 +48,25 @@ impl OpenFile {
     pub fn open(path: &Path) -> Result<Self, Failure> {
         let words = |words: String| Failure::Unopened(words);
         // Reading a pipe or a device could block.
-        deaflow_base::open_regular(path).map_err(|e| words(e.to_string()))?;
+        let file = deaflow_base::open_regular(path).map_err(|e| words(e.to_string()))?;
+        let mut start = Vec::new();
+        file.take(MATLAB_BLOCK.len() as u64)
+            .read_to_end(&mut start)
+            .map_err(|e| words(e.to_string()))?;
         let mut builder = File::with_options();
         // Files of a store never change, and locks may fail or block on network file systems.
         builder.with_fapl(|access| access.file_locking(false).chunk_cache(521, CHUNK as usize, 0.75));
         Ok(Self {
             file: builder.open(path).map_err(|e| words(e.to_string()))?,
             path: path.to_owned(),
+            is_of_matlab: start == MATLAB_BLOCK,
             checked: Mutex::default(),
         })
     }
 
-    /// Returns the names in the root group, up to the maximum.
+    /// Returns the paths of the datasets, up to a maximum.
     pub fn names(&self) -> Result<Vec<String>, Failure> {
-        let mut names = self.file.member_names()?;
-        names.truncate(NAMES);
-        Ok(names)
+        Ok(links::contents(&self.file)?.datasets)
     }
 
     /// Returns type and shape of a dataset, if it exists.
@@ -61,10 +74,25 @@ impl OpenFile {
         let Some(found) = storage::find(&self.file, dataset)? else {
             return Ok(None);
         };
+        let mut shape: Vec<u64> = found.get_shape()?.iter().map(|&n| n as u64).collect();
+        let is_reversed = self.is_reversed(&found)?;
+        if is_reversed {
+            shape.reverse();
+        }
+        if has_attribute(&found, MATLAB_EMPTY)? {
+            shape = vec![0];
+        }
         Ok(Some(DatasetInfo {
-            shape: found.get_shape()?.iter().map(|&n| n as u64).collect(),
+            shape,
             element: storage::element(&found)?,
+            is_reversed,
         }))
+    }
+
+    /// Whether MATLAB wrote a dataset with several axes. Its `h5write` leaves no mark.
+    fn is_reversed(&self, dataset: &Dataset) -> Result<bool, Failure> {
+        let has_axes = dataset.get_shape()?.len() > 1;
+        Ok(has_axes && (self.is_of_matlab || has_attribute(dataset, MATLAB_CLASS)?))
     }
 
     /// Reads everything except the elements.
@@ -88,7 +116,7 @@ impl OpenFile {
         let Some(found) = storage::find(&self.file, dataset)? else {
             return Ok(None);
         };
-        match found.attr_names()?.iter().any(|name| name == UNITS) {
+        match has_attribute(&found, UNITS)? {
             true => Ok(attributes::one(&found, UNITS).ok()),
             false => Ok(None),
         }
@@ -99,7 +127,10 @@ impl OpenFile {
         let found = storage::find(&self.file, dataset)?;
         let found = found.ok_or_else(|| Failure::Refused(format!("the file has no dataset {dataset:?}")))?;
         self.check(dataset, &found)?;
-        let extent = found.get_shape()?.first().map_or(1, |&n| n as u64);
+        let shape = found.get_shape()?;
+        let is_reversed = self.is_reversed(&found)?;
+        let first = if is_reversed { shape.last() } else { shape.first() };
+        let extent = first.map_or(1, |&n| n as u64);
         if rows.start > rows.end || rows.end > extent {
             let why = format!(
                 "`{dataset}` has {extent} rows, requested were {} to {}",
@@ -107,9 +138,12 @@ impl OpenFile {
             );
             return Err(Failure::Refused(why));
         }
+        if is_reversed && form != Form::Numbers {
+            return Err(Failure::Refused(format!("`{dataset}` is an array of MATLAB")));
+        }
         let read = match form {
             Form::Own => own(&found, dataset, rows),
-            Form::Numbers => numbers(&found, dataset, rows),
+            Form::Numbers => numbers(&found, dataset, rows, is_reversed),
             Form::Texts => texts(&found, dataset, rows),
             Form::Words => words(&found, dataset, rows),
         };
@@ -145,11 +179,18 @@ fn own(found: &Dataset, name: &str, rows: Range<u64>) -> Result<Elements, Failur
     })
 }
 
-fn numbers(found: &Dataset, name: &str, rows: Range<u64>) -> Result<Elements, Failure> {
-    match storage::element(found)?.is_number() {
-        true => Ok(Elements::F64(storage::rows(found, rows)?)),
-        false => Err(Failure::Refused(format!("the elements of `{name}` are not numbers"))),
+fn numbers(found: &Dataset, name: &str, rows: Range<u64>, is_reversed: bool) -> Result<Elements, Failure> {
+    if !storage::element(found)?.is_number() {
+        return Err(Failure::Refused(format!("the elements of `{name}` are not numbers")));
     }
+    Ok(Elements::F64(match is_reversed {
+        true => storage::last_rows(found, rows)?,
+        false => storage::rows(found, rows)?,
+    }))
+}
+
+fn has_attribute(location: &Location, name: &str) -> hdf5::Result<bool> {
+    Ok(location.attr_names()?.iter().any(|other| other == name))
 }
 
 fn texts(found: &Dataset, name: &str, rows: Range<u64>) -> Result<Elements, Failure> {

@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 use hdf5::dataset::Layout;
 use hdf5::filters::Filter;
 use hdf5::types::{FloatSize, IntSize, TypeDescriptor};
-use hdf5::{Dataset, File, Group, H5Type, Hyperslab, IndexType, IterationOrder, LinkType, SliceOrIndex};
+use hdf5::{Dataset, File, H5Type, Hyperslab, SliceOrIndex};
 use ndarray::IxDyn;
 
 use super::elements::Element;
 use super::error::Failure;
 use super::limits::{CHUNK, PACKED};
+use super::links::is_here;
 
 /// Maximum depth of groups above a dataset.
 const DEEPEST: usize = 100;
@@ -20,8 +21,7 @@ const DEEPEST: usize = 100;
 /// Maximum number of sources of a virtual dataset.
 const SOURCES: usize = 500_000;
 
-/// Returns a dataset of the file itself, if it exists. Links are refused: the library would follow them into any file,
-/// even a pipe.
+/// Returns a dataset of the file itself, if it exists. Links to other files are refused.
 pub(super) fn find(file: &File, dataset: &str) -> Result<Option<Dataset>, Failure> {
     let broken = |e: hdf5::Error| Failure::Refused(format!("{dataset:?} cannot be opened ({e})"));
     let mut steps: Vec<&str> = dataset.split('/').filter(|step| !step.is_empty()).collect();
@@ -31,7 +31,7 @@ pub(super) fn find(file: &File, dataset: &str) -> Result<Option<Dataset>, Failur
     }
     let mut group = file.as_group().map_err(broken)?;
     for step in steps {
-        if !is_here(&group, step)? {
+        if !is_here(file, &group, step)? {
             return Ok(None);
         }
         match group.group(step) {
@@ -39,25 +39,13 @@ pub(super) fn find(file: &File, dataset: &str) -> Result<Option<Dataset>, Failur
             Err(_) => return Ok(None),
         }
     }
-    if !is_here(&group, last)? {
+    if !is_here(file, &group, last)? {
         return Ok(None);
     }
     // A group is not a dataset. A dataset with a missing plugin is an error.
     match group.dataset(last) {
         Err(_) if group.group(last).is_ok() => Ok(None),
         opened => opened.map(Some).map_err(broken),
-    }
-}
-
-/// Whether a group has an object of that name.
-fn is_here(group: &Group, name: &str) -> Result<bool, Failure> {
-    let found = group.find_link(IndexType::Name, IterationOrder::Native, |other, info| {
-        Ok((other == name).then_some(info.link_type))
-    });
-    match found? {
-        Some(LinkType::Hard) => Ok(true),
-        Some(_) => Err(Failure::Refused(format!("{name:?} is a link"))),
-        None => Ok(false),
     }
 }
 
@@ -110,12 +98,27 @@ fn inside(path: &Path, dataset: &Dataset) -> Result<u64, Failure> {
     }
     if let Some(Filter::User(number, _)) = list.get_filters()?.iter().find(|f| matches!(f, Filter::User(..))) {
         let why = format!(
-            "its elements are compressed with filter {number}; allowed: deflate, shuffle, fletcher32, szip, nbit, \
-             scaleoffset"
+            "its elements are compressed with {}; allowed: deflate (gzip), shuffle, fletcher32, szip, nbit, scaleoffset",
+            filter_name(*number)
         );
         return Err(Failure::Refused(why));
     }
     Ok(dataset.storage_size().min(length).saturating_mul(PACKED))
+}
+
+/// Names a filter that is not part of the library, by its registered number.
+fn filter_name(number: i32) -> String {
+    let name = match number {
+        32_000 => "lzf",
+        32_001 => "blosc",
+        32_004 => "lz4",
+        32_008 => "bitshuffle",
+        32_013 => "zfp",
+        32_015 => "zstd",
+        32_026 => "blosc2",
+        _ => return format!("filter {number}"),
+    };
+    format!("{name} (filter {number})")
 }
 
 /// Returns how many bytes of elements the sources of a virtual dataset contain.
@@ -166,7 +169,10 @@ fn source(path: &Path, name: &str, dataset: &str) -> Result<u64, Failure> {
 /// Returns the element type. The size is checked first: the library describes enumerations of wide integers wrongly.
 pub(super) fn element(dataset: &Dataset) -> Result<Element, Failure> {
     let element = dataset.dtype()?;
+    // Half and extended precision, and enumerations: the library converts them, but does not describe them.
+    let is_converted = || element.size() <= 16 && element.conv_to::<f64>().is_some();
     let described = match element.to_descriptor() {
+        Err(_) if is_converted() => return Ok(Element::Number),
         Err(_) => return Ok(Element::Other(format!("unknown, of {} bytes", element.size()))),
         Ok(described) => described,
     };
@@ -182,6 +188,7 @@ pub(super) fn element(dataset: &Dataset) -> Result<Element, Failure> {
         TypeDescriptor::Float(FloatSize::U4) => Element::F32,
         TypeDescriptor::Float(FloatSize::U8) => Element::F64,
         TypeDescriptor::Integer(_) | TypeDescriptor::Unsigned(_) | TypeDescriptor::Boolean => Element::Number,
+        TypeDescriptor::Enum(_) if is_converted() => Element::Number,
         other => Element::Other(other.to_string()),
     })
 }
@@ -212,4 +219,21 @@ pub(super) fn rows<T: H5Type>(dataset: &Dataset, rows: Range<u64>) -> hdf5::Resu
     let slice = dataset.read_slice::<T, _, IxDyn>(Hyperslab::new(slab))?;
     // The array is contiguous, so its memory has the elements in order.
     Ok(slice.into_raw_vec_and_offset().0)
+}
+
+/// Reads a range of the last axis, the slowest of the array in MATLAB, in the order of MATLAB's axes.
+pub(super) fn last_rows(dataset: &Dataset, rows: Range<u64>) -> hdf5::Result<Vec<f64>> {
+    let shape = dataset.get_shape()?;
+    if rows.is_empty() || shape.contains(&0) {
+        return Ok(Vec::new());
+    }
+    let rows = rows.start as usize..rows.end as usize;
+    let last = shape.len().saturating_sub(1);
+    let slab: Vec<SliceOrIndex> = shape
+        .iter()
+        .enumerate()
+        .map(|(axis, &extent)| if axis == last { rows.clone() } else { 0..extent }.into())
+        .collect();
+    let slice = dataset.read_slice::<f64, _, IxDyn>(Hyperslab::new(slab))?;
+    Ok(slice.reversed_axes().iter().copied().collect())
 }

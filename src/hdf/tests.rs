@@ -79,7 +79,16 @@ fn the_child_process_reads_the_same_as_this_one() {
             (file.attribute("none").unwrap(), file.find("none at all").unwrap()),
             (None, None)
         );
-        assert_eq!(file.names().unwrap().len(), 7);
+        let names = [
+            "fixed",
+            "flags",
+            "none",
+            "plain",
+            "unwritten",
+            "variable",
+            "group/packed",
+        ];
+        assert_eq!(file.names().unwrap(), names);
         assert_eq!(file.find("plain").unwrap().unwrap().shape, [5, 2]);
         for (dataset, rows) in [("plain", 4..6), ("variable", 0..1), ("gone", 0..1), ("group", 0..1)] {
             let error = file.numbers(dataset, rows).unwrap_err();
@@ -128,7 +137,110 @@ fn an_invalid_file_is_rejected_and_the_next_is_read() {
     );
     // Another file in its place is another file.
     write(&good, |file| {
-        file.create_group("other").unwrap();
+        file.new_dataset::<u8>().shape([1]).create("other").unwrap();
     });
     assert_eq!(HdfFile::open_untrusted(&good).unwrap().names().unwrap(), ["other"]);
+}
+
+#[test]
+fn links_within_a_file_are_followed_and_those_to_other_files_are_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let [inside, outside, other] = ["in.h5", "out.h5", "other.h5"].map(|name| folder.path().join(name));
+    sound(&other);
+    let with_links = |path: &Path, leads_outside: bool| {
+        write(path, |file| {
+            let dataset = file.new_dataset::<f64>().shape([2]).create("group/plain").unwrap();
+            dataset.write_raw(&[1.0, 2.0]).unwrap();
+            file.link_soft("/group/plain", "soft").unwrap();
+            file.link_soft("/group", "way").unwrap();
+            file.link_soft("/nothing", "dangling").unwrap();
+            file.link_soft("/round", "round").unwrap();
+            if leads_outside {
+                file.link_external("other.h5", "/plain", "group/away").unwrap();
+            }
+        });
+        HdfFile::open_untrusted(path).unwrap()
+    };
+    let file = with_links(&inside, false);
+    for name in ["soft", "way/plain"] {
+        assert_eq!(file.numbers(name, 0..2).unwrap(), [1.0, 2.0], "{name}");
+    }
+    assert_eq!(file.names().unwrap(), ["group/plain"]);
+    for name in ["dangling", "round"] {
+        let error = file.find(name).unwrap_err().to_string();
+        assert!(error.contains("a link that leads nowhere"), "{error}");
+    }
+    let file = with_links(&outside, true);
+    assert_eq!(file.numbers("group/plain", 0..2).unwrap(), [1.0, 2.0]);
+    for (name, said) in [
+        ("soft", "with links to other files"),
+        ("group/away", "a link to another file"),
+    ] {
+        let error = file.find(name).unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
+    }
+}
+
+/// MATLAB writes the array p(y, x) of 2 rows and 3 columns as a dataset of 3 × 2.
+#[test]
+fn axes_of_matlab_are_reversed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.mat");
+    let attribute = |dataset: &hdf5::Dataset, name: &str| {
+        let class = hdf5::types::FixedAscii::<8>::from_ascii("double").unwrap();
+        let created = dataset.new_attr::<hdf5::types::FixedAscii<8>>().create(name);
+        created.unwrap().write_scalar(&class).unwrap();
+    };
+    write(&path, |file| {
+        let new = |name: &str, shape: &[usize]| {
+            let dataset = file.new_dataset::<f64>().shape(shape).create(name).unwrap();
+            let values: Vec<f64> = (0..dataset.size()).map(|at| at as f64).collect();
+            dataset.write_raw(&values).unwrap();
+            dataset
+        };
+        new("plain", &[3, 2]);
+        attribute(&new("two", &[3, 2]), "MATLAB_class");
+        attribute(&new("three", &[4, 3, 2]), "MATLAB_class");
+        attribute(&new("one", &[3]), "MATLAB_class");
+        attribute(&new("empty", &[2]), "MATLAB_empty");
+    });
+    for file in [
+        HdfFile::open_trusted(&path).unwrap(),
+        HdfFile::open_untrusted(&path).unwrap(),
+    ] {
+        let info = |name: &str| file.find(name).unwrap().unwrap();
+        assert_eq!((info("plain").shape, info("plain").is_reversed), (vec![3, 2], false));
+        assert_eq!((info("two").shape, info("two").is_reversed), (vec![2, 3], true));
+        assert_eq!((info("one").shape, info("one").is_reversed), (vec![3], false));
+        assert_eq!(info("empty").shape, [0]);
+        assert_eq!(file.numbers("plain", 0..1).unwrap(), [0.0, 1.0]);
+        assert_eq!(file.numbers("two", 0..2).unwrap(), [0.0, 2.0, 4.0, 1.0, 3.0, 5.0]);
+        assert_eq!(file.numbers("two", 1..2).unwrap(), [1.0, 3.0, 5.0]);
+        assert_eq!(info("three").shape, [2, 3, 4]);
+        let last: Vec<f64> = (0..3)
+            .flat_map(|y| (0..4).map(move |x| f64::from(x * 6 + y * 2 + 1)))
+            .collect();
+        assert_eq!(file.numbers("three", 1..2).unwrap(), last);
+    }
+    // A file that MATLAB saved says so at its start.
+    let block = folder.path().join("block.mat");
+    let mut builder = hdf5::FileBuilder::new();
+    builder
+        .with_fapl(|access| access.file_locking(false))
+        .with_fcpl(|create| create.userblock(512));
+    let file = builder.create(&block).unwrap();
+    file.new_dataset::<u8>()
+        .shape([3, 2])
+        .create("p")
+        .unwrap()
+        .write_raw(&[0_u8, 1, 2, 3, 4, 5])
+        .unwrap();
+    file.close().unwrap();
+    let mut bytes = std::fs::read(&block).unwrap();
+    let start = b"MATLAB 7.3 MAT-file, Platform: GLNXA64";
+    bytes[..start.len()].copy_from_slice(start);
+    std::fs::write(&block, bytes).unwrap();
+    let file = HdfFile::open_untrusted(&block).unwrap();
+    assert_eq!(file.find("p").unwrap().unwrap().shape, [2, 3]);
+    assert_eq!(file.numbers("p", 0..1).unwrap(), [0.0, 2.0, 4.0]);
 }

@@ -233,6 +233,11 @@ pub trait Stage: Send + Sync {
         0
     }
 
+    /// Returns what its reading did that a user should know, such as how the files that it names were read.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Returns the unit of its progress, in the plural.
     fn unit(&self) -> &'static str {
         "inputs"

@@ -5,12 +5,14 @@ use std::io::Read;
 use std::path::Path;
 
 use super::raster::{Pattern, PatternForm, allowed_cells};
+use deaflow_array::ArrayError;
+use deaflow_base::TableError;
 
 /// Largest number of patterns in one argument; on 50 × 50 cells their fields take 830 MB.
 const MOST: u64 = 20_000;
 
 /// Largest number of cells in one argument.
-pub(super) const MOST_CELLS: u64 = MOST * 2500;
+const MOST_CELLS: u64 = MOST * 2500;
 
 /// Why a file contains no patterns, and what is allowed.
 #[derive(Debug, thiserror::Error)]
@@ -18,6 +20,18 @@ pub(super) const MOST_CELLS: u64 = MOST * 2500;
 pub struct PatternFileError {
     what: String,
     help: Option<String>,
+}
+
+impl From<TableError> for PatternFileError {
+    fn from(error: TableError) -> Self {
+        Self::new(error.to_string())
+    }
+}
+
+impl From<ArrayError> for PatternFileError {
+    fn from(error: ArrayError) -> Self {
+        Self::new(error.to_string()).help(error.help())
+    }
 }
 
 impl PatternFileError {
@@ -72,10 +86,14 @@ pub(super) fn count(shape: &[u64], form: PatternForm) -> Result<usize, PatternFi
         [y, x] if (y, x) == (rows, columns) => 1,
         [n, y, x] if (y, x) == (rows, columns) => n,
         _ => {
-            return Err(
-                PatternFileError::new(format!("the array has shape {}", shape_text(shape)))
-                    .help(format!("allowed: ({rows}, {columns}) or (n, {rows}, {columns})")),
-            );
+            let refusal = PatternFileError::new(format!("the array has shape {}", shape_text(shape)));
+            let allowed = format!("allowed: ({rows}, {columns}) or (n, {rows}, {columns})");
+            return Err(match *shape {
+                [x, y] | [x, y, _] if (y, x) == (rows, columns) => refusal.help(format!(
+                    "{allowed}; the axes seem to be reversed, as MATLAB's h5write leaves them"
+                )),
+                _ => refusal.help(allowed),
+            });
         }
     };
     let most = (MOST_CELLS / form.raster.cells() as u64).clamp(1, MOST);
@@ -98,33 +116,111 @@ fn shape_text(shape: &[u64]) -> String {
     }
 }
 
-/// Converts values, row by row from below and pattern after pattern, to patterns.
-pub(super) fn patterns(values: &[f64], form: PatternForm) -> Result<Vec<Pattern>, PatternFileError> {
-    patterns_from(values, form, 0, values.len() > form.raster.cells())
+/// The patterns of a file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FilePatterns {
+    /// The patterns, in order.
+    pub patterns: Vec<Pattern>,
+    /// What the reader did that a user should know, and what is unusual: each a phrase without the name of the file.
+    pub notes: Vec<String>,
 }
 
-/// Converts the values of consecutive patterns, the first of which has the number `first`.
-pub(super) fn patterns_from(
-    values: &[f64],
-    form: PatternForm,
-    first: usize,
-    several: bool,
-) -> Result<Vec<Pattern>, PatternFileError> {
-    let one = |(index, values): (usize, &[f64])| {
-        let index = first + index;
-        if let Some(at) = values.iter().position(|v| group(*v, form.groups).is_none()) {
-            let place = if several { format!("[{index}]") } else { String::new() };
-            return Err(PatternFileError::new(format!(
-                "cell {place}[y={}][x={}] is {}",
-                at / form.raster.columns(),
-                at % form.raster.columns(),
-                number(values[at])
-            )));
+impl FilePatterns {
+    pub(super) fn new(patterns: Vec<Pattern>) -> Self {
+        let mut notes = Vec::new();
+        let count = |is_such: fn(&Pattern) -> bool| patterns.iter().filter(|pattern| is_such(pattern)).count();
+        let bare = count(|pattern| pattern.groups() == 0);
+        let full = count(|pattern| pattern.cells().iter().all(|cell| *cell != 0));
+        for (found, what) in [(bare, "has no electrode"), (full, "is covered completely")] {
+            match (found, patterns.len()) {
+                (0, _) => {}
+                (_, 1) => notes.push(format!("the pattern {what}")),
+                (found, all) => notes.push(format!("{found} of {all} patterns: each {what}")),
+            }
         }
-        let cells: Vec<u8> = values.iter().filter_map(|v| group(*v, form.groups)).collect();
-        Pattern::of_form(form, &cells).map_err(|e| PatternFileError::new(e.to_string()))
-    };
-    values.chunks(form.raster.cells()).enumerate().map(one).collect()
+        Self { patterns, notes }
+    }
+}
+
+/// The value of electrodes in masks of 8 or 16 bits, which many programs write.
+const MASKS: [f64; 2] = [255.0, 65535.0];
+
+/// A cell with such a value, while patterns are read.
+const HIGH: u8 = u8::MAX;
+
+/// Values that are converted to patterns, row by row from below and pattern after pattern.
+pub(super) struct Cells {
+    form: PatternForm,
+    /// Whether there are several patterns.
+    several: bool,
+    cells: Vec<u8>,
+    /// The first value of a mask, with its place.
+    high: Option<(usize, f64)>,
+    /// Whether there are other values than 0 and one of a mask.
+    is_mixed: bool,
+}
+
+impl Cells {
+    /// Starts with no values; `n` patterns are to come.
+    pub fn new(form: PatternForm, n: usize) -> Self {
+        Self {
+            form,
+            several: n > 1,
+            cells: Vec::new(),
+            high: None,
+            is_mixed: false,
+        }
+    }
+
+    /// Adds values.
+    pub fn add(&mut self, values: &[f64]) -> Result<(), PatternFileError> {
+        for &value in values {
+            let at = self.cells.len();
+            let cell = match group(value, self.form.groups) {
+                Some(cell) => {
+                    self.is_mixed |= cell != 0;
+                    cell
+                }
+                None if MASKS.contains(&value) => {
+                    let (_, first) = *self.high.get_or_insert((at, value));
+                    self.is_mixed |= first != value;
+                    HIGH
+                }
+                None => return Err(self.refusal(at, value)),
+            };
+            self.cells.push(cell);
+        }
+        Ok(())
+    }
+
+    /// Returns the patterns. If all values are 0 and 255, or 0 and 65535, they are those of a mask.
+    pub fn finish(mut self) -> Result<FilePatterns, PatternFileError> {
+        if let Some((at, value)) = self.high {
+            if self.is_mixed {
+                return Err(self.refusal(at, value));
+            }
+            self.cells.iter_mut().for_each(|cell| *cell = u8::from(*cell == HIGH));
+        }
+        let all = self.cells.chunks(self.form.raster.cells());
+        let patterns = all.map(|cells| Pattern::of_form(self.form, cells));
+        let patterns = patterns.collect::<Result<Vec<_>, _>>();
+        let mut read = FilePatterns::new(patterns.map_err(|e| PatternFileError::new(e.to_string()))?);
+        read.notes.extend(
+            self.high
+                .map(|(_, value)| format!("values 0 and {value} read as 0 and 1")),
+        );
+        Ok(read)
+    }
+
+    fn refusal(&self, at: usize, value: f64) -> PatternFileError {
+        let (columns, cells) = (self.form.raster.columns(), self.form.raster.cells());
+        let index = match self.several {
+            true => format!("[{}]", at / cells),
+            false => String::new(),
+        };
+        let (y, x) = (at % cells / columns, at % columns);
+        PatternFileError::new(format!("cell {index}[y={y}][x={x}] is {}", number(value)))
+    }
 }
 
 /// Converts a value to the number of an electrode group, or 0.

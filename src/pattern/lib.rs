@@ -1,13 +1,12 @@
 //! Electrode patterns: the cells of the membrane with an electrode, the symmetries of the square, and the readers of
 //! pattern files.
 
+mod array;
 mod bits;
 mod csv;
 mod file;
-mod h5;
 mod layers;
 mod membrane;
-mod npy;
 mod outline;
 mod parts;
 mod png;
@@ -18,14 +17,14 @@ mod role;
 mod symmetry;
 
 pub use bits::{Bits, distance};
-pub use file::PatternFileError;
-pub use h5::split as split_h5;
+pub use deaflow_array::split as split_array;
+pub use file::{FilePatterns, PatternFileError};
 pub use layers::{Layers, PatternEquivalence};
 pub use membrane::Membrane;
 pub use outline::{Corners, Island, Point, area as ring_area, outlines, total_area};
 pub use parts::{Part, Parts, PartsError};
 pub use raster::{CELLS, Pattern, PatternError, PatternForm, Raster, allowed_cells};
-pub use read::{read_mask, read_patterns, read_patterns_of};
+pub use read::{form_of, has_patterns, read_mask, read_patterns, read_patterns_of};
 pub use region::Region;
 pub use role::Role;
 pub use symmetry::{Symmetries, Symmetry};

@@ -1,42 +1,54 @@
 //! Reads patterns from images: dark pixels are electrodes, as in the figures of the source paper; the top row is the
-//! upper edge.
+//! upper edge. If all visible pixels have one colour, the opaque ones are electrodes.
 //!
-//! The image must show each cell as one pixel or as a block of equal pixels. Grey pixels come from resampling, which no
-//! threshold can undo. With several electrode groups, the index in a palette is the number of the group; without a
-//! palette, group g of n has the grey level (g − 1)/n from black to white.
+//! An image with a pixel, or a block of equal pixels, per cell is read exactly. In any other image of one group a cell is
+//! an electrode if at least half of it is dark, and a note compares the area of the cells with that of the picture. With
+//! several electrode groups, the index in a palette is the number of the group; without a palette, group g of n has the
+//! grey level (g − 1)/n from black to white, so there is no coverage.
 
 use std::io::Cursor;
 use std::path::Path;
 
 use png::{ColorType, Decoder, DecodingError, Reader, Transformations};
 
-use super::file::{PatternFileError, bytes};
-use super::raster::{Pattern, PatternForm};
+use super::file::{FilePatterns, PatternFileError, bytes};
+use super::raster::{Pattern, PatternForm, Raster};
 
-/// Largest number of pixels along the side of a cell.
+/// Largest number of pixels along the side of a cell of several groups.
 const LARGEST_BLOCK: usize = 64;
 
-/// Largest number of pixels of an image; decoded, it takes at most 41 MB, whatever its header claims.
+/// Largest number of pixels of an image; decoded, it takes at most 200 MB, whatever its header claims.
 const MOST_PIXELS: usize = 3200 * 3200;
 
 const MAX_BYTES: u64 = 64 << 20;
 
+/// The share of a cell that makes it an electrode.
+const HALF: f64 = 0.5;
+
+/// What becomes of an image that does not show the cells one by one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Greys {
+    /// It is read by coverage.
+    Covered,
+    /// It is refused.
+    Refused,
+}
+
 fn allowed(form: PatternForm) -> String {
     let ([columns, rows], groups) = (form.raster.sides(), form.groups);
-    let colours = match groups {
-        1 => "dark (brightness below 25 %) = electrode, light (above 75 %) = bare".to_owned(),
-        _ => {
-            let level = |group: usize| format!("group {group} = {:.0} %", 100.0 * (group - 1) as f64 / groups as f64);
-            let levels: Vec<String> = (1..=groups).map(level).collect();
-            format!(
-                "the number of the group as palette index, or as brightness: {}, bare = 100 %",
-                levels.join(", ")
-            )
-        }
-    };
+    if groups == 1 {
+        return format!(
+            "allowed: {columns} × {rows} pixels, or more or fewer with the same ratio of sides, up to {MOST_PIXELS} in \
+             all; dark = electrode, light = bare"
+        );
+    }
+    let level = |group: usize| format!("group {group} = {:.0} %", 100.0 * (group - 1) as f64 / groups as f64);
+    let levels: Vec<String> = (1..=groups).map(level).collect();
     format!(
         "allowed: {columns} × {rows} pixels, or k·{columns} × k·{rows} (k to {LARGEST_BLOCK}) with k × k pixels of one \
-         colour per cell; {colours}; no smoothing when scaling"
+         colour per cell; the number of the group as palette index, or as brightness: {}, bare = 100 %; no smoothing \
+         when scaling",
+        levels.join(", ")
     )
 }
 
@@ -49,29 +61,134 @@ pub(super) fn sides(path: &Path) -> Result<[usize; 2], PatternFileError> {
     Ok([width as usize, height as usize])
 }
 
-pub(super) fn read(path: &Path, form: PatternForm) -> Result<Vec<Pattern>, PatternFileError> {
-    let of_form = |refusal: PatternFileError| refusal.help(allowed(form));
-    let (block, pixels) = decode(&bytes(path, MAX_BYTES)?, form)?;
-    let (width, rows) = (block * form.raster.columns(), form.raster.rows());
-    let groups = pixels
-        .iter()
-        .enumerate()
-        .map(|(at, pixel)| {
-            let undecided = || undecided([at % width, at / width], *pixel, form.groups);
-            pixel.group(form.groups).ok_or_else(|| of_form(undecided()))
-        })
-        .collect::<Result<Vec<u8>, _>>()?;
-    // Image rows run downwards, patterns upwards.
-    let cell = |x: usize, y: usize| groups[(rows - 1 - y) * block * width + x * block];
-    let of_cell = |at: usize| cell(at % width / block, rows - 1 - at / width / block);
-    if let Some(at) = (0..groups.len()).find(|&at| groups[at] != of_cell(at)) {
-        return Err(of_form(PatternFileError::new(format!(
-            "pixel (column {}, row {} from the top) differs from others of its {block} × {block} block",
-            at % width,
-            at / width
-        ))));
+pub(super) fn read(path: &Path, form: PatternForm, greys: Greys) -> Result<FilePatterns, PatternFileError> {
+    let image = Image::decode(&bytes(path, MAX_BYTES)?, form)?;
+    let mut notes = Vec::new();
+    if image.is_transparency {
+        notes.push("shape taken from the transparency: opaque = electrode".to_owned());
     }
-    Ok(vec![Pattern::from_groups(form.raster, cell)])
+    let pattern = match image.exact(form) {
+        Err(_) if form.groups == 1 && greys == Greys::Covered && image.has_ratio_of(form.raster) => {
+            let (pattern, dark) = image.covered(form.raster);
+            let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+            let [darkest, lightest] = image.extremes();
+            let levels = match (darkest, lightest) {
+                (0.0, 1.0) => String::new(),
+                _ => format!(
+                    " (brightness {} is dark, {} light)",
+                    percent(darkest),
+                    percent(lightest)
+                ),
+            };
+            notes.push(format!(
+                "{} × {} pixels read by coverage: electrode where at least half of a cell is dark{levels}; area of the \
+                 picture {}, of the cells {}",
+                image.sides[0],
+                image.sides[1],
+                percent(dark),
+                percent(pattern.area_fraction())
+            ));
+            pattern
+        }
+        exact => exact.map_err(|refusal| refusal.help(allowed(form)))?,
+    };
+    let mut read = FilePatterns::new(vec![pattern]);
+    read.notes.extend(notes);
+    Ok(read)
+}
+
+/// A decoded image.
+struct Image {
+    /// Pixels along x and y.
+    sides: [usize; 2],
+    /// The pixels, row by row from the top.
+    pixels: Vec<Pixel>,
+    /// Whether the shape is in the transparency alone.
+    is_transparency: bool,
+}
+
+impl Image {
+    /// Returns the pattern of an image with a pixel, or a block of equal pixels, per cell.
+    fn exact(&self, form: PatternForm) -> Result<Pattern, PatternFileError> {
+        let ([columns, rows], [width, height]) = (form.raster.sides(), self.sides);
+        let block = width / columns;
+        let most = if form.groups == 1 { usize::MAX } else { LARGEST_BLOCK };
+        if (block * columns, block * rows) != (width, height) || !(1..=most).contains(&block) {
+            return Err(PatternFileError::new(format!(
+                "the image has {width} × {height} pixels"
+            )));
+        }
+        let groups = self
+            .pixels
+            .iter()
+            .enumerate()
+            .map(|(at, pixel)| {
+                let undecided = || undecided([at % width, at / width], *pixel, form.groups);
+                pixel.group(form.groups).ok_or_else(undecided)
+            })
+            .collect::<Result<Vec<u8>, _>>()?;
+        // Image rows run downwards, patterns upwards.
+        let cell = |x: usize, y: usize| groups[(rows - 1 - y) * block * width + x * block];
+        let of_cell = |at: usize| cell(at % width / block, rows - 1 - at / width / block);
+        if let Some(at) = (0..groups.len()).find(|&at| groups[at] != of_cell(at)) {
+            return Err(PatternFileError::new(format!(
+                "pixel (column {}, row {} from the top) differs from others of its {block} × {block} block",
+                at % width,
+                at / width
+            )));
+        }
+        Ok(Pattern::from_groups(form.raster, cell))
+    }
+
+    /// Whether the sides have the ratio of a raster, to a pixel.
+    fn has_ratio_of(&self, raster: Raster) -> bool {
+        let ([columns, rows], [width, height]) = (raster.sides(), self.sides);
+        (width * rows).abs_diff(height * columns) <= columns.max(rows)
+    }
+
+    /// Returns the brightness of what is dark and of what is light: the extremes, if they are on both sides of the
+    /// middle; else black and white.
+    fn extremes(&self) -> [f64; 2] {
+        let [darkest, lightest] = self.pixels.iter().fold([1.0, 0.0], |[low, high], pixel| match pixel {
+            Pixel::Grey(level) => [f64::min(low, *level), f64::max(high, *level)],
+            Pixel::Index(_) => [low, high],
+        });
+        match darkest < HALF && HALF < lightest {
+            true => [darkest, lightest],
+            false => [0.0, 1.0],
+        }
+    }
+
+    /// Returns the pattern of the cells that are at least half dark, and the dark share of the image.
+    fn covered(&self, raster: Raster) -> (Pattern, f64) {
+        let ([columns, rows], [width, height]) = (raster.sides(), self.sides);
+        let [darkest, lightest] = self.extremes();
+        let dark = |x: usize, y: usize| match self.pixels[y * width + x] {
+            Pixel::Grey(level) => (lightest - level) / (lightest - darkest),
+            Pixel::Index(_) => 0.0,
+        };
+        let share = |x: usize, y: usize| {
+            let (across, down) = (parts(x, columns, width), parts(rows - 1 - y, rows, height));
+            let of_row = |row: usize| across.iter().map(|&(x, part)| part * dark(x, row)).sum::<f64>();
+            down.iter().map(|&(row, part)| part * of_row(row)).sum::<f64>()
+        };
+        let shares: Vec<f64> = (0..raster.cells())
+            .map(|at| share(at % columns, at / columns))
+            .collect();
+        let pattern = Pattern::from_fn(raster, |x, y| shares[y * columns + x] >= HALF);
+        (pattern, shares.iter().sum::<f64>() / shares.len() as f64)
+    }
+}
+
+/// Returns the pixels that cell `at` of `cells` covers, of `pixels` in all, each with its share of the cell.
+pub(super) fn parts(at: usize, cells: usize, pixels: usize) -> Vec<(usize, f64)> {
+    // In units of 1/cells of a pixel, so that sums are exact.
+    let (start, end) = (at * pixels, (at + 1) * pixels);
+    let part = |pixel: usize| {
+        let within = end.min((pixel + 1) * cells) - start.max(pixel * cells);
+        (pixel, within as f64 / pixels as f64)
+    };
+    (start / cells..end.div_ceil(cells)).map(part).collect()
 }
 
 /// The value of a pixel.
@@ -119,49 +236,61 @@ fn undecided([column, row]: [usize; 2], pixel: Pixel, groups: usize) -> PatternF
     PatternFileError::new(format!("pixel (column {column}, row {row} from the top) is {found}"))
 }
 
-/// Returns the number of pixels along the side of a cell, and the pixels from the top.
-fn decode(bytes: &[u8], form: PatternForm) -> Result<(usize, Vec<Pixel>), PatternFileError> {
-    let broken = |e: DecodingError| PatternFileError::new(format!("not a readable PNG: {e}"));
-    let mut decoder = Decoder::new(Cursor::new(bytes));
-    let info = decoder.read_header_info().map_err(broken)?;
-    let (width, height) = info.size();
-    let is_indexed = form.groups > 1 && info.color_type == ColorType::Indexed;
-    let depth = info.bit_depth as usize;
-    decoder.set_transformations(match is_indexed {
-        true => Transformations::IDENTITY,
-        false => Transformations::EXPAND | Transformations::STRIP_16,
-    });
-    let [columns, rows] = form.raster.sides();
-    let (wide, high) = (width as usize, height as usize);
-    let block = wide / columns;
-    let is_whole = (block * columns, block * rows) == (wide, high) && (1..=LARGEST_BLOCK).contains(&block);
-    if !is_whole || wide.saturating_mul(high) > MOST_PIXELS {
-        return Err(PatternFileError::new(format!("the image has {width} × {height} pixels")).help(allowed(form)));
+impl Image {
+    fn decode(bytes: &[u8], form: PatternForm) -> Result<Self, PatternFileError> {
+        let broken = |e: DecodingError| PatternFileError::new(format!("not a readable PNG: {e}"));
+        let mut decoder = Decoder::new(Cursor::new(bytes));
+        let info = decoder.read_header_info().map_err(broken)?;
+        let (width, height) = info.size();
+        let is_indexed = form.groups > 1 && info.color_type == ColorType::Indexed;
+        let depth = info.bit_depth as usize;
+        decoder.set_transformations(match is_indexed {
+            true => Transformations::IDENTITY,
+            false => Transformations::EXPAND | Transformations::STRIP_16,
+        });
+        let sides = [width as usize, height as usize];
+        let count = sides[0].saturating_mul(sides[1]);
+        if count > MOST_PIXELS {
+            return Err(PatternFileError::new(format!("the image has {width} × {height} pixels")).help(allowed(form)));
+        }
+        let reader = decoder.read_info().map_err(broken)?;
+        let (pixels, is_transparency) = match is_indexed {
+            true => (indices(reader, sides, depth).map_err(broken)?, false),
+            false => greys(reader).map_err(broken)?,
+        };
+        match pixels.len() == count {
+            true => Ok(Self {
+                sides,
+                pixels,
+                is_transparency,
+            }),
+            false => Err(PatternFileError::new(format!(
+                "{} pixels where {count} were promised",
+                pixels.len()
+            ))),
+        }
     }
-    let reader = decoder.read_info().map_err(broken)?;
-    let pixels = match is_indexed {
-        true => indices(reader, [wide, high], depth),
-        false => greys(reader),
-    };
-    let pixels = pixels.map_err(broken)?;
-    if pixels.len() != wide * high {
-        return Err(PatternFileError::new(format!(
-            "{} pixels where {} were promised",
-            pixels.len(),
-            wide * high
-        )));
-    }
-    Ok((block, pixels))
 }
 
-fn greys(mut reader: Reader<Cursor<&[u8]>>) -> Result<Vec<Pixel>, DecodingError> {
+/// Returns the grey levels, and whether they are those of the transparency.
+fn greys(mut reader: Reader<Cursor<&[u8]>>) -> Result<(Vec<Pixel>, bool), DecodingError> {
     let mut pixels = vec![0; reader.output_buffer_size()];
     let frame = reader.next_frame(&mut pixels)?;
     let channels = frame.color_type.samples();
-    let greys = pixels[..frame.buffer_size()].chunks_exact(channels);
-    Ok(greys
-        .map(|pixel| Pixel::Grey(grey_level(frame.color_type, pixel)))
-        .collect())
+    let levels = pixels[..frame.buffer_size()]
+        .chunks_exact(channels)
+        .map(|pixel| (luma(frame.color_type, pixel), opacity(frame.color_type, pixel)));
+    let mut visible = levels.clone().filter(|(_, opacity)| *opacity > 0.0);
+    let first = visible.next().map_or(0.0, |(level, _)| level);
+    let has_one_colour = visible.all(|(level, _)| level == first);
+    let is_opaque = levels.clone().all(|(_, opacity)| opacity == 1.0);
+    // Black shapes look the same on white.
+    let is_transparency = has_one_colour && !is_opaque && first > 0.0;
+    let grey = |(level, opacity): (f64, f64)| match is_transparency {
+        true => Pixel::Grey(1.0 - opacity),
+        false => Pixel::Grey(opacity * level + 1.0 - opacity),
+    };
+    Ok((levels.map(grey).collect(), is_transparency))
 }
 
 /// Unpacks indices of some bits each; each row takes whole bytes.
@@ -180,15 +309,21 @@ fn indices(
         .collect())
 }
 
-/// Returns the luma after Rec. ITU-R BT.601, over a white background.
-fn grey_level(colour: ColorType, pixel: &[u8]) -> f64 {
+/// Returns the luma after Rec. ITU-R BT.601, 0 to 1.
+fn luma(colour: ColorType, pixel: &[u8]) -> f64 {
     let unit = |k: usize| f64::from(pixel[k]) / 255.0;
-    let luma = |k: usize| 0.299 * unit(k) + 0.587 * unit(k + 1) + 0.114 * unit(k + 2);
-    let over_white = |level: f64, alpha: f64| alpha * level + 1.0 - alpha;
     match colour {
-        ColorType::Rgba => over_white(luma(0), unit(3)),
-        ColorType::GrayscaleAlpha => over_white(unit(0), unit(1)),
-        ColorType::Rgb => luma(0),
-        ColorType::Grayscale | ColorType::Indexed => unit(0),
+        ColorType::Rgba | ColorType::Rgb => 0.299 * unit(0) + 0.587 * unit(1) + 0.114 * unit(2),
+        ColorType::GrayscaleAlpha | ColorType::Grayscale | ColorType::Indexed => unit(0),
     }
+}
+
+/// Returns the opacity, 0 to 1.
+fn opacity(colour: ColorType, pixel: &[u8]) -> f64 {
+    let alpha = match colour {
+        ColorType::Rgba => pixel[3],
+        ColorType::GrayscaleAlpha => pixel[1],
+        ColorType::Rgb | ColorType::Grayscale | ColorType::Indexed => u8::MAX,
+    };
+    f64::from(alpha) / 255.0
 }

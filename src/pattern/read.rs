@@ -1,41 +1,79 @@
 //! Reads the pattern files named on the command line.
 //!
 //! Files must contain exactly the cells of the membrane, each 0, 1 or the number of an electrode group. Others are
-//! rejected with the found value and its position, since a resampled, clipped or transposed pattern would give results
-//! for another device. Files are not trusted: sizes are compared with the length of the file before memory is
-//! allocated.
+//! rejected with the found value and its position, since a clipped or transposed pattern would give results for another
+//! device. Pictures are read by coverage, and masks of 0 and 255 as 0 and 1; a note says so. Files are not trusted:
+//! sizes are compared with the length of the file before memory is allocated.
 
 use std::fs;
 use std::path::Path;
 
-use super::file::PatternFileError;
+use super::file::{FilePatterns, PatternFileError};
+use super::png::Greys;
 use super::raster::{Pattern, PatternForm, Raster};
-use super::{csv, h5, npy, png};
+use super::{array, csv, png};
+use deaflow_array::{Format, extension, split};
 use deaflow_base::InputError;
 
-const FORMS: &str = "allowed: FILE.npy, FILE.csv, FILE.png, FILE.h5:/dataset";
+const FORMS: &str = "allowed: FILE.npy, FILE.csv (also .txt, .dat, .tsv), FILE.png, FILE.h5:/dataset (also .hdf5, .nc, \
+                     .mat, .npz)";
+
+/// What a file of patterns is, by its extension.
+#[derive(Clone, Copy)]
+enum FileKind {
+    Array(Format),
+    Table,
+    Picture,
+}
+
+impl FileKind {
+    fn of(path: &Path) -> Result<Self, PatternFileError> {
+        if let Some(format) = Format::of(path) {
+            return Ok(Self::Array(format));
+        }
+        match extension(path).as_str() {
+            "csv" | "txt" | "dat" | "tsv" | "asc" => Ok(Self::Table),
+            "png" => Ok(Self::Picture),
+            "" => Err(PatternFileError::new("the file name has no extension").help(FORMS)),
+            other => Err(PatternFileError::new(format!("cannot read `.{other}` files")).help(FORMS)),
+        }
+    }
+}
+
+/// Whether a file is one of patterns, by its extension.
+#[must_use]
+pub fn has_patterns(path: &Path) -> bool {
+    FileKind::of(path).is_ok()
+}
 
 /// Reads the patterns of one `PATTERN` argument.
 ///
 /// - `FILE.npy`: (rows, columns) or (n, rows, columns), booleans, integers or floats, C or Fortran order.
-/// - `FILE.csv`: a line for each row; the first line is row y = 0, the lower edge, as `numpy.savetxt(…, delimiter=",")`
-///   writes the array.
-/// - `FILE.png`: a pixel, or a square block of equal pixels, per cell; dark = electrode; the top of the image is the
-///   upper edge (largest y).
-/// - `FILE.h5:/dataset` (or `.hdf5`): as `.npy`. Another process reads the file.
+/// - `FILE.csv`, `.txt`, `.dat`, `.tsv`: a line for each row; the first line is row y = 0, the lower edge, as
+///   `numpy.savetxt` writes the array.
+/// - `FILE.png`: dark = electrode; the top of the image is the upper edge (largest y). A pixel, or a block of pixels,
+///   per cell; an image of another size, or with greys, by the share of each cell that is dark.
+/// - `FILE.h5:/dataset` (also `.hdf5`, `.nc`, `.mat`, `.npz`): as `.npy`. Another process reads HDF5. Without a name,
+///   the only array with the shape of patterns.
 ///
 /// # Errors
 /// When the file cannot be read, has another shape, contains no pattern, or has a value that is neither 0 nor an
 /// electrode group.
-pub fn read_patterns(spec: &str, form: PatternForm) -> Result<Vec<Pattern>, InputError> {
-    let found = match h5::split(spec) {
-        Some((path, dataset)) => read_patterns_of(Path::new(path), Some(dataset), form),
-        None => read_patterns_of(Path::new(spec), None, form),
-    };
+pub fn read_patterns(spec: &str, form: PatternForm) -> Result<FilePatterns, InputError> {
+    let (path, dataset) = parts(spec);
+    let found = read_patterns_of(path, dataset, form);
     found.map_err(|refusal| InputError::new(format!("{spec}: {refusal}")).help(refusal.advice(form)))
 }
 
-/// Reads the patterns of a file; in an HDF5 file, those of a dataset.
+/// Splits an argument into the file and the dataset in it.
+fn parts(spec: &str) -> (&Path, Option<&str>) {
+    match split(spec) {
+        Some((path, dataset)) => (Path::new(path), Some(dataset)),
+        None => (Path::new(spec), None),
+    }
+}
+
+/// Reads the patterns of a file; in a file with named arrays, those of a dataset.
 ///
 /// # Errors
 /// As [`read_patterns`].
@@ -43,11 +81,68 @@ pub fn read_patterns_of(
     path: &Path,
     dataset: Option<&str>,
     form: PatternForm,
-) -> Result<Vec<Pattern>, PatternFileError> {
-    match dataset {
-        Some(dataset) => check_file(path).and_then(|()| h5::read(path, dataset, form)),
-        None => read_plain(path, form),
+) -> Result<FilePatterns, PatternFileError> {
+    read(path, dataset, form, Greys::Covered)
+}
+
+fn read(path: &Path, dataset: Option<&str>, form: PatternForm, greys: Greys) -> Result<FilePatterns, PatternFileError> {
+    let kind = FileKind::of(path)?;
+    check_file(path)?;
+    match kind {
+        FileKind::Array(format) => array::read(path, format, dataset, form),
+        FileKind::Table => csv::read(path, form),
+        FileKind::Picture => png::read(path, form, greys),
     }
+}
+
+/// Returns the form of the patterns of an argument, as the file has it: an image has a pixel per cell and one group.
+///
+/// # Errors
+/// When the file cannot be read, or has too many cells.
+pub fn form_of(spec: &str) -> Result<PatternForm, InputError> {
+    let (path, dataset) = parts(spec);
+    let refused = |refusal: PatternFileError| {
+        let error = InputError::new(format!("{spec}: {refusal}"));
+        match refusal.own_advice() {
+            Some(help) => error.help(help),
+            None => error,
+        }
+    };
+    let (kind, sides) = sides_of(path, dataset).map_err(refused)?;
+    let raster = raster_of(sides).map_err(|refusal| {
+        let help = format!(
+            "allowed: 1 to {} along each side; name the scene, which gives the cells",
+            Raster::MOST
+        );
+        refused(refusal.help(help))
+    })?;
+    Ok(match kind {
+        FileKind::Picture => PatternForm::bare_or_electrode(raster),
+        FileKind::Array(_) | FileKind::Table => PatternForm {
+            raster,
+            groups: Pattern::MOST_GROUPS,
+        },
+    })
+}
+
+/// Returns the numbers of columns and rows in a file.
+fn sides_of(path: &Path, dataset: Option<&str>) -> Result<(FileKind, [usize; 2]), PatternFileError> {
+    let kind = FileKind::of(path)?;
+    check_file(path)?;
+    let sides = match kind {
+        FileKind::Array(format) => array::sides(path, format, dataset)?,
+        FileKind::Table => csv::sides(path)?,
+        FileKind::Picture => png::sides(path)?,
+    };
+    Ok((kind, sides))
+}
+
+fn raster_of([columns, rows]: [usize; 2]) -> Result<Raster, PatternFileError> {
+    Raster::new(columns, rows).ok_or_else(|| {
+        let most = Raster::MOST;
+        PatternFileError::new(format!("it has {columns} × {rows} cells"))
+            .help(format!("allowed: 1 to {most} along each side"))
+    })
 }
 
 /// Reads a file with one pattern whose raster follows from the file: an image has a pixel per cell.
@@ -55,22 +150,9 @@ pub fn read_patterns_of(
 /// # Errors
 /// When the file cannot be read, contains several patterns, or has a value other than 0 and 1.
 pub fn read_mask(path: &Path) -> Result<Pattern, PatternFileError> {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-    let sides_of = match extension.to_ascii_lowercase().as_str() {
-        "npy" => npy::sides,
-        "csv" => csv::sides,
-        "png" => png::sides,
-        _ => return Err(PatternFileError::new("unknown mask format").help(MASKS)),
-    };
-    check_file(path)?;
-    let [columns, rows] = sides_of(path)?;
-    let raster = Raster::new(columns, rows).ok_or_else(|| {
-        let most = Raster::MOST;
-        PatternFileError::new(format!("it has {columns} × {rows} cells"))
-            .help(format!("allowed: 1 to {most} along each side"))
-    })?;
-    let found = read_plain(path, PatternForm::bare_or_electrode(raster))?;
-    match <[Pattern; 1]>::try_from(found) {
+    let raster = raster_of(sides_of(path, None)?.1)?;
+    let found = read(path, None, PatternForm::bare_or_electrode(raster), Greys::Refused)?;
+    match <[Pattern; 1]>::try_from(found.patterns) {
         Ok([one]) => Ok(one),
         Err(several) => {
             Err(PatternFileError::new(format!("the file has {} patterns, expected 1", several.len())).help(MASKS))
@@ -78,24 +160,7 @@ pub fn read_mask(path: &Path) -> Result<Pattern, PatternFileError> {
     }
 }
 
-const MASKS: &str = "allowed: FILE.npy, FILE.csv, FILE.png, with one value per cell, 1 (or a dark pixel) inside";
-
-fn read_plain(path: &Path, form: PatternForm) -> Result<Vec<Pattern>, PatternFileError> {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-    let read = match extension.to_ascii_lowercase().as_str() {
-        "npy" => npy::read,
-        "csv" => csv::read,
-        "png" => png::read,
-        "h5" | "hdf5" => {
-            check_file(path)?;
-            return Err(PatternFileError::new("the dataset of the HDF5 file is missing").help(h5::advice(path)));
-        }
-        "" => return Err(PatternFileError::new("the file name has no extension").help(FORMS)),
-        other => return Err(PatternFileError::new(format!("cannot read `.{other}` files")).help(FORMS)),
-    };
-    check_file(path)?;
-    read(path, form)
-}
+const MASKS: &str = "allowed: a file of patterns with one value per cell, 1 (or a dark pixel) inside";
 
 /// Rejects pipes and devices: they could block or never end, and have no size to compare headers with.
 fn check_file(path: &Path) -> Result<(), PatternFileError> {

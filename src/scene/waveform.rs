@@ -7,7 +7,7 @@ use serde_json::json;
 
 use deaflow_base::{
     Canonical, Decimal, Declared, Dimension, Fields, Frequency, InputError, Map, Node, NodeValue, Parameter, Quantity,
-    Schema, Time, Voltage, confined, parameters, read_bounded,
+    QuantityError, Schema, Time, Voltage, confined, parameters,
 };
 
 /// The largest number of rows of a table.
@@ -132,31 +132,21 @@ impl Table {
         Ok(Self(rows.into_iter().map(|(row, _)| row).collect()))
     }
 
-    fn from_csv(text: &str) -> Result<Self, String> {
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .comment(Some(b'#'))
-            .from_reader(text.as_bytes());
-        let header = reader.headers().map_err(|e| e.to_string())?;
-        if header.iter().ne(HEADER) {
-            return Err(format!(
-                "line 1: the columns must be {}, found {}",
-                HEADER.join(","),
-                header.iter().collect::<Vec<_>>().join(",")
-            ));
-        }
+    /// Reads the columns of a file.
+    fn of_file(file: &mut deaflow_base::Table) -> Result<Self, String> {
+        let [time, voltage] = file.columns(HEADER).map_err(|e| e.to_string())?;
         let mut rows = Vec::new();
-        for record in reader.records() {
-            let record = record.map_err(|e| e.to_string())?;
-            let line = record.position().map_or(0, csv::Position::line);
-            let number = |text: &str| {
-                let read: Result<Decimal, _> = text.parse();
-                read.map_err(|_| match text.parse::<f64>() {
-                    Ok(_) => format!("line {line}: {text} is out of range"),
-                    Err(_) => format!("line {line}: {text:?} is not a number"),
+        while let Some(row) = file.next_row().map_err(|e| e.to_string())? {
+            let read = |at: usize, what: &str, allowed: &str| {
+                row.decimal(at).map_err(|error| match error {
+                    QuantityError::OutOfRange(number) => row.error(format!("the {what} {number} is not {allowed}")),
+                    _ => row.error(format!("{:?} is not a number", row.field(at))),
                 })
             };
-            rows.push(([number(&record[0])?, number(&record[1])?], format!("line {line}")));
+            let time = read(time, "time", &format!("between 0 and {LATEST:e} s"));
+            let voltage = read(voltage, "voltage", &format!("between -{LARGEST:e} and {LARGEST:e} V"));
+            let values = [time.map_err(|e| e.to_string())?, voltage.map_err(|e| e.to_string())?];
+            rows.push((values, format!("line {}", row.line)));
         }
         Self::of_rows(rows)
     }
@@ -188,9 +178,9 @@ impl Parameter for Table {
         let folder = node.file().parent().unwrap_or(Path::new(""));
         let refused = |why: &str| node.error(format!("the table {}: {why}", folder.join(name).display()));
         let found = confined(folder, name).map_err(|why| refused(&why.to_string()).help(why.help()))?;
-        let bytes = read_bounded(&found, MOST_BYTES).map_err(|e| refused(&e.to_string()))?;
-        let text = String::from_utf8(bytes).map_err(|_| refused("is not text"))?;
-        Self::from_csv(&text).map_err(|why| {
+        let file = deaflow_base::Table::open(&found, MOST_BYTES);
+        let mut file = file.map_err(|e| refused(&e.to_string()))?;
+        Self::of_file(&mut file).map_err(|why| {
             refused(&why).help("the file needs the columns t_s,voltage_V and at least two rows, sorted by time")
         })
     }
@@ -349,7 +339,7 @@ mod tests {
     use super::*;
 
     fn table(text: &str) -> Result<Table, String> {
-        Table::from_csv(text)
+        Table::of_file(&mut deaflow_base::Table::of_bytes(text.into()).unwrap())
     }
 
     fn of_table(text: &str) -> Waveform {
@@ -384,17 +374,41 @@ mod tests {
             ("t_s,voltage_V\n0,0\n2,5\n1,5\n", "line 4: the time 1 s follows 2 s"),
             ("t_s,voltage_V\n0,5\n", "at least two rows are needed, found 1"),
             ("t_s,voltage_V\n", "at least two rows are needed, found 0"),
-            (
-                "t,v\n0,0\n1,1\n",
-                "line 1: the columns must be t_s,voltage_V, found t,v",
-            ),
+            ("t,v\n0,0\n1,1\n", "the column t_s is missing; the columns are t, v"),
             ("t_s,voltage_V\n0,0\n1,x\n", "line 3: \"x\" is not a number"),
             ("t_s,voltage_V\n-1,0\n1,1\n", "line 2: the time -1 s"),
             ("t_s,voltage_V\n0,0\n1,1e9\n", "line 3: 1000000000 V is larger"),
+            (
+                "t_s,voltage_V\n0,0\n1e400,1\n",
+                "line 3: the time 1e400 is not between 0 and 1e12 s",
+            ),
+            (
+                "t_s,voltage_V\n0,0\n1,-1e400\n",
+                "line 3: the voltage -1e400 is not between -1e6 and 1e6 V",
+            ),
         ] {
             let found = table(text).unwrap_err();
             assert!(found.contains(said), "{found}");
         }
+    }
+
+    /// As `numpy.savetxt` writes numbers, and as spreadsheets write columns.
+    #[test]
+    fn tables_of_other_programs_are_read() {
+        let plain = table("t_s,voltage_V\n0,0\n0.000005,20.61664879999778677\n").unwrap();
+        for text in [
+            "# t_s voltage_V\n0.000000000000000000e+00 0.000000000000000000e+00\n\
+             5.000000000000000409e-06 2.061664879999778677e+01\n",
+            "voltage_v;T_s;note\r\n0;0;start\r\n20,61664879999778677;5e-6;end\r\n",
+        ] {
+            let read = table(text).unwrap();
+            assert_eq!(
+                read.rows().collect::<Vec<_>>(),
+                plain.rows().collect::<Vec<_>>(),
+                "{text}"
+            );
+        }
+        assert_eq!(plain.rows().nth(1).unwrap()[0], 5e-6);
     }
 
     #[test]

@@ -94,7 +94,7 @@ impl ServerState {
         let own_scene = options.scene.as_deref().map(named_scene).transpose()?;
         let first_pattern = match (&options.pattern, &own_scene) {
             (Some(pattern), Some(own)) => {
-                let found = direct::patterns(std::slice::from_ref(pattern), own.scene.form())?;
+                let found = direct::patterns(std::slice::from_ref(pattern), own.scene.form())?.patterns;
                 let columns = own.scene.form().raster.columns();
                 let rows = found
                     .first()

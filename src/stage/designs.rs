@@ -119,7 +119,7 @@ fn scores(view: &VerificationView<'_>) -> Result<Vec<Option<SimulatedScore>>, St
 /// If a file cannot be read, or the first has several patterns.
 pub fn of_file(file: &str, scene: &Path) -> Result<Design, InputError> {
     let scene = read_scene(scene)?;
-    let patterns = direct::patterns(&[file.to_owned()], scene.form())?;
+    let patterns = direct::patterns(&[file.to_owned()], scene.form())?.patterns;
     let [pattern] = patterns.as_slice() else {
         let message = format!(
             "{file} contains {} patterns; only one can be exported at a time",

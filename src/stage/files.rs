@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use deaflow_base::{Canonical, InputError, Node, Parameter, Schema, confined};
-use deaflow_pattern::split_h5;
+use deaflow_pattern::split_array;
 
 /// The key with the list of files.
 const KEY: &str = "files";
@@ -42,14 +42,15 @@ pub fn named(stage: &Node) -> Vec<String> {
         .unwrap_or_default();
     let names = names.iter().filter_map(|name| name.text(KEY).ok());
     names
-        .map(|name| split_h5(name).map_or(name, |(file, _)| file).to_owned())
+        .map(|name| split_array(name).map_or(name, |(file, _)| file).to_owned())
         .collect()
 }
 
 /// A file that a stage names.
 pub struct NamedFile<'a> {
     node: &'a Node,
-    name: &'a str,
+    /// The name, as in the pipeline.
+    pub name: &'a str,
     /// Path of the file, with links resolved.
     pub path: PathBuf,
     /// The dataset in it, if one is named.
@@ -73,7 +74,7 @@ impl<'a> NamedFile<'a> {
 
     fn find(node: &'a Node, folder: &Path) -> Result<Self, InputError> {
         let name = node.text(KEY)?;
-        let (file, dataset) = match split_h5(name) {
+        let (file, dataset) = match split_array(name) {
             Some((file, dataset)) => (file, Some(dataset)),
             None => (name, None),
         };

@@ -59,10 +59,11 @@ impl Kind for ImportKind {
         let scene = scene::read_in_state(stage, scene)?.simulated();
         let device = Arc::new(scene::device_of(&scene));
         let of_chunk = rows_of_chunk(device.raster());
-        let (mut files, mut rows) = (Vec::new(), 0);
+        let (mut files, mut notes, mut rows) = (Vec::new(), Vec::new(), 0);
         for named in NamedFile::of_stage(stage)? {
             let file = open(&named, &scene, &device)?;
             rows += file.len();
+            notes.extend(file.notes().iter().map(|note| format!("{}: {note}", named.name)));
             if rows > MAX_ROWS {
                 let why = format!("it brings the stage to {rows} rows");
                 return Err(named.refused(
@@ -85,6 +86,7 @@ impl Kind for ImportKind {
             scene,
             of_chunk,
             digests,
+            notes,
             rows,
         }))
     }
@@ -93,7 +95,7 @@ impl Kind for ImportKind {
 parameters! {
     /// Reads patterns with displacement fields from files, as labels.
     struct ImportParameters as "an import stage" {
-        /// FILE.npz, FILE.h5 or FILE.csv, relative to the pipeline's file; their rows are concatenated.
+        /// FILE.npz, FILE.h5 (also .mat, .nc) or FILE.csv, relative to the pipeline's file; their rows are concatenated.
         files: Vec<FileName> [((), 1..=1000)],
     }
 }
@@ -143,6 +145,7 @@ struct ImportStage {
     of_chunk: usize,
     /// Digest of the rows of each chunk.
     digests: Vec<Digest>,
+    notes: Vec<String>,
     rows: usize,
 }
 
@@ -174,6 +177,10 @@ impl Stage for ImportStage {
             ("rows", all.finish().to_string().as_str().into()),
             ("count", (self.rows as u64).into()),
         ])
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.notes.clone()
     }
 
     fn unit(&self) -> &'static str {

@@ -49,10 +49,12 @@ impl Kind for PatternsKind {
             .transpose()?
             .map_or(PatternForm::PAPER, |outline| outline.form());
         PatternsParameters::read_with(stage, &["kind"])?;
-        let mut patterns = Vec::new();
+        let (mut patterns, mut notes) = (Vec::new(), Vec::new());
         for file in NamedFile::of_stage(stage)? {
             let read = read_patterns_of(&file.path, file.dataset, form);
-            patterns.extend(read.map_err(|refusal| file.refused(&refusal, &refusal.advice(form)))?);
+            let read = read.map_err(|refusal| file.refused(&refusal, &refusal.advice(form)))?;
+            patterns.extend(read.patterns);
+            notes.extend(read.notes.iter().map(|note| format!("{}: {note}", file.name)));
             if patterns.len() > MOST {
                 let why = format!("it brings the stage to {} patterns", patterns.len());
                 return Err(file.refused(
@@ -61,15 +63,15 @@ impl Kind for PatternsKind {
                 ));
             }
         }
-        Ok(Box::new(PatternsStage::new(patterns)))
+        Ok(Box::new(PatternsStage::new(patterns, notes)))
     }
 }
 
 parameters! {
     /// Reads electrode patterns from files.
     struct PatternsParameters as "a patterns stage" {
-        /// FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset, relative to the pipeline's file; their patterns are
-        /// concatenated.
+        /// FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset (also .mat, .nc, .npz), relative to the pipeline's file;
+        /// their patterns are concatenated.
         files: Vec<FileName> [((), 1..=1000)],
     }
 }
@@ -78,10 +80,11 @@ struct PatternsStage {
     patterns: Vec<Pattern>,
     /// The parameters of each chunk.
     chunks: Vec<Canonical>,
+    notes: Vec<String>,
 }
 
 impl PatternsStage {
-    fn new(patterns: Vec<Pattern>) -> Self {
+    fn new(patterns: Vec<Pattern>, notes: Vec<String>) -> Self {
         let starts = (0_u64..).step_by(CHUNK as usize);
         let chunk = |(patterns, start): (&[Pattern], u64)| {
             Canonical::map(described(patterns).into_iter().chain([("start", start.into())]))
@@ -89,6 +92,7 @@ impl PatternsStage {
         Self {
             chunks: patterns.chunks(CHUNK as usize).zip(starts).map(chunk).collect(),
             patterns,
+            notes,
         }
     }
 }
@@ -108,6 +112,10 @@ fn described(patterns: &[Pattern]) -> [(&'static str, Canonical); 2] {
 impl Stage for PatternsStage {
     fn parameters(&self) -> Canonical {
         Canonical::map(described(&self.patterns))
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.notes.clone()
     }
 
     fn unit(&self) -> &'static str {

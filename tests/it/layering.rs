@@ -125,7 +125,7 @@ fn bincode_and_hdf5_stay_where_they_belong() {
     let outside: Vec<String> = users("hdf5::")
         .into_iter()
         .filter(|f| !f.starts_with("store/") && !f.starts_with("hdf/"))
-        .filter(|f| !["pattern/h5.rs", "dataset/import/tests.rs"].contains(&f.as_str()))
+        .filter(|f| !["pattern/array.rs", "dataset/import/tests.rs"].contains(&f.as_str()))
         .collect();
     assert!(
         outside.is_empty(),

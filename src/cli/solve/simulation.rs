@@ -3,9 +3,10 @@
 use std::time::Instant;
 
 use rayon::prelude::*;
+use serde_json::json;
 
 use super::SolveArguments;
-use crate::job::{Job, JobResult, attached_files, seconds_each};
+use crate::job::{Job, JobResult, attached_files, extend, seconds_each};
 use crate::{CliError, Exit, Output, write};
 use deaflow_base::Progress;
 use deaflow_fem::check_leads;
@@ -44,6 +45,8 @@ pub struct Simulation<'a> {
     pub patterns: Vec<Pattern>,
     /// The file of each pattern.
     pub names: Vec<String>,
+    /// What the readers of the files did that a user should know.
+    pub notes: Vec<String>,
     /// Progress, time and files.
     pub job: Job<'a>,
 }
@@ -66,7 +69,8 @@ impl<'a> Simulation<'a> {
                     .help("choose a state: --state NAME"),
             );
         }
-        let (patterns, names) = direct::patterns_with_names(&arguments.patterns.patterns, scene.form())?;
+        let direct::NamedPatterns { patterns, names, notes } =
+            direct::patterns(&arguments.patterns.patterns, scene.form())?;
         check_leads(scene.leads.as_ref(), &patterns)?;
         let states = match form.states {
             States::Each => scene.in_states().len(),
@@ -79,6 +83,7 @@ impl<'a> Simulation<'a> {
             scene,
             patterns,
             names,
+            notes,
             job,
         })
     }
@@ -123,7 +128,10 @@ impl<'a> Simulation<'a> {
     ///
     /// # Errors
     /// When a file or the report cannot be written.
-    pub fn finish(self, result: JobResult<'_>, output: &Output) -> Result<Exit, CliError> {
+    pub fn finish(self, mut result: JobResult<'_>, output: &Output) -> Result<Exit, CliError> {
+        self.job.bar.clear();
+        self.notes.iter().for_each(|note| output.warn(note));
+        extend(&mut result.document, json!({ "notes": self.notes }));
         self.job.finish(result, output)
     }
 }

@@ -1,14 +1,23 @@
 //! Errors of an import.
 
+use deaflow_array::ArrayError;
+use deaflow_base::{TableError, listed};
+
 /// Why a file cannot be imported as patterns with fields.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
     /// The file extension is unknown.
     #[error("cannot import files of format `.{0}`")]
     Extension(String),
-    /// The system or the reader of the format reported an error.
+    /// The system reported an error.
     #[error("{0}")]
     Unreadable(String),
+    /// The reader of arrays reported an error.
+    #[error(transparent)]
+    Array(#[from] ArrayError),
+    /// The reader of tables reported an error.
+    #[error(transparent)]
+    Table(#[from] TableError),
     /// An array is missing.
     #[error("array `{name}` is missing; the file has {}", listed(.there))]
     Missing {
@@ -50,14 +59,6 @@ pub enum ImportError {
         claimed: u64,
         /// Bytes of the file.
         bytes: u64,
-    },
-    /// The elements of an array cannot be read as numbers.
-    #[error("`{name}`: {why}")]
-    Elements {
-        /// Name of the array.
-        name: &'static str,
-        /// What is wrong.
-        why: String,
     },
     /// The unit is not mm.
     #[error("attribute `units` of `displacement` is {0:?}")]
@@ -120,9 +121,6 @@ pub enum ImportError {
         /// Size of the membrane.
         size: String,
     },
-    /// The columns have other names.
-    #[error("the columns are {0}")]
-    Columns(String),
     /// A line is wrong.
     #[error("line {line}: {why}")]
     Line {
@@ -143,6 +141,17 @@ pub enum ImportError {
     },
 }
 
+impl ImportError {
+    /// Whether the file may be one of patterns without fields.
+    #[must_use]
+    pub fn has_no_fields(&self) -> bool {
+        matches!(
+            self,
+            Self::Extension(_) | Self::Missing { .. } | Self::Table(TableError::Columns { .. })
+        )
+    }
+}
+
 fn shape(extents: &[u64]) -> String {
     match extents {
         [one] => format!("({one},)"),
@@ -150,14 +159,5 @@ fn shape(extents: &[u64]) -> String {
             "({})",
             extents.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")
         ),
-    }
-}
-
-/// Returns at most a dozen names.
-fn listed(names: &[String]) -> String {
-    let shown: Vec<&str> = names.iter().take(12).map(String::as_str).collect();
-    match shown.is_empty() {
-        true => "nothing".to_owned(),
-        false => shown.join(", "),
     }
 }

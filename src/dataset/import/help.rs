@@ -4,6 +4,7 @@ use super::csv::COLUMNS;
 use super::error::ImportError;
 use super::shape::{MAX_ROWS, field_extents, pattern_extents};
 use crate::Device;
+use deaflow_base::TableError;
 use deaflow_pattern::allowed_cells;
 
 impl ImportError {
@@ -13,10 +14,14 @@ impl ImportError {
         let raster = device.raster();
         let [columns, rows] = raster.corner_sides();
         match self {
-            Self::Extension(_) => "allowed: FILE.npz, FILE.h5, FILE.hdf5, FILE.csv".to_owned(),
-            Self::Unreadable(_) | Self::Overlong { .. } => {
-                "the file is truncated, damaged or of another format; write it again".to_owned()
+            Self::Extension(_) => {
+                "allowed: FILE.npz, FILE.h5 (also .hdf5, .nc, .mat), FILE.csv (also .txt, .dat, .tsv)".to_owned()
             }
+            Self::Array(error) => error.help().to_owned(),
+            Self::Unreadable(_) | Self::Table(TableError::Unreadable(_)) => {
+                "check the name of the file, its permissions and its size".to_owned()
+            }
+            Self::Overlong { .. } => "the file is truncated or damaged; write it again".to_owned(),
             Self::Missing { .. } => format!(
                 "needed: `patterns` {} of {}, and `displacement` {} in mm",
                 rows_shape(&pattern_extents(raster)),
@@ -26,9 +31,6 @@ impl ImportError {
             Self::Shape { expected, .. } => format!("allowed: {}", rows_shape(expected)),
             Self::Lengths { .. } => "give one field per pattern, in the same order".to_owned(),
             Self::Empty | Self::Rows(_) => format!("allowed: 1 to {MAX_ROWS} rows"),
-            Self::Elements { .. } => {
-                "allowed: booleans, integers and floats in C or Fortran order, as numpy.savez writes them".to_owned()
-            }
             Self::Units(_) => "convert displacements to mm and set `units` to `mm`".to_owned(),
             Self::Estimate { .. } => "import only simulated or measured fields: models are trained on them".to_owned(),
             Self::Cell { .. } => format!("allowed: {}", allowed_cells(device.groups)),
@@ -41,10 +43,12 @@ impl ImportError {
                 "the membrane is clamped: displacements on its edges and frame must not exceed 1e-6 mm".to_owned()
             }
             Self::Far { .. } => "convert displacements to mm: divide µm by 1000, multiply m by 1000".to_owned(),
-            Self::Columns(_) => format!("the first line must be {}", COLUMNS.join(",")),
-            Self::Line { .. } | Self::Corner { .. } => format!(
+            Self::Table(TableError::Columns { .. }) => {
+                format!("needed, in any order: {}", COLUMNS.join(", "))
+            }
+            Self::Table(TableError::Line { .. }) | Self::Line { .. } | Self::Corner { .. } => format!(
                 "each sample needs one line for each of its {columns} × {rows} corners; `electrode` is {} for the cell \
-                 to the upper right, and empty on the right and upper edges",
+                 to the upper right, and empty or 0 on the right and upper edges",
                 numbers(device, "or")
             ),
         }

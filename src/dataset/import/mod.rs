@@ -3,11 +3,10 @@
 //! The readers check the shapes, the sizes and every number of a file before they use them. An error names the row and
 //! the position of the wrong value.
 
+mod arrays;
 mod csv;
 mod error;
-mod hdf;
 mod help;
-mod npz;
 mod rows;
 mod shape;
 #[cfg(test)]
@@ -17,7 +16,8 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-use npz::Npz;
+use arrays::Arrays;
+use deaflow_array::{Format, extension};
 
 use crate::Device;
 
@@ -27,42 +27,48 @@ pub use shape::MAX_ROWS;
 
 /// An imported file whose array shapes are checked.
 pub struct ImportFile {
-    format: Format,
+    content: Content,
     device: Arc<Device>,
 }
 
-/// The open file, by format.
-enum Format {
-    Npz(Npz),
-    Hdf(hdf::Hdf),
+/// The open file.
+enum Content {
+    Arrays(Arrays),
     /// All rows: a CSV file may list them in any order.
     Csv(Rows),
 }
 
 impl ImportFile {
-    /// Opens a file of patterns and fields of a device: FILE.npz, FILE.h5, FILE.hdf5 or FILE.csv.
+    /// Opens a file of patterns and fields of a device: FILE.npz, FILE.h5, FILE.hdf5, FILE.nc, FILE.mat, or a table.
     ///
     /// # Errors
     /// When the file cannot be read, lacks an array, or has arrays of the wrong shape.
     pub fn open(path: &Path, device: &Arc<Device>) -> Result<Self, ImportError> {
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-        let format = match extension.to_ascii_lowercase().as_str() {
-            "npz" => Format::Npz(Npz::open(path, device.raster())?),
-            "h5" | "hdf5" => Format::Hdf(hdf::Hdf::open(path, device.raster())?),
-            "csv" => Format::Csv(csv::read(path, device)?),
-            other => return Err(ImportError::Extension(other.to_owned())),
+        let extension = extension(path);
+        let content = match (Format::of(path).filter(|format| format.has_names()), extension.as_str()) {
+            (Some(format), _) => Content::Arrays(Arrays::open(path, format, device.raster())?),
+            (None, "csv" | "txt" | "dat" | "tsv") => Content::Csv(csv::read(path, device)?),
+            (None, _) => return Err(ImportError::Extension(extension)),
         };
         let device = Arc::clone(device);
-        Ok(Self { format, device })
+        Ok(Self { content, device })
     }
 
     /// Returns the number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
-        match &self.format {
-            Format::Npz(file) => file.len(),
-            Format::Hdf(file) => file.len(),
-            Format::Csv(rows) => rows.len(),
+        match &self.content {
+            Content::Arrays(file) => file.len(),
+            Content::Csv(rows) => rows.len(),
+        }
+    }
+
+    /// Returns what the reader did that a user should know.
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        match &self.content {
+            Content::Arrays(file) => file.notes(),
+            Content::Csv(_) => Vec::new(),
         }
     }
 
@@ -75,9 +81,9 @@ impl ImportFile {
     /// Returns the scene that the file names as the origin of its fields; only HDF5 files written by deaflow do.
     #[must_use]
     pub fn scene(&self) -> Option<&str> {
-        match &self.format {
-            Format::Hdf(file) => file.scene(),
-            Format::Npz(_) | Format::Csv(_) => None,
+        match &self.content {
+            Content::Arrays(file) => file.scene(),
+            Content::Csv(_) => None,
         }
     }
 
@@ -86,10 +92,9 @@ impl ImportFile {
     /// # Errors
     /// When the rows cannot be read, or one of them is not a pattern with a field of a clamped membrane.
     pub fn rows(&self, range: Range<usize>) -> Result<Rows, ImportError> {
-        let (cells, displacement) = match &self.format {
-            Format::Npz(file) => file.numbers(range.clone())?,
-            Format::Hdf(file) => file.numbers(range.clone())?,
-            Format::Csv(rows) => return Ok(rows.part(range)),
+        let (cells, displacement) = match &self.content {
+            Content::Arrays(file) => file.numbers(range.clone())?,
+            Content::Csv(rows) => return Ok(rows.part(range)),
         };
         Rows::new(&cells, displacement, range.start, &self.device)
     }

@@ -35,12 +35,12 @@ impl Rows {
             .zip(displacement.par_chunks(2 * device.raster().corners()))
             .enumerate();
         let checked = rows.map(|(row, (cells, values))| {
-            Ok((
+            Ok::<_, ImportError>((
                 pattern(cells, first + row, device)?,
                 field(values, first + row, device)?,
             ))
         });
-        let checked: Vec<(Pattern, Field)> = checked.collect::<Result<_, _>>()?;
+        let checked: Vec<(Pattern, Field)> = checked.collect::<Result<_, ImportError>>()?;
         let (patterns, fields) = checked.into_iter().unzip();
         Ok(Self { patterns, fields })
     }

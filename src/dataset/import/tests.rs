@@ -229,6 +229,25 @@ fn every_format_type_and_order_gives_the_same_rows() {
             .unwrap(),
         wanted
     );
+    // As European spreadsheets and numpy.savetxt write tables.
+    let plain = csv_text(&cells(), &fields());
+    let comma = |line: &str| line.replace(',', ";").replace('.', ",") + ";a note\r\n";
+    let european: String = plain.lines().map(comma).collect();
+    let european = european.replacen("sample;x_mm", "Sample;X_mm", 1);
+    let zeros = plain.replace(",\n", ",0\n");
+    let blanks = |line: &str| {
+        let number = |field: &str| {
+            field
+                .parse::<f64>()
+                .map_or("nan".to_owned(), |value| format!("{value:.18e}"))
+        };
+        line.split(',').map(number).collect::<Vec<_>>().join(" ") + "\n"
+    };
+    let savetxt: String = plain.lines().skip(1).map(blanks).collect();
+    let savetxt = format!("# {}\n{savetxt}", csv::COLUMNS.join(" "));
+    for (name, text) in [("b.csv", european), ("b.txt", savetxt), ("b.dat", zeros)] {
+        assert_eq!(folder.read_bytes(name, text.as_bytes()).unwrap(), wanted, "{name}");
+    }
     h5(&folder.path("a.h5"), |file| {
         put(file, "patterns", &[2, 50, 50], &cells());
         let displacement = put(file, "displacement", &[2, 51, 51, 2], &fields());
@@ -240,6 +259,27 @@ fn every_format_type_and_order_gives_the_same_rows() {
         ImportFile::open(&folder.path("a.h5"), &device()).unwrap().scene(),
         Some("some")
     );
+}
+
+/// MATLAB writes the axes in reverse and says so in an attribute.
+#[test]
+fn arrays_of_matlab_give_the_same_rows() {
+    let folder = Folder::new();
+    let wanted = Rows::new(&cells(), fields(), 0, &device()).unwrap();
+    h5(&folder.path("m.mat"), |file| {
+        for (name, shape, values) in [
+            ("patterns", &[2, 50, 50][..], cells()),
+            ("displacement", &[2, 51, 51, 2], fields()),
+        ] {
+            let reversed: Vec<usize> = shape.iter().rev().copied().collect();
+            let dataset = put(file, name, &reversed, &scattered(shape, &values));
+            text_attribute(&dataset, "MATLAB_class", "double");
+        }
+    });
+    assert_eq!(folder.read("m.mat").unwrap(), wanted);
+    let file = ImportFile::open(&folder.path("m.mat"), &device()).unwrap();
+    assert_eq!(file.notes(), ["axes in MATLAB's order, reversed"]);
+    assert_eq!(file.rows(1..2).unwrap(), wanted.part(1..2));
 }
 
 #[test]
@@ -325,12 +365,9 @@ fn archives_that_are_no_dataset_are_refused_before_anything_large_is_made() {
     for (members, said) in [
         (
             vec![patterns()],
-            "`displacement` is missing; the file has patterns.npy (needed: ",
+            "`displacement` is missing; the file has patterns (needed: ",
         ),
-        (
-            vec![displacement()],
-            "`patterns` is missing; the file has displacement.npy",
-        ),
+        (vec![displacement()], "`patterns` is missing; the file has displacement"),
         (
             vec![("readme.txt", b"hello".to_vec())],
             "`patterns` is missing; the file has readme.txt",
@@ -346,7 +383,7 @@ fn archives_that_are_no_dataset_are_refused_before_anything_large_is_made() {
         ),
         (
             vec![("patterns.npy", vast), displacement()],
-            "its shape needs 2500000000",
+            "1000000000 patterns and 2 displacement fields",
         ),
         (
             vec![("patterns.npy", odd), displacement()],
@@ -447,7 +484,11 @@ fn lines_that_are_no_dataset_are_named() {
         folder.refusal("a.csv", lines.join("\n").as_bytes())
     };
     for (line, other, said) in [
-        (0, "sample,x,y,ux,uy,electrode", "the columns are sample,x,y"),
+        (
+            0,
+            "sample,x,y,ux,uy,electrode",
+            "the column x_mm is missing; the columns are sample, x, y",
+        ),
         (1, "1,50,50,0,0,1", "line 2: `electrode` is given, but there is no cell"),
         (
             1,
@@ -455,10 +496,13 @@ fn lines_that_are_no_dataset_are_named() {
             "line 2: no corner at 50.3 mm: corners are 1 mm apart",
         ),
         (1, "1,49,50,0,0,", "line 3: the corner has more than one line"),
-        (1, "one,50,50,0,0,", "line 2: `sample` is \"one\""),
+        (1, "one,50,50,0,0,", "line 2: `sample`: \"one\" is not a number"),
         (60, "1,40,49,0.1,0.1,", "line 61: `electrode` is empty"),
-        (60, "1,40,49,0.1,x,0", "\"x\" is not a number"),
-        (60, "1,43,49,0.1,0", "found record with 5 fields"),
+        (60, "1,40,49,0.1,x,0", "`uy_mm`: \"x\" is not a number"),
+        (60, "1,40,49,0.1,0", "`electrode` is empty"),
+        (60, "1,40,49,0.1", "`uy_mm`: \"\" is not a number"),
+        (60, "1,40,49,0.1,0,0,7", "line 61: the line has 7 values, the header 6"),
+        (60, "1.5,40,49,0.1,0,0", "`sample` is \"1.5\", not a whole number"),
     ] {
         let message = with(line, other);
         assert!(message.contains(said), "{said}: {message}");

@@ -4,7 +4,7 @@ use std::fs;
 
 use bolero::check;
 
-use super::super::h5::tests::sound;
+use super::super::array::tests::sound;
 use super::tests::{Folder, wanted};
 
 /// The changes of inputs of all fuzz targets.

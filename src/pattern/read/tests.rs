@@ -32,6 +32,10 @@ impl Folder {
     }
 
     pub fn read(&self, name: &str) -> Result<Vec<Pattern>, String> {
+        Ok(self.noted(name)?.patterns)
+    }
+
+    fn noted(&self, name: &str) -> Result<FilePatterns, String> {
         read_patterns(self.path(name).to_str().unwrap(), PatternForm::PAPER).map_err(|e| format!("{e:?}"))
     }
 
@@ -218,7 +222,7 @@ fn the_first_csv_line_is_the_lower_edge() {
 fn semicolons_tabs_and_spaces_separate_too() {
     let folder = Folder::new();
     let plain = csv_text(|on| if on { "1" } else { "0" });
-    for separator in [";", "\t", " ", "; "] {
+    for separator in [";", "\t", " ", "; ", "  ", "   ", ",0;", ",0\t", ",0  "] {
         let text = format!("# a comment, with commas\n{}", plain.replace(',', separator));
         assert_eq!(
             folder.read_bytes("q.csv", text.as_bytes()).unwrap(),
@@ -234,16 +238,16 @@ fn csv_files_that_are_not_patterns() {
     let plain = csv_text(|on| if on { "1" } else { "0" });
     let refusal = |text: String| folder.refusal("q.csv", text.as_bytes());
     assert!(refusal(plain.replace(',', "|")).contains("line 1 has 1 values"));
-    assert!(refusal(plain.replacen(',', ";", 1)).contains("line 1 has 49 values"));
+    assert!(refusal(plain.replacen(',', ";", 1)).contains("line 1 has 2 values"));
     assert!(refusal(plain.lines().take(49).map(|l| format!("{l}\n")).collect()).contains("49 lines"));
     assert!(refusal(format!("{plain}{plain}")).contains("100 lines"));
     assert!(refusal(plain.replacen("0,", "0.5,", 1)).contains("is 0.5"));
     assert!(refusal(plain.replacen("0,", "nan,", 1)).contains("is NaN"));
-    assert!(refusal(plain.replacen("0,", "x,", 1)).contains("line 1, value 11"));
+    assert!(refusal(plain.replacen("0,", "x,", 1)).contains("line 1: value 11"));
     assert!(refusal(plain.replacen("0,", "1e300,", 1)).contains("is 1e300"));
     assert!(refusal("# nothing\n".into()).contains("0 lines"));
     folder.refusal("q.csv", &[0xff; 5000]);
-    assert!(folder.refusal("q.csv", &vec![b'1'; 2 << 20]).contains("more than"));
+    assert!(folder.refusal("q.csv", &vec![b'1'; 2 << 20]).contains("at most"));
 }
 
 fn png(width: u32, height: u32, colour: ::png::ColorType, pixels: &[u8]) -> Vec<u8> {
@@ -297,18 +301,16 @@ fn images_that_are_not_patterns() {
     use ::png::ColorType::{Grayscale, Rgb};
     let folder = Folder::new();
     let plain = pixels(1, &[0], &[255]);
+    // A mask has a pixel per cell, so its greys mean nothing.
     let mut grey = plain.clone();
     grey[2 * 50 + 7] = 128;
-    let said = folder.refusal("g.png", &png(50, 50, Grayscale, &grey));
+    fs::write(folder.path("g.png"), png(50, 50, Grayscale, &grey)).unwrap();
+    let said = read_mask(&folder.path("g.png")).unwrap_err().to_string();
     assert!(
         said.contains("column 7, row 2 from the top) is neither dark nor light: its brightness is 50 %"),
         "{said}"
     );
-    let mut uneven = pixels(2, &[0], &[255]);
-    uneven[101] = 255 - uneven[101];
-    let said = folder.refusal("u.png", &png(100, 100, Grayscale, &uneven));
-    assert!(said.contains("column 1, row 1 from the top) differs"), "{said}");
-    for (width, height) in [(51, 51), (50, 100), (1, 1), (75, 75)] {
+    for (width, height) in [(50, 100), (50, 52), (640, 480)] {
         let image = png(width, height, Rgb, &vec![0; 3 * (width * height) as usize]);
         assert!(
             folder
@@ -330,9 +332,156 @@ fn images_that_are_not_patterns() {
 }
 
 #[test]
+fn pictures_are_read_by_coverage_and_the_area_is_stated() {
+    use ::png::ColorType::Grayscale;
+    let folder = Folder::new();
+    let noted = |name: &str, side: u32, data: &[u8]| {
+        fs::write(folder.path(name), png(side, side, Grayscale, data)).unwrap();
+        folder.noted(name).unwrap()
+    };
+    // A disc of radius 0.3 of the side, from the top, anti-aliased by 4 × 4 points for each pixel.
+    let disc = |side: usize| -> Vec<u8> {
+        let dark = |x: f64, y: f64| (x - 0.6).hypot(y - 0.4) < 0.3;
+        let level = |at: usize| {
+            let points = (0..16).filter(|k| {
+                let place = |pixel: usize, k: usize| (pixel as f64 + (k as f64 + 0.5) / 4.0) / side as f64;
+                dark(place(at % side, k % 4), place(at / side, k / 4))
+            });
+            (255.0 * (1.0 - points.count() as f64 / 16.0)) as u8
+        };
+        (0..side * side).map(level).collect()
+    };
+    let exact = Pattern::from_fn(Raster::PAPER, |x, y| {
+        ((x as f64 + 0.5) / 50.0 - 0.6).hypot((y as f64 + 0.5) / 50.0 - 0.6) < 0.3
+    });
+    for side in [50, 500, 512, 37, 333] {
+        let read = noted("disc.png", side, &disc(side as usize));
+        let differing = read.patterns[0]
+            .cells()
+            .iter()
+            .zip(exact.cells())
+            .filter(|(a, b)| a != b);
+        let most = if side < 50 { 60 } else { 8 };
+        assert!(differing.count() <= most, "{side}");
+        let note = &read.notes[0];
+        assert!(
+            note.starts_with(&format!("{side} × {side} pixels read by coverage")),
+            "{note}"
+        );
+        // π 0.3² = 28.27 %.
+        let of_picture = note.split("picture ").nth(1).unwrap().split(' ').next().unwrap();
+        assert!((of_picture.parse::<f64>().unwrap() - 28.27).abs() < 0.15, "{note}");
+    }
+    // Two greys are dark and light, and the area is that of the darker.
+    let faint: Vec<u8> = pixels(1, &[120], &[135]);
+    let read = noted("faint.png", 50, &faint);
+    let area = format!("{:.1} %", 100.0 * wanted().area_fraction());
+    assert_eq!(read.patterns, [wanted()]);
+    assert!(
+        read.notes[0].ends_with(&format!(
+            "(brightness 47.1 % is dark, 52.9 % light); area of the picture {area}, of the cells {area}"
+        )),
+        "{}",
+        read.notes[0]
+    );
+    // Light greys alone are no electrode.
+    let light = noted("light.png", 50, &pixels(1, &[200], &[254]));
+    assert_eq!(light.notes, ["the pattern has no electrode"]);
+    // Blocks of equal pixels are exact, and need no note; one odd pixel is a part of its cell.
+    let mut uneven = pixels(2, &[0], &[255]);
+    assert_eq!(noted("even.png", 100, &uneven).notes, [""; 0]);
+    uneven[101] = 255 - uneven[101];
+    let read = noted("uneven.png", 100, &uneven);
+    assert_eq!((read.patterns, read.notes.len()), (vec![wanted()], 1));
+    // The parts of a cell add up to it.
+    for (cells, pixels) in [(50, 512), (50, 37), (7, 400), (3, 1)] {
+        for at in 0..cells {
+            let sum: f64 = super::png::parts(at, cells, pixels).iter().map(|(_, part)| part).sum();
+            assert!((sum - 1.0).abs() < 1e-12, "{cells} {pixels} {at}");
+        }
+    }
+}
+
+#[test]
+fn a_shape_in_the_transparency_is_read() {
+    use ::png::ColorType::{GrayscaleAlpha, Rgba};
+    let folder = Folder::new();
+    for (colour, opaque, transparent) in [
+        (Rgba, &[255, 255, 255, 255][..], &[255, 255, 255, 0][..]),
+        (Rgba, &[255, 255, 255, 255], &[0, 0, 0, 0]),
+        (Rgba, &[200, 30, 30, 255], &[200, 30, 30, 0]),
+        (GrayscaleAlpha, &[180, 255], &[0, 0]),
+    ] {
+        fs::write(
+            folder.path("a.png"),
+            png(50, 50, colour, &pixels(1, opaque, transparent)),
+        )
+        .unwrap();
+        let read = folder.noted("a.png").unwrap();
+        assert_eq!(read.patterns, [wanted()], "{colour:?} {opaque:?}");
+        assert_eq!(read.notes, ["shape taken from the transparency: opaque = electrode"]);
+    }
+    // With two colours the transparency is a background.
+    let both = pixels(1, &[0, 255], &[255, 200]);
+    fs::write(folder.path("b.png"), png(50, 50, GrayscaleAlpha, &both)).unwrap();
+    let read = folder.noted("b.png").unwrap();
+    assert_eq!((read.patterns, read.notes.len()), (vec![wanted()], 0));
+}
+
+#[test]
+fn masks_of_0_and_255_are_read_as_0_and_1() {
+    let folder = Folder::new();
+    let mask = |high: u16| -> Vec<u8> {
+        let values = wanted()
+            .cells()
+            .iter()
+            .map(|&cell| u16::from(cell) * high)
+            .collect::<Vec<_>>();
+        npy(
+            "<u2",
+            "False",
+            "(50, 50)",
+            &values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>(),
+        )
+    };
+    for high in [255, 65535] {
+        fs::write(folder.path("m.npy"), mask(high)).unwrap();
+        let read = folder.noted("m.npy").unwrap();
+        assert_eq!(read.patterns, [wanted()]);
+        assert_eq!(read.notes, [format!("values 0 and {high} read as 0 and 1")]);
+    }
+    assert!(folder.refusal("m.npy", &mask(254)).contains("is 254"));
+    let mut mixed: Vec<u8> = wanted().cells().iter().map(|&cell| 255 * cell).collect();
+    mixed[2499] = 1;
+    let said = folder.refusal("m.npy", &npy("|u1", "False", "(50, 50)", &mixed));
+    assert!(said.contains("[y=0][x=0] is 255"), "{said}");
+    fs::write(folder.path("m.csv"), csv_text(|on| if on { "255" } else { "0" })).unwrap();
+    assert_eq!(folder.read("m.csv").unwrap(), [wanted()]);
+    assert_eq!(read_mask(&folder.path("m.csv")).unwrap(), wanted());
+}
+
+#[test]
+fn a_pattern_without_electrode_or_covered_completely_is_noted() {
+    let folder = Folder::new();
+    for (cell, note) in [
+        (0, "the pattern has no electrode"),
+        (1, "the pattern is covered completely"),
+    ] {
+        fs::write(folder.path("e.npy"), npy("|u1", "False", "(50, 50)", &[cell; 2500])).unwrap();
+        assert_eq!(folder.noted("e.npy").unwrap().notes, [note]);
+    }
+    let three = [vec![0; 5000], wanted().cells().to_vec()].concat();
+    fs::write(folder.path("e.npy"), npy("|u1", "False", "(3, 50, 50)", &three)).unwrap();
+    assert_eq!(
+        folder.noted("e.npy").unwrap().notes,
+        ["2 of 3 patterns: each has no electrode"]
+    );
+}
+
+#[test]
 fn other_names_are_rejected_with_the_allowed_ones() {
     let folder = Folder::new();
-    for name in ["p.txt", "p.tar.gz", "p", ".npy", "p.npy", "p.h5"] {
+    for name in ["p.doc", "p.tar.gz", "p", ".npy", "p.npy", "p.h5", "p.txt", "p.nc:/p"] {
         let message = folder.read(name).unwrap_err();
         assert!(message.contains("FILE.csv"), "{name}: {message}");
     }
@@ -347,7 +496,8 @@ fn grouped(raster: Raster) -> Pattern {
 }
 
 fn read_groups(folder: &Folder, name: &str, form: PatternForm) -> Result<Vec<Pattern>, String> {
-    read_patterns(folder.path(name).to_str().unwrap(), form).map_err(|e| format!("{e:?}"))
+    let read = read_patterns(folder.path(name).to_str().unwrap(), form);
+    read.map(|read| read.patterns).map_err(|e| format!("{e:?}"))
 }
 
 #[test]

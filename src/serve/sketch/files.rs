@@ -53,7 +53,8 @@ pub fn import(state: &ServerState, request: &Request) -> Result<Response, ApiErr
     let found = found.map_err(|error| ApiError::bad_request(error.to_string()).help(error.advice(form)))?;
     let columns = form.raster.columns();
     let rows = |pattern: &Pattern| pattern.cells().chunks(columns).map(<[u8]>::to_vec).collect::<Vec<_>>();
-    Ok(json!({ "patterns": found.iter().map(rows).collect::<Vec<_>>() }).into())
+    let patterns: Vec<_> = found.patterns.iter().map(rows).collect();
+    Ok(json!({ "patterns": patterns, "notes": found.notes }).into())
 }
 
 /// Writes the pattern as a file.

@@ -19,8 +19,8 @@ fn reader(form: &'static str) -> impl Fn(&[u8]) -> bool {
         let path = place.path().join(format!("p.{form}"));
         fs::write(&path, bytes).unwrap();
         match read_patterns(path.to_str().unwrap(), PatternForm::PAPER) {
-            Ok(patterns) => {
-                assert!(!patterns.is_empty());
+            Ok(read) => {
+                assert!(!read.patterns.is_empty());
                 true
             }
             Err(error) => {
