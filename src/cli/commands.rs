@@ -14,9 +14,9 @@ use clap::{Args, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand
 use super::examples::HEADING;
 use super::tone::width_of_stdout;
 use super::{
-    CliError, Exit, Output, accuracy, attach, audit, columns, copy, dag, diff, doctor, explain, export, fsck, gc, init,
-    log, pin, plan, predict, pull, push, remote, report, run, schema, screen, serve, show, sketch, solve, status,
-    sweep, unpin, worker,
+    CliError, Exit, Output, accuracy, attach, audit, check, columns, copy, dag, diff, doctor, explain, export, fsck,
+    gc, init, log, pin, plan, predict, pull, push, remote, report, run, schema, screen, serve, show, sketch, solve,
+    status, sweep, unpin, worker,
 };
 
 /// The name of the program.
@@ -135,6 +135,7 @@ commands! {
     Solve => solve::SolveArguments,
     Sketch => sketch::SketchArguments,
     Predict => predict::PredictArguments,
+    Check => check::CheckArguments,
     Screen => screen::ScreenArguments,
     Accuracy => accuracy::AccuracyArguments,
     Audit => audit::AuditArguments,
@@ -175,7 +176,25 @@ pub fn colour_in(arguments: &[OsString]) -> ColorChoice {
 pub fn command_line() -> clap::Command {
     let command = Cli::command().max_term_width(MAX_WIDTH);
     let overview = overview(&command, width_of_stdout().unwrap_or(MAX_WIDTH).min(MAX_WIDTH));
-    with_styled_examples(command).help_template(overview)
+    with_negative_values(with_styled_examples(command)).help_template(overview)
+}
+
+/// Names of values that are numbers or quantities.
+const NUMBERS: [&str; 12] = [
+    "N", "S", "R", "K", "TIME", "TIMES", "LENGTH", "VOLTAGE", "ANGLE", "X,Y", "A:B", "N|all",
+];
+
+/// Lets numbers begin with a minus sign, so that a negative one is refused as what it is, not as an unknown option.
+fn with_negative_values(command: clap::Command) -> clap::Command {
+    let is_number = |arg: &clap::Arg| {
+        let names = arg.get_value_names().unwrap_or_default();
+        !arg.is_positional() && names.iter().any(|name| NUMBERS.contains(&name.as_str()))
+    };
+    let command = command.mut_args(|arg| match is_number(&arg) {
+        true => arg.allow_hyphen_values(true),
+        false => arg,
+    });
+    command.mut_subcommands(with_negative_values)
 }
 
 /// Formats the help of the program in lines of at most `width` columns. Clap has no headings for commands.
@@ -287,6 +306,26 @@ mod tests {
                 let is_help = words.get(1).is_some_and(|word| word == "help");
                 assert!(read.is_ok() || is_help, "{line}: {}", read.unwrap_err());
                 assert!(line.starts_with("  deaflow ") && line.len() <= MAX_WIDTH, "{line}");
+            }
+        }
+    }
+
+    #[test]
+    fn negative_numbers_are_refused_as_what_they_are() {
+        for line in [
+            "deaflow solve s.yaml p.csv --history --every",
+            "deaflow solve s.yaml p.csv --history --at",
+            "deaflow solve s.yaml p.csv --order",
+            "deaflow solve s.yaml p.csv --modes",
+            "deaflow accuracy s.yaml --count",
+            "deaflow accuracy s.yaml --target",
+            "deaflow gc --grace",
+            "deaflow log -n",
+        ] {
+            for value in ["-1", "-1 s"] {
+                let words = line.split(' ').chain([value]).map(OsString::from).collect::<Vec<_>>();
+                let error = Cli::read(&words, ColorChoice::Never).unwrap_err().to_string();
+                assert!(error.contains(&format!("invalid value '{value}'")), "{line}: {error}");
             }
         }
     }

@@ -8,6 +8,7 @@ mod accuracy;
 mod arguments;
 mod attach;
 mod audit;
+mod check;
 
 mod cluster;
 mod columns;

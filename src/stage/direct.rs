@@ -1,9 +1,11 @@
 //! Reads scenes and patterns that a command or a request names, outside a pipeline.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use deaflow_base::{Document, InputError, Override};
 use deaflow_content::named_patterns;
+use deaflow_dataset::import::{ImportError, ImportFile, Rows};
 use deaflow_orchestrator::splice_scene;
 use deaflow_pattern::{Pattern, PatternForm};
 use deaflow_scene::{Scene, scene_files};
@@ -20,29 +22,60 @@ pub enum DirectError {
     Failed(String),
 }
 
-/// Reads all patterns that the arguments name, in order.
-///
-/// # Errors
-/// If one cannot be read.
-pub fn patterns(arguments: &[String], form: PatternForm) -> Result<Vec<Pattern>, InputError> {
-    Ok(patterns_with_names(arguments, form)?.0)
+/// The patterns of some arguments.
+#[derive(Debug, Default)]
+pub struct NamedPatterns {
+    /// The patterns, in order.
+    pub patterns: Vec<Pattern>,
+    /// Their names: the argument, followed by the index if it has several patterns, `mine.npy[3]`.
+    pub names: Vec<String>,
+    /// What the readers did that a user should know, after the argument.
+    pub notes: Vec<String>,
 }
 
-/// Reads all patterns with their names: the argument, followed by the index if it has several patterns, `mine.npy[3]`.
+/// Reads all patterns that the arguments name.
 ///
 /// # Errors
 /// If one cannot be read.
-pub fn patterns_with_names(arguments: &[String], form: PatternForm) -> Result<(Vec<Pattern>, Vec<String>), InputError> {
-    let (mut all, mut names) = (Vec::new(), Vec::new());
+pub fn patterns(arguments: &[String], form: PatternForm) -> Result<NamedPatterns, InputError> {
+    let mut all = NamedPatterns::default();
     for argument in arguments {
         let found = named_patterns(argument, form)?;
-        match found.len() {
-            1 => names.push(argument.clone()),
-            n => names.extend((0..n).map(|k| format!("{argument}[{k}]"))),
+        match found.patterns.len() {
+            1 => all.names.push(argument.clone()),
+            n => all.names.extend((0..n).map(|k| format!("{argument}[{k}]"))),
         }
-        all.extend(found);
+        all.patterns.extend(found.patterns);
+        all.notes
+            .extend(found.notes.iter().map(|note| format!("{argument}: {note}")));
     }
-    Ok((all, names))
+    Ok(all)
+}
+
+/// Patterns with their fields, from a file of labels.
+#[derive(Debug)]
+pub struct Labels {
+    /// The rows.
+    pub rows: Rows,
+    /// What the reader did that a user should know.
+    pub notes: Vec<String>,
+}
+
+/// Reads a file of labels, as an `import` stage does; `None` if it has no fields.
+///
+/// # Errors
+/// If it cannot be read, or a row is not a pattern with a field of the device.
+pub fn labels(argument: &str, scene: &Scene) -> Result<Option<Labels>, InputError> {
+    let device = Arc::new(crate::scene::device_of(scene));
+    let refused = |why: ImportError| InputError::new(format!("{argument}: {why}")).help(why.help(&device));
+    let file = match ImportFile::open(Path::new(argument), &device) {
+        Err(why) if why.has_no_fields() => return Ok(None),
+        file => file.map_err(refused)?,
+    };
+    Ok(Some(Labels {
+        rows: file.rows(0..file.len()).map_err(refused)?,
+        notes: file.notes(),
+    }))
 }
 
 /// Lists the files of a scene or a pipeline: itself, the scene that it names, masks and tables of voltages. Files that

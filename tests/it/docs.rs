@@ -58,6 +58,11 @@ fn the_page_on_data_is_true() {
 }
 
 #[test]
+fn the_page_on_coming_from_other_programs_is_true() {
+    run("docs/coming-from.md");
+}
+
+#[test]
 fn the_reference_says_what_the_program_reads() {
     is_written_by(&["schema"], "docs/tools/reference.py", "docs/reference.md");
 }

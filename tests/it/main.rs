@@ -3,6 +3,7 @@
 mod accuracy;
 mod additions;
 mod any_membrane;
+mod arrays;
 mod audit;
 mod browser;
 mod cli;
