@@ -46,6 +46,9 @@ pub fn pipeline_schema(registry: &Registry) -> Value {
     definitions.insert("axis".to_owned(), axis());
     definitions.extend(sweep::definitions());
     let mut root = titled("deaflow pipeline", pipeline.into());
+    root["patternProperties"] = json!({ "^x-": {
+        "description": "Skipped: holds anchors (`&name`) that other places share (`*name`, `<<: *name`).",
+    } });
     root["$defs"] = Value::Object(definitions);
     root
 }

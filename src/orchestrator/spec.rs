@@ -17,6 +17,9 @@ const WHAT: &str = "the pipeline";
 
 const KEYS: [&str; 4] = ["version", "name", "scene", "stages"];
 
+/// The start of keys at the top of a pipeline that are skipped: they hold anchors that other places share.
+const EXTENSION: &str = "x-";
+
 /// Maximum number of chunks in a pipeline (about 25 million samples), because a plan holds all of them in memory.
 const MOST_PIECES: u64 = 500_000;
 
@@ -99,6 +102,7 @@ impl Pipeline {
     pub fn read(document: Document, overrides: &[Override], registry: &Registry) -> Result<Self, InputError> {
         let path = document.path().to_owned();
         let mut root = document.root;
+        root.remove_starting_with(EXTENSION);
         refuse_scene(&root)?;
         splice_scene(&mut root, &path)?;
         let resolved: Vec<Override> = overrides.iter().map(with_scene_file).collect::<Result<_, _>>()?;
@@ -298,6 +302,7 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
     for (index, check) in check_stages(entries, scene, swept)?.into_iter().enumerate() {
         if let Some(stage) = &mut stages[index] {
             stage.check = check;
+            stage.check.warnings.extend(stage.stage.notes());
         }
     }
     let stages: Vec<StageSpec> = order.iter().filter_map(|&index| stages[index].take()).collect();

@@ -160,6 +160,13 @@ impl Node {
         }
     }
 
+    /// Removes the keys that start with `prefix` from a mapping.
+    pub fn remove_starting_with(&mut self, prefix: &str) {
+        if let NodeValue::Map(entries) = &mut self.value {
+            entries.retain(|(key, _)| !matches!(&key.value, NodeValue::Text(name) if name.starts_with(prefix)));
+        }
+    }
+
     /// Returns the mapping without `key`.
     #[must_use]
     pub fn without(&self, key: &str) -> Self {
