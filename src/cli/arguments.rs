@@ -285,7 +285,7 @@ pub struct VerbosityArguments {
 
 #[derive(Debug, Args)]
 pub struct PatternArguments {
-    /// Patterns: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
+    /// Patterns: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset (also .mat, .nc, .npz)
     #[arg(value_name = "PATTERN", required = true)]
     pub patterns: Vec<String>,
     /// The file for the results; an existing file is replaced [default: none, results are only printed]
@@ -365,7 +365,7 @@ impl TimeArguments {
 
 /// Parses a duration, as in "5min" or "2 h".
 pub fn duration(text: &str) -> Result<Duration, String> {
-    let duration = humantime::parse_duration(text).map_err(|error| error.to_string())?;
+    let duration = humantime::parse_duration(text).map_err(|_| "allowed: a time such as \"90 min\" or 7days")?;
     if duration <= MAX_DURATION {
         Ok(duration)
     } else {
@@ -388,12 +388,32 @@ pub fn number(
     words: &'static str,
 ) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| {
-        let value = text.parse::<f64>().map_err(|e| e.to_string())?;
-        if allowed.contains(&value) {
-            Ok(value)
-        } else {
-            Err(format!("allowed: {words}"))
-        }
+        let value = text.parse::<f64>().ok().filter(|value| allowed.contains(value));
+        value.ok_or_else(|| format!("allowed: {words}"))
+    }
+}
+
+/// Returns a parser of integers in a range.
+pub fn integer<T>(allowed: std::ops::RangeInclusive<u64>) -> impl Fn(&str) -> Result<T, String> + Clone
+where
+    T: TryFrom<u64>,
+{
+    move |text| {
+        let value = text.trim().parse().ok().filter(|value| allowed.contains(value));
+        let value = value.and_then(|value: u64| T::try_from(value).ok());
+        value.ok_or_else(|| match (*allowed.start(), *allowed.end()) {
+            (low, high) if high >= i64::MAX as u64 => format!("allowed: an integer from {low}"),
+            (low, high) => format!("allowed: an integer from {low} to {high}"),
+        })
+    }
+}
+
+/// Parses an age: a duration, as in "90 min" or "7days", or a number of hours.
+pub fn age(text: &str) -> Result<Duration, String> {
+    match text.trim().parse::<f64>() {
+        Ok(hours) if (0.0..=1e6).contains(&hours) => Ok(Duration::from_secs_f64(3600.0 * hours)),
+        Ok(_) => Err("allowed: 0 to 1e6 hours".to_owned()),
+        Err(_) => duration(text).map_err(|why| format!("{why}, or a number of hours")),
     }
 }
 
@@ -418,11 +438,45 @@ mod tests {
     }
 
     #[test]
+    fn an_age_is_a_duration_or_hours() {
+        for (text, seconds) in [
+            ("0", 0),
+            ("0s", 0),
+            ("24", 86_400),
+            ("0.5", 1800),
+            ("90 min", 5400),
+            ("7days", 604_800),
+        ] {
+            assert_eq!(age(text), Ok(Duration::from_secs(seconds)), "{text}");
+        }
+        for refused in ["-1", "1e9", "x", "NaN", "inf"] {
+            assert!(age(refused).is_err(), "{refused}");
+        }
+    }
+
+    #[test]
     fn numbers_have_bounds() {
         let tolerance = number(1e-12..=1e-3, "1e-12 to 1e-3");
         assert_eq!(tolerance("1e-8"), Ok(1e-8));
         for refused in ["0", "NaN", "1", "-1e-8", "x"] {
-            assert!(tolerance(refused).is_err(), "{refused}");
+            assert_eq!(
+                tolerance(refused),
+                Err("allowed: 1e-12 to 1e-3".to_owned()),
+                "{refused}"
+            );
         }
+        let order = integer::<u64>(1..=2);
+        assert_eq!(order("2"), Ok(2));
+        for refused in ["0", "3", "-1", "1.5", "x", ""] {
+            assert_eq!(
+                order(refused),
+                Err("allowed: an integer from 1 to 2".to_owned()),
+                "{refused}"
+            );
+        }
+        assert_eq!(
+            integer::<u8>(1..=u64::MAX)("300").unwrap_err(),
+            "allowed: an integer from 1"
+        );
     }
 }

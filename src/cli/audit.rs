@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::arguments::{SetArguments, StoreArguments, accuracy};
+use super::arguments::{SetArguments, StoreArguments, accuracy, integer};
 use super::locate;
 use super::progress::{Bar, ProgressMode, RunProgress};
 use super::{CliError, Exit, Output, pipeline, write};
@@ -36,7 +36,7 @@ pub struct AuditArguments {
     pub samples: Samples,
     /// Seed of the random choice
     #[arg(long, value_name = "S", default_value_t = 0)]
-    #[arg(value_parser = clap::value_parser!(u64).range(0..=i64::MAX as u64))]
+    #[arg(value_parser = integer::<u64>(0..=i64::MAX as u64))]
     pub seed: u64,
     /// Allowed error of the labels, as in "0.01 mm" [default: as declared by the dataset]
     #[arg(long, value_name = "LENGTH", value_parser = accuracy)]

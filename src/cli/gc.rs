@@ -5,7 +5,7 @@ use std::time::Duration;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::arguments::{StoreArguments, number};
+use super::arguments::{StoreArguments, age};
 use super::progress::DelayedBar;
 use super::table::Cell;
 use super::text::Text;
@@ -27,9 +27,9 @@ pub struct GcArguments {
     /// Keep the artifacts that the last N runs made and needed
     #[arg(long, value_name = "N", default_value_t = 10, allow_negative_numbers = true)]
     pub keep_runs: usize,
-    /// Keep what was written less than this many hours ago
-    #[arg(long, value_name = "HOURS", default_value_t = 24.0, value_parser = number(0.0..=1e6, "0 to 1e6 hours"))]
-    pub grace: f64,
+    /// Keep what was written less than this long ago: hours, or a time as in "90 min" or 7days
+    #[arg(long, value_name = "TIME", default_value = "24", value_parser = age, allow_negative_numbers = true)]
+    pub grace: Duration,
 }
 
 pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliError> {
@@ -41,7 +41,7 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
     })?;
     let retention = Retention {
         runs: arguments.keep_runs,
-        grace: Duration::from_secs_f64(3600.0 * arguments.grace),
+        grace: arguments.grace,
     };
     let plan = store.plan_gc(&retention, store.now())?;
     let figures = figures_of(&store, &plan.removed.iter().map(|artifact| artifact.digest).collect());

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::arguments::{StoreArguments, pipeline_parser};
+use super::arguments::{StoreArguments, integer, pipeline_parser};
 use super::run_log::{UnfinishedRun, unfinished};
 use super::snapshot::{Snapshot, SnapshotReader};
 use super::table::Cell;
@@ -38,7 +38,7 @@ pub struct LogArguments {
     #[arg(value_parser = pipeline_parser())]
     pub pipeline: Option<PathBuf>,
     /// Only the last N runs [default: 20, but all with --json and --csv]
-    #[arg(short = 'n', long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(short = 'n', long, value_name = "N", value_parser = integer::<u64>(1..=u64::MAX))]
     pub last: Option<u64>,
     /// Print a table as CSV: one row per run, one column per result
     #[arg(long, conflicts_with = "json")]

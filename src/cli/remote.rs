@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::{Args, Subcommand};
 use serde_json::{Value, json};
 
-use super::arguments::{StoreArguments, duration};
+use super::arguments::{StoreArguments, age};
 use super::progress::DelayedBar;
 use super::text::Text;
 use super::{CliError, Exit, Output, pipeline, table, upstream};
@@ -71,10 +71,10 @@ struct GcArguments {
     #[arg(short = 'n', long)]
     dry_run: bool,
     /// Keep unreferenced objects for this time: a push may be running
-    #[arg(long, value_name = "TIME", default_value = "7days", value_parser = duration)]
+    #[arg(long, value_name = "TIME", default_value = "7days", value_parser = age)]
     grace: Duration,
     /// Also remove records that were pushed longer ago than this, and their objects
-    #[arg(long, value_name = "TIME", value_parser = duration)]
+    #[arg(long, value_name = "TIME", value_parser = age)]
     older: Option<Duration>,
     #[command(flatten)]
     store: StoreArguments,

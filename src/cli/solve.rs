@@ -14,12 +14,13 @@ use std::str::FromStr;
 
 use clap::Args;
 
-use super::arguments::{PatternArguments, StateArguments, TOLERANCE, TimeArguments, accuracy, number};
+use super::arguments::{PatternArguments, StateArguments, TOLERANCE, TimeArguments, accuracy, integer, number};
 use super::point::PointArguments;
 use super::{CliError, Exit, Output, write};
 use deaflow_base::Quantity;
 use deaflow_fem::{MeshRequest, Method, SolveOptions, SolverParameters};
 use deaflow_field::{Mesh, Order};
+use deaflow_pattern::has_patterns;
 use deaflow_scene::Scene;
 use deaflow_stage::direct;
 
@@ -57,11 +58,11 @@ pub struct SolveArguments {
     )]
     pub method: Method,
     /// Elements along one side of a cell [default: 2; 1 for a path]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=8), help_heading = METHOD)]
+    #[arg(long, value_name = "N", value_parser = integer::<u64>(1..=8), help_heading = METHOD)]
     elements_per_cell: Option<u64>,
     /// Polynomial order of the elements [default: 1; 2 for a path, because bilinear elements overestimate critical
     /// voltages]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=2), help_heading = METHOD)]
+    #[arg(long, value_name = "N", value_parser = integer::<u64>(1..=2), help_heading = METHOD)]
     order: Option<u64>,
     /// Choose mesh and order for each pattern so that the displacement is this accurate, as in "0.005 mm"; the
     /// estimated
@@ -185,9 +186,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
 /// Refuses a pattern in the place of the scene: most likely the two were swapped.
 fn check_order(arguments: &SolveArguments) -> Result<(), CliError> {
     let extension = |path: &Path| path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-    let is_pattern =
-        extension(&arguments.scene).is_some_and(|e| ["csv", "npy", "png", "h5", "hdf5"].contains(&e.as_str()));
-    if !is_pattern {
+    if !has_patterns(&arguments.scene) {
         return Ok(());
     }
     let patterns = &arguments.patterns.patterns;

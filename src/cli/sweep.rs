@@ -180,15 +180,30 @@ impl<'a> SweepPlan<'a> {
             plan.add(set)?;
         }
         if plan.names.is_empty() {
-            return Err(CliError::bad_input("no field has more than one value")
-                .help("separate values by commas: --set scene.drive.voltage=\"3 kV, 4 kV\""));
+            let list = arguments.sets.iter().find_map(|set| {
+                let (path, values) = split_set(set)?;
+                let values = values.strip_prefix('[')?.strip_suffix(']')?.trim();
+                Some(format!("{path}=\"{values}\""))
+            });
+            return Err(match list {
+                Some(without) => {
+                    CliError::bad_input("no field has more than one value: a list in brackets is one value").help(
+                        format!("without brackets each is a value of the sweep: --set {without}"),
+                    )
+                }
+                None => CliError::bad_input("no field has more than one value")
+                    .help("separate values by commas: --set scene.drive.voltage=\"3 kV, 4 kV\""),
+            });
         }
         Ok(plan)
     }
 
     fn add(&mut self, set: &str) -> Result<(), CliError> {
         // Parsed as a list, to tell one value from several.
-        let (path, values) = split_set(set).unwrap_or((set.to_owned(), String::new()));
+        let Some((path, values)) = split_set(set) else {
+            return Err(CliError::bad_input(format!("--set {set}: '=' is missing"))
+                .help("write it as --set PATH=VALUE,VALUE, such as --set scene.drive.voltage=\"3 kV, 4 kV\""));
+        };
         let parsed = Override::parse(&format!("{path}=[{values}]"))?;
         let one = match parsed.value() {
             NodeValue::List(items) => items.len() < 2,

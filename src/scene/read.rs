@@ -156,9 +156,9 @@ impl Scene {
             ),
             (self.drive.source.is_some(), "a `source`"),
             (self.drive.charge.is_some(), "a `charge`"),
-            (effects.inertia.is_some(), names::INERTIA),
-            (effects.fringe_field.is_some(), names::FRINGE),
-            (effects.electrode_stiffness.is_some(), names::ELECTRODE),
+            (effects.inertia.is_some(), "`inertia`"),
+            (effects.fringe_field.is_some(), "`fringe_field`"),
+            (effects.electrode_stiffness.is_some(), "`electrode_stiffness`"),
         ];
         conflicts
             .into_iter()

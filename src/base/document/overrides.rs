@@ -64,10 +64,14 @@ impl Override {
             return Err(InputError::new(format!("--set {text}: '=' is missing")).help(help));
         };
         let path: Vec<String> = path.split('.').map(|step| step.trim().to_owned()).collect();
-        if path.iter().any(String::is_empty) || (path.len() < least && path != [SCENE]) {
-            return Err(InputError::new(format!("--set {text}: the path is incomplete")).help(help));
-        }
         let name = format!("--set {}", path.join("."));
+        if path.iter().any(String::is_empty) {
+            return Err(InputError::new(format!("{name}: a step of the path is empty")).help(help));
+        }
+        if path.len() < least && path != [SCENE] {
+            let why = "only values of stages and of the scene can be overridden";
+            return Err(InputError::new(format!("{name}: {why}")).help(help));
+        }
         let before = text.len() - value.len();
         let given = value.trim().to_owned();
         if given.is_empty() {

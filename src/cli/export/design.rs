@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::format_of;
 use super::membrane;
-use crate::arguments::{StateArguments, StoreArguments, TOLERANCE, number};
+use crate::arguments::{StateArguments, StoreArguments, TOLERANCE, integer, number};
 use crate::job::extend;
 use crate::{CliError, Exit, Output, locate, write};
 use deaflow_design::DesignFilter;
@@ -67,7 +67,7 @@ pub struct ExportDesignArguments {
     #[arg(
         long,
         value_name = "N",
-        value_parser = clap::value_parser!(u64).range(1..),
+        value_parser = integer::<u64>(1..=u64::MAX),
         conflicts_with = "scene",
         help_heading = WHICH
     )]
@@ -82,7 +82,7 @@ pub struct ExportDesignArguments {
     #[arg(long, value_enum, help_heading = MASK)]
     pub size: Option<DesignSize>,
     /// Export only this group of electrodes; Gerber files need it if there are several
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=16), help_heading = MASK)]
+    #[arg(long, value_name = "N", value_parser = integer::<u8>(1..=16), help_heading = MASK)]
     pub group: Option<u8>,
     #[command(flatten)]
     pub state: StateArguments,
@@ -98,10 +98,10 @@ pub struct ExportDesignArguments {
     )]
     pub pixels_per_mm: Option<f64>,
     /// Elements along one side of a cell of a deformed membrane [default: 2]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=8), help_heading = MEMBRANE)]
+    #[arg(long, value_name = "N", value_parser = integer::<u64>(1..=8), help_heading = MEMBRANE)]
     pub elements_per_cell: Option<u64>,
     /// Polynomial order of these elements [default: 2]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=2), help_heading = MEMBRANE)]
+    #[arg(long, value_name = "N", value_parser = integer::<u64>(1..=2), help_heading = MEMBRANE)]
     pub order: Option<u64>,
     #[command(flatten)]
     pub store: StoreArguments,

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use super::SolveArguments;
 use super::history::TIME;
 use super::simulation::{Form, Simulation, States};
+use crate::arguments::integer;
 use crate::job::JobResult;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, table};
@@ -24,7 +25,7 @@ pub struct ModesArguments {
     #[arg(
         long,
         value_name = "K",
-        value_parser = clap::value_parser!(u64).range(1..=MOST_MODES as u64),
+        value_parser = integer::<u64>(1..=MOST_MODES as u64),
         conflicts_with_all = ["path", "cells", "accuracy", "history", "at", "every"],
         help_heading = TIME
     )]

@@ -7,6 +7,7 @@ use super::SolveArguments;
 use super::history::TIME;
 use super::modes::OUT_OF_PLANE;
 use super::simulation::{Form, Simulation, States};
+use crate::arguments::integer;
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
@@ -45,7 +46,7 @@ pub struct ResponseArguments {
         long,
         value_name = "N",
         requires = "response",
-        value_parser = clap::value_parser!(u64).range(2..=MAX_POINTS),
+        value_parser = integer::<u64>(2..=MAX_POINTS),
         help_heading = TIME
     )]
     points: Option<u64>,

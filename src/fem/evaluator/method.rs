@@ -87,7 +87,8 @@ impl FromStr for Method {
             ("linear", _) => Ok(Self::Linear),
             (_, Some(Ok(steps))) if (1..=MOST_STEPS).contains(&steps) => Ok(Self::Chord(steps)),
             _ => Err(UnknownMethod {
-                near: nearest(text, &["newton", "linear", "chord:1"]),
+                // A number that is not allowed is not a misspelt one.
+                near: nearest(text, &["newton", "linear", "chord:1"]).filter(|_| !text.starts_with("chord:")),
             }),
         }
     }
@@ -115,6 +116,11 @@ mod tests {
         for text in ["chord", "chord:0", "chord:51", "chord:-1", "chord:1.5", "Newton", ""] {
             assert!(text.parse::<Method>().is_err(), "{text}");
         }
+        let many = "chord:99".parse::<Method>().unwrap_err().to_string();
+        assert!(
+            !many.contains("did you mean") && many.contains("N from 1 to 50"),
+            "{many}"
+        );
         assert!(
             "chrod:1"
                 .parse::<Method>()

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use super::settings::{AxisValue, Setting, Settings, text_of};
 use super::template::axes_in;
-use deaflow_base::{InputError, Node, NodeValue, is_plain_name};
+use deaflow_base::{Dimension, InputError, Node, NodeValue, Quantity, is_plain_name};
 
 /// The key of the axes.
 pub const FOREACH: &str = "foreach";
@@ -167,18 +167,31 @@ fn zipped(axes: &[(&Node, &Node)], place: &Node) -> Result<Group, InputError> {
     })
 }
 
+/// Adds a value to those of an axis; returns whether it is a new one. `3 kV` and `3000 V` are the same.
+fn add_value(seen: &mut BTreeSet<(Option<Dimension>, String)>, text: &str) -> bool {
+    let mut is_new = seen.insert((None, text.to_owned()));
+    for dimension in Dimension::ALL {
+        if let Ok(quantity) = Quantity::parse(text, dimension) {
+            is_new &= seen.insert((Some(dimension), quantity.base().to_string()));
+        }
+    }
+    is_new
+}
+
 /// Decides which axes names carry: the first where its values are all different; else all of one word each.
 fn name_by(steps: &mut [Settings], axes: &[(&Node, &Node)]) -> Result<(), InputError> {
     let of_first = steps.iter().map(|step| &step[0]);
     let different: BTreeSet<&str> = of_first.clone().map(|setting| setting.value.text.as_str()).collect();
     let first_is_enough = different.len() == steps.len() && (axes.len() == 1 || of_first.clone().all(Setting::is_word));
-    if !first_is_enough && axes.len() == 1 {
+    if axes.len() == 1 {
         let mut seen = BTreeSet::new();
         let twice = of_first
             .clone()
-            .find(|setting| !seen.insert(setting.value.text.clone()));
-        let place = twice.map_or(axes[0].1, |setting| &setting.value.node);
-        return Err(place.error(format!("{} has this value twice", axes[0].0.quoted())));
+            .find(|setting| !add_value(&mut seen, &setting.value.text));
+        if let Some(twice) = twice {
+            let message = format!("{} has this value twice", axes[0].0.quoted());
+            return Err(twice.value.node.error(message));
+        }
     }
     for step in steps.iter_mut() {
         for (at, setting) in step.iter_mut().enumerate() {
