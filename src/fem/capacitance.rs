@@ -8,18 +8,26 @@
 //! inverse is stored. Inside frames and bodies the solution is then correct, because zero and rigid motions are
 //! harmonic. The number of conjugate-gradient iterations is that of the rectangle. The first solution is needed at
 //! those few nodes only, as sums over its modes, so the total takes little more than one solution on the rectangle.
+//!
+//! With many such nodes, neighbours form clusters with equal forces, s = Zf, and conditions hold for their means: S⁻¹
+//! becomes Z(ZᵀSZ)⁻¹Zᵀ. This is Galerkin's method for an integral equation of the first kind with piecewise constant
+//! forces (Hsiao and Wendland, J. Math. Anal. Appl. 58 (1977) 449), so the number of iterations grows with the root of
+//! the size of a cluster only.
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::sync::Arc;
 
 use deaflow_linalg::{Mat, inverse_definite, solve};
 
 use super::krylov::dot;
 use super::rectangle::{ModalNodes, Rectangle, RectangleScratch};
-use super::supports::{Pose, RigidNodes, Supports};
+use super::supports::{Pose, Supports};
 
-/// Largest number of nodes for which S⁻¹ is stored, which takes 10 MB and a second. Beyond it the solution on the
-/// rectangle is projected onto admissible motions.
+/// Number of nodes or clusters for which S⁻¹ is stored, which takes 10 MB and a second.
 const MOST: usize = 1600;
+/// Smallest number of clusters of a body with more nodes, so that its motion is determined.
+const LEAST: usize = 16;
 
 /// Corrects the inverse of the rectangle to that of the membrane.
 pub(super) struct Capacitance {
@@ -32,7 +40,9 @@ pub(super) struct CapacitanceScratch {
     force: Vec<f32>,
     /// For each component at the nodes of S: values of the first solution, then forces.
     values: [Vec<f32>; 2],
-    /// S⁻¹ of the values.
+    /// Sums of the values over clusters, then forces on the nodes of each.
+    sums: [Vec<f32>; 2],
+    /// S⁻¹ of the sums.
     images: [Vec<f32>; 2],
 }
 
@@ -40,12 +50,101 @@ pub(super) struct CapacitanceScratch {
 struct Correction {
     /// Nodes of frames, then those of each body.
     nodes: ModalNodes,
-    /// `[node][node]`.
+    clusters: Clusters,
+    /// `[cluster][cluster]`.
     inverse: Vec<f32>,
-    /// S⁻¹ of 1, X and Y on the nodes of each body, `[body][function][node]`.
+    /// S⁻¹ of 1, X and Y on the nodes of each body, `[body][function][cluster]`.
     rigid: Vec<[Vec<f64>; 3]>,
-    /// Index of the first node of each body.
-    starts: Vec<usize>,
+}
+
+/// Sets of neighbouring nodes with equal forces: single nodes if there are at most [`MOST`].
+struct Clusters {
+    /// The cluster of each node.
+    of: Vec<usize>,
+    /// Sums of 1, X and Y over the nodes of each cluster; of 1 only on frames.
+    sums: Vec<[f64; 3]>,
+    /// The clusters of each body.
+    bodies: Vec<Range<usize>>,
+}
+
+/// A node of a frame or body.
+#[derive(Clone, Copy)]
+struct EdgeNode {
+    /// Index for the first component.
+    index: usize,
+    /// X − Xc on bodies.
+    arm: [f64; 2],
+}
+
+impl Clusters {
+    /// Puts nodes, those of frames and then those of each body, into clusters.
+    fn new(owners: &[Vec<EdgeNode>], place: impl Fn(usize) -> [usize; 2]) -> Self {
+        let count = owners.iter().map(Vec::len).sum();
+        let mut side = 1;
+        let mut found = Self::in_blocks(owners, side, &place);
+        while found.sums.len() > MOST && side < count {
+            side += 1;
+            found = Self::in_blocks(owners, side, &place);
+        }
+        found
+    }
+
+    /// Puts the nodes of each owner in the same block of `side` columns and rows into one cluster, with smaller blocks
+    /// for bodies that would have too few.
+    fn in_blocks(owners: &[Vec<EdgeNode>], side: usize, place: impl Fn(usize) -> [usize; 2]) -> Self {
+        let mut clusters = Self {
+            of: Vec::new(),
+            sums: Vec::new(),
+            bodies: Vec::new(),
+        };
+        for (owner, nodes) in owners.iter().enumerate() {
+            let (first, is_body) = (clusters.sums.len(), owner > 0);
+            let mut side = side;
+            let blocks = loop {
+                let blocks = nodes.iter().map(|node| place(node.index).map(|at| at / side));
+                let blocks: Vec<[usize; 2]> = blocks.collect();
+                let count = blocks.iter().collect::<BTreeSet<_>>().len();
+                if !is_body || side == 1 || count >= LEAST {
+                    break blocks;
+                }
+                side -= 1;
+            };
+            let mut numbers = BTreeMap::new();
+            for (block, node) in blocks.into_iter().zip(nodes) {
+                let cluster = *numbers.entry(block).or_insert_with(|| {
+                    clusters.sums.push([0.0; 3]);
+                    clusters.sums.len() - 1
+                });
+                clusters.of.push(cluster);
+                let [x, y] = node.arm;
+                let sum = &mut clusters.sums[cluster];
+                *sum = [sum[0] + 1.0, sum[1] + x, sum[2] + y];
+            }
+            if is_body {
+                clusters.bodies.push(first..clusters.sums.len());
+            }
+        }
+        clusters
+    }
+
+    fn count(&self) -> usize {
+        self.sums.len()
+    }
+
+    /// Adds up the values of nodes.
+    fn sum(&self, values: &[Vec<f32>; 2], sums: &mut [Vec<f32>; 2]) {
+        for (values, sums) in values.iter().zip(sums) {
+            sums.fill(0.0);
+            self.of.iter().zip(values).for_each(|(&at, value)| sums[at] += value);
+        }
+    }
+
+    /// Copies forces to nodes.
+    fn spread(&self, forces: &[Vec<f32>; 2], values: &mut [Vec<f32>; 2]) {
+        for (forces, values) in forces.iter().zip(values) {
+            self.of.iter().zip(values).for_each(|(&at, value)| *value = forces[at]);
+        }
+    }
 }
 
 impl Capacitance {
@@ -55,12 +154,14 @@ impl Capacitance {
     }
 
     pub(super) fn scratch(&self) -> CapacitanceScratch {
-        let nodes = self.correction.as_ref().map_or(0, |correction| correction.count());
-        let zero = || [vec![0.0; nodes], vec![0.0; nodes]];
+        let clusters = self.correction.as_ref().map(|correction| &correction.clusters);
+        let [nodes, clusters] = clusters.map_or([0; 2], |clusters| [clusters.of.len(), clusters.count()]);
+        let zero = |count| [vec![0.0; count], vec![0.0; count]];
         CapacitanceScratch {
             force: vec![0.0; 2 * self.supports.plane()],
-            values: zero(),
-            images: zero(),
+            values: zero(nodes),
+            sums: zero(clusters),
+            images: zero(clusters),
         }
     }
 
@@ -86,10 +187,17 @@ impl Capacitance {
             .collect();
         let motions = match &self.correction {
             Some(correction) => {
-                let CapacitanceScratch { force, values, images } = own;
+                let CapacitanceScratch {
+                    force,
+                    values,
+                    sums,
+                    images,
+                } = own;
                 let mut motions = Vec::new();
                 rectangle.solve_corrected(force, &correction.nodes, z, (scratch, values), |values| {
-                    motions = correction.correct(&self.supports, poses, &forces, values, images);
+                    correction.clusters.sum(values, sums);
+                    motions = correction.correct(&self.supports, poses, &forces, sums, images);
+                    correction.clusters.spread(sums, values);
                 });
                 motions
             }
@@ -112,47 +220,51 @@ impl Capacitance {
 
 impl Correction {
     fn new(supports: &Supports, rectangle: &Rectangle) -> Option<Self> {
-        let (mut indices, mut starts) = (supports.held_edge().to_vec(), Vec::new());
-        for body in supports.bodies() {
-            starts.push(indices.len());
-            indices.extend(body.edge.iter().map(|(at, _)| at));
-        }
-        let count = indices.len();
-        if count == 0 || count > MOST {
+        let frames = supports.held_edge().iter();
+        let mut owners: Vec<Vec<EdgeNode>> = vec![frames.map(|&index| EdgeNode { index, arm: [0.0; 2] }).collect()];
+        owners.extend(supports.bodies().iter().map(|body| {
+            let nodes = body.edge.iter();
+            nodes.map(|(index, arm)| EdgeNode { index, arm }).collect()
+        }));
+        let clusters = Clusters::new(&owners, |index| rectangle.place(index));
+        let count = clusters.count();
+        if count == 0 {
             return None;
         }
+        let indices: Vec<usize> = owners.concat().iter().map(|node| node.index).collect();
         let nodes = rectangle.nodes(&indices);
-        let columns = rectangle.between(&nodes);
-        let symmetric = Mat::from_fn(count, count, |i, k| 0.5 * (columns[(i, k)] + columns[(k, i)]));
+        let columns = match count == indices.len() {
+            true => rectangle.between(&nodes),
+            false => rectangle.between_clusters(&nodes, &clusters.of, count),
+        };
+        let mut symmetric = Mat::zeros(count, count);
+        for (i, k) in by_tiles(count) {
+            symmetric[(i, k)] = 0.5 * (columns[(i, k)] + columns[(k, i)]);
+        }
         let inverse = inverse_definite(&symmetric)?;
-        let rigid = supports.bodies().iter().zip(&starts).map(|(body, &start)| {
+        let mut rows = vec![0.0; count * count];
+        for (i, k) in by_tiles(count) {
+            rows[i * count + k] = inverse[(i, k)] as f32;
+        }
+        let rigid = clusters.bodies.iter().map(|body| {
             [0, 1, 2].map(|function| {
                 let image = |row: usize| -> f64 {
-                    let nodes = body.edge.iter().enumerate();
-                    nodes
-                        .map(|(at, (_, [x, y]))| inverse[(row, start + at)] * [1.0, x, y][function])
-                        .sum()
+                    let own = body.clone();
+                    own.map(|at| inverse[(row, at)] * clusters.sums[at][function]).sum()
                 };
                 (0..count).map(image).collect()
             })
         });
         Some(Self {
             rigid: rigid.collect(),
-            inverse: (0..count * count)
-                .map(|at| inverse[(at / count, at % count)] as f32)
-                .collect(),
+            inverse: rows,
             nodes,
-            starts,
+            clusters,
         })
     }
 
-    /// Returns the number of nodes.
-    fn count(&self) -> usize {
-        self.inverse.len().isqrt()
-    }
-
-    /// Converts values of the solution on the rectangle to the forces of frames and bodies. Returns the motions of
-    /// bodies.
+    /// Converts values of the solution on the rectangle, added up over clusters, to the forces of frames and bodies.
+    /// Returns the motions of bodies.
     fn correct(
         &self,
         supports: &Supports,
@@ -199,16 +311,20 @@ impl Correction {
         }
         let size = 3 * bodies.len();
         let unit = |at: usize| std::array::from_fn(|k| if k == at { 1.0 } else { 0.0 });
-        // Eᵀ of nodal values, by component.
+        // Eᵀ of forces on clusters, by component.
         let on_body = |body: usize, values: &dyn Fn(usize, usize) -> f64| -> [f64; 3] {
-            let nodes: &RigidNodes = &bodies[body].edge;
-            let mut sum = [0.0; 3];
-            for (at, (_, arm)) in nodes.iter().enumerate() {
-                let swept = poses[body].swept(arm);
-                let [x, y] = [0, 1].map(|c| values(c, self.starts[body] + at));
-                sum = [sum[0] + x, sum[1] + y, sum[2] + swept[0] * x + swept[1] * y];
+            let mut total = [0.0; 3];
+            for at in self.clusters.bodies[body].clone() {
+                let [count, x, y] = self.clusters.sums[at];
+                let swept = poses[body].swept([x, y]);
+                let [p, q] = [0, 1].map(|c| values(c, at));
+                total = [
+                    total[0] + count * p,
+                    total[1] + count * q,
+                    total[2] + swept[0] * p + swept[1] * q,
+                ];
             }
-            sum
+            total
         };
         let mut matrix = Mat::<f64>::zeros(size, size);
         let mut right = vec![0.0; size];
@@ -237,6 +353,15 @@ impl Correction {
             .map(|body| std::array::from_fn(|k| motions[3 * body + k]))
             .collect()
     }
+}
+
+/// Returns the places of a matrix by tiles, so that rows and columns of a tile stay in the cache.
+fn by_tiles(count: usize) -> impl Iterator<Item = (usize, usize)> {
+    const SIDE: usize = 32;
+    let starts = move || (0..count).step_by(SIDE);
+    let span = move |start: usize| start..(start + SIDE).min(count);
+    let tiles = starts().flat_map(move |row| starts().map(move |column| (row, column)));
+    tiles.flat_map(move |(row, column)| span(column).flat_map(move |k| span(row).map(move |i| (i, k))))
 }
 
 /// Returns a rigid motion as weights of 1, X and Y in each component.

@@ -46,6 +46,10 @@ impl Scratch {
 /// Maximum number of iterations; with the preconditioner the condition number is a few units except near a loss of
 /// stability.
 const LIMIT: usize = 100;
+/// The same for vectors of more than [`LARGE`] numbers: fewer iterations take less time and memory than a factorisation.
+const LARGE_LIMIT: usize = 1000;
+/// Length of a vector for which a factorisation takes half a gigabyte.
+const LARGE: usize = 1_000_000;
 
 /// Solves `operator` · solution = residual from zero until the Euclidean norm of the residual, 1 on entry, is at most
 /// `goal`.
@@ -64,7 +68,8 @@ pub fn conjugate_gradients(
         image,
     } = scratch;
     let mut rho = f64::NAN;
-    for iteration in 0..LIMIT {
+    let limit = if r.len() > LARGE { LARGE_LIMIT } else { LIMIT };
+    for iteration in 0..limit {
         *iterations += 1;
         precondition(r, z);
         let previous = std::mem::replace(&mut rho, dot(r, z));

@@ -47,7 +47,7 @@ pub fn half_modes(stiffness: &Mat<f64>, mass: &Mat<f64>, odd: bool) -> Option<(M
 }
 
 /// Returns eigenvectors Q and eigenvalues of KQ = MQΛ with QᵀMQ = I, by means of M^(−½).
-fn generalised_eigen(stiffness: &Mat<f64>, mass: &Mat<f64>) -> Option<(Mat<f64>, Vec<f64>)> {
+pub(super) fn generalised_eigen(stiffness: &Mat<f64>, mass: &Mat<f64>) -> Option<(Mat<f64>, Vec<f64>)> {
     let n = mass.nrows();
     if n == 0 {
         return Some((Mat::new(), Vec::new()));

@@ -1,5 +1,7 @@
 //! The preconditioner: the inverse of the componentwise Laplacian of a mesh with frames and bodies.
 
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+
 use super::capacitance::{Capacitance, CapacitanceScratch};
 use super::error::SetupError;
 use super::grid::Grid;
@@ -11,6 +13,10 @@ pub struct Laplacian {
     rectangle: Rectangle,
     capacitance: Option<Capacitance>,
 }
+
+/// The inverses in use and their grids, shared by the solvers of one membrane: with frames and many nodes one takes
+/// seconds to compute.
+static SHARED: Mutex<Vec<(Grid, Weak<Laplacian>)>> = Mutex::new(Vec::new());
 
 /// Vectors for [`Laplacian::solve`].
 pub struct LaplacianScratch {
@@ -25,6 +31,26 @@ impl Laplacian {
     /// If the eigenvectors cannot be computed.
     pub fn new(grid: &Grid) -> Result<Self, SetupError> {
         Self::with_mass(grid, 0.0)
+    }
+
+    /// Returns the inverse Laplacian of a grid: that of another solver on an equal grid, or a new one.
+    ///
+    /// # Errors
+    /// As [`Laplacian::new`].
+    pub fn shared(grid: &Grid) -> Result<Arc<Self>, SetupError> {
+        let known = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut equal = known.iter().filter(|(of, _)| of == grid);
+        let found = equal.find_map(|(_, known)| known.upgrade());
+        // It is computed without the lock, which would hold up other grids.
+        drop(known);
+        if let Some(found) = found {
+            return Ok(found);
+        }
+        let own = Arc::new(Self::new(grid)?);
+        let mut known = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+        known.retain(|(_, known)| known.strong_count() > 0);
+        known.push((grid.clone(), Arc::downgrade(&own)));
+        Ok(own)
     }
 
     /// Creates the inverse of the Laplacian plus a multiple of the consistent mass.
@@ -85,6 +111,7 @@ mod tests {
             rectangle([7, 12], [30.0, 50.0], [3.0, 4.0]),
             rectangle([40, 3], [50.0, 10.0], [5.0, 2.0]),
             rectangle([1, 31], [1.0, 20.0], [3.0, 3.0]),
+            rectangle([101, 40], [60.0, 20.0], [3.0, 3.5]),
             rectangle([1, 1], [1.0, 2.0], [3.0, 1.0]),
         ];
         let meshes = [

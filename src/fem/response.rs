@@ -4,6 +4,8 @@
 //! error of the linear response is a few per cent; each chord step, one more solution with the same operator, reduces
 //! it to about a tenth. The result is not an equilibrium, and its stability is unknown.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use deaflow_field::{Field, Mesh, Observation, Outcome, Simulation, Simulator, WithGradient};
@@ -33,7 +35,7 @@ const CLEAR: f64 = 1e-3;
 pub struct LinearResponse {
     model: Model,
     half_active: Activity,
-    laplacian: Laplacian,
+    laplacian: Arc<Laplacian>,
     rest: Vec<f64>,
 }
 
@@ -57,7 +59,7 @@ impl LinearResponse {
         let response = Self {
             half_active: model.add_unrelaxed(Activity::from_shares(&grid, |_, _| 0.5)),
             model,
-            laplacian: Laplacian::new(&grid)?,
+            laplacian: Laplacian::shared(&grid)?,
             rest: vec![0.0; grid.layout().vector_len()],
         };
         if response.model.with(Ellipticity(&response)) > 0.0 {

@@ -1,5 +1,7 @@
 //! The finite-element solver of a scene on one mesh, for any number of patterns.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use deaflow_field::{Charged, Field, Mesh, Observation, Outcome, Simulation, Simulator};
@@ -92,7 +94,7 @@ pub struct MembraneSolver {
     /// The grid of the solutions, which a fringe field refines by up to two elements along a cell.
     pub(super) grid: Grid,
     pub(super) tolerance: f64,
-    pub(super) laplacian: Laplacian,
+    pub(super) laplacian: Arc<Laplacian>,
     pub(super) limit: WorkLimit,
 }
 
@@ -145,7 +147,7 @@ impl MembraneSolver {
             scene: scene.clone(),
             model,
             mesh,
-            laplacian: Laplacian::new(&grid)?,
+            laplacian: Laplacian::shared(&grid)?,
             grid,
             tolerance,
             limit,

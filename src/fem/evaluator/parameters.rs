@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::method::Method;
 use crate::error::SetupError;
+use crate::rectangle::is_large_or_long;
 use crate::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
 use crate::work::WorkLimit;
 use deaflow_base::{
@@ -430,14 +431,15 @@ impl SolverKeys {
 
 /// Returns the revision to add to the RECIPE of kinds that simulate a scene. A fringe field is integrated within
 /// bilinear elements, which were once split along it; powers of stretches are sums of fewer terms in single precision
-/// and, for small stretches, no longer take roots.
+/// and, for small stretches, no longer take roots; membranes of many cells and long ones have another preconditioner.
 #[must_use]
 pub fn revision_of(scene: &Scene) -> u32 {
     // Effects that screening may turn on are unknown here.
-    match scene.auto || has_powers(scene) {
+    let of_effects = match scene.auto || has_powers(scene) {
         true => 4,
         false => 2 * u32::from(scene.effects.fringe_field.is_some()),
-    }
+    };
+    of_effects + 8 * u32::from(is_large_or_long(scene.membrane().raster.sides()))
 }
 
 /// Returns whether stresses contain powers of stretches.
@@ -497,6 +499,28 @@ mod tests {
         ] {
             assert!(read(text).unwrap_err().to_string().contains(key), "{text}");
         }
+    }
+
+    #[test]
+    fn large_and_long_membranes_have_a_revision_of_their_own() {
+        let revision = |cells: &str| {
+            let text = format!(
+                "{{ geometry: {{ size: [60 mm, 40 mm], thickness: 1 mm, prestretch: 3, cells: {cells} }}, material: {{ \
+                 model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ voltage: 1 kV }}, \
+                 effects: {{}} }}"
+            );
+            revision_of(&Scene::from_text(&text).unwrap())
+        };
+        let revisions = [
+            "[100, 100]",
+            "[60, 20]",
+            "[20, 100]",
+            "[101, 50]",
+            "[20, 101]",
+            "[61, 20]",
+        ]
+        .map(revision);
+        assert_eq!(revisions, [0, 0, 0, 8, 8, 8]);
     }
 
     #[test]

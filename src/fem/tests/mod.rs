@@ -10,6 +10,7 @@ mod groups;
 mod hard;
 mod invariance;
 mod known;
+mod large;
 mod laws;
 mod limits;
 mod material;
