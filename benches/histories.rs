@@ -1,6 +1,6 @@
 //! What steps in time cost beside the static solve of the same mesh and law.
 //!
-//! `cargo bench --bench histories`. VHB 4910 with three branches (`pipelines/scenes/vhb4910-hossain.yaml`), a step of
+//! `cargo bench --bench histories`. VHB 4910 with three branches (`pipelines/scenes/vhb4910-linear.yaml`), a step of
 //! voltage held for 10 s, random patterns of 10² blocks, bilinear elements, one core. `Newton` solves for the state of
 //! every step, `chord:1` estimates it by one chord step and `linear` by one linear system; `Newton, energies` has
 //! charge and energies of every step too, as `deaflow solve --history` writes them. Steps are those of all passes.
@@ -35,7 +35,7 @@ fn main() {
         .num_threads(1)
         .build()
         .expect("a thread can be started");
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/scenes/vhb4910-hossain.yaml");
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/scenes/vhb4910-linear.yaml");
     let scene = Scene::load(&file).expect("a scene of the repository");
     let patterns: Vec<Pattern> = (0..PATTERNS).map(blocks).collect();
     let names: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
