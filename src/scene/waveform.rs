@@ -1,5 +1,6 @@
 //! The waveform of a voltage.
 
+use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use std::path::Path;
 
@@ -97,7 +98,7 @@ pub struct Table(Vec<[Decimal; 2]>);
 impl Table {
     /// Returns the times and voltages.
     fn rows(&self) -> impl Iterator<Item = [f64; 2]> {
-        self.0.iter().map(|row| row.each_ref().map(|value| value.to_f64()))
+        self.0.iter().map(in_units)
     }
 
     fn largest(&self) -> f64 {
@@ -222,6 +223,9 @@ pub struct Knot {
     pub time: f64,
     /// Whether the voltage jumps.
     pub jumps: bool,
+    /// In V²: the distance of the squared voltage from the line between the rows before and after it in a table;
+    /// infinite in other waveforms.
+    pub offset: f64,
 }
 
 /// The side of a time, since at a jump the voltages just before and just after differ.
@@ -269,27 +273,30 @@ impl Waveform {
         }
     }
 
-    /// Returns the jumps and kinks before a time in s, in order.
+    /// Returns times in s and voltages in V between which the voltage is linear, from one time to a later one, without
+    /// a jump in between: the rows of a table and both ends. Of other waveforms it returns the ends only.
+    #[must_use]
+    pub fn points(&self, amplitude: f64, from: f64, to: f64) -> Vec<[f64; 2]> {
+        let between = self.table.as_ref().map_or(&[][..], |table| table.between(from, to));
+        let mut points = vec![[from, self.voltage(amplitude, from, Side::After)]];
+        points.extend(between.iter().map(in_units));
+        points.push([to, self.voltage(amplitude, to, Side::Before)]);
+        points
+    }
+
+    /// Returns the jumps and kinks before a time in s, in order. The first is at 0 s.
     #[must_use]
     pub fn knots(&self, until: f64) -> Vec<Knot> {
-        let mut knots = vec![Knot {
-            time: 0.0,
-            jumps: self.voltage(1.0, 0.0, Side::After) != 0.0,
-        }];
+        let knot = |time: f64, jumps: bool| Knot {
+            time,
+            jumps,
+            offset: f64::INFINITY,
+        };
+        let mut knots = vec![knot(0.0, self.voltage(1.0, 0.0, Side::After) != 0.0)];
         if let Some(ramp) = &self.ramp {
-            knots.push(Knot {
-                time: ramp.time.value(),
-                jumps: false,
-            });
+            knots.push(knot(ramp.time.value(), false));
         }
-        if let Some(table) = &self.table {
-            let times = table.rows().map(|[time, _]| time).filter(|time| *time > 0.0);
-            let knot = |time| Knot {
-                time,
-                jumps: table.voltage(time, Side::Before) != table.voltage(time, Side::After),
-            };
-            knots.extend(times.map(knot));
-        }
+        knots.extend(self.table.iter().flat_map(Table::knots));
         knots.dedup_by(|a, b| a.time == b.time);
         knots.retain(|knot| knot.time < until);
         knots
@@ -301,23 +308,93 @@ impl Waveform {
         self.sine.as_ref().map(|sine| TAU * sine.frequency.value())
     }
 
-    /// Returns the time in s in which the voltage changes: the time of a ramp, 1/(2πf) of a sine, the shortest time
-    /// between rows of a table; `None` for a step.
+    /// Returns the time in s in which the voltage changes: the time of a ramp, 1/(2πf) of a sine, [`Table::time_s`];
+    /// `None` for a step.
     #[must_use]
     pub fn time_s(&self) -> Option<f64> {
-        let table = self.table.as_ref().and_then(|table| {
-            let times: Vec<f64> = table.rows().map(|[time, _]| time).collect();
-            let gaps = times.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0);
-            gaps.reduce(f64::min)
-        });
         let ramp = self.ramp.as_ref().map(|ramp| ramp.time.value());
-        ramp.or_else(|| self.angular_frequency().map(f64::recip)).or(table)
+        ramp.or_else(|| self.angular_frequency().map(f64::recip))
+            .or_else(|| self.table.as_ref()?.time_s())
     }
 }
 
+/// Returns the time in s and the voltage in V of a row.
+fn in_units(row: &[Decimal; 2]) -> [f64; 2] {
+    row.each_ref().map(|value| value.to_f64())
+}
+
 impl Table {
+    /// Returns the rows between two times, without those at these times.
+    fn between(&self, from: f64, to: f64) -> &[[Decimal; 2]] {
+        let first = self.0.partition_point(|[time, _]| time.to_f64() <= from);
+        let rows = &self.0[first..];
+        &rows[..rows.partition_point(|[time, _]| time.to_f64() < to)]
+    }
+
+    /// Returns the jumps and kinks at the rows after 0 s.
+    fn knots(&self) -> Vec<Knot> {
+        let rows: Vec<[f64; 2]> = self.rows().collect();
+        // Rows at one time.
+        let mut groups: Vec<(f64, f64, f64)> = Vec::new();
+        for [time, voltage] in rows {
+            match groups.last_mut() {
+                Some((last, _, after)) if *last == time => *after = voltage,
+                _ => groups.push((time, voltage, voltage)),
+            }
+        }
+        let square = |voltage: f64| voltage * voltage;
+        let knot = |at: usize| {
+            let (time, before, after) = groups[at];
+            let left = at.checked_sub(1).map(|at| (groups[at].0, square(groups[at].2)));
+            let right = groups.get(at + 1).map(|next| (next.0, square(next.1)));
+            let line = match (left, right) {
+                (Some((start, low)), Some((end, high))) => low + (high - low) * (time - start) / (end - start),
+                // The voltage beyond the table would be that of the next row.
+                (Some((_, only)), None) | (None, Some((_, only))) => only,
+                (None, None) => square(before),
+            };
+            Knot {
+                time,
+                jumps: before != after,
+                offset: (square(before) - line).abs().max((square(after) - line).abs()),
+            }
+        };
+        let later = (0..groups.len()).filter(|at| groups[*at].0 > 0.0);
+        later.map(knot).collect()
+    }
+
+    /// Returns the time in s in which the voltage changes: twice the shortest time in which it changes by half of its
+    /// range without a jump, or the shortest time between two jumps of that height, whichever is shorter. So the time
+    /// of a ramp does not depend on the number of its rows, nor on noise. `None` without such changes.
+    fn time_s(&self) -> Option<f64> {
+        let rows: Vec<[f64; 2]> = self.rows().collect();
+        let extremes = |rows: &[[f64; 2]]| {
+            rows.iter()
+                .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], [_, voltage]| {
+                    [low.min(*voltage), high.max(*voltage)]
+                })
+        };
+        // Before 0 s the voltage is 0.
+        let [low, high] = extremes(&rows);
+        let half = 0.5 * (high.max(0.0) - low.min(0.0));
+        if half <= 0.0 {
+            return None;
+        }
+        let parts: Vec<&[[f64; 2]]> = rows.chunk_by(|one, other| one[0] < other[0]).collect();
+        let changes = parts.iter().filter_map(|part| shortest_change(part, half));
+        let ends = parts.iter().flat_map(|part| [part[0], part[part.len() - 1]]);
+        let sides: Vec<[f64; 2]> = std::iter::once([0.0; 2]).chain(ends).collect();
+        // The end of a part and the start of the next one are the sides of a jump.
+        let jumps = sides
+            .chunks_exact(2)
+            .filter(|pair| (pair[1][1] - pair[0][1]).abs() >= half);
+        let times: Vec<f64> = jumps.map(|pair| pair[0][0]).collect();
+        let gaps = times.windows(2).map(|pair| pair[1] - pair[0]);
+        changes.map(|time| 2.0 * time).chain(gaps).reduce(f64::min)
+    }
+
     fn voltage(&self, time: f64, side: Side) -> f64 {
-        let at = |row: usize| self.0[row].each_ref().map(|value| value.to_f64());
+        let at = |row: usize| in_units(&self.0[row]);
         // The first later row; of rows at the same time, the last one counts just after it.
         let later = self.0.partition_point(|[row, _]| match side {
             Side::Before => row.to_f64() < time,
@@ -332,6 +409,35 @@ impl Table {
         let ([start, low], [end, high]) = (at(later - 1), at(later));
         low + (high - low) * (time - start) / (end - start)
     }
+}
+
+/// Returns the shortest time in s in which the voltage of some rows changes by a number of V: of a longer change, the
+/// share with its mean slope. Times increase.
+fn shortest_change(rows: &[[f64; 2]], volts: f64) -> Option<f64> {
+    let mut shortest: Option<f64> = None;
+    // Rows that may be the lowest and the highest before a later row: none after them is lower or higher.
+    let mut before: [VecDeque<[f64; 2]>; 2] = Default::default();
+    for &[time, voltage] in rows {
+        for (before, sign) in before.iter_mut().zip([1.0, -1.0]) {
+            while let Some([earlier, extreme]) = before.front().copied() {
+                let change = sign * (voltage - extreme);
+                if change < volts {
+                    break;
+                }
+                let took = (time - earlier) * volts / change;
+                shortest = Some(shortest.map_or(took, |shortest| shortest.min(took)));
+                before.pop_front();
+            }
+            while before
+                .back()
+                .is_some_and(|[_, extreme]| sign * extreme >= sign * voltage)
+            {
+                before.pop_back();
+            }
+            before.push_back([time, voltage]);
+        }
+    }
+    shortest
 }
 
 #[cfg(test)]
@@ -366,6 +472,62 @@ mod tests {
             [(0.0, false), (1.0, true), (2.0, false)]
         );
         assert_eq!(waveform.knots(1.5).len(), 2);
+        // Without the last row the squared voltage would be the same, without the second row lower by a square.
+        let offsets: Vec<f64> = waveform.knots(10.0).iter().map(|knot| knot.offset).collect();
+        assert_eq!(offsets[2], 0.0);
+        assert_eq!(offsets[1], 9e6 - 4.5e6);
+        assert_eq!(
+            waveform.points(5.0, 0.5, 1.0),
+            [[0.5, 500.0], [1.0, 1000.0]],
+            "up to the jump"
+        );
+        assert_eq!(
+            waveform.points(5.0, 1.0, 3.0),
+            [[1.0, 3000.0], [2.0, 3000.0], [3.0, 3000.0]]
+        );
+    }
+
+    #[test]
+    fn the_time_of_a_table_is_that_of_its_change_and_not_that_of_its_rows() {
+        let rows = |rows: &mut dyn Iterator<Item = (f64, f64)>| {
+            let lines: Vec<String> = rows.map(|(time, volts)| format!("{time},{volts}")).collect();
+            of_table(&format!("t_s,voltage_V\n{}\n", lines.join("\n"))).time_s()
+        };
+        let ramp = |count: u32, noise: f64| {
+            rows(&mut (0..=count).map(|k| {
+                let share = f64::from(k) / f64::from(count);
+                // Reproducible noise of both signs.
+                (2.0 * share, 1e3 * share + noise * (2.3 * f64::from(k * k)).sin())
+            }))
+            .unwrap()
+        };
+        assert_eq!(ramp(1, 0.0), 2.0);
+        for (count, noise, tolerance) in [(10, 0.0, 1e-9), (1000, 0.0, 1e-9), (1000, 5.0, 0.05)] {
+            let found = ramp(count, noise);
+            assert!((found / 2.0 - 1.0).abs() < tolerance, "{count} {noise}: {found}");
+        }
+        // A sine: about its time, 1/ω.
+        let sine = rows(&mut (0..=1000).map(|k| (1e-3 * f64::from(k), (TAU * 1e-3 * f64::from(k)).sin()))).unwrap();
+        assert!((0.9..=2.2).contains(&(sine * TAU)), "{sine}");
+        // Pulses last from jump to jump; a step does not change.
+        let pulses = [(0.0, 5.0), (1.0, 5.0), (1.0, 0.0), (3.0, 0.0), (3.0, 5.0), (9.0, 5.0)];
+        assert_eq!(rows(&mut pulses.into_iter()), Some(1.0));
+        assert_eq!(rows(&mut [(0.0, 5.0), (1.0, 5.0)].into_iter()), None);
+    }
+
+    #[test]
+    fn rows_that_a_line_passes_have_a_small_offset() {
+        // A quarter of a sine of a thousand rows that stays at its end: each row is on the line between its
+        // neighbours within 1e-5 of the largest square.
+        let quarter = |k: u32| (1e-3 * f64::from(k), 5e3 * (0.25e-3 * TAU * f64::from(k)).sin());
+        let lines: Vec<String> = (0..=1000)
+            .map(quarter)
+            .map(|(time, volts)| format!("{time},{volts}"))
+            .collect();
+        let waveform = of_table(&format!("t_s,voltage_V\n{}\n", lines.join("\n")));
+        let knots = waveform.knots(2.0);
+        assert_eq!(knots.len(), 1001);
+        assert!(knots[1..].iter().all(|knot| knot.offset < 1e-5 * 25e6), "{knots:?}");
     }
 
     #[test]

@@ -160,7 +160,8 @@ impl SolverParameters {
     }
 
     /// Returns the revision to add to the RECIPE of a kind. Three passes are extrapolated in histories, where once the
-    /// last of four was taken; energies of stiffening membranes, which only histories report, contain logarithms; the
+    /// last of four was taken; errors of motions are those over all times, and steps may contain rows of a table;
+    /// energies of stiffening membranes, which only histories report, contain logarithms; the
     /// error of an accurate equilibrium comes from a solution with a loose tolerance on the finer mesh; [`revision_of`]
     /// covers the scene.
     #[must_use]
@@ -168,7 +169,14 @@ impl SolverParameters {
         let has_logarithms = !scene.auto && !has_powers(scene) && scene.effects.strain_stiffening.is_some();
         let in_time = u32::from(self.follows_time());
         let has_loose_errors = self.accuracy().is_some() && !self.follows_time() && scene.drive.charge.is_none();
-        u32::from(has_loose_errors) + in_time * (1 + 2 * u32::from(has_logarithms)) + revision_of(scene)
+        let moves = scene.auto || scene.effects.inertia.is_some();
+        let has_table = scene
+            .drive
+            .waveform
+            .as_ref()
+            .is_some_and(|waveform| waveform.table.is_some());
+        let of_drive = 8 * u32::from(moves || has_table);
+        u32::from(has_loose_errors) + in_time * (1 + 2 * u32::from(has_logarithms) + of_drive) + revision_of(scene)
     }
 
     /// Returns the parts of a scene that affect a result.

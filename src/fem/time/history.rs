@@ -5,12 +5,13 @@ use std::cell::Cell;
 use super::bodies;
 use super::extrapolation::Extrapolation;
 use super::leads::Conductor;
-use super::march::IN_PERIOD;
+use super::march::{ERROR_PER_DIFFERENCE, IN_PERIOD};
 use super::modes::wave_speed;
 use super::motion::Motion;
 use super::pass::{Instant, MOST_STEPS, NEGLIGIBLE, Pass, PassEnd, Steps};
 use super::supply::Supply;
-use super::transient::{Estimate, FixedCharge, StepEstimate, TransientProblem};
+use super::trace::Trace;
+use super::transient::{Estimate, FixedCharge, StepEstimate, TransientProblem, knots};
 use crate::charge;
 use crate::effects::WithMaterial;
 use crate::error::SetupError;
@@ -32,6 +33,10 @@ pub const USUAL_ERROR: f64 = 2e-5;
 const LOOSE: f64 = 30.0;
 /// The same for a first pass followed by others, three of which are extrapolated: with steps twice as long.
 const LOOSER: f64 = 240.0;
+/// Displacement in units of the side, as an upper bound for the first steps.
+const MOVED: f64 = 1e-2;
+/// Largest part of the load by which a kink within a step may miss the line between the neighbouring rows of a table.
+const KINK: f64 = 0.05;
 /// Relative difference below which the times at which two passes lose the last stable state count as equal.
 const TOGETHER: f64 = 3e-4;
 /// Steps of the first pass in the shortest time of a motion.
@@ -43,7 +48,7 @@ const PATIENCE: u32 = 4;
 /// The same for a motion.
 const MOST_HALVINGS_OF_MOTION: u32 = 5;
 /// Safety factor on an estimated error of fourth order.
-const SAFETY: f64 = 3.0;
+const SAFETY: f64 = 4.0;
 
 /// The request for a history.
 #[derive(Clone, Debug, PartialEq)]
@@ -235,7 +240,7 @@ impl MembraneSolver {
     fn check_steps(&self, request: &HistoryRequest, moving: Option<&Moving>) -> Result<(), SetupError> {
         let waveform = self.scene.waveform();
         let end = request.times.last().copied().unwrap_or(0.0);
-        let stops = waveform.knots(end).len() + request.times.len();
+        let stops = knots(&waveform, end, self.kink(request)).len() - 1 + request.times.len();
         // Two halvings give the error of a motion, one that of equilibria.
         let (step, passes) = match (moving, &waveform.sine) {
             (Some(moving), _) => (moving.step, 4.0),
@@ -250,6 +255,23 @@ impl MembraneSolver {
             }),
             false => Ok(()),
         }
+    }
+
+    /// Returns the largest displacement difference in mm of a step of the first pass from its extrapolation.
+    fn first_difference(&self, request: &HistoryRequest) -> f64 {
+        // An upper bound, until the displacement is known.
+        let wanted = request
+            .accuracy_mm
+            .unwrap_or(USUAL_ERROR * (MOVED * self.scene.side_mm()));
+        let loose = if request.estimate.is_some() { LOOSE } else { LOOSER };
+        loose * wanted
+    }
+
+    /// Returns the largest offset in V² of a kink that the first steps may contain: that of a displacement below their
+    /// tolerance.
+    fn kink(&self, request: &HistoryRequest) -> f64 {
+        let share = self.first_difference(request) / ERROR_PER_DIFFERENCE / (MOVED * self.scene.side_mm());
+        share.min(KINK) * self.scene.voltage_v().powi(2)
     }
 
     fn conclude(&self, coarse: &Pass, fine: Refined, is_estimate: bool) -> History {
@@ -379,10 +401,14 @@ impl WithMaterial for Follow<'_> {
             request,
             moving,
         } = self;
+        let waveform = solver.scene.waveform();
+        let kink = solver.kink(request);
         let transient = TransientProblem {
             problem: solver.problem(activity, material),
             scene: &solver.scene,
-            waveform: solver.scene.waveform(),
+            knots: knots(&waveform, request.times.last().copied().unwrap_or(0.0), kink),
+            kink,
+            waveform,
             supply: Supply::of(&solver.scene),
             conductor: Conductor::of(&solver.scene, activity),
             times: &request.times,
@@ -423,11 +449,7 @@ impl WithMaterial for Follow<'_> {
             });
         }
         let mut workspace = solver.workspace().near();
-        // An upper bound, until the displacement is known.
-        let guess = 1e-2 * solver.scene.side_mm();
-        let wanted = request.accuracy_mm.unwrap_or(USUAL_ERROR * guess);
-        let loose = if estimate.is_some() { LOOSE } else { LOOSER };
-        let steps = Steps::Within(loose * wanted / solver.grid.unit_mm());
+        let steps = Steps::Within(solver.first_difference(request) / solver.grid.unit_mm());
         let mut coarse = transient.pass(steps, &mut workspace);
         if estimate.is_some() {
             coarse.watched = most_moved(&coarse);
@@ -582,7 +604,10 @@ fn refine_motion(
     let mut fine = spent.count(pass_with(2, Some(&coarse)));
     let mut halvings = 2;
     loop {
-        let [old, new] = [change(&coarse, &before), change(&fine, &coarse)];
+        let [old, new] = [[&coarse, &before], [&fine, &coarse]].map(|[fine, coarse]| {
+            let throughout = Trace::largest([(1.0, &fine.trace), (-1.0, &coarse.trace)]);
+            throughout.max(change(fine, coarse))
+        });
         // Second order divides the error by four.
         let is_smooth = new <= 0.35 * old && has_all(&fine, &coarse) && has_all(&coarse, &before);
         let extrapolated = |fine: &Pass, coarse: &Pass| -> Vec<Field> {
@@ -593,7 +618,12 @@ fn refine_motion(
         };
         let [first, second] = [extrapolated(&coarse, &before), extrapolated(&fine, &coarse)];
         let changes = first.iter().zip(&second).map(|(a, b)| a.max_difference(b));
-        let moved = changes.fold(0.0, f64::max);
+        let throughout = Trace::largest([
+            (4.0 / 3.0, &fine.trace),
+            (-5.0 / 3.0, &coarse.trace),
+            (1.0 / 3.0, &before.trace),
+        ]);
+        let moved = changes.fold(throughout, f64::max);
         let (fields, error) = match is_smooth {
             // At fourth order the error is a fifteenth of the change.
             true => (second, SAFETY / 15.0 * moved),

@@ -12,13 +12,13 @@ mod supply;
 
 use super::leads::{Charged, Conductor};
 use super::pass::{Instant, MOST_STEPS, Pass, PassEnd, Steps, magnitude_at};
+use super::trace::Trace;
 use super::transient::{StepEstimate, TransientProblem};
 use super::viscous::{BranchEnergy, Viscous};
 use crate::continuation::StepFailure;
 use crate::material::Material;
 use crate::newton::Workspace;
 use crate::stored::{Content, Units};
-use deaflow_scene::Knot;
 
 /// Smallest step relative to the time since the start of the drive: the bracket of a delayed loss of stability.
 const SMALLEST: f64 = 1e-5;
@@ -28,7 +28,7 @@ const FIRST: f64 = 0.02;
 /// Largest growth of a step.
 const GROWTH: f64 = 1.8;
 /// The error of a step over its difference from the extrapolation.
-const ERROR_PER_DIFFERENCE: f64 = 0.1;
+pub const ERROR_PER_DIFFERENCE: f64 = 0.1;
 /// Minimum number of steps per period of a sine.
 pub const IN_PERIOD: f64 = 40.0;
 
@@ -86,6 +86,7 @@ impl<L: Material, F: Fn(f64) -> L> TransientProblem<'_, F> {
                 instants: Vec::new(),
                 kept: Vec::new(),
                 fields: Vec::new(),
+                trace: Trace::new(),
                 watched: self.watched.get(),
                 newton_steps: 0,
                 work: 0,
@@ -139,7 +140,6 @@ struct March<'a, 'b, F> {
 impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
     fn run(&mut self, steps: Steps<'_>) -> Result<(), PassEnd> {
         let transient = self.transient;
-        let end = transient.times.last().copied().unwrap_or(0.0);
         if self.measures {
             self.elastic_at_rest = self.measure_at(0.0).elastic;
             self.loaded = self.viscous.loaded();
@@ -147,16 +147,11 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             self.stored = self.stored_at_rest;
         }
         self.begin()?;
-        let mut knots = transient.waveform.knots(end);
-        knots.push(Knot {
-            time: end,
-            jumps: false,
-        });
         let mut asked = transient.times.iter().copied().peekable();
         while asked.next_if(|time| *time <= 0.0).is_some() {
             self.keep();
         }
-        for pair in knots.windows(2) {
+        for pair in transient.knots.windows(2) {
             let mut now = pair[0].time;
             self.first = self.first_step(pair[1].time - now);
             let mut length = self.first;
@@ -225,6 +220,10 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             };
             let to = if step >= room { stop } else { now + step };
             let shortest = to - now <= self.shortest(to);
+            if !shortest && !self.transient.is_straight([now, to]) {
+                *length = 0.5 * (to - now);
+                continue;
+            }
             let guess = self.extrapolated(to);
             match self.fed(now, to, guess.clone()) {
                 Ok(found) => {

@@ -21,6 +21,7 @@ mod supply;
 mod swing;
 #[cfg(test)]
 mod tests;
+mod trace;
 mod transient;
 mod viscous;
 

@@ -19,7 +19,7 @@
 use super::bodies;
 use super::feed::{self, Feed, Passage};
 use super::pass::{Instant, MOST_STEPS, Pass, PassEnd, magnitude_at};
-use super::supply::Electrodes;
+use super::trace::Trace;
 use super::transient::TransientProblem;
 use super::viscous::Viscous;
 use crate::charge;
@@ -31,7 +31,7 @@ use crate::operator::{Activity, Operator, metrics};
 use crate::precondition::Laplacian;
 use crate::stability::Loss;
 use crate::stored::{Content, Units, content};
-use deaflow_scene::{Knot, Side};
+use deaflow_scene::Side;
 
 /// Residual of a step relative to its forces.
 const TOLERANCE: f64 = 1e-10;
@@ -121,6 +121,7 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
                 instants: Vec::new(),
                 kept: Vec::new(),
                 fields: Vec::new(),
+                trace: Trace::new(),
                 watched: self.transient.watched.get(),
                 newton_steps: 0,
                 work: 0,
@@ -142,7 +143,6 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
 impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
     fn run(&mut self) -> Result<(), PassEnd> {
         let transient = self.motion.transient;
-        let end = transient.times.last().copied().unwrap_or(0.0);
         self.measure();
         self.elastic_at_rest = self.content.elastic;
         let charged = self.electric(0.0, Side::After);
@@ -152,12 +152,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         while asked.next_if(|time| *time <= 0.0).is_some() {
             self.keep();
         }
-        let mut knots = transient.waveform.knots(end);
-        knots.push(Knot {
-            time: end,
-            jumps: false,
-        });
-        for pair in knots.windows(2) {
+        for pair in transient.knots.windows(2) {
             let mut now = pair[0].time;
             while now < pair[1].time {
                 let stop = asked.peek().map_or(pair[1].time, |time| time.min(pair[1].time));
@@ -171,6 +166,11 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
                     };
                     self.advance(now, to, 0)?;
                     now = to;
+                    if step.is_multiple_of(self.motion.parts) {
+                        self.pass
+                            .trace
+                            .record(&transient.problem.activity.grid().sample(&self.u));
+                    }
                     if self.pass.steps.len() >= MOST_STEPS || transient.limit.get().is_spent(self.work()) {
                         return Err(PassEnd::WorkLimit);
                     }
@@ -230,7 +230,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
 
     /// Returns the transfer of charge to conducting electrodes in a step by a change of displacement; `None` if they
     /// follow the voltage at once, or their charge is immobile.
-    fn passage(&self, change: &[f64], [from, to]: [f64; 2]) -> Option<Passage> {
+    fn passage(&self, change: &[f64], step: [f64; 2]) -> Option<Passage> {
         let Feed::Conducting { supply, charge } = self.feed else {
             return None;
         };
@@ -239,22 +239,17 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         let after = self.content_at(transient.problem.activity, &end, transient.scene.voltage_v());
         let capacitances = [self.content.driven, after.driven].map(|driven| driven * self.scale());
         let last = supply.map_or(charge, |supply| {
-            let [before, after] = [
-                (capacitances[0], transient.voltage(from, Side::After)),
-                (capacitances[1], transient.voltage(to, Side::Before)),
-            ]
-            .map(|(capacitance, source)| Electrodes { capacitance, source });
-            supply.charge_after(to - from, charge, before, after)
+            supply.charge_along(charge, capacitances, &transient.points(step))
         });
         Some(Passage::new([charge, last], capacitances))
     }
 
     /// Returns the share of the load in a step with such a transfer.
-    fn share(&self, passage: Option<Passage>, middle: f64) -> f64 {
+    fn share(&self, passage: Option<Passage>, step: [f64; 2]) -> f64 {
         match (self.feed, passage) {
             (_, Some(passage)) => passage.square * self.scale().powi(2),
             (Feed::Sprayed { .. }, None) => 0.0,
-            (_, None) => self.motion.transient.share(middle, Side::After),
+            (_, None) => self.motion.transient.mean_share(step),
         }
     }
 
@@ -295,7 +290,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
             return Err(lost(Loss::Stability));
         };
         let passage = self.passage(&change, [from, to]);
-        let material = (transient.problem.material)(self.share(passage, 0.5 * (from + to)));
+        let material = (transient.problem.material)(self.share(passage, [from, to]));
         let operator = Operator::new(&material, &remembered);
         self.viscous = viscous;
         self.dissipated += self.branches - self.stored_in_branches();
@@ -330,7 +325,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         let before = self.content;
         self.measure();
         if let (Feed::Conducting { charge, .. }, Some(passage)) = (&mut self.feed, passage) {
-            let volts = 0.5 * (transient.voltage(from, Side::After) + transient.voltage(to, Side::Before));
+            let volts = transient.mean_voltage([from, to]);
             let moved = passage.charge - *charge;
             // Disconnected electrodes are not supplied.
             let supplied = if moved == 0.0 { 0.0 } else { volts * moved };
@@ -338,9 +333,9 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
             self.supplied += supplied;
             self.dissipated += supplied - passage.work;
         } else if let Feed::Voltage = self.feed {
-            let work = 0.5 * transient.voltage(0.5 * (from + to), Side::After).powi(2) * self.scale();
+            let half_square = 0.5 * transient.mean_share([from, to]) * transient.scene.voltage_v();
             self.supplied +=
-                work * (self.content.driven - before.driven) + self.electric(to, Side::Before) - electric_before;
+                half_square * (self.content.driven - before.driven) + self.electric(to, Side::Before) - electric_before;
         }
     }
 
@@ -382,7 +377,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
 
     /// Solves for the change of displacement in a step between two times in s, with the energy of the branches; `None`
     /// if it fails.
-    fn solve(&mut self, activity: &Activity, [from, to]: [f64; 2], length: f64) -> Option<Vec<f64>> {
+    fn solve(&mut self, activity: &Activity, step: [f64; 2], length: f64) -> Option<Vec<f64>> {
         let motion = self.motion;
         let grid = activity.grid();
         let weight = 2.0 / (length * length);
@@ -398,8 +393,8 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         let mut reference: f64 = 0.0;
         let mut size = f64::INFINITY;
         for iteration in 0..MAX_ITERATIONS {
-            let passage = self.passage(&change, [from, to]);
-            let material = (motion.transient.problem.material)(self.share(passage, 0.5 * (from + to)));
+            let passage = self.passage(&change, step);
+            let material = (motion.transient.problem.material)(self.share(passage, step));
             let operator = Operator::new(&material, activity);
             let halfway = grid.poses_between(&self.u, &change);
             operator.residual_between(&self.u, &change, &halfway, &mut forces);

@@ -1,5 +1,6 @@
 //! A pass over the time: the membrane after each step, and how the pass ended.
 
+use super::trace::Trace;
 use crate::continuation::LoadingEnd;
 use crate::stability::Loss;
 use deaflow_field::{Field, Motion};
@@ -80,6 +81,8 @@ pub struct Pass {
     pub kept: Vec<usize>,
     /// The displacement at these instants.
     pub fields: Vec<Field>,
+    /// With inertia, the motion at the ends of the steps that all passes have.
+    pub trace: Trace,
     /// The watched corner (column, row).
     pub watched: [usize; 2],
     /// Number of Newton steps.

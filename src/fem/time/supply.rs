@@ -14,11 +14,11 @@ pub struct Supply {
 
 /// The electrodes at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Electrodes {
+struct Electrodes {
     /// Capacitance in F.
-    pub capacitance: f64,
+    capacitance: f64,
     /// Voltage of the source in V.
-    pub source: f64,
+    source: f64,
 }
 
 impl Supply {
@@ -42,11 +42,28 @@ impl Supply {
         f64::max(self.resistance * capacitance, capacitance * volts / self.limit)
     }
 
+    /// Returns the charge in C after a step from one capacitance in F to another, with the voltage of the source linear
+    /// between times in s.
+    #[must_use]
+    pub fn charge_along(&self, charge: f64, [before, after]: [f64; 2], points: &[[f64; 2]]) -> f64 {
+        let (start, whole) = (points[0][0], points[points.len() - 1][0] - points[0][0]);
+        let at = |[time, source]: [f64; 2]| {
+            let share = (time - start) / whole;
+            Electrodes {
+                capacitance: (1.0 - share) * before + share * after,
+                source,
+            }
+        };
+        points.windows(2).fold(charge, |charge, pair| {
+            self.charge_after(pair[1][0] - pair[0][0], charge, at(pair[0]), at(pair[1]))
+        })
+    }
+
     /// Returns the charge in C after a step of some seconds, from the state of the electrodes before and after it. The
     /// result is exact for a constant capacitance and a voltage that is linear in time; otherwise it is of second order
     /// for any step.
     #[must_use]
-    pub fn charge_after(&self, seconds: f64, charge: f64, before: Electrodes, after: Electrodes) -> f64 {
+    fn charge_after(&self, seconds: f64, charge: f64, before: Electrodes, after: Electrodes) -> f64 {
         let wanted = [before, after].map(|at| at.capacitance * at.source);
         let time = 0.5 * self.resistance * (before.capacitance + after.capacitance);
         let free = if time > 0.0 {

@@ -3,6 +3,9 @@
 
 mod bodies;
 mod charges;
+mod coverage;
+mod measured;
+mod published;
 
 use super::coefficients::Coefficients;
 use super::*;

@@ -7,7 +7,7 @@ use super::supply::Supply;
 use crate::continuation::Problem;
 use crate::operator::Activity;
 use crate::work::WorkLimit;
-use deaflow_scene::{Scene, Side, Waveform};
+use deaflow_scene::{Knot, Scene, Side, Waveform};
 
 /// A transient problem.
 pub struct TransientProblem<'a, F> {
@@ -21,6 +21,10 @@ pub struct TransientProblem<'a, F> {
     pub supply: Option<Supply>,
     /// The electrodes, if they have a resistance.
     pub conductor: Option<Conductor>,
+    /// The jumps of the voltage and the kinks that end steps, and the end of the drive.
+    pub knots: Vec<Knot>,
+    /// Largest distance in V² of the squared voltage within a step from the line between its ends.
+    pub kink: f64,
     /// The requested times of fields in s, in order.
     pub times: &'a [f64],
     /// Limit of work for a pass.
@@ -79,6 +83,39 @@ impl<F> TransientProblem<'_, F> {
         self.waveform.voltage(self.scene.voltage_v(), time, side)
     }
 
+    /// Returns the times in s and voltages in V of a step between which the voltage is linear.
+    pub(super) fn points(&self, [from, to]: [f64; 2]) -> Vec<[f64; 2]> {
+        self.waveform.points(self.scene.voltage_v(), from, to)
+    }
+
+    /// Returns the mean voltage in V over a step.
+    pub(super) fn mean_voltage(&self, step: [f64; 2]) -> f64 {
+        match &self.points(step)[..] {
+            [[_, first], [_, last]] => 0.5 * (first + last),
+            points => mean(points, |first, last| 0.5 * (first + last)),
+        }
+    }
+
+    /// Returns the mean load over a step relative to that of the scene: exactly for a table, whose rows may lie within
+    /// the step, otherwise that in the middle.
+    pub(super) fn mean_share(&self, step @ [from, to]: [f64; 2]) -> f64 {
+        let amplitude = self.scene.voltage_v();
+        if self.waveform.table.is_none() || amplitude <= 0.0 {
+            return self.share(0.5 * (from + to), Side::After);
+        }
+        let square = |first: f64, last: f64| (first * first + first * last + last * last) / 3.0;
+        mean(&self.points(step), square) / amplitude.powi(2)
+    }
+
+    /// Returns whether the squared voltage within a step is near the line between its ends.
+    pub(super) fn is_straight(&self, step @ [from, to]: [f64; 2]) -> bool {
+        let points = self.points(step);
+        let square = |at: usize| points[at][1].powi(2);
+        let [low, high] = [square(0), square(points.len() - 1)];
+        let line = |time: f64| low + (high - low) * (time - from) / (to - from);
+        (1..points.len() - 1).all(|at| (square(at) - line(points[at][0])).abs() <= self.kink)
+    }
+
     /// Returns whether the voltage of the electrodes lags behind that of the drive.
     pub(super) fn is_fed_slowly(&self) -> bool {
         self.supply.is_some() || self.conductor.is_some()
@@ -93,4 +130,28 @@ impl<F> TransientProblem<'_, F> {
             tolerance: self.problem.tolerance,
         }
     }
+}
+
+/// Returns the mean over successive points of what is known between two of them from their voltages.
+fn mean(points: &[[f64; 2]], between: impl Fn(f64, f64) -> f64) -> f64 {
+    let parts = points.windows(2).map(|pair| {
+        let [[start, first], [end, last]] = [pair[0], pair[1]];
+        (end - start) * between(first, last)
+    });
+    let whole = points[points.len() - 1][0] - points[0][0];
+    parts.sum::<f64>() / whole
+}
+
+/// Returns the knots of a waveform that end steps, and the end of the drive: jumps, and kinks whose offset is larger
+/// than a number of V². Steps integrate other kinks.
+#[must_use]
+pub fn knots(waveform: &Waveform, end: f64, kink: f64) -> Vec<Knot> {
+    let mut knots = waveform.knots(end);
+    knots.retain(|knot| knot.jumps || knot.time <= 0.0 || knot.offset > kink);
+    knots.push(Knot {
+        time: end,
+        jumps: false,
+        offset: f64::INFINITY,
+    });
+    knots
 }

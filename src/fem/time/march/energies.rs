@@ -9,7 +9,6 @@ use crate::charge;
 use crate::material::Material;
 use crate::operator::{Activity, metrics};
 use crate::stored::{Content, content};
-use deaflow_scene::Side;
 
 impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
     /// Balances the energies of a step.
@@ -48,10 +47,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             };
             let from_source = match transient.is_fed_slowly() {
                 false => to_electrodes,
-                true => {
-                    let sides = transient.voltage(before, Side::After) + transient.voltage(now, Side::Before);
-                    0.5 * sides * charged
-                }
+                true => transient.mean_voltage([before, now]) * charged,
             };
             self.supplied += from_source + work - work_before;
             self.dissipated += from_source - to_electrodes;

@@ -3,7 +3,6 @@
 
 use super::super::equilibrium::at_charge;
 use super::super::leads::{Charged, Circuit, Conductor, FIRST_STAGE, Relaxation};
-use super::super::supply::Electrodes;
 use super::{March, StepState};
 use crate::charge::{self, ChargedState};
 use crate::continuation::{Loading, StepFailure};
@@ -45,24 +44,18 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             });
         };
         let full = transient.scene.voltage_v();
-        let before = Electrodes {
-            capacitance: self.capacitance(),
-            source: transient.voltage(from, Side::After),
-        };
-        let charge = before.capacitance * self.volts;
+        let (before, points) = (self.capacitance(), transient.points([from, to]));
+        let charge = before * self.volts;
         let (mut volts, mut u) = (self.volts, guess);
         let mut last: Option<[f64; 2]> = None;
         for _ in 0..MOST_ITERATIONS {
             let share = if full > 0.0 { (volts / full).powi(2) } else { 0.0 };
             u = self.solve(activity, to - from, share, u)?;
             let reached = std::mem::replace(&mut self.u, u);
-            let after = Electrodes {
-                capacitance: self.capacitance(),
-                source: transient.voltage(to, Side::Before),
-            };
+            let after = self.capacitance();
             u = std::mem::replace(&mut self.u, reached);
-            let target = match after.capacitance > 0.0 {
-                true => supply.charge_after(to - from, charge, before, after) / after.capacitance,
+            let target = match after > 0.0 {
+                true => supply.charge_along(charge, [before, after], &points) / after,
                 false => 0.0,
             };
             let off = target - volts;
@@ -121,10 +114,13 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
     ) -> Result<StepState, StepFailure> {
         let transient = self.transient;
         let before = self.circuit(conductor, &self.u);
-        let volts = [
-            transient.voltage(from + FIRST_STAGE * (to - from), Side::After),
-            transient.voltage(to, Side::Before),
-        ];
+        let last = transient.voltage(to, Side::Before);
+        let first = match transient.points([from, to]).len() {
+            2 => transient.voltage(from + FIRST_STAGE * (to - from), Side::After),
+            // The weights of the stages integrate the voltage exactly.
+            _ => (transient.mean_voltage([from, to]) - FIRST_STAGE * last) / (1.0 - FIRST_STAGE),
+        };
+        let volts = [first, last];
         let (mut u, mut relaxation) = (guess, Relaxation::default());
         for _ in 0..MOST_ITERATIONS {
             let after = self.circuit(conductor, &u);

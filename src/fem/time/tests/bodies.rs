@@ -63,11 +63,10 @@ pub fn by_steps(accuracies: &[f64], within: impl Fn(f64) -> History) -> [History
     let middle = found
         .into_iter()
         .find(|found| (fewest + 1..most).contains(&found.instants.len()));
-    [
-        coarsest,
-        middle.expect("steps between the longest and the shortest"),
-        finest,
-    ]
+    let Some(middle) = middle else {
+        panic!("no steps between the longest, {fewest} in all, and the shortest, {most}");
+    };
+    [coarsest, middle, finest]
 }
 
 fn body(now: &Instant) -> Motion {
