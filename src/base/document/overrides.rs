@@ -66,7 +66,7 @@ impl Override {
         let path: Vec<String> = path.split('.').map(|step| step.trim().to_owned()).collect();
         let name = format!("--set {}", path.join("."));
         if path.iter().any(String::is_empty) {
-            return Err(InputError::new(format!("{name}: a step of the path is empty")).help(help));
+            return Err(InputError::new(format!("--set {text}: a step of the path is empty")).help(help));
         }
         if path.len() < least && path != [SCENE] {
             let why = "only values of stages and of the scene can be overridden";

@@ -33,7 +33,7 @@ pub struct ImportFile {
 
 /// The open file.
 enum Content {
-    Arrays(Arrays),
+    Arrays(Box<Arrays>),
     /// All rows: a CSV file may list them in any order.
     Csv(Rows),
 }
@@ -46,7 +46,7 @@ impl ImportFile {
     pub fn open(path: &Path, device: &Arc<Device>) -> Result<Self, ImportError> {
         let extension = extension(path);
         let content = match (Format::of(path).filter(|format| format.has_names()), extension.as_str()) {
-            (Some(format), _) => Content::Arrays(Arrays::open(path, format, device.raster())?),
+            (Some(format), _) => Content::Arrays(Box::new(Arrays::open(path, format, device.raster())?)),
             (None, "csv" | "txt" | "dat" | "tsv") => Content::Csv(csv::read(path, device)?),
             (None, _) => return Err(ImportError::Extension(extension)),
         };
