@@ -41,8 +41,8 @@ impl Format {
     }
 }
 
-/// Splits `FILE.h5:/dataset`, also of other formats with names. Both parts may contain colons, so the split is after the
-/// extension of the file.
+/// Splits `FILE.h5:/dataset`, also of other formats with names. Both parts may contain colons, so the split is after
+/// the extension of the file.
 #[must_use]
 pub fn split(spec: &str) -> Option<(&str, &str)> {
     let lower = spec.to_ascii_lowercase();

@@ -128,8 +128,8 @@ impl From<u64> for Decimal {
     }
 }
 
-/// Reads a number. One with at most [`DIGITS`] digits is exact; another is rounded to the nearest double, since programs
-/// write doubles with more digits than these hold (`numpy.savetxt` with 19).
+/// Reads a number. One with at most 18 significant digits is exact; another is rounded to the nearest double, since
+/// programs write doubles with more digits than these hold (`numpy.savetxt` with 19).
 impl FromStr for Decimal {
     type Err = QuantityError;
 
@@ -148,8 +148,8 @@ impl FromStr for Decimal {
 /// Significant digits that are kept exactly.
 const DIGITS: usize = 18;
 
-/// Returns a decimal number with all its digits; `None` if they are too many, no double has its size, or the text is not
-/// a number.
+/// Returns a decimal number with all its digits; `None` if they are too many, no double has its size, or the text is
+/// not a number.
 fn exact(text: &str) -> Option<Decimal> {
     let (number, exponent) = match text.find(['e', 'E']) {
         Some(at) => (&text[..at], text[at + 1..].parse::<i32>().ok()?),

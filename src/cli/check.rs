@@ -267,8 +267,8 @@ mod tests {
         );
         assert_eq!(
             facts(&pattern),
-            "area 13.33 % (4 of 30 cells); 2 islands: 2 cells at columns 0 to 1, rows 0 to 0; 2 cells at columns 5 to 5, \
-             rows 3 to 4"
+            "area 13.33 % (4 of 30 cells); 2 islands: 2 cells at columns 0 to 1, rows 0 to 0; \
+             2 cells at columns 5 to 5, rows 3 to 4"
         );
         let groups = Pattern::from_groups(raster, |x, y| if y == 4 { (x % 3) as u8 } else { 0 });
         assert_eq!(drawing(&groups, None)[1], "  │·12·12│");

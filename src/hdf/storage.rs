@@ -98,7 +98,8 @@ fn inside(path: &Path, dataset: &Dataset) -> Result<u64, Failure> {
     }
     if let Some(Filter::User(number, _)) = list.get_filters()?.iter().find(|f| matches!(f, Filter::User(..))) {
         let why = format!(
-            "its elements are compressed with {}; allowed: deflate (gzip), shuffle, fletcher32, szip, nbit, scaleoffset",
+            "its elements are compressed with {}; allowed: deflate (gzip), shuffle, fletcher32, szip, nbit, \
+             scaleoffset",
             filter_name(*number)
         );
         return Err(Failure::Refused(why));

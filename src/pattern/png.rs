@@ -1,10 +1,10 @@
 //! Reads patterns from images: dark pixels are electrodes, as in the figures of the source paper; the top row is the
 //! upper edge. If all visible pixels have one colour, the opaque ones are electrodes.
 //!
-//! An image with a pixel, or a block of equal pixels, per cell is read exactly. In any other image of one group a cell is
-//! an electrode if at least half of it is dark, and a note compares the area of the cells with that of the picture. With
-//! several electrode groups, the index in a palette is the number of the group; without a palette, group g of n has the
-//! grey level (g − 1)/n from black to white, so there is no coverage.
+//! An image with a pixel, or a block of equal pixels, per cell is read exactly. In any other image of one group a cell
+//! is an electrode if at least half of it is dark, and a note compares the area of the cells with that of the picture.
+//! With several electrode groups, the index in a palette is the number of the group; without a palette, group g of n
+//! has the grey level (g − 1)/n from black to white, so there is no coverage.
 
 use std::io::Cursor;
 use std::path::Path;

@@ -95,7 +95,8 @@ impl Kind for ImportKind {
 parameters! {
     /// Reads patterns with displacement fields from files, as labels.
     struct ImportParameters as "an import stage" {
-        /// FILE.npz, FILE.h5 (also .mat, .nc) or FILE.csv, relative to the pipeline's file; their rows are concatenated.
+        /// FILE.npz, FILE.h5 (also .mat, .nc) or FILE.csv, relative to the pipeline's file; their rows are
+        /// concatenated.
         files: Vec<FileName> [((), 1..=1000)],
     }
 }
