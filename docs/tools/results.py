@@ -149,8 +149,8 @@ def case_one(rows):
                 percent(row["gain_equal_area"]),
             ]
         )
-    head = ["design", "refined, mm", "± mm", "prediction error", "optimum, mm", "refined / optimum", "GA / optimum on its units"]
-    return table(head + ["GA / optimum", "gain, own area", "gain, equal area"], lines)
+    head = ["design", "refined, mm", "± mm", "prediction error", "best by gradients, mm", "refined / best by gradients", "GA / best by gradients on its units"]
+    return table(head + ["GA / best by gradients", "gain, own area", "gain, equal area"], lines)
 
 
 def case_two(rows):
@@ -171,8 +171,8 @@ def case_two(rows):
                 percent(row["gain_equal_area"]),
             ]
         )
-    head = ["target area", "area", "refined, mm", "prediction error", "optimum, mm", "refined / optimum"]
-    return table(head + ["GA / optimum on its units", "GA / optimum", "gain over intuitive, equal area"], lines)
+    head = ["target area", "area", "refined, mm", "prediction error", "best by gradients, mm", "refined / best by gradients"]
+    return table(head + ["GA / best by gradients on its units", "GA / best by gradients", "gain over intuitive, equal area"], lines)
 
 
 def case_three(rows):
@@ -192,7 +192,7 @@ def case_three(rows):
                 angle(own["simulated_mm"]),
             ]
         )
-    return table(["case", "refined", "optimum", "refined / optimum", "GA / optimum on its units", "intuitive"], lines)
+    return table(["case", "refined", "best by gradients", "refined / best by gradients", "GA / best by gradients on its units", "intuitive"], lines)
 
 
 def turned(value):
@@ -214,7 +214,7 @@ def case_four(rows):
                 share(one["area"]),
             ]
         )
-    return table(["design", "near the maximum, mm", "fraction of the optimum", "target 1.00 mm, mm", "area"], lines)
+    return table(["design", "near the maximum, mm", "fraction of the best by gradients", "target 1.00 mm, mm", "area"], lines)
 
 
 def difference(rows):
@@ -233,7 +233,7 @@ def claims(rows, judged):
     one = [r["gain_own_area"] for r in of(rows, "I", "refined")]
     equal = [r["gain_equal_area"] for r in of(rows, "I", "refined")]
     (centre,) = of(rows, "I", "refined", "centre-0")
-    (bound,) = of(rows, "I", "optimum", "centre-0", 50)
+    (best,) = of(rows, "I", "optimum", "centre-0", 50)
     curve = {r["name"].removeprefix("area-"): r["simulated_mm"] for r in of(rows, "II", "refined")}
     top = max(curve, key=curve.get)
     (inwards,), (turn,) = of(rows, "III-centripetal", "refined"), of(rows, "III-rotation", "refined")
@@ -252,7 +252,7 @@ def claims(rows, judged):
         [
             "centre at half area, gain over the half plane",
             "21.7 %",
-            f"{percent(centre['gain_own_area'], 2)}; best of the gradient search {percent(bound['gain_own_area'], 2)}",
+            f"{percent(centre['gain_own_area'], 2)}; best of the gradient search {percent(best['gain_own_area'], 2)}",
             "no: the searches find far less, at three values of κ (next table)",
         ],
         [

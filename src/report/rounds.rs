@@ -285,6 +285,8 @@ mod tests {
             gain_own_area: None,
             gain_equal_area: None,
             ratio_to_optimum: None,
+            optimum_is: None,
+            constraints: String::new(),
         }
     }
 

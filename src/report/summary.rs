@@ -7,7 +7,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::artifacts::ArtifactReader;
-use super::designs::{LEAST_MM, SAME_AREA, is_to_be_met};
+use super::designs::{Compared, LEAST_MM, comparison, gain, is_to_be_met};
 use super::error::ReportError;
 use super::format::{change, counted, percents, three, uncertainty};
 use super::intervals::{self, NetworkInterval};
@@ -75,6 +75,11 @@ pub struct RowSummary {
     pub gain_equal_area: Option<f64>,
     /// Ratio to the displacement of the optimum, the one on the same units if there is one.
     pub ratio_to_optimum: Option<f64>,
+    /// What the optimum is, if there is a ratio to it.
+    pub optimum_is: Option<&'static str>,
+    /// The constraints of the target in YAML.
+    #[serde(skip)]
+    pub constraints: String,
 }
 
 impl RowSummary {
@@ -111,6 +116,25 @@ impl RowSummary {
 
     fn same_target(&self, other: &Self) -> bool {
         (&self.case, &self.name) == (&other.case, &other.name)
+    }
+
+    /// Its ratio to the optimum, and what that is; `None` of the optimum itself.
+    fn share_of_optimum(&self) -> Option<(f64, &'static str)> {
+        let both = self.ratio_to_optimum.zip(self.optimum_is);
+        both.filter(|_| self.role != Role::Optimum)
+    }
+
+    fn to_compare(&self) -> Compared<'_> {
+        Compared {
+            role: self.role,
+            units: self.units,
+            area: self.area,
+            simulated_mm: self.simulated_mm,
+            value_mm: None,
+            is_met: self.distance_mm.is_some(),
+            constraints: &self.constraints,
+            status: &self.status,
+        }
     }
 }
 
@@ -208,8 +232,8 @@ impl VerificationSummary {
                 change(gain)
             );
         }
-        if let Some(ratio) = best.ratio_to_optimum.filter(|_| best.role != Role::Optimum) {
-            text += &format!(", {} of the optimum", percents(ratio));
+        if let Some((ratio, optimum)) = best.share_of_optimum() {
+            text += &format!(", {} of {optimum}", percents(ratio));
         }
         match is_met(best) {
             true => Headline::good(text),
@@ -267,7 +291,7 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, StoreError> {
     let (cases, names, roles) = (rows.case().read()?, rows.name().read()?, rows.role().read()?);
     let (members, units, areas) = (rows.member().read()?, rows.units().read()?, rows.area().read()?);
     let (outcomes, statuses) = (view.outcome().read()?, rows.status().read()?.0);
-    let objectives = rows.objective().read()?.0;
+    let (objectives, constraints) = (rows.objective().read()?.0, rows.constraints().read()?.0);
     let (simulated, predictions) = (view.simulated_rows()?, predicted_rows(&roles));
     let row = |k: usize| {
         let prediction = predictions[k].filter(|_| statuses[k] != NO_FIELD);
@@ -295,6 +319,8 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, StoreError> {
             gain_own_area: None,
             gain_equal_area: None,
             ratio_to_optimum: None,
+            optimum_is: None,
+            constraints: constraints[k].clone(),
         }
     };
     Ok((0..names.len()).map(row).collect())
@@ -309,25 +335,18 @@ fn nearest_of<'r>(row: &RowSummary, rows: &'r [RowSummary], role: Role) -> Optio
 
 /// Adds the comparisons with the other patterns of the target to a row.
 fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
-    let others: Vec<&RowSummary> = rows.iter().filter(|other| other.same_target(row)).collect();
-    let gain = |role: Role, most: f64| {
-        let nearest = nearest_of(row, rows, role).filter(|other| (other.area - row.area).abs() <= most)?;
-        let other = nearest.simulated_mm.filter(|mm| mm.abs() > 1e-9)?;
-        Some((row.simulated_mm? - other) / other.abs())
-    };
-    let best = |same_units: bool| {
-        let optima = others.iter().filter(|other| other.role == Role::Optimum);
-        let fitting = optima.filter(|other| !same_units || other.units == row.units);
-        fitting.filter_map(|other| other.simulated_mm).reduce(f64::max)
-    };
-    let optimum = best(true).or_else(|| best(false)).filter(|mm| mm.abs() > 1e-9);
-    let mut row = row.clone();
+    let mut found = row.clone();
     if row.role.is_compared() && row.distance_mm.is_none() {
-        row.gain_own_area = gain(Role::Intuitive, f64::INFINITY);
-        row.gain_equal_area = gain(Role::IntuitiveEqualArea, SAME_AREA);
-        row.ratio_to_optimum = row.simulated_mm.zip(optimum).map(|(own, optimum)| own / optimum);
+        let same = rows.iter().filter(|other| other.same_target(row));
+        let same: Vec<Compared<'_>> = same.map(RowSummary::to_compare).collect();
+        let comparison = comparison(&row.to_compare(), &same);
+        let gain_over = |other: Option<f64>| gain(row.simulated_mm?, other?);
+        found.gain_own_area = gain_over(comparison.intuitive_own);
+        found.gain_equal_area = gain_over(comparison.intuitive_equal_area);
+        found.ratio_to_optimum = comparison.ratio;
+        found.optimum_is = comparison.optimum_is;
     }
-    row
+    found
 }
 
 /// Returns the rows of found designs.
@@ -431,8 +450,8 @@ impl fmt::Display for Line<'_> {
             (None, Some(equal)) => write!(f, "  gain over the intuitive design {} at equal area", change(equal))?,
             (None, None) => {}
         }
-        if let Some(ratio) = row.ratio_to_optimum.filter(|_| row.role != Role::Optimum) {
-            write!(f, "  {} of the best pattern found by gradient search", percents(ratio))?;
+        if let Some((ratio, optimum)) = row.share_of_optimum() {
+            write!(f, "  {} of {optimum}", percents(ratio))?;
         }
         if row.status != "met" {
             write!(f, "  ({})", row.status)?;

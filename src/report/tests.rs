@@ -327,7 +327,7 @@ fn the_summary_has_predictions_simulations_and_gains() {
         "predicted   2.100 mm",
         "simulated   2.000 mm ± 0.0100",
         "gain over the intuitive design +25.0 %, +2.56 % at equal area",
-        "80.0 % of the best pattern found by gradient search",
+        "80.0 % of the best pattern found by gradient search under the same constraints",
         "(area 0.4, wanted 0.5)",
         "differ by up to 18.7 %: the evaluator is not accurate",
     ] {
@@ -338,6 +338,9 @@ fn the_summary_has_predictions_simulations_and_gains() {
     assert_eq!(json[0]["rows"][0]["simulated_mm"], 2.0);
     assert!((json[0]["rows"][0]["gain_own_area"].as_f64().unwrap() - 0.25).abs() < 1e-12);
     assert_eq!(json[0]["rows"][1]["ratio_to_optimum"], 1.0);
+    let optimum = "the best pattern found by gradient search under the same constraints";
+    assert_eq!(json[0]["rows"][0]["optimum_is"], optimum);
+    assert_eq!(json[0]["rows"][2]["optimum_is"], serde_json::Value::Null);
     assert_eq!(json[0]["rows"][2]["ratio_to_optimum"], serde_json::Value::Null);
 }
 

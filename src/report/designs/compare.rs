@@ -4,6 +4,27 @@
 use super::design::{Comparison, Design, LEAST_MM, SAME_AREA};
 use deaflow_pattern::Role;
 
+/// What a gradient search gives. It is no bound: other starts may find more, and so may other constraints, such as
+/// another area.
+const SAME: &str = "the best pattern found by gradient search under the same constraints";
+
+/// The same for a pattern that was searched under other constraints, or does not meet its own.
+const OTHER: &str = "the best pattern found by gradient search under other constraints";
+
+/// A pattern, as it is compared with the others of its target.
+pub(crate) struct Compared<'d> {
+    pub role: Role,
+    pub units: u64,
+    pub area: f64,
+    pub simulated_mm: Option<f64>,
+    /// The displacement to be reached, mm.
+    pub value_mm: Option<f64>,
+    /// Whether a given displacement is to be reached, so that a larger one is not better.
+    pub is_met: bool,
+    pub constraints: &'d str,
+    pub status: &'d str,
+}
+
 /// Compares all designs with each other.
 pub fn compare(designs: &mut [Design]) {
     let compared: Vec<Comparison> = designs.iter().map(|design| of(design, designs)).collect();
@@ -13,35 +34,75 @@ pub fn compare(designs: &mut [Design]) {
 }
 
 fn of(design: &Design, all: &[Design]) -> Comparison {
-    let matching = |role: Role| {
-        all.iter()
-            .filter(move |other| other.role == role && design.has_same_target(other))
-    };
-    let distance = |other: &Design| (other.area - design.area).abs();
-    let nearest = |role: Role| matching(role).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-    let equal = nearest(Role::IntuitiveEqualArea).filter(|other| distance(other) <= SAME_AREA);
-    let optimum = optimum(design, &matching(Role::Optimum).collect::<Vec<_>>());
-    let ratio = |optimum: f64| Some(design.simulated_mm? / optimum);
-    Comparison {
-        intuitive_own: nearest(Role::Intuitive).and_then(|other| other.simulated_mm),
-        intuitive_equal_area: equal.and_then(|other| other.simulated_mm),
-        optimum,
-        ratio: optimum
-            // The ratio to a tiny or negative displacement means nothing.
-            .filter(|mm| !design.objective.is_met && *mm > LEAST_MM)
-            .and_then(ratio),
+    let same: Vec<Compared<'_>> = all
+        .iter()
+        .filter(|other| design.has_same_target(other))
+        .map(compared)
+        .collect();
+    comparison(&compared(design), &same)
+}
+
+fn compared(design: &Design) -> Compared<'_> {
+    Compared {
+        role: design.role,
+        units: design.units,
+        area: design.area,
+        simulated_mm: design.simulated_mm,
+        value_mm: design.objective.value_mm,
+        is_met: design.objective.is_met,
+        constraints: &design.constraints,
+        status: &design.status,
     }
 }
 
-/// Returns the best of the optima: the largest displacement, or the one nearest to the target value.
-fn optimum(design: &Design, optima: &[&Design]) -> Option<f64> {
-    let badness = |mm: f64| design.objective.value_mm.map_or(-mm, |value| (mm - value).abs());
+/// Compares a pattern with all of its target.
+pub(crate) fn comparison(own: &Compared<'_>, all: &[Compared<'_>]) -> Comparison {
+    let distance = |other: &Compared<'_>| (other.area - own.area).abs();
+    let nearest = |role: Role| {
+        let of_role = all.iter().filter(|other| other.role == role);
+        of_role.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    };
+    let equal = nearest(Role::IntuitiveEqualArea).filter(|other| distance(other) <= SAME_AREA);
+    let best = optimum(own, all);
+    // The ratio to a tiny or negative displacement means nothing.
+    let ratio = |(_, mm): &(&Compared<'_>, f64)| Some(own.simulated_mm? / mm);
+    let ratio = best
+        .filter(|(_, mm)| !own.is_met && *mm > LEAST_MM)
+        .as_ref()
+        .and_then(ratio);
+    Comparison {
+        intuitive_own: nearest(Role::Intuitive).and_then(|other| other.simulated_mm),
+        intuitive_equal_area: equal.and_then(|other| other.simulated_mm),
+        optimum: best.map(|(_, mm)| mm),
+        ratio,
+        optimum_is: best.filter(|_| ratio.is_some()).map(|(best, _)| best_found(own, best)),
+    }
+}
+
+/// Returns the best of the optima with its displacement: the largest one, or the one nearest to the target value.
+fn optimum<'o>(own: &Compared<'_>, all: &'o [Compared<'o>]) -> Option<(&'o Compared<'o>, f64)> {
+    let badness = |mm: f64| own.value_mm.map_or(-mm, |value| (mm - value).abs());
     let best = |same_units: bool| {
-        let fitting = optima.iter().filter(|other| !same_units || other.units == design.units);
-        let values = fitting.filter_map(|other| other.simulated_mm);
-        values.min_by(|a, b| badness(*a).total_cmp(&badness(*b)))
+        let optima = all.iter().filter(|other| other.role == Role::Optimum);
+        let fitting = optima.filter(|other| !same_units || other.units == own.units);
+        let values = fitting.filter_map(|other| Some((other, other.simulated_mm?)));
+        values.min_by(|a, b| badness(a.1).total_cmp(&badness(b.1)))
     };
     best(true).or_else(|| best(false))
+}
+
+/// Says what an optimum is to a pattern. An empty status says nothing against a pattern.
+fn best_found(own: &Compared<'_>, optimum: &Compared<'_>) -> &'static str {
+    let is_within = |pattern: &Compared<'_>| matches!(pattern.status, "" | "met");
+    match own.constraints == optimum.constraints && is_within(own) && is_within(optimum) {
+        true => SAME,
+        false => OTHER,
+    }
+}
+
+/// Returns the gain of a displacement over another one, as a fraction; `None` if the other one hardly moves.
+pub(crate) fn gain(own_mm: f64, other_mm: f64) -> Option<f64> {
+    (other_mm.abs() > LEAST_MM).then(|| (own_mm - other_mm) / other_mm.abs())
 }
 
 #[cfg(test)]
@@ -118,6 +179,30 @@ pub(crate) mod tests {
             ];
             compare(&mut both);
             assert_eq!(both[0].compared.ratio, ratio, "{optimum}");
+        }
+    }
+
+    #[test]
+    fn the_optimum_is_the_best_found_under_the_constraints_that_a_design_has_and_meets() {
+        let is = |change: &dyn Fn(&mut [Design])| {
+            let mut both = [
+                design(Role::Refined, 50, Some(1.0)),
+                design(Role::Optimum, 50, Some(2.0)),
+            ];
+            change(&mut both);
+            compare(&mut both);
+            both[0].compared.optimum_is
+        };
+        assert_eq!(is(&|_| ()), Some(SAME));
+        assert_eq!(
+            is(&|both| both[0].constraints = "{ min_feature: 3 }".into()),
+            Some(OTHER)
+        );
+        assert_eq!(is(&|both| both[0].status = "area 0.4, wanted 0.5".into()), Some(OTHER));
+        assert_eq!(is(&|both| both[1].status = "2 islands".into()), Some(OTHER));
+        assert_eq!(is(&|both| both[1].simulated_mm = Some(-1.0)), None, "without a ratio");
+        for text in [SAME, OTHER] {
+            assert!(!text.contains("optimum"), "{text}");
         }
     }
 

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::compare::gain;
 use super::objective::{Objective, TargetPoint};
 use crate::drawing::{Background, DeformedMembrane};
 use crate::intervals::NetworkInterval;
@@ -80,6 +81,8 @@ pub struct Comparison {
     /// The displacement of this design divided by that of the optimum; `None` if a given displacement is to be reached,
     /// as a larger one is not better then, or if the optimum hardly moves.
     pub ratio: Option<f64>,
+    /// What the optimum is, if there is a ratio to it.
+    pub optimum_is: Option<&'static str>,
 }
 
 /// The displacement in one of several states.
@@ -140,9 +143,7 @@ impl Design {
     /// reached, as a larger one is not better then, or if the other one hardly moves.
     #[must_use]
     pub fn gain_over(&self, other_mm: f64) -> Option<f64> {
-        let is_comparable = !self.objective.is_met && other_mm.abs() > LEAST_MM;
-        let own = self.simulated_mm.filter(|_| is_comparable)?;
-        Some((own - other_mm) / other_mm.abs())
+        gain(self.simulated_mm.filter(|_| !self.objective.is_met)?, other_mm)
     }
 
     /// Returns the file of its mask, relative to the folder of the table; `None` for patterns that were not searched.

@@ -11,8 +11,9 @@ mod statistics;
 #[cfg(test)]
 pub(super) use {compare::tests, objective::Objective};
 
+pub(super) use compare::{Compared, comparison, gain};
 pub use deaflow_pattern::Role;
-pub use design::{Design, LEAST_MM, SAME_AREA, StateField};
+pub use design::{Design, LEAST_MM, StateField};
 pub(super) use membranes::membranes;
 pub use objective::{TargetMotion, is_to_be_met};
 pub use read::designs;

@@ -35,6 +35,9 @@ pub struct Extreme {
     pub value: f64,
     /// Name of the design.
     pub design: String,
+    /// What it is a ratio to, if it is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub of: Option<&'static str>,
 }
 
 impl DesignStatistics {
@@ -45,7 +48,13 @@ impl DesignStatistics {
         let found = || designs.iter().filter(|design| design.role.is_found());
         let ratio = |role: Role| {
             let own = found().filter(move |d| d.role == role);
-            extreme(own.filter_map(|d| Some((d.compared.ratio?, d))), |value| value)
+            let least = own.filter_map(|d| Some((d.compared.ratio?, d)));
+            let (value, design) = least.min_by(|a, b| a.0.total_cmp(&b.0))?;
+            Some(Extreme {
+                value,
+                design: design.name.clone(),
+                of: design.compared.optimum_is,
+            })
         };
         let error = designs
             .iter()
@@ -86,6 +95,7 @@ fn extreme<'d>(values: impl Iterator<Item = (f64, &'d Design)>, by: impl Fn(f64)
     least.map(|(value, design)| Extreme {
         value,
         design: design.name.clone(),
+        of: None,
     })
 }
 

@@ -137,7 +137,9 @@ fn numbers(design: &Design) -> Markup {
     html! {
         p.value {
             b { (value) }
-            @if let Some(ratio) = ratio { span { (percents(ratio)) " of the best found by gradient search" } }
+            @if let (Some(ratio), Some(optimum)) = (ratio, design.compared.optimum_is) {
+                span { (percents(ratio)) " of " (optimum) }
+            }
         }
         dl { (rows(design)) }
     }

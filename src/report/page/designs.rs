@@ -36,7 +36,10 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
     };
     let has_optimum = designs.iter().any(|design| design.role == Role::Optimum);
     let optimum = match has_optimum {
-        true => " The optimum is the best pattern of gradient searches from several starts; there may be a better one.",
+        true => {
+            " The optimum is the best pattern that gradient searches from several starts found under its constraints, \
+             such as the area; there may be a better one, and other constraints may allow more."
+        }
         false => "",
     };
     page.lines(&[

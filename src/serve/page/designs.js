@@ -1,4 +1,4 @@
-// Designs: each target with its patterns compared with the optimum, and masks to download.
+// Designs: each target with its patterns compared with the best of the gradient search, and masks to download.
 
 import { columnsOf } from "./server.js";
 import { attempt, h, number, replace } from "./elements.js";
@@ -9,6 +9,9 @@ const FORMATS = ["svg", "dxf", "gbr", "png", "csv"];
 
 /** The role that others are compared with: the best of the gradient search. */
 const REFERENCE = "optimum";
+
+/** Below a micrometre, the ratio of displacements means nothing. */
+const LEAST_MM = 1e-3;
 
 /** @param {HTMLElement} place @param {any} found */
 export async function designs(place, found) {
@@ -24,10 +27,8 @@ export async function designs(place, found) {
   });
   const target = (/** @type {string} */ name) => {
     const own = rows.name.map((_, at) => at).filter((at) => rows.name[at] === name);
-    const optimum = own.filter((at) => rows.role[at] === REFERENCE && values[at] !== null).sort((a, b) => /** @type {number} */ (values[b]) - /** @type {number} */ (values[a]))[0];
     const order = own.slice().sort((a, b) => (values[b] ?? -Infinity) - (values[a] ?? -Infinity));
     const one = (/** @type {number} */ at) => {
-      const share = optimum === undefined || values[at] === null ? null : /** @type {number} */ (values[at]) / /** @type {number} */ (values[optimum]);
       const outcome = rows.outcome?.[at];
       return h(
         "div",
@@ -36,7 +37,7 @@ export async function designs(place, found) {
           patterns[at] ?? null,
           rowLink(found.digest, at),
           h("div", {}, h("b", {}, rows.role[at]), rows.member?.[at] ? ` ${rows.member[at] + 1}` : ""),
-          h("div", {}, values[at] === null ? outcome ?? "no value" : `${number(values[at], 5)} mm`, share === null || at === optimum ? null : `, ${number(100 * share, 4)} % of the optimum`),
+          h("div", {}, values[at] === null ? outcome ?? "no value" : `${number(values[at], 5)} mm`, shareOf(rows, values, at)),
           h("div", { class: "soft" }, [`area ${number(100 * rows.area[at], 3)} %`, rows.case[at]].filter(Boolean).join(", ")),
         ),
         h("div", { class: "tools tight", role: "group", "aria-label": `Mask of ${rows.role[at]}` }, FORMATS.map((format) => h("button", { type: "button", class: "slim", "data-mask": format, onclick: () => void keep(format, at) }, format))),
@@ -46,6 +47,23 @@ export async function designs(place, found) {
   };
   const what = found.kind === "verify" ? "Simulated displacements along the target direction." : "Displacements along the target direction as predicted by the search; a verify stage simulates them.";
   replace(place, h("p", { class: "soft" }, what, " The buttons save masks at the size of the prestretched membrane."), errorBox, [...new Set(rows.name)].map(target));
+}
+
+/**
+ * The share of the best pattern that the gradient search found for the same case and target, preferably on the same units, and what that is. Nothing for the reference itself,
+ * the intuitive design at its own area, and a displacement to be reached, where more is not better.
+ * @param {Record<string, any[]>} rows @param {(number|null)[]} values @param {number} at
+ */
+function shareOf(rows, values, at) {
+  const value = values[at];
+  if (value === null || [REFERENCE, "intuitive"].includes(rows.role[at]) || /measure: distance/.test(rows.objective[at])) return null;
+  const mm = (/** @type {number} */ row) => values[row] ?? -Infinity;
+  const references = rows.name.map((_, row) => row).filter((row) => rows.role[row] === REFERENCE && rows.name[row] === rows.name[at] && rows.case[row] === rows.case[at]);
+  const onUnits = references.filter((row) => rows.units[row] === rows.units[at] && values[row] !== null);
+  const best = (onUnits.length ? onUnits : references).sort((a, b) => mm(b) - mm(a))[0];
+  if (best === undefined || mm(best) <= LEAST_MM) return null;
+  const same = rows.constraints[at] === rows.constraints[best] && [at, best].every((row) => rows.status[row] === "met");
+  return `, ${number(100 * value / mm(best), 4)} % of the best pattern found by gradient search under ${same ? "the same" : "other"} constraints`;
 }
 
 /** The value of each row in mm; null without a field. @param {any} found @param {Record<string, any[]>} rows @returns {Promise<(number|null)[]>} */

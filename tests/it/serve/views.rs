@@ -109,7 +109,12 @@ fn models_designs_and_accuracy_have_views_of_their_own() {
     tab.go(&at(&digests["verified"], ""));
     tab.until("document.querySelectorAll('[data-mask=dxf]').length > 1");
     let text = tab.value("document.querySelector('main').innerText");
-    assert!(text.as_str().unwrap().contains("% of the optimum"), "{text}");
+    assert!(
+        text.as_str()
+            .unwrap()
+            .contains("% of the best pattern found by gradient search under the same constraints"),
+        "{text}"
+    );
     photographed(&mut tab, "designs");
     tab.value(
         "window.saved = []; HTMLAnchorElement.prototype.click = function () { window.saved.push(this.download) }",
