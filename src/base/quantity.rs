@@ -22,7 +22,7 @@ pub enum QuantityError {
     #[error("{0:?} is not a decimal number such as 5250, 5.25 or 5.25e3")]
     NotANumber(String),
     /// A number that no double holds.
-    #[error("{0} is out of range: numbers have a size up to 1.8e308")]
+    #[error("{0} is out of range: numbers other than 0 have a size from 5e-324 to 1.8e308")]
     OutOfRange(String),
     /// An unknown unit, or a unit of another dimension.
     #[error("unknown unit {found:?} for {}; allowed: {allowed}", .dimension.with_article())]
@@ -377,6 +377,10 @@ impl Quantity {
             _ => QuantityError::NotANumber(text.to_owned()),
         };
         let value: Decimal = number.parse().map_err(refused)?;
+        let mantissa = number.split(['e', 'E']).next().unwrap_or_default();
+        if value == Decimal::ZERO && mantissa.bytes().any(|b| matches!(b, b'1'..=b'9')) {
+            return Err(QuantityError::OutOfRange(text.to_owned()));
+        }
         if unit.is_empty() {
             return Ok(Self { base: value, dimension });
         }
@@ -384,7 +388,8 @@ impl Quantity {
             return Err(QuantityError::unknown_unit(unit, dimension));
         };
         let base = value.times(dimension.multiple(unit)).map_err(refused)?.scaled(*power);
-        match base.to_f64().is_finite() {
+        let found = base.to_f64();
+        match found.is_finite() && (found == 0.0) == (value == Decimal::ZERO) {
             true => Ok(Self { base, dimension }),
             false => Err(QuantityError::OutOfRange(text.to_owned())),
         }
@@ -503,7 +508,13 @@ mod tests {
             assert!(Quantity::parse(text, Dimension::Voltage).is_err(), "{text}");
         }
         let error = Quantity::parse("1e999 V", Dimension::Voltage).unwrap_err().to_string();
-        assert_eq!(error, "1e999 V is out of range: numbers have a size up to 1.8e308");
+        let range = "is out of range: numbers other than 0 have a size from 5e-324 to 1.8e308";
+        assert_eq!(error, format!("1e999 V {range}"));
+        for text in ["1e-400 V", "1e-2000000000 V", "0.01e-330", "1e-999", "1e-323 uV"] {
+            let error = Quantity::parse(text, Dimension::Voltage).unwrap_err().to_string();
+            assert_eq!(error, format!("{text} {range}"));
+        }
+        assert!(Quantity::parse("-0.00e-999 V", Dimension::Voltage).is_ok());
     }
 
     /// `numpy.savetxt` writes 19 digits, C++ with `max_digits10` 17, MATLAB's `format long` 16.
