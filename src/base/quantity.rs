@@ -510,7 +510,7 @@ mod tests {
         let error = Quantity::parse("1e999 V", Dimension::Voltage).unwrap_err().to_string();
         let range = "is out of range: numbers other than 0 have a size from 5e-324 to 1.8e308";
         assert_eq!(error, format!("1e999 V {range}"));
-        for text in ["1e-400 V", "1e-2000000000 V", "0.01e-330", "1e-999", "1e-323 uV"] {
+        for text in ["1e-400 V", "1e-2000000000 V", "0.01e-330", "1e-999", "1e-323 mV"] {
             let error = Quantity::parse(text, Dimension::Voltage).unwrap_err().to_string();
             assert_eq!(error, format!("{text} {range}"));
         }
