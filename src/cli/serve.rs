@@ -11,6 +11,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use super::arguments::StoreArguments;
 use super::{CliError, Exit, Output, signals};
 use deaflow_serve::{Options, Routes, Server, ServerState, StartView};
+use deaflow_store::Store;
 
 /// Show pipelines, runs and artifacts in a browser, and draw patterns
 #[derive(Debug, Args)]
@@ -44,8 +45,9 @@ pub fn execute(arguments: &ServeArguments, output: &Output) -> Result<Exit, CliE
 /// Serves until a signal.
 ///
 /// # Errors
-/// When the store cannot be read, or the port is taken.
+/// When no store can be at the folder, a file that is shown cannot be read, or the port is taken.
 pub fn serve(options: Options, start: StartView, port: u16, output: &Output) -> Result<Exit, CliError> {
+    Store::check_folder(&options.store)?;
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         signals::set_on(signal, &stop)?;

@@ -137,6 +137,14 @@ impl Store {
         Layout::is_store(root)
     }
 
+    /// Checks that a store can be at `root`: a folder, or nothing yet.
+    ///
+    /// # Errors
+    /// If a file has this name, or the path is not UTF-8.
+    pub fn check_folder(root: &Path) -> Result<(), StoreError> {
+        Layout::of(root).map(drop)
+    }
+
     /// Opens a store that must exist, so that reading from a mistyped folder does not create one.
     ///
     /// # Errors

@@ -243,6 +243,10 @@ fn what_is_not_a_store_is_left_alone() {
     let ended = workspace.run(&["run", "tiny.yaml", "--store", "mine"]);
     assert_eq!(ended.code, Some(2), "{}", ended.stderr);
     assert_eq!(std::fs::read_dir(workspace.path("mine")).unwrap().count(), 1);
+    for command in [&["serve"][..], &["sketch", "tiny.yaml"]] {
+        let said = workspace.refused(&[command, &["--store", "mine/letter.txt"]].concat());
+        assert!(said.contains("mine/letter.txt is not an artifact store"), "{said}");
+    }
 }
 
 #[test]
