@@ -48,9 +48,15 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
     if !arguments.dry_run {
         let bar = DelayedBar::new("gc", "artifacts");
         let at = Environment::system().now();
-        store.remove(&plan, &at, &|done, total| bar.set(done, total))?;
-        remove_figures(&figures)?;
+        let listed = store.remove(&plan, &at, &|done, total| bar.set(done, total));
+        let drawn = remove_figures(&figures);
         bar.clear();
+        if let Some(why) = listed? {
+            output.warn(format_args!("other commands will not say that `gc` removed these artifacts: {why}"));
+        }
+        if let Err(why) = drawn {
+            output.warn(format_args!("some figures of removed artifacts remain: {why}"));
+        }
     }
     output.result(
         || document(&plan, &figures, arguments.dry_run),

@@ -105,14 +105,13 @@ impl Build<'_> {
             output.note(STOPPED);
             return Ok(BuildResult::Incomplete(error.exit()));
         }
-        match self.lock {
-            LockMode::Write => access.store().put_lock_file(&lock_path, &outcome.lock)?,
-            LockMode::Check => {
-                if let Err(error) = access.store().remember_lock_file(&lock_path) {
-                    output.warn(format_args!("`gc` will not respect the lock file: {error}"));
-                }
-            }
-            LockMode::Ignore => {}
+        if self.lock == LockMode::Write {
+            outcome.lock.write(&lock_path)?;
+        }
+        if self.lock != LockMode::Ignore
+            && let Err(error) = access.store().remember_lock_file(&lock_path)
+        {
+            output.warn(format_args!("`gc` will not respect the lock file: {error}"));
         }
         Ok(BuildResult::Complete(Box::new(CompleteBuild {
             build: self,

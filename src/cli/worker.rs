@@ -90,10 +90,10 @@ pub fn execute(arguments: &WorkerArguments, output: &Output) -> Result<Exit, Cli
         array,
         board: access.store().board(topic),
     };
-    report_start(&submitter.board, array).map_err(again)?;
+    unless_noted(report_start(&submitter.board, array), output);
     let done = build(arguments, Some((&submitter, &access)), output);
     if let Err(error) = &done {
-        submitter.report(&[(None, error)])?;
+        submitter.report(&[(None, error)], output);
     }
     done
 }
@@ -135,7 +135,7 @@ fn build(
     let store = access.store();
     let submitter = submitted.map(|(submitter, _)| submitter);
     let array = submitter.map(|submitter| submitter.array);
-    let heartbeat = Arc::new(Heartbeat::start(store, &pipeline.name, array).map_err(again)?);
+    let heartbeat = Arc::new(Heartbeat::start(store, &pipeline.name, array));
     let board = submitter.map(|submitter| submitter.board.clone());
     let _watch = watch(&stop, left, store, &heartbeat, board)?;
     let progress = RunProgress::new(arguments.progress.mode(), output.errors());
@@ -166,9 +166,9 @@ fn build(
         .collect();
     if let Some(submitter) = submitter {
         let named = errors.iter().map(|(stage, error)| (Some(stage.as_str()), error));
-        submitter.report(&named.collect::<Vec<_>>())?;
+        submitter.report(&named.collect::<Vec<_>>(), output);
         if outcome.stages.iter().any(|stage| stage.outcome == Outcome::Left) {
-            report_no_work(&submitter.board, submitter.array).map_err(again)?;
+            unless_noted(report_no_work(&submitter.board, submitter.array), output);
         }
     }
     let errors: Vec<CliError> = errors.into_iter().map(|(_, error)| error).collect();
@@ -202,7 +202,7 @@ struct Submitter<'a> {
 
 impl Submitter<'_> {
     /// Reports errors; a stop is not reported.
-    fn report(&self, errors: &[(Option<&str>, &CliError)]) -> Result<(), CliError> {
+    fn report(&self, errors: &[(Option<&str>, &CliError)], output: &Output) {
         let is_permanent = |error: &CliError| error.exit() != Exit::TryAgain;
         let failed = errors.iter().filter(|(_, error)| is_permanent(error));
         let failed: Vec<Failed> = failed
@@ -212,14 +212,22 @@ impl Submitter<'_> {
                 message: error.message().to_owned(),
             })
             .collect();
-        report_failures(&self.board, &failed).map_err(again)?;
+        unless_noted(report_failures(&self.board, &failed), output);
         let temporary = errors
             .iter()
             .find(|(_, error)| !is_permanent(error) && error.is_transient());
         if let Some((_, error)) = temporary {
-            report_trouble(&self.board, error.message()).map_err(again)?;
+            unless_noted(report_trouble(&self.board, error.message()), output);
         }
-        Ok(())
+    }
+}
+
+/// Warns if a note to the submitter could not be written: the work goes on without it.
+fn unless_noted(noted: Result<(), StoreError>, output: &Output) {
+    if let Err(why) = noted {
+        output.warn(format_args!(
+            "`deaflow run --executor` is not told about this worker: {why}"
+        ));
     }
 }
 

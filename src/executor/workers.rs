@@ -52,20 +52,19 @@ pub struct Heartbeat {
 }
 
 impl Heartbeat {
-    /// Starts the heartbeat of this process, a worker on a pipeline.
-    ///
-    /// # Errors
-    /// If the note cannot be written.
-    pub fn start(store: &Store, pipeline: &str, array: Option<&str>) -> Result<Self, StoreError> {
+    /// Starts the heartbeat of this process, a worker on a pipeline. A note that cannot be written is written again by
+    /// the next heartbeat.
+    #[must_use]
+    pub fn start(store: &Store, pipeline: &str, array: Option<&str>) -> Self {
         let board = store.board(TOPIC);
         let now = store.now();
         // If there are many notes, other workers have checked the rest.
-        for name in board.names("")?.into_iter().take(MAX_CHECKED) {
+        for name in board.names("").unwrap_or_default().into_iter().take(MAX_CHECKED) {
             // A note of another version cannot be read; it expires.
             let worker: Option<Worker> = board.read(&name).unwrap_or_default();
             let is_gone = worker.is_some_and(|worker| worker.owner.is_gone());
             if is_gone || board.age(&name, now).is_some_and(|age| age > EXPIRY) {
-                board.remove(&name)?;
+                let _ = board.remove(&name);
             }
         }
         let mut worker = Worker {
@@ -79,7 +78,7 @@ impl Heartbeat {
             .duration_since(SystemTime::UNIX_EPOCH)
             .unwrap_or_default();
         let name = format!("{}-{}-{:x}", worker.owner.host, worker.owner.pid, began.as_nanos());
-        board.write(&name, &worker)?;
+        let _ = board.write(&name, &worker);
         let note = (board.clone(), name.clone());
         let beat = move |pauses: &Pauses| {
             let (board, name) = note;
@@ -90,7 +89,7 @@ impl Heartbeat {
             }
         };
         let beats = Background::start("sign", beat).ok();
-        Ok(Self { board, name, beats })
+        Self { board, name, beats }
     }
 
     /// Removes the note, for a process that will exit without dropping this.
@@ -130,8 +129,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(folder.path()).unwrap();
         assert_eq!(workers(&store).unwrap(), []);
-        let one = Heartbeat::start(&store, "quickstart", Some("deaflow-1")).unwrap();
-        let two = Heartbeat::start(&store, "quickstart", None).unwrap();
+        let one = Heartbeat::start(&store, "quickstart", Some("deaflow-1"));
+        let two = Heartbeat::start(&store, "quickstart", None);
         let seen = workers(&store).unwrap();
         assert_eq!(seen.len(), 2);
         let arrays: Vec<Option<&str>> = seen.iter().map(|seen| seen.worker.array.as_deref()).collect();

@@ -26,7 +26,9 @@ impl RunResults {
             return Ok(known);
         }
         let found = Self::of(run, pipeline, model_warnings, may_break_down)?;
-        store(run.store, &key, &found);
+        if found.has_all_figures() {
+            store(run.store, &key, &found);
+        }
         Ok(found)
     }
 }

@@ -58,3 +58,15 @@ pub enum ReportError {
         source: std::io::Error,
     },
 }
+
+impl ReportError {
+    /// Whether a file or folder of a report or figure cannot be written, while the results themselves can be read.
+    #[must_use]
+    pub fn is_of_writing(&self) -> bool {
+        match self {
+            Self::Output(_) | Self::Replace { .. } | Self::Folder { .. } => true,
+            Self::Figure { source, .. } => matches!(source, FigureError::Output(_)),
+            Self::Store(_) | Self::Content { .. } | Self::Other { .. } => false,
+        }
+    }
+}

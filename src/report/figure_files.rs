@@ -44,24 +44,26 @@ pub fn figures_of(store: &Store, artifacts: &BTreeSet<ArtifactId>) -> Vec<Figure
 /// Removes figures, and folders that become empty.
 ///
 /// # Errors
-/// If a file cannot be removed.
+/// If a file cannot be removed; the others are removed.
 pub fn remove_figures(figures: &[FigureFile]) -> Result<(), ReportError> {
     let failed = |path: &Path| {
         let path = path.to_owned();
         |source| ReportError::Replace { path, source }
     };
+    let mut removed = Ok(());
     for figure in figures {
-        fs::remove_file(&figure.path).map_err(failed(&figure.path))?;
+        removed = removed.and(fs::remove_file(&figure.path).map_err(failed(&figure.path)));
     }
     let folders: BTreeSet<&Path> = figures.iter().filter_map(|figure| figure.path.parent()).collect();
     for folder in folders {
         let owner = folder.join(OWNER_FILE);
         if entries(folder) == [owner.clone()] {
-            fs::remove_file(&owner).map_err(failed(&owner))?;
-            fs::remove_dir(folder).map_err(failed(folder))?;
+            removed = removed
+                .and(fs::remove_file(&owner).map_err(failed(&owner)))
+                .and_then(|()| fs::remove_dir(folder).map_err(failed(folder)));
         }
     }
-    Ok(())
+    removed
 }
 
 /// Returns the artifacts that a figure shows, according to its texts; `None` for other files.

@@ -32,14 +32,19 @@ pub struct RunResults {
     figures: Vec<String>,
     /// The figures of stages of sweeps.
     of_sweeps: BTreeSet<String>,
+    /// Why figures are missing.
+    #[serde(skip)]
+    figure_warning: Option<String>,
 }
 
 impl RunResults {
     /// Reads the artifacts of a run and draws the missing figures. `model_warnings` are the neglected effects that are
     /// significant; `may_break_down` are the stages whose scene may have dielectric breakdown.
     ///
+    /// A figure that cannot be written (disk full) is a warning.
+    ///
     /// # Errors
-    /// If an artifact cannot be read or does not have the content of its kind, or a figure cannot be written.
+    /// If an artifact cannot be read or does not have the content of its kind.
     pub fn of(
         run: &RunArtifacts<'_>,
         pipeline: &str,
@@ -50,7 +55,10 @@ impl RunResults {
         for presenter in PRESENTERS {
             of_kinds.extend(presenter.results(run)?);
         }
-        let figures = draw_figures(PRESENTERS, run, pipeline)?;
+        let (figures, figure_warning) = match draw_figures(PRESENTERS, run, pipeline) {
+            Err(error) if error.is_of_writing() => (Vec::new(), Some(format!("figures are missing: {error}"))),
+            figures => (figures?, None),
+        };
         let swept = run.stages.iter().filter(|made| made.stage.contains('@'));
         let swept: BTreeSet<String> = swept
             .map(|made| figure_name(&made.stage, &made.digest.to_string(), "").replace("-.png", ""))
@@ -71,6 +79,7 @@ impl RunResults {
                 .chain(breakdown_warnings(run, may_break_down)?)
                 .collect(),
             figures: figures.iter().map(|path| path.display().to_string()).collect(),
+            figure_warning,
         })
     }
 
@@ -95,6 +104,11 @@ impl RunResults {
     /// Returns the folder of the figures of a run.
     pub(super) fn folder(run: &RunArtifacts<'_>, pipeline: &str) -> PathBuf {
         folder_of(run.store, run.file, pipeline)
+    }
+
+    /// Whether all figures could be written.
+    pub(super) fn has_all_figures(&self) -> bool {
+        self.figure_warning.is_none()
     }
 
     /// Returns the files of the figures.
@@ -159,10 +173,10 @@ impl RunResults {
         self.warnings().map(|text| format!("warning: {text}"))
     }
 
-    /// Returns the warnings: first those about the model, then those of the stages.
+    /// Returns the warnings: first those about the model, then those of the stages and that of the figures.
     pub fn warnings(&self) -> impl Iterator<Item = &String> {
         let found = self.of_kinds.iter().flat_map(|results| &results.warnings);
-        self.model_warnings.iter().chain(found)
+        self.model_warnings.iter().chain(found).chain(&self.figure_warning)
     }
 }
 
@@ -288,7 +302,11 @@ fn stamp(path: &Path, pipeline: &str, stage: &str, digests: &str) -> Result<(), 
         ("Software", software()),
     ];
     let stamped = with_texts(&image, &texts).map_err(failed)?;
-    write_output(path, &stamped).map_err(|error| failed(error.into()))
+    write_output(path, &stamped).map_err(|error| {
+        // A figure without its origin would never be drawn again, and `gc` would not remove it.
+        let _ = fs::remove_file(path);
+        failed(error.into())
+    })
 }
 
 fn draw(

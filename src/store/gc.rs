@@ -288,17 +288,31 @@ impl Store {
     }
 
     /// Removes the artifacts of a plan, records first, so that no record refers to a missing artifact. The time `at`
-    /// (UTC, RFC 3339) is written into the list of removed artifacts. `progress` is called with the number of removed
-    /// artifacts and the total.
+    /// (UTC, RFC 3339) is written into the list of removed artifacts; returns why that list could not be written (a full
+    /// disk), which does not stop the removal. `progress` is called with the number of removed artifacts and the total.
     ///
     /// # Errors
-    /// If the system reports an error. A further garbage collection removes the rest.
-    pub fn remove(&self, collection: &GcPlan, at: &str, progress: &dyn Fn(u64, u64)) -> Result<(), StoreError> {
-        self.remember_removed(collection, at)?;
-        let gone: BTreeSet<ArtifactId> = collection.removed.iter().map(|artifact| artifact.digest).collect();
+    /// If a file cannot be removed; the others are removed. A further garbage collection removes the rest.
+    pub fn remove(
+        &self,
+        collection: &GcPlan,
+        at: &str,
+        progress: &dyn Fn(u64, u64),
+    ) -> Result<Option<StoreError>, StoreError> {
+        // Before the removal, so that the list is complete if this process is killed.
+        let listed = self.remember_removed(collection, at);
+        let mut gone: BTreeSet<ArtifactId> = collection.removed.iter().map(|artifact| artifact.digest).collect();
         let records = self.known_records()?;
-        for record in gone.iter().filter_map(|digest| records.get(digest)).flatten() {
-            remove_file(&self.layout.record(&record.key))?;
+        let mut failures = Vec::new();
+        let of_removed: Vec<_> = gone.iter().filter_map(|digest| records.get_key_value(digest)).collect();
+        for (digest, made) in of_removed {
+            for record in made {
+                if let Err(error) = remove_file(&self.layout.record(&record.key)) {
+                    failures.push(error);
+                    // The artifact of a record that stays must stay.
+                    gone.remove(digest);
+                }
+            }
         }
         let total = gone.len() as u64;
         // Manifests before their chunks, so that an interruption does not look like damage.
@@ -309,15 +323,20 @@ impl Store {
         let order = manifests.iter().chain(gone.difference(&manifests));
         for (done, digest) in order.enumerate() {
             progress(done as u64, total);
-            remove_file(&self.layout.object(digest))?;
+            failures.extend(remove_file(&self.layout.object(digest)).err());
             self.verified.forget(digest);
         }
         for checkpoints in &collection.checkpoints {
-            checkpoint::remove(&checkpoints.path)?;
+            failures.extend(checkpoint::remove(&checkpoints.path).err());
         }
         self.save_index();
         progress(total, total);
-        Ok(())
+        if let Some(error) = failures.into_iter().next() {
+            return Err(error);
+        }
+        // On a full disk there may be space for the list now.
+        let listed = listed.or_else(|_| self.remember_removed(collection, at));
+        Ok(listed.err())
     }
 
     /// Returns the roots.

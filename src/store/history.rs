@@ -299,7 +299,8 @@ impl Store {
         Ok(!last.transpose()?.is_some_and(|last| last.is_equivalent(run)))
     }
 
-    /// Writes a run unless it equals the last one, and removes all but the last ten thousand.
+    /// Writes a run unless it equals the last one, and removes all but the last ten thousand; those that cannot be
+    /// removed stay until the next run.
     ///
     /// # Errors
     /// If the system reports an error.
@@ -317,9 +318,10 @@ impl Store {
         let folder = self.temporary()?;
         atomic::write(&folder.path().join("run"), &target, &text)?;
         let older = files.iter().skip(KEPT - 1);
-        older
-            .filter(|path| is_file(path))
-            .try_for_each(|path| remove_file(path))
+        older.filter(|path| is_file(path)).for_each(|path| {
+            let _ = remove_file(path);
+        });
+        Ok(())
     }
 
     /// Returns the runs, newest first.

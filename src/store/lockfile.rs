@@ -84,6 +84,16 @@ impl LockFile {
         })
     }
 
+    /// Writes the file. [`Store::remember_lock_file`] registers its path.
+    ///
+    /// # Errors
+    /// If the system reports an error.
+    pub fn write(&self, path: &Path) -> Result<(), StoreError> {
+        let output = OutputFile::new(path)?;
+        output.write(self.text().as_bytes())?;
+        atomic::sync_folder(output.folder())
+    }
+
     /// Returns the content of the file.
     #[must_use]
     pub fn text(&self) -> String {
@@ -121,17 +131,6 @@ fn digest<T: FromStr<Err = ParseDigestError>>(node: &Node, field: &str) -> Resul
 }
 
 impl Store {
-    /// Writes a lock file and registers its path.
-    ///
-    /// # Errors
-    /// If the system reports an error.
-    pub fn put_lock_file(&self, path: &Path, lock: &LockFile) -> Result<(), StoreError> {
-        let output = OutputFile::new(path)?;
-        output.write(lock.text().as_bytes())?;
-        atomic::sync_folder(output.folder())?;
-        self.remember_lock_file(path)
-    }
-
     /// Registers the path of a lock file, so that garbage collection keeps its artifacts.
     ///
     /// # Errors
@@ -250,7 +249,8 @@ mod tests {
         let store = Store::open(&folder.path().join("store")).unwrap();
         let path = folder.path().join("p.yaml.lock");
         assert_eq!(LockFile::path_for(&folder.path().join("p.yaml")), path);
-        store.put_lock_file(&path, &lock()).unwrap();
+        lock().write(&path).unwrap();
+        store.remember_lock_file(&path).unwrap();
         assert_eq!(LockFile::read(&path).unwrap(), lock());
         assert_eq!(
             store.lock_files().unwrap(),
@@ -261,9 +261,9 @@ mod tests {
         fs::create_dir(&here).unwrap();
         let store = Store::open(&here.join("store")).unwrap();
         fs::create_dir(here.join("pipelines")).unwrap();
-        store
-            .put_lock_file(&here.join("pipelines/p.yaml.lock"), &lock())
-            .unwrap();
+        let inside = here.join("pipelines/p.yaml.lock");
+        lock().write(&inside).unwrap();
+        store.remember_lock_file(&inside).unwrap();
         drop(store);
         fs::rename(&here, &there).unwrap();
         let store = Store::open(&there.join("store")).unwrap();
@@ -278,7 +278,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(&folder.path().join("store")).unwrap();
         let path = folder.path().join("p.lock");
-        store.put_lock_file(&path, &lock()).unwrap();
+        lock().write(&path).unwrap();
+        store.remember_lock_file(&path).unwrap();
         fs::write(&path, lock().text().replace("artifact: \"", "artifact: \"x")).unwrap();
         assert!(
             LockFile::read(&path)

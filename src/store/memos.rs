@@ -46,7 +46,7 @@ impl Store {
             .collect();
         memos.sort_unstable_by(|a, b| b.cmp(a));
         for (_, old) in memos.iter().skip(KEPT) {
-            fs::remove_file(old).map_err(StoreError::io("remove", old))?;
+            let _ = fs::remove_file(old);
         }
         Ok(())
     }

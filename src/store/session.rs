@@ -1,7 +1,6 @@
 //! The access of a process to an open store: its locks or claims, and its folder for temporary files.
 
 use std::fs;
-use std::io::ErrorKind;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -271,7 +270,7 @@ fn clear_of_dead(layout: &Layout, presence: &Presence, claims: &Claims) -> Resul
             false => process != presence.name() && is_abandoned(folder, now),
         };
         if goes {
-            remove(folder)?;
+            remove(folder);
         }
     }
     let dead: Vec<&str> = others.iter().map(String::as_str).filter(|name| is_dead(name)).collect();
@@ -296,19 +295,17 @@ fn clear(folder: &Path) -> Result<(), StoreError> {
     found
         .iter()
         .filter(|path| is_temporary(path))
-        .try_for_each(|path| remove(path))
+        .for_each(|path| remove(path));
+    Ok(())
 }
 
-fn remove(path: &Path) -> Result<(), StoreError> {
-    let removed = match is_folder(path) {
+/// Removes a temporary file or folder. One that cannot be removed (a read-only store, a file that another machine has
+/// open) stays for the next process.
+fn remove(path: &Path) {
+    let _ = match is_folder(path) {
         true => fs::remove_dir_all(path),
         false => fs::remove_file(path),
     };
-    match removed {
-        // The store may be read-only, or another process may have removed it.
-        Err(error) if is_read_only(&error) || error.kind() == ErrorKind::NotFound => Ok(()),
-        removed => removed.map_err(StoreError::io("remove", path)),
-    }
 }
 
 #[cfg(test)]

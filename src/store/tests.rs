@@ -585,6 +585,21 @@ fn pinned(store: &Store, digest: ArtifactId) {
 }
 
 #[test]
+fn a_collection_removes_artifacts_whose_list_cannot_be_written() {
+    let (_folder, store) = store();
+    let digest = put(&store, &chunk(1, 1));
+    let later = std::time::SystemTime::now() + std::time::Duration::from_secs(60);
+    let collection = store.plan_gc(&everything_old(), later).unwrap();
+    // A folder in its place stands for a full disk.
+    fs::create_dir(store.root().join("removed.jsonl")).unwrap();
+    let why = store.remove(&collection, "", &|_, _| ()).unwrap().unwrap();
+    assert!(why.to_string().contains("removed.jsonl"), "{why}");
+    assert!(!object_path(&store, &digest).exists());
+    fs::remove_dir(store.root().join("removed.jsonl")).unwrap();
+    assert!(store.removed().is_empty());
+}
+
+#[test]
 fn a_copy_beside_an_artifact_does_not_take_its_place() {
     let (_folder, store) = store();
     let digest = put(&store, &chunk(1, 1));

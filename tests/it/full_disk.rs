@@ -25,6 +25,20 @@ const LIMITED: &str = r#"
 find store -name '.tmp*' >left
 "#;
 
+/// Fills the file system of a store to the last byte, and collects. $1 is the space in KiB.
+const COLLECTED: &str = r#"
+mount -t tmpfs -o "size=$1k" none store || exit 99
+"$0" run small.yaml --json >first 2>first.err; echo $? >first.code
+cat /dev/zero >store/README 2>/dev/null
+cat /dev/zero >store/README.2 2>/dev/null
+df --output=avail store | tail -1 >space.before
+"$0" gc --keep-runs 0 --grace 0 --json >second 2>second.err; echo $? >second.code
+df --output=avail store | tail -1 >space.after
+rm store/README store/README.2
+"$0" fsck >third 2>third.err; echo $? >third.code
+find store -name '.tmp*' >left
+"#;
+
 fn script<'a>(workspace: &Workspace, prefix: &[&'a str], text: &'a str, space: u32) -> Ended {
     let binary = workspace.command(&[]).get_program().to_owned();
     let words: Vec<&str> = [prefix, &["sh", "-c", text]].concat();
@@ -94,4 +108,27 @@ fn a_full_disk_is_named_and_loses_nothing() {
         assert_eq!(left, "", "{space} KiB: temporary files stay");
     }
     assert!(refused > 3, "the disk was full in {refused} runs");
+}
+
+#[test]
+fn a_collection_frees_space_on_a_full_disk() {
+    let Some(way) = namespace() else { return };
+    let workspace = Workspace::small();
+    std::fs::create_dir(workspace.path("store")).unwrap();
+    let ended = script(&workspace, way, COLLECTED, 4096);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let [first, second, fsck] = ["first", "second", "third"].map(|step| read(&workspace, step));
+    assert_eq!(first.code, Some(0), "{}", first.stderr);
+    assert_eq!(second.code, Some(0), "{}", second.stderr);
+    let document = second.json();
+    assert!(document["bytes_removed"].as_u64() > Some(0), "{}", second.stdout);
+    assert_eq!(document["bytes_kept"], 0);
+    let space = |when: &str| {
+        let text = std::fs::read_to_string(workspace.path(&format!("space.{when}"))).unwrap();
+        text.trim().parse::<u64>().unwrap()
+    };
+    assert_eq!(space("before"), 0);
+    assert!(space("after") > 0);
+    assert_eq!(fsck.code, Some(0), "{}", fsck.stdout);
+    assert_eq!(std::fs::read_to_string(workspace.path("left")).unwrap(), "");
 }

@@ -104,3 +104,63 @@ fn check(workspace: &Workspace, digests: &BTreeMap<String, String>) {
     }
     assert_eq!(files(&workspace.path("store")), before);
 }
+
+/// Makes what accompanies artifacts read-only: $0 is the binary, then its arguments.
+const NOTES: &str = r#"
+for note in runs logs memos figures lock-files costs.jsonl index removed.jsonl; do
+  mount --bind store/$note store/$note && mount -o remount,bind,ro store/$note || exit 99
+done
+exec "$0" "$@"
+"#;
+
+#[test]
+fn notes_that_cannot_be_written_stop_nothing() {
+    let Some(way) = namespace() else { return };
+    let workspace = Workspace::small();
+    for arguments in [
+        &["run", "small.yaml", "--set", "stages.small.seed=5"][..],
+        &["run", "small.yaml", "--lock"],
+        &["gc", "--keep-runs", "1", "--grace", "0"],
+    ] {
+        let ended = workspace.run(arguments);
+        assert_eq!(ended.code, Some(0), "{arguments:?}: {}", ended.stderr);
+    }
+    for registered in files(&workspace.path("store/lock-files")) {
+        std::fs::remove_file(registered).unwrap();
+    }
+    let text = std::fs::read_to_string(workspace.path("small.yaml")).unwrap();
+    workspace.write("small.yaml", &text.replacen("seed: 1", "seed: 6", 1));
+    let run = &["run", "small.yaml", "--lock", "--json"];
+    let ended = shell(&workspace, way, NOTES, run);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let stages = Stages::read(&ended.json());
+    assert_eq!(stages.with("built"), ["small", "solved", "balanced"]);
+    let warnings = ended.json()["warnings"].to_string();
+    assert!(warnings.contains("figures are missing"), "{warnings}");
+    for told in ["log file", "history", "lock file"] {
+        let warnings = ended
+            .stderr
+            .lines()
+            .filter(|line| line.starts_with("warning: ") && line.contains(told));
+        assert_eq!(warnings.count(), 1, "{told}: {}", ended.stderr);
+    }
+    let again = workspace.run(run);
+    assert_eq!(Stages::read(&again.json()).with("built"), [""; 0]);
+    assert!(!again.json()["figures"].as_array().unwrap().is_empty(), "drawn now");
+
+    std::fs::remove_file(workspace.path("small.yaml.lock")).unwrap();
+    let ended = shell(
+        &workspace,
+        way,
+        NOTES,
+        &["gc", "--keep-runs", "0", "--grace", "0", "--json"],
+    );
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert_eq!(ended.json()["bytes_kept"], 0);
+    assert!(
+        ended.stderr.contains("removed.jsonl") && ended.stderr.contains("some figures"),
+        "{}",
+        ended.stderr
+    );
+    assert_eq!(workspace.run(&["fsck"]).code, Some(0));
+}

@@ -90,7 +90,8 @@ fn fill(root: &Path) -> ActionKey {
         target: "t".into(),
         stages: [("s".to_owned(), locked)].into(),
     };
-    store.put_lock_file(&root.join("p.yaml.lock"), &lock).unwrap();
+    lock.write(&root.join("p.yaml.lock")).unwrap();
+    store.remember_lock_file(&root.join("p.yaml.lock")).unwrap();
     store.save_index();
     record.key
 }
