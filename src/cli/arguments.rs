@@ -417,9 +417,50 @@ pub fn age(text: &str) -> Result<Duration, String> {
     }
 }
 
+/// Parses a size, as in "20GB" or "500 MB", in bytes.
+pub fn size(text: &str) -> Result<u64, String> {
+    const UNITS: [(&str, f64); 9] = [
+        ("KiB", 1024.0),
+        ("MiB", 1_048_576.0),
+        ("GiB", 1_073_741_824.0),
+        ("TiB", 1_099_511_627_776.0),
+        ("kB", 1e3),
+        ("MB", 1e6),
+        ("GB", 1e9),
+        ("TB", 1e12),
+        ("B", 1.0),
+    ];
+    let text = text.trim();
+    let found = UNITS
+        .iter()
+        .find_map(|(unit, size)| Some((text.strip_suffix(unit)?, size)));
+    let bytes = found.and_then(|(number, size)| Some(number.trim().parse::<f64>().ok()? * size));
+    match bytes.filter(|bytes| (1.0..=1e18).contains(bytes)) {
+        Some(bytes) => Ok(bytes as u64),
+        None => Err("allowed: a size such as 20GB or \"500 MB\", from 1 B to 1e6 TB".to_owned()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_size_is_a_number_with_a_unit() {
+        for (text, bytes) in [
+            ("20GB", 20_000_000_000),
+            ("500 MB", 500_000_000),
+            ("1.5kB", 1500),
+            ("7B", 7),
+            ("2 TB", 2_000_000_000_000),
+            ("1GiB", 1 << 30),
+        ] {
+            assert_eq!(size(text), Ok(bytes), "{text}");
+        }
+        for refused in ["20", "-1GB", "GB", "0B", "1e9TB", "NaN GB", "20 Gb", "20 apples", ""] {
+            assert!(size(refused).is_err(), "{refused}");
+        }
+    }
 
     #[test]
     fn a_folder_stands_for_its_only_pipeline() {

@@ -5,7 +5,7 @@ use std::time::Duration;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::arguments::{StoreArguments, age};
+use super::arguments::{StoreArguments, age, size};
 use super::progress::DelayedBar;
 use super::table::Cell;
 use super::text::Text;
@@ -17,19 +17,23 @@ use deaflow_store::{AGE, AGE_OF_NEED, GcArtifact, GcCount, GcGroup, GcPlan, Rete
 
 /// Remove artifacts that no recent run, pin or lock file needs
 #[derive(Debug, Args)]
-#[command(after_help = examples!("deaflow gc -n", "deaflow gc --keep-runs 3 --grace 0"))]
+#[command(after_help = examples!("deaflow gc -n", "deaflow gc --keep-runs 3 --grace 0", "deaflow gc --free 20GB"))]
 pub struct GcArguments {
     #[command(flatten)]
     pub store: StoreArguments,
     /// Print what would be removed for each stage, its size, and what protects the rest; remove nothing
     #[arg(short = 'n', long)]
     pub dry_run: bool,
-    /// Keep the artifacts that the last N runs made and needed
+    /// Keep the artifacts that the last N runs of each pipeline made and needed
     #[arg(long, value_name = "N", default_value_t = 10, allow_negative_numbers = true)]
     pub keep_runs: usize,
     /// Keep what was written less than this long ago: hours, or a time as in "90 min" or 7days
     #[arg(long, value_name = "TIME", default_value = "24", value_parser = age, allow_negative_numbers = true)]
     pub grace: Duration,
+    /// Also remove the artifacts of older runs, oldest first, until this much is freed, as in 20GB. The last run of
+    /// each pipeline whose file exists stays
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub free: Option<u64>,
 }
 
 pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliError> {
@@ -42,9 +46,21 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
     let retention = Retention {
         runs: arguments.keep_runs,
         grace: arguments.grace,
+        free: arguments.free,
     };
     let plan = store.plan_gc(&retention, store.now())?;
     let figures = figures_of(&store, &plan.removed.iter().map(|artifact| artifact.digest).collect());
+    for file in &plan.last_runs {
+        output.warn(format_args!(
+            "{} artifacts of the last run of {}: keep them with --keep-runs 1 or `deaflow pin`",
+            if arguments.dry_run {
+                "this would remove"
+            } else {
+                "this removes"
+            },
+            file.display()
+        ));
+    }
     if !arguments.dry_run {
         let bar = DelayedBar::new("gc", "artifacts");
         let at = Environment::system().now();
@@ -52,7 +68,9 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
         let drawn = remove_figures(&figures);
         bar.clear();
         if let Some(why) = listed? {
-            output.warn(format_args!("other commands will not say that `gc` removed these artifacts: {why}"));
+            output.warn(format_args!(
+                "other commands will not say that `gc` removed these artifacts: {why}"
+            ));
         }
         if let Err(why) = drawn {
             output.warn(format_args!("some figures of removed artifacts remain: {why}"));
@@ -61,7 +79,16 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
     output.result(
         || document(&plan, &figures, arguments.dry_run),
         || text(&plan, &figures, arguments.dry_run),
-    )
+    )?;
+    let Some(wanted) = arguments.free.filter(|wanted| plan.bytes_freed() < *wanted) else {
+        return Ok(Exit::Done);
+    };
+    let [freed, wanted] = [plan.bytes_freed(), wanted].map(table::bytes);
+    let verb = if arguments.dry_run { "would free" } else { "freed" };
+    let error = CliError::failure(format!("{verb} only {freed} of {wanted}"))
+        .help("pins, lock files, the last run of each pipeline and --grace protect the rest: see `deaflow gc -n`");
+    output.report(&error);
+    Ok(error.exit())
 }
 
 fn document(plan: &GcPlan, figures: &[FigureFile], dry_run: bool) -> Value {
@@ -93,6 +120,7 @@ fn document(plan: &GcPlan, figures: &[FigureFile], dry_run: bool) -> Value {
         "removed": plan.removed.iter().map(artifact).collect::<Vec<_>>(),
         "records_removed": plan.records,
         "checkpoints_removed": plan.checkpoints.len(),
+        "last_runs_removed": plan.last_runs,
         "figures_removed": figures.iter().map(|figure| &figure.path).collect::<Vec<_>>(),
         "bytes_kept": plan.bytes_kept(),
         "bytes_removed": plan.bytes_removed(),

@@ -350,7 +350,11 @@ mod tests {
 
         let store = Store::open_exclusive(folder.path()).unwrap();
         let hour = Duration::from_secs(3600);
-        let retention = Retention { runs: 1, grace: hour };
+        let retention = Retention {
+            runs: 1,
+            grace: hour,
+            free: None,
+        };
         let now = SystemTime::now();
         assert!(store.plan_gc(&retention, now).unwrap().checkpoints.is_empty());
         let later = store.plan_gc(&retention, now + 2 * hour).unwrap();

@@ -1,11 +1,12 @@
 //! Garbage collection: removes artifacts that nothing needs any more.
 //!
 //! It keeps the artifacts of all roots with their chunks and all inputs from which they were made. Roots are the last
-//! runs, the pins and the lock files of pipelines. Artifacts younger than the grace age are kept too. No other process
-//! may have the store open meanwhile.
+//! runs of each pipeline, the pins and the lock files of pipelines. Artifacts younger than the grace age are kept too.
+//! If more space is needed, the oldest of these runs give way. No other process may have the store open meanwhile.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
+use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
 
 use super::checkpoint::{self, Checkpoints};
@@ -28,10 +29,13 @@ const SEARCHED_RUNS: usize = 1000;
 /// Which artifacts to keep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Retention {
-    /// Number of the last runs that are roots; runs with the same artifacts count once.
+    /// Number of the last runs of each pipeline that are roots; runs with the same artifacts count once.
     pub runs: usize,
     /// Artifacts younger than this are kept.
     pub grace: Duration,
+    /// Number of bytes to free: the oldest of those runs are no roots until that much is removed. The last run of each
+    /// pipeline whose file exists stays a root.
+    pub free: Option<u64>,
 }
 
 /// An artifact in the plan of a garbage collection.
@@ -102,6 +106,8 @@ pub struct GcPlan {
     pub records: u64,
     /// Checkpoints older than the grace age, to remove.
     pub checkpoints: Vec<Checkpoints>,
+    /// Files of pipelines that exist, artifacts of whose last run are to be removed.
+    pub last_runs: Vec<PathBuf>,
 }
 
 impl GcPlan {
@@ -115,6 +121,12 @@ impl GcPlan {
     #[must_use]
     pub fn bytes_removed(&self) -> u64 {
         self.removed.iter().map(|artifact| artifact.size).sum()
+    }
+
+    /// Returns the length of everything to remove, bytes.
+    #[must_use]
+    pub fn bytes_freed(&self) -> u64 {
+        self.bytes_removed().saturating_add(self.checkpoint_bytes())
     }
 
     /// Groups the artifacts by pipeline and stage; those of unknown stages come last, by kind.
@@ -157,6 +169,8 @@ struct Root {
     name: String,
     artifacts: Vec<ArtifactId>,
     kind: RootKind,
+    /// Whether it is given up if more space is needed.
+    is_optional: bool,
 }
 
 /// The kind of a root.
@@ -172,6 +186,31 @@ enum RootKind {
     LockFile,
 }
 
+/// A root with everything that it needs.
+struct Holder {
+    name: String,
+    needs: BTreeSet<ArtifactId>,
+    is_run: bool,
+}
+
+/// The runs that are counted together: those of a command on a file, or on files of the same name that no longer exist.
+type RunGroup = (history::Command, Option<PathBuf>, String);
+
+/// The file of a pipeline and the artifacts of its last run.
+type LastRun = (PathBuf, Vec<ArtifactId>);
+
+/// What a plan is made of, whichever runs are roots.
+struct GcState {
+    records: Records,
+    /// All artifacts, without holders.
+    artifacts: Vec<GcArtifact>,
+    /// Those of them that are younger than the grace age.
+    young: BTreeSet<ArtifactId>,
+    checkpoints: Vec<Checkpoints>,
+    /// The last runs of pipelines whose files exist.
+    last_runs: Vec<LastRun>,
+}
+
 impl Store {
     /// Determines which artifacts to keep and which to remove. The plan is only reliable with exclusive access
     /// ([`Store::open_exclusive`]).
@@ -180,68 +219,136 @@ impl Store {
     /// If the system reports an error, or a dependency of a root is damaged, so that its own dependencies are unknown.
     pub fn plan_gc(&self, retention: &Retention, now: SystemTime) -> Result<GcPlan, StoreError> {
         let records = self.known_records()?;
-        let mut holders: BTreeMap<ArtifactId, BTreeSet<String>> = BTreeMap::new();
-        let mut by_others: BTreeSet<ArtifactId> = BTreeSet::new();
-        let stages = self.stages_of_artifacts()?;
-        for mut root in self.roots(retention)? {
-            if root.kind == RootKind::LockFile {
-                let built = |digest: &ArtifactId| records.contains_key(digest) || self.layout.object(digest).exists();
-                root.artifacts.retain(built);
-            }
-            let (reached, missing) = match root.kind {
-                RootKind::Result => self.with_parts(root.artifacts)?,
-                _ => self.dependencies(root.artifacts, &records)?,
-            };
-            if let Some(missing) = missing.first().filter(|_| root.kind != RootKind::Run) {
-                return Err(StoreError::Unreachable {
-                    root: root.name,
-                    missing: *missing,
-                });
-            }
-            for digest in reached {
-                if root.kind != RootKind::Run {
-                    by_others.insert(digest);
-                }
-                holders.entry(digest).or_default().insert(root.name.clone());
+        let (roots, last_runs) = self.roots(retention)?;
+        let (mut needed, mut optional) = (Vec::new(), Vec::new());
+        for root in roots {
+            let holders = if root.is_optional { &mut optional } else { &mut needed };
+            holders.push(self.holder(root, &records)?);
+        }
+        let state = self.gc_state(records, last_runs, retention.grace, now)?;
+        // The runs come newest first: the oldest are given up first.
+        let plan = |runs: usize| self.plan_of(&state, needed.iter().chain(&optional[..runs]));
+        let all = plan(optional.len())?;
+        let Some(wanted) = retention.free.filter(|free| all.bytes_freed() < *free) else {
+            return Ok(all);
+        };
+        // The largest number of runs without which that much is freed, by bisection.
+        let (mut low, mut high) = (0, optional.len());
+        let mut found = plan(low)?;
+        while low + 1 < high {
+            let middle = low.midpoint(high);
+            let tried = plan(middle)?;
+            match tried.bytes_freed() >= wanted {
+                true => (low, found) = (middle, tried),
+                false => high = middle,
             }
         }
-        let mut collection = GcPlan::default();
+        Ok(found)
+    }
+
+    /// Returns what a root needs.
+    fn holder(&self, mut root: Root, records: &Records) -> Result<Holder, StoreError> {
+        if root.kind == RootKind::LockFile {
+            let built = |digest: &ArtifactId| records.contains_key(digest) || self.layout.object(digest).exists();
+            root.artifacts.retain(built);
+        }
+        let (needs, missing) = match root.kind {
+            RootKind::Result => self.with_parts(root.artifacts)?,
+            _ => self.dependencies(root.artifacts, records)?,
+        };
+        match missing.first().filter(|_| root.kind != RootKind::Run) {
+            Some(missing) => Err(StoreError::Unreachable {
+                root: root.name,
+                missing: *missing,
+            }),
+            None => Ok(Holder {
+                name: root.name,
+                needs,
+                is_run: root.kind == RootKind::Run,
+            }),
+        }
+    }
+
+    /// Lists all artifacts and checkpoints.
+    fn gc_state(
+        &self,
+        records: Records,
+        last_runs: Vec<LastRun>,
+        grace: Duration,
+        now: SystemTime,
+    ) -> Result<GcState, StoreError> {
+        let stages = self.stages_of_artifacts()?;
+        let (mut artifacts, mut young) = (Vec::new(), BTreeSet::new());
         for path in files(&self.layout.objects())? {
             let Some(digest) = self.layout.artifact_at(&path) else {
                 continue;
             };
             let metadata = fs::symlink_metadata(&path).map_err(StoreError::io("read", &path))?;
-            let mut held_by: Vec<String> = holders.remove(&digest).unwrap_or_default().into_iter().collect();
-            let by_runs_alone = !held_by.is_empty() && !by_others.contains(&digest);
-            if held_by.is_empty() && is_young(&metadata, retention.grace, now) {
-                held_by.push(AGE.to_owned());
+            if is_young(&metadata, grace, now) {
+                young.insert(digest);
             }
             let kind = records.get(&digest).and_then(|made| made.first());
-            let artifact = GcArtifact {
+            artifacts.push(GcArtifact {
                 digest,
                 size: metadata.len(),
                 kind: kind.map_or_else(String::new, |record| record.kind.clone()),
                 stage: stages.get(&digest).cloned(),
-                held_by,
-                by_runs_alone,
-            };
-            if artifact.held_by.is_empty() {
-                collection.removed.push(artifact);
-            } else {
-                collection.kept.push(artifact);
+                held_by: Vec::new(),
+                by_runs_alone: false,
+            });
+        }
+        let mut checkpoints = self.checkpoints()?;
+        checkpoints.retain(|checkpoints| !checkpoints.is_young(grace, now));
+        Ok(GcState {
+            records,
+            artifacts,
+            young,
+            checkpoints,
+            last_runs,
+        })
+    }
+
+    /// Returns the plan that keeps what these roots need.
+    fn plan_of<'a>(&self, state: &GcState, holders: impl Iterator<Item = &'a Holder>) -> Result<GcPlan, StoreError> {
+        let mut names: BTreeMap<ArtifactId, BTreeSet<&str>> = BTreeMap::new();
+        let mut by_others: BTreeSet<ArtifactId> = BTreeSet::new();
+        for holder in holders {
+            for digest in &holder.needs {
+                names.entry(*digest).or_default().insert(&holder.name);
+            }
+            if !holder.is_run {
+                by_others.extend(&holder.needs);
+            }
+        }
+        let mut collection = GcPlan {
+            checkpoints: state.checkpoints.clone(),
+            ..GcPlan::default()
+        };
+        for artifact in &state.artifacts {
+            let digest = artifact.digest;
+            let mut artifact = artifact.clone();
+            let held_by = names.remove(&digest).unwrap_or_default();
+            artifact.held_by = held_by.into_iter().map(str::to_owned).collect();
+            artifact.by_runs_alone = !artifact.held_by.is_empty() && !by_others.contains(&digest);
+            if artifact.held_by.is_empty() && state.young.contains(&digest) {
+                artifact.held_by.push(AGE.to_owned());
+            }
+            match artifact.held_by.is_empty() {
+                true => collection.removed.push(artifact),
+                false => collection.kept.push(artifact),
             }
         }
         // A young artifact may be a manifest, whose chunks are kept with it.
-        self.keep_dependencies_of_young(&mut collection, &records)?;
+        self.keep_dependencies_of_young(&mut collection, &state.records)?;
         let gone: BTreeSet<ArtifactId> = collection.removed.iter().map(|artifact| artifact.digest).collect();
         collection.records = gone
             .iter()
-            .filter_map(|digest| records.get(digest))
+            .filter_map(|digest| state.records.get(digest))
             .map(|made| made.len() as u64)
             .sum();
-        collection.checkpoints = self.checkpoints()?;
-        let old = |checkpoints: &Checkpoints| !checkpoints.is_young(retention.grace, now);
-        collection.checkpoints.retain(old);
+        let loses = |artifacts: &[ArtifactId]| artifacts.iter().any(|digest| gone.contains(digest));
+        let lost = state.last_runs.iter().filter(|(_, artifacts)| loses(artifacts));
+        collection.last_runs = lost.map(|(file, _)| file.clone()).collect();
         Ok(collection)
     }
 
@@ -288,8 +395,8 @@ impl Store {
     }
 
     /// Removes the artifacts of a plan, records first, so that no record refers to a missing artifact. The time `at`
-    /// (UTC, RFC 3339) is written into the list of removed artifacts; returns why that list could not be written (a full
-    /// disk), which does not stop the removal. `progress` is called with the number of removed artifacts and the total.
+    /// (UTC, RFC 3339) is written into the list of removed artifacts; returns why that list could not be written (disk
+    /// full), which does not stop the removal. `progress` is called with the number of removed artifacts and the total.
     ///
     /// # Errors
     /// If a file cannot be removed; the others are removed. A further garbage collection removes the rest.
@@ -339,32 +446,40 @@ impl Store {
         Ok(listed.err())
     }
 
-    /// Returns the roots.
-    fn roots(&self, retention: &Retention) -> Result<Vec<Root>, StoreError> {
-        let (mut runs, mut counted, mut audits) = (Vec::new(), 0, 0);
+    /// Returns the roots, runs newest first, and the artifacts of the last run of each pipeline whose file exists.
+    fn roots(&self, retention: &Retention) -> Result<(Vec<Root>, Vec<LastRun>), StoreError> {
+        let (mut runs, mut last_runs) = (Vec::new(), Vec::new());
+        let mut counts: BTreeMap<RunGroup, BTreeSet<Vec<ArtifactId>>> = BTreeMap::new();
+        let mut existing = BTreeMap::new();
         for path in &self.run_files()? {
-            if counted == retention.runs {
-                break;
-            }
             let Some(run) = history::read(path)? else {
                 let reason = "the artifacts of this run are unknown; `deaflow fsck` moves its file to quarantine";
                 return Err(StoreError::damaged(path, reason));
             };
-            // An audit adds one stage to a run, so it does not count as a run.
-            let is_audit = run.command == history::Command::Audit;
-            if is_audit && audits == retention.runs {
-                continue;
-            }
+            let file = existing.entry((run.path.clone(), run.place.clone()));
+            let file = file.or_insert_with(|| self.pipeline_file(&run)).clone();
+            let name = if file.is_some() {
+                String::new()
+            } else {
+                run.pipeline.clone()
+            };
+            // Audits and sweeps build other stages than runs, so they are counted separately.
+            let group = counts.entry((run.command, file.clone(), name)).or_default();
             let artifacts: Vec<ArtifactId> = run.stages.iter().map(|stage| stage.artifact).collect();
+            let mut is_last = false;
+            if let Some(file) = file.filter(|_| run.command == history::Command::Run && group.is_empty()) {
+                is_last = !last_runs.iter().any(|(known, _)| *known == file);
+                last_runs.extend(is_last.then(|| (file, artifacts.clone())));
+            }
             // Runs with the same artifacts count once.
-            if runs.iter().any(|root: &Root| root.artifacts == artifacts) {
+            if group.len() == retention.runs || !group.insert(artifacts.clone()) {
                 continue;
             }
-            *if is_audit { &mut audits } else { &mut counted } += 1;
             runs.push(Root {
                 name: format!("run of {} at {}", run.pipeline, readable_time(&run.created)),
                 artifacts,
                 kind: RootKind::Run,
+                is_optional: !is_last,
             });
         }
         let pins = self.pins()?;
@@ -382,6 +497,7 @@ impl Store {
                 } else {
                     RootKind::Pin
                 },
+                is_optional: false,
             }
         });
         let lock_files = self.lock_files()?.into_iter().map(|(path, lock)| {
@@ -390,9 +506,17 @@ impl Store {
                 name: format!("lock file {}", path.display()),
                 artifacts,
                 kind: RootKind::LockFile,
+                is_optional: false,
             }
         });
-        Ok(runs.into_iter().chain(pins).chain(lock_files).collect())
+        Ok((runs.into_iter().chain(pins).chain(lock_files).collect(), last_runs))
+    }
+
+    /// Returns the file of the pipeline of a run, at its path or at the same place relative to the store, if it exists.
+    fn pipeline_file(&self, run: &history::Run) -> Option<PathBuf> {
+        let relative = (!run.place.is_empty()).then(|| self.root().join(&run.place));
+        let mut paths = [PathBuf::from(&run.path)].into_iter().chain(relative);
+        paths.find_map(|path| fs::canonicalize(path).ok().filter(|path| path.is_file()))
     }
 
     fn keep_dependencies_of_young(&self, collection: &mut GcPlan, records: &Records) -> Result<(), StoreError> {

@@ -568,6 +568,7 @@ fn everything_old() -> Retention {
     Retention {
         runs: 0,
         grace: std::time::Duration::ZERO,
+        free: None,
     }
 }
 
@@ -582,6 +583,78 @@ fn pinned(store: &Store, digest: ArtifactId) {
             result_only,
         })
         .unwrap();
+}
+
+/// Puts a run of a pipeline with one artifact into the history; returns the artifact.
+fn ran(store: &Store, second: u8, (name, file): (&str, &std::path::Path), command: Command) -> ArtifactId {
+    let artifact = put(store, &chunk(second, 1));
+    let stage = RunStage {
+        name: "s".into(),
+        kind: "k".into(),
+        key: ActionKey::of(&[second]),
+        artifact,
+        outcome: StageOutcome::Built,
+    };
+    let run = Run {
+        pipeline: name.into(),
+        path: file.display().to_string(),
+        created: format!("2026-01-01T00:00:{second:02}.000Z"),
+        command,
+        stages: vec![stage],
+        ..Run::default()
+    };
+    store.put_run(&run).unwrap();
+    artifact
+}
+
+fn removed_by(store: &Store, runs: usize, free: Option<u64>) -> (Vec<ArtifactId>, Vec<std::path::PathBuf>) {
+    let grace = std::time::Duration::ZERO;
+    let later = std::time::SystemTime::now() + std::time::Duration::from_secs(60);
+    let plan = store.plan_gc(&Retention { runs, grace, free }, later).unwrap();
+    (
+        plan.removed.iter().map(|artifact| artifact.digest).collect(),
+        plan.last_runs,
+    )
+}
+
+#[test]
+fn runs_of_each_pipeline_are_counted_apart() {
+    let (folder, store) = store();
+    let file = |name: &str| folder.path().join(name);
+    for name in ["a.yaml", "b.yaml"] {
+        fs::write(file(name), "").unwrap();
+    }
+    let (a, b, gone) = (file("a.yaml"), file("b.yaml"), file("gone.yaml"));
+    let other = ran(&store, 1, ("a", &b), Command::Run);
+    let lost = ran(&store, 2, ("lost", &gone), Command::Run);
+    let audit = ran(&store, 3, ("a", &a), Command::Audit);
+    let sweep = ran(&store, 4, ("a", &a), Command::Sweep);
+    let own: Vec<ArtifactId> = (5..17)
+        .map(|second| ran(&store, second, ("a", &a), Command::Run))
+        .collect();
+    // Ten of the twelve stay, and the last of every other.
+    let sorted = |artifacts: &[ArtifactId]| artifacts.iter().copied().collect::<std::collections::BTreeSet<_>>();
+    let (removed, last_runs) = removed_by(&store, 10, None);
+    assert_eq!((sorted(&removed), last_runs), (sorted(&own[..2]), vec![]));
+    let (removed, last_runs) = removed_by(&store, 1, None);
+    assert_eq!((sorted(&removed), last_runs), (sorted(&own[..11]), vec![]));
+    let (removed, last_runs) = removed_by(&store, 0, None);
+    assert_eq!(removed.len(), 16);
+    let whole = |path: &std::path::Path| fs::canonicalize(path).unwrap();
+    assert_eq!(last_runs, [whole(&a), whole(&b)], "files that exist");
+
+    // The oldest runs give way, but not the last of a file.
+    let size = fs::metadata(object_path(&store, &own[0])).unwrap().len();
+    let freed = |count: u64| sorted(&removed_by(&store, 10, Some(count * size - size / 2)).0);
+    assert_eq!(freed(1), sorted(&own[..2]), "nothing needs them");
+    assert_eq!(freed(3), sorted(&[&own[..2], &[lost]].concat()));
+    assert_eq!(freed(4), sorted(&[&own[..2], &[lost, audit]].concat()));
+    assert_eq!(freed(6), sorted(&[&own[..3], &[lost, audit, sweep]].concat()));
+    let all = [&own[..11], &[lost, audit, sweep]].concat();
+    assert_eq!(freed(100), sorted(&all));
+    assert!(!all.contains(&other));
+    pinned(&store, lost);
+    assert!(!freed(100).contains(&lost));
 }
 
 #[test]

@@ -32,6 +32,7 @@ mount -t tmpfs -o "size=$1k" none store || exit 99
 cat /dev/zero >store/README 2>/dev/null
 cat /dev/zero >store/README.2 2>/dev/null
 df --output=avail store | tail -1 >space.before
+"$0" gc --free 1GB --grace 0 --json >free 2>free.err; echo $? >free.code
 "$0" gc --keep-runs 0 --grace 0 --json >second 2>second.err; echo $? >second.code
 df --output=avail store | tail -1 >space.after
 rm store/README store/README.2
@@ -119,7 +120,16 @@ fn a_collection_frees_space_on_a_full_disk() {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let [first, second, fsck] = ["first", "second", "third"].map(|step| read(&workspace, step));
     assert_eq!(first.code, Some(0), "{}", first.stderr);
+    let free = read(&workspace, "free");
+    assert_eq!(free.code, Some(1), "{}", free.stderr);
+    assert!(free.stderr.contains("of 1.0 GB"), "{}", free.stderr);
+    assert_eq!(free.json()["last_runs_removed"], serde_json::json!([]));
     assert_eq!(second.code, Some(0), "{}", second.stderr);
+    assert!(
+        second.stderr.contains("small.yaml"),
+        "the last run goes: {}",
+        second.stderr
+    );
     let document = second.json();
     assert!(document["bytes_removed"].as_u64() > Some(0), "{}", second.stdout);
     assert_eq!(document["bytes_kept"], 0);

@@ -241,6 +241,7 @@ fn what_is_gone_leaves_the_index() {
     let all = Retention {
         runs: 0,
         grace: Duration::ZERO,
+        free: None,
     };
     let collection = alone
         .plan_gc(&all, std::time::SystemTime::now() + Duration::from_secs(60))
