@@ -39,13 +39,12 @@ pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliEr
     report.damaged.splice(..0, marker);
     bar.clear();
     output.result(|| document(&report), || text(&report, arguments.repair))?;
-    Ok(
-        if report.is_sound() || (arguments.repair && report.unreadable.is_empty()) {
-            Exit::Done
-        } else {
-            Exit::Damaged
-        },
-    )
+    let is_damaged = !arguments.repair && !(report.damaged.is_empty() && report.missing.is_empty());
+    Ok(match () {
+        () if is_damaged => Exit::Damaged,
+        () if !report.unreadable.is_empty() => Exit::Failure,
+        () => Exit::Done,
+    })
 }
 
 fn document(report: &Report) -> serde_json::Value {

@@ -10,19 +10,58 @@ use super::limits::{MEMORY, SECONDS};
 /// Why a file was not read, as reported by the process that reads it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Failure {
-    /// The library cannot open it; with its message.
-    Unopened(String),
-    /// The library cannot read it; with its message.
-    Library(String),
+    /// The library cannot open it; with its message, and the error number of the system if that is the cause.
+    Unopened(String, Option<i32>),
+    /// The library cannot read it; with its message, and the error number of the system if that is the cause.
+    Library(String, Option<i32>),
     /// The content is not allowed; with the reason.
     Refused(String),
 }
 
 impl From<hdf5::Error> for Failure {
     fn from(error: hdf5::Error) -> Self {
-        Self::Library(error.to_string())
+        let number = system_error(&error);
+        Self::Library(error.to_string(), number)
     }
 }
+
+impl Failure {
+    /// Returns the failure of an operation of the system.
+    pub(super) fn unopened(error: &io::Error) -> Self {
+        Self::Unopened(error.to_string(), error.raw_os_error())
+    }
+
+    /// Returns the refusal of a file for an error of the library, unless the system is its cause.
+    pub(super) fn refused(error: hdf5::Error, why: impl FnOnce(&hdf5::Error) -> String) -> Self {
+        match system_error(&error) {
+            Some(_) => error.into(),
+            None => Self::Refused(why(&error)),
+        }
+    }
+
+    /// Returns the error number of the system, if that is the cause.
+    #[must_use]
+    pub fn system_error(&self) -> Option<i32> {
+        match self {
+            Self::Unopened(_, number) | Self::Library(_, number) => *number,
+            Self::Refused(_) => None,
+        }
+    }
+}
+
+/// Returns the error number of the system that is the cause of an error of the library. It is in the text of one of the
+/// frames of its stack, of which the message has only the first and the last. An invalid argument is no such cause:
+/// the library takes it from a damaged file.
+#[must_use]
+pub fn system_error(error: &hdf5::Error) -> Option<i32> {
+    let stack = error.stack()?;
+    let number = |text: &str| text.split("errno = ").nth(1)?.split(',').next()?.trim().parse().ok();
+    let found = stack.iter().find_map(|frame| number(frame.desc()));
+    found.filter(|number| io::Error::from_raw_os_error(*number).kind() != io::ErrorKind::InvalidInput)
+}
+
+/// The error number of a device that cannot be read (EIO).
+const DEVICE_ERROR: i32 = 5;
 
 /// A file could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -83,8 +122,8 @@ impl HdfError {
     pub fn reason(&self) -> String {
         match self {
             Self::Failed { failure, .. } => match failure {
-                Failure::Unopened(message) => format!("not a readable HDF5 file ({message})"),
-                Failure::Library(message) => format!("it cannot be read (HDF5: {message})"),
+                Failure::Unopened(message, _) => format!("not a readable HDF5 file ({message})"),
+                Failure::Library(message, _) => format!("it cannot be read (HDF5: {message})"),
                 Failure::Refused(why) => why.clone(),
             },
             Self::Broken { how, .. } => {
@@ -101,7 +140,11 @@ impl HdfError {
     /// Whether the file is the cause, not the system.
     #[must_use]
     pub fn is_of_the_file(&self) -> bool {
-        !matches!(self, Self::Process { .. } | Self::NoReader { .. })
+        match self {
+            Self::Failed { failure, .. } => failure.system_error() != Some(DEVICE_ERROR),
+            Self::Broken { .. } | Self::Endless { .. } => true,
+            Self::Process { .. } | Self::NoReader { .. } => false,
+        }
     }
 }
 

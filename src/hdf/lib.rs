@@ -23,7 +23,7 @@ mod tree;
 pub use attributes::{AXES, LONG};
 pub use child::{COMMAND, serve};
 pub use elements::{Element, Elements};
-pub use error::{Failure, HdfError};
+pub use error::{Failure, HdfError, system_error};
 pub use file::HdfFile;
 pub use limits::{MEMORY, SECONDS};
 pub use message::DatasetInfo;

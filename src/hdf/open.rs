@@ -11,7 +11,7 @@ use hdf5::{Dataset, File, Location};
 
 use super::attributes::{self, utf8};
 use super::elements::{Element, Elements};
-use super::error::Failure;
+use super::error::{Failure, system_error};
 use super::limits::{CHUNK, ROW};
 use super::links;
 use super::message::{DatasetInfo, Form};
@@ -46,18 +46,19 @@ pub(super) struct OpenFile {
 impl OpenFile {
     /// Opens a file. The cache holds a chunk, so that one that is read in slices is decompressed once.
     pub fn open(path: &Path) -> Result<Self, Failure> {
-        let words = |words: String| Failure::Unopened(words);
         // Reading a pipe or a device could block.
-        let file = deaflow_base::open_regular(path).map_err(|e| words(e.to_string()))?;
+        let file = deaflow_base::open_regular(path).map_err(|e| Failure::unopened(&e))?;
         let mut start = Vec::new();
         file.take(MATLAB_BLOCK.len() as u64)
             .read_to_end(&mut start)
-            .map_err(|e| words(e.to_string()))?;
+            .map_err(|e| Failure::unopened(&e))?;
         let mut builder = File::with_options();
         // Files of a store never change, and locks may fail or block on network file systems.
         builder.with_fapl(|access| access.file_locking(false).chunk_cache(521, CHUNK as usize, 0.75));
         Ok(Self {
-            file: builder.open(path).map_err(|e| words(e.to_string()))?,
+            file: builder
+                .open(path)
+                .map_err(|e| Failure::Unopened(e.to_string(), system_error(&e)))?,
             path: path.to_owned(),
             is_of_matlab: start == MATLAB_BLOCK,
             checked: Mutex::default(),
@@ -148,7 +149,7 @@ impl OpenFile {
             Form::Words => words(&found, dataset, rows),
         };
         read.map_err(|why| match why {
-            Failure::Library(words) => Failure::Library(format!("`{dataset}`: {words}")),
+            Failure::Library(words, number) => Failure::Library(format!("`{dataset}`: {words}"), number),
             other => other,
         })
     }

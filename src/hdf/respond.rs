@@ -26,12 +26,16 @@ impl Responder {
             .and_then(|file| reply(file, &request.request))
         {
             Ok((response, bytes)) => (Ok(response), bytes),
-            Err(failure) => (Err(failure), Vec::new()),
+            Err(failure) => {
+                // What the library has read of it may be wrong.
+                self.last = None;
+                (Err(failure), Vec::new())
+            }
         }
     }
 
     fn open(&mut self, path: &Path) -> Result<&OpenFile, Failure> {
-        let stamp = stamp(path).map_err(|e| Failure::Unopened(e.to_string()))?;
+        let stamp = stamp(path).map_err(|e| Failure::unopened(&e))?;
         let same = |(known, then, _): &(PathBuf, Stamp, OpenFile)| known == path && *then == stamp;
         let file = match self.last.take().filter(same) {
             Some((_, _, file)) => file,

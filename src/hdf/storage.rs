@@ -11,7 +11,7 @@ use hdf5::{Dataset, File, H5Type, Hyperslab, SliceOrIndex};
 use ndarray::IxDyn;
 
 use super::elements::Element;
-use super::error::Failure;
+use super::error::{Failure, system_error};
 use super::limits::{CHUNK, PACKED};
 use super::links::is_here;
 
@@ -23,7 +23,7 @@ const SOURCES: usize = 500_000;
 
 /// Returns a dataset of the file itself, if it exists. Links to other files are refused.
 pub(super) fn find(file: &File, dataset: &str) -> Result<Option<Dataset>, Failure> {
-    let broken = |e: hdf5::Error| Failure::Refused(format!("{dataset:?} cannot be opened ({e})"));
+    let broken = |e: hdf5::Error| Failure::refused(e, |e| format!("{dataset:?} cannot be opened ({e})"));
     let mut steps: Vec<&str> = dataset.split('/').filter(|step| !step.is_empty()).collect();
     let Some(last) = steps.pop() else { return Ok(None) };
     if steps.len() >= DEEPEST {
@@ -36,6 +36,7 @@ pub(super) fn find(file: &File, dataset: &str) -> Result<Option<Dataset>, Failur
         }
         match group.group(step) {
             Ok(inner) => group = inner,
+            Err(error) if system_error(&error).is_some() => return Err(error.into()),
             Err(_) => return Ok(None),
         }
     }
@@ -84,9 +85,7 @@ fn inside(path: &Path, dataset: &Dataset) -> Result<u64, Failure> {
     if !list.get_external()?.is_empty() {
         return Err(Failure::Refused("its elements are in another file".into()));
     }
-    let length = std::fs::metadata(path)
-        .map_err(|e| Failure::Refused(e.to_string()))?
-        .len();
+    let length = std::fs::metadata(path).map_err(|e| Failure::unopened(&e))?.len();
     if dataset.layout() != Layout::Chunked {
         return Ok(length);
     }
@@ -124,8 +123,11 @@ fn filter_name(number: i32) -> String {
 
 /// Returns how many bytes of elements the sources of a virtual dataset contain.
 fn sources(path: &Path, dataset: &Dataset) -> Result<u64, Failure> {
-    let unreadable =
-        |e: hdf5::Error| Failure::Refused(format!("it is a virtual dataset whose sources cannot be read ({e})"));
+    let unreadable = |e: hdf5::Error| {
+        Failure::refused(e, |e| {
+            format!("it is a virtual dataset whose sources cannot be read ({e})")
+        })
+    };
     let map = dataset.create_plist()?.get_virtual_map().map_err(unreadable)?;
     if map.len() > SOURCES {
         return Err(Failure::Refused(format!(

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::attributes;
 use super::elements::Element;
-use super::error::Failure;
+use super::error::{Failure, system_error};
 use super::storage;
 
 /// Maximum depth of groups.
@@ -56,9 +56,7 @@ pub struct Array {
 /// that are not in the file.
 pub(super) fn read(path: &Path, file: &File) -> Result<Tree, Failure> {
     let mut arrays = Vec::new();
-    let length = std::fs::metadata(path)
-        .map_err(|e| Failure::Refused(e.to_string()))?
-        .len();
+    let length = std::fs::metadata(path).map_err(|e| Failure::unopened(&e))?.len();
     let (mut names, only) = (links(file)?, file.link_exists(PARTS));
     if only {
         names.retain(|name| name == PARTS);
@@ -109,6 +107,7 @@ fn list(
     }
     match group.dataset(name) {
         Ok(dataset) => arrays.extend(describe(&dataset, path, length)?),
+        Err(error) if system_error(&error).is_some() => return Err(error.into()),
         Err(_) => {
             let inner = group.group(name)?;
             for name in links(&inner)? {

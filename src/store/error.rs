@@ -220,7 +220,10 @@ impl StoreError {
     /// Returns a function for `map_err` on results of the HDF5 library.
     pub(super) fn hdf5(action: &'static str, path: &Path) -> impl Fn(hdf5::Error) -> Self {
         let path = path.to_owned();
-        move |error| Self::from_hdf5_message(action, &path, error.to_string())
+        move |error| match deaflow_hdf::system_error(&error) {
+            Some(number) => Self::io(action, &path)(io::Error::from_raw_os_error(number)),
+            None => Self::from_hdf5_message(action, &path, error.to_string()),
+        }
     }
 
     /// Whether a message of the HDF5 library reports an error of the system.

@@ -13,6 +13,7 @@ use super::error::StoreError;
 use super::history;
 use super::links::links;
 use super::open::Store;
+use super::quarantine::read_twice;
 use super::record::{self, Lookup};
 use deaflow_base::{ArtifactId, FileDigest};
 
@@ -49,7 +50,8 @@ pub struct Report {
     pub checkpoints: u64,
     /// Damaged artifacts, records, runs and checkpoints, now in quarantine.
     pub damaged: Vec<Damage>,
-    /// Files that cannot be read, with the error of the system. They are not moved.
+    /// Files that cannot be read, with the error of the system, or that are damaged only at the first of two readings.
+    /// They are not moved.
     pub unreadable: Vec<Damage>,
     /// Missing artifacts that a manifest or a record names, including those that were moved to quarantine now.
     pub missing: Vec<MissingArtifact>,
@@ -189,24 +191,35 @@ impl Store {
             return Ok(());
         };
         report.objects += 1;
-        report.bytes += fs::symlink_metadata(path).map_err(StoreError::io("read", path))?.len();
-        match self::sound(path, &digest) {
+        report.bytes += fs::symlink_metadata(path).map_or(0, |metadata| metadata.len());
+        match read_twice(path, || self::sound(path, &digest)) {
             Ok(object) => {
                 sound.insert(digest, object);
+                Ok(())
             }
-            // Not necessarily damage: a disk error or a missing permission.
-            Err(error @ StoreError::Io { .. }) => {
+            Err(error) => {
+                if matches!(error, StoreError::Io { .. }) {
+                    sound.entry(digest).or_default();
+                }
+                self.report_failure(path, error, report)
+            }
+        }
+    }
+
+    /// Moves a damaged file to quarantine. One that the system cannot read (a disk error, a missing permission) stays.
+    fn report_failure(&self, path: &Path, error: StoreError, report: &mut Report) -> Result<(), StoreError> {
+        match error {
+            StoreError::Io { .. } => {
                 report.unreadable.push(Damage {
                     path: path.to_owned(),
                     quarantined: None,
                     reason: error.to_string(),
                 });
-                sound.entry(digest).or_default();
+                Ok(())
             }
-            Err(StoreError::Damaged { reason, .. }) => self.quarantine_damaged(path, reason, report)?,
-            Err(error) => self.quarantine_damaged(path, error.to_string(), report)?,
+            StoreError::Damaged { reason, .. } => self.quarantine_damaged(path, reason, report),
+            error => self.quarantine_damaged(path, error.to_string(), report),
         }
-        Ok(())
     }
 
     fn check_record(&self, path: &Path, report: &mut Report) -> Result<Option<record::Record>, StoreError> {
@@ -215,18 +228,24 @@ impl Store {
             return Ok(None);
         };
         report.records += 1;
-        match record::read(path, &key)? {
-            Lookup::Found(record, _) => return Ok(Some(*record)),
-            Lookup::Damaged(reason) => self.quarantine_damaged(path, reason.into(), report)?,
-            Lookup::Absent => {}
+        let read = || match record::read(path, &key)? {
+            Lookup::Damaged(reason) => Err(StoreError::damaged(path, reason)),
+            found => Ok(found.record()),
+        };
+        match read_twice(path, read) {
+            Ok(found) => Ok(found),
+            Err(error) => self.report_failure(path, error, report).map(|()| None),
         }
-        Ok(None)
     }
 
     fn check_runs(&self, report: &mut Report) -> Result<(), StoreError> {
         for path in self.run_files()? {
-            if history::read(&path)?.is_none() && path.exists() {
-                self.quarantine_damaged(&path, "it is not a valid file of a run".into(), report)?;
+            let read = || match history::read(&path)? {
+                None if path.exists() => Err(StoreError::damaged(&path, "it is not a valid file of a run")),
+                _ => Ok(()),
+            };
+            if let Err(error) = read_twice(&path, read) {
+                self.report_failure(&path, error, report)?;
             }
         }
         Ok(())
@@ -260,14 +279,8 @@ impl Store {
         report.strays.extend(strays);
         for path in files {
             report.checkpoints += 1;
-            match checkpoint::check(&path) {
-                Ok(()) => {}
-                Err(StoreError::Damaged { reason, .. }) => self.quarantine_damaged(&path, reason, report)?,
-                Err(error) => report.unreadable.push(Damage {
-                    path,
-                    quarantined: None,
-                    reason: error.to_string(),
-                }),
+            if let Err(error) = read_twice(&path, || checkpoint::check(&path)) {
+                self.report_failure(&path, error, report)?;
             }
         }
         Ok(())

@@ -4,9 +4,11 @@
 //! trusts the index if the stamp of a file has not changed, as git does, and verifies the other files. Files that are
 //! read as inputs are always verified in full, and `fsck` verifies all.
 
+use super::artifact::Artifact;
 use super::error::StoreError;
 use super::index::Structure;
 use super::open::Store;
+use super::quarantine::unsteady;
 use super::record::Record;
 use deaflow_base::ArtifactId;
 
@@ -117,13 +119,21 @@ impl Store {
         }
     }
 
-    /// Moves the file of an artifact to quarantine.
+    /// Moves the file of an artifact that was found damaged to quarantine, if it is damaged when it is read again.
     ///
     /// # Errors
-    /// If the system reports an error.
+    /// If the system reports an error, or the file is intact now.
     pub fn quarantine_artifact(&self, digest: &ArtifactId) -> Result<(), StoreError> {
         self.verified.forget(digest);
-        self.quarantine(&self.layout.object(digest)).map(|_| ())
+        let path = self.layout.object(digest);
+        match Artifact::read_uncached(&path, digest) {
+            Ok(_) => Err(unsteady(
+                &path,
+                &StoreError::damaged(&path, "it was damaged when it was read first"),
+            )),
+            Err(error @ StoreError::Io { .. }) => Err(error),
+            Err(_) => self.quarantine(&path).map(|_| ()),
+        }
     }
 }
 

@@ -19,7 +19,8 @@ impl Store {
     pub fn repair_marker(root: &Path) -> Result<Option<Damage>, StoreError> {
         let layout = Layout::of(root)?;
         let path = layout.marker();
-        let reason = match layout.look() {
+        // A device may fail once.
+        let reason = match layout.look().or_else(|_| layout.look()) {
             Err(StoreError::Marker { reason, .. }) => reason,
             Err(StoreError::NotAStore { .. }) => return Err(StoreError::NoStore { path: root.to_owned() }),
             looked => return looked.map(|()| None),

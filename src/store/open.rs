@@ -18,7 +18,7 @@ use super::listing::{self, Content};
 use super::locking::LockingChoice;
 use super::object::Object;
 use super::provenance::Provenance;
-use super::quarantine::quarantine;
+use super::quarantine::{quarantine, read_twice};
 use super::read::Access;
 use super::session::StoreSession;
 use super::stamp::Time;
@@ -276,7 +276,7 @@ impl Store {
         self.clear_folder(folder_of(&target))?;
         let start = Instant::now();
         loop {
-            match self.verified.verify(&target, &header.content) {
+            match read_twice(&target, || self.verified.verify(&target, &header.content)) {
                 Ok(header) => return Ok(header.into()),
                 Err(StoreError::Missing { .. }) if atomic::link(temporary, &target)? => {
                     self.verified.remember(&target, header);

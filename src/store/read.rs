@@ -3,6 +3,7 @@
 //! This program does not read virtual datasets: it reads and verifies the chunks of a manifest by their digests.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::path::Path;
 
 use super::element_type::ElementType;
@@ -52,10 +53,15 @@ impl Access {
 
 fn damage(action: &'static str, path: &Path, error: HdfError) -> StoreError {
     use deaflow_hdf::Failure;
+    // An error of the system is not damage.
+    if let HdfError::Failed { failure, .. } = &error
+        && let Some(number) = failure.system_error()
+    {
+        return StoreError::io(action, path)(io::Error::from_raw_os_error(number));
+    }
     match error {
-        // An error of the system is not damage.
         HdfError::Failed {
-            failure: Failure::Unopened(ref message) | Failure::Library(ref message),
+            failure: Failure::Unopened(ref message, _) | Failure::Library(ref message, _),
             ..
         } if StoreError::is_system_error(message) => StoreError::from_hdf5_message(action, path, message.clone()),
         HdfError::Process { path, source } => StoreError::Io {

@@ -44,7 +44,8 @@ impl Store {
         let bytes = record.to_bytes()?;
         let target = self.layout.record(&record.key);
         self.clear_folder(target.parent().unwrap_or(self.root()))?;
-        if matches!(self.record(&record.key)?, Lookup::Damaged(_)) {
+        let is_damaged = || Ok::<_, StoreError>(matches!(self.record(&record.key)?, Lookup::Damaged(_)));
+        if is_damaged()? && is_damaged()? {
             self.quarantine(&target)?;
         }
         let temporary = self.temporary_file()?;

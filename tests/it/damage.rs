@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use super::common::bounded::pipe;
-use super::common::{Transcript, Workspace, files, snapshot};
+use super::common::{Ended, Transcript, Workspace, files, snapshot};
 
 /// A finished store to copy, and the digests of its stages.
 fn finished() -> &'static (Workspace, BTreeMap<String, String>) {
@@ -312,4 +312,59 @@ fn any_damage_to_any_file_ends_in_a_sound_store_with_the_same_digests() {
         let fsck = workspace.bounded(&["fsck"]);
         assert_eq!(fsck.code, Some(0), "{context}: {}", fsck.stdout);
     }
+}
+
+#[test]
+fn what_a_device_cannot_read_is_not_moved() {
+    let workspace = Workspace::small();
+    workspace.stages(&["run", "small.yaml"]);
+    let library = workspace.path("readfail.so");
+    let source = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/scale/readfail.c");
+    let mut compiler = std::process::Command::new("cc");
+    compiler.args(["-shared", "-fPIC", "-o"]).arg(&library).arg(source).arg("-ldl");
+    assert!(compiler.status().unwrap().success());
+    let failing = |arguments: &[&str], under: &str, at: u32| {
+        let mut command = workspace.command(arguments);
+        command.env("LD_PRELOAD", &library);
+        command.env("FAIL_UNDER", under).env("FAIL_AT", at.to_string());
+        Ended::from(command.output().unwrap())
+    };
+    let store = workspace.path("store");
+    let contents = || -> Vec<_> {
+        ["objects", "records", "runs", "quarantine"].iter().flat_map(|part| files(&store.join(part))).collect()
+    };
+    let before = contents();
+    for under in ["store/objects", "store/records", "store/runs"] {
+        let mut unreadable = 0;
+        // The first reads of each process, one by one, and all.
+        for at in 0..30 {
+            let ended = failing(&["fsck", "--json"], under, at);
+            let report = ended.json();
+            assert_eq!(report["damaged"], serde_json::json!([]), "{under} {at}: {report}");
+            let is_sound = report["unreadable"] == serde_json::json!([]);
+            assert_eq!(ended.code, Some(if is_sound { 0 } else { 1 }), "{under} {at}: {report}");
+            unreadable += u32::from(!is_sound);
+            assert_eq!(contents(), before, "{under} {at}");
+        }
+        assert!(unreadable > 3, "{under}: {unreadable}");
+    }
+    for arguments in [
+        &["run", "small.yaml", "--verify"][..],
+        &["run", "small.yaml", "--set", "stages.small.seed=2"],
+        &["copy", "small.yaml:balanced", "other"],
+    ] {
+        let mut failures = 0;
+        for at in [0, 1, 2, 3, 5, 8, 13, 21] {
+            let ended = failing(arguments, "store/objects", at);
+            assert!(matches!(ended.code, Some(0 | 1)), "{arguments:?} {at}: {:?} {}", ended.code, ended.stderr);
+            failures += u32::from(ended.code == Some(1));
+            assert_eq!(files(&store.join("quarantine")), [""; 0].map(std::path::PathBuf::from), "{arguments:?} {at}");
+            if ended.code == Some(1) {
+                assert!(ended.stderr.contains("store/objects"), "{arguments:?} {at}: {}", ended.stderr);
+            }
+            let _ = std::fs::remove_dir_all(workspace.path("other"));
+        }
+        assert!(failures > 0, "{arguments:?}");
+    }
+    assert_eq!(workspace.run(&["fsck"]).code, Some(0));
 }
