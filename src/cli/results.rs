@@ -110,6 +110,22 @@ impl SampleResult {
         self.accuracy.filter(|accuracy| accuracy.is_missed)?.error_mm
     }
 
+    /// The outcome for people, with the doubt that a finer mesh leaves.
+    fn outcome_text(&self) -> String {
+        let name = self.outcome.name();
+        match self.near_limit {
+            Some(_) => format!("{name} (near the limit)"),
+            None => name.to_owned(),
+        }
+    }
+
+    fn outcome_tone(&self) -> Tone {
+        match self.near_limit {
+            Some(_) => Tone::Caution,
+            None => Tone::of_solve(self.outcome),
+        }
+    }
+
     /// The fraction of the membrane that would wrinkle, if any.
     fn wrinkled(&self) -> Option<f64> {
         self.wrinkled_fraction.filter(|fraction| *fraction > 0.0)
@@ -182,7 +198,7 @@ fn list(results: &[SampleResult], probe: Option<&Probe>) -> table::Table {
         let mut row = vec![Cell::from(result.id.index)];
         row.extend(has_files.then(|| Cell::from(&result.file)));
         row.extend(has_states.then(|| Cell::from(result.id.state.as_deref().unwrap_or("-"))));
-        row.push(Cell::toned(result.outcome.name(), Tone::of_solve(result.outcome)));
+        row.push(Cell::toned(&result.outcome_text(), result.outcome_tone()));
         let peak = result.peak.map(|peak| format!("{:.4}{error} mm", peak.mm));
         row.push(Cell::from(peak.unwrap_or("-".to_owned())));
         // With a point it may be below the line, where a dash would take a line of its own.
@@ -198,9 +214,10 @@ fn list(results: &[SampleResult], probe: Option<&Probe>) -> table::Table {
 }
 
 fn summary(results: &[SampleResult], file: Option<&Path>) -> Text {
-    let counts = counts(results);
+    let counts = counts(results.iter().map(SampleResult::outcome_text));
     let counted: Vec<String> = counts.iter().map(|(outcome, n)| format!("{outcome} {n}")).collect();
-    let tone = match results.iter().any(|result| !result.outcome.has_field()) {
+    let deserves_attention = |result: &SampleResult| !result.outcome.has_field() || result.near_limit.is_some();
+    let tone = match results.iter().any(deserves_attention) {
         true => Tone::Caution,
         false => Tone::Plain,
     };
@@ -230,11 +247,11 @@ fn summary(results: &[SampleResult], file: Option<&Path>) -> Text {
     text
 }
 
-/// Counts the results by outcome.
-fn counts(results: &[SampleResult]) -> BTreeMap<&str, usize> {
+/// Counts outcomes.
+fn counts<O: Ord>(outcomes: impl Iterator<Item = O>) -> BTreeMap<O, usize> {
     let mut counts = BTreeMap::new();
-    for result in results {
-        *counts.entry(result.outcome.name()).or_insert(0) += 1;
+    for outcome in outcomes {
+        *counts.entry(outcome).or_insert(0) += 1;
     }
     counts
 }
@@ -338,6 +355,7 @@ pub fn document(results: &[SampleResult], patterns: usize, probe: Option<&Probe>
             "elements_per_cell": result.accuracy.map(|accuracy| accuracy.mesh.elements_per_cell()),
             "order": result.accuracy.map(|accuracy| accuracy.mesh.order().degree()),
             "outcome": result.outcome,
+            "near_limit": (result.outcome == OutcomeKind::Converged).then_some(result.near_limit.is_some()),
             "max_displacement_mm": result.peak.map(|peak| peak.mm),
             "at_mm": result.peak.and_then(|peak| peak.at_mm),
             "file": Some(&result.file).filter(|file| !file.is_empty()),
@@ -370,7 +388,7 @@ pub fn document(results: &[SampleResult], patterns: usize, probe: Option<&Probe>
         "near_limit": near_limit,
         "critical_voltages": critical,
         "wrinkled": each(&|result| Some(json!({ "wrinkled_fraction": result.wrinkled()? }))),
-        "outcomes": counts(results),
+        "outcomes": counts(results.iter().map(|result| result.outcome.name())),
         "max_displacement_mm": range,
         "patterns": all,
     });
@@ -431,6 +449,33 @@ mod tests {
         let lines: Vec<&str> = shown.lines().collect();
         assert_eq!(lines[3], "       0   converged              2.1500 mm   25, 1 mm");
         assert_eq!(lines[4], "       1   pull-in                        -   -");
+    }
+
+    #[test]
+    fn a_solution_near_the_limit_is_not_simply_converged() {
+        let near = |index| SampleResult {
+            near_limit: Some(None),
+            ..result(index, Some(2.15))
+        };
+        let few = [near(0), result(1, Some(2.15)), result(2, None)];
+        let table = list(&few, None);
+        let shown = Text::of(table).show(Screen::default());
+        let lines: Vec<&str> = shown.lines().collect();
+        assert!(lines[3].contains("   converged (near the limit)   "), "{shown}");
+        assert!(!lines[4].contains("limit") && !lines[5].contains("limit"), "{shown}");
+        let document = document(&few, few.len(), None);
+        let named = [0, 1, 2].map(|k| document["patterns"][k]["near_limit"].clone());
+        assert_eq!(named, [json!(true), json!(false), Value::Null]);
+        // The words of files and JSON stay.
+        assert_eq!(document["patterns"][0]["outcome"], "converged");
+        assert_eq!(document["outcomes"], json!({ "converged": 2, "pull-in": 1 }));
+        let many: Vec<SampleResult> = (0..20)
+            .map(|k| result(k, Some(1.0)))
+            .chain([near(20), near(21)])
+            .collect();
+        let shown = text(&many, None, None).show(Screen::default());
+        let counted = "outcomes: converged 20, converged (near the limit) 2\n";
+        assert!(shown.contains(counted), "{shown}");
     }
 
     #[test]

@@ -295,12 +295,14 @@ fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
         assert_eq!(ended.code, Some(0), "{}", ended.stderr);
         let named = ended.json()["near_limit"].as_array().unwrap().clone();
         assert_eq!(named.len(), usize::from(near), "{voltage}: {named:?}");
+        assert_eq!(ended.json()["patterns"][0]["near_limit"], near, "{voltage}");
         if near {
             let [found, error] = ["critical_voltage", "error"].map(|key| named[0][key].as_f64().unwrap());
             assert!((found - 6023.0).abs() < error, "{found} {error}");
             let text = workspace
                 .run(&["solve", "scene.yaml", "cell.csv", "-o", "out.h5"])
                 .stdout;
+            assert!(text.contains("   converged (near the limit)   "), "{text}");
             assert!(text.contains("pattern 0: "), "{text}");
             snapshot!(text);
         }
