@@ -10,6 +10,7 @@ use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 use super::stability::{Loss, Stability, judge, same_basin};
 use super::supports::Supports;
+use deaflow_base::is_interrupted;
 
 /// How the load stepping ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -279,6 +280,22 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
 
     /// Solves at shares of the full load and of the forces on bodies, and checks stability.
     fn attempt(
+        &self,
+        loads: [f64; 2],
+        before: Option<&[f64]>,
+        u: &mut [f64],
+        workspace: &mut Workspace,
+        total: &mut Loading,
+    ) -> Result<(), StepFailure> {
+        let found = self.solve_at(loads, before, u, workspace, total);
+        match found {
+            // Nothing is known of the stability.
+            Err(_) if is_interrupted() => Err(StepFailure::Work),
+            found => found,
+        }
+    }
+
+    fn solve_at(
         &self,
         [share, body_load]: [f64; 2],
         before: Option<&[f64]>,

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use deaflow_base::is_interrupted;
 use deaflow_linalg::{Pair, SparseColMat, Sparsity};
 
 use super::element::{Bilinear, Biquadratic, Element, Line};
@@ -83,8 +84,12 @@ impl Structure {
         self.unknowns.unpack(&grid.poses(u), packed)
     }
 
-    /// Factorises the tangent at `u`; `None` if a pivot is exactly zero or memory is short.
+    /// Factorises the tangent at `u`; `None` if a pivot is exactly zero, memory is short, or the computation is
+    /// interrupted.
     pub fn factorise<L: Material>(self: &Arc<Self>, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
+        if is_interrupted() {
+            return None;
+        }
         let entries = self.entries(operator, u);
         Some(Factorisation {
             values: self.sparsity.factors(&entries)?,

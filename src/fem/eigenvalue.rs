@@ -6,7 +6,7 @@
 
 use deaflow_linalg::{Mat, eigen};
 
-use deaflow_base::Stream;
+use deaflow_base::{Stream, is_interrupted};
 
 use super::material::Material;
 use super::operator::Operator;
@@ -114,6 +114,9 @@ pub fn smallest<L: Material>(
     let mut last: Option<Direction> = None;
     let mut values = vec![dot(&x.vector, &x.stiff)];
     for step in 0..LIMIT {
+        if is_interrupted() {
+            return None;
+        }
         let value = values[step];
         let residual: Vec<f64> = x.stiff.iter().zip(&x.harmonic).map(|(k, l)| k - value * l).collect();
         let Some(correction) = precondition(laplacian, &residual, &poses, &mut scratch) else {

@@ -4,6 +4,8 @@
 
 use crate::registers::dispatch_widest;
 
+use deaflow_base::is_interrupted;
+
 /// How the iteration ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KrylovEnd {
@@ -11,7 +13,7 @@ pub enum KrylovEnd {
     Converged,
     /// The operator is not positive definite along a direction.
     NegativeCurvature,
-    /// Too many iterations.
+    /// Too many iterations, or an interrupt.
     Limit,
 }
 
@@ -70,6 +72,9 @@ pub fn conjugate_gradients(
     let mut rho = f64::NAN;
     let limit = if r.len() > LARGE { LARGE_LIMIT } else { LIMIT };
     for iteration in 0..limit {
+        if is_interrupted() {
+            break;
+        }
         *iterations += 1;
         precondition(r, z);
         let previous = std::mem::replace(&mut rho, dot(r, z));

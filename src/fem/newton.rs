@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use crate::registers::dispatch_widest;
 
-use deaflow_base::Stream;
+use deaflow_base::{Stream, is_interrupted};
 
 use super::direct::{Factorisation, Structure};
 use super::krylov::{self, KrylovEnd, conjugate_gradients};
@@ -26,7 +26,7 @@ pub enum NewtonFailure {
     LineSearch,
     /// Too many steps.
     Limit,
-    /// The work limit was reached.
+    /// The work limit was reached, or the computation was interrupted.
     Work,
 }
 
@@ -130,15 +130,18 @@ impl Workspace {
         self.other_work + u64::from(self.krylov.iterations - self.iterations_before)
     }
 
-    /// Returns whether the work limit is reached.
+    /// Returns whether the work limit is reached, or the computation is interrupted.
     #[must_use]
     pub fn is_spent(&self) -> bool {
-        self.limit.is_spent(self.work())
+        self.limit.is_spent(self.work()) || is_interrupted()
     }
 
-    /// Factorises the tangent at `u`; `None` if a pivot is zero or memory is short.
+    /// Factorises the tangent at `u`; `None` if a pivot is zero, memory is short, or the computation is interrupted.
     pub fn factorise<L: Material>(&mut self, operator: &Operator<'_, L>, u: &[f64]) -> Option<Factorisation> {
         self.other_work += factors(u.len());
+        if is_interrupted() {
+            return None;
+        }
         if self.structure.is_none() {
             self.structure = Structure::new(operator.activity.grid());
         }

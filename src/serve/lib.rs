@@ -4,11 +4,12 @@
 //! `deaflow run`, which it starts if that was allowed, changes anything. `docs/serve.md` describes its paths, which
 //! scripts may use as well. `http` has the protocol and access control, `sketch` simulates drawn patterns, `browse`
 //! answers queries about the store and its pipelines, `jobs` starts and watches runs, `cache` holds what stays in
-//! memory between requests, and `page` the files of the page.
+//! memory between requests, `compute` ends simulations that nobody waits for, and `page` holds the files of the page.
 
 mod artifact_data;
 mod browse;
 mod cache;
+mod compute;
 mod http;
 mod jobs;
 mod routes;

@@ -2,27 +2,35 @@
 
 use std::sync::Arc;
 
+use super::compute::{TIME_LIMIT, limited};
 use super::http::{ApiError, Handler, Lane, Method, Request, Response, asset};
 use super::state::ServerState;
 use super::{browse, sketch};
+use deaflow_base::Interrupt;
 
 /// Handles requests with the state of a server.
 pub struct Routes(pub Arc<ServerState>);
 
 impl Handler for Routes {
-    fn lane(&self, path: &[String]) -> Lane {
-        let step = |at: usize| path.get(at).map(String::as_str);
+    fn lane(&self, request: &Request) -> Lane {
+        let step = |at: usize| request.path.get(at).map(String::as_str);
         match (step(1), step(2), step(3)) {
-            (Some("sketch"), Some("reproduce"), _) => Lane::Reading,
-            (Some("sketch"), _, _) | (Some("artifacts"), _, Some("again" | "judged" | "prediction")) => {
-                Lane::Simulating
-            }
+            (Some("sketch"), None, _) if sketch::is_quick(&request.body) => Lane::Quick,
+            // A search runs on a thread of its own.
+            (Some("sketch"), Some("improve"), _) => Lane::Quick,
+            // A plan screens a scene with `effects: auto`.
+            (Some("plan"), _, _) | (Some("pipelines"), Some(_), _) => Lane::Quick,
+            (Some("sketch"), None | Some("screen"), _)
+            | (Some("artifacts"), _, Some("again" | "judged" | "prediction")) => Lane::Simulating,
             _ => Lane::Reading,
         }
     }
 
-    fn handle(&self, request: &Request) -> Result<Response, ApiError> {
-        route(&self.0, request)
+    fn handle(&self, request: &Request, lane: Lane, left: &Interrupt) -> Result<Response, ApiError> {
+        match lane {
+            Lane::Reading => route(&self.0, request),
+            Lane::Quick | Lane::Simulating => limited(left, TIME_LIMIT, || route(&self.0, request)),
+        }
     }
 }
 

@@ -670,6 +670,29 @@ fn no_request_brings_the_server_down() {
     assert!(!ended.stderr.contains("panicked"), "{}", ended.stderr);
 }
 
+#[test]
+fn sketches_whose_clients_have_left_keep_nobody_waiting() {
+    let workspace = with_scene();
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    let scenes = server.get("/api/scenes").json();
+    let prices = scenes["scenes"][0]["prices"].as_array().unwrap();
+    let price = |elements: u64, order: u64| {
+        let of = |price: &&Value| price["elements_per_cell"] == elements && price["order"] == order;
+        prices.iter().find(of).unwrap()["seconds"].as_f64().unwrap()
+    };
+    assert!(price(8, 2) > 20.0 * price(1, 1), "{prices:?}");
+    // Each would take a minute or more.
+    let fine = json!({ "pattern": rows(disc), "elements_per_cell": 8, "order": 2 });
+    let waiting: Vec<_> = (0..8).map(|_| server.begin("/api/sketch", &fine)).collect();
+    let coarse = json!({ "pattern": rows(disc), "elements_per_cell": 1, "quick": true });
+    assert_eq!(server.post("/api/sketch", &coarse).status, 200);
+    drop(waiting);
+    // It needs one of the places that they had.
+    let next = json!({ "pattern": rows(disc), "elements_per_cell": 4 });
+    assert_eq!(server.post("/api/sketch", &next).json()["outcome"], "converged");
+    assert_eq!(server.end(Signal::INT).code, Some(0));
+}
+
 /// Where photographs are to be kept, for who writes the documentation.
 fn album() -> Option<std::path::PathBuf> {
     std::env::var_os("DEAFLOW_ALBUM").map(Into::into)

@@ -6,6 +6,7 @@ use super::examine::Purpose;
 use super::screen::{Screening, screen_to};
 use super::test_pattern::{TestPattern, reference_patterns, warning_patterns, warning_patterns_with};
 use crate::{SetupError, WorkLimit};
+use deaflow_base::is_interrupted;
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
@@ -83,7 +84,7 @@ fn decide(scene: &Scene) -> Result<Screening, SetupError> {
         WorkLimit::default(),
     )?;
     let mut decided = decided();
-    if decided.len() < MAX_CACHED {
+    if decided.len() < MAX_CACHED && !is_interrupted() {
         decided.push((scene.clone(), screening.clone()));
     }
     Ok(screening)

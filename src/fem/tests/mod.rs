@@ -8,6 +8,7 @@ mod effects;
 mod fringe;
 mod groups;
 mod hard;
+mod interrupts;
 mod invariance;
 mod known;
 mod large;

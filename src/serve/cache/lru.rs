@@ -3,6 +3,8 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use deaflow_base::is_interrupted;
+
 /// Values by key; the least recently used ones are dropped.
 pub struct LruCache<K, V> {
     capacity: usize,
@@ -30,7 +32,8 @@ impl<K: PartialEq + Clone, V> LruCache<K, V> {
         Some(value)
     }
 
-    /// Returns the value of a key, which is computed if it is not in the cache.
+    /// Returns the value of a key, which is computed if it is not in the cache. The result of an interrupted computation
+    /// is not kept.
     ///
     /// # Errors
     /// If the computation fails.
@@ -39,7 +42,9 @@ impl<K: PartialEq + Clone, V> LruCache<K, V> {
             return Ok(known);
         }
         let value = Arc::new(compute()?);
-        self.put(key.clone(), &value);
+        if !is_interrupted() {
+            self.put(key.clone(), &value);
+        }
         Ok(value)
     }
 

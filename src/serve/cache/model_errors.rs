@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::artifact_data::{cells_of, inputs_of, labels, patterns};
 use crate::http::ApiError;
-use deaflow_base::ArtifactId;
+use deaflow_base::{ArtifactId, is_interrupted};
 use deaflow_content::{ALL_FAMILIES, ArtifactKind, Balanced};
 use deaflow_dataset::Split;
 use deaflow_field::Predictor;
@@ -88,6 +88,9 @@ impl ModelErrors {
         let (path, [count, _, _]) = patterns(set)?;
         let cells = network.form().raster.cells();
         for start in (0..count).step_by(BLOCK) {
+            if is_interrupted() {
+                return Err(ApiError::new(408, "the request was interrupted"));
+            }
             let block = start..(start + BLOCK).min(count);
             let mut rows: Vec<usize> = block.clone().filter(|&row| splits[row] == self.split.name()).collect();
             self.total += rows.len();

@@ -9,19 +9,21 @@ use std::time::Duration;
 
 use http_body_util::{BodyExt, Full, Limited};
 use hyper::StatusCode;
-use hyper::body::{Bytes, Incoming};
+use hyper::body::{Body, Bytes, Incoming};
 use hyper::header::{ALLOW, CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_TYPE, HeaderName, HeaderValue, SET_COOKIE};
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use tokio::sync::Semaphore;
 use tokio::time::timeout;
 
 use super::assets;
+use super::connections::Connections;
 use super::error::ApiError;
 use super::guard::{Guard, Token};
+use super::places::{Client, Lane, PLACES, Places};
 use super::request::{Method, Request, steps, words};
 use super::response::{Response, ResponseBody, line_of};
+use deaflow_base::Interrupt;
 
 /// Bytes of a body: the largest pattern as JSON or as an image fits.
 const MAX_BODY: usize = 4 << 20;
@@ -29,11 +31,8 @@ const MAX_BODY: usize = 4 << 20;
 /// Bytes of the head of a request.
 const MAX_HEAD: usize = 16 << 10;
 
-/// Connections at a time; a browser opens six.
-const MAX_CONNECTIONS: usize = 64;
-
-/// Requests that are handled at a time; others wait.
-const MAX_REQUESTS: usize = 8;
+/// Requests that are handled at a time; others wait. At most half of them simulate, so that reading stays fast.
+const MAX_REQUESTS: usize = 2 * PLACES;
 
 /// Time limit for the head of a request, and for its body.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -62,23 +61,14 @@ pub enum ServeError {
 
 /// Handles requests.
 pub trait Handler: Send + Sync + 'static {
-    /// Returns the queue of a path.
-    fn lane(&self, path: &[String]) -> Lane;
+    /// Returns the queue of a request.
+    fn lane(&self, request: &Request) -> Lane;
 
-    /// Returns the response. It runs on a thread that may block.
+    /// Returns the response. It runs on a thread that may block; `left` is raised once the client has left.
     ///
     /// # Errors
     /// If the request cannot be answered.
-    fn handle(&self, request: &Request) -> Result<Response, ApiError>;
-}
-
-/// The queue that a request waits in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lane {
-    /// Requests that only read.
-    Reading,
-    /// Requests that simulate: at most half of the threads, so that reading stays fast.
-    Simulating,
+    fn handle(&self, request: &Request, lane: Lane, left: &Interrupt) -> Result<Response, ApiError>;
 }
 
 /// A server that listens.
@@ -138,7 +128,7 @@ impl Server {
         let shared = Arc::new(Shared {
             guard: Guard::new(self.token, self.address.port()),
             handler,
-            simulating: Arc::new(Semaphore::new(MAX_REQUESTS / 2)),
+            places: Places::default(),
         });
         let ended = runtime.block_on(accept(self.listener, shared, stop));
         runtime.shutdown_background();
@@ -149,12 +139,12 @@ impl Server {
 struct Shared {
     guard: Guard,
     handler: Arc<dyn Handler>,
-    simulating: Arc<Semaphore>,
+    places: Places,
 }
 
 async fn accept(listener: TcpListener, shared: Arc<Shared>, stop: &AtomicBool) -> io::Result<()> {
     let listener = tokio::net::TcpListener::from_std(listener)?;
-    let connections = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let mut connections = Connections::default();
     while !stop.load(Ordering::Relaxed) {
         let Ok(accepted) = timeout(PAUSE, listener.accept()).await else {
             continue;
@@ -164,16 +154,18 @@ async fn accept(listener: TcpListener, shared: Arc<Shared>, stop: &AtomicBool) -
             tokio::time::sleep(PAUSE).await;
             continue;
         };
-        let Ok(permit) = Arc::clone(&connections).try_acquire_owned() else {
+        if !connections.make_room() {
             continue;
-        };
+        }
         // Small responses are sent at once.
         let _ = stream.set_nodelay(true);
         let shared = Arc::clone(&shared);
-        tokio::spawn(async move {
+        let is_admitted = Arc::new(AtomicBool::new(false));
+        let admitted = Arc::clone(&is_admitted);
+        let task = tokio::spawn(async move {
             let service = service_fn(|request| {
-                let shared = Arc::clone(&shared);
-                async move { Ok::<_, Infallible>(respond(&shared, request).await) }
+                let (shared, admitted) = (Arc::clone(&shared), Arc::clone(&admitted));
+                async move { Ok::<_, Infallible>(respond(&shared, &admitted, request).await) }
             });
             let mut builder = http1::Builder::new();
             builder
@@ -182,21 +174,29 @@ async fn accept(listener: TcpListener, shared: Arc<Shared>, stop: &AtomicBool) -
                 .max_buf_size(MAX_HEAD);
             // An error of a connection concerns no other one.
             let _ = builder.serve_connection(TokioIo::new(stream), service).await;
-            drop(permit);
         });
+        connections.add(task.abort_handle(), is_admitted);
     }
     Ok(())
 }
 
-async fn respond(shared: &Arc<Shared>, request: hyper::Request<Incoming>) -> hyper::Response<ResponseBody> {
+async fn respond(
+    shared: &Arc<Shared>,
+    admitted: &AtomicBool,
+    request: hyper::Request<Incoming>,
+) -> hyper::Response<ResponseBody> {
     let is_page = request.method() == hyper::Method::GET && !request.uri().path().starts_with("/api/");
-    match handle(shared, request).await {
+    match handle(shared, admitted, request).await {
         Ok(response) => to_http(shared, response),
         Err(error) => error_to_http(&error, is_page),
     }
 }
 
-async fn handle(shared: &Arc<Shared>, request: hyper::Request<Incoming>) -> Result<Response, ApiError> {
+async fn handle(
+    shared: &Arc<Shared>,
+    admitted: &AtomicBool,
+    request: hyper::Request<Incoming>,
+) -> Result<Response, ApiError> {
     shared.guard.check(request.headers())?;
     let malformed = || ApiError::bad_request("the URL is malformed");
     let path = steps(request.uri().path()).ok_or_else(malformed)?;
@@ -209,17 +209,24 @@ async fn handle(shared: &Arc<Shared>, request: hyper::Request<Incoming>) -> Resu
     };
     let is_index = path.is_empty() && method == Method::Get;
     if is_index && query.get("token").is_some_and(|token| shared.guard.is_token(token)) {
+        admitted.store(true, Ordering::Relaxed);
         return Ok(Response::Index { has_token: true });
     }
     shared.guard.admit(request.headers())?;
+    admitted.store(true, Ordering::Relaxed);
     if is_index {
         return Ok(Response::Index { has_token: false });
+    }
+    let too_long = || ApiError::new(413, "the body is too long").help(format!("allowed: {MAX_BODY} bytes"));
+    // The declared length, without reading the body.
+    if request.body().size_hint().lower() > MAX_BODY as u64 {
+        return Err(too_long());
     }
     let body = Limited::new(request.into_body(), MAX_BODY).collect();
     let body = match timeout(PATIENCE, body).await {
         Ok(Ok(body)) => body.to_bytes().to_vec(),
         Ok(Err(error)) if error.is::<http_body_util::LengthLimitError>() => {
-            return Err(ApiError::new(413, "the body is too long").help(format!("allowed: {MAX_BODY} bytes")));
+            return Err(too_long());
         }
         Ok(Err(_)) => return Err(ApiError::bad_request("the connection broke while the body was read")),
         Err(_) => return Err(ApiError::new(408, "timeout while the body was read")),
@@ -231,13 +238,17 @@ async fn handle(shared: &Arc<Shared>, request: hyper::Request<Incoming>) -> Resu
         body,
     };
     // A request whose client leaves while it waits here is dropped: while somebody draws, only the latest one counts.
-    let permit = match shared.handler.lane(&request.path) {
-        Lane::Simulating => Arc::clone(&shared.simulating).acquire_owned().await.ok(),
-        Lane::Reading => None,
-    };
+    let lane = shared.handler.lane(&request);
+    let permit = shared.places.take(lane).await;
     let handler = Arc::clone(&shared.handler);
+    // This future is dropped when the client leaves.
+    let client = Client::default();
+    let left = client.left();
     let work = move || {
-        let response = handler.handle(&request);
+        let response = match left.is_raised() {
+            true => Err(ApiError::new(408, "the client has left")),
+            false => handler.handle(&request, lane, &left),
+        };
         // Held until the work is done, even if the client is gone.
         drop(permit);
         response

@@ -1,7 +1,7 @@
 // The sketchpad: a pattern, and the membrane that moves while it is drawn.
 
 import { frame, json } from "./server.js";
-import { attempt, choice, h, labelled, near, number, numeric, problem, replace, settled, showInvalid } from "./elements.js";
+import { attempt, bytes, choice, h, labelled, near, number, numeric, problem, replace, seconds, settled, showInvalid } from "./elements.js";
 import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { range } from "./colours.js";
 import { Pattern } from "./pattern.js";
@@ -17,6 +17,8 @@ import { Compare, Effects } from "./sketch-panels.js";
 const STILL = 250;
 /** A request that takes longer is dropped for the next one, ms. */
 const PATIENCE = 250;
+/** Shorter solutions do not tell the pace of the machine, s. */
+const SHORT = 0.01;
 
 /** Colourings of the membrane: label, unit, divisor of the values, whether the colours start at zero, and digits of the ends. */
 const COLOURINGS = {
@@ -33,9 +35,10 @@ const MOST_VOLTS = 1e6;
 
 /** @param {HTMLElement} view @param {{pattern?: number[][], scene?: string}} first @returns {Promise<() => void>} a function that ends it */
 export async function sketchpad(view, first = {}) {
-  const { scenes, refused } = await json("scenes");
+  const { scenes, refused, time_limit: limit } = await json("scenes");
   const pad = new Sketchpad(view, scenes, first);
   pad.refused = refused;
+  pad.limit = limit;
   pad.build();
   return () => pad.end();
 }
@@ -46,6 +49,8 @@ class Sketchpad {
     this.view = view;
     this.scenes = scenes;
     /** @type {any[]} */ this.refused = [];
+    /** Time limit of a request, s. */ this.limit = Infinity;
+    /** Time of a solution here, with these effects, relative to its price. */ this.pace = 1;
     this.scene = scenes.find((scene) => scene.name === first.scene) ?? scenes[0];
     const before = kept(this.scene);
     const given = first.pattern?.length ? Pattern.of(first.pattern) : null;
@@ -244,14 +249,45 @@ class Sketchpad {
   methodControls() {
     const methods = [["newton", "Newton"], ["linear", "linear estimate"], ["chord:1", "1 chord step"], ["chord:2", "2 chord steps"], ["chord:4", "4 chord steps"]];
     const elements = ["1", "2", "3", "4", "8"].map((count) => [count, count]);
+    this.elementsChoice = choice("elements", /** @type {any} */ (elements), String(this.elements), (count) => this.take({ elements: Number(count) }));
+    this.orderChoice = choice("order", [["1", "bilinear"], ["2", "biquadratic"]], String(this.order), (order) => this.take({ order: Number(order) }));
+    this.priceText = h("p", { class: "soft small", id: "price" });
+    this.showPrices();
     return h(
       "fieldset",
       {},
       h("legend", {}, "Method and mesh"),
       labelled("Method", choice("method", /** @type {any} */ (methods), this.method, (method) => this.take({ method }))),
-      labelled("Elements per cell", choice("elements", /** @type {any} */ (elements), String(this.elements), (count) => this.take({ elements: Number(count) }))),
-      labelled("Order", choice("order", [["1", "bilinear"], ["2", "biquadratic"]], String(this.order), (order) => this.take({ order: Number(order) }))),
+      labelled("Elements per cell", this.elementsChoice),
+      labelled("Order", this.orderChoice),
+      this.priceText,
     );
+  }
+
+  /** The price of a mesh; undefined if the page does not solve it. @param {number} elements @param {number} order */
+  price(elements, order) {
+    return this.scene.prices.find((/** @type {any} */ price) => price.elements_per_cell === elements && price.order === order);
+  }
+
+  /** Shows what each mesh costs, before it is chosen. */
+  showPrices() {
+    const words = (/** @type {number} */ elements, /** @type {number} */ order) => {
+      const price = this.price(elements, order);
+      return price ? `about ${seconds(Number((this.pace * price.seconds).toPrecision(1)))}, ${bytes(Number(price.bytes.toPrecision(1)))}` : "too fine for the page";
+    };
+    for (const option of this.elementsChoice.options) option.textContent = `${option.value} (${words(Number(option.value), this.order)})`;
+    for (const option of this.orderChoice.options) option.textContent = `${option.value === "1" ? "bilinear" : "biquadratic"} (${words(this.elements, Number(option.value))})`;
+    const own = this.price(this.elements, this.order);
+    const isLong = own && this.pace * own.seconds > this.limit;
+    this.priceText.textContent = `Time and memory with the critical voltage and the error; a request ends after ${seconds(this.limit)}.${isLong ? " This mesh probably takes longer." : ""}`;
+  }
+
+  /** Adapts the prices to this machine, pattern and effects, by the time of a solution. @param {any} found */
+  learnPace(found) {
+    const price = this.price(found.elements_per_cell, found.order);
+    if (!price || found.method !== "newton") return;
+    this.pace = Math.min(Math.max(found.seconds, SHORT) / Math.max(price.solution, SHORT), 100);
+    this.showPrices();
   }
 
   pointPanel() {
@@ -309,6 +345,7 @@ class Sketchpad {
   take(values) {
     Object.assign(this, values);
     // The critical voltage depends on mesh and effects.
+    if ("elements" in values || "order" in values) this.showPrices();
     if (["effects", "elements", "method", "order"].some((name) => name in values)) this.criticalText.textContent = "computing the critical voltage …";
     this.changed(false);
   }
@@ -493,6 +530,7 @@ class Sketchpad {
       this.criticalText.textContent = critical === null ? "no instability found" : `limit ${critical}${differs ? ` (${own})` : ""}`;
       this.criticalText.title = own;
     }
+    this.learnPace(found);
     this.numbers.show();
     this.line.textContent = found.max_displacement === null ? `no stable state: ${found.outcome}` : `value ${number(found.value, 4)} mm, largest ${number(found.max_displacement, 4)} mm`;
     this.grey();

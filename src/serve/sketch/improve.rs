@@ -14,9 +14,10 @@ use serde_json::{Value, json};
 use super::bisection::{PatternBracket, between, is_reached};
 use super::request::{SketchRequest, quantity};
 use crate::cache::lock;
+use crate::compute::interruptible;
 use crate::http::{ApiError, LineSender, Request, Response};
 use crate::state::ServerState;
-use deaflow_base::{Dimension, Document, Stopped};
+use deaflow_base::{Dimension, Document, Interrupt, Stopped};
 use deaflow_design::{ConstraintParameters, Constraints, Goal, SearchProblem};
 use deaflow_fem::GradientEvaluator;
 use deaflow_field::{Differentiable, Field, InStates, PredictError, Predictor, StateFields, WithGradient};
@@ -26,7 +27,7 @@ use deaflow_scene::Scene;
 /// Tolerance of the area fraction.
 const AREA_TOLERANCE: f64 = 0.005;
 
-/// Time that the search before has to end: it ends when its current solutions are done.
+/// Time that the search before has to end: it ends within an iteration of its current solution.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// The running search: one at a time, since a search uses all threads.
@@ -111,11 +112,11 @@ pub fn improve(state: &ServerState, request: &Request) -> Result<Response, ApiEr
         constraints,
         area: drawn.area,
         lines,
-        permit,
+        permit: Arc::new(permit),
     };
     let started = std::thread::Builder::new()
         .name("improve".to_owned())
-        .spawn(move || search.run(&pattern));
+        .spawn(move || search.start(&pattern));
     started.map_err(|error| ApiError::new(503, format!("cannot start the search: {error}")))?;
     Ok(response)
 }
@@ -169,7 +170,7 @@ struct Improvement {
     constraints: Constraints,
     area: Option<f64>,
     lines: LineSender,
-    permit: SearchPermit,
+    permit: Arc<SearchPermit>,
 }
 
 /// A pattern with its fields.
@@ -179,6 +180,17 @@ struct EvaluatedPattern {
 }
 
 impl Improvement {
+    /// Searches until the client leaves or another search is started.
+    fn start(&self, pattern: &Pattern) {
+        let (lines, permit) = (self.lines.clone(), Arc::downgrade(&self.permit));
+        let is_superseded = move || permit.upgrade().is_none_or(|permit| permit.is_superseded());
+        let interrupt = Interrupt::when(move || lines.is_closed() || is_superseded());
+        if let Err(error) = interruptible(&interrupt, || self.run(pattern)) {
+            // The client may be gone.
+            let _ = self.lines.send(&failed(error.message_with_help()));
+        }
+    }
+
     fn run(&self, start: &Pattern) {
         let began = Instant::now();
         let evaluator = ReportingEvaluator {

@@ -3,6 +3,7 @@
 mod bisection;
 mod files;
 mod improve;
+mod price;
 mod reproduce;
 mod request;
 mod scenes;
@@ -11,6 +12,7 @@ mod solve;
 
 pub use files::{export, import};
 pub use improve::improve;
+pub use price::is_quick;
 pub use reproduce::reproduce;
 pub use scenes::scenes;
 pub use screen::screen;

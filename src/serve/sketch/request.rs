@@ -18,6 +18,15 @@ use deaflow_stage::direct;
 /// Elements along a side of the membrane, times their order: finer meshes take too long for the page.
 const MAX_ELEMENTS: usize = 1024;
 
+/// Elements along a side of a cell and their order, by default.
+pub const DEFAULT_MESH: (u64, u64) = (2, 1);
+
+/// Whether a mesh on `[columns, rows]` cells is not too fine for the page.
+#[must_use]
+pub fn is_solved_here([columns, rows]: [usize; 2], mesh: Mesh) -> bool {
+    columns.max(rows) * mesh.elements_per_cell() * mesh.order().degree() <= MAX_ELEMENTS
+}
+
 /// A pattern and how to simulate it. Numbers without a unit are in mm, V and degrees.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -73,13 +82,13 @@ impl SketchRequest {
         let method: Method = method.parse().map_err(|unknown| {
             ApiError::bad_request(format!("invalid `method`: {method:?}")).help(format!("{unknown}"))
         })?;
-        let (elements, order) = (self.elements_per_cell.unwrap_or(2), self.order.unwrap_or(1));
+        let (elements, order) = DEFAULT_MESH;
+        let (elements, order) = (self.elements_per_cell.unwrap_or(elements), self.order.unwrap_or(order));
         let mesh = Mesh::from_numbers(elements, order).ok_or_else(|| {
             ApiError::bad_request(format!("invalid mesh: {elements} elements per cell of order {order}"))
                 .help("allowed: elements_per_cell 1 to 8, order 1 or 2")
         })?;
-        let [columns, rows] = scene.membrane().raster.sides();
-        if columns.max(rows) * mesh.elements_per_cell() * order as usize > MAX_ELEMENTS {
+        if !is_solved_here(scene.membrane().raster.sides(), mesh) {
             return Err(ApiError::bad_request(format!(
                 "a mesh of {elements} elements per cell of order {order} is too fine for the page"
             ))

@@ -2,7 +2,9 @@
 
 use serde_json::{Value, json};
 
+use super::price::prices;
 use super::request::with_effects;
+use crate::compute::TIME_LIMIT;
 use crate::http::{ApiError, Request, Response};
 use crate::state::{NamedScene, ServerState};
 use deaflow_fem::effects::EFFECTS;
@@ -21,7 +23,8 @@ pub fn scenes(state: &ServerState, request: &Request) -> Result<Response, ApiErr
         document["path"] = json!(path);
         document
     });
-    Ok(json!({ "scenes": scenes, "refused": refused.collect::<Vec<_>>() }).into())
+    let refused: Vec<Value> = refused.collect();
+    Ok(json!({ "scenes": scenes, "refused": refused, "time_limit": TIME_LIMIT.as_secs() }).into())
 }
 
 fn document(named: &NamedScene) -> Value {
@@ -62,6 +65,7 @@ fn document(named: &NamedScene) -> Value {
         "auto": scene.auto,
         "effects": EFFECTS.iter().map(effect).collect::<Vec<_>>(),
         "parts": parts(scene),
+        "prices": prices([columns, rows]),
     })
 }
 

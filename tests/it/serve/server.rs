@@ -113,6 +113,21 @@ impl Server {
         self.raw(&[head.as_bytes(), body].concat())
     }
 
+    /// Sends a request, and leaves the response on the connection.
+    pub fn begin(&self, path: &str, body: &Value) -> TcpStream {
+        let body = body.to_string();
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
+        let head = format!(
+            "POST {path} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n{}\r\nContent-Length: {}\r\n\r\n",
+            self.port,
+            self.bearer(),
+            body.len()
+        );
+        stream.write_all(head.as_bytes()).unwrap();
+        stream.write_all(body.as_bytes()).unwrap();
+        stream
+    }
+
     /// Bytes as they are, and what comes back; nothing where the server closes without a word.
     pub fn raw(&self, bytes: &[u8]) -> Reply {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
