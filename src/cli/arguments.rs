@@ -153,7 +153,7 @@ pub struct PipelineArguments {
     pub until: Option<String>,
     #[command(flatten)]
     pub set: SetArguments,
-    /// Rehash every file; ignore cached sizes and times
+    /// Rehash every file; ignore cached sizes and times. With --remote, fetch results that are there only
     #[arg(long, help_heading = STORE)]
     pub verify: bool,
     #[command(flatten)]

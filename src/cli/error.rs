@@ -294,7 +294,7 @@ impl From<RemoteError> for CliError {
         let error = match error {
             RemoteError::Input(error) => return error.into(),
             RemoteError::Store(error) => return error.into(),
-            RemoteError::Unreachable { .. } => Self::failure(message).transient(),
+            RemoteError::Unreachable { .. } | RemoteError::Slow { .. } => Self::failure(message).transient(),
             RemoteError::Refused { .. } if may_pass => Self::failure(message).transient(),
             RemoteError::Format { .. } => Self::bad_input(message),
             _ => Self::failure(message),

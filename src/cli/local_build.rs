@@ -12,7 +12,7 @@ use super::progress::RunProgress;
 use super::run_log::RunLog;
 use super::signals::Stop;
 use super::text::Text;
-use super::upstream::StoreAccess;
+use super::upstream::{self, StoreAccess};
 use super::{CliError, Exit, Output, summary, table};
 use deaflow_base::{ArtifactId, OutputFile};
 use deaflow_orchestrator::{Environment, Event, Pipeline, RunOptions, RunOutcome, StageReport, run};
@@ -229,6 +229,11 @@ impl CompleteBuild<'_> {
         let made = outcome.stages.iter().filter_map(made_by);
         let (made, elsewhere): (Vec<StageArtifact>, Vec<StageArtifact>) =
             made.partition(|made| access.remote().is_none() || is_here(access.store(), &made.digest));
+        let doubt = access.doubt(&elsewhere)?;
+        access
+            .remote()
+            .into_iter()
+            .for_each(|remote| upstream::report_problems(remote, output));
         // Artifacts that no stage needed are not fetched for the report.
         let store = &access.store().without_upstream();
         let names: Vec<&str> = made.iter().map(|made| made.stage.as_str()).collect();
@@ -257,6 +262,10 @@ impl CompleteBuild<'_> {
             results.warning_lines().for_each(|line| output.note(&line));
         } else {
             output.text(build.results_text(&outcome, &results, &elsewhere, &access))?;
+        }
+        if let Some((why, exit)) = doubt {
+            output.warn(why);
+            return Ok(exit);
         }
         Ok(match outcome.unstable {
             0 => Exit::Done,

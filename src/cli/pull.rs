@@ -85,7 +85,8 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
         || document(&remote, &pulled, &missing, &foreign),
         || text(arguments, remote.name(), &pulled, &missing),
     )?;
-    Ok(match pulled.failed.is_empty() {
+    let are_records_sound = foreign.damaged().next().is_none() && remote.disagreements().is_empty();
+    Ok(match pulled.failed.is_empty() && are_records_sound {
         true => Exit::Done,
         false if remote.is_disabled() => Exit::TryAgain,
         false => Exit::Failure,

@@ -6,10 +6,11 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use super::arguments::{PipelineArguments, remote_name};
-use super::{CliError, Output, table};
+use super::{CliError, Exit, Output, table};
 use deaflow_base::Background;
 use deaflow_remote::{Configuration, Downloads, IgnoredRecords, Remote, RemoteError, SigningKey};
-use deaflow_store::Store;
+use deaflow_report::StageArtifact;
+use deaflow_store::{Condition, Effort, Store};
 
 /// The time between two reports of fetched artifacts.
 const INTERVAL: Duration = Duration::from_secs(5);
@@ -82,8 +83,9 @@ impl StoreAccess {
             Err(error) => return Err(error.into()),
         }
         report_problems(&remote, output);
+        let store = store.with_upstream(remote.clone());
         Ok(Self {
-            store: store.with_upstream(remote.clone()),
+            store: if arguments.verify { store.fetching() } else { store },
             remote: Some(remote),
         })
     }
@@ -123,6 +125,40 @@ impl StoreAccess {
         if brought.artifacts > 0 && !is_quiet {
             output.note(&format!("{}: {}", remote.name(), describe(&brought)));
         }
+    }
+
+    /// Returns why the results of stages that are on the remote only may not be there, and the exit code; `None` if
+    /// they are, as far as the list of its objects says.
+    ///
+    /// # Errors
+    /// When the store cannot be read.
+    pub fn doubt(&self, elsewhere: &[StageArtifact]) -> Result<Option<(String, Exit)>, CliError> {
+        let (Some(remote), false) = (&self.remote, elsewhere.is_empty()) else {
+            return Ok(None);
+        };
+        let name = remote.name();
+        let mut missing = Vec::new();
+        for made in elsewhere {
+            let condition = self.store.inspect(&made.digest, Effort::Quick)?;
+            if !matches!(condition, Condition::Elsewhere { .. } | Condition::Intact { .. }) {
+                missing.push(made.stage.as_str());
+            }
+        }
+        if !missing.is_empty() {
+            let why = format!(
+                "the results of {} are neither here nor on {name}; the same command builds them",
+                missing.join(", ")
+            );
+            return Ok(Some((why, Exit::Failure)));
+        }
+        let all: Vec<&str> = elsewhere.iter().map(|made| made.stage.as_str()).collect();
+        Ok(remote.is_disabled().then(|| {
+            let why = format!(
+                "the results of {} are not here, and {name} cannot be reached; try again later",
+                all.join(", ")
+            );
+            (why, Exit::TryAgain)
+        }))
     }
 
     /// Describes what has been fetched, for programs.

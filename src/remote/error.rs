@@ -33,6 +33,14 @@ pub enum RemoteError {
         /// The cause, without parts of the signed URL.
         reason: String,
     },
+    /// The storage sent or took data too slowly.
+    #[error("{host} is too slow: {reason}")]
+    Slow {
+        /// Host name and port.
+        host: String,
+        /// The rate, and the time after which it was given up.
+        reason: String,
+    },
     /// The storage refused a request.
     #[error(
         "{host} refuses to {action} `{name}`: {status} {code}{}",
@@ -90,7 +98,9 @@ impl RemoteError {
     #[must_use]
     pub fn help(&self) -> Option<&'static str> {
         match self {
-            Self::Unreachable { .. } => Some("try again later, or set another server with --endpoint of `remote add`"),
+            Self::Unreachable { .. } | Self::Slow { .. } => {
+                Some("try again later, or set another server with --endpoint of `remote add`")
+            }
             Self::Refused { code, status, .. } => match code.as_str() {
                 "RequestTimeTooSkewed" => Some("set the clock of this machine"),
                 "NoSuchBucket" => Some("create the bucket first; deaflow does not create buckets"),
@@ -111,11 +121,16 @@ impl RemoteError {
         }
     }
 
+    /// Returns whether the same command sends the request again at once.
+    pub(super) fn may_be_retried(&self) -> bool {
+        matches!(self, Self::Unreachable { .. })
+    }
+
     /// Returns whether a later attempt may succeed.
     #[must_use]
     pub fn is_transient(&self) -> bool {
         match self {
-            Self::Unreachable { .. } => true,
+            Self::Unreachable { .. } | Self::Slow { .. } => true,
             Self::Refused { status, code, .. } => is_temporary(*status) || code == "RequestTimeTooSkewed",
             Self::Store(error) => error.is_transient(),
             Self::Io { .. } => true,

@@ -16,6 +16,8 @@ mod credentials;
 mod error;
 mod gc;
 mod key;
+mod objects;
+mod paced;
 mod pack;
 mod pull;
 mod push;

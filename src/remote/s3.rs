@@ -18,6 +18,7 @@ use super::bucket::{Bucket, BucketObject, UploadNote};
 use super::config::{Address, check_endpoint};
 use super::credentials::{self, CredentialChain};
 use super::error::{RemoteError, is_temporary};
+use super::paced::{Paced, TooSlow};
 use super::upload;
 use deaflow_base::{InputError, read_bounded};
 
@@ -29,9 +30,6 @@ const CONNECT: Duration = Duration::from_secs(10);
 
 /// Timeout without any data in either direction.
 const SILENCE: Duration = Duration::from_secs(60);
-
-/// Minimum rate of a response in bytes per second.
-const MIN_RATE: u64 = 1000;
 
 /// Timeout of a whole response; a file is resumed after it.
 const MAX_DURATION: Duration = Duration::from_secs(3600);
@@ -144,8 +142,7 @@ impl S3 {
             let response = self.send_once(action, None, body);
             let has_failed = match &response {
                 Ok(response) => is_temporary(response.status().as_u16()),
-                Err(RemoteError::Unreachable { .. }) => true,
-                Err(_) => false,
+                Err(error) => error.may_be_retried(),
             };
             if !has_failed || attempt == ATTEMPTS {
                 return response;
@@ -182,13 +179,16 @@ impl S3 {
                 }
                 file.seek(SeekFrom::Start(from))
                     .map_err(RemoteError::io("read", path))?;
-                let mut part = file.take(length);
+                let mut part = Paced::new(file.take(length));
                 let request = request.header("content-length", length.to_string());
                 let body = SendBody::from_reader(&mut part);
                 self.agent.run(request.body(body).map_err(built)?)
             }
         };
-        let response = response.map_err(|error| self.unreachable(&describe(&error)))?;
+        let response = response.map_err(|error| match error {
+            ureq::Error::Io(error) => self.broken(&error),
+            error => self.unreachable(&describe(&error)),
+        })?;
         self.update_clock(&response);
         Ok(response)
     }
@@ -212,8 +212,9 @@ impl S3 {
         name: &str,
     ) -> Result<(ureq::http::HeaderMap, String), RemoteError> {
         let (status, headers) = (response.status().as_u16(), response.headers().clone());
-        let text = response.into_body().into_with_config().limit(MAX_TEXT).read_to_string();
-        let text = text.map_err(|error| self.unreachable(&describe(&error)))?;
+        let bytes = read_to_limit(response, MAX_TEXT).map_err(|error| self.broken(&error))?;
+        let bytes = bytes.ok_or_else(|| self.too_long(name, MAX_TEXT))?;
+        let text = String::from_utf8_lossy(&bytes).into_owned();
         match (200..300).contains(&status) {
             true => Ok((headers, text)),
             false => Err(self.refused(action, name, status, &text)),
@@ -247,6 +248,17 @@ impl S3 {
         RemoteError::Unreachable {
             host: self.host.clone(),
             reason: reason.to_owned(),
+        }
+    }
+
+    /// Returns the error of a connection that broke off or was too slow.
+    fn broken(&self, error: &std::io::Error) -> RemoteError {
+        match TooSlow::is_cause(error) {
+            true => RemoteError::Slow {
+                host: self.host.clone(),
+                reason: error.to_string(),
+            },
+            false => self.unreachable(&redact(&error.to_string())),
         }
     }
 
@@ -294,21 +306,14 @@ impl S3 {
             _ => return self.check_absent(response, "read", name).map(|()| false),
         }
         let mut length = file.stream_position().map_err(cannot_write())?;
-        let (begin, mut received) = (Instant::now(), 0);
-        let mut reader = response.into_body().into_reader();
+        let mut reader = Paced::new(response.into_body().into_reader());
         let mut buffer = vec![0; BUFFER];
         loop {
-            let count = reader
-                .read(&mut buffer)
-                .map_err(|error| self.unreachable(&error.to_string()))?;
+            let count = reader.read(&mut buffer).map_err(|error| self.broken(&error))?;
             if count == 0 {
                 return Ok(true);
             }
             length += count as u64;
-            received += count as u64;
-            if begin.elapsed() > SILENCE && received < MIN_RATE * begin.elapsed().as_secs() {
-                return Err(self.unreachable(&format!("it sends less than {MIN_RATE} bytes per second")));
-            }
             if length > limit {
                 return Err(self.too_long(name, limit));
             }
@@ -381,11 +386,11 @@ impl Bucket for S3 {
             if response.status() != 200 {
                 return self.check_absent(response, "read", name).map(|()| None);
             }
-            match response.into_body().into_with_config().limit(limit).read_to_vec() {
-                Ok(bytes) => return Ok(Some(bytes)),
-                Err(ureq::Error::BodyExceedsLimit(_)) => return Err(self.too_long(name, limit)),
-                Err(error) if attempt == ATTEMPTS => return Err(self.unreachable(&describe(&error))),
-                Err(_) => attempt += 1,
+            match read_to_limit(response, limit).map_err(|error| self.broken(&error)) {
+                Ok(Some(bytes)) => return Ok(Some(bytes)),
+                Ok(None) => return Err(self.too_long(name, limit)),
+                Err(error) if attempt < ATTEMPTS && error.may_be_retried() => attempt += 1,
+                Err(error) => return Err(error),
             }
         }
     }
@@ -400,7 +405,7 @@ impl Bucket for S3 {
                     return Ok(Some(length));
                 }
                 Ok(false) => return Ok(None),
-                Err(RemoteError::Unreachable { .. }) if attempt < ATTEMPTS => {
+                Err(error) if attempt < ATTEMPTS && error.may_be_retried() => {
                     std::thread::sleep(PAUSE * 2_u32.pow(attempt));
                     attempt += 1;
                 }
@@ -440,6 +445,14 @@ impl Bucket for S3 {
         let clock = *self.clock.lock().unwrap_or_else(PoisonError::into_inner);
         clock.map_or_else(SystemTime::now, |(then, at)| then + at.elapsed())
     }
+}
+
+/// Reads the body of a response; `None` if it is longer than a limit.
+fn read_to_limit(response: Response<Body>, limit: u64) -> std::io::Result<Option<Vec<u8>>> {
+    let mut bytes = Vec::new();
+    let reader = Paced::new(response.into_body().into_reader());
+    reader.take(limit + 1).read_to_end(&mut bytes)?;
+    Ok((bytes.len() as u64 <= limit).then_some(bytes))
 }
 
 fn agent() -> Result<Agent, RemoteError> {

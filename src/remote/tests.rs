@@ -306,8 +306,10 @@ fn objects_are_downloaded_when_they_are_read() {
     let (manifest, parts) = anna.make_chunks(3);
     anna.push(&memory).unwrap();
     let (store, remote, _) = ben.reading(&memory, &[&anna]);
-    let asked = memory.asked.load(Ordering::Relaxed);
     let record = store.record(&manifest.key).unwrap().record().unwrap();
+    // The objects are listed once.
+    store.inspect_made(&record, Effort::Quick).unwrap();
+    let asked = memory.asked.load(Ordering::Relaxed);
     let condition = store.inspect_made(&record, Effort::Quick).unwrap();
     assert_eq!(condition, Condition::Elsewhere { size: manifest.size });
     assert_eq!(store.parts(&manifest.artifact).unwrap(), parts);
@@ -618,6 +620,80 @@ fn a_wrong_object_is_rejected_and_repaired_by_the_next_push() {
     let (store, remote, _) = ben.reading(&memory, &[&anna]);
     assert_eq!(pull_all(&store, &remote, &|_, _| ()).unwrap().failed, []);
     assert!(ben.store.fsck(&|_, _| ()).unwrap().is_sound());
+}
+
+#[test]
+fn a_removed_object_is_not_counted_on() {
+    let (memory, anna, ben) = (Arc::new(Memory::default()), Person::new(), Person::new());
+    let (one, two) = (anna.make(1, 0.5), anna.make(2, 0.6));
+    let (manifest, parts) = anna.make_chunks(3);
+    anna.push(&memory).unwrap();
+    for removed in [&one.artifact, &parts[1]] {
+        memory.delete(&object_name(removed)).unwrap();
+    }
+    let (store, remote, _) = ben.reading(&memory, &[&anna]);
+    let condition = |artifact: &ArtifactId| store.inspect(artifact, Effort::Quick).unwrap();
+    for missing in [&one.artifact, &parts[1], &manifest.artifact] {
+        assert!(matches!(condition(missing), Condition::Missing), "{missing}");
+    }
+    for there in [&two.artifact, &parts[0], &parts[2]] {
+        assert!(matches!(condition(there), Condition::Elsewhere { .. }), "{there}");
+    }
+    let warnings = remote.take_warnings();
+    assert_eq!(warnings.len(), 3, "{warnings:?}");
+    assert!(
+        warnings[0].contains("removed") && warnings[2].contains(&parts[1].short()),
+        "{warnings:?}"
+    );
+    anna.push_again(&memory, true).unwrap();
+    let (store, _, _) = ben.reading(&memory, &[&anna]);
+    let condition = store.inspect(&manifest.artifact, Effort::Quick).unwrap();
+    assert!(matches!(condition, Condition::Elsewhere { .. }));
+}
+
+#[test]
+fn an_invalid_object_is_remembered_until_it_is_replaced() {
+    let (memory, anna, ben) = (Arc::new(Memory::default()), Person::new(), Person::new());
+    let record = anna.make(1, 0.5);
+    anna.push(&memory).unwrap();
+    let name = object_name(&record.artifact);
+    let sound = memory.get(&name, 0).unwrap().unwrap();
+    memory.put(&name, b"nothing").unwrap();
+    let look = |person: &Person| {
+        let (store, remote, _) = person.reading(&memory, &[&anna]);
+        let condition = store.inspect(&record.artifact, Effort::Quick).unwrap();
+        (matches!(condition, Condition::Elsewhere { .. }), remote.take_warnings())
+    };
+    // It is listed, and nobody has looked into it.
+    assert!(look(&ben).0);
+    let (store, remote, _) = ben.reading(&memory, &[&anna]);
+    assert_eq!(pull_all(&store, &remote, &|_, _| ()).unwrap().failed, [record.artifact]);
+    let why = remote.take_warnings();
+    assert_eq!(look(&ben), (false, why));
+    // A pull looks again.
+    let asked = memory.asked.load(Ordering::Relaxed);
+    let (store, remote, _) = ben.reading(&memory, &[&anna]);
+    assert_eq!(pull_all(&store, &remote, &|_, _| ()).unwrap().failed, [record.artifact]);
+    assert!(memory.asked.load(Ordering::Relaxed) > asked + 2);
+    memory.put(&name, &sound).unwrap();
+    assert_eq!(look(&ben), (true, Vec::new()));
+}
+
+#[test]
+fn a_store_that_fetches_has_what_it_reports() {
+    let (memory, anna, ben) = (Arc::new(Memory::default()), Person::new(), Person::new());
+    let (one, two) = (anna.make(1, 0.5), anna.make(2, 0.6));
+    let (manifest, _) = anna.make_chunks(3);
+    anna.push(&memory).unwrap();
+    memory.put(&object_name(&one.artifact), b"nothing").unwrap();
+    let (store, _, _) = ben.reading(&memory, &[&anna]);
+    let store = store.fetching();
+    let condition = |artifact: &ArtifactId| store.inspect(artifact, Effort::Quick).unwrap();
+    assert!(matches!(condition(&one.artifact), Condition::Missing));
+    for record in [&two, &manifest] {
+        assert!(matches!(condition(&record.artifact), Condition::Intact { .. }));
+        assert!(ben.store.has(&record.artifact));
+    }
 }
 
 #[test]

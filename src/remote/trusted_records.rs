@@ -36,6 +36,15 @@ pub struct IgnoredRecords {
     pub rejected: Vec<(String, PackError)>,
 }
 
+impl IgnoredRecords {
+    /// Returns the files of trusted signers that are damaged, not those with other names or of other versions.
+    pub fn damaged(&self) -> impl Iterator<Item = &(String, PackError)> {
+        self.rejected
+            .iter()
+            .filter(|(_, why)| !matches!(why, PackError::BadName | PackError::OtherVersion))
+    }
+}
+
 /// The statements of trusted signers.
 #[derive(Default)]
 pub struct TrustedRecords {

@@ -10,6 +10,7 @@ use super::bucket::Bucket;
 use super::config::RemoteConfiguration;
 use super::error::RemoteError;
 use super::key::{PublicKey, SigningKey, TrustedKey};
+use super::objects::{ObjectState, Objects};
 use super::pack::{self, PackError, RECORDS, Statement};
 use super::s3::S3;
 use super::trusted_records::{Disagreement, IgnoredRecords, TrustedRecords};
@@ -28,6 +29,9 @@ const MARGIN: u64 = 16 << 20;
 
 /// Maximum size in bytes of a file without recorded size.
 const MAX_UNKNOWN: u64 = 64 << 30;
+
+/// Why an artifact cannot be downloaded whose object is gone.
+const REMOVED: &str = "it was removed";
 
 /// Prefix of object names.
 pub const OBJECTS: &str = "objects/";
@@ -66,6 +70,7 @@ pub struct Remote {
     records: RwLock<TrustedRecords>,
     /// Artifacts that could not be downloaded.
     missing: Mutex<BTreeSet<ArtifactId>>,
+    objects: Objects,
     warnings: Mutex<Vec<String>>,
     /// Whether requests have stopped because the remote cannot be reached.
     is_disabled: AtomicBool,
@@ -109,6 +114,7 @@ impl Remote {
             folder: store.remote_folder(place),
             records: RwLock::default(),
             missing: Mutex::default(),
+            objects: Objects::new(store.remote_folder(place).join("invalid")),
             warnings: Mutex::default(),
             is_disabled: AtomicBool::new(false),
             has_warned_of_cache: AtomicBool::new(false),
@@ -154,6 +160,7 @@ impl Remote {
     /// Returns an error if the remote cannot be reached or the location is not a remote.
     pub fn refresh(&self) -> Result<IgnoredRecords, RemoteError> {
         self.check_marker()?;
+        self.objects.refresh();
         let mut ignored = IgnoredRecords::default();
         let mut packs = Vec::new();
         for entry in self.bucket.list(RECORDS)? {
@@ -377,6 +384,44 @@ impl Remote {
         }
     }
 
+    /// Prepares to download artifacts again that were invalid.
+    pub fn try_again(&self, artifacts: &[ArtifactId]) {
+        for artifact in artifacts {
+            self.objects.forget(artifact);
+            let parts = self.with_records(|records| records.artifact(artifact)?.parts.clone());
+            parts.iter().flatten().for_each(|part| self.objects.forget(part));
+        }
+    }
+
+    /// Returns whether an object of an artifact can be downloaded, as far as is known; otherwise it is marked as
+    /// missing.
+    fn is_available(&self, artifact: &ArtifactId) -> bool {
+        let is_missing = |missing: &Mutex<BTreeSet<ArtifactId>>| {
+            missing
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .contains(artifact)
+        };
+        if is_missing(&self.missing) {
+            return false;
+        }
+        if self.is_disabled() {
+            // Its records were read before: nothing else is known.
+            return true;
+        }
+        let failed = |error: &RemoteError| match error {
+            RemoteError::Unreachable { .. } | RemoteError::Slow { .. } => self.disable(error),
+            error => self.warn(format!("{}: cannot list the objects: {error}", self.name)),
+        };
+        let why = match self.objects.state(artifact, &*self.bucket, &failed) {
+            ObjectState::Present | ObjectState::Unknown => return true,
+            ObjectState::Absent => REMOVED.to_owned(),
+            ObjectState::Invalid(why) => why,
+        };
+        self.mark_missing(artifact, Some(&why));
+        false
+    }
+
     /// Marks an artifact as missing, with a warning the first time if there is a reason.
     fn mark_missing(&self, artifact: &ArtifactId, why: Option<&str>) {
         let mut missing = self.missing.lock().unwrap_or_else(PoisonError::into_inner);
@@ -447,11 +492,17 @@ impl Upstream for Remote {
     }
 
     fn find_artifact(&self, artifact: &ArtifactId) -> Option<UpstreamArtifact> {
-        let missing = self.missing.lock().unwrap_or_else(PoisonError::into_inner);
-        match missing.contains(artifact) {
-            true => None,
-            false => self.with_records(|records| records.artifact(artifact).cloned()),
+        let known = self.with_records(|records| records.artifact(artifact).cloned())?;
+        if !self.is_available(artifact) {
+            return None;
         }
+        let lacking = known.parts.iter().flatten().find(|part| !self.is_available(part));
+        if let Some(part) = lacking {
+            let why = format!("its chunk {} cannot be downloaded", part.short());
+            self.mark_missing(artifact, Some(why.as_str()).filter(|_| !self.is_disabled()));
+            return None;
+        }
+        Some(known)
     }
 
     fn download(&self, artifact: &ArtifactId, target: &Path) -> Result<bool, StoreError> {
@@ -468,12 +519,12 @@ impl Upstream for Remote {
         match self.bucket.get_file(&object_name(artifact), target, limit) {
             Ok(Some(_)) => Ok(true),
             Ok(None) => {
-                self.mark_missing(artifact, Some("it was removed"));
+                self.mark_missing(artifact, Some(REMOVED));
                 Ok(false)
             }
             Err(RemoteError::Io { action, path, source }) => Err(StoreError::Io { action, path, source }),
             Err(RemoteError::Store(error)) => Err(error),
-            Err(error @ RemoteError::Unreachable { .. }) => {
+            Err(error @ (RemoteError::Unreachable { .. } | RemoteError::Slow { .. })) => {
                 self.disable(&error);
                 self.mark_missing(artifact, None);
                 Ok(false)
@@ -491,6 +542,7 @@ impl Upstream for Remote {
     }
 
     fn reject(&self, artifact: &ArtifactId, why: &str) {
+        self.objects.note_invalid(artifact, why);
         self.mark_missing(artifact, Some(why));
     }
 }

@@ -33,6 +33,14 @@ impl Store {
         }
     }
 
+    /// Returns the same store; an artifact that is not here then only exists if it can be downloaded, which is done when
+    /// it is looked for.
+    #[must_use]
+    pub fn fetching(self) -> Self {
+        let upstream = self.upstream.map(UpstreamLink::fetching);
+        Self { upstream, ..self }
+    }
+
     /// Returns the same store without its upstream store.
     #[must_use]
     pub fn without_upstream(&self) -> Self {
@@ -75,7 +83,8 @@ impl Store {
         })
     }
 
-    /// Returns the condition of an artifact that is not here; with [`Effort::Thorough`] it is downloaded.
+    /// Returns the condition of an artifact that is not here; with [`Effort::Thorough`], or in a
+    /// store that is [fetching](Store::fetching), it is downloaded.
     pub(super) fn inspect_upstream(
         &self,
         digest: &ArtifactId,
@@ -84,10 +93,11 @@ impl Store {
         let Some(found) = self.upstream().and_then(|upstream| upstream.find_artifact(digest)) else {
             return Ok(None);
         };
+        let fetches = self.upstream.as_ref().is_some_and(|link| link.fetches);
         match effort {
-            Effort::Quick => Ok(Some(Condition::Elsewhere { size: found.size })),
-            Effort::Thorough if self.fetch(digest)? => Ok(Some(self.without_upstream().inspect(digest, effort)?)),
-            Effort::Thorough => Ok(None),
+            Effort::Quick if !fetches => Ok(Some(Condition::Elsewhere { size: found.size })),
+            _ if self.fetch(digest)? => Ok(Some(self.without_upstream().inspect(digest, effort)?)),
+            _ => Ok(None),
         }
     }
 
@@ -165,7 +175,8 @@ impl Store {
                 self.fetch_records(digest)?;
                 return Ok(true);
             }
-            Ok(false) => "one of its chunks cannot be downloaded".to_owned(),
+            // The chunk has been reported.
+            Ok(false) => return Ok(false),
             Err(StoreError::Damaged { reason, .. }) => reason,
             Err(error @ (StoreError::Object(_) | StoreError::Parts { .. } | StoreError::Hdf(_))) => error.to_string(),
             Err(error) => return Err(error),

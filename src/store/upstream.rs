@@ -51,6 +51,8 @@ pub trait Upstream: Send + Sync {
 #[derive(Clone)]
 pub struct UpstreamLink {
     pub(super) store: Arc<dyn Upstream>,
+    /// Whether what is looked for is downloaded.
+    pub(super) fetches: bool,
     downloads: Arc<(Mutex<HashSet<ArtifactId>>, Condvar)>,
 }
 
@@ -61,8 +63,14 @@ impl UpstreamLink {
     pub fn new(store: Arc<dyn Upstream>) -> Self {
         Self {
             store,
+            fetches: false,
             downloads: Arc::default(),
         }
+    }
+
+    /// Downloads what is looked for.
+    pub(super) fn fetching(self) -> Self {
+        Self { fetches: true, ..self }
     }
 
     /// Waits until no other thread downloads the artifact.
