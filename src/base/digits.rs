@@ -1,5 +1,55 @@
 //! Numbers for people.
 
+/// The most decimals of a number with an error.
+const MOST_DECIMALS: i32 = 6;
+
+/// Formats a number and its estimated error, as in `0.787 ± 0.022`: the error with two significant digits, the number
+/// to the same decimal, both with at most six decimals.
+#[must_use]
+pub fn measured(value: f64, error: f64) -> String {
+    format!("{} ± {}", rounded_by(value, error), error_digits(error))
+}
+
+/// Formats a number to the decimal of the second digit of its estimated error, with at most six decimals.
+#[must_use]
+pub fn rounded_by(value: f64, error: f64) -> String {
+    let text = match last_place(error) {
+        place if place > 0 => {
+            let unit = 10_f64.powi(place);
+            format!("{:.0}", (value / unit).round() * unit)
+        }
+        place => format!("{value:.*}", place.unsigned_abs() as usize),
+    };
+    let is_zero = !text.contains(|c: char| ('1'..='9').contains(&c));
+    match text.strip_prefix('-') {
+        Some(size) if is_zero => size.to_owned(),
+        Some(size) => format!("−{size}"),
+        None => text,
+    }
+}
+
+/// Formats the size of an estimated error with two significant digits and at most six decimals; smaller errors as a
+/// bound.
+#[must_use]
+pub fn error_digits(error: f64) -> String {
+    match error.abs() {
+        size if size < 1e-6 => "< 0.000001".to_owned(),
+        size => rounded_by(size, size),
+    }
+}
+
+/// Returns the power of ten of the second digit of a rounded number: 0.0996 has it where 0.10 has it.
+fn last_place(error: f64) -> i32 {
+    let scientific = format!("{:.1e}", error.abs());
+    let power = scientific
+        .split_once('e')
+        .and_then(|(_, power)| power.parse::<i32>().ok());
+    match power {
+        Some(power) if error != 0.0 => (power - 1).max(-MOST_DECIMALS),
+        _ => -MOST_DECIMALS,
+    }
+}
+
 /// Formats a number with two significant digits and at most five decimals.
 #[must_use]
 pub fn two_digits(value: f64) -> String {
@@ -14,6 +64,33 @@ pub fn two_digits(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_number_is_rounded_by_its_error() {
+        for (value, error, text) in [
+            (0.786_792_74, 0.022, "0.787 ± 0.022"),
+            (2.154_731, 0.000_31, "2.15473 ± 0.00031"),
+            (2.154_731_2, 3.14e-5, "2.154731 ± 0.000031"),
+            (2.154_731_2, 4e-6, "2.154731 ± 0.000004"),
+            (2.154_731_2, 1e-9, "2.154731 ± < 0.000001"),
+            (0.0, 0.0, "0.000000 ± < 0.000001"),
+            (1.25, 0.099_6, "1.25 ± 0.10"),
+            (-0.042_71, 0.001, "−0.0427 ± 0.0010"),
+            (-0.000_4, 0.12, "0.00 ± 0.12"),
+            (12.34, 7.6, "12.3 ± 7.6"),
+            (7371.9, 34.7, "7372 ± 35"),
+            (6433.2, 138.0, "6430 ± 140"),
+            (6433.2, 99.6, "6430 ± 100"),
+            (96.2, 1234.0, "100 ± 1200"),
+        ] {
+            assert_eq!(measured(value, error), text);
+        }
+        assert_eq!(rounded_by(2.154_731, 0.003_2), "2.1547");
+        assert_eq!(
+            [0.022, 0.003_25, 138.0, 2e-7].map(error_digits),
+            ["0.022", "0.0032", "140", "< 0.000001"]
+        );
+    }
 
     #[test]
     fn numbers_have_two_digits_and_no_more_than_five_decimals() {

@@ -11,9 +11,10 @@ use super::point::Probe;
 use super::table::{self, Cell};
 use super::text::Text;
 use super::tone::Tone;
+use deaflow_base::{error_digits, measured, rounded_by};
 use deaflow_fem::CriticalVoltage;
 use deaflow_field::{Field, Mesh, OutcomeKind};
-use deaflow_report::{error, uncertainty};
+use deaflow_report::mm_measured;
 
 /// Up to this many patterns are listed one by one.
 pub const FEW: usize = 20;
@@ -192,20 +193,22 @@ fn list(results: &[SampleResult], probe: Option<&Probe>) -> table::Table {
         .flowing(&["at"])
         .dispensable(&["pattern"]);
     for result in results {
-        let error = result
-            .error_mm()
-            .map_or_else(String::new, |mm| format!(" {}", uncertainty(mm)));
         let mut row = vec![Cell::from(result.id.index)];
         row.extend(has_files.then(|| Cell::from(&result.file)));
         row.extend(has_states.then(|| Cell::from(result.id.state.as_deref().unwrap_or("-"))));
         row.push(Cell::toned(&result.outcome_text(), result.outcome_tone()));
-        let peak = result.peak.map(|peak| format!("{:.4}{error} mm", peak.mm));
+        let peak = result
+            .peak
+            .map(|peak| format!("{} mm", mm_measured(peak.mm, result.error_mm())));
         row.push(Cell::from(peak.unwrap_or("-".to_owned())));
         // With a point it may be below the line, where a dash would take a line of its own.
         let nowhere = if probe.is_some() { "" } else { "-" };
         row.push(Cell::from(result.peak.map_or(nowhere.to_owned(), |peak| peak.at())));
         if probe.is_some() {
-            let along = result.along_mm.map(|mm| format!("{mm:.4} mm"));
+            let along = result.along_mm.map(|mm| match result.error_mm() {
+                Some(error) => format!("{} mm", rounded_by(mm, error)),
+                None => format!("{mm:.4} mm"),
+            });
             row.push(Cell::from(along.unwrap_or("-".to_owned())));
         }
         table.add_row(row);
@@ -236,7 +239,7 @@ fn summary(results: &[SampleResult], file: Option<&Path>) -> Text {
     if let Some((mm, result)) = errors.max_by(|a, b| a.0.total_cmp(&b.0)) {
         text.line(format!(
             "estimated error of the mesh: at most {} mm ({}); it does not include the error of the model",
-            error(mm),
+            error_digits(mm),
             result.id
         ));
     }
@@ -316,7 +319,8 @@ pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
     add_lines(&mut text, Tone::Caution, results, |result| {
         let error = result.missed_mm()?;
         Some(format!(
-            "the requested accuracy is not reached: estimated error {error:.2e} mm on the finest mesh"
+            "the requested accuracy is not reached: estimated error {} mm on the finest mesh",
+            error_digits(error)
         ))
     });
     add_lines(&mut text, Tone::Plain, results, |result| {
@@ -331,7 +335,7 @@ pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
 /// A critical voltage with its error.
 pub fn with_error(critical: &CriticalVoltage) -> String {
     match critical.error {
-        Some(error) => format!("{:.1} ± {error:.1} V", critical.voltage),
+        Some(error) => format!("{} V", measured(critical.voltage, error)),
         None => format!("{:.1} V, error not known", critical.voltage),
     }
 }

@@ -1,5 +1,7 @@
 //! Formats numbers, durations and sizes for people, and names for files.
 
+use deaflow_base::measured;
+
 /// Writes a duration.
 pub fn seconds(seconds: f64) -> String {
     match seconds {
@@ -81,17 +83,9 @@ pub fn change(change: f64) -> String {
     }
 }
 
-/// Writes an estimated error in mm, after a length with four decimals.
-pub fn uncertainty(mm: f64) -> String {
-    format!("± {}", error(mm))
-}
-
-/// Writes the size of an estimated error in mm.
-pub fn error(mm: f64) -> String {
-    match mm.abs() {
-        error if error < 1e-4 => "< 0.0001".to_owned(),
-        error => format!("{error:.4}"),
-    }
+/// Writes a length in mm rounded by its estimated error, with four decimals if that is not known, without its unit.
+pub fn mm_measured(value: f64, error: Option<f64>) -> String {
+    error.map_or_else(|| mm(value), |error| measured(value, error))
 }
 
 /// Writes a fraction in percent, with a number of decimals.
@@ -195,7 +189,10 @@ mod tests {
             ["+1.69 %", "−5.00 %", "0 %", "< 0.0001 %"]
         );
         assert_eq!([1.0, 0.989_84].map(percents), ["100 %", "99.0 %"]);
-        assert_eq!([0.000_31, 2e-5].map(uncertainty), ["± 0.0003", "± < 0.0001"]);
+        assert_eq!(
+            [Some(0.022), None].map(|error| mm_measured(0.786_792_74, error)),
+            ["0.787 ± 0.022", "0.7868"]
+        );
     }
 
     #[test]

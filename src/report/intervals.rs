@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::artifacts::ArtifactReader;
 use super::error::ReportError;
-use super::format::mm;
+use deaflow_base::rounded_by;
 use deaflow_content::{DesignInterval, DesignIntervals, DesignRowsView, Designs};
 
 /// The displacement of a design along the target directions, predicted by a network.
@@ -53,7 +53,12 @@ impl NetworkInterval {
     /// Returns its ends in mm.
     #[must_use]
     pub fn ends(&self) -> String {
-        format!("{} to {}", mm(self.lower_mm), mm(self.upper_mm))
+        format!("{} to {}", self.rounded(self.lower_mm), self.rounded(self.upper_mm))
+    }
+
+    /// Rounds a length in mm by half of the interval.
+    fn rounded(&self, mm: f64) -> String {
+        rounded_by(mm, 0.5 * (self.upper_mm - self.lower_mm))
     }
 }
 
@@ -62,7 +67,7 @@ impl fmt::Display for NetworkInterval {
         write!(
             f,
             "network {} mm, {:.0} %: {} mm",
-            mm(self.predicted_mm),
+            self.rounded(self.predicted_mm),
             100.0 * self.coverage,
             self.ends()
         )?;
@@ -217,7 +222,7 @@ pub(super) mod tests {
         assert_eq!(super::verdict(std::iter::empty()), None);
         assert_eq!(
             all[1].to_string(),
-            "network 2.0000 mm, 95 %: 1.9500 to 2.0500 mm (out of distribution, novelty 3.0)"
+            "network 2.000 mm, 95 %: 1.950 to 2.050 mm (out of distribution, novelty 3.0)"
         );
     }
 }

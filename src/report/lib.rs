@@ -34,7 +34,7 @@ pub use artifacts::{ArtifactReader, RunArtifacts, StageArtifact};
 pub use background_figures::BackgroundFigures;
 pub use error::ReportError;
 pub use figure_files::{FigureFile, figures_of, remove_figures};
-pub use format::{bytes, error, file_name, number, seconds, shell_word, uncertainty};
+pub use format::{bytes, file_name, mm_measured, number, seconds, shell_word};
 pub use headline::headlines;
 pub use history::{Origin, PipelineHistory, StageRecord};
 pub use html::{Column, Page};

@@ -9,9 +9,10 @@ use serde::Serialize;
 use super::artifacts::ArtifactReader;
 use super::designs::{Compared, LEAST_MM, comparison, gain, is_to_be_met};
 use super::error::ReportError;
-use super::format::{change, counted, percents, three, uncertainty};
+use super::format::{change, counted, percents, three};
 use super::intervals::{self, NetworkInterval};
 use super::presenter::Headline;
+use deaflow_base::measured;
 use deaflow_content::{Verification, predicted_rows};
 use deaflow_field::{NO_FIELD, OutcomeKind};
 use deaflow_pattern::Role;
@@ -213,10 +214,10 @@ impl VerificationSummary {
             text += &format!(", predicted {predicted:.3} mm");
         }
         let word = simulation_word(best.outcome);
-        text += &format!(", {word} {mm:.3} mm");
-        if let Some(error) = best.simulated_error_mm {
-            text += &format!(" {} (mesh)", uncertainty(error));
-        }
+        text += &match best.simulated_error_mm {
+            Some(error) => format!(", {word} {} mm (mesh)", measured(mm, error)),
+            None => format!(", {word} {mm:.3} mm"),
+        };
         if let Some(distance) = best.distance_mm {
             text += &format!(", {} mm from the target", three(distance));
         } else if let Some(gain) = best.gain_equal_area {
@@ -426,12 +427,11 @@ impl fmt::Display for Line<'_> {
             Some(mm) => write!(f, "  predicted {mm:>7.3} mm")?,
             None => write!(f, "  no prediction       ")?,
         }
-        match row.simulated_mm {
-            Some(mm) => write!(f, "  {} {mm:>7.3} mm", simulation_word(row.outcome))?,
-            None => write!(f, "  no stable solution was found: {}", row.outcome)?,
-        }
-        if let Some(error) = row.simulated_error_mm {
-            write!(f, " {}", uncertainty(error))?;
+        let word = simulation_word(row.outcome);
+        match (row.simulated_mm, row.simulated_error_mm) {
+            (Some(mm), Some(error)) => write!(f, "  {word} {:>16} mm", measured(mm, error))?,
+            (Some(mm), None) => write!(f, "  {word} {mm:>7.3} mm")?,
+            (None, _) => write!(f, "  no stable solution was found: {}", row.outcome)?,
         }
         if let Some(interval) = &row.interval {
             write!(f, "  {interval}")?;

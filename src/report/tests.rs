@@ -325,7 +325,7 @@ fn the_summary_has_predictions_simulations_and_gains() {
     for part in [
         "genetic algorithm",
         "predicted   2.100 mm",
-        "simulated   2.000 mm ± 0.0100",
+        "simulated    2.000 ± 0.010 mm",
         "gain over the intuitive design +25.0 %, +2.56 % at equal area",
         "80.0 % of the best pattern found by gradient search under the same constraints",
         "(area 0.4, wanted 0.5)",

@@ -8,7 +8,7 @@ use super::simulation::{Form, Simulation, States};
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
-use deaflow_base::{Dimension, Quantity, Time};
+use deaflow_base::{Dimension, Quantity, Time, error_digits, rounded_by};
 use deaflow_content::{Histories, Lines, Packed};
 use deaflow_fem::screening::ScreenedScene;
 use deaflow_fem::{AccurateHistory, History, HistorySolver, Instant, USUAL_TIME_ERROR};
@@ -428,6 +428,11 @@ fn overview(followed: &[PatternHistory]) -> table::Table {
     ) in followed.iter().enumerate()
     {
         let each = || history.asked().zip(largest);
+        let error = known_error_mm(history.time_error_mm, *space_error_mm);
+        let displacement = |mm: f64| match error {
+            Some(error) => format!("{} mm", rounded_by(mm, error)),
+            None => format!("{mm:.4} mm"),
+        };
         let at = |time: f64| format!("{} s", rounded(time));
         let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
         let before = match are_all {
@@ -436,7 +441,7 @@ fn overview(followed: &[PatternHistory]) -> table::Table {
         };
         for (instant, largest) in each().take(before) {
             let [none, more, others, steps] = [(); 4].map(|()| String::new());
-            let moved = format!("{largest:.4} mm");
+            let moved = displacement(*largest);
             table.add_row([index.to_string(), none, at(instant.time), moved, more, others, steps]);
         }
         let last = each().last();
@@ -444,13 +449,24 @@ fn overview(followed: &[PatternHistory]) -> table::Table {
             index.to_string(),
             history.outcome.to_string(),
             or_dash(last.map(|(instant, _)| at(instant.time))),
-            or_dash(last.map(|(_, largest)| format!("{largest:.4} mm"))),
-            or_dash(history.time_error_mm.map(|error| format!("{error:.1e} mm"))),
-            or_dash(space_error_mm.map(|error| format!("{error:.1e} mm"))),
+            or_dash(last.map(|(_, largest)| displacement(*largest))),
+            or_dash(history.time_error_mm.map(|error| format!("{} mm", error_digits(error)))),
+            or_dash(space_error_mm.map(|error| format!("{} mm", error_digits(error)))),
             history.instants.len().to_string(),
         ]);
     }
     table
+}
+
+/// Returns the error by which displacements are rounded, in mm. Without an error of the mesh it is so large that there
+/// are no more than four decimals.
+fn known_error_mm(time: Option<f64>, space: Option<f64>) -> Option<f64> {
+    const UNKNOWN_MM: f64 = 1e-3;
+    match (time, space) {
+        (time, Some(space)) => Some(time.unwrap_or(0.0) + space),
+        (Some(time), None) => Some(time.max(UNKNOWN_MM)),
+        (None, None) => None,
+    }
 }
 
 /// Describes the patterns whose errors are larger than requested.
@@ -462,8 +478,8 @@ fn missed(followed: &[PatternHistory], accuracy_mm: Option<f64>) -> Vec<(usize, 
         let [time, space] = [found.history.time_error_mm, found.space_error_mm]
             .map(|error| error.filter(|error| found.history.outcome.is_converged() && *error > accuracy));
         let errors = [
-            time.map(|error| format!("estimated error of the time steps {error:.2e} mm")),
-            space.map(|error| format!("estimated error of the finest mesh {error:.2e} mm")),
+            time.map(|error| format!("estimated error of the time steps {error:.1e} mm")),
+            space.map(|error| format!("estimated error of the finest mesh {error:.1e} mm")),
         ];
         let errors: Vec<String> = errors.into_iter().flatten().collect();
         let line = format!(

@@ -1,5 +1,7 @@
 //! Displacement over voltage, from rest past the loss of stability.
 
+use deaflow_base::measured;
+
 use crate::drawing::{Axis, Chart, Colour, FigureError, LARGE, MAX_NAMED, Mark, Series, Sheet};
 
 /// The load path of one pattern. Curves have one value per point, from rest on.
@@ -33,8 +35,11 @@ pub struct Limit {
 impl Limit {
     /// Writes the voltage in kV, with its error.
     fn kilovolts(&self) -> String {
-        let error = self.error.map(|error| format!(" ± {:.3}", 1e-3 * error));
-        format!("{:.3}{} kV", 1e-3 * self.voltage, error.unwrap_or_default())
+        let kilovolts = 1e-3 * self.voltage;
+        match self.error {
+            Some(error) => format!("{} kV", measured(kilovolts, 1e-3 * error)),
+            None => format!("{kilovolts:.3} kV"),
+        }
     }
 }
 

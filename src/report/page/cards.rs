@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use crate::designs::{Design, Role, StateField, TargetMotion, role_title};
 use crate::drawing::{Background, direction};
-use crate::format::{change, mm, percents, three, uncertainty};
+use crate::format::{change, mm, mm_measured, percents, three};
 use deaflow_base::no_break_units;
 use deaflow_field::OutcomeKind;
 use deaflow_pattern::CELLS;
@@ -199,8 +199,7 @@ fn rows(design: &Design) -> Markup {
 /// Writes the simulated value with its estimated error; `None` without a simulation.
 fn simulated(design: &Design) -> Option<String> {
     match (design.simulated_mm, &design.outcome, design.error_mm) {
-        (Some(value), _, Some(error)) => Some(format!("{} {} mm", mm(value), uncertainty(error))),
-        (Some(value), _, None) => Some(format!("{} mm", mm(value))),
+        (Some(value), _, error) => Some(format!("{} mm", mm_measured(value, error))),
         (None, Some(outcome), _) => Some(format!("no stable solution found ({outcome})")),
         (None, None, _) => None,
     }

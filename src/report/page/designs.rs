@@ -5,7 +5,7 @@ use maud::html;
 use super::cards::{FOLDER, cards, shared};
 use crate::designs::{Design, Role, role_title};
 use crate::drawing::{Axis, Chart, Colour, DeformedMembrane, Mark, Series, exaggeration};
-use crate::format::{change, mm, percents, uncertainty};
+use crate::format::{change, mm, mm_measured, percents};
 use crate::html::{Column, Page};
 use crate::intervals::verdict;
 
@@ -157,8 +157,7 @@ fn row(design: &Design) -> Vec<String> {
         member => format!(" {}", member + 1),
     };
     let simulated = match (design.simulated_mm, design.error_mm, &design.outcome) {
-        (Some(value), Some(error), _) => format!("{} {}", mm(value), uncertainty(error)),
-        (Some(value), None, _) => mm(value),
+        (Some(value), error, _) => mm_measured(value, error),
         (None, _, Some(outcome)) => outcome.to_string(),
         (None, _, None) => "not verified".to_owned(),
     };

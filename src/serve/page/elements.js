@@ -47,6 +47,32 @@ export function number(value, digits = 4) {
   return size >= 1e6 || size < 1e-3 ? value.toExponential(Math.max(digits - 2, 1)) : String(Number(value.toPrecision(digits)));
 }
 
+/** The most decimals of a number with an error; as in `base/digits.rs`. */
+const MOST_DECIMALS = 6;
+
+/**
+ * Writes a number to the decimal of the second digit of its estimated error; without one, with some digits.
+ * @param {number|null|undefined} value @param {number|null|undefined} error @param {number} [digits]
+ */
+export function roundedBy(value, error, digits = 4) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  if (error === null || error === undefined || !Number.isFinite(error)) return number(value, digits);
+  const place = error === 0 ? -MOST_DECIMALS : Math.max(Number(error.toExponential(1).split("e")[1]) - 1, -MOST_DECIMALS);
+  const text = place > 0 ? String(Math.round(value / 10 ** place) * 10 ** place) : value.toFixed(-place);
+  return Number(text) === 0 ? text.replace("-", "") : text;
+}
+
+/** Writes the size of an estimated error with two digits. @param {number|null|undefined} error */
+export function errorDigits(error) {
+  const size = Math.abs(error ?? NaN);
+  return size < 1e-6 ? "< 0.000001" : roundedBy(size, size);
+}
+
+/** Writes a number and its estimated error, as in `0.787 ± 0.022`. @param {number} value @param {number} error */
+export function measured(value, error) {
+  return `${roundedBy(value, error)} ± ${errorDigits(error)}`;
+}
+
 /** @param {number} bytes */
 export function bytes(bytes) {
   for (const unit of ["B", "kB", "MB", "GB"]) {

@@ -1,6 +1,6 @@
 // The numbers of the sketchpad: results, their errors, and the command that prints them.
 
-import { copyable, copying, h, number, replace, seconds } from "./elements.js";
+import { copyable, copying, errorDigits, h, measured, number, replace, roundedBy, seconds } from "./elements.js";
 
 /** Explanations of outcomes. @type {Record<string, string>} */
 const OUTCOMES = {
@@ -98,13 +98,15 @@ export class Numbers {
       h("dd", { id: name, title: about ?? (exact === null ? null : `${exact} ${unit}`.trim()), "data-value": exact === null ? null : String(exact) }, text, unit && text !== "–" ? h("span", { class: "soft" }, ` ${unit}`) : null),
     ];
     const against = pad.target === null || found.value === null ? null : compareWithTarget(found.value, pad.target, quick ? 0 : found.error ?? 0);
+    // A quick answer has no error yet.
+    const known = quick ? null : found.error;
     replace(
       this.results,
       entry("outcome", "outcome", found.outcome, "", null, OUTCOMES[found.outcome] ?? null),
-      entry("max-displacement", "largest displacement", number(found.max_displacement, 8), "mm", found.max_displacement),
-      entry("value", "value at the point", number(Math.abs(found.value ?? NaN) < ROUNDING ? 0 : found.value, 8), "mm", found.value),
+      entry("max-displacement", "largest displacement", roundedBy(found.max_displacement, known), "mm", found.max_displacement),
+      entry("value", "value at the point", roundedBy(Math.abs(found.value ?? NaN) < ROUNDING ? 0 : found.value, known), "mm", found.value),
       against ? entry("wanted", `target ${number(pad.target, 6)} mm`, against.words, "", found.value - pad.target) : null,
-      entry("error", "error of method and mesh", quick ? "…" : number(found.error, 2), quick ? "" : "mm", found.error),
+      entry("error", "error of method and mesh", quick ? "…" : errorDigits(found.error), quick ? "" : "mm", found.error),
       (found.breakdown_ratio ?? null) === null ? null : entry("breakdown", "largest field over breakdown strength", number(found.breakdown_ratio, 4), "", found.breakdown_ratio),
       (found.smallest_eigenvalue ?? null) === null ? null : entry("eigenvalue", "smallest eigenvalue of the tangent (0: instability)", number(found.smallest_eigenvalue, 4), "", found.smallest_eigenvalue),
       entry("seconds", "computing time", seconds(found.seconds), ""),
@@ -118,7 +120,7 @@ export class Numbers {
   critical(found) {
     if ((found.critical_voltage ?? null) === null) return null;
     const error = found.critical_voltage_error;
-    if (error) return `${number(found.critical_voltage, 5)} V ± ${number(error, 2)} V`;
+    if (error) return `${measured(found.critical_voltage, error)} V`;
     const [stable, lost] = found.critical_bracket ?? [0, Infinity];
     const own = stable <= found.critical_voltage && found.critical_voltage <= lost;
     return `${number(found.critical_voltage, 5)} V (${own ? "this mesh" : "one finer mesh"}, error unknown)`;

@@ -1,7 +1,7 @@
 // Panels of the sketchpad: comparison of methods and meshes, and effects.
 
 import { json } from "./server.js";
-import { h, number, replace, table } from "./elements.js";
+import { errorDigits, h, number, replace, roundedBy, table } from "./elements.js";
 
 /** Methods that are compared: method, elements per cell, order. */
 const COMPARED = [["linear", 1, 1], ["chord:2", 1, 1], ["newton", 1, 1], ["newton", 2, 1], ["newton", 1, 2], ["newton", 2, 2]];
@@ -71,7 +71,7 @@ export class Compare extends DrawingTable {
         await json("sketch", { body: { ...own, quick: true } });
         const found = await json("sketch", { body: own });
         rows.push([
-          method, elements, order, number(found.max_displacement, 6), number(found.value, 6), number(found.error, 2), number(1000 * found.seconds, 3),
+          method, elements, order, roundedBy(found.max_displacement, found.error), roundedBy(found.value, found.error), errorDigits(found.error), number(1000 * found.seconds, 3),
           h("button", { type: "button", onclick: () => this.pad.adopt(String(method), Number(elements), Number(order)) }, "Use"),
         ]);
       }

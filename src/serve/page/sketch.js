@@ -1,7 +1,7 @@
 // The sketchpad: a pattern, and the membrane that moves while it is drawn.
 
 import { frame, json } from "./server.js";
-import { attempt, bytes, choice, h, labelled, near, number, numeric, problem, replace, seconds, settled, showInvalid } from "./elements.js";
+import { attempt, bytes, choice, h, labelled, near, number, numeric, problem, replace, roundedBy, seconds, settled, showInvalid } from "./elements.js";
 import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { range } from "./colours.js";
 import { Pattern } from "./pattern.js";
@@ -532,7 +532,8 @@ class Sketchpad {
     }
     this.learnPace(found);
     this.numbers.show();
-    this.line.textContent = found.max_displacement === null ? `no stable state: ${found.outcome}` : `value ${number(found.value, 4)} mm, largest ${number(found.max_displacement, 4)} mm`;
+    const known = quick ? null : found.error;
+    this.line.textContent = found.max_displacement === null ? `no stable state: ${found.outcome}` : `value ${roundedBy(found.value, known)} mm, largest ${roundedBy(found.max_displacement, known)} mm`;
     this.grey();
   }
 
