@@ -26,6 +26,13 @@ use super::supports::{Pose, Supports};
 
 /// Number of nodes or clusters for which S⁻¹ is stored, which takes 10 MB and a second.
 const MOST: usize = 1600;
+
+/// Returns whether so many nodes of frames and bodies form clusters. Results then differ in their last digits from those
+/// of earlier versions, which left the correction out.
+pub(super) fn is_clustered(nodes: usize) -> bool {
+    nodes > MOST
+}
+
 /// Smallest number of clusters of a body with more nodes, so that its motion is determined.
 const LEAST: usize = 16;
 

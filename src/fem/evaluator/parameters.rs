@@ -6,6 +6,7 @@ use std::path::Path;
 use serde_json::json;
 
 use super::method::Method;
+use crate::capacitance::is_clustered;
 use crate::error::SetupError;
 use crate::rectangle::is_large_or_long;
 use crate::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
@@ -176,7 +177,17 @@ impl SolverParameters {
             .as_ref()
             .is_some_and(|waveform| waveform.table.is_some());
         let of_drive = 8 * u32::from(moves || has_table);
-        u32::from(has_loose_errors) + in_time * (1 + 2 * u32::from(has_logarithms) + of_drive) + revision_of(scene)
+        u32::from(has_loose_errors)
+            + in_time * (1 + 2 * u32::from(has_logarithms) + of_drive)
+            + revision_on(scene, self.nodes_per_cell())
+    }
+
+    /// Returns the number of nodes along a cell, on the finest mesh for a requested accuracy.
+    fn nodes_per_cell(&self) -> usize {
+        match self.mesh_request() {
+            MeshRequest::Fixed(mesh) => mesh.elements_per_cell() * mesh.order().degree(),
+            MeshRequest::Accuracy(_) => NODES_PER_CELL,
+        }
     }
 
     /// Returns the parts of a scene that affect a result.
@@ -439,15 +450,41 @@ impl SolverKeys {
 
 /// Returns the revision to add to the RECIPE of kinds that simulate a scene. A fringe field is integrated within
 /// bilinear elements, which were once split along it; powers of stretches are sums of fewer terms in single precision
-/// and, for small stretches, no longer take roots; membranes of many cells and long ones have another preconditioner.
+/// and, for small stretches, no longer take roots; membranes of many cells, long ones, and those with many nodes along
+/// frames and bodies have another preconditioner.
 #[must_use]
 pub fn revision_of(scene: &Scene) -> u32 {
+    revision_on(scene, NODES_PER_CELL)
+}
+
+/// Nodes along a cell with four biquadratic elements, the finest mesh for a requested accuracy.
+const NODES_PER_CELL: usize = 8;
+
+/// The same on a mesh with so many nodes along a cell.
+fn revision_on(scene: &Scene, nodes_per_cell: usize) -> u32 {
     // Effects that screening may turn on are unknown here.
     let of_effects = match scene.auto || has_powers(scene) {
         true => 4,
         false => 2 * u32::from(scene.effects.fringe_field.is_some()),
     };
-    of_effects + 8 * u32::from(is_large_or_long(scene.membrane().raster.sides()))
+    let has_other_preconditioner = is_large_or_long(scene.membrane().raster.sides())
+        || is_clustered(edges_of_frames_and_bodies(scene) * nodes_per_cell);
+    of_effects + 8 * u32::from(has_other_preconditioner)
+}
+
+/// Returns the number of edges between free cells and those of frames and bodies.
+fn edges_of_frames_and_bodies(scene: &Scene) -> usize {
+    let Some(free) = scene.free_cells() else {
+        return 0;
+    };
+    let [columns, rows] = free.sides();
+    let cells = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
+    let edges = |(x, y): (usize, usize)| {
+        let is_edge = |x, y, other| x < columns && y < rows && free.has(x, y) != other;
+        let own = free.has(x, y);
+        usize::from(is_edge(x + 1, y, own)) + usize::from(is_edge(x, y + 1, own))
+    };
+    cells.map(edges).sum()
 }
 
 /// Returns whether stresses contain powers of stretches.
@@ -529,6 +566,28 @@ mod tests {
         ]
         .map(revision);
         assert_eq!(revisions, [0, 0, 0, 8, 8, 8]);
+    }
+
+    #[test]
+    fn many_nodes_along_a_frame_have_a_revision_of_their_own() {
+        let disc = |cells: usize| {
+            let text = format!(
+                "{{ geometry: {{ side: 60 mm, thickness: 1 mm, prestretch: 3, cells: {cells}, frame: {{ opening: {{ disc: \
+                 {{ centre: [30 mm, 30 mm], radius: 30 mm }} }} }} }}, material: {{ model: neo-hookean, shear_modulus: \
+                 45 kPa, relative_permittivity: 4.7 }}, drive: {{ voltage: 1 kV }}, effects: {{}} }}"
+            );
+            Scene::from_text(&text).unwrap()
+        };
+        // The disc has 304 edges of cells, and so up to 8 nodes along each.
+        assert_eq!(edges_of_frames_and_bodies(&disc(90)), 304);
+        assert_eq!([90, 40].map(|cells| revision_of(&disc(cells))), [8, 0]);
+        for (text, revision) in [
+            ("{ elements_per_cell: 4, order: 2 }", 8),
+            ("{ elements_per_cell: 4, order: 1 }", 0),
+            ("{ accuracy: 10 um }", 9),
+        ] {
+            assert_eq!(read(text).unwrap().revision(&disc(90)), revision, "{text}");
+        }
     }
 
     #[test]
