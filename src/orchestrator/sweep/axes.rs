@@ -1,6 +1,6 @@
 //! The axes that a stage, or an item of a list, declares by `foreach`.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
 use super::settings::{AxisValue, Setting, Settings, text_of};
@@ -167,15 +167,53 @@ fn zipped(axes: &[(&Node, &Node)], place: &Node) -> Result<Group, InputError> {
     })
 }
 
-/// Adds a value to those of an axis; returns whether it is a new one. `3 kV` and `3000 V` are the same.
-fn add_value(seen: &mut BTreeSet<(Option<Dimension>, String)>, text: &str) -> bool {
-    let mut is_new = seen.insert((None, text.to_owned()));
-    for dimension in Dimension::ALL {
-        if let Ok(quantity) = Quantity::parse(text, dimension) {
-            is_new &= seen.insert((Some(dimension), quantity.base().to_string()));
+/// Numbers the values of an axis; equal ones have one number. `3 kV` and `3000 V` are equal.
+fn numbered<'a>(values: impl Iterator<Item = &'a str>) -> Vec<usize> {
+    let mut seen: BTreeMap<(Option<Dimension>, String), usize> = BTreeMap::new();
+    let number = |(at, text): (usize, &str)| {
+        let quantity = |dimension| {
+            Some((
+                Some(dimension),
+                Quantity::parse(text, dimension).ok()?.base().to_string(),
+            ))
+        };
+        let readings = std::iter::once((None, text.to_owned())).chain(Dimension::ALL.into_iter().filter_map(quantity));
+        let readings: Vec<_> = readings.collect();
+        let number = readings
+            .iter()
+            .find_map(|reading| seen.get(reading))
+            .copied()
+            .unwrap_or(at);
+        for reading in readings {
+            seen.insert(reading, number);
         }
-    }
-    is_new
+        number
+    };
+    values.enumerate().map(number).collect()
+}
+
+/// Refuses steps with the same values on all axes: they would be equal rows.
+fn check_different(steps: &[Settings], axes: &[(&Node, &Node)]) -> Result<(), InputError> {
+    let of_axis = |axis: usize| numbered(steps.iter().map(move |step| step[axis].value.text.as_str()));
+    let numbers: Vec<Vec<usize>> = (0..axes.len()).map(of_axis).collect();
+    let mut seen = BTreeSet::new();
+    let is_new = |step: usize| seen.insert(numbers.iter().map(|of| of[step]).collect::<Vec<_>>());
+    let news: Vec<bool> = (0..steps.len()).map(is_new).collect();
+    let Some(twice) = steps
+        .iter()
+        .zip(news)
+        .find_map(|(step, is_new)| (!is_new).then_some(step))
+    else {
+        return Ok(());
+    };
+    let message = match axes {
+        [(axis, _)] => format!("{} has this value twice", axis.quoted()),
+        _ => {
+            let values: Vec<String> = twice.iter().map(|s| format!("{}={}", s.axis, s.value.text)).collect();
+            format!("`zip` has these values twice: `{}`", values.join(", "))
+        }
+    };
+    Err(twice[0].value.node.error(message))
 }
 
 /// Decides which axes names carry: the first where its values are all different; else all of one word each.
@@ -183,16 +221,7 @@ fn name_by(steps: &mut [Settings], axes: &[(&Node, &Node)]) -> Result<(), InputE
     let of_first = steps.iter().map(|step| &step[0]);
     let different: BTreeSet<&str> = of_first.clone().map(|setting| setting.value.text.as_str()).collect();
     let first_is_enough = different.len() == steps.len() && (axes.len() == 1 || of_first.clone().all(Setting::is_word));
-    if axes.len() == 1 {
-        let mut seen = BTreeSet::new();
-        let twice = of_first
-            .clone()
-            .find(|setting| !add_value(&mut seen, &setting.value.text));
-        if let Some(twice) = twice {
-            let message = format!("{} has this value twice", axes[0].0.quoted());
-            return Err(twice.value.node.error(message));
-        }
-    }
+    check_different(steps, axes)?;
     for step in steps.iter_mut() {
         for (at, setting) in step.iter_mut().enumerate() {
             setting.shown = match first_is_enough {

@@ -370,6 +370,16 @@ fn what_contradicts_itself_is_refused() {
             "",
         ),
         (
+            "  a: { kind: count, foreach: { zip: { n: [1, 2, 1], m: [3, 3, 3] } }, count: 1 }",
+            "`zip` has these values twice: `n=1, m=3`",
+            "",
+        ),
+        (
+            "  a: { kind: count, foreach: { zip: { v: [3 kV, 3000 V], m: [3, 3] } }, count: 1 }",
+            "`zip` has these values twice: `v=3000V, m=3`",
+            "",
+        ),
+        (
             "  a: { kind: count, foreach: { n: 3 }, count: 1 }",
             "must be a list",
             "",
