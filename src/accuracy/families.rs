@@ -31,25 +31,37 @@ const STRIPED: [f64; 2] = [0.4, 0.6];
 ///
 /// # Errors
 /// When the canvas has fewer cells than a family needs.
-pub fn drawn(canvas: Canvas, count: u64, seed: u64) -> Result<Families, SampleError> {
+pub fn drawn(canvas: &Canvas, count: u64, seed: u64) -> Result<Families, SampleError> {
     let of_family = |family: &dyn Family| -> Result<Vec<Pattern>, SampleError> {
         (0..count).map(|i| family.sample(seed, i)).collect()
     };
     let families = [
-        ("small-grid", of_family(&SmallGrid::new(canvas, 0.5)?)?),
+        ("small-grid", of_family(&SmallGrid::new(canvas.clone(), 0.5)?)?),
         ("large-grid", large_grids(canvas, count, seed)?),
-        ("bezier", of_family(&Bezier::new(canvas, None, Ends::Opposite)?)?),
+        (
+            "bezier",
+            of_family(&Bezier::new(canvas.clone(), None, Ends::Opposite)?)?,
+        ),
         (
             "stripes",
-            of_family(&Stripes::new(Areas::new(canvas, STRIPED[0], STRIPED[1])?))?,
+            of_family(&Stripes::new(Areas::new(canvas.clone(), STRIPED[0], STRIPED[1])?))?,
         ),
-        ("blobs", of_family(&Blobs::new(Areas::new(canvas, 0.3, 0.7)?))?),
-        ("checker", of_family(&Checker::new(Areas::new(canvas, 0.3, 0.7)?))?),
-        ("dithers", of_family(&Dithers::new(Areas::new(canvas, 0.3, 0.7)?))?),
-        ("mazes", of_family(&Mazes::new(canvas))?),
-        ("diagonals", of_family(&Diagonals::new(canvas))?),
-        ("spirals", of_family(&Spirals::new(Areas::new(canvas, 0.2, 0.8)?))?),
-        ("glyphs", of_family(&Glyphs::new(canvas))?),
+        ("blobs", of_family(&Blobs::new(Areas::new(canvas.clone(), 0.3, 0.7)?))?),
+        (
+            "checker",
+            of_family(&Checker::new(Areas::new(canvas.clone(), 0.3, 0.7)?))?,
+        ),
+        (
+            "dithers",
+            of_family(&Dithers::new(Areas::new(canvas.clone(), 0.3, 0.7)?))?,
+        ),
+        ("mazes", of_family(&Mazes::new(canvas.clone()))?),
+        ("diagonals", of_family(&Diagonals::new(canvas.clone()))?),
+        (
+            "spirals",
+            of_family(&Spirals::new(Areas::new(canvas.clone(), 0.2, 0.8)?))?,
+        ),
+        ("glyphs", of_family(&Glyphs::new(canvas.clone()))?),
         (
             "single-cell",
             (0..count).map(|i| single_cell(canvas, seed, i)).collect(),
@@ -61,11 +73,11 @@ pub fn drawn(canvas: Canvas, count: u64, seed: u64) -> Result<Families, SampleEr
         .collect())
 }
 
-fn large_grids(canvas: Canvas, count: u64, seed: u64) -> Result<Vec<Pattern>, SampleError> {
+fn large_grids(canvas: &Canvas, count: u64, seed: u64) -> Result<Vec<Pattern>, SampleError> {
     let mut patterns = Vec::new();
     for i in 0..count {
         let (units, index) = (UNITS[i as usize % UNITS.len()], i / UNITS.len() as u64);
-        let family = LargeGrid::new(canvas, units)?;
+        let family = LargeGrid::new(canvas.clone(), units)?;
         if family.available().is_none_or(|available| index < available) {
             patterns.push(family.sample(seed, index)?);
         }
@@ -73,7 +85,7 @@ fn large_grids(canvas: Canvas, count: u64, seed: u64) -> Result<Vec<Pattern>, Sa
     Ok(patterns)
 }
 
-fn single_cell(canvas: Canvas, seed: u64, index: u64) -> Pattern {
+fn single_cell(canvas: &Canvas, seed: u64, index: u64) -> Pattern {
     let mut stream = Stream::new(seed, "single cell", index);
     let cell = canvas.raster().sides().map(|count| stream.index(count));
     Pattern::from_fn(canvas.raster(), |x, y| [x, y] == cell)
@@ -85,7 +97,7 @@ mod tests {
 
     #[test]
     fn families_are_complete_and_a_function_of_the_seed() {
-        let families = drawn(Canvas::PAPER, 20, 1).unwrap();
+        let families = drawn(&Canvas::PAPER, 20, 1).unwrap();
         let counts: Vec<(&str, usize)> = families.iter().map(|(name, p)| (name.as_str(), p.len())).collect();
         let expected = [
             "bezier",
@@ -109,10 +121,10 @@ mod tests {
                 .iter()
                 .all(|p| (1000..=1500).contains(&p.active_cells()))
         );
-        assert_eq!(families, drawn(Canvas::PAPER, 20, 1).unwrap());
-        assert_ne!(families, drawn(Canvas::PAPER, 20, 2).unwrap());
+        assert_eq!(families, drawn(&Canvas::PAPER, 20, 1).unwrap());
+        assert_ne!(families, drawn(&Canvas::PAPER, 20, 2).unwrap());
         assert!(
-            drawn(Canvas::PAPER, 100, 1).unwrap()["large-grid"].len() < 100,
+            drawn(&Canvas::PAPER, 100, 1).unwrap()["large-grid"].len() < 100,
             "there are six grids of 2 × 2 units"
         );
     }

@@ -150,7 +150,7 @@ fn families(arguments: &AccuracyArguments, scene: &Scene, output: &Output) -> Re
     let own = [arguments.patterns.as_slice(), &arguments.own].concat();
     if own.is_empty() {
         let canvas = Canvas::of(&scene.membrane());
-        return drawn(canvas, arguments.count, arguments.seed).map_err(|e| CliError::bad_input(e.to_string()));
+        return drawn(&canvas, arguments.count, arguments.seed).map_err(|e| CliError::bad_input(e.to_string()));
     }
     let direct::NamedPatterns { patterns, notes, .. } = direct::patterns(&own, scene.form())?;
     notes.iter().for_each(|note| output.warn(note));

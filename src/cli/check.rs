@@ -44,7 +44,7 @@ pub fn execute(arguments: &CheckArguments, output: &Output) -> Result<Exit, CliE
     let scene = arguments.scene.as_deref().map(scene_of).transpose()?;
     let files = arguments.files.iter().map(|name| read(name, scene.as_ref()));
     let files: Vec<CheckedFile> = files.collect::<Result<_, _>>()?;
-    let document = || json!({ "files": files.iter().map(CheckedFile::document).collect::<Vec<_>>() });
+    let document = || json!({ "files": files.iter().map(|file| file.document(scene.as_ref())).collect::<Vec<_>>() });
     output.result(document, || {
         let mut text = Text::new();
         files.iter().for_each(|file| file.add_to(&mut text, scene.as_ref()));
@@ -87,7 +87,8 @@ fn read(name: &str, scene: Option<&Scene>) -> Result<CheckedFile, CliError> {
 }
 
 impl CheckedFile {
-    fn document(&self) -> Value {
+    fn document(&self, scene: Option<&Scene>) -> Value {
+        let free = scene.and_then(Scene::free_cells);
         let sides = self.patterns.first().map(|pattern| pattern.raster().sides());
         let islands = |pattern: &Pattern| islands(pattern).iter().map(Bits::count).collect::<Vec<_>>();
         json!({
@@ -97,7 +98,8 @@ impl CheckedFile {
             "notes": self.notes,
             "patterns": self.patterns.iter().map(|pattern| json!({
                 "groups": pattern.groups(),
-                "area": pattern.area_fraction(),
+                "area": pattern.area_fraction(free.as_ref()),
+                "area_mm2": scene.map(|scene| pattern.area_fraction(free.as_ref()) * scene.free_area_mm2()),
                 "islands": islands(pattern),
                 "rows_from_below": pattern.cells().chunks(pattern.raster().columns()).collect::<Vec<_>>(),
             })).collect::<Vec<_>>(),
@@ -116,9 +118,10 @@ impl CheckedFile {
             text.whole(line);
         }
         let several = if self.patterns.len() > 1 { "first pattern: " } else { "" };
-        text.line(format!("{several}{}", facts(first)));
+        text.line(format!("{several}{}", facts(first, scene)));
         if self.patterns.len() > 1 {
-            let areas = self.patterns.iter().map(Pattern::area_fraction);
+            let free = scene.and_then(Scene::free_cells);
+            let areas = self.patterns.iter().map(|pattern| pattern.area_fraction(free.as_ref()));
             let (least, most) = areas.fold((1.0, 0.0), |(least, most), area| {
                 (f64::min(least, area), f64::max(most, area))
             });
@@ -144,10 +147,15 @@ fn islands(pattern: &Pattern) -> Vec<Bits> {
 }
 
 /// Area, groups and islands of a pattern.
-fn facts(pattern: &Pattern) -> String {
-    let cells = pattern.cells().iter().filter(|cell| **cell != 0).count();
-    let area = 100.0 * pattern.area_fraction();
-    let mut facts = format!("area {area:.2} % ({cells} of {} cells)", pattern.raster().cells());
+fn facts(pattern: &Pattern, scene: Option<&Scene>) -> String {
+    let free = scene.and_then(Scene::free_cells);
+    let all = free.as_ref().map_or(pattern.raster().cells(), Bits::count);
+    let fraction = pattern.area_fraction(free.as_ref());
+    let cells = (fraction * all as f64).round();
+    let mut facts = format!("area {:.2} % ({cells} of {all} cells)", 100.0 * fraction);
+    if let Some(scene) = scene {
+        facts += &format!(", {:.1} mm²", fraction * scene.free_area_mm2());
+    }
     for group in 1..=pattern.groups().min(Pattern::MOST_GROUPS) {
         if pattern.groups() > 1 {
             let cells = pattern
@@ -266,13 +274,13 @@ mod tests {
             ]
         );
         assert_eq!(
-            facts(&pattern),
+            facts(&pattern, None),
             "area 13.33 % (4 of 30 cells); 2 islands: 2 cells at columns 0 to 1, rows 0 to 0; \
              2 cells at columns 5 to 5, rows 3 to 4"
         );
         let groups = Pattern::from_groups(raster, |x, y| if y == 4 { (x % 3) as u8 } else { 0 });
         assert_eq!(drawing(&groups, None)[1], "  │·12·12│");
-        assert!(facts(&groups).contains("group 1: 2 cells, group 2: 2 cells"));
+        assert!(facts(&groups, None).contains("group 1: 2 cells, group 2: 2 cells"));
     }
 
     #[test]

@@ -100,24 +100,36 @@ impl DesignRows {
         self.evaluator.push(others.evaluator[row].clone());
         self.status.0.push(others.status.0[row].clone());
         let interval = others.interval.as_ref().and_then(|intervals| intervals.of_row(row));
-        self.push_common(others, row, &others.patterns[row], interval);
+        self.push_common(others, row, (&others.patterns[row], others.area[row]), interval);
     }
 
-    /// Adds an own pattern of the user for the target of a row of others. It has no prediction.
-    pub fn push_own(&mut self, (others, row): (&Self, usize), (member, pattern): (u64, &Pattern), status: String) {
+    /// Adds an own pattern of the user, with its area fraction, for the target of a row of others. It has no
+    /// prediction.
+    pub fn push_own(
+        &mut self,
+        (others, row): (&Self, usize),
+        (member, pattern, area): (u64, &Pattern, f64),
+        status: String,
+    ) {
         self.role.push(Role::Own);
         self.member.push(member);
         self.units.push(CELLS as u64);
         self.evaluator.push(String::new());
         self.status.0.push(status);
-        self.push_common(others, row, pattern, None);
+        self.push_common(others, row, (pattern, area), None);
     }
 
-    fn push_common(&mut self, others: &Self, row: usize, pattern: &Pattern, interval: Option<DesignInterval>) {
+    fn push_common(
+        &mut self,
+        others: &Self,
+        row: usize,
+        (pattern, area): (&Pattern, f64),
+        interval: Option<DesignInterval>,
+    ) {
         self.case.push(others.case[row].clone());
         self.name.push(others.name[row].clone());
         self.area_target.push(others.area_target[row].clone());
-        self.area.push(pattern.area_fraction());
+        self.area.push(area);
         self.patterns.push(pattern.clone());
         self.objective.0.push(others.objective.0[row].clone());
         self.constraints.0.push(others.constraints.0[row].clone());

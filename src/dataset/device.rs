@@ -1,7 +1,7 @@
 //! The device of a dataset, against which its patterns and fields are checked.
 
 use deaflow_field::Field;
-use deaflow_pattern::{Membrane, Part, Parts, PatternForm, Raster, Symmetries};
+use deaflow_pattern::{Bits, Membrane, Part, Parts, PatternForm, Raster, Symmetries};
 
 /// Smallest size in bytes of a row of the source paper's membrane. DEFLATE, the densest filter, reduces its 20 kB by
 /// at most a factor of a thousand.
@@ -23,6 +23,8 @@ pub struct Device {
     pub groups: usize,
     /// Its symmetries.
     pub symmetries: Symmetries,
+    /// The cells that may carry electrodes; `None` without frame and bodies.
+    pub free: Option<Bits>,
     /// Whether each corner is on the frame.
     on_frame: Vec<bool>,
 }
@@ -41,6 +43,7 @@ impl Device {
             membrane,
             groups,
             symmetries,
+            free: parts.map(Parts::free_cells),
             on_frame: corners.map(|at| is_on_frame(at % columns, at / columns)).collect(),
         }
     }

@@ -79,15 +79,17 @@ pub enum EvolveError {
 }
 
 /// The first individuals of the first generation of a search: random genomes of different grain with round(`area` ·
-/// 400) units on, or with areas from 5 % to 95 % if the area is free. Units without an allowed cell are off.
+/// 400) units on, less in proportion to the cells that may not carry electrodes, or with areas from 5 % to 95 % if the
+/// area is free. Units without an allowed cell are off.
 #[must_use]
 pub fn first_generation(area: Option<f64>, constraints: &Constraints, seed: u64, population: usize) -> Vec<Genome> {
     let allowed = allowed_units(constraints);
+    let free = constraints.free_count() as f64 / constraints.membrane().raster.cells() as f64;
     let random = |index| {
         let mut stream = Stream::new(seed, "first generation", index);
         let grain = stream.index(COARSEST + 1);
         let area = area.unwrap_or_else(|| stream.range(FREE_AREAS[0], FREE_AREAS[1]));
-        Genome::random_within(&allowed, area, constraints.groups(), grain, &mut stream)
+        Genome::random_within(&allowed, free * area, constraints.groups(), grain, &mut stream)
     };
     (0..population as u64).map(random).collect()
 }

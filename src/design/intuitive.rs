@@ -64,13 +64,11 @@ impl Intuitive {
         self.first(self.ranked.iter().take_while(|ranked| ranked.before < 0.0).count())
     }
 
-    /// The design with the line moved: round(`area` · cells) cells are active, or all available ones if they are
-    /// fewer. `area` is clamped to 0 to 1.
+    /// The design with the line moved: round(`area` · available cells) cells are active. `area` is clamped to 0 to 1.
     #[must_use]
     pub fn at_area(&self, area: f64) -> Pattern {
-        let all = self.raster.cells() as f64;
-        let count = (area * all).round().clamp(0.0, all) as usize;
-        self.first(count.min(self.ranked.len()))
+        let all = self.ranked.len() as f64;
+        self.first((area * all).round().clamp(0.0, all) as usize)
     }
 
     fn first(&self, count: usize) -> Pattern {
@@ -167,7 +165,7 @@ mod tests {
         );
         assert_eq!(
             design.at_area(0.5),
-            Pattern::from_fn(Raster::PAPER, |x, _| (10..35).contains(&x))
+            Pattern::from_fn(Raster::PAPER, |x, _| (10..30).contains(&x))
         );
         assert_eq!(design.at_area(1.0).active_cells(), available.count());
     }

@@ -16,8 +16,8 @@ pub(super) fn status_of(unmet: &[String]) -> String {
 #[must_use]
 pub fn own_pattern_status(pattern: &Pattern, area: &str, constraints: &Constraints) -> String {
     let mut unmet = Vec::new();
-    let found = pattern.area_fraction();
-    let tolerance = 0.5 / pattern.raster().cells() as f64;
+    let found = constraints.area_fraction(pattern);
+    let tolerance = 0.5 / constraints.free_count() as f64;
     if area
         .parse::<f64>()
         .is_ok_and(|wanted| (wanted - found).abs() > tolerance)

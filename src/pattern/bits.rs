@@ -418,6 +418,16 @@ fn filled(seed: u64, within: u64) -> u64 {
 }
 
 impl Pattern {
+    /// Returns the area fraction, 0 to 1: the share of the free membrane that is active. `free` are the cells that are
+    /// neither frame nor body; `None` if all cells are free. Electrodes elsewhere have no effect and do not count.
+    #[must_use]
+    pub fn area_fraction(&self, free: Option<&Bits>) -> f64 {
+        match free {
+            None => self.active_cells() as f64 / self.raster().cells() as f64,
+            Some(free) => Bits::of(self).and(free).count() as f64 / free.count().max(1) as f64,
+        }
+    }
+
     /// Returns the pattern without the electrodes outside of some cells.
     #[must_use]
     pub fn within(&self, area: &Bits) -> Self {
@@ -472,6 +482,16 @@ mod tests {
             .into_iter()
             .filter_map(|(columns, rows)| Raster::new(columns, rows));
         rasters.map(|raster| Pattern::from_fn(raster, |x, y| (3 * x + y * y) % 7 < 3 && 2 * x + 3 > y / 2))
+    }
+
+    #[test]
+    fn an_area_fraction_is_a_share_of_the_free_cells() {
+        let free = Bits::from_fn(Raster::PAPER, |x, y| x >= 10 && y >= 10);
+        let stripe = Pattern::from_fn(Raster::PAPER, |x, _| (5..20).contains(&x));
+        // 10 of 40 free columns; the cells on the frame do not count.
+        assert_eq!(stripe.area_fraction(Some(&free)), 0.25);
+        assert_eq!(stripe.area_fraction(None), 0.3);
+        assert_eq!(stripe.area_fraction(Some(&Bits::full(Raster::PAPER))), 0.3);
     }
 
     #[test]

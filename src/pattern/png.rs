@@ -86,7 +86,7 @@ pub(super) fn read(path: &Path, form: PatternForm, greys: Greys) -> Result<FileP
                 image.sides[0],
                 image.sides[1],
                 percent(dark),
-                percent(pattern.area_fraction())
+                percent(pattern.area_fraction(None))
             ));
             pattern
         }

@@ -283,12 +283,6 @@ impl Pattern {
             .sum()
     }
 
-    /// Returns the fraction of active cells, 0 to 1.
-    #[must_use]
-    pub fn area_fraction(&self) -> f64 {
-        self.active_cells() as f64 / self.raster.cells() as f64
-    }
-
     /// Returns the image under a symmetry: `(gS)(gX) = S(X)`.
     #[must_use]
     pub fn transformed(&self, g: Symmetry) -> Self {

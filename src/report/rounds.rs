@@ -274,6 +274,7 @@ mod tests {
             member: 0,
             units: 20,
             area: 0.5,
+            area_mm2: 1250.0,
             predicted_mm: Some(predicted),
             simulated_mm: simulated,
             simulated_error_mm: None,

@@ -51,8 +51,10 @@ pub struct RowSummary {
     pub member: u64,
     /// Units along a side that the search could switch.
     pub units: u64,
-    /// Electrode area, a fraction of the membrane.
+    /// Electrode area, a fraction of the free membrane.
     pub area: f64,
+    /// Electrode area on the prestretched membrane, mm².
+    pub area_mm2: f64,
     /// By the evaluator, in mm; `None` if it has no field, or was not used.
     pub predicted_mm: Option<f64>,
     /// By finite elements, in mm; `None` without a stable solution.
@@ -293,6 +295,7 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, StoreError> {
     let (members, units, areas) = (rows.member().read()?, rows.units().read()?, rows.area().read()?);
     let (outcomes, statuses) = (view.outcome().read()?, rows.status().read()?.0);
     let (objectives, constraints) = (rows.objective().read()?.0, rows.constraints().read()?.0);
+    let free_mm2 = view.scene().read()?.free_area_mm2();
     let (simulated, predictions) = (view.simulated_rows()?, predicted_rows(&roles));
     let row = |k: usize| {
         let prediction = predictions[k].filter(|_| statuses[k] != NO_FIELD);
@@ -307,6 +310,7 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, StoreError> {
             member: members[k],
             units: units[k],
             area: areas[k],
+            area_mm2: areas[k] * free_mm2,
             predicted_mm,
             simulated_mm,
             simulated_error_mm: known.map(|row| component.error[row]),
@@ -422,7 +426,7 @@ struct Line<'a>(&'a RowSummary);
 impl fmt::Display for Line<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let row = self.0;
-        write!(f, "area {:>5.1} %", 100.0 * row.area)?;
+        write!(f, "area {:>5.1} %, {:>6} mm²", 100.0 * row.area, three(row.area_mm2))?;
         match row.predicted_mm {
             Some(mm) => write!(f, "  predicted {mm:>7.3} mm")?,
             None => write!(f, "  no prediction       ")?,

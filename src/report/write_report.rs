@@ -17,7 +17,7 @@ use deaflow_scene::{Mask, Size};
 use deaflow_store::Store;
 
 /// The columns of the table of designs.
-pub const COLUMNS: [&str; 24] = [
+pub const COLUMNS: [&str; 25] = [
     "name",
     "case",
     "role",
@@ -28,6 +28,7 @@ pub const COLUMNS: [&str; 24] = [
     "objective",
     "area_target",
     "area",
+    "area_mm2",
     "predicted_mm",
     "simulated_mm",
     "simulated_error_mm",
@@ -265,6 +266,7 @@ fn row(design: &Design) -> [String; COLUMNS.len()] {
         design.objective.short_text(),
         design.area_target.clone(),
         number(design.area),
+        number(design.area_mm2()),
         known(design.predicted_mm),
         known(design.simulated_mm),
         known(design.error_mm),
@@ -317,10 +319,11 @@ mod tests {
             lines[1],
             "I-centre-refined,I,refined,50,12.5 37.5,25 25,0 180,\
              \"{ points: [{ point: [12.5, 25], direction: 0 }, { point: [37.5, 25], direction: 180 deg }] }\",\
-             0.5,0.500000,1.000000,0.987654,,,,,,,1.000000,0.950000,1.050000,1.500000,1,patterns/I-centre-refined.csv"
+             0.5,0.500000,1250.000000,1.000000,0.987654,,,,,,,1.000000,0.950000,1.050000,1.500000,1,\
+             patterns/I-centre-refined.csv"
         );
         assert!(
-            lines[2].contains("direction: 0 }\",0.5,0.500000,1.000000,,,,,,,,,,,,,"),
+            lines[2].contains("direction: 0 }\",0.5,0.500000,1250.000000,1.000000,,,,,,,,,,,,,"),
             "{}",
             lines[2]
         );

@@ -53,7 +53,7 @@ impl FamilyParameters for AreaSweepParameters {
 }
 
 /// Patterns of several forms at drawn area fractions.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct AreaSweep {
     areas: Areas,
 }
@@ -77,7 +77,7 @@ impl AreaSweep {
             let mut on = vec![false; total];
             stream.choose(total, count).into_iter().for_each(|unit| on[unit] = true);
             let pattern = pattern_of_units(self.areas.canvas(), units, &on);
-            if self.areas.contain(pattern.area_fraction()) {
+            if self.areas.contain(pattern.area_fraction(self.areas.canvas().free())) {
                 return Some(pattern);
             }
         }
@@ -91,8 +91,8 @@ impl Family for AreaSweep {
     }
 
     fn draw(&self, stream: &mut Stream) -> Pattern {
-        let (canvas, area) = (*self.areas.canvas(), self.areas.draw(stream));
-        let active = cells_at(area, canvas.raster()).expect("a fraction between two valid ones is valid");
+        let (canvas, area) = (self.areas.canvas().clone(), self.areas.draw(stream));
+        let active = cells_at(area, &canvas).expect("a fraction between two valid ones is valid");
         let grid = match stream.index(3) {
             0 => None,
             1 => self.draw_grid(area, stream),
@@ -155,7 +155,7 @@ mod tests {
     fn areas_lie_in_the_range_and_cover_it_evenly() {
         let mut tenths = [0.0; 9];
         for pattern in drawn(1800) {
-            let area = pattern.area_fraction();
+            let area = pattern.area_fraction(None);
             assert!((0.05..=0.95).contains(&area), "{area}");
             // Grids have an area near the drawn one only.
             if form(&pattern) != Form::Grid {

@@ -6,7 +6,7 @@ use deaflow_base::{Canonical, Decimal, InputError, Node, Parameter, Schema, Stre
 use deaflow_pattern::Pattern;
 
 /// A range of area fractions to draw from; both ends may be equal.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Areas {
     canvas: Canvas,
     low: f64,
@@ -19,8 +19,8 @@ impl Areas {
     /// # Errors
     /// When no cell or every cell would be active at an end, or the ends are not in order.
     pub fn new(canvas: Canvas, low: f64, high: f64) -> Result<Self, SampleError> {
-        cells_at(low, canvas.raster())?;
-        cells_at(high, canvas.raster())?;
+        cells_at(low, &canvas)?;
+        cells_at(high, &canvas)?;
         if low <= high {
             Ok(Self { canvas, low, high })
         } else {
@@ -88,27 +88,27 @@ impl Parameter for AreaFractions {
     }
 }
 
-/// Returns the pattern of the cells with the highest level, as many as give the area fraction nearest to `area`; among
-/// equal levels the lower cell number comes first. `level` takes the centre of a cell.
+/// Returns the pattern of the free cells with the highest level, as many as give the area fraction nearest to `area`;
+/// among equal levels the lower cell number comes first. `level` takes the centre of a cell.
 pub(super) fn highest(canvas: &Canvas, area: f64, level: impl Fn(f64, f64) -> f64) -> Pattern {
     highest_of(canvas, area, canvas.centres().map(|[x, y]| level(x, y)))
 }
 
 /// Does the same for levels given by cell, `[y][x]`.
 pub(super) fn highest_of(canvas: &Canvas, area: f64, levels: impl Iterator<Item = f64>) -> Pattern {
-    let mut ranked: Vec<(f64, usize)> = levels.zip(0..).collect();
-    ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let cells = canvas.raster().cells();
-    let mut active = vec![false; cells];
-    let count = (area * cells as f64).round() as usize;
-    ranked.iter().take(count).for_each(|&(_, cell)| active[cell] = true);
+    let levels: Vec<f64> = levels.collect();
+    let mut ranked = canvas.free_cells();
+    let count = (area * ranked.len() as f64).round() as usize;
+    ranked.sort_by(|&a, &b| levels[b].total_cmp(&levels[a]).then(a.cmp(&b)));
+    let mut active = vec![false; levels.len()];
+    ranked.iter().take(count).for_each(|&cell| active[cell] = true);
     canvas.pattern(&active)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deaflow_pattern::Raster;
+    use deaflow_pattern::{Bits, Raster};
 
     #[test]
     fn the_highest_cells_are_taken_and_equal_ones_by_number() {
@@ -116,6 +116,16 @@ mod tests {
         assert_eq!(right, Pattern::from_fn(Raster::PAPER, |x, _| x >= 45));
         let flat = highest(&Canvas::PAPER, 0.5, |_, _| 0.0);
         assert_eq!(flat, Pattern::from_fn(Raster::PAPER, |_, y| y < 25));
+    }
+
+    #[test]
+    fn areas_are_shares_of_the_free_cells() {
+        let free = Bits::from_fn(Raster::PAPER, |x, y| x >= 10 && y < 40);
+        let canvas = Canvas::PAPER.with_free(Some(free.clone()));
+        let right = highest(&canvas, 0.25, |x, _| x);
+        assert_eq!(right, Pattern::from_fn(Raster::PAPER, |x, y| x >= 40 && y < 40));
+        assert!((right.area_fraction(Some(&free)) - 0.25).abs() < 1e-15);
+        assert_eq!((cells_at(0.25, &canvas), canvas.free_count()), (Ok(400), 1600));
     }
 
     #[test]

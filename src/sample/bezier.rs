@@ -67,7 +67,7 @@ impl FamilyParameters for BezierParameters {
 }
 
 /// Patterns with one side of a Bézier curve active.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Bezier {
     pub(super) canvas: Canvas,
     pub(super) ends: Ends,
@@ -80,7 +80,7 @@ impl Bezier {
     /// # Errors
     /// When no cell or every cell would be active.
     pub fn new(canvas: Canvas, area: Option<f64>, ends: Ends) -> Result<Self, SampleError> {
-        let active = area.map(|area| cells_at(area, canvas.raster())).transpose()?;
+        let active = area.map(|area| cells_at(area, &canvas)).transpose()?;
         Ok(Self { canvas, ends, active })
     }
 }
@@ -94,7 +94,7 @@ impl Family for Bezier {
         let curve = draw_curve(&self.canvas, self.ends, stream);
         let mut active = curve.left_side();
         if let Some(count) = self.active {
-            active = shifted_to(count, &curve, &active);
+            active = shifted_to(count, &self.canvas, &curve, &active);
         }
         self.canvas.pattern(&active)
     }
@@ -126,21 +126,22 @@ fn through_centre(canvas: &Canvas, start: [f64; 2], end: [f64; 2], reach: [f64; 
     let centre = canvas.middle();
     let middle: [f64; 2] = std::array::from_fn(|k| (8.0 * centre[k] - start[k] - end[k]) / 6.0);
     let control = |sign: f64| std::array::from_fn(|k| middle[k] + sign * reach[k]);
-    Cubic([start, control(-1.0), control(1.0), end], *canvas)
+    Cubic([start, control(-1.0), control(1.0), end], canvas.clone())
 }
 
-/// Returns the `count` cells that lie deepest on the active side; among equal depths the lower cell number comes first.
-fn shifted_to(count: usize, curve: &Cubic, active: &[bool]) -> Vec<bool> {
-    let mut ranked: Vec<(f64, usize)> = curve
+/// Returns the `count` free cells that lie deepest on the active side; among equal depths the lower cell number comes
+/// first.
+fn shifted_to(count: usize, canvas: &Canvas, curve: &Cubic, active: &[bool]) -> Vec<bool> {
+    let depths: Vec<f64> = curve
         .distances()
         .into_iter()
         .zip(active)
         .map(|(distance, &inside)| if inside { -distance } else { distance })
-        .zip(0..)
         .collect();
-    ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut ranked = canvas.free_cells();
+    ranked.sort_by(|&a, &b| depths[a].total_cmp(&depths[b]).then(a.cmp(&b)));
     let mut shifted = vec![false; active.len()];
-    for &(_, cell) in &ranked[..count] {
+    for &cell in &ranked[..count] {
         shifted[cell] = true;
     }
     shifted
@@ -212,7 +213,7 @@ mod tests {
     fn either_side_is_active_equally_often() {
         let family = family(None);
         let mean = (0..1000)
-            .map(|i| family.sample(9, i).unwrap().area_fraction())
+            .map(|i| family.sample(9, i).unwrap().area_fraction(None))
             .sum::<f64>()
             / 1000.0;
         assert!((mean - 0.5).abs() < 0.03, "mean area fraction {mean}");

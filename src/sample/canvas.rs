@@ -1,18 +1,22 @@
 //! The cells on which patterns are drawn.
 
+use std::sync::Arc;
+
 use deaflow_base::{Canonical, Decimal};
-use deaflow_pattern::{Membrane, Pattern, Raster};
+use deaflow_pattern::{Bits, Membrane, Pattern, Raster};
 
 /// The shorter side of a membrane in units of length; on the source paper's membrane a unit is a cell.
 const LENGTHS: f64 = 50.0;
 
 /// The cells of a membrane and their sides. Lengths are in fiftieths of the shorter side of the membrane, so that a
 /// family looks the same on every membrane; on the source paper's these are cells.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Canvas {
     raster: Raster,
     /// The sides of a cell.
     cell: [f64; 2],
+    /// The cells that are neither frame nor body; `None` if all are free.
+    free: Option<Arc<Bits>>,
 }
 
 impl Canvas {
@@ -20,6 +24,7 @@ impl Canvas {
     pub const PAPER: Self = Self {
         raster: Raster::PAPER,
         cell: [1.0; 2],
+        free: None,
     };
 
     /// Returns the canvas of a membrane.
@@ -30,7 +35,36 @@ impl Canvas {
         Self {
             raster: membrane.raster,
             cell: membrane.cell_mm().map(|side| side / length),
+            free: None,
         }
+    }
+
+    /// Returns the canvas on which only some cells are free: area fractions are shares of these.
+    #[must_use]
+    pub fn with_free(self, free: Option<Bits>) -> Self {
+        Self {
+            free: free.map(Arc::new),
+            ..self
+        }
+    }
+
+    /// Returns the cells that are neither frame nor body; `None` if all are free.
+    #[must_use]
+    pub fn free(&self) -> Option<&Bits> {
+        self.free.as_deref()
+    }
+
+    /// Returns the numbers of the free cells, in ascending order.
+    pub(super) fn free_cells(&self) -> Vec<usize> {
+        let columns = self.raster.columns();
+        let is_free = |cell: &usize| self.free().is_none_or(|free| free.has(cell % columns, cell / columns));
+        (0..self.raster.cells()).filter(is_free).collect()
+    }
+
+    /// Returns how many cells are free.
+    #[must_use]
+    pub fn free_count(&self) -> usize {
+        self.free().map_or(self.raster.cells(), Bits::count)
     }
 
     /// The cells.
@@ -65,7 +99,7 @@ impl Canvas {
     }
 
     /// Returns the centres of all cells, `[y][x]`.
-    pub fn centres(self) -> impl Iterator<Item = [f64; 2]> {
+    pub fn centres(&self) -> impl Iterator<Item = [f64; 2]> {
         let columns = self.raster.columns();
         (0..self.raster.cells()).map(move |cell| self.centre(cell % columns, cell / columns))
     }
@@ -80,7 +114,7 @@ impl Canvas {
     /// Returns the parameters that distinguish samples from those on the source paper's membrane, for keys.
     #[must_use]
     pub fn parameters(&self) -> Vec<(&'static str, Canonical)> {
-        if *self == Self::PAPER {
+        if (self.raster, self.cell) == (Self::PAPER.raster, Self::PAPER.cell) {
             return Vec::new();
         }
         let [columns, rows] = self.raster.sides();

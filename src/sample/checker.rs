@@ -48,7 +48,9 @@ mod tests {
     #[test]
     fn areas_cover_the_range_and_a_single_one_is_met_exactly() {
         let usual = Checker::new(Areas::new(Canvas::PAPER, 0.3, 0.7).unwrap());
-        let areas: Vec<f64> = (0..200).map(|i| usual.sample(5, i).unwrap().area_fraction()).collect();
+        let areas: Vec<f64> = (0..200)
+            .map(|i| usual.sample(5, i).unwrap().area_fraction(None))
+            .collect();
         assert!(areas.iter().all(|area| (0.3..=0.7).contains(area)));
         let mean = areas.iter().sum::<f64>() / 200.0;
         // Uniform: mean 0.5, standard deviation 0.1155.

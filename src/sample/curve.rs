@@ -12,7 +12,7 @@ pub(super) type Point = [f64; 2];
 const SEGMENTS: usize = 128;
 
 /// The four control points of a cubic Bézier curve, and its canvas.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Cubic(pub(super) [Point; 4], pub(super) Canvas);
 
 fn cross(a: Point, b: Point) -> f64 {

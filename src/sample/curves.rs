@@ -40,7 +40,7 @@ impl FamilyParameters for CurvesParameters {
     const NAME: &'static str = "curves";
 
     fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, ParameterError> {
-        let areas = self.area.map(|area| area.areas(canvas)).transpose()?;
+        let areas = self.area.map(|area| area.areas(canvas.clone())).transpose()?;
         let family = Curves::new(canvas, areas);
         Ok(self.one_group(self.count, Box::new(family)))
     }
@@ -53,7 +53,7 @@ impl FamilyParameters for CurvesParameters {
 }
 
 /// Patterns bounded by curves.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Curves {
     canvas: Canvas,
     areas: Option<Areas>,
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn areas_are_free_or_as_given() {
-        let areas: Vec<f64> = (0..300).map(|i| drawn(&usual(), 5, i).area_fraction()).collect();
+        let areas: Vec<f64> = (0..300).map(|i| drawn(&usual(), 5, i).area_fraction(None)).collect();
         let mean = areas.iter().sum::<f64>() / 300.0;
         let spread = (areas.iter().map(|a| (a - mean).powi(2)).sum::<f64>() / 300.0).sqrt();
         assert!(

@@ -158,7 +158,7 @@ mod tests {
     fn parallel_bands_have_their_share_and_none_is_empty_or_full() {
         for index in 0..300 {
             let (bands, pattern) = drawn(6, index);
-            let area = pattern.area_fraction();
+            let area = pattern.area_fraction(None);
             assert!((0.04..=0.96).contains(&area), "sample {index}: {area}");
             if bands.arrangement == Arrangement::Parallel {
                 let expected = bands.width as f64 / bands.period as f64;

@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 use super::areas::highest_of;
 use super::family::{Family, family};
 use deaflow_base::Stream;
-use deaflow_pattern::{Pattern, Raster, Symmetry};
+use deaflow_pattern::{Bits, Pattern, Raster, Symmetry};
 
 /// The largest fall of the grey level over the side.
 const FALL: f64 = 0.6;
@@ -51,10 +51,15 @@ impl Family for Dithers {
         } else {
             diffused(canvas.raster(), levels)
         };
-        let pattern = highest_of(canvas, area, levels.into_iter());
         // A quarter turn of a rectangle would not fit.
         let fits = canvas.raster().transformed(image) == canvas.raster();
-        if fits { pattern.transformed(image) } else { pattern }
+        let image = if fits { image } else { Symmetry::IDENTITY };
+        // The cells that the image moves to free ones.
+        let free = canvas
+            .free()
+            .map(|free| Bits::of(&free.pattern().transformed(image.inverse())));
+        let canvas = canvas.clone().with_free(free);
+        highest_of(&canvas, area, levels.into_iter()).transformed(image)
     }
 }
 
@@ -106,7 +111,7 @@ mod tests {
 
     #[test]
     fn areas_cover_the_range_and_a_single_one_is_met_exactly() {
-        let areas: Vec<f64> = (0..300).map(|i| drawn(&usual(), 5, i).area_fraction()).collect();
+        let areas: Vec<f64> = (0..300).map(|i| drawn(&usual(), 5, i).area_fraction(None)).collect();
         assert!(areas.iter().all(|area| (0.3..=0.7).contains(area)));
         let mean = areas.iter().sum::<f64>() / 300.0;
         // Uniform: mean 0.5, standard deviation 0.1155.

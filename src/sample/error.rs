@@ -1,18 +1,15 @@
 //! Errors of families, and the number of cells at an area fraction.
 
-use deaflow_pattern::Raster;
+use super::canvas::Canvas;
 
 /// Invalid parameters of a family, or a sample that does not exist.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SampleError {
     /// An area fraction at which no cell or every cell would be active.
-    #[error(
-        "the area fraction must leave at least one of {} cells active and one bare, found {found}",
-        raster.cells()
-    )]
+    #[error("the area fraction must leave at least one of {free} cells active and one bare, found {found}")]
     Area {
-        /// The cells.
-        raster: Raster,
+        /// The number of free cells.
+        free: usize,
         /// The area fraction.
         found: f64,
     },
@@ -58,14 +55,14 @@ impl ParameterError {
     }
 }
 
-/// Returns the number of active cells whose area fraction is nearest to `area`.
-pub(super) fn cells_at(area: f64, raster: Raster) -> Result<usize, SampleError> {
-    let all = raster.cells();
+/// Returns the number of active cells whose share of the free cells is nearest to `area`.
+pub(super) fn cells_at(area: f64, canvas: &Canvas) -> Result<usize, SampleError> {
+    let all = canvas.free_count();
     let cells = (area * all as f64).round();
     if (1.0..=(all - 1) as f64).contains(&cells) {
         Ok(cells as usize)
     } else {
-        Err(SampleError::Area { raster, found: area })
+        Err(SampleError::Area { free: all, found: area })
     }
 }
 
@@ -75,12 +72,12 @@ mod tests {
 
     #[test]
     fn areas_are_rounded_to_the_nearest_cell() {
-        assert_eq!(cells_at(0.5, Raster::PAPER), Ok(1250));
-        assert_eq!(cells_at(0.05, Raster::PAPER), Ok(125));
-        assert_eq!(cells_at(0.4999, Raster::PAPER), Ok(1250));
+        assert_eq!(cells_at(0.5, &Canvas::PAPER), Ok(1250));
+        assert_eq!(cells_at(0.05, &Canvas::PAPER), Ok(125));
+        assert_eq!(cells_at(0.4999, &Canvas::PAPER), Ok(1250));
         for area in [0.0, 0.0001, 0.9999, 1.0, -0.5, f64::NAN, f64::INFINITY] {
             assert!(
-                matches!(cells_at(area, Raster::PAPER), Err(SampleError::Area { .. })),
+                matches!(cells_at(area, &Canvas::PAPER), Err(SampleError::Area { .. })),
                 "{area}"
             );
         }

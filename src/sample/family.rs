@@ -134,7 +134,7 @@ macro_rules! family {
         }
 
         $(#[doc = $about])+
-        #[derive(Clone, Copy, Debug, PartialEq)]
+        #[derive(Clone, Debug, PartialEq)]
         pub struct $family {
             $field: $type,
         }

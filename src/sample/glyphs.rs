@@ -180,7 +180,7 @@ mod tests {
         assert!(seen.iter().all(|seen| *seen));
         for index in 0..300 {
             let pattern = drawn(1, index);
-            let area = pattern.area_fraction();
+            let area = pattern.area_fraction(None);
             let ink = if pages[index as usize].inside { area } else { 1.0 - area };
             // A letter has 10 to 20 dots of the 48 of its box, and large ones are cut anywhere.
             assert!((0.1..=0.5).contains(&ink), "sample {index}: {ink}");

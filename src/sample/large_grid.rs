@@ -65,7 +65,7 @@ impl FamilyParameters for LargeGridParameters {
 
     fn groups(&self, canvas: Canvas) -> Result<Vec<SampleGroup>, ParameterError> {
         let group = |&n: &u64| {
-            let family = LargeGrid::new(canvas, n as usize).map_err(ParameterError::of("units"))?;
+            let family = LargeGrid::new(canvas.clone(), n as usize).map_err(ParameterError::of("units"))?;
             let most = family.available().unwrap_or(u64::MAX);
             Ok(SampleGroup {
                 family: Box::new(family),
@@ -88,7 +88,7 @@ impl FamilyParameters for LargeGridParameters {
 
 /// Patterns of N × N units, half of them on. Cell i of n lies in unit floor(i · N / n). On a rectangle, N units lie
 /// across the shorter side, and across the longer one the number that makes them most nearly square.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LargeGrid {
     canvas: Canvas,
     across: usize,

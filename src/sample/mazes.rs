@@ -166,7 +166,7 @@ mod tests {
         let inside = (0..400).filter(|&i| widths(1, i).0).count();
         // Binomial: 200 ± 10.
         assert!((160..=240).contains(&inside), "{inside}");
-        let areas: Vec<f64> = (0..400).map(|i| drawn(1, i).area_fraction()).collect();
+        let areas: Vec<f64> = (0..400).map(|i| drawn(1, i).area_fraction(None)).collect();
         let mean = areas.iter().sum::<f64>() / 400.0;
         assert!((0.45..0.55).contains(&mean), "{mean}");
         assert!(areas.iter().all(|area| (0.1..=0.9).contains(area)));

@@ -34,8 +34,8 @@ impl FamilyParameters for SmallGridParameters {
     }
 }
 
-/// Patterns with a fixed number of active cells, each such pattern equally likely.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Patterns with a fixed number of active free cells, each such pattern equally likely.
+#[derive(Clone, Debug, PartialEq)]
 pub struct SmallGrid {
     pub(super) canvas: Canvas,
     pub(super) active: usize,
@@ -48,8 +48,8 @@ impl SmallGrid {
     /// When no cell or every cell would be active.
     pub fn new(canvas: Canvas, area: f64) -> Result<Self, SampleError> {
         Ok(Self {
+            active: cells_at(area, &canvas)?,
             canvas,
-            active: cells_at(area, canvas.raster())?,
         })
     }
 }
@@ -60,10 +60,10 @@ impl Family for SmallGrid {
     }
 
     fn draw(&self, stream: &mut Stream) -> Pattern {
-        let cells = self.canvas.raster().cells();
-        let mut active = vec![false; cells];
-        for cell in stream.choose(cells, self.active) {
-            active[cell] = true;
+        let free = self.canvas.free_cells();
+        let mut active = vec![false; self.canvas.raster().cells()];
+        for at in stream.choose(free.len(), self.active) {
+            active[free[at]] = true;
         }
         self.canvas.pattern(&active)
     }

@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn areas_cover_the_range_and_a_single_one_is_met_exactly() {
-        let areas: Vec<f64> = (0..300).map(|i| drawn(5, i).area_fraction()).collect();
+        let areas: Vec<f64> = (0..300).map(|i| drawn(5, i).area_fraction(None)).collect();
         assert!(areas.iter().all(|area| (0.2..=0.8).contains(area)));
         let mean = areas.iter().sum::<f64>() / 300.0;
         // Uniform: mean 0.5, standard deviation 0.1732.

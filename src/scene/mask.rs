@@ -40,9 +40,9 @@ pub struct Mask {
     pub scale: [f64; 2],
     /// Prestretch along x and y.
     pub prestretch: [f64; 2],
-    /// Area of the active cells, mm².
+    /// Area of the active cells on the free membrane, mm².
     pub electrode_area: f64,
-    /// The area of the active cells divided by the area of the membrane.
+    /// This area divided by that of the free membrane, which is neither frame nor body.
     pub area_fraction: f64,
     /// Area within the outline, mm².
     pub outline_area: f64,
@@ -94,13 +94,17 @@ impl Mask {
             None => Vec::new(),
         };
         let has_frame = scene.geometry.frame.is_some();
+        let free = scene.free_cells();
+        let free_electrode = free
+            .as_ref()
+            .map_or_else(|| pattern.clone(), |free| pattern.within(free));
         Self {
             size,
             membrane,
             scale,
             prestretch,
-            electrode_area: pattern.active_cells() as f64 * width * height,
-            area_fraction: pattern.area_fraction(),
+            electrode_area: free_electrode.active_cells() as f64 * width * height,
+            area_fraction: pattern.area_fraction(free.as_ref()),
             outline_area: areas.iter().sum::<f64>() * width * height,
             rounded,
             groups,

@@ -8,7 +8,7 @@ use super::geometry::{Body, Geometry};
 use super::leads::Leads;
 use super::waveform::Waveform;
 use deaflow_base::{Decimal, Stress, Voltage, parameters, words};
-use deaflow_pattern::{Bits, Membrane, Parts, PatternForm, Symmetries};
+use deaflow_pattern::{Bits, Membrane, Parts, Pattern, PatternForm, Symmetries};
 
 /// ε₀ in F/m (CODATA 2018).
 pub const VACUUM_PERMITTIVITY: f64 = 8.854_187_812_8e-12;
@@ -265,6 +265,29 @@ impl Scene {
     #[must_use]
     pub fn free_cells(&self) -> Option<Bits> {
         self.parts().map(|parts| parts.free_cells())
+    }
+
+    /// Returns the area fraction of an electrode: the share of the free membrane, without frame and bodies.
+    #[must_use]
+    pub fn area_fraction(&self, pattern: &Pattern) -> f64 {
+        pattern.area_fraction(self.free_cells().as_ref())
+    }
+
+    /// Returns the area of the free, prestretched membrane in mm², without frame and bodies.
+    #[must_use]
+    pub fn free_area_mm2(&self) -> f64 {
+        let membrane = self.membrane();
+        let cells = self.free_cells().map_or(membrane.raster.cells(), |free| free.count());
+        let [width, height] = membrane.cell_mm();
+        cells as f64 * width * height
+    }
+
+    /// Returns a number to add to the RECIPE of kinds that compute area fractions: these are of the free membrane, and
+    /// were once of all cells.
+    #[must_use]
+    pub fn area_revision(free: Option<&Bits>) -> u32 {
+        let is_covered = free.is_some_and(|free| free.count() < free.raster().cells());
+        32 * u32::from(is_covered)
     }
 
     /// Returns the side in mm of a square with the area of the prestretched membrane, a characteristic length.

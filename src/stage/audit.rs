@@ -17,6 +17,7 @@ mod source;
 use std::time::Instant;
 
 use super::results::named;
+use super::scene::area_revision;
 use contradictions::other_effects;
 use deaflow_base::{
     Canonical, Declared as _, Fields, InputError, Length, Node, NodeValue, Parameter, Schema, Seed, parameters, words,
@@ -79,9 +80,12 @@ impl Kind for AuditKind {
         vec![AuditParameters::fields()]
     }
 
-    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let parameters = AuditParameters::read_with(stage, &["kind", "needs"])?;
-        Ok(Box::new(AuditStage { parameters }))
+        Ok(Box::new(AuditStage {
+            parameters,
+            revision: area_revision(scene)?,
+        }))
     }
 }
 
@@ -148,6 +152,7 @@ impl Parameter for Count {
 
 struct AuditStage {
     parameters: AuditParameters,
+    revision: u32,
 }
 
 impl AuditParameters {
@@ -170,6 +175,10 @@ impl Stage for AuditStage {
         self.parameters.entries(&mut entries);
         entries.retain(|(key, _)| *key != "fail_on");
         Canonical::map(entries)
+    }
+
+    fn revision(&self) -> u32 {
+        self.revision
     }
 
     fn unit(&self) -> &'static str {

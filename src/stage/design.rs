@@ -348,7 +348,7 @@ impl Stage for DesignStage {
     }
 
     fn revision(&self) -> u32 {
-        revision_of(&self.scene)
+        revision_of(&self.scene) + Scene::area_revision(self.scene.free_cells().as_ref())
     }
 
     fn unit(&self) -> &'static str {

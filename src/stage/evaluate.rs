@@ -8,11 +8,13 @@ mod calibrated;
 mod content;
 mod predictors;
 
+use super::scene::area_revision;
 use super::{labelled, scene};
 use deaflow_base::{Canonical, Declared, Fields, InputError, Node, Parameter, Schema, parameters};
 use deaflow_content::Evaluation;
 use deaflow_fem::Method;
 use deaflow_orchestrator::{Job, Kind, Needs, Stage, StageError};
+use deaflow_pattern::Bits;
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, Object};
 use deaflow_surrogate::Scorer;
@@ -55,20 +57,28 @@ impl Kind for EvaluateKind {
     }
 
     fn schema(&self) -> Vec<Fields> {
-        vec![EvaluateStage::fields()]
+        vec![EvaluateParameters::fields()]
     }
 
-    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        Ok(Box::new(EvaluateStage::read_with(stage, &["kind", "needs"])?))
+    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+        Ok(Box::new(EvaluateStage {
+            parameters: EvaluateParameters::read_with(stage, &["kind", "needs"])?,
+            revision: area_revision(scene)?,
+        }))
     }
 }
 
 parameters! {
     /// Measures the errors of models and estimates on labelled patterns that were not used for training.
-    struct EvaluateStage as "an evaluate stage" {
+    struct EvaluateParameters as "an evaluate stage" {
         /// Estimates to compare with the models: linear, or chord:N with N from 1 to 50.
         estimates: Estimates = Vec::new(),
     }
+}
+
+struct EvaluateStage {
+    parameters: EvaluateParameters,
+    revision: u32,
 }
 
 /// Methods that do not iterate to equilibrium, each once.
@@ -120,7 +130,11 @@ impl Parameter for Estimates {
 
 impl Stage for EvaluateStage {
     fn parameters(&self) -> Canonical {
-        self.to_canonical()
+        self.parameters.to_canonical()
+    }
+
+    fn revision(&self) -> u32 {
+        self.revision
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
@@ -135,10 +149,10 @@ impl Stage for EvaluateStage {
         let calibrations = calibrated.iter().map(|c| (c.predictor, &c.model.calibration));
         let scorer = Scorer::new(predictors.iter().map(NamedPredictor::predictor).collect(), calibrations);
         let models: Vec<_> = predictors.iter().filter_map(NamedPredictor::surrogate).collect();
-        let mut rows = Vec::new();
+        let (free, mut rows) = (scene.free_cells(), Vec::new());
         labelled::for_each_batch(job, &models, &mut |batch| {
             job.progress.note(&format!("{} patterns", rows.len()));
-            rows.extend(scored(&scorer, batch)?);
+            rows.extend(scored(&scorer, batch, free.as_ref())?);
             Ok(())
         })?;
         if rows.is_empty() {
@@ -158,20 +172,26 @@ impl EvaluateStage {
                 found.push(model);
             }
         }
-        for &method in &self.estimates.0 {
+        for &method in &self.parameters.estimates.0 {
             found.push(NamedPredictor::estimate(method, scene)?);
         }
         Ok(found)
     }
 }
 
-fn scored(scorer: &Scorer<'_>, batch: labelled::Batch) -> Result<impl Iterator<Item = EvaluationRow>, StageError> {
+fn scored<'f>(
+    scorer: &Scorer<'_>,
+    batch: labelled::Batch,
+    free: Option<&'f Bits>,
+) -> Result<impl Iterator<Item = EvaluationRow> + use<'f>, StageError> {
     let scores = scorer.score(&batch.patterns, &batch.fields);
     let scores = scores.map_err(StageError::failed)?;
     let described = batch.families.into_iter().zip(batch.patterns);
-    Ok(described.zip(scores).map(|((family, pattern), result)| EvaluationRow {
-        family,
-        area: pattern.area_fraction(),
-        result,
-    }))
+    Ok(described
+        .zip(scores)
+        .map(move |((family, pattern), result)| EvaluationRow {
+            family,
+            area: pattern.area_fraction(free),
+            result,
+        }))
 }

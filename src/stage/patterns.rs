@@ -5,11 +5,11 @@
 
 use super::files::{self, FileName, NamedFile};
 use super::results;
-use super::sample::CHUNK;
+use super::sample::{CHUNK, room};
 use deaflow_base::{Canonical, Declared, DigestWriter, Fields, InputError, Node, parameters};
 use deaflow_content::{FROM_FILE, SampleRows, Samples};
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Plan, Stage, StageError};
-use deaflow_pattern::{Pattern, PatternForm, read_patterns_of};
+use deaflow_pattern::{Bits, Pattern, PatternForm, read_patterns_of};
 use deaflow_scene::Outline;
 use deaflow_store::{Artifact, Object};
 
@@ -63,7 +63,10 @@ impl Kind for PatternsKind {
                 ));
             }
         }
-        Ok(Box::new(PatternsStage::new(patterns, notes)))
+        let free = scene.map(Outline::free_cells).transpose()?.flatten();
+        // A frame that covers no cell changes nothing.
+        let free = free.filter(|free| free.count() < free.raster().cells());
+        Ok(Box::new(PatternsStage::new(patterns, free, notes)))
     }
 }
 
@@ -78,40 +81,44 @@ parameters! {
 
 struct PatternsStage {
     patterns: Vec<Pattern>,
+    /// The cells that may carry electrodes, if there are frames or bodies.
+    free: Option<Bits>,
     /// The parameters of each chunk.
     chunks: Vec<Canonical>,
     notes: Vec<String>,
 }
 
 impl PatternsStage {
-    fn new(patterns: Vec<Pattern>, notes: Vec<String>) -> Self {
+    fn new(patterns: Vec<Pattern>, free: Option<Bits>, notes: Vec<String>) -> Self {
         let starts = (0_u64..).step_by(CHUNK as usize);
         let chunk = |(patterns, start): (&[Pattern], u64)| {
-            Canonical::map(described(patterns).into_iter().chain([("start", start.into())]))
+            Canonical::map(described(patterns, free.as_ref()).chain([("start", start.into())]))
         };
         Self {
             chunks: patterns.chunks(CHUNK as usize).zip(starts).map(chunk).collect(),
             patterns,
+            free,
             notes,
         }
     }
 }
 
-/// What patterns are known by.
-fn described(patterns: &[Pattern]) -> [(&'static str, Canonical); 2] {
+/// What patterns are known by. Their area fractions depend on the cells that may carry electrodes.
+fn described(patterns: &[Pattern], free: Option<&Bits>) -> impl Iterator<Item = (&'static str, Canonical)> {
     let mut digest = DigestWriter::new();
     for pattern in patterns {
         digest.bytes(pattern.cells());
     }
-    [
+    let own = [
         ("patterns", digest.finish().to_string().as_str().into()),
         ("count", (patterns.len() as u64).into()),
-    ]
+    ];
+    own.into_iter().chain(free.map(room))
 }
 
 impl Stage for PatternsStage {
     fn parameters(&self) -> Canonical {
-        Canonical::map(described(&self.patterns))
+        Canonical::map(described(&self.patterns, self.free.as_ref()))
     }
 
     fn notes(&self) -> Vec<String> {
@@ -154,7 +161,10 @@ impl Stage for PatternsStage {
         job.progress.advance(patterns.len() as u64);
         let n = patterns.len();
         let samples = Samples {
-            area: patterns.iter().map(Pattern::area_fraction).collect(),
+            area: patterns
+                .iter()
+                .map(|pattern| pattern.area_fraction(self.free.as_ref()))
+                .collect(),
             rows: SampleRows {
                 family: vec![FROM_FILE.to_owned(); n],
                 index: (first as u64..).take(n).collect(),

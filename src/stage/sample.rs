@@ -10,7 +10,7 @@ use deaflow_content::{SampleRows, Samples};
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Plan, Stage, StageError};
 use deaflow_pattern::{Bits, Pattern};
 use deaflow_sample::{Canvas, FAMILIES, Family, FamilyEntry, SampleError, SampleGroup, read_family};
-use deaflow_scene::Outline;
+use deaflow_scene::{Outline, Scene};
 use deaflow_store::{Artifact, Object};
 
 /// Samples per chunk: few enough that a killed run loses only seconds of work, many enough that the overhead of a file
@@ -53,11 +53,13 @@ impl Kind for SampleKind {
             .map(Outline::read)
             .transpose()?
             .map_or(Canvas::PAPER, |outline| Canvas::of(&outline.membrane));
-        let (map, mut groups) = read_family(FAMILIES, stage, what, &["kind", "seed", "groups"], canvas)?;
+        let free = scene.map(Outline::free_cells).transpose()?.flatten();
+        let canvas = canvas.with_free(free.clone());
+        let (map, mut groups) = read_family(FAMILIES, stage, what, &["kind", "seed", "groups"], canvas.clone())?;
         for group in &mut groups {
             group.parameters.extend(canvas.parameters());
         }
-        let electrodes = Electrodes::read(&map, what, scene)?;
+        let electrodes = Electrodes::read(&map, what, scene, free)?;
         for group in &mut groups {
             group.parameters.extend(electrodes.parameters());
         }
@@ -87,7 +89,7 @@ struct Electrodes {
 }
 
 impl Electrodes {
-    fn read(map: &Map<'_>, what: &str, scene: Option<&Node>) -> Result<Self, InputError> {
+    fn read(map: &Map<'_>, what: &str, scene: Option<&Node>, free: Option<Bits>) -> Result<Self, InputError> {
         let groups: usize = map.read(what, "groups", &GROUPS, Some(1))?;
         let outline = scene.map(Outline::read).transpose()?;
         let known = outline.map_or(Pattern::MOST_GROUPS, |outline| outline.groups);
@@ -99,7 +101,7 @@ impl Electrodes {
                 .help(format!("allowed: 1 to {known}, or more `voltages`"))),
             _ => Ok(Self {
                 groups: groups as u64,
-                free: scene.map(Outline::free_cells).transpose()?.flatten(),
+                free,
             }),
         }
     }
@@ -107,16 +109,7 @@ impl Electrodes {
     /// Returns the parameters for the key; none for one group without frames and bodies.
     fn parameters(&self) -> Vec<(&'static str, Canonical)> {
         let groups = (self.groups > 1).then(|| ("groups", self.groups.into()));
-        let room = self.free.as_ref().map(|free| {
-            let runs: Vec<u8> = free
-                .runs()
-                .into_iter()
-                .flat_map(|run| (run as u64).to_le_bytes())
-                .collect();
-            let digest = DigestWriter::new().bytes(&runs).finish();
-            ("room", digest.to_string().as_str().into())
-        });
-        groups.into_iter().chain(room).collect()
+        groups.into_iter().chain(self.free.as_ref().map(room)).collect()
     }
 
     /// Draws a sample. Its active cells are those of the family's pattern. With several groups, each group but the last
@@ -144,6 +137,14 @@ impl Electrodes {
             ((first as u64 + index) % self.groups) as u8 + 1
         }))
     }
+}
+
+/// Returns the parameter for keys of the cells that may carry electrodes.
+pub fn room(free: &Bits) -> (&'static str, Canonical) {
+    let runs = free.runs().into_iter();
+    let runs: Vec<u8> = runs.flat_map(|run| (run as u64).to_le_bytes()).collect();
+    let digest = DigestWriter::new().bytes(&runs).finish();
+    ("room", digest.to_string().as_str().into())
 }
 
 /// Returns the chunks of a group as ranges of samples.
@@ -188,6 +189,10 @@ impl Stage for SampleStage {
         }
     }
 
+    fn revision(&self) -> u32 {
+        Scene::area_revision(self.electrodes.free.as_ref())
+    }
+
     fn unit(&self) -> &'static str {
         "patterns"
     }
@@ -225,7 +230,7 @@ impl Stage for SampleStage {
             .map(draw)
             .collect::<Result<Vec<Pattern>, _>>()?;
         job.progress.advance(patterns.len() as u64);
-        Ok(samples(group, range, patterns).object())
+        Ok(samples(group, range, patterns, self.electrodes.free.as_ref()).object())
     }
 }
 
@@ -247,10 +252,10 @@ impl SampleStage {
     }
 }
 
-fn samples(group: &SampleGroup, range: Range<u64>, patterns: Vec<Pattern>) -> Samples {
+fn samples(group: &SampleGroup, range: Range<u64>, patterns: Vec<Pattern>, free: Option<&Bits>) -> Samples {
     let n = patterns.len();
     Samples {
-        area: patterns.iter().map(Pattern::area_fraction).collect(),
+        area: patterns.iter().map(|pattern| pattern.area_fraction(free)).collect(),
         rows: SampleRows {
             family: vec![group.family.name().to_owned(); n],
             index: range.collect(),

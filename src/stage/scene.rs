@@ -5,7 +5,7 @@ use deaflow_content::StoredAttribute;
 use deaflow_dataset::Device;
 use deaflow_fem::effects::Model;
 use deaflow_orchestrator::StageError;
-use deaflow_scene::{Difference, Scene, States};
+use deaflow_scene::{Difference, Outline, Scene, States};
 use deaflow_store::Artifact;
 
 /// The key of the state of a stage that simulates one drive.
@@ -72,6 +72,15 @@ pub fn read_in_state(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputE
 pub fn device_of(scene: &Scene) -> Device {
     let parts = scene.parts();
     Device::new(scene.membrane(), scene.groups(), scene.symmetries(), parts.as_deref())
+}
+
+/// Returns a number to add to the RECIPE of kinds whose area fractions are those in the scene of a pipeline.
+///
+/// # Errors
+/// If the geometry is invalid.
+pub fn area_revision(scene: Option<&Node>) -> Result<u32, InputError> {
+    let free = scene.map(Outline::free_cells).transpose()?.flatten();
+    Ok(Scene::area_revision(free.as_ref()))
 }
 
 /// Returns the scene of all inputs. A model cannot be made from inputs of different scenes.

@@ -208,7 +208,7 @@ impl Stage for VerifyStage {
     }
 
     fn revision(&self) -> u32 {
-        self.solver.revision(&self.scene)
+        self.solver.revision(&self.scene) + Scene::area_revision(self.scene.free_cells().as_ref())
     }
 
     // Its inputs contain whole searches; only the designs are simulated.

@@ -47,7 +47,7 @@ const STAGES: &str = "
   verified:  { kind: verify, needs: [swept, best, turned], elements_per_cell: 1, order: 1 }
 ";
 
-const COLUMNS: &str = "name,case,role,units,point_x_mm,point_y_mm,direction_deg,objective,area_target,area,predicted_mm,simulated_mm,\
+const COLUMNS: &str = "name,case,role,units,point_x_mm,point_y_mm,direction_deg,objective,area_target,area,area_mm2,predicted_mm,simulated_mm,\
                        simulated_error_mm,distance_mm,intuitive_own_mm,intuitive_equal_area_mm,optimum_mm,ratio_to_optimum,network_mm,\
                        interval_lower_mm,interval_upper_mm,novelty,out_of_distribution,pattern_file";
 

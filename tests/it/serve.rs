@@ -1,6 +1,7 @@
 //! The store and the sketchpad in a browser: what is served over the wire, who is let in, and what a person sees.
 
 mod answers;
+mod areas;
 mod pad;
 mod reproduced;
 mod server;

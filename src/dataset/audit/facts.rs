@@ -93,7 +93,7 @@ impl Facts {
             is_hidden: row.is_hidden,
             frame: field.map_or(0.0, |field| device.max_on_frame(field)),
             peak: field.map_or(0.0, Field::max_magnitude),
-            area: pattern.map_or(0.0, Pattern::area_fraction),
+            area: pattern.map_or(0.0, |pattern| pattern.area_fraction(device.free.as_ref())),
             edges: pattern.map_or(0, edges),
             identity: symmetry.as_ref().map(|symmetry| (symmetry.pattern, symmetry.orbit)),
             source_pattern: pattern.and_then(|pattern| source_pattern(pattern, columns, index)),

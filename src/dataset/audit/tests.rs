@@ -45,7 +45,7 @@ impl Membrane {
 impl Simulator for Membrane {
     fn simulate(&self, patterns: &[Pattern]) -> Vec<Simulation> {
         // A fully active membrane is unstable.
-        let is_stable = |pattern: &Pattern| pattern.area_fraction() < 0.99;
+        let is_stable = |pattern: &Pattern| pattern.area_fraction(None) < 0.99;
         let simulation = |pattern| Simulation {
             outcome: if is_stable(pattern) {
                 Outcome::Converged

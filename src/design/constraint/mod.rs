@@ -150,11 +150,20 @@ impl Constraints {
     /// An upper bound of the area fraction of valid patterns.
     #[must_use]
     pub fn largest_area(&self) -> f64 {
-        self.raster.most_cells() as f64 / self.cells()
+        self.raster.most_cells() as f64 / self.free_count() as f64
     }
 
-    fn cells(&self) -> f64 {
-        self.domain.membrane.raster.cells() as f64
+    /// The number of cells that may carry electrodes.
+    #[must_use]
+    pub fn free_count(&self) -> usize {
+        let raster = self.domain.membrane.raster;
+        self.available().map_or(raster.cells(), Bits::count)
+    }
+
+    /// The area fraction of a pattern: its share of the cells that may carry electrodes.
+    #[must_use]
+    pub fn area_fraction(&self, pattern: &Pattern) -> f64 {
+        pattern.area_fraction(self.available())
     }
 
     /// Checks an area fraction with its tolerance against bounds that need no search.
@@ -166,7 +175,7 @@ impl Constraints {
         if area > largest + tolerance {
             return Err(ConstraintError::AreaTooLarge { area, largest });
         }
-        let smallest = (self.raster.feature[0] * self.raster.feature[1]) as f64 / self.cells();
+        let smallest = (self.raster.feature[0] * self.raster.feature[1]) as f64 / self.free_count() as f64;
         if area > tolerance && area + tolerance < smallest {
             return Err(ConstraintError::AreaTooSmall { area, smallest });
         }

@@ -115,7 +115,7 @@ impl<'a> Search<'a> {
             evaluation: Evaluation {
                 fitness: rough,
                 value_mm: 0.0,
-                area: pattern.area_fraction(),
+                area: self.problem.constraints.area_fraction(&pattern),
                 judged: false,
                 feasible: None,
             },
@@ -200,7 +200,7 @@ impl<'a> Search<'a> {
                 .as_ref()
                 .map_or(f64::INFINITY, |fields| self.fitness(pattern, goal.score(fields))),
             value_mm: fields.as_ref().map_or(0.0, |fields| goal.value_mm(fields)),
-            area: pattern.area_fraction(),
+            area: self.problem.constraints.area_fraction(pattern),
             judged: true,
             feasible: None,
         };
@@ -208,8 +208,8 @@ impl<'a> Search<'a> {
     }
 
     fn fitness(&self, pattern: &Pattern, score: f64) -> f64 {
-        let fitness = self.problem.goal.fitness_of(pattern, score);
         let constraints = self.problem.constraints;
+        let fitness = self.problem.goal.fitness_of(constraints.area_fraction(pattern), score);
         if constraints.allow_any_pattern() || constraints.satisfied_by(pattern) {
             return fitness;
         }

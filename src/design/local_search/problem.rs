@@ -43,7 +43,7 @@ impl<'a> SearchProblem<'a> {
         constraints: &'a Constraints,
     ) -> Self {
         let raster = constraints.membrane().raster;
-        let all = raster.cells() as f64;
+        let all = constraints.free_count() as f64;
         // Tolerates rounding errors of fractions that are a whole number of cells.
         let least = (area.0 * all - 1e-9).ceil().clamp(0.0, all);
         let most = (area.1 * all + 1e-9).floor().clamp(0.0, all);

@@ -371,7 +371,7 @@ impl<'g> LocalSearch<'g> {
         let step = SearchStep {
             value_mm: self.problem.value_mm(&self.state.fields),
             score: self.state.score,
-            area: self.state.pattern.area_fraction(),
+            area: self.problem.constraints.area_fraction(&self.state.pattern),
             simulations: self.simulations,
         };
         (self.on_step)(&step);

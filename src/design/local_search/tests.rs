@@ -4,7 +4,7 @@ use super::*;
 use crate::tests::TestDevice;
 use crate::{Aim, Constraints, DesignDomain, Displacement, Distance, Goal, Limits, Measure, Motion};
 use deaflow_field::{Differentiable, InStates, PredictError, Predictor, StateFields, WithGradient};
-use deaflow_pattern::{Bits, Membrane, Raster, distance};
+use deaflow_pattern::{Bits, Membrane, Raster, Region, distance};
 
 fn goal(motion: Motion) -> Goal {
     let aim = Aim::new([25.0, 25.0], motion);
@@ -219,7 +219,7 @@ fn constraints_are_satisfied() {
     for start in [half(), scattered] {
         let found = problem.refine(&start, &|_| ()).unwrap().unwrap();
         assert!(constraints.satisfied_by(&found.pattern) && found.exhausted);
-        assert!((0.39..=0.41).contains(&found.pattern.area_fraction()));
+        assert!((0.39..=0.41).contains(&found.pattern.area_fraction(None)));
         let free = Constraints::none(Membrane::square(50.0));
         let without = SearchProblem::new(&model, &goal, [50; 2], (0.39, 0.41), &free);
         let best = without.refine(&start, &|_| ()).unwrap().unwrap().score;
@@ -375,8 +375,11 @@ fn a_target_area_is_reached_if_there_is_space() {
     let [push, pull] = [[1.0, 0.0], [0.0, 1.0]].map(|loads| state(worth.clone(), loads));
     let model = InStates::new(vec![&push, &pull]);
     let goal = stroke();
-    for area in [0.05, 0.15, 0.3, 0.4] {
-        let range = (area - 0.005, area + 0.005);
+    // About half of the cells are free.
+    assert_eq!(apart.free_count(), 1252);
+    for cells in [125.0, 375.0, 750.0, 1000.0] {
+        let area = cells / 1252.0;
+        let range = ((cells - 12.5) / 1252.0, (cells + 12.5) / 1252.0);
         let problem = SearchProblem::new(&model, &goal, [50; 2], range, &apart);
         for start in [
             Pattern::from_fn(Raster::PAPER, |_, _| false),
@@ -389,14 +392,24 @@ fn a_target_area_is_reached_if_there_is_space() {
                 "{area}: {:?}",
                 apart.violations(&found.pattern)
             );
-            let reached = found.pattern.area_fraction();
+            let reached = apart.area_fraction(&found.pattern);
             assert!(
                 (range.0 - 1e-9..=range.1 + 1e-9).contains(&reached),
                 "{area}: {reached}"
             );
         }
     }
-    let problem = SearchProblem::new(&model, &goal, [50; 2], (0.7, 0.8), &apart);
+    // Half of the free cells are kept out.
+    let limits = Limits {
+        keep_out: vec![Region::Rectangle([[0.0, 0.0], [25.0, 50.0]])],
+        ..apart.limits().clone()
+    };
+    let domain = DesignDomain {
+        available: apart.available().cloned(),
+        ..two_groups()
+    };
+    let kept_out = Constraints::new(limits, domain).unwrap();
+    let problem = SearchProblem::new(&model, &goal, [50; 2], (0.7, 0.8), &kept_out);
     let refused = problem.follow_gradient(&half(), &|_| ()).unwrap();
     assert_eq!(refused.err(), Some(StartError::NoPattern));
 }

@@ -10,7 +10,7 @@ use super::aim::{Aim, PlacedAim, mean_along, rms_error};
 use super::error::GoalError;
 use super::measure::Measure;
 use deaflow_field::{Field, StateFields};
-use deaflow_pattern::{Membrane, Pattern, Raster};
+use deaflow_pattern::{Membrane, Raster};
 
 /// The default weight λ of the area: an area error of 1 % costs as much as 0.125 mm of displacement. This is just
 /// above the largest gain from area in the linear response of the default scene (0.12 mm per 1 %, for area fractions
@@ -113,16 +113,16 @@ impl Goal {
         needs_displacement.then(|| rms_error(&self.aims, &self.motions(fields)))
     }
 
-    /// F of a pattern and its fields; smaller is better.
+    /// F of a pattern with an area fraction and its fields; smaller is better.
     #[must_use]
-    pub fn fitness(&self, pattern: &Pattern, fields: &[Field]) -> f64 {
-        self.fitness_of(pattern, self.score(fields))
+    pub fn fitness(&self, area: f64, fields: &[Field]) -> f64 {
+        self.fitness_of(area, self.score(fields))
     }
 
-    /// F of a pattern with a score; smaller is better.
+    /// F of a pattern with an area fraction and a score; smaller is better.
     #[must_use]
-    pub fn fitness_of(&self, pattern: &Pattern, score: f64) -> f64 {
-        let area_error = self.area.map_or(0.0, |area| (pattern.area_fraction() - area).abs());
+    pub fn fitness_of(&self, area: f64, score: f64) -> f64 {
+        let area_error = self.area.map_or(0.0, |wanted| (area - wanted).abs());
         1.0 - score + self.area_penalty * area_error
     }
 

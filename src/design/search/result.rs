@@ -19,7 +19,9 @@ impl Search<'_> {
     ) -> Result<SearchResult, SearchError> {
         let mut found = findings.patterns;
         let intuitive = self.intuitive();
-        let area = found.last().map_or(0.5, |best| best.pattern.area_fraction());
+        let area = found
+            .last()
+            .map_or(0.5, |best| self.constraints.area_fraction(&best.pattern));
         for (role, pattern) in [
             (Role::Intuitive, intuitive.at_own_area()),
             (Role::IntuitiveEqualArea, intuitive.at_area(area)),
@@ -61,7 +63,7 @@ impl Search<'_> {
         let fields = fields.unwrap_or_else(|| vec![Field::zero(goal.raster()); self.drivers.len()]);
         FoundDesign {
             value_mm: goal.value_mm(&fields),
-            fitness: goal.fitness(&found.pattern, &fields),
+            fitness: goal.fitness(self.constraints.area_fraction(&found.pattern), &fields),
             role: found.role,
             member: found.member,
             units: found.units,
@@ -74,7 +76,7 @@ impl Search<'_> {
     /// `met`, or the requirements that are not met. The intuitive design at its own area has no target area.
     fn status(&self, found: &FoundPattern, feasible: bool) -> String {
         let (low, high) = self.area_range();
-        let area = found.pattern.area_fraction();
+        let area = self.constraints.area_fraction(&found.pattern);
         let mut lines = Vec::new();
         if found.role != Role::Intuitive && !(low - 1e-9..=high + 1e-9).contains(&area) {
             let (wanted, tolerance) = (self.target.area, self.options.area_tolerance);

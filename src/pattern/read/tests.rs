@@ -375,7 +375,7 @@ fn pictures_are_read_by_coverage_and_the_area_is_stated() {
     // Two greys are dark and light, and the area is that of the darker.
     let faint: Vec<u8> = pixels(1, &[120], &[135]);
     let read = noted("faint.png", 50, &faint);
-    let area = format!("{:.1} %", 100.0 * wanted().area_fraction());
+    let area = format!("{:.1} %", 100.0 * wanted().area_fraction(None));
     assert_eq!(read.patterns, [wanted()]);
     assert!(
         read.notes[0].ends_with(&format!(

@@ -122,6 +122,12 @@ impl Design {
         DeformedMembrane::new(self.pattern.cells(), field, self.background.clone(), points).ok()
     }
 
+    /// Returns the electrode area on the prestretched membrane in mm².
+    #[must_use]
+    pub fn area_mm2(&self) -> f64 {
+        self.area * self.scene.free_area_mm2()
+    }
+
     /// Returns the membrane in all states, or in the only one.
     #[must_use]
     pub fn membranes(&self) -> Vec<DeformedMembrane> {

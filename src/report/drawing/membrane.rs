@@ -12,7 +12,7 @@ use super::error::FigureError;
 use super::path::{number, path};
 use deaflow_field::Field;
 use deaflow_pattern as pattern;
-use deaflow_pattern::{Corners, Part, Pattern, PatternForm, Point, Raster, outlines};
+use deaflow_pattern::{Bits, Corners, Part, Pattern, PatternForm, Point, Raster, outlines};
 use deaflow_scene::Scene;
 
 /// Margin of a drawing, thousandths of its side.
@@ -33,6 +33,8 @@ pub struct Background {
     frame: Option<Pattern>,
     /// The cells of rigid bodies.
     bodies: Option<Pattern>,
+    /// The cells that may carry electrodes; `None` if all can.
+    free: Option<Bits>,
 }
 
 impl Background {
@@ -49,6 +51,7 @@ impl Background {
             plane: scene.membrane(),
             frame: cells(|part| part == Part::Frame),
             bodies: cells(|part| part.body().is_some()),
+            free: parts.as_ref().map(|parts| parts.free_cells()),
         }
     }
 
@@ -59,6 +62,7 @@ impl Background {
             plane,
             frame: None,
             bodies: None,
+            free: None,
         }
     }
 
@@ -252,7 +256,7 @@ impl DeformedMembrane {
 
     /// Returns the area fraction of the electrode.
     pub fn area(&self) -> f64 {
-        self.pattern.area_fraction()
+        self.pattern.area_fraction(self.background.free.as_ref())
     }
 
     /// Returns the largest displacement of the cell corners in mm.

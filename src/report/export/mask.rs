@@ -54,9 +54,13 @@ fn mask_notes(mask: &Mask) -> Vec<String> {
             one_or_both(mask.scale)
         ),
         format!(
-            "area of the electrode {} mm^2, {} of the area of the membrane; islands {}, holes {}",
+            "area of the electrode {} mm^2, {} of the area of the {}; islands {}, holes {}",
             number(mask.electrode_area),
             number(mask.area_fraction),
+            match mask.opening.is_empty() && mask.bodies.is_empty() {
+                true => "membrane",
+                false => "membrane that is neither frame nor body",
+            },
             mask.islands(),
             mask.holes()
         ),

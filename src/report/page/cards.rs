@@ -183,7 +183,11 @@ fn rows(design: &Design) -> Markup {
         interval,
         target,
         distance,
-        Some(("area", percents(design.area), String::new())),
+        Some((
+            "area",
+            percents(design.area),
+            format!("{} mm²", three(design.area_mm2())),
+        )),
         other("best by gradient search", compared.optimum, shows_optimum(design))
             .map(|(name, value, _)| (name, value, String::new())),
         other("intuitive, own area", compared.intuitive_own, found),

@@ -87,6 +87,7 @@ impl ModelErrors {
         }
         let (path, [count, _, _]) = patterns(set)?;
         let cells = network.form().raster.cells();
+        let free = view.scene().read()?.free_cells();
         for start in (0..count).step_by(BLOCK) {
             if is_interrupted() {
                 return Err(ApiError::new(408, "the request was interrupted"));
@@ -108,7 +109,7 @@ impl ModelErrors {
                     set: set.digest(),
                     row,
                     family: families[row].clone(),
-                    area: pattern.area_fraction(),
+                    area: pattern.area_fraction(free.as_ref()),
                     score: PatternScore::of(field, &labels[row - start]),
                 });
             }

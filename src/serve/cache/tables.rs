@@ -6,8 +6,10 @@ use super::evaluation_columns::{by_predictor, source_rows};
 use super::lru::LruCache;
 use crate::http::ApiError;
 use deaflow_base::ArtifactId;
-use deaflow_pattern::Raster;
+use deaflow_content::StoredAttribute;
+use deaflow_pattern::{Pattern, Raster};
 use deaflow_report::{RowColumn, Rows};
+use deaflow_scene::Scene;
 use deaflow_store::{Artifact, Content, Data, Store};
 
 /// Number of tables kept.
@@ -57,7 +59,12 @@ fn area(artifact: &Artifact, rows: &Rows) -> Result<Option<RowColumn>, ApiError>
     let Some(raster) = Raster::new(shape[2], shape[1]).filter(|_| shape[0] == rows.len()) else {
         return Ok(None);
     };
-    let fraction = |cells: &[u8]| cells.iter().filter(|&&cell| cell != 0).count() as f64 / raster.cells() as f64;
+    let scene: Option<Scene> = StoredAttribute::new(artifact, "scene").read()?;
+    let free = scene.and_then(|scene| scene.free_cells());
+    let fraction = |cells: &[u8]| {
+        let columns = raster.columns();
+        Pattern::from_groups(raster, |x, y| cells[y * columns + x]).area_fraction(free.as_ref())
+    };
     Ok(Some(RowColumn {
         name: "area".to_owned(),
         description: "Area fraction of the electrode.".to_owned(),

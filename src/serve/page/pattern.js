@@ -46,10 +46,6 @@ export class Pattern {
     return Array.from({ length: this.rows }, (_, y) => Array.from(this.cells.subarray(y * this.columns, (y + 1) * this.columns)));
   }
 
-  get area() {
-    return this.cells.reduce((sum, cell) => sum + (cell ? 1 : 0), 0) / this.cells.length;
-  }
-
   /** @param {Pattern} other */
   equals(other) {
     return this.columns === other.columns && this.rows === other.rows && this.cells.every((cell, at) => cell === other.cells[at]);

@@ -61,7 +61,7 @@ export class Improve {
     const body = {
       ...pad.body(true),
       fields: [],
-      area: this.keepArea.checked ? pad.pattern.area : null,
+      area: this.keepArea.checked ? pad.areaOf(pad.pattern).share : null,
       ...(target === null ? {} : { wanted: target }),
       ...(width > 0 ? { constraints: { min_feature: `${width} mm` } } : {}),
     };
@@ -95,7 +95,7 @@ export class Improve {
   /** @param {any} step @param {number[]} values @param {number|null} target */
   describe(step, values, target) {
     const count = `${values.length} pattern${values.length === 1 ? "" : "s"}`;
-    const text = `${count}, value ${number(values[0], 5)} → ${number(step.value, 6)} mm, area ${number(100 * this.pad.areaFraction(Pattern.of(step.pattern)), 4)} %`;
+    const text = `${count}, value ${number(values[0], 5)} → ${number(step.value, 6)} mm, ${this.pad.areaOf(Pattern.of(step.pattern)).text}`;
     if (!step.done) return text;
     if (target === null) return `Done: ${text}; no further improvement to first order.`;
     const against = compareWithTarget(step.value, target);

@@ -215,11 +215,13 @@ class Sketchpad {
     if (parts) this.pattern.cells.forEach((value, at) => value && parts[at] && (this.pattern.cells[at] = 0));
   }
 
-  /** The area fraction of a pattern. @param {Pattern} pattern */
-  areaFraction(pattern) {
-    const { parts } = this.scene;
+  /** The area of a pattern: the share of the membrane that is neither frame nor body, and mm² on the prestretched membrane. @param {Pattern} pattern */
+  areaOf(pattern) {
+    const { parts, size_mm: [width, height] } = this.scene;
     const free = parts ? parts.filter((/** @type {number} */ part) => !part).length : pattern.cells.length;
-    return pattern.cells.reduce((sum, cell, at) => sum + (cell && !parts?.[at] ? 1 : 0), 0) / Math.max(free, 1);
+    const active = pattern.cells.reduce((sum, cell, at) => sum + (cell && !parts?.[at] ? 1 : 0), 0);
+    const share = active / Math.max(free, 1);
+    return { share, text: `area ${number(100 * share, 4)} %${parts ? " of the membrane" : ""}, ${number((active * width * height) / pattern.cells.length, 5)} mm²` };
   }
 
   mostVoltage() {
@@ -502,9 +504,9 @@ class Sketchpad {
     this.frame = requestAnimationFrame(() => {
       this.frame = 0;
       if (this.ended) return;
-      const area = this.areaFraction(this.pattern);
-      this.area.textContent = `area ${number(100 * area, 4)} %${this.scene.parts ? " of the membrane" : ""}`;
-      this.invitation.textContent = area > 0 ? "" : "Draw an electrode here, or open a file under Files.";
+      const area = this.areaOf(this.pattern);
+      this.area.textContent = area.text;
+      this.invitation.textContent = area.share > 0 ? "" : "Draw an electrode here, or open a file under Files.";
       this.pen.mark();
       if (this.fresh) {
         this.fresh = false;

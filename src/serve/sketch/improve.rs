@@ -241,7 +241,7 @@ impl Improvement {
         let target = self.sign * self.target.unwrap_or_default();
         let (least, most) = self.range();
         let is_allowed = |pattern: &Pattern| {
-            let area = pattern.area_fraction();
+            let area = self.constraints.area_fraction(pattern);
             self.constraints.satisfied_by(pattern) && (least..=most).contains(&area)
         };
         let value = |pattern: &Pattern| -> Result<Option<f64>, PredictError> {
@@ -265,7 +265,7 @@ impl Improvement {
             "wanted": self.target,
             "reached": self.target.map(|target| is_reached(value, target)),
             "max_displacement": reached.fields.first().map(Field::max_magnitude),
-            "area": reached.pattern.area_fraction(),
+            "area": self.constraints.area_fraction(&reached.pattern),
             "pattern": rows(&reached.pattern),
             "seconds": began.elapsed().as_secs_f64(),
         })
@@ -318,7 +318,7 @@ impl ReportingEvaluator<'_> {
             "step": self.steps.fetch_add(1, Ordering::Relaxed),
             "value": value,
             "max_displacement": fields.first().map(Field::max_magnitude),
-            "area": pattern.area_fraction(),
+            "area": search.constraints.area_fraction(pattern),
             "pattern": rows(pattern),
         });
         match search.lines.send(&step) {

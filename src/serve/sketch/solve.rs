@@ -172,7 +172,7 @@ impl SketchSolution {
             "method": setup.method.to_string(),
             "elements_per_cell": setup.mesh.elements_per_cell(),
             "order": setup.mesh.order().degree(),
-            "area": pattern.area_fraction(),
+            "area": setup.scene.area_fraction(pattern),
             "newton_iterations": simulation.newton_iterations,
             "breakdown_ratio": simulation.observation.breakdown_ratio,
             "smallest_eigenvalue": simulation.observation.smallest_eigenvalue,

@@ -2,6 +2,7 @@
 
 use deaflow_content::{Candidates, DesignRows, Designs, GENOME_UNITS, GradientSteps, History, LongTexts, Packed};
 use deaflow_design::{CandidateAccuracy, FoundDesign, GenerationReport, Refinement, SearchResult, UNITS};
+use deaflow_pattern::Bits;
 use deaflow_scene::Scene;
 
 /// The values that all rows of a target share.
@@ -30,13 +31,13 @@ pub fn designs(heading: Heading, found: SearchResult, scene: Scene, method: &str
         steps: steps(&name, &found.refinements),
         evaluations: vec![found.evaluations as u64],
         candidates: candidates(&name, &found.accuracies),
-        rows: rows(heading, found.designs, found.evaluator),
+        rows: rows(heading, found.designs, found.evaluator, scene.free_cells().as_ref()),
         scene,
         method: method.to_owned(),
     }
 }
 
-fn rows(heading: Heading, designs: Vec<FoundDesign>, evaluator: String) -> DesignRows {
+fn rows(heading: Heading, designs: Vec<FoundDesign>, evaluator: String, free: Option<&Bits>) -> DesignRows {
     let n = designs.len();
     let mut rows = DesignRows {
         case: vec![heading.case; n],
@@ -51,7 +52,7 @@ fn rows(heading: Heading, designs: Vec<FoundDesign>, evaluator: String) -> Desig
         rows.role.push(design.role);
         rows.member.push(design.member as u64);
         rows.units.push(design.units as u64);
-        rows.area.push(design.pattern.area_fraction());
+        rows.area.push(design.pattern.area_fraction(free));
         rows.patterns.push(design.pattern);
         if let [first, _, ..] = &design.predicted[..] {
             rows.predicted.push(first.clone());

@@ -53,11 +53,12 @@ impl OwnPatterns {
             };
             !(0..*row).any(same)
         };
+        let areas: Vec<f64> = self.0.iter().map(|pattern| scene.area_fraction(pattern)).collect();
         let mut added = Vec::new();
         for target in (0..designs.len()).filter(is_first) {
             for (number, pattern) in self.0.iter().enumerate() {
                 let status = status(&designs, target, pattern, scene).map_err(StageError::input)?;
-                rows.push_own((&designs, target), (number as u64, pattern), status);
+                rows.push_own((&designs, target), (number as u64, pattern, areas[number]), status);
                 added.push(OwnCase {
                     target,
                     pattern: number,

@@ -22,7 +22,8 @@ pub(super) const NOVELTY: usize = SHAPE + 9;
 pub(super) fn difficulty_features(pattern: &Pattern, predicted: &Field) -> [f64; DIFFICULTY] {
     let [largest, mean, gradient, steepest, fourth] = of_field(predicted);
     let [edge, corners, touching, boundary] = of_outline(pattern);
-    let area = pattern.area_fraction();
+    // Of all cells: a feature, not the area fraction that is stated.
+    let area = pattern.area_fraction(None);
     let [strain, change] = of_active_cells(pattern, predicted);
     [
         (largest + 1e-3).ln(),

@@ -29,11 +29,11 @@ fn the_pad_keeps_to_the_membrane_and_to_its_own_drawing_and_says_what_is_old() {
     tab.click("[data-tool=rectangle]");
     tab.stroke("#pad", &[[0.01, 0.01], [0.07, 0.07]]);
     tab.until(SETTLED);
-    assert_eq!(tab.text("#area"), "area 0 % of the membrane");
+    assert_eq!(tab.text("#area"), "area 0 % of the membrane, 0 mm²");
     assert!(tab.text("#invitation").starts_with("Draw an electrode here"));
     tab.click("[data-tool=fill]");
     tab.stroke("#pad", &[[0.5, 0.5], [0.5, 0.5]]);
-    tab.until("document.querySelector('#area').textContent === 'area 100 % of the membrane'");
+    tab.until("document.querySelector('#area').textContent.startsWith('area 100 % of the membrane')");
     tab.click("button[name=clear]");
     tab.click("[data-tool=rectangle]");
     tab.stroke("#pad", &[[0.2, 0.3], [0.45, 0.7]]);

@@ -169,7 +169,7 @@ fn margins_that_no_pattern_satisfies_are_an_error() {
 fn a_free_area_starts_from_many_areas() {
     let areas: Vec<f64> = first_generation(None, &Constraints::none(Membrane::square(50.0)), 1, 200)
         .iter()
-        .map(|genome| genome.pattern(Raster::PAPER).area_fraction())
+        .map(|genome| genome.pattern(Raster::PAPER).area_fraction(None))
         .collect();
     let share = |from: f64, to: f64| areas.iter().filter(|&&a| (from..to).contains(&a)).count();
     assert_eq!(share(0.0, 0.03) + share(0.97, 1.1), 0);

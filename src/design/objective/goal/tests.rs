@@ -1,7 +1,7 @@
 use super::*;
 use crate::objective::aim::{BodyMarkers, Motion};
 use crate::objective::measure::{Displacement, Distance, Qin2024};
-use deaflow_pattern::Raster;
+use deaflow_pattern::{Pattern, Raster};
 
 /// The field that is `u` everywhere off the frame.
 fn uniform(u: [f64; 2]) -> [Field; 1] {
@@ -23,8 +23,8 @@ fn goal(measure: &'static dyn Measure, aims: &[(f64, f64, f64)], area: f64) -> G
 #[test]
 fn displacement_counts_with_sign_and_magnitude() {
     let right = goal(&Displacement, &[(25.0, 25.0, 0.0)], 0.5);
-    assert_eq!(right.fitness(&half(), &uniform([1.25, 0.7])), 0.5);
-    assert_eq!(right.fitness(&half(), &uniform([-1.25, 0.7])), 1.5);
+    assert_eq!(right.fitness(half().area_fraction(None), &uniform([1.25, 0.7])), 0.5);
+    assert_eq!(right.fitness(half().area_fraction(None), &uniform([-1.25, 0.7])), 1.5);
     let up = goal(&Displacement, &[(25.0, 25.0, 90.0)], 0.5);
     assert_eq!(up.value_mm(&uniform([1.25, 0.7])), 0.7);
     let slanted = goal(&Displacement, &[(25.0, 25.0, 30.0)], 0.5);
@@ -35,17 +35,23 @@ fn displacement_counts_with_sign_and_magnitude() {
 #[test]
 fn an_area_error_is_penalised() {
     let wanted = goal(&Displacement, &[(25.0, 25.0, 0.0)], 0.48);
-    assert!((wanted.fitness(&half(), &[Field::zero(Raster::PAPER)]) - (1.0 + AREA_PENALTY * 0.02)).abs() < 1e-12);
+    assert!(
+        (wanted.fitness(half().area_fraction(None), &[Field::zero(Raster::PAPER)]) - (1.0 + AREA_PENALTY * 0.02)).abs()
+            < 1e-12
+    );
 }
 
 #[test]
 fn the_literal_objective_ignores_sign_and_magnitude() {
     let literal = goal(&Qin2024, &[(25.0, 25.0, 0.0)], 0.5);
     for u in [[1.2, 0.0], [-1.2, 0.0], [1e-6, 0.0]] {
-        assert_eq!(literal.fitness(&half(), &uniform(u)), 0.0);
+        assert_eq!(literal.fitness(half().area_fraction(None), &uniform(u)), 0.0);
     }
-    assert!((literal.fitness(&half(), &uniform([3.0, 4.0])) - 0.4).abs() < 1e-15);
-    assert_eq!(literal.fitness(&half(), &[Field::zero(Raster::PAPER)]), 1.0);
+    assert!((literal.fitness(half().area_fraction(None), &uniform([3.0, 4.0])) - 0.4).abs() < 1e-15);
+    assert_eq!(
+        literal.fitness(half().area_fraction(None), &[Field::zero(Raster::PAPER)]),
+        1.0
+    );
 }
 
 #[test]
@@ -80,7 +86,11 @@ fn larger_and_smaller_displacements_are_distant_from_the_target() {
     assert_eq!(goal.distance_mm(&uniform([0.0, 1.0])), Some(0.0));
     for u in [[0.0, 0.75], [0.0, 1.25], [0.25, 1.0]] {
         assert_eq!(goal.distance_mm(&uniform(u)), Some(0.25));
-        assert_eq!(goal.fitness(&half(), &uniform(u)), 1.1, "the area is free");
+        assert_eq!(
+            goal.fitness(half().area_fraction(None), &uniform(u)),
+            1.1,
+            "the area is free"
+        );
     }
     assert_eq!(goal.value_mm(&uniform([3.0, 0.75])), 0.75);
     let vectors = of(
