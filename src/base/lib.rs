@@ -28,6 +28,7 @@ mod quantity;
 mod schema;
 mod stream;
 mod table;
+mod temporary;
 
 pub use background::{Background, Pauses};
 pub use canonical::Canonical;
@@ -62,3 +63,4 @@ pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
 pub use schema::{Fields, Schema};
 pub use stream::Stream;
 pub use table::{Row, Table, TableError, with_point};
+pub use temporary::TemporaryOutput;

@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
+use super::temporary::temporary_output;
+
 /// A file that cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
@@ -100,7 +102,7 @@ impl OutputFile {
     /// When the system reports an error; an existing file then remains.
     pub fn write(&self, bytes: &[u8]) -> Result<(), OutputError> {
         let failed = || failed(&self.given);
-        let mut file = temporary_file(self.folder()).map_err(failed())?;
+        let mut file = temporary_output(self.folder()).map_err(failed())?;
         file.write_all(bytes).map_err(failed())?;
         // If the disk is full, this fails before the existing file is replaced.
         file.as_file().sync_data().map_err(failed())?;

@@ -66,6 +66,16 @@ pub fn check_csv(path: &Path) -> Result<(), CliError> {
 /// As [`file()`].
 pub fn check_file(path: &Path) -> Result<(), CliError> {
     outside(path)?;
+    let is_hdf5 = path
+        .extension()
+        .is_none_or(|extension| extension == "h5" || extension == "hdf5");
+    if is_hdf5 && path.to_str().is_none() {
+        return Err(CliError::bad_input(format!(
+            "the path {} is not UTF-8, so HDF5 cannot write the file",
+            path.display()
+        ))
+        .help("name another file with -o"));
+    }
     // This creates and removes a file there: permissions do not tell whether a folder is writable.
     Ok(output_folder(OutputFile::new(path)?.folder())?)
 }

@@ -72,7 +72,9 @@ pub enum StoreError {
         path: PathBuf,
     },
     /// The path of the folder is not UTF-8, which HDF5 requires.
-    #[error("the path of the store {path} is not UTF-8, so HDF5 cannot open files there", path = path.display())]
+    #[error("the path of the store {path} is not UTF-8, so HDF5 cannot open files there: rename the folder, or name \
+             another --store",
+        path = path.display())]
     PathNotUtf8 {
         /// The folder.
         path: PathBuf,

@@ -93,6 +93,16 @@ impl Store {
         // Lists records first: an artifact exists before its record, also during a run.
         let records = files(&self.layout.records())?;
         let objects = files(&self.layout.objects())?;
+        // Lists of files leave out links that lead nowhere or in a circle; in the place of a file they are damage.
+        let links = links(&self.layout);
+        let with_links = |mut paths: Vec<PathBuf>, is_ours: &dyn Fn(&Path) -> bool| {
+            paths.extend(links.iter().filter(|path| is_ours(path)).cloned());
+            paths.sort_unstable();
+            paths.dedup();
+            paths
+        };
+        let records = with_links(records, &|path| self.layout.action_at(path).is_some());
+        let objects = with_links(objects, &|path| self.layout.artifact_at(path).is_some());
         let total = (objects.len() + records.len()) as u64;
         let mut sound = BTreeMap::new();
         for (done, path) in objects.iter().enumerate() {

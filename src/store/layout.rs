@@ -30,7 +30,7 @@ use super::entries::{files_in, names_in};
 use super::error::StoreError;
 use super::file_system::file_system;
 use super::marker;
-use deaflow_base::{ActionKey, ArtifactId, folder_of, kind_of};
+use deaflow_base::{ActionKey, ArtifactId, TemporaryOutput, folder_of, kind_of};
 
 const MARKER: &str = "format";
 
@@ -101,8 +101,10 @@ impl Layout {
     /// If it is not a folder, or its path is not UTF-8.
     pub fn of(root: &Path) -> Result<Self, StoreError> {
         let root = root.to_owned();
+        // Temporary files have absolute paths.
+        let whole = std::path::absolute(&root).unwrap_or_else(|_| root.clone());
         match () {
-            () if root.to_str().is_none() => Err(StoreError::PathNotUtf8 { path: root }),
+            () if whole.to_str().is_none() => Err(StoreError::PathNotUtf8 { path: whole }),
             () if root.exists() && !root.is_dir() => Err(StoreError::NotAStore { path: root }),
             () => Ok(Self { root }),
         }
@@ -198,7 +200,7 @@ impl Layout {
                 };
             }
         }
-        let folder = tempfile::Builder::new().prefix("format-").tempdir_in(&self.root);
+        let folder = TemporaryOutput::inside(&self.root);
         let folder = folder.map_err(StoreError::io("write in", &self.root))?;
         marker::write(folder.path(), &self.marker())
     }

@@ -10,7 +10,7 @@ use super::listing;
 use super::object::Object;
 use super::provenance::Provenance;
 use super::write;
-use deaflow_base::OutputFile;
+use deaflow_base::{OutputFile, TemporaryOutput};
 
 /// Writes arrays to an HDF5 file atomically, replacing an existing file.
 ///
@@ -31,7 +31,7 @@ pub(super) fn place(path: &Path, write: impl FnOnce(&Path) -> Result<(), StoreEr
     let output = OutputFile::new(path)?;
     // In the same folder, so that it is on the same file system.
     let folder = output.folder();
-    let temporary = tempfile::tempdir_in(folder).map_err(StoreError::io("write in", folder))?;
+    let temporary = TemporaryOutput::inside(folder).map_err(StoreError::io("write in", folder))?;
     let file = temporary.path().join("result.h5");
     write(&file)?;
     // A full disk must not destroy the existing file.

@@ -209,9 +209,7 @@ fn links_in_the_place_of_files_of_the_store_are_named_and_stepped_over() {
         let workspace = copied();
         let store = workspace.path("store");
         let mut links = vec![
-            store.join("objects/01").join(format!("{name}.h5")),
             store.join("objects/zz"),
-            store.join("records/01").join(&name),
             store.join("records/zz"),
             store.join("runs/2999-01-01T00-00-01.000Z-0123456789ab.json"),
             store.join("pins").join(&name),
@@ -409,4 +407,25 @@ fn a_marker_of_another_version_and_a_folder_that_is_no_store_are_not_repaired() 
     assert_eq!(inventory(&workspace.path("store")), before);
     workspace.refused(&["fsck", "--repair", "--store", "none"]);
     assert!(!workspace.path("none").exists());
+}
+
+#[test]
+fn a_folder_whose_name_is_not_utf8_is_refused_before_any_work() {
+    use std::os::unix::ffi::OsStrExt;
+    let workspace = Workspace::small();
+    let folder = workspace.path("").join(std::ffi::OsStr::from_bytes(b"caf\xe9"));
+    std::fs::create_dir(&folder).unwrap();
+    std::fs::copy(workspace.path("small.yaml"), folder.join("small.yaml")).unwrap();
+    let mut command = workspace.command(&["run", "small.yaml"]);
+    let ended = super::common::Ended::from(command.current_dir(&folder).output().unwrap());
+    assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("is not UTF-8, so HDF5 cannot open files there"),
+        "{}",
+        ended.stderr
+    );
+    let names = std::fs::read_dir(&folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name());
+    assert_eq!(names.collect::<Vec<_>>(), ["small.yaml"], "nothing was written");
 }

@@ -256,3 +256,21 @@ fn a_crate_holds_the_files_that_stages_read() {
     let rerun = workspace.run(&rerun);
     assert_eq!(rerun.code, Some(0), "{}", rerun.stderr);
 }
+
+#[test]
+fn what_a_killed_export_left_is_removed_by_the_next() {
+    let workspace = Workspace::small();
+    workspace.stages(&["run", "small.yaml"]);
+    std::fs::create_dir(workspace.path("out")).unwrap();
+    let left = workspace.path("out/.deaflow-tmp-aaaaaa");
+    std::fs::create_dir(&left).unwrap();
+    std::fs::write(left.join("part"), "1").unwrap();
+    let then = std::time::SystemTime::now() - std::time::Duration::from_secs(60);
+    std::fs::File::open(&left).unwrap().set_modified(then).unwrap();
+    let ended = workspace.run(&["export", "crate", "small.yaml", "-o", "out/crate"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let names = std::fs::read_dir(workspace.path("out"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name());
+    assert_eq!(names.collect::<Vec<_>>(), ["crate"]);
+}

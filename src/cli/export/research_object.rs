@@ -10,7 +10,9 @@ use serde_json::json;
 use crate::arguments::{SetArguments, StoreArguments};
 use crate::progress::Bar;
 use crate::{CliError, Exit, Output, locate, pipeline, table, write};
-use deaflow_base::{ArtifactId, Document, NodeValue, folder_of, is_dangling_link, kind_of, read_bounded, software};
+use deaflow_base::{
+    ArtifactId, Document, NodeValue, TemporaryOutput, folder_of, is_dangling_link, kind_of, read_bounded, software,
+};
 use deaflow_orchestrator::{BuiltStage, BuiltStages, Pipeline, built_stages};
 use deaflow_report::{CrateFile, CrateStage, METADATA, ResearchObject, figure_files, file_name};
 use deaflow_scene::scene_files;
@@ -53,7 +55,7 @@ pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit
             .help(format!("build them first: deaflow run {path}{sets}")));
     }
     // Written to a temporary folder first: the crate appears complete or not at all.
-    let temporary = temporary_folder(&folder)?;
+    let temporary = TemporaryOutput::inside(folder_of(&folder)).map_err(failed(&folder))?;
     let mut writer = CrateWriter {
         root: temporary.path(),
         bar: Bar::new("export", "chunks", chunks(&built, &store)?),
@@ -115,14 +117,6 @@ fn chunks(built: &BuiltStages, store: &Store) -> Result<u64, CliError> {
     let artifacts: BTreeSet<ArtifactId> = built.stages.iter().map(|stage| stage.record.artifact).collect();
     let of = |id: &ArtifactId| Ok(store.artifact(id)?.parts().len().max(1) as u64);
     artifacts.iter().map(of).sum()
-}
-
-/// Makes a temporary folder in the same file system, with the permissions of the umask.
-fn temporary_folder(folder: &Path) -> Result<tempfile::TempDir, CliError> {
-    use std::os::unix::fs::PermissionsExt;
-    let mut builder = tempfile::Builder::new();
-    let builder = builder.permissions(fs::Permissions::from_mode(0o777));
-    builder.tempdir_in(folder_of(folder)).map_err(failed(folder))
 }
 
 fn failed(path: &Path) -> impl Fn(std::io::Error) -> CliError + '_ {
