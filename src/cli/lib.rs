@@ -16,6 +16,7 @@ mod commands;
 mod copy;
 mod csv;
 mod dag;
+mod decisions;
 mod diff;
 mod doctor;
 mod error;

@@ -1,12 +1,11 @@
 //! Builds a pipeline in this process and reports the results: the part that `run`, `attach` and `sweep` share.
 
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
-use std::thread::JoinHandle;
 
 use serde_json::{Value, json};
 
 use super::arguments::{PipelineArguments, VerbosityArguments};
-use super::neglected::{may_break_down, neglected_effects, screen_in_background};
+use super::neglected::{may_break_down, neglected_effects};
 use super::pipeline::read_lock;
 use super::progress::RunProgress;
 use super::run_log::RunLog;
@@ -145,7 +144,7 @@ impl Build<'_> {
         let listener = |event: &_| {
             log.write(event);
             progress.show(event);
-            preparation.update(event, || Prepared::start(self.pipeline, self.of, access.store()));
+            preparation.update(event, || figures_of(self.pipeline, access.store()));
         };
         let options = RunOptions {
             log: Some(&log.name),
@@ -236,14 +235,13 @@ impl CompleteBuild<'_> {
             .for_each(|remote| upstream::report_problems(remote, output));
         // Artifacts that no stage needed are not fetched for the report.
         let store = &access.store().without_upstream();
-        let names: Vec<&str> = made.iter().map(|made| made.stage.as_str()).collect();
-        let neglected = neglected_effects(pipeline, &names, store)?;
         let artifacts = RunArtifacts {
             store,
             file: &pipeline.file(),
             stages: &made,
             rounds: &pipeline.rounds,
         };
+        let neglected = neglected_effects(pipeline, &artifacts)?;
         let results = RunResults::cached(&artifacts, &pipeline.name, neglected, &may_break_down(pipeline))?;
         for text in results.warnings().cloned() {
             log.write(&Event::Warning { text });
@@ -317,25 +315,25 @@ impl Build<'_> {
     }
 }
 
-/// Prepares the report while stages run: from the first one that is built, since a run that builds nothing has all
+/// Draws the figures while stages run: from the first one that is built, since a run that builds nothing has all
 /// figures.
 #[derive(Default)]
 struct Preparation {
     /// Stages that were reused before that.
     reused: Mutex<Vec<StageArtifact>>,
-    prepared: OnceLock<Option<Prepared>>,
+    figures: OnceLock<Option<BackgroundFigures>>,
 }
 
 impl Preparation {
-    fn update(&self, event: &Event, start: impl FnOnce() -> Option<Prepared>) {
+    fn update(&self, event: &Event, start: impl FnOnce() -> Option<BackgroundFigures>) {
         let (stage, is_new) = match event {
             Event::StageStarted { .. } => {
-                self.prepared.get_or_init(|| {
-                    let prepared = start()?;
+                self.figures.get_or_init(|| {
+                    let figures = start()?;
                     for made in self.reused().drain(..) {
-                        prepared.figures.add(made, false);
+                        figures.add(made, false);
                     }
-                    Some(prepared)
+                    Some(figures)
                 });
                 return;
             }
@@ -343,8 +341,8 @@ impl Preparation {
             Event::StageReused(stage) => (stage, false),
             _ => return,
         };
-        match (self.prepared.get(), made_by(stage)) {
-            (Some(Some(prepared)), Some(made)) => prepared.figures.add(made, is_new),
+        match (self.figures.get(), made_by(stage)) {
+            (Some(Some(figures)), Some(made)) => figures.add(made, is_new),
             (None, Some(made)) => self.reused().push(made),
             _ => {}
         }
@@ -356,33 +354,18 @@ impl Preparation {
     }
 
     fn finish(self) {
-        if let Some(Some(prepared)) = self.prepared.into_inner() {
-            prepared.figures.finish();
-            // A panic of the thread has been printed.
-            let _ = prepared.screening.join();
+        if let Some(Some(figures)) = self.figures.into_inner() {
+            figures.finish();
         }
     }
 }
 
-/// Threads that draw figures and screen for neglected effects.
-struct Prepared {
-    figures: BackgroundFigures,
-    screening: JoinHandle<()>,
-}
-
-impl Prepared {
-    /// Starts the threads; none with `--jobs 1`, or if the system refuses: then all is done at the end.
-    fn start(pipeline: &Pipeline, arguments: &PipelineArguments, store: &Store) -> Option<Self> {
-        if rayon::current_num_threads() == 1 {
-            return None;
-        }
-        let selected = pipeline.selection(arguments.until.as_deref()).ok()?;
-        let stages: Vec<&str> = selected.iter().map(|at| pipeline.stages[*at].name.as_str()).collect();
-        Some(Self {
-            figures: BackgroundFigures::start(store.without_upstream(), pipeline.file(), pipeline.name.clone()).ok()?,
-            screening: screen_in_background(pipeline, &stages, store.without_upstream()).ok()?,
-        })
+/// Starts the thread that draws figures; none with `--jobs 1`, or if the system refuses: then all is done at the end.
+fn figures_of(pipeline: &Pipeline, store: &Store) -> Option<BackgroundFigures> {
+    if rayon::current_num_threads() == 1 {
+        return None;
     }
+    BackgroundFigures::start(store.without_upstream(), pipeline.file(), pipeline.name.clone()).ok()
 }
 
 /// Whether an artifact is in the store itself, with all its chunks.

@@ -1,65 +1,63 @@
 //! The effects that the simulations of a pipeline neglect.
 
-use std::io;
-use std::thread::{Builder, JoinHandle};
-
 use super::CliError;
 use deaflow_base::{Digest, build};
 use deaflow_content::SOLVED;
-use deaflow_fem::screening::ScreenedScene;
+use deaflow_fem::WorkLimit;
+use deaflow_fem::screening::{ScreenedScene, TestPattern, resolve_states};
 use deaflow_orchestrator::{Pipeline, StageSpec};
+use deaflow_report::{RunArtifacts, StageArtifact, warned_patterns};
 use deaflow_scene::Scene;
-use deaflow_store::Store;
 
-/// Returns a warning for each significant effect that simulating stages neglect, after the names of those stages. It
-/// depends on
-/// parts of the scene that affect no result (the drive in time, known material data), so artifacts do not contain it.
+/// Returns a warning for each significant effect that simulating stages neglect, after the names of those stages. It is
+/// about patterns that they have simulated. It depends on parts of the scene that affect no result (the drive in time,
+/// known material data), so artifacts do not contain it.
 ///
 /// # Errors
-/// When the effects of the scene cannot be simulated.
-pub fn neglected_effects(pipeline: &Pipeline, stages: &[&str], store: &Store) -> Result<Vec<String>, CliError> {
-    let scenes = scenes(pipeline, stages);
-    let mut warnings = Vec::new();
-    let screened_scenes = scenes.len().min(MAX_SCENES);
-    for (simulated, names) in &scenes[..screened_scenes] {
-        let found = screened(simulated, store)?;
-        warnings.extend(found.iter().map(|warning| format!("{}: {warning}", list(names))));
+/// When an artifact cannot be read, or the effects of a scene cannot be simulated.
+pub fn neglected_effects(pipeline: &Pipeline, run: &RunArtifacts<'_>) -> Result<Vec<String>, CliError> {
+    let stages = simulating(pipeline, run);
+    let mut warnings: Vec<(String, Vec<&str>)> = Vec::new();
+    let screened_stages = stages.len().min(MAX_STAGES);
+    for stage in &stages[..screened_stages] {
+        for text in screened(stage, run)? {
+            match warnings.iter_mut().find(|(known, _)| *known == text) {
+                Some((_, names)) => names.push(&stage.made.stage),
+                None => warnings.push((text, vec![&stage.made.stage])),
+            }
+        }
     }
-    if screened_scenes < scenes.len() {
-        warnings.push(format!(
-            "only the first {screened_scenes} of {} scenes were screened for neglected effects; use `deaflow screen` \
+    let mut lines: Vec<String> = warnings
+        .iter()
+        .map(|(text, names)| format!("{}: {text}", list(names)))
+        .collect();
+    if screened_stages < stages.len() {
+        lines.push(format!(
+            "only the first {screened_stages} of {} stages were screened for neglected effects; use `deaflow screen` \
              for others",
-            scenes.len()
+            stages.len()
         ));
     }
-    Ok(warnings)
+    Ok(lines)
 }
 
-/// Computes in a thread what [`neglected_effects`] will need; the store caches it. Errors are reported there.
-///
-/// # Errors
-/// When the thread cannot be started.
-pub fn screen_in_background(pipeline: &Pipeline, stages: &[&str], store: Store) -> io::Result<JoinHandle<()>> {
-    let scenes = scenes(pipeline, stages).into_iter().take(MAX_SCENES);
-    let scenes: Vec<SimulatedScene> = scenes.map(|(simulated, _)| simulated).collect();
-    let screen = move || {
-        for simulated in &scenes {
-            let _ = screened(simulated, &store);
-        }
-    };
-    Builder::new().name("screening".to_owned()).spawn(screen)
+/// A stage that has simulated patterns.
+struct SimulatingStage<'a> {
+    made: &'a StageArtifact,
+    scene: Scene,
+    /// Whether it simulates in time.
+    in_time: bool,
+    /// Whether its results have the electric field relative to the breakdown field.
+    observes_breakdown: bool,
 }
 
-/// A scene, and whether it is simulated in time.
-type SimulatedScene = (Scene, bool);
-
-/// Returns the scenes that stages simulate, with the names of the stages.
-fn scenes<'a>(pipeline: &'a Pipeline, stages: &[&str]) -> Vec<(SimulatedScene, Vec<&'a str>)> {
-    let mut scenes: Vec<(SimulatedScene, Vec<&str>)> = Vec::new();
+fn simulating<'a>(pipeline: &Pipeline, run: &RunArtifacts<'a>) -> Vec<SimulatingStage<'a>> {
+    let mut stages = Vec::new();
     for stage in &pipeline.stages {
-        if !SIMULATING.contains(&stage.kind.name()) || !stages.contains(&stage.name.as_str()) {
+        let made = run.stages.iter().find(|made| made.stage == stage.name);
+        let Some(made) = made.filter(|_| SIMULATING.contains(&stage.kind.name())) else {
             continue;
-        }
+        };
         // The pipeline has been read with its scenes, so they are valid.
         let Some(Ok(scene)) = pipeline.scene_of(stage).map(Scene::read) else {
             continue;
@@ -74,31 +72,48 @@ fn scenes<'a>(pipeline: &'a Pipeline, stages: &[&str]) -> Vec<(SimulatedScene, V
             || needed
                 .into_iter()
                 .any(|stage| has(stage, &|key| key.ends_with("objective.frequency")));
-        match scenes.iter_mut().find(|(known, _)| *known == (scene.clone(), in_time)) {
-            Some((_, names)) => names.push(&stage.name),
-            None => scenes.push(((scene, in_time), vec![&stage.name])),
-        }
+        stages.push(SimulatingStage {
+            made,
+            scene,
+            in_time,
+            observes_breakdown: SOLVED.contains(&stage.kind.name()),
+        });
     }
-    scenes
+    stages
 }
 
-/// Returns the warnings of a scene. They depend only on the scene and this program and take the time of some solutions,
-/// so the
-/// store caches them.
-fn screened((scene, in_time): &SimulatedScene, store: &Store) -> Result<Vec<String>, CliError> {
-    let sort = if *in_time { "warnings in time" } else { "warnings" };
-    let of = Digest::of(format!("{sort} of {}\n{}", build(), scene.to_text()).as_bytes());
-    if let Some(known) = store.memo(&of) {
+/// Returns the warnings of a stage. They depend only on its scene, its artifact and this program and take the time of
+/// some solutions, so the store caches them.
+fn screened(stage: &SimulatingStage<'_>, run: &RunArtifacts<'_>) -> Result<Vec<String>, CliError> {
+    let SimulatingStage { made, scene, .. } = stage;
+    let sort = if stage.in_time { "warnings in time" } else { "warnings" };
+    let of = format!("{sort} of {}\n{}\n{}", build(), made.digest, scene.to_text());
+    let of = Digest::of(of.as_bytes());
+    if let Some(known) = run.store.memo(&of) {
         return Ok(known);
     }
-    let screened = ScreenedScene::new(scene).map_err(|e| CliError::bad_input(e.to_string()))?;
-    let found = if *in_time {
+    let refused = |error: deaflow_fem::SetupError| CliError::bad_input(error.to_string());
+    let only = RunArtifacts {
+        stages: std::slice::from_ref(*made),
+        ..*run
+    };
+    let patterns = only.each(&made.kind, warned_patterns)?.into_iter().flatten();
+    let tests: Vec<TestPattern> = patterns
+        .map(|(name, pattern)| TestPattern::new(&name, pattern))
+        .collect();
+    let scene = match scene.states.is_empty() {
+        true => scene.clone(),
+        false => resolve_states(scene).map_err(refused)?.at_largest_voltages(),
+    };
+    let screened = ScreenedScene::for_patterns(&scene, &tests, WorkLimit::default()).map_err(refused)?;
+    let mut found = if stage.in_time {
         screened.warnings_in_time
     } else {
         screened.warnings
     };
+    found.extend(screened.breakdown_warning.filter(|_| !stage.observes_breakdown));
     // A read-only store does not cache them.
-    store.put_memo(&of, &found).ok();
+    run.store.put_memo(&of, &found).ok();
     Ok(found)
 }
 
@@ -117,8 +132,8 @@ pub fn may_break_down(pipeline: &Pipeline) -> Vec<String> {
         .collect()
 }
 
-/// The most scenes of a sweep that are screened; each takes as long as solving a few patterns.
-const MAX_SCENES: usize = 8;
+/// The most stages of a sweep that are screened; each takes as long as solving a few patterns.
+const MAX_STAGES: usize = 16;
 
 /// The most stages that a warning names.
 const MAX_NAMED: usize = 4;

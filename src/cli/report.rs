@@ -10,7 +10,7 @@ use super::locate;
 use super::neglected::neglected_effects;
 use super::{CliError, Exit, Output, pipeline, write};
 use deaflow_orchestrator::{Environment, plan, plan_warnings};
-use deaflow_report::{PipelineHistory, StageRecord, write_report};
+use deaflow_report::{PipelineHistory, RunArtifacts, StageArtifact, StageRecord, write_report};
 
 /// Write a report of a pipeline: a page with all designs, and the designs as files
 #[derive(Debug, Args)]
@@ -40,11 +40,15 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     let store = locate::existing_store(&arguments.store.folder_of(&arguments.pipeline))?;
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
     let mut history = PipelineHistory::of(&pipeline, &stages, &store)?;
-    let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();
     history.model_warnings = plan_warnings(&pipeline, &stages, &store)?;
-    history
-        .model_warnings
-        .extend(neglected_effects(&pipeline, &names, &store)?);
+    let made: Vec<StageArtifact> = history.stages.iter().filter_map(made_by).collect();
+    let artifacts = RunArtifacts {
+        store: &store,
+        file: &pipeline.file(),
+        stages: &made,
+        rounds: &pipeline.rounds,
+    };
+    history.model_warnings.extend(neglected_effects(&pipeline, &artifacts)?);
     check(&history, arguments)?;
     // Checked before the report is made.
     write::folder(&arguments.output)?;
@@ -66,6 +70,14 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
         })
     };
     output.result(document, || written.text())
+}
+
+fn made_by(stage: &StageRecord) -> Option<StageArtifact> {
+    Some(StageArtifact {
+        stage: stage.name.clone(),
+        kind: stage.kind.clone(),
+        digest: stage.digest?,
+    })
 }
 
 /// Refuses missing stages, unless a partial report was requested.

@@ -16,6 +16,9 @@ use deaflow_fem::CriticalVoltage;
 use deaflow_field::{Field, Mesh, OutcomeKind};
 use deaflow_report::mm_measured;
 
+/// From this share of the breakdown field on, a pattern is close to it; screening has the same threshold.
+const CLOSE_TO_BREAKDOWN: f64 = 0.8;
+
 /// Up to this many patterns are listed one by one.
 pub const FEW: usize = 20;
 
@@ -60,6 +63,8 @@ pub struct SampleResult {
     pub near_limit: Option<Option<CriticalVoltage>>,
     /// The critical voltage, if it was searched for.
     pub critical: Option<CriticalBracket>,
+    /// The largest electric field relative to the breakdown field, if this effect is on.
+    pub breakdown_ratio: Option<f64>,
 }
 
 /// The mesh that was chosen for a requested accuracy.
@@ -98,6 +103,7 @@ impl SampleResult {
             wrinkled_fraction: None,
             near_limit: None,
             critical: None,
+            breakdown_ratio: None,
         }
     }
 
@@ -290,14 +296,20 @@ fn add_lines(text: &mut Text, tone: Tone, results: &[SampleResult], line: impl F
 pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
     let mut text = Text::new();
     add_lines(&mut text, Tone::Bad, results, |result| {
-        result.failure.as_ref().map(|failure| match failure.as_str() {
-            "no-estimate" => "no estimate: the steps do not lead to a state of the membrane".to_owned(),
-            failure => format!("no stable solution: {failure}"),
+        let failure = result.failure.as_ref()?;
+        Some(match result.outcome {
+            OutcomeKind::NoEstimate => "no estimate: the steps do not lead to a state of the membrane".to_owned(),
+            OutcomeKind::WorkLimit => {
+                "the work limit was reached, so the stability is not known: raise --time-limit".to_owned()
+            }
+            OutcomeKind::IterationLimit => "the iterations did not converge, so the stability is not known".to_owned(),
+            _ => format!("no stable solution: {failure}"),
         })
     });
     add_lines(&mut text, Tone::Plain, results, |result| {
-        // The outcome of a pattern without a solution tells this already.
-        let critical = result.critical.as_ref().filter(|_| result.peak.is_some())?;
+        // The outcome of a pattern without a solution tells this already, and a critical voltage with its error follows.
+        let is_told = result.peak.is_none() || result.near_limit.flatten().is_some();
+        let critical = result.critical.as_ref().filter(|_| !is_told)?;
         Some(match critical.between {
             Some([stable, lost]) => {
                 format!("stability is lost between {stable:.1} V and {lost:.1} V{}", critical.on)
@@ -309,12 +321,14 @@ pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
         text.toned(Tone::Caution, note);
     }
     add_lines(&mut text, Tone::Caution, results, |result| {
-        let limit = result
-            .near_limit?
-            .map_or("was not found".to_owned(), |found| format!("is {}", with_error(&found)));
-        Some(format!(
-            "close to instability: a finer mesh may find no stable solution; the critical voltage {limit}"
-        ))
+        Some(close_to_instability(result.near_limit?))
+    });
+    add_lines(&mut text, Tone::Caution, results, |result| {
+        let ratio = result.breakdown_ratio.filter(|ratio| *ratio >= CLOSE_TO_BREAKDOWN)?;
+        Some(match ratio >= 1.0 {
+            true => format!("the electric field exceeds the breakdown field: E/E_B = {ratio:.2}"),
+            false => format!("the electric field is close to the breakdown field: E/E_B = {ratio:.2}"),
+        })
     });
     add_lines(&mut text, Tone::Caution, results, |result| {
         let error = result.missed_mm()?;
@@ -330,6 +344,12 @@ pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
         ))
     });
     text
+}
+
+/// Describes a stable solution that a finer mesh could reject, with the critical voltage, if it was found.
+pub fn close_to_instability(critical: Option<CriticalVoltage>) -> String {
+    let limit = critical.map_or("was not found".to_owned(), |found| format!("is {}", with_error(&found)));
+    format!("close to instability: a finer mesh may find no stable solution; the critical voltage {limit}")
 }
 
 /// A critical voltage with its error.
@@ -392,6 +412,7 @@ pub fn document(results: &[SampleResult], patterns: usize, probe: Option<&Probe>
         "near_limit": near_limit,
         "critical_voltages": critical,
         "wrinkled": each(&|result| Some(json!({ "wrinkled_fraction": result.wrinkled()? }))),
+        "breakdown": each(&|result| Some(json!({ "breakdown_ratio": result.breakdown_ratio? }))),
         "outcomes": counts(results.iter().map(|result| result.outcome.name())),
         "max_displacement_mm": range,
         "patterns": all,
@@ -444,6 +465,47 @@ mod tests {
         assert!(
             shown.contains("estimated error of the mesh: at most 0.0022 mm (pattern 22)"),
             "{shown}"
+        );
+    }
+
+    #[test]
+    fn each_quantity_is_told_once() {
+        let limit = CriticalVoltage {
+            voltage: 5900.0,
+            error: Some(40.0),
+            coarse: deaflow_fem::MeshLimit {
+                mesh: Mesh::biquadratic(1),
+                voltage: 6000.0,
+            },
+            fine: None,
+        };
+        let told = |near_limit, breakdown_ratio, mm| {
+            let one = SampleResult {
+                near_limit,
+                breakdown_ratio,
+                critical: Some(CriticalBracket {
+                    mesh: Mesh::biquadratic(1),
+                    on: String::new(),
+                    between: Some([6100.0, 6110.0]),
+                }),
+                ..result(0, mm)
+            };
+            remarks(&[one], None).show(Screen::default())
+        };
+        let near = told(Some(Some(limit)), Some(0.5), Some(1.0));
+        assert!(near.contains("5900 ± 40 V") && !near.contains("6100"), "{near}");
+        let searched = told(None, Some(0.93), Some(1.0));
+        assert!(searched.contains("6100.0 V") && searched.contains("close to the breakdown field: E/E_B = 0.93"));
+        assert!(told(None, Some(1.04), Some(1.0)).contains("exceeds the breakdown field: E/E_B = 1.04"));
+        // At the work limit nothing is known of the stability.
+        let stopped = SampleResult {
+            failure: Some("work-limit: raise the time limit".to_owned()),
+            ..SampleResult::new(SampleId::default(), OutcomeKind::WorkLimit)
+        };
+        let text = remarks(&[stopped], None).show(Screen::default());
+        assert!(
+            text.contains("the stability is not known") && !text.contains("no stable"),
+            "{text}"
         );
     }
 

@@ -67,6 +67,18 @@ impl CriticalSearch {
         self.fine.get_or_init(set_up).as_ref()
     }
 
+    /// Creates the search that checks solutions on a mesh, unless every pattern is stable without one: with a charge, or
+    /// [far below](Self::is_far_from_any) all critical voltages.
+    ///
+    /// # Errors
+    /// If an option is out of range, or the effects of the scene cannot be simulated.
+    pub fn if_in_question(scene: &Scene, options: SolveOptions) -> Result<Option<Self>, SetupError> {
+        if scene.drive.charge.is_some() || Self::is_far_from_any(scene)? {
+            return Ok(None);
+        }
+        Self::for_solutions_on(scene, options).map(Some)
+    }
+
     /// Creates the search that checks solutions on a mesh: on at most two and four biquadratic elements per cell.
     ///
     /// # Errors

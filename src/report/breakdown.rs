@@ -7,7 +7,10 @@ use deaflow_content::Solutions;
 /// The effect with which samples have a breakdown ratio.
 const BREAKDOWN: &str = "dielectric_breakdown";
 
-/// Warns of samples beyond the breakdown field. Only the stages in `may_break_down` are opened; estimates and verified
+/// From this share of the breakdown field on, samples are close to it; screening has the same threshold.
+const NEAR: f64 = 0.8;
+
+/// Warns of samples beyond the breakdown field, or else of those close to it. Only the stages in `may_break_down` are opened; estimates and verified
 /// designs have no breakdown ratio.
 ///
 /// # Errors
@@ -30,9 +33,15 @@ pub fn breakdown_warnings(run: &RunArtifacts<'_>, may_break_down: &[String]) -> 
         let ratios = source
             .of(view.observations().breakdown_ratio().read())?
             .unwrap_or_default();
-        let (n, beyond) = (ratios.len(), ratios.iter().filter(|ratio| **ratio >= 1.0).count());
-        let stage = &source.stage.stage;
-        Ok((beyond > 0).then(|| format!("{stage}: {beyond} of {n} samples exceed the breakdown field")))
+        let (n, stage) = (ratios.len(), &source.stage.stage);
+        let from = |least: f64| ratios.iter().filter(|ratio| **ratio >= least).count();
+        Ok(match (from(1.0), from(NEAR)) {
+            (0, 0) => None,
+            (0, near) => Some(format!(
+                "{stage}: {near} of {n} samples are close to the breakdown field: E/E_B is {NEAR} or more"
+            )),
+            (beyond, _) => Some(format!("{stage}: {beyond} of {n} samples exceed the breakdown field")),
+        })
     })?;
     Ok(warning.into_iter().flatten().collect())
 }

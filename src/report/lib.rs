@@ -28,6 +28,7 @@ mod rows;
 mod runs;
 mod summary;
 mod tables;
+mod warned;
 mod write_report;
 
 pub use artifacts::{ArtifactReader, RunArtifacts, StageArtifact};
@@ -47,6 +48,7 @@ pub use results::{RunResults, draw_figures, figure_files};
 pub use rows::{RowColumn, RowSource, Rows, RowsError, pick};
 pub use runs::{RemovedArtifacts, run_document};
 pub use tables::{ResultTable, table};
+pub use warned::warned_patterns;
 pub use write_report::{COLUMNS, ReportFiles, write_report};
 
 #[cfg(test)]

@@ -164,7 +164,7 @@ impl RunResults {
 
     /// Explains the model warnings, if there are any: `deaflow screen` is more accurate, so its numbers differ.
     fn warnings_note(&self) -> Option<String> {
-        let note = "checked on two test patterns and a coarse mesh; `deaflow screen` is more accurate";
+        let note = "checked on simulated patterns and a coarse mesh; `deaflow screen` is more accurate";
         (!self.model_warnings.is_empty()).then(|| note.to_owned())
     }
 

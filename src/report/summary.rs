@@ -177,14 +177,7 @@ impl VerificationSummary {
             .iter()
             .filter_map(|row| Some((*row, row.simulated_mm?)))
             .collect();
-        let better = |a: &(&RowSummary, f64), b: &(&RowSummary, f64)| match (a.0.distance_mm, b.0.distance_mm) {
-            (Some(a), Some(b)) => b.total_cmp(&a),
-            _ => a.1.total_cmp(&b.1),
-        };
-        // The optimum is only for comparison, unless there is nothing else.
-        let searched = solved.iter().filter(|(row, _)| row.role != Role::Optimum);
-        let best = searched.max_by(|a, b| better(a, b));
-        let Some(&(best, mm)) = best.or_else(|| solved.iter().max_by(|a, b| better(a, b))) else {
+        let Some((best, mm)) = best_of(&solved) else {
             return Headline::bad(match designs.len() {
                 0 => format!(
                     "{stage}: {} without a design of a search",
@@ -286,6 +279,35 @@ impl VerificationSummary {
         );
         format!("no stable solution was found for {patterns}")
     }
+}
+
+/// Returns the best of designs with their simulated displacements. The optimum is only for comparison, unless there is
+/// nothing else.
+fn best_of<'a>(solved: &[(&'a RowSummary, f64)]) -> Option<(&'a RowSummary, f64)> {
+    let better = |a: &&(&RowSummary, f64), b: &&(&RowSummary, f64)| match (a.0.distance_mm, b.0.distance_mm) {
+        (Some(a), Some(b)) => b.total_cmp(&a),
+        _ => a.1.total_cmp(&b.1),
+    };
+    let searched = solved.iter().filter(|(row, _)| row.role != Role::Optimum);
+    searched
+        .max_by(better)
+        .or_else(|| solved.iter().max_by(better))
+        .copied()
+}
+
+/// Returns the positions of the best design of each target, in the order of the rows; none for targets without a
+/// design that has a stable solution.
+pub(super) fn best_rows(rows: &[RowSummary]) -> Vec<usize> {
+    let solved: Vec<(&RowSummary, f64)> = found(rows).filter_map(|row| Some((row, row.simulated_mm?))).collect();
+    let is_best = |row: &RowSummary| {
+        let of_target: Vec<(&RowSummary, f64)> = solved
+            .iter()
+            .filter(|(other, _)| other.same_target(row))
+            .copied()
+            .collect();
+        best_of(&of_target).is_some_and(|(best, _)| std::ptr::eq(best, row))
+    };
+    (0..rows.len()).filter(|&at| is_best(&rows[at])).collect()
 }
 
 fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, StoreError> {

@@ -8,7 +8,7 @@ use deaflow_base::{Canonical, Declared, Fields, InputError, Length, Node, Seed, 
 use deaflow_content as content;
 use deaflow_content::{BalanceCounts, Histograms, Packed, SOLVED, Solutions, files};
 use deaflow_dataset::{BalanceOptions, Balanced, BalancedRow, Bins, Candidate, SymmetryGroup, balance};
-use deaflow_field::Field;
+use deaflow_field::{Field, OutcomeKind};
 use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
 use deaflow_pattern::{Pattern, Raster};
 use deaflow_scene::Scene;
@@ -112,7 +112,7 @@ impl Stage for BalanceStage {
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let scene = scene::of_inputs(job.inputs)?;
-        let mut solved = SolvedSamples::default();
+        let (mut solved, mut undecided) = (SolvedSamples::default(), 0);
         // Most of the time is spent on reading: first the candidates, then the fields of the chosen rows.
         let read = |pass: usize, files: usize| {
             job.progress
@@ -124,14 +124,15 @@ impl Stage for BalanceStage {
             solved.patterns.extend(view.rows().patterns().read()?);
             solved.family.extend(view.rows().family().read()?);
             solved.max_displacement.extend(view.max_displacement().read()?);
-            solved.unstable += view.unstable().outcome().rows()? as u64;
+            let outcomes = view.unstable().outcome().read()?;
+            solved.unstable += outcomes.len() as u64;
+            undecided += outcomes
+                .iter()
+                .filter(|outcome| **outcome == OutcomeKind::WorkLimit)
+                .count() as u64;
         }
         if solved.patterns.is_empty() {
-            return Err(StageError::input(format!(
-                "none of {} samples has a stable solution, so there is nothing to train on: lower the voltage, or use \
-                 a thicker or stiffer membrane",
-                solved.unstable
-            )));
+            return Err(StageError::input(none_solved(solved.unstable, undecided)));
         }
         let candidates: Vec<Candidate<'_>> = solved
             .patterns
@@ -156,6 +157,19 @@ impl Stage for BalanceStage {
         job.progress.advance(1);
         Ok(content)
     }
+}
+
+/// Says why there is nothing to train on; `undecided` of the samples reached the work limit.
+fn none_solved(samples: u64, undecided: u64) -> String {
+    let cause = match undecided {
+        0 => "lower the voltage, or use a thicker or stiffer membrane".to_owned(),
+        n if n == samples => "all reached the work limit; raise `time_limit` of the solve stage".to_owned(),
+        n => format!(
+            "lower the voltage, or use a thicker or stiffer membrane; {n} reached the work limit: raise `time_limit` of \
+             the solve stage"
+        ),
+    };
+    format!("none of {samples} samples has a known stable solution, so there is nothing to train on: {cause}")
 }
 
 /// Reads the fields of rows in the order of their sources, `[row][y][x][component]`, chunk by chunk: the fields of all
@@ -222,5 +236,18 @@ fn histograms(balanced: Balanced) -> Histograms {
         before: balanced.before.counts,
         augmented: balanced.augmented.counts,
         after: balanced.after.counts,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::none_solved;
+
+    #[test]
+    fn samples_at_the_work_limit_are_not_said_to_be_unstable() {
+        let advised = |undecided| none_solved(5, undecided);
+        assert!(advised(0).contains("lower the voltage") && !advised(0).contains("time_limit"));
+        assert!(advised(2).contains("lower the voltage") && advised(2).contains("2 reached the work limit"));
+        assert!(advised(5).contains("raise `time_limit`") && !advised(5).contains("lower the voltage"));
     }
 }

@@ -159,7 +159,15 @@ pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<Scene, Input
         } else {
             "drive.voltage"
         };
-        Override::of_option("--voltage", path, voltage)?.apply(&mut root)?;
+        let voltage = Override::of_option("--voltage", path, voltage)?;
+        let scene = root.peek("scene").unwrap_or(&root);
+        if let Some(first) = scene.peek("states").and_then(|states| states.keys().into_iter().next()) {
+            return Err(voltage
+                .node()
+                .error("--voltage cannot be used: the voltages of this scene are those of its `states`")
+                .help(format!("set those of a state, as in --set states.{first}.voltages=\"[4 kV, 0 V]\"")));
+        }
+        voltage.apply(&mut root)?;
     }
     if root.peek("stages").is_some() && root.peek("scene").is_none() {
         return Err(root

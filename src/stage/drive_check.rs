@@ -81,7 +81,7 @@ pub fn stability_advice(scene: &Scene) -> String {
     };
     format!(
         "lower the voltage, or use a thicker or stiffer membrane{limits}; `deaflow screen` computes the limit of one \
-         cell"
+         cell. Where simulations end as work-limit, raise `time_limit` instead"
     )
 }
 

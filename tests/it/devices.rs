@@ -362,6 +362,11 @@ fn groups_have_their_voltages_and_states_an_axis() {
     let states =
         "states: { push: { voltages: [4 kV, 0 V] }, pull: { voltages: [0 V, 4 kV] }, rest: { voltages: [0 V, 0 V] } }";
     workspace.write("states.yaml", &SCENE.replace("drive: { voltage: 4 kV }", states));
+    let ended = workspace.run(&["solve", "states.yaml", "groups.csv", "--voltage", "3 kV"]);
+    assert_eq!(ended.code, Some(2));
+    for part in ["--voltage cannot be used", "states.push.voltages"] {
+        assert!(ended.stderr.contains(part), "{ended}");
+    }
     workspace.write("push.yaml", &SCENE.replace("voltage: 4 kV", "voltages: [4 kV, 0 V]"));
     for (scene, file) in [("states.yaml", "states.h5"), ("push.yaml", "push.h5")] {
         let ended = workspace.run(&["solve", scene, "groups.csv", "groups.csv", "-o", file, "--cells"]);

@@ -305,6 +305,13 @@ fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
             assert!(text.contains("   converged (near the limit)   "), "{text}");
             assert!(text.contains("pattern 0: "), "{text}");
             snapshot!(text);
+            // The limit is told once, also where it is searched for on the mesh of the solution too.
+            let searched = "effects={ electromechanical_stability: {} }";
+            let both = workspace.run(&["solve", "scene.yaml", "cell.csv", "--set", searched]).stdout;
+            for text in [text, both] {
+                let told = text.lines().filter(|line| line.contains("critical voltage") || line.contains("is lost"));
+                assert_eq!(told.count(), 1, "{text}");
+            }
         }
     }
     // An accuracy asks meshes up to four biquadratic elements along a cell, and yet finer ones could refuse what these

@@ -111,7 +111,9 @@ impl Node {
         }
     }
 
-    pub(super) fn keys(&self) -> Vec<String> {
+    /// Returns the keys of a mapping, in order; none of other values.
+    #[must_use]
+    pub fn keys(&self) -> Vec<String> {
         match &self.value {
             NodeValue::Map(entries) => entries.iter().map(|(k, _)| k.describe_plain()).collect(),
             _ => Vec::new(),

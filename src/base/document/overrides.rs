@@ -12,6 +12,8 @@ const MAX_QUOTED_PATH: usize = 500;
 /// One `--set path.to.field=VALUE`.
 #[derive(Clone, Debug)]
 pub struct Override {
+    /// What messages call it: `--set path.to.field`, or its option.
+    name: String,
     path: Vec<String>,
     /// The steps of the path with their positions in the argument.
     keys: Vec<Node>,
@@ -51,6 +53,7 @@ impl Override {
         let path: Vec<String> = path.split('.').map(str::to_owned).collect();
         let key = |step: &String| value.with_value(NodeValue::Text(step.clone()));
         Ok(Self {
+            name: option.to_owned(),
             keys: path.iter().map(key).collect(),
             text: text.trim().to_owned(),
             value,
@@ -94,6 +97,7 @@ impl Override {
         };
         let keys = path.iter().map(&mut key).collect();
         Ok(Self {
+            name,
             keys,
             value,
             path,
@@ -151,14 +155,14 @@ impl Override {
         }
         let known = at.keys();
         let NodeValue::Map(entries) = &mut at.value else {
-            let message = format!("--set {}: `{}` is not a mapping", self.path.join("."), steps.join("."));
+            let message = format!("{}: `{}` is not a mapping", self.name, steps.join("."));
             return Err(self.value.error(message));
         };
         let position = entries.iter().position(|(key, _)| key.is_text(last));
         match (position, self.value.value()) {
             (Some(position), NodeValue::Null) => drop(entries.remove(position)),
             (None, NodeValue::Null) => {
-                let message = format!("--set {}: there is no `{last}` to remove", self.path.join("."));
+                let message = format!("{}: there is no `{last}` to remove", self.name);
                 return Err(self.keys[steps.len()]
                     .error(message)
                     .help(suggestion(last, &as_strs(&known))));
@@ -181,7 +185,7 @@ impl Override {
             Some(parent) => did_you_mean(&self.path, depth, parent),
             None => suggestion(step, &as_strs(known)),
         };
-        let message = format!("--set {}: no `{step}` in {place}", self.path.join("."));
+        let message = format!("{}: no `{step}` in {place}", self.name);
         self.keys[depth].error(message).help(help)
     }
 }

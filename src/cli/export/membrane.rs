@@ -1,8 +1,9 @@
 //! The deformed membrane of a design with stresses and electric field, for three-dimensional viewers.
 
 use crate::CliError;
-use deaflow_fem::screening::ScreenedScene;
-use deaflow_fem::{CellState, MembraneSolver, SolveOptions, WorkLimit};
+use crate::results::close_to_instability;
+use deaflow_fem::screening::{ScreenedScene, TestPattern};
+use deaflow_fem::{CellState, CriticalSearch, MembraneSolver, SolveOptions, WorkLimit};
 use deaflow_pattern as pattern;
 use deaflow_stage::designs::Design;
 use deaflow_store::{Data, Dataset};
@@ -32,17 +33,23 @@ pub struct Membrane {
 /// # Errors
 /// When the solver cannot be set up, or the membrane has no stable state at this voltage.
 pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliError> {
-    let screened = ScreenedScene::for_patterns(
-        &design.scene,
-        std::slice::from_ref(&design.pattern),
-        WorkLimit::default(),
-    )?;
+    let tests = [TestPattern::new("design", design.pattern.clone())];
+    let screened = ScreenedScene::for_patterns(&design.scene, &tests, WorkLimit::default())?;
     let solver = MembraneSolver::new(&screened.scene, options)?;
     let solution = solver.solve(&design.pattern);
     if !solution.outcome.is_converged() {
         let outcome = &solution.outcome;
-        return Err(CliError::failure(format!("no stable solution: {outcome}")));
+        return Err(CliError::failure(match outcome.bracket() {
+            Some(_) => format!("no stable solution: {outcome}"),
+            None => format!(
+                "no solution was found, so the stability is not known: {}",
+                outcome.name()
+            ),
+        }));
     }
+    let search = CriticalSearch::if_in_question(&screened.scene, options)?;
+    let near_limit = search.and_then(|search| search.uncertain_limit(&design.pattern));
+    let warnings = screened.warnings.into_iter().chain(screened.breakdown_warning);
     let displacement = solver.corner_displacements(&solution);
     let largest = displacement.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
     let states = solver.cell_states(&design.pattern, &solution);
@@ -54,7 +61,7 @@ pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliE
         largest,
         cells: cells(design, &states, screened.scene.thickness_mm()),
         scene: screened.scene.to_text(),
-        warnings: screened.warnings,
+        warnings: warnings.chain(near_limit.map(close_to_instability)).collect(),
     })
 }
 

@@ -12,7 +12,7 @@ use crate::results::{AccuracyResult, CriticalBracket, Peak, SampleId, SampleResu
 use crate::{CliError, Exit, Output};
 use deaflow_base::Progress;
 use deaflow_content::{Lines, Observations, Packed, SolveFile};
-use deaflow_fem::screening::{CHECKED_ON, ScreenedScene, resolve_states};
+use deaflow_fem::screening::{ScreenedScene, TestPattern, resolve_states};
 use deaflow_fem::{
     AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SolveOptions, Solver, SolverParameters,
     wrinkled_fraction,
@@ -97,7 +97,8 @@ impl StateRun {
         parameters: &SolverParameters,
     ) -> Result<Self, CliError> {
         let patterns = &simulation.patterns;
-        let screened = ScreenedScene::for_patterns(scene, patterns, parameters.work_limit())?;
+        let tests = TestPattern::some_of(patterns, "pattern");
+        let screened = ScreenedScene::for_patterns(scene, &tests, parameters.work_limit())?;
         let solver = parameters.build(&screened.scene)?;
         let threads = rayon::current_num_threads();
         let mut solutions = Vec::with_capacity(patterns.len());
@@ -132,12 +133,8 @@ impl StateRun {
     fn warnings(&self) -> impl Iterator<Item = String> {
         let state = self.state.as_ref().map(|state| format!("in state {state}: "));
         let state = state.unwrap_or_default();
-        let advice = |warning: &str| match warning.contains(CHECKED_ON) {
-            true => "; `--set effects.electromechanical_stability=true` checks each pattern",
-            false => "",
-        };
         let warnings = self.screened.warnings.iter();
-        warnings.map(move |warning| format!("{state}{warning}{}", advice(warning)))
+        warnings.map(move |warning| format!("{state}{warning}"))
     }
 }
 
@@ -187,6 +184,7 @@ fn results(
                 .get(index)
                 .and_then(|cells| Some(wrinkled_fraction(cells.as_deref()?))),
             near_limit: run.near_limit[index],
+            breakdown_ratio: solution.observation.breakdown_ratio,
             critical: is_searched.then_some(CriticalBracket {
                 mesh: *mesh,
                 on,
@@ -200,7 +198,10 @@ fn results(
 /// The note that critical voltages need, if any were found.
 fn critical_note(runs: &[StateRun], results: &[SampleResult], parameters: &SolverParameters) -> Option<&'static str> {
     let is_bilinear = matches!(parameters.mesh_request(), MeshRequest::Fixed(mesh) if mesh.order() == Order::Bilinear);
-    let is_found = |result: &SampleResult| result.critical.as_ref().is_some_and(|found| found.between.is_some());
+    let is_found = |result: &SampleResult| {
+        let is_told_with_error = result.near_limit.flatten().is_some();
+        !is_told_with_error && result.critical.as_ref().is_some_and(|found| found.between.is_some())
+    };
     let mut solutions = runs.iter().flat_map(|run| &run.solutions);
     let is_any_found = results.iter().any(is_found);
     match is_bilinear {
@@ -282,12 +283,10 @@ fn near_limit(
         // An estimate is not an equilibrium.
         _ => return Ok(none),
     };
-    // With a given charge there is no critical voltage.
-    if scene.drive.charge.is_some() || CriticalSearch::is_far_from_any(scene)? {
-        return Ok(none);
-    }
     let tolerance = parameters.tolerance();
-    let search = CriticalSearch::for_solutions_on(scene, SolveOptions { mesh, tolerance })?;
+    let Some(search) = CriticalSearch::if_in_question(scene, SolveOptions { mesh, tolerance })? else {
+        return Ok(none);
+    };
     let is_far_where_taut = scene.effects.wrinkling.is_some() && CriticalSearch::is_far_from_any_taut(scene)?;
     let is_in_question = |AccurateSimulation { simulation, .. }: &AccurateSimulation| {
         let is_taut = simulation.observation.wrinkled_fraction() == Some(0.0);

@@ -10,7 +10,7 @@ use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
 use deaflow_base::{Dimension, Quantity, Time, error_digits, rounded_by};
 use deaflow_content::{Histories, Lines, Packed};
-use deaflow_fem::screening::ScreenedScene;
+use deaflow_fem::screening::{ScreenedScene, TestPattern};
 use deaflow_fem::{AccurateHistory, History, HistorySolver, Instant, USUAL_TIME_ERROR};
 use deaflow_field::{Field, Mesh, Motion};
 use deaflow_report::figures::{self, histories_sheet};
@@ -154,7 +154,9 @@ const FORM: Form = Form {
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
     let simulation = Simulation::read(arguments, &FORM)?;
     let times = arguments.history.times(&simulation.scene)?;
-    let screened = ScreenedScene::for_patterns(&simulation.scene, &simulation.patterns, arguments.time.work_limit())?;
+    let tests = TestPattern::some_of(&simulation.patterns, "pattern");
+    let mut screened = ScreenedScene::for_patterns(&simulation.scene, &tests, arguments.time.work_limit())?;
+    screened.warnings_in_time.extend(screened.breakdown_warning.take());
     let parameters = arguments.parameters();
     let solver = parameters.history_solver(&screened.scene, times.clone())?;
     let (followed, displacement) = follow(&simulation, &solver)?;

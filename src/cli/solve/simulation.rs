@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::SolveArguments;
 use crate::job::{Job, JobResult, attached_files, extend, seconds_each};
-use crate::{CliError, Exit, Output, write};
+use crate::{CliError, Exit, Output, decisions, write};
 use deaflow_base::Progress;
 use deaflow_fem::check_leads;
 use deaflow_pattern::Pattern;
@@ -72,6 +72,7 @@ impl<'a> Simulation<'a> {
         let direct::NamedPatterns { patterns, names, notes } =
             direct::patterns(&arguments.patterns.patterns, scene.form())?;
         check_leads(scene.leads.as_ref(), &patterns)?;
+        decisions::decide(&scene)?;
         let states = match form.states {
             States::Each => scene.in_states().len(),
             States::Drive | States::Chosen(_) => 1,

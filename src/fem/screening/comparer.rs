@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 
 use super::comparison::{Comparison, Displacement};
+use super::examine::{Purpose, field_ratio};
 use super::test_pattern::TestPattern;
-use crate::effects::Model;
+use crate::effects::{Examined, Model, breakdown_strength_or_default};
 use crate::grid::Grid;
 use crate::sheet::Sheet;
 use crate::{MembraneSolver, MeshSolution, SetupError, SolveOptions, WorkLimit};
@@ -20,6 +21,7 @@ const BELOW: f64 = 0.95;
 /// The patterns and their solutions in the current scene.
 pub struct Comparer {
     patterns: Vec<(String, Pattern)>,
+    purpose: Purpose,
     each: WorkLimit,
     /// Remaining work for each pattern.
     left: Vec<WorkLimit>,
@@ -39,27 +41,40 @@ const OPTIONS: SolveOptions = SolveOptions {
     tolerance: 1e-7,
 };
 
-/// The grid for comparing two scenes: that of the one with a fringe field, if any.
-fn elements([current, other]: [&Scene; 2]) -> Result<Grid, SetupError> {
-    let fringed = [current, other]
-        .into_iter()
-        .find(|scene| scene.effects.fringe_field.is_some());
-    match fringed {
-        Some(scene) => Ok(Model::new(scene)?.grid(OPTIONS.mesh)),
-        None => Ok(Grid::uniform(OPTIONS.mesh, &Sheet::of(current))),
-    }
-}
-
 impl Comparer {
-    /// Takes the test patterns that are compared; `limit` is the work for each of them.
-    pub fn new(tests: &[TestPattern], limit: WorkLimit) -> Self {
-        let compared = tests.iter().filter(|test| test.compared);
-        let patterns: Vec<_> = compared.map(|test| (test.name.clone(), test.pattern.clone())).collect();
+    /// Takes the test patterns; `limit` is the work for each of them.
+    pub fn new(tests: &[TestPattern], purpose: Purpose, limit: WorkLimit) -> Self {
+        let named = |test: &TestPattern| (test.name.clone(), test.pattern.clone());
+        let patterns: Vec<_> = tests.iter().map(named).collect();
         Self {
+            purpose,
             each: limit.part(EACH),
             left: vec![limit; patterns.len()],
             patterns,
             current: None,
+        }
+    }
+
+    /// Returns the comparer of the same patterns on grids that resolve the strips of a fringe field.
+    pub fn resolving_strips(&self) -> Self {
+        Self {
+            patterns: self.patterns.clone(),
+            purpose: Purpose::Table,
+            each: self.each,
+            left: self.left.clone(),
+            current: None,
+        }
+    }
+
+    /// Returns the grid for comparing two scenes: that of the one with a fringe field, if any. For warnings the strips
+    /// of the field lie within the elements, which takes a ninth of the elements.
+    fn elements(&self, [current, other]: [&Scene; 2]) -> Result<Grid, SetupError> {
+        let fringed = [current, other]
+            .into_iter()
+            .find(|scene| scene.effects.fringe_field.is_some() && self.purpose != Purpose::Warnings);
+        match fringed {
+            Some(scene) => Ok(Model::new(scene)?.grid(OPTIONS.mesh)),
+            None => Ok(Grid::uniform(OPTIONS.mesh, &Sheet::of(current))),
         }
     }
 
@@ -80,11 +95,36 @@ impl Comparer {
     /// # Errors
     /// If a scene cannot be simulated.
     pub fn prepare(&mut self, current: &Scene, other: &Scene) -> Result<SolvedScene, SetupError> {
-        let grid = elements([current, other])?;
+        let grid = self.elements([current, other])?;
         if self.current.as_ref().is_none_or(|current| current.solver.grid != grid) {
             self.current = Some(self.solve(current, grid.clone())?);
         }
         self.solve(other, grid)
+    }
+
+    /// Returns the field and the outcome of all patterns in the current scene.
+    ///
+    /// # Errors
+    /// If the scene cannot be simulated.
+    pub fn examine(&mut self, scene: &Scene) -> Result<Vec<Examined>, SetupError> {
+        let solved = match self.current.take() {
+            Some(solved) => solved,
+            None => {
+                let grid = self.elements([scene; 2])?;
+                self.solve(scene, grid)?
+            }
+        };
+        let breakdown = breakdown_strength_or_default(scene);
+        let tests = self.patterns.iter().zip(&solved.solutions);
+        let examined = tests.map(|((name, pattern), solution)| Examined {
+            pattern: name.clone(),
+            outcome: solution.outcome,
+            field: field_ratio(&breakdown, &solved.solver, pattern, solution),
+            stability: None,
+        });
+        let examined = examined.collect();
+        self.current = Some(solved);
+        Ok(examined)
     }
 
     /// Makes a scene the current one.

@@ -83,7 +83,8 @@ pub fn assess(comparisons: &[Comparison]) -> Significance {
         ..Significance::known(DISPLACED, largest.difference(), SMALL, describe(largest))
     };
     if let Some(decisive) = comparisons.iter().find(|one| one.is_decisive()) {
-        let [without, with] = decisive.outcomes;
+        // Without the voltages of this mesh: results on another mesh have others.
+        let [without, with] = decisive.outcomes.map(|outcome| outcome.name());
         return Significance {
             verdict: Verdict::Significant,
             change: format!(

@@ -7,7 +7,7 @@ use crate::critical::CriticalVoltage;
 use crate::effects::{
     Examined, NEAR, StableRange, breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength_or_default,
 };
-use crate::{CriticalSearch, MembraneSolver, SetupError, SolveOptions, WorkLimit, cell_states};
+use crate::{CriticalSearch, MembraneSolver, MeshSolution, SetupError, SolveOptions, WorkLimit};
 use deaflow_field::Mesh;
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Breakdown, Effects, Scene};
@@ -31,7 +31,7 @@ pub enum Purpose {
     Table,
     /// Choosing the effects with `effects: auto`; a second mesh is used if one leaves the verdict open.
     Decision,
-    /// The warnings of a run, with a second mesh likewise.
+    /// The warnings about given patterns, whose stability is known from their results.
     Warnings,
 }
 
@@ -43,6 +43,19 @@ impl Purpose {
             Self::Table => 0.1,
             Self::Decision | Self::Warnings => 0.75 * NEAR,
         }
+    }
+}
+
+/// Returns the largest E/E_B over the cells in a solution; without a stable one that of the membrane at rest.
+pub fn field_ratio(breakdown: &Breakdown, solver: &MembraneSolver, pattern: &Pattern, solution: &MeshSolution) -> f64 {
+    let scene = &solver.scene;
+    if solution.outcome.is_converged() {
+        let states = solver.cell_states(pattern, solution);
+        breakdown_ratio(breakdown, scene.thickness_mm(), &states)
+    } else if pattern.active_cells() > 0 {
+        breakdown_ratio_at_rest(breakdown, scene)
+    } else {
+        0.0
     }
 }
 
@@ -71,8 +84,8 @@ pub fn examine(
     let search = CriticalSearch::new(&far.with_effects(without_fringe), MESH)?.within(searching);
     let mut examined: Vec<Examined> = patterns
         .par_iter()
-        .map(|pattern| examine_one(scene, &solver, &search, pattern, &breakdown))
-        .collect::<Result<_, _>>()?;
+        .map(|pattern| examine_one(&solver, &search, pattern, &breakdown))
+        .collect();
     let enough = |limit: &CriticalVoltage| match purpose {
         Purpose::Table => false,
         Purpose::Decision | Purpose::Warnings => is_decided(scene, limit),
@@ -122,31 +135,21 @@ fn refine_lowest(
 }
 
 fn examine_one(
-    scene: &Scene,
     solver: &MembraneSolver,
     search: &CriticalSearch,
     test: &TestPattern,
     breakdown: &Breakdown,
-) -> Result<Examined, SetupError> {
+) -> Examined {
     let pattern = &test.pattern;
     let solution = solver.solve(pattern);
-    let stable = solution.outcome.is_converged();
-    let active = pattern.active_cells() > 0;
-    Ok(Examined {
+    Examined {
         pattern: test.name.clone(),
-        field: if stable {
-            let states = cell_states(scene, solver.mesh(), pattern, &solution.displacement)?;
-            breakdown_ratio(breakdown, scene.thickness_mm(), &states)
-        } else if active {
-            breakdown_ratio_at_rest(breakdown, scene)
-        } else {
-            0.0
-        },
+        field: field_ratio(breakdown, solver, pattern, &solution),
         stability: match test.find_critical_voltage {
             true => Some(search.stable_range(pattern)),
-            false if stable => None,
+            false if solution.outcome.is_converged() => None,
             false => Some(solution.stable_range(solver.mesh())),
         },
         outcome: solution.outcome,
-    })
+    }
 }

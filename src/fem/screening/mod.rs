@@ -15,7 +15,7 @@ mod test_pattern;
 mod tests;
 
 pub use comparison::{Comparison, Displacement};
-pub use resolve::{ScreenedScene, resolve, resolve_states, resolved_states};
-pub use row::{CHECKED_ON, Row, Status};
+pub use resolve::{ScreenedScene, remember, resolve, resolve_states, resolved_states};
+pub use row::{Row, Status};
 pub use screen::{Screening, screen, screen_for, screen_within};
 pub use test_pattern::{TestPattern, reference_patterns};

@@ -1,14 +1,15 @@
 //! The scene with its effects decided, and its model warnings.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::examine::Purpose;
-use super::screen::{Screening, screen_to};
-use super::test_pattern::{TestPattern, reference_patterns, warning_patterns, warning_patterns_with};
+use super::row::{Row, Status};
+use super::screen::screen_to;
+use super::test_pattern::{TestPattern, reference_patterns};
 use crate::{SetupError, WorkLimit};
 use deaflow_base::is_interrupted;
-use deaflow_pattern::Pattern;
-use deaflow_scene::Scene;
+use deaflow_scene::effects::names;
+use deaflow_scene::{Effects, Scene};
 
 /// Share of the work for a pattern that the warnings of a run may take in addition.
 const WARNING_SHARE: f64 = 0.4;
@@ -23,33 +24,26 @@ pub struct ScreenedScene {
     pub warnings: Vec<String>,
     /// One line for each significant effect that a history neglects.
     pub warnings_in_time: Vec<String>,
+    /// A line if a pattern comes close to breakdown and this effect is on. Results with the electric field of each
+    /// pattern relative to the breakdown field say this already.
+    pub breakdown_warning: Option<String>,
 }
 
 impl ScreenedScene {
-    /// Screens a scene with two test patterns. With `effects: auto` the same screening decides the effects and gives
-    /// the warnings.
+    /// Decides the effects of a scene, and screens it for the neglected ones with some of the patterns that are
+    /// simulated in it, and a work limit for each. With `effects: auto` a comparison is with the decided effects.
     ///
     /// # Errors
     /// If its effects cannot be simulated.
-    pub fn new(scene: &Scene) -> Result<Self, SetupError> {
-        Self::with(scene, &warning_patterns(scene), WorkLimit::default())
-    }
-
-    /// Like [`Self::new`], with some of the patterns to be simulated and a work limit for each.
-    ///
-    /// # Errors
-    /// If its effects cannot be simulated.
-    pub fn for_patterns(scene: &Scene, patterns: &[Pattern], limit: WorkLimit) -> Result<Self, SetupError> {
-        Self::with(scene, &warning_patterns_with(scene, patterns), limit)
-    }
-
-    fn with(scene: &Scene, patterns: &[TestPattern], limit: WorkLimit) -> Result<Self, SetupError> {
-        let screening = if scene.auto {
-            decide(scene)?
-        } else {
-            screen_to(Purpose::Warnings, scene, patterns, limit.part(WARNING_SHARE))?
-        };
+    pub fn for_patterns(scene: &Scene, patterns: &[TestPattern], limit: WorkLimit) -> Result<Self, SetupError> {
+        let scene = resolve(scene)?;
+        let mut screening = screen_to(Purpose::Warnings, &scene, patterns, limit.part(WARNING_SHARE))?;
+        let is_observed = |row: &Row| row.effect == names::BREAKDOWN && row.status == Status::On;
+        let (observed, rows) = screening.rows.into_iter().partition(is_observed);
+        screening.rows = rows;
+        let observed: Vec<Row> = observed;
         Ok(Self {
+            breakdown_warning: observed.iter().find_map(Row::warning),
             warnings: screening.warnings_of_equilibrium(),
             warnings_in_time: screening.warnings(),
             scene: screening.scene,
@@ -63,31 +57,38 @@ impl ScreenedScene {
     }
 }
 
+/// Decisions of this process, because each stage of a pipeline needs them.
+static DECIDED: Mutex<Vec<(Scene, Effects)>> = Mutex::new(Vec::new());
+
+/// A single push changes the decisions, so a panic elsewhere leaves a valid list.
+fn decided() -> MutexGuard<'static, Vec<(Scene, Effects)>> {
+    DECIDED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Keeps the effects of a scene with `effects: auto` that were decided before, by [`resolve`] of the same program.
+pub fn remember(scene: &Scene, effects: &Effects) {
+    let mut decided = decided();
+    if decided.len() < MAX_CACHED {
+        decided.push((scene.clone(), effects.clone()));
+    }
+}
+
 /// Decides the effects of a scene. It depends on the scene alone, not on the patterns or work limit of a stage, so that
 /// all stages of a pipeline simulate the same.
-fn decide(scene: &Scene) -> Result<Screening, SetupError> {
-    /// Decisions of this process, because each stage of a pipeline needs them.
-    static DECIDED: Mutex<Vec<(Scene, Screening)>> = Mutex::new(Vec::new());
-    // A single push changes it, so a panic elsewhere leaves a valid list.
-    let decided = || DECIDED.lock().unwrap_or_else(PoisonError::into_inner);
+fn decide(scene: &Scene) -> Result<Scene, SetupError> {
     let known = decided()
         .iter()
         .find(|(other, _)| other == scene)
         .map(|(_, known)| known.clone());
     if let Some(known) = known {
-        return Ok(known);
+        return Ok(scene.with_effects(known));
     }
-    let screening = screen_to(
-        Purpose::Decision,
-        scene,
-        &reference_patterns(scene),
-        WorkLimit::default(),
-    )?;
-    let mut decided = decided();
-    if decided.len() < MAX_CACHED && !is_interrupted() {
-        decided.push((scene.clone(), screening.clone()));
+    let limit = WorkLimit::default();
+    let screening = screen_to(Purpose::Decision, scene, &reference_patterns(scene), limit)?;
+    if !is_interrupted() {
+        remember(scene, &screening.scene.effects);
     }
-    Ok(screening)
+    Ok(screening.scene)
 }
 
 /// Decides the effects of a scene with states at the largest voltage of each group of electrodes; returns a scene
@@ -97,7 +98,7 @@ fn decide(scene: &Scene) -> Result<Screening, SetupError> {
 /// If its effects cannot be simulated.
 pub fn resolve_states(scene: &Scene) -> Result<Scene, SetupError> {
     match scene.auto && !scene.states.is_empty() {
-        true => Ok(scene.with_effects(decide(&scene.at_largest_voltages())?.scene.effects)),
+        true => Ok(scene.with_effects(decide(&scene.at_largest_voltages())?.effects)),
         false => Ok(scene.clone()),
     }
 }
@@ -116,9 +117,5 @@ pub fn resolved_states(scene: &Scene) -> Result<Vec<Scene>, SetupError> {
 /// # Errors
 /// If its effects cannot be simulated.
 pub fn resolve(scene: &Scene) -> Result<Scene, SetupError> {
-    if scene.auto {
-        Ok(decide(scene)?.scene)
-    } else {
-        Ok(scene.clone())
-    }
+    if scene.auto { decide(scene) } else { Ok(scene.clone()) }
 }

@@ -47,9 +47,6 @@ impl Status {
     }
 }
 
-/// Part of the warning that the stability of most patterns was not checked.
-pub const CHECKED_ON: &str = "stability was checked on";
-
 impl Row {
     pub(super) fn new(effect: &dyn Effect, judged: Judgement, effects: &Effects, scene: &Scene) -> Self {
         let status = match effect.is_on(effects, scene) {
@@ -69,7 +66,7 @@ impl Row {
     }
 
     /// Returns a warning if the effect is not simulated, and is significant or could not be judged within the work
-    /// limit.
+    /// limit; of breakdown also if it is on.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
         self.to_warning().map(|warning| warning.text())
@@ -77,6 +74,10 @@ impl Row {
 
     pub(super) fn to_warning(&self) -> Option<Warning> {
         match self.status {
+            // It observes the field, and changes nothing about it.
+            Status::On if self.effect == names::BREAKDOWN => {
+                self.warn(Some("the electric field comes close to breakdown".to_owned()))
+            }
             Status::On => None,
             // A pattern that is unstable is detected anyway; what is missing is the distance of the others from it.
             Status::Off if self.effect == names::STABILITY => {
@@ -84,7 +85,9 @@ impl Row {
                     1 => "one pattern".to_owned(),
                     n => format!("{n} patterns"),
                 };
-                self.warn(Some(format!("electromechanical {CHECKED_ON} {patterns} only")))
+                self.warn(Some(format!(
+                    "electromechanical stability was checked on {patterns} only"
+                )))
             }
             Status::Off => self.warn(None),
             Status::NotAvailable => self.warn(Some(format!("{} cannot be simulated", spoken(self.effect)))),

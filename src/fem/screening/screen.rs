@@ -12,6 +12,10 @@ use deaflow_scene::{Effects, Scene};
 /// Share of the work for a pattern that its comparisons may take; the rest is for its solution and critical voltage.
 const COMPARING: f64 = 0.5;
 
+/// Elements that do not resolve the strips of a fringe field underestimate its influence by up to a half, near a loss of
+/// stability by more: above this number, a quarter of the threshold, it is computed again.
+const IN_DOUBT: f64 = 0.25 * SMALL;
+
 /// The screening of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Screening {
@@ -63,20 +67,17 @@ pub(super) fn screen_to(
     limit: WorkLimit,
 ) -> Result<Screening, SetupError> {
     if purpose != Purpose::Warnings {
-        return ScreeningRun::new(&EFFECTS, scene, patterns, limit).finish(purpose);
+        return ScreeningRun::new(&EFFECTS, scene, patterns, limit, purpose).finish();
     }
-    // Effects that are on need no warning, except those in time, which an equilibrium ignores.
-    let off = |effect: &&dyn Effect| effect.needs_time() || effect.is_on(&scene.effects, scene) != Some(true);
-    let effects: Vec<&dyn Effect> = EFFECTS.into_iter().filter(off).collect();
-    let stability = scene.effects.electromechanical_stability.is_some();
-    let patterns: Vec<TestPattern> = patterns
-        .iter()
-        .map(|pattern| TestPattern {
-            find_critical_voltage: pattern.find_critical_voltage && !stability,
-            ..pattern.clone()
-        })
-        .collect();
-    ScreeningRun::new(&effects, scene, &patterns, limit).finish(purpose)
+    // Effects that are on need no warning, except those in time, which an equilibrium ignores, and breakdown. The
+    // stability of the patterns is known from their own results.
+    let is_open = |effect: &&dyn Effect| match effect.name() {
+        names::STABILITY => false,
+        names::BREAKDOWN => true,
+        _ => effect.needs_time() || effect.is_on(&scene.effects, scene) != Some(true),
+    };
+    let effects: Vec<&dyn Effect> = EFFECTS.into_iter().filter(is_open).collect();
+    ScreeningRun::new(&effects, scene, patterns, limit, purpose).finish()
 }
 
 /// Screens a scene for some effects.
@@ -84,7 +85,7 @@ pub(super) fn screen_to(
 /// # Errors
 /// As [`screen`].
 pub fn screen_for(effects: &[&dyn Effect], scene: &Scene, patterns: &[TestPattern]) -> Result<Screening, SetupError> {
-    ScreeningRun::new(effects, scene, patterns, WorkLimit::default()).finish(Purpose::Table)
+    ScreeningRun::new(effects, scene, patterns, WorkLimit::default(), Purpose::Table).finish()
 }
 
 /// A screening in progress. Effects are judged one after the other, each on top of the simulated ones: those that the
@@ -94,30 +95,38 @@ struct ScreeningRun<'a> {
     scene: &'a Scene,
     patterns: &'a [TestPattern],
     limit: WorkLimit,
+    purpose: Purpose,
     /// The simulated effects.
     chosen: Effects,
     comparer: Comparer,
 }
 
 impl<'a> ScreeningRun<'a> {
-    fn new(effects: &'a [&'a dyn Effect], scene: &'a Scene, patterns: &'a [TestPattern], limit: WorkLimit) -> Self {
+    fn new(
+        effects: &'a [&'a dyn Effect],
+        scene: &'a Scene,
+        patterns: &'a [TestPattern],
+        limit: WorkLimit,
+        purpose: Purpose,
+    ) -> Self {
         Self {
             effects,
             scene,
             patterns,
             limit,
+            purpose,
             chosen: scene.effects.clone(),
-            comparer: Comparer::new(patterns, limit.part(COMPARING)),
+            comparer: Comparer::new(patterns, purpose, limit.part(COMPARING)),
         }
     }
 
-    fn finish(mut self, purpose: Purpose) -> Result<Screening, SetupError> {
+    fn finish(mut self) -> Result<Screening, SetupError> {
         let mut judged = Vec::with_capacity(self.effects.len());
         for effect in self.effects {
             judged.push(self.judge_by_scene_or_comparison(*effect)?);
         }
         if judged.iter().any(Option::is_none) {
-            self.judge_by_solutions(purpose, &mut judged)?;
+            self.judge_by_solutions(&mut judged)?;
         }
         let rows = self.effects.iter().zip(judged);
         let rows = rows.filter_map(|(effect, judged)| Some(Row::new(*effect, judged?, &self.chosen, self.scene)));
@@ -128,9 +137,12 @@ impl<'a> ScreeningRun<'a> {
     }
 
     /// Judges the remaining effects by solutions of the scene with its simulated effects.
-    fn judge_by_solutions(&mut self, purpose: Purpose, judged: &mut [Option<Judgement>]) -> Result<(), SetupError> {
+    fn judge_by_solutions(&mut self, judged: &mut [Option<Judgement>]) -> Result<(), SetupError> {
         let scene = self.scene.with_effects(self.chosen.clone());
-        let examined = examine(&scene, self.patterns, purpose, self.limit.part(1.0 - COMPARING))?;
+        let examined = match self.purpose {
+            Purpose::Warnings => self.comparer.examine(&scene)?,
+            purpose => examine(&scene, self.patterns, purpose, self.limit.part(1.0 - COMPARING))?,
+        };
         let solutions = Solutions { examined: &examined };
         for (effect, judged) in self.effects.iter().zip(judged) {
             if judged.is_some() {
@@ -166,6 +178,9 @@ impl<'a> ScreeningRun<'a> {
     }
 
     fn compare(&mut self, effect: &dyn Effect) -> Result<Judgement, SetupError> {
+        if self.patterns.is_empty() {
+            return Ok(Vec::new().into());
+        }
         let is_on = effect.is_on(&self.chosen, self.scene) == Some(true);
         let mut others = self.chosen.clone();
         if is_on {
@@ -173,8 +188,8 @@ impl<'a> ScreeningRun<'a> {
         } else {
             effect.turn_on(&mut others, self.scene);
         }
-        let [current, other] = [&self.chosen, &others].map(|effects| self.scene.with_effects(effects.clone()));
-        let other = match self.comparer.prepare(&current, &other) {
+        let [current, other_scene] = [&self.chosen, &others].map(|effects| self.scene.with_effects(effects.clone()));
+        let other = match self.comparer.prepare(&current, &other_scene) {
             Ok(other) => other,
             Err(error) if self.scene.auto => return Err(error),
             Err(error) => {
@@ -182,7 +197,15 @@ impl<'a> ScreeningRun<'a> {
                 return Ok(Significance::open(DISPLACED, Verdict::Significant, SMALL, change).into());
             }
         };
-        let judged = Judgement::from(self.comparer.compare(&other, !is_on)?);
+        let mut judged = Judgement::from(self.comparer.compare(&other, !is_on)?);
+        let is_fringed = [&current, &other_scene]
+            .iter()
+            .any(|scene| scene.effects.fringe_field.is_some());
+        if self.purpose == Purpose::Warnings && is_fringed && judged.assessment.number.is_some_and(|n| n > IN_DOUBT) {
+            let mut fine = self.comparer.resolving_strips();
+            let other = fine.prepare(&current, &other_scene)?;
+            judged = fine.compare(&other, !is_on)?.into();
+        }
         if self.scene.auto && judged.assessment.verdict == Verdict::Significant {
             self.chosen = others;
             self.comparer.adopt(other);

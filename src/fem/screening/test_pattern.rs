@@ -12,8 +12,6 @@ pub struct TestPattern {
     pub pattern: Pattern,
     /// Whether its critical voltage is searched for, which is the expensive part.
     pub find_critical_voltage: bool,
-    /// Whether solutions with and without each effect are compared.
-    pub compared: bool,
 }
 
 impl TestPattern {
@@ -24,10 +22,22 @@ impl TestPattern {
             name: name.to_owned(),
             pattern,
             find_critical_voltage: true,
-            compared: true,
         }
     }
+
+    /// Returns some of the patterns, evenly spaced, named after a word and their position: `pattern 0`.
+    #[must_use]
+    pub fn some_of(patterns: &[Pattern], word: &str) -> Vec<Self> {
+        let count = patterns.len().min(MAX_GIVEN);
+        (0..count)
+            .map(|i| i * patterns.len() / count)
+            .map(|at| Self::new(&format!("{word} {at}"), patterns[at].clone()))
+            .collect()
+    }
 }
+
+/// Largest number of given patterns that effects are compared on.
+const MAX_GIVEN: usize = 4;
 
 /// Returns a pattern with electrodes of the group with the highest voltage.
 fn pattern(scene: &Scene, cells: impl Fn(usize, usize) -> bool) -> Pattern {
@@ -74,31 +84,4 @@ pub fn reference_patterns(scene: &Scene) -> Vec<TestPattern> {
         ),
         TestPattern::new("one hole", pattern(scene, |x, y| (x, y) != middle)),
     ]
-}
-
-/// Returns the test patterns for the warnings of a run: half of the membrane, which moves most, and a single cell,
-/// which has the lowest critical voltage. They take some tens of milliseconds.
-pub(super) fn warning_patterns(scene: &Scene) -> Vec<TestPattern> {
-    let half = TestPattern {
-        find_critical_voltage: false,
-        ..half_plane(scene)
-    };
-    vec![half, one_cell(scene)]
-}
-
-/// Largest number of given patterns that effects are compared on.
-const MAX_GIVEN: usize = 4;
-
-/// Like [`warning_patterns`], but effects are compared on some of the given patterns.
-pub(super) fn warning_patterns_with(scene: &Scene, given: &[Pattern]) -> Vec<TestPattern> {
-    let count = given.len().min(MAX_GIVEN);
-    let named = (0..count).map(|i| i * given.len() / count).map(|at| TestPattern {
-        find_critical_voltage: false,
-        ..TestPattern::new(&format!("pattern {at}"), given[at].clone())
-    });
-    let extreme = warning_patterns(scene).into_iter().map(|test| TestPattern {
-        compared: given.is_empty(),
-        ..test
-    });
-    named.chain(extreme).collect()
 }

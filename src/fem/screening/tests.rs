@@ -314,23 +314,74 @@ fn electrodes_and_permittivity_are_judged_by_the_displacement() {
     }
 }
 
+fn warned(scene: &Scene, pattern: Pattern) -> Vec<String> {
+    let tests = TestPattern::some_of(&[pattern], "pattern");
+    ScreenedScene::for_patterns(scene, &tests, WorkLimit::default())
+        .unwrap()
+        .warnings
+}
+
+fn one_cell() -> Pattern {
+    Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (25, 25))
+}
+
+fn half() -> Pattern {
+    Pattern::from_fn(Raster::PAPER, |x, _| x < 25)
+}
+
 #[test]
-fn given_patterns_have_no_warning_of_changes_of_other_patterns() {
+fn warnings_are_about_the_given_patterns_alone() {
     // A fringe field moves the edge of half a membrane by a few micrometres in fifty millimetres.
-    let half = Pattern::from_fn(Raster::PAPER, |x, _| x < 25);
-    let screened = ScreenedScene::for_patterns(&Scene::vhb4910(), &[half], WorkLimit::default()).unwrap();
-    assert!(
-        !screened.warnings.iter().any(|w| w.starts_with("fringe")),
-        "{:?}",
-        screened.warnings
-    );
-    let cell = Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (25, 25));
-    let screened = ScreenedScene::for_patterns(&Scene::vhb4910(), &[cell], WorkLimit::default()).unwrap();
-    assert!(
-        screened.warnings[0].contains("of `pattern 0`"),
-        "{:?}",
-        screened.warnings
-    );
+    let half_alone = warned(&Scene::vhb4910(), half());
+    assert!(!half_alone.iter().any(|w| w.starts_with("fringe")), "{half_alone:?}");
+    let cell = warned(&Scene::vhb4910(), one_cell());
+    assert!(cell[0].contains("of `pattern 0`"), "{cell:?}");
+    // The stability of the patterns is known from their own results, be they stable or not, and no other pattern is
+    // mentioned.
+    for scene in [5250.0, 6300.0].map(|volts| Scene::vhb4910().at_voltage(volts)) {
+        for warnings in [warned(&scene, half()), warned(&scene, one_cell())] {
+            let is_other = |w: &String| w.contains("electromechanical") || w.contains("one ");
+            assert!(!warnings.iter().any(is_other), "{warnings:?}");
+        }
+    }
+    let some = TestPattern::some_of(&vec![half(); 10], "sample");
+    let names: Vec<&str> = some.iter().map(|test| test.name.as_str()).collect();
+    assert_eq!(names, ["sample 0", "sample 2", "sample 5", "sample 7"]);
+}
+
+#[test]
+fn breakdown_is_warned_of_while_it_is_not_observed() {
+    // 47.25 MV/m at rest, 51 · 3^0.63 = 101.9 MV/m.
+    let at = |volts| Scene::vhb4910().at_voltage(volts);
+    let names_breakdown = |scene: &Scene| {
+        warned(scene, half())
+            .iter()
+            .any(|w| w.starts_with("dielectric breakdown"))
+    };
+    assert_eq!([5250.0, 9000.0].map(|volts| names_breakdown(&at(volts))), [false, true]);
+    let observed = at(9000.0).with_effects(Effects {
+        dielectric_breakdown: Some(Breakdown::Constant(ConstantStrength {
+            field: ElectricField::literal("60 MV/m"),
+        })),
+        ..Effects::default()
+    });
+    assert!(!names_breakdown(&observed));
+}
+
+#[test]
+fn warnings_of_a_fringe_field_are_those_of_the_table() {
+    let hole = Pattern::from_fn(Raster::PAPER, |x, y| (x, y) != (25, 25));
+    for volts in [5250.0, 6050.0] {
+        let scene = Scene::vhb4910().at_voltage(volts);
+        for pattern in [one_cell(), half(), hole.clone()] {
+            let tests = TestPattern::some_of(std::slice::from_ref(&pattern), "pattern");
+            let effect = *EFFECTS.iter().find(|effect| effect.name() == names::FRINGE).unwrap();
+            let expected = screen_for(&[effect], &scene, &tests).unwrap().warnings();
+            let found = warned(&scene, pattern);
+            let found = found.into_iter().filter(|warning| warning.starts_with("fringe"));
+            assert_eq!(found.collect::<Vec<_>>(), expected, "{volts} V");
+        }
+    }
 }
 
 #[test]

@@ -142,6 +142,7 @@ impl Workspace {
         ] {
             command.env_remove(setting);
         }
+        command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
         // What the tests themselves have open is inherited, with its locks, by whatever they start meanwhile.
         command.env("HDF5_USE_FILE_LOCKING", "FALSE");
         command
