@@ -395,6 +395,13 @@ impl Quantity {
         }
     }
 
+    /// Whether it was read from a text without a unit although its dimension has units; zero needs none.
+    #[must_use]
+    pub fn is_bare_in(&self, text: &str) -> bool {
+        let text = text.trim();
+        !self.dimension.units().is_empty() && self.base != Decimal::ZERO && number_end(text) == text.len()
+    }
+
     /// Creates a quantity from an exact number in the base unit.
     #[must_use]
     pub fn new(base: Decimal, dimension: Dimension) -> Self {
@@ -482,6 +489,14 @@ mod tests {
         assert_eq!(length("0.1 um"), 0.0001);
         assert_eq!(length("0.3"), 0.3);
         assert_eq!(length("2.5 cm"), 25.0);
+    }
+
+    #[test]
+    fn a_number_without_a_unit_is_bare_unless_it_is_zero_or_has_no_dimension() {
+        let is_bare = |text: &str, dimension| Quantity::parse(text, dimension).unwrap().is_bare_in(text);
+        assert!(is_bare("5.25", Dimension::Voltage) && is_bare(" 1e3 ", Dimension::Length));
+        assert!(!is_bare("5.25 V", Dimension::Voltage) && !is_bare("1e3mm", Dimension::Length));
+        assert!(!is_bare("0", Dimension::Angle) && !is_bare("3", Dimension::Number));
     }
 
     #[test]

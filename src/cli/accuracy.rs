@@ -10,6 +10,7 @@ use clap::Args;
 use findings::Findings;
 
 use super::arguments::{StateArguments, StoreArguments, accuracy, integer};
+use super::pipeline::read_scene;
 use super::progress::Bar;
 use super::{CliError, Exit, Output, csv, job, model, write};
 use deaflow_accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
@@ -86,7 +87,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     let failed = |e: AccuracyError| CliError::failure(e.to_string());
     let reference = Document::from_text(Path::new("--reference"), &arguments.reference)?;
     let reference = Reference::read(&reference.root)?;
-    let scene = arguments.state.of(direct::read_scene(&arguments.scene)?)?;
+    let scene = arguments.state.of(read_scene(&arguments.scene, output)?)?;
     // Checked before the reference is solved, which may take long.
     reference.check_scene(&scene).map_err(bad_input)?;
     let methods = methods(arguments, &scene, &reference)?;

@@ -1,6 +1,7 @@
 //! Arguments that several commands share.
 
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
@@ -338,9 +339,32 @@ impl PatternArguments {
 /// The default relative residual at which an equilibrium is accepted.
 pub const TOLERANCE: f64 = 1e-8;
 
+/// How the numbers without a unit in options were read; a parser of clap has no other way to tell it.
+static BARE_NUMBERS: Mutex<Vec<String>> = Mutex::new(Vec::new());
+
+/// Parses a quantity in an option, and notes how a number without a unit is read.
+pub fn quantity(text: &str, dimension: Dimension) -> Result<Quantity, String> {
+    let text = text.trim();
+    let read = Quantity::parse(text, dimension).map_err(|error| error.to_string())?;
+    if read.is_bare_in(text) {
+        let note = format!("{text} as {read}");
+        let mut noted = BARE_NUMBERS.lock().unwrap_or_else(PoisonError::into_inner);
+        if !noted.contains(&note) {
+            noted.push(note);
+        }
+    }
+    Ok(read)
+}
+
+/// Says how numbers without a unit in the options of this process were read; `None` if all have one.
+pub fn bare_numbers() -> Option<String> {
+    let noted = BARE_NUMBERS.lock().unwrap_or_else(PoisonError::into_inner);
+    (!noted.is_empty()).then(|| format!("options without a unit were read in base units: {}", noted.join(", ")))
+}
+
 /// Parses an accuracy of the displacement, a length.
 pub fn accuracy(text: &str) -> Result<Quantity, String> {
-    let length = Quantity::parse(text, Dimension::Length).map_err(|e| e.to_string())?;
+    let length = quantity(text, Dimension::Length)?;
     if (1e-9..=1e3).contains(&length.value()) {
         Ok(length)
     } else {
@@ -375,7 +399,7 @@ pub fn duration(text: &str) -> Result<Duration, String> {
 
 /// Parses a time limit per pattern.
 fn time_limit(text: &str) -> Result<Time, String> {
-    let time = Quantity::parse(text, Dimension::Time).map_err(|e| e.to_string())?;
+    let time = quantity(text, Dimension::Time)?;
     match Time::from_f64(time.value()) {
         Some(time) if (1e-3..=1e6).contains(&time.value()) => Ok(time),
         _ => Err("allowed: 1 ms to 1e6 s".to_owned()),

@@ -1,10 +1,11 @@
 //! `deaflow check`: shows what is read from files of patterns and labels, before anything is computed.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::pipeline::read_scene;
 use super::text::Text;
 use super::tone::{Tone, width_of_stdout};
 use super::{CliError, Exit, Output, table};
@@ -41,7 +42,11 @@ struct CheckedFile {
 }
 
 pub fn execute(arguments: &CheckArguments, output: &Output) -> Result<Exit, CliError> {
-    let scene = arguments.scene.as_deref().map(scene_of).transpose()?;
+    let scene = arguments
+        .scene
+        .as_deref()
+        .map(|path| read_scene(path, output))
+        .transpose()?;
     let files = arguments.files.iter().map(|name| read(name, scene.as_ref()));
     let files: Vec<CheckedFile> = files.collect::<Result<_, _>>()?;
     let document = || json!({ "files": files.iter().map(|file| file.document(scene.as_ref())).collect::<Vec<_>>() });
@@ -51,10 +56,6 @@ pub fn execute(arguments: &CheckArguments, output: &Output) -> Result<Exit, CliE
         text
     })?;
     Ok(Exit::Done)
-}
-
-fn scene_of(path: &Path) -> Result<Scene, CliError> {
-    Ok(direct::read_scene(path)?)
 }
 
 fn read(name: &str, scene: Option<&Scene>) -> Result<CheckedFile, CliError> {

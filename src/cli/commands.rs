@@ -11,6 +11,7 @@ use std::sync::LazyLock;
 use clap::builder::StyledStr;
 use clap::{Args, ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
+use super::arguments::bare_numbers;
 use super::examples::HEADING;
 use super::tone::width_of_stdout;
 use super::{
@@ -95,6 +96,7 @@ macro_rules! commands {
         impl Cli {
             /// Runs the command.
             pub fn execute(&self, output: &Output) -> Result<Exit, CliError> {
+                bare_numbers().into_iter().for_each(|note| output.warn(note));
                 match &self.command {
                     $($(Command::$command(arguments) => $file::execute(arguments, output),)*)*
                 }

@@ -4,10 +4,11 @@ use std::path::Path;
 
 use tempfile::TempDir;
 
-use super::CliError;
 use super::arguments::{PipelineArguments, SetArguments};
+use super::{CliError, Output};
 use deaflow_base::Override;
 use deaflow_orchestrator::{MANY_STAGES, Pipeline};
+use deaflow_scene::Scene;
 use deaflow_stage as stage;
 use deaflow_store::{LockFile, Store};
 
@@ -52,6 +53,16 @@ pub fn load_plain(path: &Path) -> Result<Pipeline, CliError> {
 /// Returns the name of a pipeline, by which its runs are found after its file was moved; empty if it cannot be read.
 pub fn name_in(path: &Path) -> String {
     load_plain(path).map_or_else(|_| String::new(), |pipeline| pipeline.name)
+}
+
+/// Reads the scene in a file, and prints how numbers without a unit in it are read.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn read_scene(path: &Path, output: &Output) -> Result<Scene, CliError> {
+    let read = stage::direct::read_scene_with(path, stage::direct::Changes::default())?;
+    read.bare_numbers.into_iter().for_each(|note| output.warn(note));
+    Ok(read.scene)
 }
 
 /// Reads a lock file.

@@ -4,6 +4,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::CliError;
+use super::arguments::quantity;
 use deaflow_base::{Dimension, Quantity};
 use deaflow_field::Field;
 use deaflow_scene::Scene;
@@ -27,12 +28,12 @@ fn point(text: &str) -> Result<Coordinates, String> {
         .trim_matches(['[', ']'])
         .split_once(',')
         .ok_or("expected X,Y, as in \"25 mm, 25 mm\"")?;
-    let length = |text: &str| Quantity::parse(text.trim(), Dimension::Length).map_err(|error| error.to_string());
+    let length = |text: &str| quantity(text, Dimension::Length);
     Ok(Coordinates([length(x)?, length(y)?]))
 }
 
 fn direction(text: &str) -> Result<Quantity, String> {
-    Quantity::parse(text.trim(), Dimension::Angle).map_err(|error| error.to_string())
+    quantity(text, Dimension::Angle)
 }
 
 /// A point of a membrane and a direction.

@@ -11,6 +11,7 @@ use serde_json::json;
 
 use super::arguments::{PatternArguments, StateArguments, StoreArguments};
 use super::job::{Job, JobResult, attached_files, extend, seconds_each};
+use super::pipeline::read_scene;
 use super::point::{PointArguments, Probe};
 use super::results::{self, FEW, Peak, SampleId, SampleResult};
 use super::text::Text;
@@ -76,7 +77,11 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     if arguments.state.state.is_some() && arguments.scene.is_none() {
         return Err(CliError::bad_input("--state needs a scene").help("add --scene SCENE.yaml"));
     }
-    let scene = arguments.scene.as_deref().map(direct::read_scene).transpose()?;
+    let scene = arguments
+        .scene
+        .as_deref()
+        .map(|path| read_scene(path, output))
+        .transpose()?;
     let scene = scene.map(|scene| arguments.state.of(scene)).transpose()?;
     let weights = model::weights(&arguments.model, &arguments.store_folder())?;
     let surrogate = surrogate(&weights, scene.as_ref())?;

@@ -41,9 +41,9 @@ pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, Cli
         sets: &arguments.sets,
         voltage: arguments.voltage.as_deref(),
     };
-    let scene = arguments
-        .state
-        .of(direct::read_scene_with(&arguments.scene, changes)?)?;
+    let read = direct::read_scene_with(&arguments.scene, changes)?;
+    read.bare_numbers.into_iter().for_each(|note| output.warn(note));
+    let scene = arguments.state.of(read.scene)?;
     if let Some(faint) = stage::weak_drive_warning(&scene.at_largest_voltages()) {
         output.warn(format_args!("{faint}"));
     }

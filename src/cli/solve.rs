@@ -21,8 +21,7 @@ use deaflow_base::Quantity;
 use deaflow_fem::{MeshRequest, Method, SolveOptions, SolverParameters};
 use deaflow_field::{Mesh, Order};
 use deaflow_pattern::has_patterns;
-use deaflow_scene::Scene;
-use deaflow_stage::direct;
+use deaflow_stage::direct::{self, ReadScene};
 
 use history::HistoryArguments;
 use modes::ModesArguments;
@@ -112,8 +111,12 @@ impl SolveArguments {
     ///
     /// # Errors
     /// When it cannot be read, a value cannot be overridden, or it has no such state.
-    fn read_scene(&self) -> Result<Scene, CliError> {
-        self.state.of(direct::read_scene_with(&self.scene, self.changes())?)
+    fn read_scene(&self) -> Result<ReadScene, CliError> {
+        let read = direct::read_scene_with(&self.scene, self.changes())?;
+        Ok(ReadScene {
+            scene: self.state.of(read.scene)?,
+            ..read
+        })
     }
 
     /// Describes the scene: its file, state and overrides.

@@ -37,7 +37,12 @@ pub fn plan_warnings(pipeline: &Pipeline, stages: &[StageReport], store: &Store)
         }
     }
     let line = |(text, names): &(String, Vec<&str>)| format!("{}: {text}", joined(names));
-    Ok(warnings.iter().map(line).collect())
+    Ok(pipeline
+        .bare_numbers
+        .iter()
+        .cloned()
+        .chain(warnings.iter().map(line))
+        .collect())
 }
 
 /// Joins names, and counts those beyond the maximum.

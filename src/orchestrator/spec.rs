@@ -39,6 +39,8 @@ pub struct Pipeline {
     pub rounds: Vec<Rounds>,
     /// Overrides from the command line: values in YAML by dotted path.
     pub overrides: BTreeMap<String, String>,
+    /// How numbers without a unit were read; `None` if all have one.
+    pub bare_numbers: Option<String>,
 }
 
 /// One stage of a pipeline.
@@ -117,6 +119,7 @@ impl Pipeline {
         let entries = read_entries(map.required(WHAT, "stages")?, registry)?;
         let stages = read_stages(&entries, map.optional("scene"), !sweeps.is_empty())?;
         Ok(Self {
+            bare_numbers: root.bare_numbers(),
             name,
             path,
             scene: map.optional("scene").cloned(),

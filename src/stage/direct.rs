@@ -107,7 +107,16 @@ pub fn files_read(path: &Path) -> Vec<String> {
 /// # Errors
 /// If it cannot be read.
 pub fn read_scene(path: &Path) -> Result<Scene, InputError> {
-    read_scene_with(path, Changes::default())
+    Ok(read_scene_with(path, Changes::default())?.scene)
+}
+
+/// A scene from a file.
+#[derive(Clone, Debug)]
+pub struct ReadScene {
+    /// The scene.
+    pub scene: Scene,
+    /// How numbers without a unit were read; `None` if all have one.
+    pub bare_numbers: Option<String>,
 }
 
 /// Whether a file has a scene, or cannot be read.
@@ -141,7 +150,7 @@ impl<'a> Changes<'a> {
 ///
 /// # Errors
 /// If it cannot be read, or a value is invalid.
-pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<Scene, InputError> {
+pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<ReadScene, InputError> {
     let mut root = Document::load(path)?.root;
     splice_scene(&mut root, path)?;
     let is_pipeline = root.peek("scene").is_some();
@@ -165,7 +174,9 @@ pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<Scene, Input
             return Err(voltage
                 .node()
                 .error("--voltage cannot be used: the voltages of this scene are those of its `states`")
-                .help(format!("set those of a state, as in --set states.{first}.voltages=\"[4 kV, 0 V]\"")));
+                .help(format!(
+                    "set those of a state, as in --set states.{first}.voltages=\"[4 kV, 0 V]\""
+                )));
         }
         voltage.apply(&mut root)?;
     }
@@ -174,7 +185,12 @@ pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<Scene, Input
             .error("this pipeline has no scene; give a scene file or a pipeline with a scene")
             .help("name the file of the scene"));
     }
-    crate::scene::read(root.peek("scene").unwrap_or(&root))
+    let node = root.peek("scene").unwrap_or(&root);
+    let scene = crate::scene::read(node)?;
+    Ok(ReadScene {
+        scene,
+        bare_numbers: node.bare_numbers(),
+    })
 }
 
 /// Reads a scene from text in YAML or JSON. It must not name files, because there is no folder that they are relative

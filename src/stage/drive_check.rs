@@ -62,8 +62,7 @@ pub fn weak_drive_warning(scene: &Scene) -> Option<String> {
     let limit = fully_active_limit(scene, FAR).ok().flatten()?;
     (volts < FAINT * limit).then(|| {
         format!(
-            "{volts} V causes almost no displacement; a fully covered membrane is stable up to {}. A number without a \
-             unit is in V",
+            "{volts} V causes almost no displacement; a fully covered membrane is stable up to {}",
             kilovolts(limit)
         )
     })

@@ -307,9 +307,13 @@ fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
             snapshot!(text);
             // The limit is told once, also where it is searched for on the mesh of the solution too.
             let searched = "effects={ electromechanical_stability: {} }";
-            let both = workspace.run(&["solve", "scene.yaml", "cell.csv", "--set", searched]).stdout;
+            let both = workspace
+                .run(&["solve", "scene.yaml", "cell.csv", "--set", searched])
+                .stdout;
             for text in [text, both] {
-                let told = text.lines().filter(|line| line.contains("critical voltage") || line.contains("is lost"));
+                let told = text
+                    .lines()
+                    .filter(|line| line.contains("critical voltage") || line.contains("is lost"));
                 assert_eq!(told.count(), 1, "{text}");
             }
         }
@@ -322,6 +326,72 @@ fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
     let ended = workspace.run(&["solve", "scene.yaml", "cell.csv", "--accuracy", "0.01 mm", "--json"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert_eq!(ended.json()["near_limit"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn a_number_without_a_unit_is_warned_of_once_with_how_it_was_read() {
+    let workspace = workspace("5 kV");
+    workspace.write("scene.yaml", &SCENE.replace("VOLTAGE", "5.25"));
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    let warned = |arguments: &[&str]| {
+        let ended = workspace.run(arguments);
+        let lines = ended.stderr.lines().filter(|line| line.contains("without a unit"));
+        lines.map(str::to_owned).collect::<Vec<_>>()
+    };
+    let modulus = ["--set", "material.shear_modulus=45"];
+    let both = "warning: numbers without a unit were read in base units: material.shear_modulus: 45 as 45 Pa, \
+                drive.voltage: 5.25 as 5.25 V";
+    for command in [
+        &["solve", "scene.yaml", "half.csv"][..],
+        &["screen", "scene.yaml", "half.csv"],
+    ] {
+        assert_eq!(warned(&[command, &modulus].concat()), [both], "{command:?}");
+        // What has a unit, or no dimension as the prestretch, is not mentioned.
+        let only = warned(&[command, &["--voltage", "5 kV"]].concat());
+        assert_eq!(only, Vec::<String>::new(), "{command:?}");
+        let only = warned(&[command, &["--voltage", "5"]].concat());
+        assert_eq!(only.len(), 1, "{command:?}: {only:?}");
+        assert!(only[0].ends_with("drive.voltage: 5 as 5 V"), "{only:?}");
+    }
+    let options = [
+        "solve",
+        "scene.yaml",
+        "half.csv",
+        "--voltage",
+        "1 kV",
+        "--point",
+        "25, 25 mm",
+    ];
+    let told = "warning: options without a unit were read in base units: 25 as 25 mm";
+    assert_eq!(warned(&options), [told]);
+    assert_eq!(
+        warned(&["check", "--scene", "scene.yaml", "half.csv"]),
+        ["warning: numbers without a unit were read in base units: drive.voltage: 5.25 as 5.25 V"]
+    );
+    let document = workspace.run(&["solve", "scene.yaml", "half.csv", "--json"]).json();
+    assert!(
+        document["notes"][0].as_str().unwrap().contains("5.25 as 5.25 V"),
+        "{document}"
+    );
+    // A pipeline tells it in its plan and its run.
+    let tiny = Workspace::tiny();
+    for command in ["plan", "run"] {
+        let set = ["--set", "scene.geometry.thickness=1", "--until", "solved", "--json"];
+        let document = tiny.run(&[&[command, "tiny.yaml"][..], &set].concat()).json();
+        let warnings = document["warnings"].as_array().unwrap();
+        let told = warnings
+            .iter()
+            .filter(|text| text.as_str().unwrap().contains("without a unit"));
+        let told: Vec<_> = told.collect();
+        assert_eq!(told.len(), 1, "{warnings:?}");
+        assert!(
+            told[0]
+                .as_str()
+                .unwrap()
+                .ends_with("scene.geometry.thickness: 1 as 1 mm"),
+            "{told:?}"
+        );
+    }
 }
 
 #[test]

@@ -88,10 +88,7 @@ fn similar_file(path: &Path) -> Option<PathBuf> {
 impl Node {
     /// Parses one YAML document.
     pub(super) fn parse(name: &str, text: String) -> Result<Self, InputError> {
-        let source = Arc::new(Source {
-            name: clipped(name.to_owned()),
-            text,
-        });
+        let source = Arc::new(Source::new(clipped(name.to_owned()), text));
         let options = serde_saphyr::options! {
             duplicate_keys: DuplicateKeyPolicy::Error,
             // As in YAML 1.2: a key `y` or a stage `on` is not a boolean.

@@ -143,7 +143,7 @@ impl Node {
         let (NodeValue::Number(text) | NodeValue::Text(text)) = &self.value else {
             return Err(self.wrong_type(field, dimension.with_article()));
         };
-        Quantity::parse(text, dimension).map_err(|error| {
+        let read = Quantity::parse(text, dimension).map_err(|error| {
             let refused = self.error(format!("`{field}`: {error}"));
             // The message for an unknown unit already lists the known ones.
             match (error, dimension.symbols().join(", ")) {
@@ -152,7 +152,16 @@ impl Node {
                 }
                 _ => refused,
             }
-        })
+        })?;
+        self.note_unit(text, read);
+        Ok(read)
+    }
+
+    /// Notes a quantity that was given without a unit; zero needs none.
+    fn note_unit(&self, text: &str, read: Quantity) {
+        if read.is_bare_in(text) {
+            self.source.note_bare(self.span, read);
+        }
     }
 
     /// Returns the fraction for a text such as `25 %`; `None` for other values.
@@ -172,7 +181,10 @@ impl Node {
     pub fn quantity_in(&self, field: &str, dimension: Dimension, low: f64, high: f64) -> Result<Quantity, InputError> {
         let found = match &self.value {
             NodeValue::Number(text) | NodeValue::Text(text) => match Quantity::parse(text, dimension) {
-                Ok(quantity) if (low..=high).contains(&quantity.value()) => return Ok(quantity),
+                Ok(quantity) if (low..=high).contains(&quantity.value()) => {
+                    self.note_unit(text, quantity);
+                    return Ok(quantity);
+                }
                 Ok(quantity) => quantity.to_string(),
                 Err(QuantityError::OutOfRange(text)) => text,
                 Err(_) => return self.quantity(field, dimension),

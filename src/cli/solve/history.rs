@@ -5,10 +5,11 @@ use serde_json::{Value, json};
 
 use super::SolveArguments;
 use super::simulation::{Form, Simulation, States};
+use crate::arguments::quantity;
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
-use deaflow_base::{Dimension, Quantity, Time, error_digits, rounded_by};
+use deaflow_base::{Dimension, Time, error_digits, rounded_by};
 use deaflow_content::{Histories, Lines, Packed};
 use deaflow_fem::screening::{ScreenedScene, TestPattern};
 use deaflow_fem::{AccurateHistory, History, HistorySolver, Instant, USUAL_TIME_ERROR};
@@ -52,8 +53,7 @@ pub struct HistoryArguments {
 struct Times(Vec<f64>);
 
 fn time(text: &str) -> Result<Time, String> {
-    let quantity = Quantity::parse(text, Dimension::Time).map_err(|e| e.to_string())?;
-    match Time::from_f64(quantity.value()) {
+    match Time::from_f64(quantity(text, Dimension::Time)?.value()) {
         Some(time) if (1e-12..=LATEST).contains(&time.value()) => Ok(time),
         _ => Err(format!("allowed: 1e-12 s to {LATEST:e} s")),
     }
@@ -62,9 +62,7 @@ fn time(text: &str) -> Result<Time, String> {
 fn times(text: &str) -> Result<Times, String> {
     let mut times = Vec::new();
     for part in text.split(',') {
-        let time = Quantity::parse(part, Dimension::Time)
-            .map_err(|e| e.to_string())?
-            .value();
+        let time = quantity(part, Dimension::Time)?.value();
         if !(0.0..=LATEST).contains(&time) {
             return Err(format!("{part}: allowed: 0 s to {LATEST:e} s"));
         }

@@ -7,11 +7,11 @@ use super::SolveArguments;
 use super::history::TIME;
 use super::modes::OUT_OF_PLANE;
 use super::simulation::{Form, Simulation, States};
-use crate::arguments::integer;
+use crate::arguments::{integer, quantity};
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
-use deaflow_base::{Dimension, Quantity};
+use deaflow_base::Dimension;
 use deaflow_content::{FrequencyResponses, Lines, Packed};
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{AtFrequency, FrequencyResponse, FrequencySolver, SetupError, at_bias};
@@ -61,9 +61,9 @@ fn range(text: &str) -> Result<FrequencyRange, String> {
         return Err("expected the lowest and the highest frequency, as in 1Hz:1kHz".to_owned());
     };
     let frequency = |text: &str| {
-        let quantity = Quantity::parse(text, Dimension::Frequency).map_err(|e| e.to_string())?;
-        match (LOWEST..=HIGHEST).contains(&quantity.value()) {
-            true => Ok(quantity.value()),
+        let frequency = quantity(text, Dimension::Frequency)?.value();
+        match (LOWEST..=HIGHEST).contains(&frequency) {
+            true => Ok(frequency),
             false => Err(format!("{text}: allowed: {LOWEST:e} Hz to {HIGHEST:e} Hz")),
         }
     };

@@ -12,7 +12,7 @@ use deaflow_base::Progress;
 use deaflow_fem::check_leads;
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
-use deaflow_stage::direct;
+use deaflow_stage::direct::{self, ReadScene};
 
 /// What a form of `solve` needs before it computes.
 pub struct Form {
@@ -60,7 +60,7 @@ impl<'a> Simulation<'a> {
         if form.has_attachments {
             check_attachments(arguments)?;
         }
-        let scene = arguments.read_scene()?;
+        let ReadScene { scene, bare_numbers } = arguments.read_scene()?;
         if let States::Chosen(what) = form.states
             && !scene.states.is_empty()
         {
@@ -71,6 +71,7 @@ impl<'a> Simulation<'a> {
         }
         let direct::NamedPatterns { patterns, names, notes } =
             direct::patterns(&arguments.patterns.patterns, scene.form())?;
+        let notes = bare_numbers.into_iter().chain(notes).collect();
         check_leads(scene.leads.as_ref(), &patterns)?;
         decisions::decide(&scene)?;
         let states = match form.states {
