@@ -13,7 +13,7 @@ use super::pipeline::load_file;
 use super::{CliError, Exit, Output, csv, plan, write};
 use deaflow_base::{ArtifactId, Document, Node, NodeValue, Override};
 use deaflow_content::Table;
-use deaflow_orchestrator::StageReport;
+use deaflow_orchestrator::{StageReport, WITHOUT};
 use deaflow_report::ResultTable;
 use deaflow_stage as stage;
 use deaflow_store::{Command, Store};
@@ -356,7 +356,8 @@ impl<'a> SweepPlan<'a> {
         stages.retain(|(_, node)| !is_table(node));
         let needs = stages
             .iter()
-            .filter_map(|(_, node)| node.peek("needs")?.list("needs").ok());
+            .flat_map(|(_, node)| ["needs", WITHOUT].map(|key| node.peek(key)?.list(key).ok()))
+            .flatten();
         let needed: BTreeSet<&str> = needs.flatten().filter_map(|need| need.text("needs").ok()).collect();
         let names = stages.iter().map(|(name, _)| *name);
         names.filter(|name| !needed.contains(name)).collect()

@@ -15,6 +15,8 @@ arrays! {
         max_displacement: Vec<f64> = array("max_displacement", "mm", [row]),
         /// Rows that were simulated on a finer mesh.
         resimulated: ResimulatedRows = group("resimulated"),
+        /// Rows with errors.
+        wrong: WrongRows = group("wrong"),
         /// 0 no field, 1 equal to a new solution, 2 compared with an estimate, 3 wrong, 4 no stable solution, 5 no
         /// field although there is a stable solution.
         label_state: Vec<u8> = array("label/state", "1", [row]),
@@ -24,8 +26,21 @@ arrays! {
         findings: Json = attribute("findings"),
         /// The summary, as JSON.
         summary: Json = attribute("summary"),
+        /// The artifact of the dataset; none for a file.
+        dataset: Option<String> = attribute("dataset"),
         /// The scene of the dataset.
         scene: Scene = attribute("scene"),
+    }
+}
+
+arrays! {
+    /// Rows with errors: all rows of all findings that are errors. `without` drops them.
+    #[derive(Default)]
+    pub struct WrongRows, WrongRowsView {
+        /// Row of the dataset, from 0.
+        row: Vec<u64> = array("row", "1", [wrong_row]),
+        /// The check that found it.
+        check: Vec<String> = array("check", "", [wrong_row]),
     }
 }
 

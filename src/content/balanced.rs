@@ -1,5 +1,7 @@
 //! The artifact of a balance stage.
 
+use super::attribute::Lines;
+use super::dropped::DroppedRows;
 use super::element::Packed;
 use super::macros::arrays;
 use deaflow_field::Field;
@@ -31,6 +33,10 @@ arrays! {
         histogram: Histograms = group("histogram"),
         /// Numbers of samples that were left out.
         counts: BalanceCounts = group("counts"),
+        /// Rows that `without` dropped.
+        dropped: Option<DroppedRows> = group("dropped"),
+        /// What `without` dropped, one line per audit or list of marked rows.
+        without: Option<Lines> = attribute("without"),
         /// The scene of the samples.
         scene: Scene = attribute("scene"),
     }

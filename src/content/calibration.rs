@@ -1,5 +1,7 @@
 //! The artifact of a calibrate stage.
 
+use super::attribute::Lines;
+use super::dropped::DroppedRows;
 use super::element::SingleField;
 use super::macros::arrays;
 use deaflow_scene::Scene;
@@ -29,6 +31,10 @@ arrays! {
         weights: String = attribute("weights"),
         /// The network.
         network: String = attribute("network"),
+        /// Rows that `without` dropped.
+        dropped: Option<DroppedRows> = group("dropped"),
+        /// What `without` dropped, one line per audit or list of marked rows.
+        without: Option<Lines> = attribute("without"),
         /// The scene of the patterns.
         scene: Scene = attribute("scene"),
     }

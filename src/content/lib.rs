@@ -18,6 +18,7 @@ mod balanced;
 mod calibration;
 mod catalogue;
 mod designs;
+mod dropped;
 mod evaluation;
 mod frequency_responses;
 mod histories;
@@ -39,7 +40,7 @@ mod tests;
 
 pub use accuracy::{Accuracy, FamilyErrors, Mismatches, PatternErrors, ReferenceErrors};
 pub use attribute::{Attribute, Json, Lines};
-pub use audit::{AreaHistogram, Audit, DisplacementHistogram, ResimulatedRows};
+pub use audit::{AreaHistogram, Audit, DisplacementHistogram, ResimulatedRows, WrongRows};
 pub use balanced::{BalanceCounts, Balanced, BalancedView, Histograms};
 pub use calibration::{Calibration, CalibrationView, Difficulty, Novelty};
 pub use catalogue::{ContentOfKind, catalogue};
@@ -48,6 +49,7 @@ pub use designs::{
     Candidates, Components, DesignRows, DesignRowsView, Designs, DesignsView, GENOME_UNITS, GradientSteps, History,
     PredictedStates, SimulatedStates, Verification, VerificationView, predicted_rows,
 };
+pub use dropped::DroppedRows;
 pub use element::{Packed, PerCell, PerUnit, Row, SingleField};
 pub use error::{AttributeError, ElementError, Fault};
 pub use evaluation::{Coverage, CoverageView, Evaluation, PatternScores, Scores};

@@ -1,6 +1,7 @@
 //! The artifact of a train stage.
 
 use super::attribute::Lines;
+use super::dropped::DroppedRows;
 use super::macros::arrays;
 use deaflow_scene::Scene;
 
@@ -26,6 +27,10 @@ arrays! {
         network: String = attribute("network"),
         /// How the training ended: `complete`, `patience` or `diverged`.
         ending: String = attribute("ending"),
+        /// Rows that `without` dropped.
+        dropped: Option<DroppedRows> = group("dropped"),
+        /// What `without` dropped, one line per audit or list of marked rows.
+        without: Option<Lines> = attribute("without"),
         /// The scene of the examples.
         scene: Scene = attribute("scene"),
         /// Warnings, one per line.

@@ -30,12 +30,24 @@ pub struct Entry<'a> {
     pub node: &'a Node,
     /// Its kind.
     pub kind: &'static dyn Kind,
-    /// The stages that it needs, as indices in the file.
+    /// The stages that it needs, as indices in the file: those of `needs`, then those of `without`.
     pub needs: Vec<(usize, &'a Node)>,
+    /// How many of them `needs` lists.
+    pub listed: usize,
 }
 
-impl Entry<'_> {
-    /// Whether it only waits for a stage that it needs.
+impl<'a> Entry<'a> {
+    /// The stages that `needs` lists.
+    pub fn listed(&self) -> &[(usize, &'a Node)] {
+        &self.needs[..self.listed]
+    }
+
+    /// The stages that `without` names.
+    pub fn without(&self) -> &[(usize, &'a Node)] {
+        &self.needs[self.listed..]
+    }
+
+    /// Whether it only waits for a stage that `needs` lists.
     pub fn is_gate(&self, other: &Entry<'_>) -> bool {
         other.kind.gates() && !self.needs_kind_of(other) && !self.optional_needs(other)
     }
@@ -80,13 +92,14 @@ pub fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Ent
         let Some(kind) = registry.kinds.iter().find(|kind| kind.name() == word) else {
             return Err(kind.error(format!("unknown kind `{word}`")));
         };
-        let needs = read_needs(node, &names, &places)?;
+        let (needs, listed) = read_needs(node, *kind, &names, &places)?;
         out.push(Entry {
             name,
             key,
             node,
             kind: *kind,
             needs,
+            listed,
         });
     }
     Ok(out)
@@ -126,7 +139,25 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
             names => format!("allowed: {}", names.join(", ")),
         }
     };
-    for (index, node) in &entry.needs {
+    let allowed = entry.kind.without();
+    for (index, node) in entry.without() {
+        let other = &entries[*index];
+        if !allowed.contains(&other.kind.name()) {
+            let message = format!(
+                "`{WITHOUT}` names stages of kind {}, but `{}` is of kind {}",
+                allowed.join(" or "),
+                other.name,
+                other.kind.name()
+            );
+            let names = entries.iter().filter(|other| allowed.contains(&other.kind.name()));
+            let names: Vec<&str> = names.map(|other| other.name).collect();
+            return Err(node.error(message).help(match names.is_empty() {
+                true => format!("this pipeline has no stage of kind {}", allowed.join(" or ")),
+                false => format!("allowed: {}", names.join(", ")),
+            }));
+        }
+    }
+    for (index, node) in entry.listed() {
         let found = entries[*index].kind.name();
         let other = &entries[*index];
         if !entry.needs_kind_of(other) && !entry.optional_needs(other) && !entry.is_gate(other) {
@@ -142,7 +173,7 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
         }
     }
     let counted = |(index, _): &&(usize, &Node)| entry.needs_kind_of(&entries[*index]);
-    let count = entry.needs.iter().filter(counted).count();
+    let count = entry.listed().iter().filter(counted).count();
     if (needs.least..=needs.most).contains(&count) {
         return Ok(());
     }
@@ -158,7 +189,7 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
     );
     let node = entry.node.peek("needs").unwrap_or(entry.key);
     let optional = entry
-        .needs
+        .listed()
         .iter()
         .find(|(index, _)| entry.optional_needs(&entries[*index]));
     let advice = match optional {
@@ -173,18 +204,32 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
     Err(node.error(message).help(advice))
 }
 
+/// The key that names stages and files whose rows a stage leaves out.
+pub const WITHOUT: &str = "without";
+
+/// Whether an item of `without` names a stage; the others name files.
+#[must_use]
+pub fn names_stage(item: &str) -> bool {
+    // The stages of sweeps have an @ in their names.
+    item.split('@')
+        .next()
+        .is_some_and(|base| is_plain_name(base, usize::MAX))
+}
+
+/// Stages, as indices in the file, and where they are named.
+type NamedStages<'a> = Vec<(usize, &'a Node)>;
+
+/// Returns the stages that a stage needs, and how many of them `needs` lists.
 fn read_needs<'a>(
     node: &'a Node,
+    kind: &dyn Kind,
     names: &[&str],
     places: &HashMap<&str, usize>,
-) -> Result<Vec<(usize, &'a Node)>, InputError> {
-    let mut out: Vec<(usize, &Node)> = Vec::new();
+) -> Result<(NamedStages<'a>, usize), InputError> {
+    let mut out = NamedStages::new();
     let mut seen = HashSet::new();
-    let Some(needs) = node.peek("needs") else {
-        return Ok(out);
-    };
-    for item in needs.list("needs")? {
-        let name = item.text("needs")?;
+    let mut add = |key: &str, item: &'a Node| {
+        let name = item.text(key)?;
         let Some(&index) = places.get(name) else {
             let message = format!("no stage is named `{name}`");
             return Err(item.error(message).help(suggestion(name, names)));
@@ -193,8 +238,22 @@ fn read_needs<'a>(
             return Err(item.error(format!("`{name}` is listed twice")));
         }
         out.push((index, item));
+        Ok(())
+    };
+    let mut listed = 0;
+    if let Some(needs) = node.peek("needs") {
+        let needs = needs.list("needs")?;
+        needs.iter().try_for_each(|item| add("needs", item))?;
+        listed = needs.len();
     }
-    Ok(out)
+    if let Some(without) = node.peek(WITHOUT).filter(|_| !kind.without().is_empty()) {
+        for item in without.list(WITHOUT)? {
+            if names_stage(item.text(WITHOUT)?) {
+                add(WITHOUT, item)?;
+            }
+        }
+    }
+    Ok((out, listed))
 }
 
 /// Returns the error for stages that need each other in a cycle, each the next and the last the first.

@@ -29,6 +29,13 @@ pub trait Kind: Sync {
         &[]
     }
 
+    /// Returns the kinds of stages that the key `without` may name, if there is one: they list rows to leave out, and
+    /// are inputs after those of `needs`. [`Kind::read`] reads the other items of that key, which are names of files;
+    /// see [`super::names_stage`].
+    fn without(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// Returns the keys that [`Kind::read`] accepts besides `kind` and `needs`: one mapping, or one for each family
     /// that has its own keys.
     fn schema(&self) -> Vec<Fields>;

@@ -34,7 +34,7 @@ mod sweep;
 mod time_shares;
 
 pub use built_stages::{BuiltStage, BuiltStages, built_stages};
-pub use entry::{Registry, suggestion};
+pub use entry::{Registry, WITHOUT, names_stage, suggestion};
 pub use event::{Event, Listener, Outcome, StageReport};
 pub use execution::Failure;
 pub use explain::{Explanation, LastRun, explain};

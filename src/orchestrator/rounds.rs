@@ -259,7 +259,7 @@ impl<'a> Repetition<'a> {
     /// Needs of a stage that learns: another training that it began with has done its part.
     fn needs_of_target(&self, index: usize, round: u64) -> Vec<Node> {
         let entry = &self.entries[index];
-        let own = entry.needs.iter().filter(|(need, _)| !self.is_target(*need));
+        let own = entry.listed().iter().filter(|(need, _)| !self.is_target(*need));
         let mut needs: Vec<Node> = own.map(|(_, node)| (*node).clone()).collect();
         let text = |name: &str, round| entry.key.with_value(NodeValue::Text(name_in(name, round)));
         needs.push(text(entry.name, round - 1));
@@ -268,7 +268,7 @@ impl<'a> Repetition<'a> {
     }
 
     fn needs_in(&self, index: usize, round: u64) -> Vec<Node> {
-        let needs = self.entries[index].needs.iter();
+        let needs = self.entries[index].listed().iter();
         let named = |(need, node): &(usize, &Node)| match self.again[*need] {
             true => node.with_value(NodeValue::Text(name_in(self.entries[*need].name, round))),
             false => (*node).clone(),

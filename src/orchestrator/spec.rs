@@ -280,11 +280,10 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
     for entry in entries {
         check_needs(entry, entries)?;
         let places = |gates: bool| {
-            let selected = entry
-                .needs
-                .iter()
-                .filter(|(index, _)| entry.is_gate(&entries[*index]) == gates);
-            selected.map(|(index, _)| place[*index]).collect()
+            let listed = entry.listed().iter();
+            let selected = listed.filter(|(index, _)| entry.is_gate(&entries[*index]) == gates);
+            let without = entry.without().iter().filter(|_| !gates);
+            selected.chain(without).map(|(index, _)| place[*index]).collect()
         };
         let own_scene = entry.node.peek(sweep::SCENE).filter(|_| swept);
         let stage = match own_scene {

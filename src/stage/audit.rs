@@ -30,7 +30,7 @@ use label_limits::Trust;
 use run::{STEPS, run};
 use source::Source;
 
-pub use content::objection;
+pub use content::{findings, objection};
 pub use deaflow_dataset::audit::{Finding, Severity, Summary, sort};
 pub use lineage::{Lineage, trace};
 pub use resimulator::Resimulator;
@@ -55,7 +55,7 @@ impl Kind for AuditKind {
     }
 
     fn recipe(&self) -> u32 {
-        5
+        6
     }
 
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
@@ -208,7 +208,7 @@ impl Stage for AuditStage {
         );
         let report = report.map_err(StageError::failed)?;
         job.measure("audit", start.elapsed().as_secs_f64());
-        let audit = content::content(report, scene).map_err(StageError::failed)?;
+        let audit = content::content(report, Some(artifact.digest().to_string()), scene).map_err(StageError::failed)?;
         Ok(audit.object())
     }
 

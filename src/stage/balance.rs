@@ -4,12 +4,13 @@ use rayon::prelude::*;
 
 use super::results::{most, named};
 use super::scene;
+use super::without::{self, Dropped, Without};
 use deaflow_base::{Canonical, Declared, Fields, InputError, Length, Node, Seed, parameters};
 use deaflow_content as content;
 use deaflow_content::{BalanceCounts, Histograms, Packed, SOLVED, Solutions, files};
 use deaflow_dataset::{BalanceOptions, Balanced, BalancedRow, Bins, Candidate, SymmetryGroup, balance};
 use deaflow_field::{Field, OutcomeKind};
-use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_pattern::{Pattern, Raster};
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, Object};
@@ -38,6 +39,19 @@ impl Kind for BalanceKind {
         Needs::new(&SOLVED, 1, 100)
     }
 
+    fn without(&self) -> &'static [&'static str] {
+        without::LISTING
+    }
+
+    fn files(&self, stage: &Node) -> Vec<String> {
+        without::named_files(stage)
+    }
+
+    fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
+        without::check(stage, needs)?;
+        Ok(StageCheck::default())
+    }
+
     fn schema(&self) -> Vec<Fields> {
         vec![BalanceParameters::fields()]
     }
@@ -64,6 +78,8 @@ parameters! {
         symmetry: SymmetryGroup = SymmetryGroup::D4,
         /// Seed of the random numbers.
         seed: Seed,
+        /// Audits whose rows with errors are dropped, and files with marked rows (FILE.txt, saved by the page).
+        without: Option<Without>,
     }
 }
 
@@ -90,6 +106,8 @@ struct SolvedSamples {
     patterns: Vec<Pattern>,
     family: Vec<String>,
     max_displacement: Vec<f64>,
+    /// Whether a row is left out.
+    dropped: Vec<bool>,
     unstable: u64,
 }
 
@@ -112,18 +130,24 @@ impl Stage for BalanceStage {
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let scene = scene::of_inputs(job.inputs)?;
+        let dropped = Dropped::of(job.inputs, self.parameters.without.as_ref())?;
+        let inputs = &job.inputs[..without::datasets(job.inputs)];
         let (mut solved, mut undecided) = (SolvedSamples::default(), 0);
         // Most of the time is spent on reading: first the candidates, then the fields of the chosen rows.
         let read = |pass: usize, files: usize| {
             job.progress
-                .part((pass * job.inputs.len() + files) as f64 / (2 * job.inputs.len() + 1) as f64);
+                .part((pass * inputs.len() + files) as f64 / (2 * inputs.len() + 1) as f64);
         };
-        for (files, input) in job.inputs.iter().enumerate() {
+        for (files, input) in inputs.iter().enumerate() {
             read(0, files);
             let view = Solutions::open(input)?;
             solved.patterns.extend(view.rows().patterns().read()?);
             solved.family.extend(view.rows().family().read()?);
-            solved.max_displacement.extend(view.max_displacement().read()?);
+            let peaks = view.max_displacement().read()?;
+            solved
+                .dropped
+                .extend((0..peaks.len()).map(|row| dropped.has(files, row)));
+            solved.max_displacement.extend(peaks);
             let outcomes = view.unstable().outcome().read()?;
             solved.unstable += outcomes.len() as u64;
             undecided += outcomes
@@ -138,22 +162,25 @@ impl Stage for BalanceStage {
             .patterns
             .iter()
             .zip(&solved.max_displacement)
-            .map(|(pattern, &peak)| Candidate {
+            .zip(&solved.dropped)
+            .map(|((pattern, &peak), dropped)| Candidate {
                 pattern,
-                max_displacement: Some(peak),
+                max_displacement: (!dropped).then_some(peak),
             })
             .collect();
         let balanced = balance(&candidates, &self.options(&scene)).map_err(StageError::failed)?;
         if balanced.rows.is_empty() {
             return Err(StageError::input(format!(
-                "none of the {} solved samples is in the `range` of the histogram",
-                solved.patterns.len()
+                "none of the {} solved samples is in the `range` of the histogram{}",
+                solved.patterns.len(),
+                match solved.dropped.iter().filter(|dropped| **dropped).count() {
+                    0 => String::new(),
+                    count => format!(" ({count} are dropped by `without`)"),
+                }
             )));
         }
-        let fields = fields(job.inputs, &balanced.rows, scene.membrane().raster, &|files| {
-            read(1, files)
-        })?;
-        let content = content(&solved, balanced, fields, scene).object();
+        let fields = fields(inputs, &balanced.rows, scene.membrane().raster, &|files| read(1, files))?;
+        let content = content(&solved, balanced, fields, &dropped, scene).object();
         job.progress.advance(1);
         Ok(content)
     }
@@ -202,8 +229,15 @@ fn fields(
     Ok(values)
 }
 
-fn content(solved: &SolvedSamples, balanced: Balanced, fields: Vec<f64>, scene: Scene) -> content::Balanced {
+fn content(
+    solved: &SolvedSamples,
+    balanced: Balanced,
+    fields: Vec<f64>,
+    dropped: &Dropped,
+    scene: Scene,
+) -> content::Balanced {
     let rows = &balanced.rows;
+    let (dropped, without) = dropped.content();
     content::Balanced {
         patterns: rows
             .par_iter()
@@ -223,6 +257,8 @@ fn content(solved: &SolvedSamples, balanced: Balanced, fields: Vec<f64>, scene: 
             unstable: [solved.unstable],
         },
         histogram: histograms(balanced),
+        dropped,
+        without,
         scene,
     }
 }

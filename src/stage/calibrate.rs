@@ -5,11 +5,12 @@ mod content;
 use std::collections::BTreeSet;
 
 use super::results::named;
+use super::without::{self, Dropped, Without};
 use super::{labelled, model, scene};
 use content::Origin;
 use deaflow_base::{Canonical, Declared, Digest, Fields, InputError, Node, Seed, parameters};
 use deaflow_field::Predictor;
-use deaflow_orchestrator::{Job, Kind, Needs, Stage, StageError};
+use deaflow_orchestrator::{Job, Kind, Needs, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_store::{Artifact, Object};
 use deaflow_surrogate::{Calibration, CalibrationError, CalibrationSample, Surrogate};
 
@@ -38,6 +39,19 @@ impl Kind for CalibrateKind {
         Needs::new(&["train", "solve", "import", "balance"], 2, 1000)
     }
 
+    fn without(&self) -> &'static [&'static str] {
+        without::LISTING
+    }
+
+    fn files(&self, stage: &Node) -> Vec<String> {
+        without::named_files(stage)
+    }
+
+    fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
+        without::check(stage, needs)?;
+        Ok(StageCheck::default())
+    }
+
     fn schema(&self) -> Vec<Fields> {
         vec![CalibrateStage::fields()]
     }
@@ -52,6 +66,8 @@ parameters! {
     struct CalibrateStage as "a calibrate stage" {
         /// Seed of the random numbers.
         seed: Seed,
+        /// Audits whose rows with errors are dropped, and files with marked rows (FILE.txt, saved by the page).
+        without: Option<Without>,
     }
 }
 
@@ -64,8 +80,9 @@ impl Stage for CalibrateStage {
         let scene = scene::of_inputs(job.inputs)?;
         let (artifact, surrogate) = the_model(job.inputs)?;
         let trained = model::families(artifact)?;
+        let dropped = Dropped::of(job.inputs, self.without.as_ref())?;
         let (mut samples, mut families) = (Vec::new(), Vec::new());
-        labelled::for_each_batch(job, &[&surrogate], &mut |batch| {
+        labelled::for_each_batch(job, &[&surrogate], &dropped, &mut |batch| {
             let predicted = surrogate.predict(&batch.patterns);
             let predicted = predicted.map_err(StageError::failed)?;
             for (at, field) in predicted.iter().enumerate() {
@@ -83,6 +100,7 @@ impl Stage for CalibrateStage {
             model: artifact.digest().to_string(),
             weights: Digest::of(&model::weights(artifact)?).to_string(),
             network: surrogate.kind().name(),
+            dropped: &dropped,
             scene,
         };
         Ok(content::content(&calibration, origin).object())

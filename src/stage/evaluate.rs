@@ -9,6 +9,7 @@ mod content;
 mod predictors;
 
 use super::scene::area_revision;
+use super::without::Dropped;
 use super::{labelled, scene};
 use deaflow_base::{Canonical, Declared, Fields, InputError, Node, Parameter, Schema, parameters};
 use deaflow_content::Evaluation;
@@ -150,7 +151,7 @@ impl Stage for EvaluateStage {
         let scorer = Scorer::new(predictors.iter().map(NamedPredictor::predictor).collect(), calibrations);
         let models: Vec<_> = predictors.iter().filter_map(NamedPredictor::surrogate).collect();
         let (free, mut rows) = (scene.free_cells(), Vec::new());
-        labelled::for_each_batch(job, &models, &mut |batch| {
+        labelled::for_each_batch(job, &models, &Dropped::default(), &mut |batch| {
             job.progress.note(&format!("{} patterns", rows.len()));
             rows.extend(scored(&scorer, batch, free.as_ref())?);
             Ok(())

@@ -72,7 +72,11 @@ impl<'a> NamedFile<'a> {
             .collect()
     }
 
-    fn find(node: &'a Node, folder: &Path) -> Result<Self, InputError> {
+    /// Returns the file that a node names, relative to the folder of the pipeline.
+    ///
+    /// # Errors
+    /// If it does not exist, or is outside the folder.
+    pub fn find(node: &'a Node, folder: &Path) -> Result<Self, InputError> {
         let name = node.text(KEY)?;
         let (file, dataset) = match split_array(name) {
             Some((file, dataset)) => (file, Some(dataset)),

@@ -1,6 +1,7 @@
 //! Labelled patterns to judge models with: solved or imported samples, or the test rows of a balanced set. They are
 //! read in batches, because the fields of all together may exceed the memory.
 
+use super::without::Dropped;
 use deaflow_content::{ArtifactKind, Labelled, files};
 use deaflow_dataset::Split;
 use deaflow_field::{Field, OutcomeKind};
@@ -22,16 +23,18 @@ pub struct Batch {
     pub families: Vec<String>,
 }
 
-/// Calls a function with the labelled patterns of all inputs, in order, and reports progress: a step per input.
+/// Calls a function with the labelled patterns of all inputs that are not dropped, in order, and reports progress: a
+/// step per input.
 ///
 /// # Errors
 /// If a model was trained on one of the inputs, arrays are missing or invalid, or the function fails.
 pub fn for_each_batch(
     job: &Job<'_>,
     models: &[&Surrogate],
+    dropped: &Dropped,
     each: &mut dyn FnMut(Batch) -> Result<(), StageError>,
 ) -> Result<(), StageError> {
-    for input in job.inputs {
+    for (index, input) in job.inputs.iter().enumerate() {
         let kind = ArtifactKind::of(input);
         if matches!(
             kind,
@@ -39,9 +42,11 @@ pub fn for_each_batch(
         ) {
             check_unseen(input, models)?;
             let chunks = files(input)?;
+            let mut first = 0;
             for (done, chunk) in chunks.iter().enumerate() {
                 let part = |of_chunk: f64| job.progress.part((done as f64 + of_chunk) / chunks.len() as f64);
-                read_chunk(chunk, &part, each)?;
+                let keeps = |row: usize| !dropped.has(index, first + row);
+                first += read_chunk(chunk, &keeps, &part, each)?;
             }
         }
         job.progress.advance(1);
@@ -63,15 +68,17 @@ fn check_unseen(artifact: &Artifact, models: &[&Surrogate]) -> Result<(), StageE
     )))
 }
 
+/// Reads the rows of a chunk that are kept; returns the number of all its rows.
 fn read_chunk(
     chunk: &Artifact,
+    keeps: &dyn Fn(usize) -> bool,
     part: &dyn Fn(f64),
     each: &mut dyn FnMut(Batch) -> Result<(), StageError>,
-) -> Result<(), StageError> {
+) -> Result<usize, StageError> {
     let wrong = |why: &str| StageError::in_artifact(chunk, why);
     let labelled = Labelled::open(chunk)?.ok_or_else(|| wrong("it has no labelled patterns"))?;
     let (patterns, families) = (labelled.patterns()?, labelled.families()?.unwrap_or_default());
-    let rows: Vec<usize> = match &labelled {
+    let mut rows: Vec<usize> = match &labelled {
         Labelled::Balanced(view) => {
             let splits = view.split().read()?.into_iter().enumerate();
             let test = splits.filter(|(_, split)| split == Split::Test.name());
@@ -85,6 +92,7 @@ fn read_chunk(
         }
         Labelled::Verified(_) => Vec::new(),
     };
+    rows.retain(|row| keeps(*row));
     let values = labelled.displacement(0..patterns.len())?;
     let batch = BATCH * rayon::current_num_threads();
     let batches = rows.len().div_ceil(batch);
@@ -102,5 +110,5 @@ fn read_chunk(
             families: rows.iter().map(|&row| families[row].clone()).collect(),
         })?;
     }
-    Ok(())
+    Ok(patterns.len())
 }

@@ -23,6 +23,7 @@ mod solve;
 mod table;
 mod train;
 mod verify;
+mod without;
 
 pub use drive_check::weak_drive_warning;
 pub use registry::registry;

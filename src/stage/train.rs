@@ -6,13 +6,14 @@ mod examples;
 mod follow;
 
 use super::results::named;
+use super::without::{self, Dropped, Without};
 use super::{model, scene};
 use deaflow_base::{Canonical, Decimal, Declared, Fields, InputError, Node, NodeValue, Seed, parameters};
 use deaflow_content::{ALL_FAMILIES, Training};
 use deaflow_dataset::SymmetryGroup;
 use deaflow_fem::LinearResponse;
 use deaflow_field::Mesh;
-use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, Object};
 use deaflow_surrogate::{
@@ -59,6 +60,19 @@ impl Kind for TrainKind {
 
     fn needs(&self) -> Needs {
         Needs::new(&["balance", "solve", "import", "verify", "train"], 1, 100)
+    }
+
+    fn without(&self) -> &'static [&'static str] {
+        without::LISTING
+    }
+
+    fn files(&self, stage: &Node) -> Vec<String> {
+        without::named_files(stage)
+    }
+
+    fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
+        without::check(stage, needs)?;
+        Ok(StageCheck::default())
     }
 
     fn schema(&self) -> Vec<Fields> {
@@ -112,6 +126,8 @@ parameters! {
         verified_weight: u32 [1..=1000] = 8,
         /// Seed of the random numbers.
         seed: Seed,
+        /// Audits whose rows with errors are dropped, and files with marked rows (FILE.txt, saved by the page).
+        without: Option<Without>,
     }
 }
 
@@ -168,7 +184,8 @@ impl Stage for TrainStage {
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let scene = scene::of_inputs(job.inputs)?;
         let start = start(job.inputs)?;
-        let found = examples::read(job.inputs, &scene, self.parameters.verified_weight)?;
+        let dropped = Dropped::of(job.inputs, self.parameters.without.as_ref())?;
+        let found = examples::read(job.inputs, &scene, self.parameters.verified_weight, &dropped)?;
         let constants = match self.parameters.network.has_constants() {
             true => Some(constants(&scene)?),
             false => None,
@@ -189,7 +206,7 @@ impl Stage for TrainStage {
             TrainingRecord::of(&trained, self.parameters.seed.0, inputs),
         );
         trained.weights = annotated.map_err(StageError::failed)?;
-        Ok(content::training(trained, &found, self.parameters.network, scene).object())
+        Ok(content::training(trained, &found, &dropped, self.parameters.network, scene).object())
     }
 }
 

@@ -422,3 +422,113 @@ fn the_corners_that_are_shown_are_read_again() {
     let none = workspace.run(&["show", "own.yaml:labels", "--corners", "--csv"]);
     assert_eq!(none.code, Some(2), "{}", none.stderr);
 }
+
+#[test]
+fn rows_that_an_audit_found_or_a_user_marked_are_dropped() {
+    let workspace = workspace(&LABELLED.replace("FILES", "a.npz"));
+    let (cells, mut fields) = solved(&workspace, 24);
+    let wrong = [3, 7];
+    for row in wrong {
+        fields[row * 5202..(row + 1) * 5202]
+            .iter_mut()
+            .for_each(|value| *value *= 1.2);
+    }
+    npz(&workspace.path("a.npz"), &cells, &fields);
+    let audit = "stages.audited={ kind: audit, needs: [labels], samples: 0, seed: 1, fail_on: never }";
+    let balance = "stages.balanced={ kind: balance, needs: [labels], without: [audited], bins: 5, \
+                   range: [0 mm, 2.5 mm], target: 80, symmetry: none, seed: 1 }";
+    let checked = "stages.checked={ kind: audit, needs: [balanced], samples: 0, seed: 1 }";
+    let made = workspace.stages(&["run", "own.yaml", "--set", audit, "--set", balance, "--set", checked]);
+    let digests = made.digests();
+    let object = |digest: &str| {
+        let objects = files(&workspace.path("store/objects"));
+        let found = objects.into_iter().find(|file| file.to_string_lossy().contains(digest));
+        hdf5::File::open(found.unwrap()).unwrap()
+    };
+    let integers = |file: &hdf5::File, path: &str| file.dataset(path).unwrap().read_raw::<u64>().unwrap();
+    let balanced = object(&digests["balanced"]);
+    assert_eq!(integers(&balanced, "dropped/row"), [3, 7]);
+    assert_eq!(integers(&balanced, "dropped/input"), [0, 0]);
+    let kept = integers(&balanced, "source");
+    assert_eq!(kept.len(), 22);
+    assert!(wrong.iter().all(|row| !kept.contains(&(*row as u64))), "{kept:?}");
+    // Nothing is wrong with what is left.
+    let mut found = integers(&object(&digests["audited"]), "wrong/row");
+    found.sort_unstable();
+    found.dedup();
+    assert_eq!(found, [3, 7]);
+    assert!(integers(&object(&digests["checked"]), "wrong/row").is_empty());
+    let shown = workspace.run(&["show", "balanced", "--json"]);
+    let without = shown.json()["attributes"]["without"]
+        .as_str()
+        .unwrap_or_default()
+        .to_owned();
+    assert!(
+        without.starts_with("2 rows dropped\naudit ") && without.contains("scale 2"),
+        "{without}"
+    );
+    // Rows that a user has marked, beside those of the audit.
+    workspace.write("marked.txt", &format!("# rows of {}\n5\n3\n", digests["labels"]));
+    let train = |without: &str| {
+        format!(
+            "stages.model={{ kind: train, needs: [labels], without: [{without}], network: qin2024, epochs: 1, \
+             seed: 1 }}"
+        )
+    };
+    let model = train("audited, marked.txt");
+    let made = workspace.stages(&["run", "own.yaml", "--set", audit, "--set", &model]);
+    let trained = object(&made.digests()["model"]);
+    assert_eq!(integers(&trained, "dropped/row"), [3, 5, 7]);
+    let again = workspace.stages(&["run", "own.yaml", "--set", audit, "--set", &model]);
+    assert!(again.with("built").is_empty());
+    // Another list of rows is another training.
+    workspace.write("marked.txt", &format!("# rows of {}\n5\n", digests["labels"]));
+    let other = workspace.stages(&["plan", "own.yaml", "--set", audit, "--set", &train("marked.txt")]);
+    assert!(!other.with("build").is_empty() || !other.with("stale").is_empty());
+    // Lists and audits of other datasets, and what cannot be read.
+    workspace.write("marked.txt", "5\n");
+    let refused = workspace.refused(&["plan", "own.yaml", "--set", &train("marked.txt")]);
+    assert!(refused.contains("line 1 is not \"# rows of DIGEST\""), "{refused}");
+    workspace.write("marked.txt", &format!("# rows of {}\nfive\n", digests["labels"]));
+    let refused = workspace.refused(&["plan", "own.yaml", "--set", &train("marked.txt")]);
+    assert!(refused.contains("line 2: \"five\" is not a row number"), "{refused}");
+    let refused = workspace.refused(&["plan", "own.yaml", "--set", &train("labels")]);
+    assert!(refused.contains("`labels` is listed twice"), "{refused}");
+}
+
+#[test]
+fn an_audit_of_another_dataset_is_refused_with_its_position() {
+    let workspace = workspace(&LABELLED.replace("FILES", "a.npz"));
+    let (cells, fields) = solved(&workspace, 4);
+    npz(&workspace.path("a.npz"), &cells, &fields);
+    let stages = |fail_on: &str, needs: &str| {
+        pipeline(&format!(
+            "  labels: {{ kind: import, files: [a.npz] }}
+  audited: {{ kind: audit, needs: [labels], fail_on: {fail_on} }}
+  balanced: {{ kind: balance, needs: [labels], bins: 5, range: [0 mm, 2.5 mm], target: 80, seed: 1 }}
+  model:
+    kind: train
+    needs: [{needs}]
+    without: [audited]
+    network: qin2024
+    epochs: 1
+    seed: 1
+"
+        ))
+    };
+    workspace.write("own.yaml", &stages("never", "balanced"));
+    let refused = workspace.refused(&["plan", "own.yaml"]);
+    assert!(
+        refused.contains("`audited` audits `labels`, which stage `model` does not read"),
+        "{refused}"
+    );
+    assert!(refused.contains("own.yaml:11:15"), "{refused}");
+    workspace.write("own.yaml", &stages("error", "labels"));
+    let refused = workspace.refused(&["plan", "own.yaml"]);
+    assert!(refused.contains("add `fail_on: never` to `audited`"), "{refused}");
+    workspace.write("own.yaml", &stages("never", "labels, audited"));
+    let refused = workspace.refused(&["plan", "own.yaml"]);
+    assert!(refused.contains("`audited` is listed twice"), "{refused}");
+    workspace.write("own.yaml", &stages("never", "labels"));
+    assert_eq!(workspace.run(&["plan", "own.yaml"]).code, Some(0));
+}

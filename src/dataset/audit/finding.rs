@@ -39,6 +39,9 @@ pub struct Finding {
     pub examples: Vec<u64>,
     /// Description for users.
     pub message: String,
+    /// Numbers of all its rows. They are an array of the artifact and not part of its findings.
+    #[serde(skip)]
+    pub all: Vec<u64>,
 }
 
 impl Finding {
@@ -51,6 +54,7 @@ impl Finding {
             count: rows.len() as u64,
             examples: rows.iter().take(EXAMPLES).map(|&row| row as u64).collect(),
             message: message.into(),
+            all: rows.iter().map(|&row| row as u64).collect(),
         }
     }
 
@@ -63,6 +67,7 @@ impl Finding {
             count: 1,
             examples: Vec::new(),
             message: message.into(),
+            all: Vec::new(),
         }
     }
 }

@@ -8,7 +8,7 @@ use super::settings::{Setting, Settings, joined, key, name, value_of};
 use super::substitute::Substitution;
 use super::template::{axes_in, is_template};
 use super::{MANY_STAGES, Sweep};
-use crate::entry::{Registry, refuse_cycle_of, suggestion};
+use crate::entry::{Registry, WITHOUT, names_stage, refuse_cycle_of, suggestion};
 use crate::graph;
 use crate::kind::Kind;
 use deaflow_base::{InputError, Node, NodeValue, nearest};
@@ -117,6 +117,8 @@ struct Need {
     template: usize,
     /// The one stage of a sweep that is meant, where one is named.
     stage: Option<String>,
+    /// The key that names it: `needs` or `without`.
+    key: &'static str,
     node: Node,
 }
 
@@ -180,8 +182,11 @@ fn templates<'a>(
             }
         }
         let with_needs = |settings: Settings| {
-            let needs = needs(node, &settings, &places, &names)?;
-            Ok((settings, needs))
+            let mut all = needs(node, NEEDS, &settings, &places, &names)?;
+            if has_without(node, registry) {
+                all.extend(needs(node, WITHOUT, &settings, &places, &names)?);
+            }
+            Ok((settings, all))
         };
         let own = combinations(node, most)?.into_iter().map(with_needs);
         Ok(Template {
@@ -195,18 +200,28 @@ fn templates<'a>(
     entries.iter().zip(&names).map(template).collect()
 }
 
+/// Whether the key `without` of a stage names stages.
+fn has_without(node: &Node, registry: &Registry) -> bool {
+    kind_of(node, registry).is_some_and(|kind| !kind.without().is_empty())
+}
+
+/// Returns the stages that a stage names under a key. Names of files are skipped.
 fn needs(
     node: &Node,
+    key: &'static str,
     own: &[Setting],
     places: &BTreeMap<&str, usize>,
     names: &[&str],
 ) -> Result<Vec<Need>, InputError> {
-    let Some(list) = node.peek(NEEDS) else {
+    let Some(list) = node.peek(key) else {
         return Ok(Vec::new());
     };
     let mut needs = Vec::new();
-    for item in Substitution::default().of(list, own)?.list(NEEDS)? {
-        let name = item.text(NEEDS)?;
+    for item in Substitution::default().of(list, own)?.list(key)? {
+        let name = item.text(key)?;
+        if key == WITHOUT && !names_stage(name) {
+            continue;
+        }
         let base = name.split_once('@').map_or(name, |(base, _)| base);
         let Some(&template) = places.get(base) else {
             let message = format!("no stage is named `{name}`");
@@ -215,6 +230,7 @@ fn needs(
         needs.push(Need {
             template,
             stage: (base != name).then(|| name.to_owned()),
+            key,
             node: item.clone(),
         });
     }
@@ -247,6 +263,8 @@ struct Expansion<'a> {
 /// The stages that one need of a template may mean.
 struct Candidates<'i> {
     template: usize,
+    /// The key that names them.
+    key: &'static str,
     /// All stages of that template.
     instances: &'i [Instance],
     /// The one that is named; its axes are not those of the stage that needs it.
@@ -457,6 +475,7 @@ impl<'a> Expansion<'a> {
         };
         Ok(Candidates {
             template: need.template,
+            key: need.key,
             instances,
             named,
         })
@@ -471,9 +490,18 @@ impl<'a> Expansion<'a> {
         needed: Vec<Vec<&Instance>>,
     ) -> Result<Instance, InputError> {
         let text = |instance: &&Instance| template.key.with_value(NodeValue::Text(instance.name.clone()));
+        let named_by = |key: &str| {
+            let named = candidates.iter().zip(&needed).filter(|(these, _)| these.key == key);
+            named.flat_map(|(_, stages)| stages).map(text).collect::<Vec<Node>>()
+        };
         if let Some(list) = template.node.peek(NEEDS) {
-            let names = needed.iter().flatten().map(text);
-            node.put(NEEDS, list.with_value(NodeValue::List(names.collect())));
+            node.put(NEEDS, list.with_value(NodeValue::List(named_by(NEEDS))));
+        }
+        if let Some(list) = node.peek(WITHOUT).filter(|_| has_without(&node, self.registry)) {
+            let items = list.list(WITHOUT)?.iter();
+            let files = items.filter(|item| item.text(WITHOUT).is_ok_and(|name| !names_stage(name)));
+            let items = files.cloned().chain(named_by(WITHOUT)).collect();
+            node.put(WITHOUT, list.with_value(NodeValue::List(items)));
         }
         if kind_of(&node, self.registry).is_some_and(Kind::collects) {
             node.put(ROWS, self.rows(template, candidates, &needed)?);

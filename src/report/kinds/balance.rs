@@ -24,9 +24,16 @@ impl Presenter for BalancePresenter {
     fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
         let balanced = run.each(self.kind(), |source| {
             let data = counts_by_bin(source)?;
-            Ok((source.stage.stage.clone(), source.drawn(data.charts())?, data.after))
+            let without = source.of(Balanced::open(source.artifact))?.without();
+            let without = source.of(without.read())?.unwrap_or_default().0;
+            Ok((
+                source.stage.stage.clone(),
+                source.drawn(data.charts())?,
+                data.after,
+                without,
+            ))
         })?;
-        for (stage, charts, after) in &balanced {
+        for (stage, charts, after, without) in &balanced {
             super::dataset(page);
             page.part(&format!("{stage}: balance"));
             page.charts(charts);
@@ -35,6 +42,9 @@ impl Presenter for BalancePresenter {
             page.note(&format!(
                 "{empty} of {bins} bins are empty: no sample has such a displacement."
             ));
+            if !without.is_empty() {
+                page.note(&format!("{}.", without.join("; ")));
+            }
         }
         Ok(())
     }

@@ -91,11 +91,16 @@ pub fn read(source: &ArtifactReader<'_>) -> Result<TrainingSummary, ReportError>
     let epochs = source.of(view.curves().train_loss().rows())?;
     let [kept] = source.of(view.best_epoch().read())?;
     let network = source.of(view.network().read())?;
+    let without = source.of(view.without().read())?.unwrap_or_default().0;
     let warnings = source.of(view.warnings().read())?.unwrap_or_default().0;
     Ok(TrainingSummary {
         line: format!(
-            "{stage}: {network}, epoch {kept} of {epochs} kept; RMSE of a component: {}",
-            errors.join(", ")
+            "{stage}: {network}, epoch {kept} of {epochs} kept; RMSE of a component: {}{}",
+            errors.join(", "),
+            match without.is_empty() {
+                true => String::new(),
+                false => format!("; {}", without.join("; ")),
+            }
         ),
         warnings: warnings.iter().map(|warning| format!("{stage}: {warning}")).collect(),
     })

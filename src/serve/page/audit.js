@@ -5,7 +5,7 @@ import { attempt, h, number, replace, short } from "./elements.js";
 import { card, patternsAt, rowLink, size } from "./pictures.js";
 import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { Pattern } from "./pattern.js";
-import { save } from "./files.js";
+import { saveRows } from "./files.js";
 
 /** @param {HTMLElement} place @param {any} found @param {URLSearchParams} query with the open finding and row, if any */
 export async function findings(place, found, query) {
@@ -55,7 +55,7 @@ export async function findings(place, found, query) {
     lookedAt(found),
     waiting,
     list.map(section),
-    list.length ? h("div", { class: "tools" }, h("button", { type: "button", onclick: () => save([...marked].sort((a, b) => a - b).join("\n") + "\n", `findings-${found.digest.slice(0, 12)}.txt`) }, "Save the list of marked rows"), counted) : null,
+    list.length ? h("div", { class: "tools" }, h("button", { type: "button", onclick: () => saveRows(marked, found.attributes.dataset ?? inputs[0] ?? "", "findings") }, "Save the list of marked rows"), counted) : null,
   );
   const shown = first ? /** @type {() => Promise<void>} */ (first)() : null;
   await attempt(waiting, () => waits(waiting, found.digest, blocks));

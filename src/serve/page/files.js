@@ -104,6 +104,15 @@ export function save(content, name) {
   setTimeout(() => URL.revokeObjectURL(address), 10000);
 }
 
+/**
+ * Saves a list of rows, which `without` in a pipeline drops. @param {Set<number>} rows @param {string} dataset digest of their dataset
+ * @param {string} name
+ */
+export function saveRows(rows, dataset, name) {
+  const lines = [`# rows of ${dataset}`, ...[...rows].sort((a, b) => a - b)];
+  save(lines.join("\n") + "\n", `${name}-${dataset.slice(0, 12)}.txt`);
+}
+
 /** Saves a pattern in a format. @param {string} format @param {Record<string, any>} body of the request @param {string} name */
 export async function saveAs(format, body, name) {
   const response = await ask("sketch/export", { body: { ...body, format } });

@@ -8,7 +8,7 @@ import { card, drawField, drawn, patternsAt, rowLink, size } from "./pictures.js
 import { lineage } from "./origin.js";
 import { Pattern } from "./pattern.js";
 import { valueOf, within, withOnly } from "./filter.js";
-import { save } from "./files.js";
+import { saveRows } from "./files.js";
 
 const PAGE = 24;
 
@@ -259,6 +259,9 @@ export async function rowsView(place, found, query) {
       { class: "controls" },
       axes.length > 1 ? labelled("Rows along", choice("along", /** @type {any} */ ([["", "main axis"], ...axes.map((name) => [name, name])]), state.along, (axis) => {
         Object.assign(state, { along: axis, sort: "", offset: 0, histogram: "" });
+        // Rows along another axis have other numbers.
+        marked.clear();
+        counted.textContent = "";
         chosen = null;
         void fill();
       })) : null,
@@ -273,7 +276,7 @@ export async function rowsView(place, found, query) {
     cards,
     pages,
     tableBox,
-    h("div", { class: "tools" }, h("button", { type: "button", onclick: () => save([...marked].sort((a, b) => a - b).join("\n") + "\n", `rows-${found.digest.slice(0, 12)}.txt`) }, "Save the list of marked rows"), counted),
+    h("div", { class: "tools" }, h("button", { type: "button", onclick: () => saveRows(marked, found.digest, "rows") }, "Save the list of marked rows"), counted),
   );
   await fill(true);
 }

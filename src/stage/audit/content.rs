@@ -1,16 +1,16 @@
 //! Writes and reads the artifact of an audit stage.
 
-use deaflow_content::{AreaHistogram, AttributeError, Audit, DisplacementHistogram, Json, ResimulatedRows};
+use deaflow_content::{AreaHistogram, AttributeError, Audit, DisplacementHistogram, Json, ResimulatedRows, WrongRows};
 use deaflow_dataset::audit::{Finding, LabelCheck, Report, Severity};
 use deaflow_orchestrator::StageError;
 use deaflow_scene::Scene;
 use deaflow_store::Artifact;
 
-/// Returns the content of the artifact.
+/// Returns the content of the artifact; `dataset` is the artifact that was audited, or `None` for a file.
 ///
 /// # Errors
 /// If it cannot be written as JSON.
-pub fn content(report: Report, scene: Scene) -> Result<Audit, AttributeError> {
+pub fn content(report: Report, dataset: Option<String>, scene: Scene) -> Result<Audit, AttributeError> {
     let (findings, summary) = (Json::of_list(&report.findings)?, Json::of(&report.summary)?);
     let resimulated = &report.resimulated;
     // Unknown values are stored as negative numbers.
@@ -22,6 +22,7 @@ pub fn content(report: Report, scene: Scene) -> Result<Audit, AttributeError> {
             error: resimulated.iter().map(|row| known(row.error)).collect(),
             allowed: resimulated.iter().map(|row| known(row.allowed)).collect(),
         },
+        wrong: wrong_rows(&report.findings),
         label_state: report.labels.iter().map(state).collect(),
         label_compared: report.labels.iter().map(compared).collect(),
         max_displacement: report.peaks,
@@ -34,8 +35,17 @@ pub fn content(report: Report, scene: Scene) -> Result<Audit, AttributeError> {
             counts: report.summary.displacement.counts,
         },
         summary,
+        dataset,
         scene,
     })
+}
+
+/// Returns all rows of the findings that are errors.
+fn wrong_rows(findings: &[Finding]) -> WrongRows {
+    let errors = findings.iter().filter(|finding| finding.severity == Severity::Error);
+    let rows = errors.flat_map(|finding| finding.all.iter().map(|&row| (row, finding.check.clone())));
+    let (row, check) = rows.unzip();
+    WrongRows { row, check }
 }
 
 fn state(label: &LabelCheck) -> u8 {

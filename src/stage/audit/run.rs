@@ -55,7 +55,7 @@ pub fn audit_file(file: &Path, scene: &Path, request: &Request, progress: &dyn P
         source.findings.extend(finding.map_err(|e| failed(&e))?);
     }
     let report = run(&source, &scene, request, Trust::Nothing, progress).map_err(|e| failed(&e))?;
-    content(report, scene).map_err(|e| failed(&e))
+    content(report, None, scene).map_err(|e| failed(&e))
 }
 
 /// The families of the sample stage. A pattern from a file may be any; on a device other than that of the source paper

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::shapes::wrong_shapes;
 use deaflow_base::Digest;
-use deaflow_content::{BalancedView, Labelled, StoredAttribute, files};
+use deaflow_content::{ArtifactKind, BalancedView, Labelled, StoredAttribute, files};
 use deaflow_dataset::Bins;
 use deaflow_dataset::audit::{
     AuditError, Batch, Columns, DeclaredBalance, Discretisation, Finding, NO_NUMBER, RowSource, Severity, SourceSample,
@@ -256,6 +256,10 @@ impl Source {
         let mut source_samples = Vec::new();
         for solved in super::lineage::inputs(balanced.artifact())? {
             let Ok(solved) = solved else { return Ok(()) };
+            if ArtifactKind::Audit.is_of(&solved) {
+                // It names rows that were dropped.
+                continue;
+            }
             let solved = Self::of_artifact(&solved, self.raster)?;
             let n = solved.len();
             source_samples.extend(solved.as_source_samples()?);

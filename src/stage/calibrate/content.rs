@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::without::Dropped;
 use deaflow_content as content;
 use deaflow_content::{ArtifactKind, Difficulty, Novelty, SingleField};
 use deaflow_orchestrator::StageError;
@@ -29,6 +30,8 @@ pub(super) struct Origin<'a> {
     pub weights: String,
     /// The network.
     pub network: &'a str,
+    /// The rows that were left out.
+    pub dropped: &'a Dropped,
     /// The scene of the patterns.
     pub scene: Scene,
 }
@@ -45,7 +48,10 @@ pub(super) fn content(calibration: &Calibration, origin: Origin<'_>) -> content:
         residuals,
         novelty,
     } = calibration.parts();
+    let (dropped, without) = origin.dropped.content();
     content::Calibration {
+        dropped,
+        without,
         families: counts.keys().map(|family| (*family).clone()).collect(),
         samples: counts.values().copied().collect(),
         familiar: counts

@@ -1,5 +1,6 @@
 //! The artifact of a train stage.
 
+use crate::without::Dropped;
 use deaflow_content::{Curves, LeftOutLabels, Lines, Metrics, Training};
 use deaflow_scene::Scene;
 use deaflow_surrogate as surrogate;
@@ -41,7 +42,14 @@ fn warnings(unstable: u64, left_out: &[LeftOut], trained: &Trained) -> Vec<Strin
 }
 
 /// Returns the artifact of a training.
-pub fn training(trained: Trained, examples: &Examples, network: NetworkKind, scene: Scene) -> Training {
+pub fn training(
+    trained: Trained,
+    examples: &Examples,
+    dropped: &Dropped,
+    network: NetworkKind,
+    scene: Scene,
+) -> Training {
+    let (dropped, without) = dropped.content();
     let warnings = warnings(examples.unstable, &examples.left_out, &trained);
     Training {
         best_epoch: [u64::from(trained.best_epoch)],
@@ -52,6 +60,8 @@ pub fn training(trained: Trained, examples: &Examples, network: NetworkKind, sce
         network: network.name().to_owned(),
         ending: ending(trained.ending).to_owned(),
         weights: trained.weights,
+        dropped,
+        without,
         scene,
         warnings: (!warnings.is_empty()).then_some(Lines(warnings)),
     }
@@ -153,7 +163,14 @@ mod tests {
             left_out: vec![left_out],
         };
         let trained = trained(Ending::Complete);
-        let object = training(trained, &examples, NetworkKind::Qin2024, Scene::vhb4910()).object();
+        let object = training(
+            trained,
+            &examples,
+            &Dropped::default(),
+            NetworkKind::Qin2024,
+            Scene::vhb4910(),
+        )
+        .object();
         let data = |path: &str| object.datasets[path].data.clone();
         assert_eq!(data("left_out/input"), Data::U64(vec![1]));
         assert_eq!(data("left_out/row"), Data::U64(vec![7]));

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use crate::without::{self, Dropped};
 use crate::{drive_check, model};
 use deaflow_content::{Labelled, VerificationView, files};
 use deaflow_dataset::Split;
@@ -18,25 +19,30 @@ const BLOCK: usize = 512;
 /// The family of verified designs in the metrics.
 const VERIFIED: &str = "verified";
 
-/// Reads the examples of all inputs. An epoch repeats a verified design `verified_weight` times.
+/// Reads the examples of all inputs that are not dropped. An epoch repeats a verified design `verified_weight` times.
 ///
 /// # Errors
 /// If arrays of an input are missing or inconsistent, or no example is left.
-pub fn read(inputs: &[Artifact], scene: &Scene, verified_weight: u32) -> Result<Examples, StageError> {
+pub fn read(
+    inputs: &[Artifact],
+    scene: &Scene,
+    verified_weight: u32,
+    dropped: &Dropped,
+) -> Result<Examples, StageError> {
     let mut collector = Collector::new(scene.symmetries());
-    let datasets = inputs
+    let datasets = inputs[..without::datasets(inputs)]
         .iter()
         .enumerate()
         .filter(|(_, artifact)| !model::is_in(artifact));
     for (input, artifact) in datasets {
         if let Some(Labelled::Verified(view)) = Labelled::open(artifact)? {
-            read_verified(&view, input, &mut collector)?;
+            read_verified(&view, input, dropped, &mut collector)?;
             continue;
         }
         collector.begin_input(unstable(artifact)?);
         let mut first = 0;
         for file in files(artifact)? {
-            first += read_file(file, (input, first), &mut collector)?;
+            first += read_file(file, (input, first), dropped, &mut collector)?;
         }
     }
     let longer_side_mm = scene.membrane().size_mm.into_iter().fold(0.0, f64::max);
@@ -60,7 +66,12 @@ fn unstable(artifact: &Artifact) -> Result<u64, StageError> {
 }
 
 /// Reads one file, whose rows start at the row `first` of an input; returns their number.
-fn read_file(file: &Artifact, (input, first): (usize, usize), collector: &mut Collector) -> Result<usize, StageError> {
+fn read_file(
+    file: &Artifact,
+    (input, first): (usize, usize),
+    dropped: &Dropped,
+    collector: &mut Collector,
+) -> Result<usize, StageError> {
     let labelled = Labelled::open(file)?.ok_or_else(|| wrong(file, "it has no labelled patterns"))?;
     let patterns = labelled.patterns()?;
     let (count, families) = (patterns.len(), labelled.families()?.unwrap_or_default());
@@ -86,6 +97,7 @@ fn read_file(file: &Artifact, (input, first): (usize, usize), collector: &mut Co
     let raster = patterns.first().map_or(Raster::PAPER, Pattern::raster);
     let mut described = patterns.into_iter().zip(families).zip(kinds).enumerate();
     for_each_label(&labelled, raster, |label| match described.next() {
+        Some((at, _)) if dropped.has(input, first + at) => Ok(()),
         Some((at, ((pattern, family), kind))) => add(
             collector,
             file,
@@ -117,7 +129,12 @@ fn images(labelled: &Labelled<'_>) -> Result<Vec<(u64, Symmetry)>, StageError> {
 }
 
 /// Reads the designs of a verify stage that have a field; the fields are in the order of these designs.
-fn read_verified(view: &VerificationView<'_>, input: usize, collector: &mut Collector) -> Result<(), StageError> {
+fn read_verified(
+    view: &VerificationView<'_>,
+    input: usize,
+    dropped: &Dropped,
+    collector: &mut Collector,
+) -> Result<(), StageError> {
     let fields = view.simulated_rows()?;
     collector.begin_input(fields.iter().filter(|field| field.is_none()).count() as u64);
     let patterns = view.rows().patterns().read()?;
@@ -125,6 +142,7 @@ fn read_verified(view: &VerificationView<'_>, input: usize, collector: &mut Coll
     let patterns = patterns.into_iter().enumerate();
     let mut solved = patterns.filter(|(row, _)| fields[*row].is_some());
     for_each_label(&Labelled::Verified(view.clone()), raster, |label| match solved.next() {
+        Some((row, _)) if dropped.has(input, row) => Ok(()),
         Some((row, pattern)) => add(
             collector,
             view.artifact(),

@@ -89,14 +89,14 @@ stages:
   labels: { kind: import, files: [tests/it/schema/labels.npz] }
   refined: { kind: solve, needs: [small], accuracy: 0.01 mm, history: { at: [0 s, 10 min] } }
   guessed: { kind: solve, needs: [small], method: chord:2, order: 2 }
-  balanced: { kind: balance, needs: [solved], bins: 20, range: [0 mm, 2.5 mm], target: 60, symmetry: d4, seed: 4 }
+  balanced: { kind: balance, needs: [solved], without: [searched], bins: 20, range: [0 mm, 2.5 mm], target: 60, symmetry: d4, seed: 4 }
   audited: { kind: audit, needs: [balanced], samples: 8, seed: 1, accuracy: 0.01 mm, fail_on: never }
-  searched: { kind: audit, needs: [solved], samples: all }
-  surrogate: { kind: train, needs: [balanced, audited], network: qin2024, epochs: 1, batch: 8, learning_rate: 0.002, max_weight: 0.1,
+  searched: { kind: audit, needs: [solved], samples: all, fail_on: never }
+  surrogate: { kind: train, needs: [balanced, searched], without: [audited], network: qin2024, epochs: 1, batch: 8, learning_rate: 0.002, max_weight: 0.1,
     auxiliary_weight: 0.2, seed: 5 }
   patient: { kind: train, needs: [balanced, solved], network: qin2024, epochs: 40, patience: 5, optimizer: adamw, weight_decay: 1e-4,
     gradient_norm: 5, symmetry: d4, verified_weight: 4, seed: 5 }
-  intervals: { kind: calibrate, needs: [surrogate, refined], seed: 8 }
+  intervals: { kind: calibrate, needs: [surrogate, refined, balanced], without: [audited], seed: 8 }
   evaluated: { kind: evaluate, needs: [surrogate, intervals, refined], estimates: [linear, 'chord:2'] }
   design: { kind: design, needs: [surrogate], evaluator: auto, evaluator_accuracy: 0.01 mm, objective: { point: [25 mm, 25 mm], direction: 0 deg, measure: qin2024 },
     area: 0.5, area_penalty: 5, population: 20, generations: 2, elite: 0.02, crossover: 0.7, mutation: 0.3,
@@ -123,7 +123,7 @@ stages:
     constraints: { leads: true } }
   verified: { kind: verify, needs: [design, highest], method: newton, elements_per_cell: 1, order: 2, tolerance: 1e-6, time_limit: 60 s }
   taught: { kind: verify, needs: [judged], rounds: 3, update: { network: qin2024, epochs: 2, patience: 1, batch: 4, optimizer: muon,
-    learning_rate: 0.001, weight_decay: 0, gradient_norm: 1, symmetry: none, max_weight: 0.2, auxiliary_weight: 0.1, verified_weight: 16, seed: 9 } }
+    learning_rate: 0.001, weight_decay: 0, gradient_norm: 1, symmetry: none, max_weight: 0.2, auxiliary_weight: 0.1, verified_weight: 16, without: [audited], seed: 9 } }
   exact: { kind: verify, needs: [rotation, own], accuracy: 10 um, history: { at: [1 s] } }
   accuracy: { kind: accuracy, needs: [solved, surrogate], methods: [linear, history, history+linear, history+chord:1, creep:3+chord:2, { method: creep:3, order: 2 }, { method: chord:3, elements_per_cell: 1, order: 2 },
     { accuracy: 0.03 mm }] }

@@ -130,11 +130,9 @@ fn needed(document: &Value, place: &str) -> Value {
     };
     let (mut kept, mut open) = (BTreeSet::new(), vec![stage.to_owned()]);
     while let Some(name) = open.pop() {
-        let needs = stages
-            .get(&name)
-            .and_then(|stage| stage.get("needs"))
-            .and_then(Value::as_array);
-        let needs = needs.into_iter().flatten().filter_map(Value::as_str);
+        let stage = stages.get(&name);
+        let needs = ["needs", "without"].map(|key| stage.and_then(|stage| stage.get(key)?.as_array()));
+        let needs = needs.into_iter().flatten().flatten().filter_map(Value::as_str);
         open.extend(needs.filter(|need| !kept.contains(*need)).map(str::to_owned));
         kept.insert(name);
     }

@@ -41,6 +41,8 @@ fn balanced_into(patterns: &[Pattern], fields: &[Field], splits: &[&str]) -> Obj
         max_displacement: vec![0.0; n],
         histogram: Histograms::default(),
         counts: BalanceCounts::default(),
+        dropped: None,
+        without: None,
         scene: Scene::vhb4910(),
     };
     content.object().of_kind("balance")
@@ -118,7 +120,7 @@ fn rows_come_in_order_with_their_labels_and_splits() {
     let fields: Vec<Field> = (0..4).map(|k| field(0.5 + f64::from(k))).collect();
     let splits = [Split::Train, Split::Test, Split::Train, Split::Validation];
     let artifact = bench.put(&balanced(&patterns, &fields, &splits));
-    let found = read(&[artifact], &Scene::vhb4910(), 8).unwrap();
+    let found = read(&[artifact], &Scene::vhb4910(), 8, &Dropped::default()).unwrap();
     assert!(found.left_out.is_empty() && found.unstable == 0);
     for (k, example) in found.examples.iter().enumerate() {
         assert_eq!((&example.pattern, example.split), (&patterns[k], splits[k]));
@@ -139,7 +141,13 @@ fn samples_that_did_not_converge_are_counted_and_left_out() {
         &["iteration-limit", "estimated"],
         &["slack", "pull-in"],
     );
-    let found = read(&[bench.manifest(&[first, second])], &Scene::vhb4910(), 8).unwrap();
+    let found = read(
+        &[bench.manifest(&[first, second])],
+        &Scene::vhb4910(),
+        8,
+        &Dropped::default(),
+    )
+    .unwrap();
     let kept: Vec<&Pattern> = found.examples.iter().map(|e| &e.pattern).collect();
     assert_eq!(kept, [&pattern(0), &pattern(1), &pattern(3)]);
     assert_eq!(found.unstable, 3);
@@ -163,7 +171,7 @@ fn labels_that_cannot_be_true_are_left_out_and_named() {
     moved[0] = 0.25;
     fields[20] = Field::from_values(Raster::PAPER, moved).unwrap();
     let artifact = bench.put(&balanced(&patterns, &fields, &[Split::Train; 24]));
-    let found = read(&[artifact], &Scene::vhb4910(), 8).unwrap();
+    let found = read(&[artifact], &Scene::vhb4910(), 8, &Dropped::default()).unwrap();
     assert_eq!(found.examples.len(), 21);
     assert!(found.examples.iter().all(|example| example.label.max_magnitude() < 3.0));
     let named: Vec<String> = found.left_out.iter().map(ToString::to_string).collect();
@@ -187,7 +195,13 @@ fn all_images_of_a_pattern_are_in_one_part_whichever_input_they_stand_in() {
     let images: Vec<Pattern> = Symmetry::ALL.iter().map(|g| pattern(0).transformed(*g)).collect();
     let others: Vec<Pattern> = (1..40).map(pattern).collect();
     let of_samples = bench.manifest(&[solved(&[&images[..4], &others].concat(), &["converged"; 43], &[])]);
-    let alone = read(std::slice::from_ref(&of_samples), &Scene::vhb4910(), 8).unwrap();
+    let alone = read(
+        std::slice::from_ref(&of_samples),
+        &Scene::vhb4910(),
+        8,
+        &Dropped::default(),
+    )
+    .unwrap();
     let parts = |found: &Examples| found.examples.iter().map(|e| e.split).collect::<Vec<_>>();
     assert!(parts(&alone)[..4].iter().all(|split| *split == parts(&alone)[0]));
     assert_eq!(
@@ -204,7 +218,7 @@ fn all_images_of_a_pattern_are_in_one_part_whichever_input_they_stand_in() {
         [of_samples.clone(), known.clone(), other.clone()],
         [known.clone(), other.clone(), of_samples.clone()],
     ] {
-        let found = read(&inputs, &Scene::vhb4910(), 8).unwrap();
+        let found = read(&inputs, &Scene::vhb4910(), 8, &Dropped::default()).unwrap();
         let of_orbit = found
             .examples
             .iter()
@@ -223,7 +237,7 @@ fn empty_and_full_patterns_are_examples_like_others() {
     ];
     let still = [field(0.0), field(0.0)];
     let artifact = bench.put(&balanced(&uniform, &still, &[Split::Train; 2]));
-    let found = read(&[artifact], &Scene::vhb4910(), 8).unwrap();
+    let found = read(&[artifact], &Scene::vhb4910(), 8, &Dropped::default()).unwrap();
     assert!(found.examples.len() == 2 && found.left_out.is_empty());
 }
 
@@ -231,13 +245,18 @@ fn empty_and_full_patterns_are_examples_like_others() {
 fn inputs_without_any_label_to_learn_from_are_refused_with_the_reason() {
     let bench = Bench::new();
     let none = bench.put(&balanced(&[pattern(0)], &[field(100.0)], &[Split::Train]));
-    let error = read(&[none], &Scene::vhb4910(), 8).err().unwrap().to_string();
+    let error = read(&[none], &Scene::vhb4910(), 8, &Dropped::default())
+        .err()
+        .unwrap()
+        .to_string();
     assert!(
         error.starts_with("there are no labels to train on; row 0 of input 1: displacement 100.000 mm"),
         "{error}"
     );
     let unstable = bench.manifest(&[solved(&[], &[], &["pull-in", "slack"])]);
-    let error = read(&[unstable], &Scene::vhb4910().at_voltage(12e3), 8).err().unwrap();
+    let error = read(&[unstable], &Scene::vhb4910().at_voltage(12e3), 8, &Dropped::default())
+        .err()
+        .unwrap();
     let StageError::Advised { source, help } = error else {
         panic!("the error has no advice: {error}");
     };
@@ -250,13 +269,13 @@ fn inputs_without_any_label_to_learn_from_are_refused_with_the_reason() {
     torn.datasets.remove("split");
     let none = Dataset::new("", "d", &[0], Data::Text(Vec::new()));
     let torn = torn.with("split", none);
-    let error = read(&[bench.put(&torn)], &Scene::vhb4910(), 8)
+    let error = read(&[bench.put(&torn)], &Scene::vhb4910(), 8, &Dropped::default())
         .err()
         .unwrap()
         .to_string();
     assert!(error.contains("differ in length"), "{error}");
     let odd = balanced_into(&[pattern(0)], &[field(1.0)], &["elsewhere"]);
-    let error = read(&[bench.put(&odd)], &Scene::vhb4910(), 8)
+    let error = read(&[bench.put(&odd)], &Scene::vhb4910(), 8, &Dropped::default())
         .err()
         .unwrap()
         .to_string();
@@ -325,7 +344,7 @@ fn verified_designs_are_learnt_from_each_once_whatever_the_others_look_like() {
         ),
     ];
     let inputs = [bench.put(&known), bench.put(&round[0]), bench.put(&round[1])];
-    let found = read(&inputs, &Scene::vhb4910(), 5).unwrap();
+    let found = read(&inputs, &Scene::vhb4910(), 5, &Dropped::default()).unwrap();
     let taken: Vec<(&Pattern, u32, f64)> = found.examples[20..]
         .iter()
         .map(|e| (&e.pattern, e.repeats, e.label.max_magnitude()))
@@ -351,7 +370,7 @@ fn verified_designs_change_nothing_of_what_is_held_out() {
         let held_out = found.examples.iter().filter(|e| e.split != Split::Train);
         held_out.map(|e| (e.pattern.clone(), e.split)).collect::<Vec<_>>()
     };
-    let alone = read(std::slice::from_ref(&solved), &Scene::vhb4910(), 8).unwrap();
+    let alone = read(std::slice::from_ref(&solved), &Scene::vhb4910(), 8, &Dropped::default()).unwrap();
     // Images of all samples, and other patterns.
     let images: Vec<Pattern> = patterns.iter().map(|p| p.transformed(Symmetry::ALL[3])).collect();
     let fresh: Vec<Pattern> = (0..4)
@@ -362,7 +381,7 @@ fn verified_designs_change_nothing_of_what_is_held_out() {
     let verified = bench.put(&verified(&all, &["converged"; 44], &fields));
     // The order of the inputs is nothing to it.
     for inputs in [[solved.clone(), verified.clone()], [verified, solved]] {
-        let found = read(&inputs, &Scene::vhb4910(), 8).unwrap();
+        let found = read(&inputs, &Scene::vhb4910(), 8, &Dropped::default()).unwrap();
         assert_eq!(held_out(&found), held_out(&alone));
         let refused = held_out(&alone).len();
         assert!(refused > 3, "{refused}");
