@@ -199,6 +199,21 @@ pub trait Stage: Send + Sync {
         1
     }
 
+    /// Checks the numbers of samples of its inputs, given by kind, before any work. The number of an input that is not
+    /// divided into chunks is 1.
+    ///
+    /// # Errors
+    /// If the stage would certainly fail: the reason.
+    fn check_samples(&self, inputs: &[(&'static str, u64)]) -> Result<(), String> {
+        let _ = inputs;
+        Ok(())
+    }
+
+    /// Whether [`Stage::check_samples`] refuses anything. Counting samples takes time in a large pipeline.
+    fn checks_samples(&self) -> bool {
+        false
+    }
+
     /// Does one piece of work: a chunk, or the whole stage if the plan is [`Plan::Whole`]. The result must depend only
     /// on the stage, the chunk and the inputs, not on the number of threads.
     ///

@@ -8,7 +8,7 @@ use super::entry::{
     Entry, Registry, check_length, check_names, check_needs, read_entries, refuse_cycle_of, suggestion,
 };
 use super::graph;
-use super::kind::{Kind, Stage, StageCheck, StageDeclaration};
+use super::kind::{Input, Kind, Plan, Stage, StageCheck, StageDeclaration};
 use super::rounds::{self, Rounds};
 use super::sweep::{self, Sweep};
 use deaflow_base::{Document, InputError, Node, NodeValue, Override, folder_of};
@@ -309,6 +309,7 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
     }
     let stages: Vec<StageSpec> = order.iter().filter_map(|&index| stages[index].take()).collect();
     check_pieces(&stages, &order, entries)?;
+    check_samples(&stages, &order, entries)?;
     Ok(stages)
 }
 
@@ -356,6 +357,32 @@ fn check_pieces(stages: &[StageSpec], order: &[usize], entries: &[Entry<'_>]) ->
                 .error(message)
                 .help(format!("allowed: at most {MOST_PIECES}; lower a count")));
         }
+    }
+    Ok(())
+}
+
+/// Lets stages check the numbers of samples of their inputs.
+fn check_samples(stages: &[StageSpec], order: &[usize], entries: &[Entry<'_>]) -> Result<(), InputError> {
+    if !stages.iter().any(|spec| spec.stage.checks_samples()) {
+        return Ok(());
+    }
+    let mut planned: Vec<Input> = Vec::with_capacity(stages.len());
+    for (spec, &index) in stages.iter().zip(order) {
+        let inputs: Vec<Input> = spec.needs.iter().map(|&need| planned[need].clone()).collect();
+        let samples = |(need, input): (&usize, &Input)| {
+            let count = input.parts.iter().map(|(_, samples)| samples).sum();
+            (stages[*need].kind.name(), count)
+        };
+        let counted: Vec<(&'static str, u64)> = spec.needs.iter().zip(&inputs).map(samples).collect();
+        if let Err(why) = spec.stage.check_samples(&counted) {
+            let entry = &entries[index];
+            return Err(entry.node.peek("needs").unwrap_or(entry.key).error(why));
+        }
+        let parts = match spec.stage.plan(&inputs) {
+            Plan::Whole { .. } => vec![(None, 1)],
+            Plan::Chunks(chunks) => chunks.iter().map(|chunk| (None, chunk.samples)).collect(),
+        };
+        planned.push(Input { digest: None, parts });
     }
     Ok(())
 }

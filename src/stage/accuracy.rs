@@ -9,11 +9,12 @@ use std::collections::BTreeSet;
 
 use super::model;
 use super::results::most;
+use super::solve;
 use deaflow_accuracy::{Benchmark, Candidate, Network, Reference};
 use deaflow_base::{Canonical, Fields, InputError, Node};
 use deaflow_content::{Accuracy, Solutions};
 use deaflow_field::Field;
-use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_store::{Artifact, Object};
 
 pub use content::content;
@@ -53,6 +54,28 @@ impl Kind for AccuracyKind {
     fn schema(&self) -> Vec<Fields> {
         let fields = Fields::new("Measures the error of methods against a reference, and their time.");
         vec![fields.optional("methods", Candidate::schema())]
+    }
+
+    fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
+        let map = stage.node.fields("an accuracy stage", &["kind", "needs", "methods"])?;
+        let node = map.optional("needs").unwrap_or(stage.node);
+        let references: Vec<&StageDeclaration<'_>> = needs.iter().filter(|need| need.kind == "solve").collect();
+        let [reference] = references[..] else {
+            return Err(node.error(one_reference(references.len())));
+        };
+        let named = node.list("needs")?.iter().find(|item| item.is_text(reference.name));
+        let named = named.unwrap_or(node);
+        let parameters = solve::solver_of(reference.node)?;
+        let checked = Reference::new(parameters).map_err(|why| named.error(why.to_string()))?;
+        let methods = map.optional("methods");
+        let candidates = methods
+            .map(Candidate::read)
+            .transpose()?
+            .unwrap_or_else(Candidate::usual);
+        checked
+            .check(&candidates)
+            .map_err(|why| methods.unwrap_or(named).error(why.to_string()))?;
+        Ok(StageCheck::default())
     }
 
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
@@ -100,10 +123,7 @@ impl Stage for AccuracyStage {
             }
         }
         let [reference] = references[..] else {
-            let found = references.len();
-            let why =
-                format!("an accuracy stage needs exactly one solve stage as its reference; `needs` names {found}");
-            return Err(StageError::input(why));
+            return Err(StageError::input(one_reference(references.len())));
         };
         let failed = StageError::failed;
         let benchmark = benchmark(reference)?;
@@ -115,6 +135,10 @@ impl Stage for AccuracyStage {
         }
         Ok(content(&benchmark, &measured).object())
     }
+}
+
+fn one_reference(found: usize) -> String {
+    format!("an accuracy stage needs exactly one solve stage as its reference; `needs` names {found}")
 }
 
 /// Reads the samples of a solve stage, stable or not, with their fields.

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::results::{most, named};
-use super::scene;
 use super::without::{self, Dropped, Without};
+use super::{needed, scene};
 use deaflow_base::{Canonical, Declared, Fields, InputError, Length, Node, Seed, parameters};
 use deaflow_content as content;
 use deaflow_content::{BalanceCounts, Histograms, Packed, SOLVED, Solutions, files};
@@ -49,6 +49,7 @@ impl Kind for BalanceKind {
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         without::check(stage, needs)?;
+        needed::one_state(stage, needs)?;
         Ok(StageCheck::default())
     }
 

@@ -6,13 +6,13 @@ use std::collections::BTreeSet;
 
 use super::results::named;
 use super::without::{self, Dropped, Without};
-use super::{labelled, model, scene};
+use super::{labelled, model, needed, scene};
 use content::Origin;
 use deaflow_base::{Canonical, Declared, Digest, Fields, InputError, Node, Seed, parameters};
 use deaflow_field::Predictor;
 use deaflow_orchestrator::{Job, Kind, Needs, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_store::{Artifact, Object};
-use deaflow_surrogate::{Calibration, CalibrationError, CalibrationSample, Surrogate};
+use deaflow_surrogate::{Calibration, CalibrationError, CalibrationSample, MIN_PATTERNS, Surrogate};
 
 pub use content::{CalibratedFamily, CalibratedModel, read};
 
@@ -49,6 +49,23 @@ impl Kind for CalibrateKind {
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         without::check(stage, needs)?;
+        needed::one_state(stage, needs)?;
+        let models = needed::count(needs, &["train"]);
+        if models != 1 {
+            return Err(needed::wrong_number(
+                stage,
+                one_model(models),
+                "name one stage of kind `train`",
+            ));
+        }
+        if needed::count(needs, &LABELS) == 0 {
+            let message = "a calibration needs labels, and `needs` names none".to_owned();
+            return Err(needed::wrong_number(
+                stage,
+                message,
+                "add a stage of kind solve, import or balance",
+            ));
+        }
         Ok(StageCheck::default())
     }
 
@@ -71,7 +88,30 @@ parameters! {
     }
 }
 
+/// The kinds of stages with labels.
+const LABELS: [&str; 3] = ["solve", "import", "balance"];
+
 impl Stage for CalibrateStage {
+    fn checks_samples(&self) -> bool {
+        true
+    }
+
+    /// The number of test rows of a balanced set is not known before it is built.
+    fn check_samples(&self, inputs: &[(&'static str, u64)]) -> Result<(), String> {
+        let labels = inputs.iter().filter(|(kind, _)| LABELS.contains(kind));
+        let mut count = 0;
+        for (kind, samples) in labels {
+            if *kind == "balance" {
+                return Ok(());
+            }
+            count += samples;
+        }
+        match usize::try_from(count) {
+            Ok(count) if count < MIN_PATTERNS => Err(CalibrationError::Few(count).to_string()),
+            _ => Ok(()),
+        }
+    }
+
     fn parameters(&self) -> Canonical {
         self.to_canonical()
     }
@@ -115,14 +155,15 @@ fn too_few(error: CalibrationError, trained: &BTreeSet<String>) -> StageError {
     }
 }
 
+fn one_model(found: usize) -> String {
+    format!("a calibrate stage needs exactly one model; `needs` names {found}")
+}
+
 /// Returns the one model among the inputs.
 fn the_model(inputs: &[Artifact]) -> Result<(&Artifact, Surrogate), StageError> {
     let found: Vec<&Artifact> = inputs.iter().filter(|input| model::is_in(input)).collect();
     let [artifact] = found[..] else {
-        return Err(StageError::input(format!(
-            "a calibrate stage needs exactly one model; `needs` names {}",
-            found.len()
-        )));
+        return Err(StageError::input(one_model(found.len())));
     };
     Ok((artifact, model::of_artifact(artifact)?))
 }

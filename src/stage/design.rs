@@ -23,6 +23,7 @@ use deaflow_design::{
     CaseLabel, ConstraintParameters, DesignTask, Method, PlannedDesign, ResponseKind, Search, SearchError,
     SearchOptions, Target, Targets,
 };
+use deaflow_fem::effects::breakdown_ratio_at_rest;
 use deaflow_fem::{Method as Evaluation, Swing, ThreeSolves, revision_of};
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_pattern::Symmetries;
@@ -70,7 +71,9 @@ fn rules(fields: Fields) -> Fields {
 
 impl DesignParameters {
     fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
-        let network = map.optional("needs");
+        let network = map
+            .optional("needs")
+            .filter(|needs| !needs.list("needs").is_ok_and(<[Node]>::is_empty));
         if self.evaluator == EvaluatorChoice::Surrogate && network.is_none() {
             return Err(map
                 .error("`evaluator: surrogate` needs a network: add a train stage to `needs`")
@@ -147,6 +150,7 @@ impl Kind for DesignKind {
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         let map = stage.node.fields(DesignParameters::WHAT, &keys())?;
         let parameters = DesignParameters::read_map(&map)?;
+        check_networks(&parameters, stage, needs)?;
         let (mut warnings, mut expectations) = (Vec::new(), Vec::new());
         warnings.extend(drive_check::stability_warning(stage));
         let evaluator = parameters.evaluator;
@@ -178,6 +182,7 @@ impl Kind for DesignKind {
         } = DesignParameters::read_map(&map)?;
         let task = DesignTask::read((targets, &options), (&map, stage), &scene)?;
         task.check(&options, (&map, stage), &scene)?;
+        check_breakdown_margin(&task, &scene, map.optional("constraints").unwrap_or(stage))?;
         for target in &task.targets {
             let node = map.optional("objective").unwrap_or(stage);
             check_response(target, &scene, node)?;
@@ -230,6 +235,70 @@ fn check_response(target: &Target, scene: &Scene, node: &Node) -> Result<(), Inp
             Swing::check(scene).map_err(|e| node.error(format!("target `{name}` at {frequency}: {e}")))
         }
     }
+}
+
+/// Refuses a design without the networks that it needs: one, or one for each state of the device.
+fn check_networks(
+    parameters: &DesignParameters,
+    stage: &StageDeclaration<'_>,
+    needs: &[StageDeclaration<'_>],
+) -> Result<(), InputError> {
+    let networks = needs.iter().filter(|need| need.kind == "train").count();
+    let node = |key| stage.node.peek(key).unwrap_or(stage.node);
+    if parameters.evaluator == EvaluatorChoice::Surrogate && networks == 0 {
+        return Err(node("evaluator")
+            .error("`evaluator: surrogate` needs a network, and `needs` names none")
+            .help("add a stage of kind `train` to `needs`, or use another evaluator"));
+    }
+    let scene = scene::read_all_states(stage.node, stage.scene)?;
+    let states: Vec<&str> = scene.states.iter().map(|(name, _)| name).collect();
+    let expected = states.len().max(1);
+    if networks == 0 || networks == expected {
+        return Ok(());
+    }
+    let (message, help) = match states.len() {
+        0 => (
+            format!("a design uses one network, and `needs` names {networks}"),
+            "name one stage of kind `train`".to_owned(),
+        ),
+        count => (
+            format!(
+                "a design of a device with {count} states ({}) uses a network for each; `needs` names {networks}",
+                states.join(", ")
+            ),
+            "name a stage of kind `train` for each state, or none".to_owned(),
+        ),
+    };
+    Err(node("needs").error(message).help(help))
+}
+
+/// Refuses a breakdown margin that no pattern can reach. Electrodes expand under voltage, so the field in one of their
+/// cells is at least that of the membrane at rest.
+fn check_breakdown_margin(task: &DesignTask, scene: &Scene, node: &Node) -> Result<(), InputError> {
+    let constraints = task.constraints.constraints();
+    let (Some(margin), Some(strength)) = (constraints.limits().breakdown_margin, scene.breakdown_strength()) else {
+        return Ok(());
+    };
+    if scene.drive.charge.is_some() || scene.geometry.has_forces() {
+        return Ok(());
+    }
+    // A pattern may use only the group with the lowest voltage, which keeps the margin in all states.
+    let groups = scene.at_largest_voltages().drive.voltages.in_volts();
+    let Some(volts) = groups.into_iter().reduce(f64::min).filter(|volts| *volts > 0.0) else {
+        return Ok(());
+    };
+    let largest = 1.0 / breakdown_ratio_at_rest(strength, &scene.at_voltage(volts));
+    if margin <= largest {
+        return Ok(());
+    }
+    let at = node.peek("breakdown_margin").unwrap_or(node);
+    Err(at
+        .error(format!(
+            "`breakdown_margin: {margin}` cannot be reached: at {:.4} kV the field of any electrode leaves at most \
+             {largest:.3}",
+            volts / 1e3
+        ))
+        .help("lower the margin or the voltage, or use a thicker membrane"))
 }
 
 /// Refuses networks and estimates: they cannot predict amplitudes.
@@ -285,6 +354,10 @@ impl DesignStage {
             // Changes the key: earlier versions missed possible areas, kept groups without effect, and compared
             // designs by the symmetries of the square.
             entries.push(("devices", 2_u64.into()));
+        }
+        if self.in_time.leads.is_some() {
+            // Changes the key: earlier versions ignored the leads of the scene.
+            entries.push(("leads", 2_u64.into()));
         }
         entries.extend([
             ("constraints", self.task.constraints.canonical()),

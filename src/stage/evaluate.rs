@@ -10,11 +10,11 @@ mod predictors;
 
 use super::scene::area_revision;
 use super::without::Dropped;
-use super::{labelled, scene};
+use super::{labelled, needed, scene};
 use deaflow_base::{Canonical, Declared, Fields, InputError, Node, Parameter, Schema, parameters};
 use deaflow_content::Evaluation;
 use deaflow_fem::Method;
-use deaflow_orchestrator::{Job, Kind, Needs, Stage, StageError};
+use deaflow_orchestrator::{Job, Kind, Needs, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_pattern::Bits;
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, Object};
@@ -23,6 +23,10 @@ use deaflow_surrogate::Scorer;
 use calibrated::calibrations;
 use content::EvaluationRow;
 use predictors::NamedPredictor;
+
+const NO_MODEL: &str = "nothing to evaluate: add a model to `needs`, or `estimates`";
+
+const NO_DATA: &str = "no data to evaluate on: add solved samples or a balanced dataset to `needs`";
 
 /// The kind `evaluate`.
 pub struct EvaluateKind;
@@ -59,6 +63,29 @@ impl Kind for EvaluateKind {
 
     fn schema(&self) -> Vec<Fields> {
         vec![EvaluateParameters::fields()]
+    }
+
+    fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
+        needed::one_state(stage, needs)?;
+        let estimates = stage
+            .node
+            .peek("estimates")
+            .and_then(|node| node.list("estimates").ok());
+        if needed::count(needs, &["train"]) == 0 && estimates.is_none_or(<[Node]>::is_empty) {
+            return Err(needed::wrong_number(
+                stage,
+                NO_MODEL.to_owned(),
+                "name a stage of kind `train`",
+            ));
+        }
+        if needed::count(needs, &["solve", "import", "balance"]) == 0 {
+            return Err(needed::wrong_number(
+                stage,
+                NO_DATA.to_owned(),
+                "name a stage of kind solve, import or balance",
+            ));
+        }
+        Ok(StageCheck::default())
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
@@ -142,9 +169,7 @@ impl Stage for EvaluateStage {
         let scene = scene::of_inputs(job.inputs)?;
         let predictors = self.predictors(job.inputs, &scene)?;
         if predictors.is_empty() {
-            return Err(StageError::input(
-                "nothing to evaluate: add a model to `needs`, or `estimates`",
-            ));
+            return Err(StageError::input(NO_MODEL));
         }
         let calibrated = calibrations(job.inputs, &predictors)?;
         let calibrations = calibrated.iter().map(|c| (c.predictor, &c.model.calibration));
@@ -157,9 +182,7 @@ impl Stage for EvaluateStage {
             Ok(())
         })?;
         if rows.is_empty() {
-            return Err(StageError::input(
-                "no data to evaluate on: add solved samples or a balanced dataset to `needs`",
-            ));
+            return Err(StageError::input(NO_DATA));
         }
         Ok(content::evaluation(&predictors, &calibrated, &rows, scene).object())
     }

@@ -13,6 +13,7 @@ mod files;
 mod import;
 mod labelled;
 mod model;
+mod needed;
 mod patterns;
 mod registry;
 mod results;

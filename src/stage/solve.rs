@@ -56,11 +56,7 @@ impl Kind for SolveKind {
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let what = "a solve stage";
-        let map = stage.fields(
-            what,
-            &[&["kind", "needs", scene::STATE], &SolverParameters::keys()[..]].concat(),
-        )?;
+        let map = stage.fields(WHAT, &keys())?;
         let solver = SolverParameters::read(&map, MESH)?;
         let scene = solver.decisive(&scene::read_in_state(stage, scene)?);
         solver.check_scene(&map, &scene)?;
@@ -70,6 +66,20 @@ impl Kind for SolveKind {
             ready: OnceLock::new(),
         }))
     }
+}
+
+const WHAT: &str = "a solve stage";
+
+fn keys() -> Vec<&'static str> {
+    [&["kind", "needs", scene::STATE], &SolverParameters::keys()[..]].concat()
+}
+
+/// Returns the solver of a solve stage.
+///
+/// # Errors
+/// If its keys are invalid.
+pub fn solver_of(stage: &Node) -> Result<SolverParameters, InputError> {
+    SolverParameters::read(&stage.fields(WHAT, &keys())?, MESH)
 }
 
 struct SolveStage {

@@ -7,7 +7,7 @@ mod follow;
 
 use super::results::named;
 use super::without::{self, Dropped, Without};
-use super::{model, scene};
+use super::{model, needed, scene};
 use deaflow_base::{Canonical, Decimal, Declared, Fields, InputError, Node, NodeValue, Seed, parameters};
 use deaflow_content::{ALL_FAMILIES, Training};
 use deaflow_dataset::SymmetryGroup;
@@ -23,6 +23,11 @@ use follow::Follow;
 
 /// The kind `train`.
 pub struct TrainKind;
+
+/// The kinds of stages that a training needs.
+const KIND_OF_NEEDS: [&str; 5] = ["balance", "solve", "import", "verify", "train"];
+
+const TWO_STARTS: &str = "a training can start from only one other training; `needs` names two";
 
 /// A training from given weights has this fraction, a quarter, of the epochs of one from random weights.
 const UPDATE_DIVISOR: u64 = 4;
@@ -59,7 +64,7 @@ impl Kind for TrainKind {
     }
 
     fn needs(&self) -> Needs {
-        Needs::new(&["balance", "solve", "import", "verify", "train"], 1, 100)
+        Needs::new(&KIND_OF_NEEDS, 1, 100)
     }
 
     fn without(&self) -> &'static [&'static str] {
@@ -72,6 +77,23 @@ impl Kind for TrainKind {
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         without::check(stage, needs)?;
+        needed::one_state(stage, needs)?;
+        needed::no_designs_in_states(stage, needs)?;
+        if needed::count(needs, &["train"]) > 1 {
+            return Err(needed::wrong_number(
+                stage,
+                TWO_STARTS.to_owned(),
+                "name one stage of kind `train`",
+            ));
+        }
+        if needed::count(needs, &["train"]) == needed::count(needs, &KIND_OF_NEEDS) {
+            let message = "the training has no labels: `needs` names another training only".to_owned();
+            return Err(needed::wrong_number(
+                stage,
+                message,
+                "add a stage of kind balance, solve, import or verify",
+            ));
+        }
         Ok(StageCheck::default())
     }
 
@@ -215,8 +237,7 @@ fn start(inputs: &[Artifact]) -> Result<Option<Vec<u8>>, StageError> {
     let mut start = None;
     for input in inputs {
         if model::is_in(input) && start.replace(model::weights(input)?).is_some() {
-            let message = "a training can start from only one other training; `needs` names two";
-            return Err(StageError::input(message));
+            return Err(StageError::input(TWO_STARTS));
         }
     }
     Ok(start)

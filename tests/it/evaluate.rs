@@ -117,16 +117,19 @@ fn a_model_is_compared_with_estimates() {
     assert_eq!(again["evaluations"][0]["predictors"][0]["name"], "model");
     assert_eq!(digest(&again), digest(&document));
 
-    let said = |until: &str, stages: &[&str]| {
+    let ended = |code: i32, until: &str, stages: &[&str]| {
         let ended = workspace.run(&arguments("tiny.yaml", until, stages));
-        assert_eq!(ended.code, Some(1), "{}", ended.stdout);
+        assert_eq!(ended.code, Some(code), "{}", ended.stdout);
         ended.json()["error"]["message"].to_string()
     };
+    let said = |until: &str, stages: &[&str]| ended(1, until, stages);
+    // What the file already says is refused before any work.
+    let refused = |until: &str, stages: &[&str]| ended(2, until, stages);
     let nothing = "stages.evaluated={ kind: evaluate, needs: [fresh] }";
     let mut printed = Transcript::default();
-    printed.add("no model", said("evaluated", &[FRESH, SOLVED, nothing]));
+    printed.add("no model", refused("evaluated", &[FRESH, SOLVED, nothing]));
     let no_labels = "stages.evaluated={ kind: evaluate, needs: [surrogate] }";
-    printed.add("no labels", said("evaluated", &[no_labels]));
+    printed.add("no labels", refused("evaluated", &[no_labels]));
     let other = "stages.evaluated={ kind: evaluate, needs: [intervals, fresh], estimates: [linear] }";
     let message = said("evaluated", &[FRESH, SOLVED, MORE, UNSEEN, INTERVALS, other]);
     printed.add("a calibration of another model", message);
@@ -142,7 +145,7 @@ fn a_model_is_compared_with_estimates() {
     printed.add("estimates as labels", message);
 
     let few = "stages.more={ kind: sample, family: small-grid, count: 20, seed: 14 }";
-    let message = said("intervals", &[few, UNSEEN, INTERVALS]);
+    let message = refused("intervals", &[few, UNSEEN, INTERVALS]);
     assert!(message.contains("80") && message.contains("20"), "{message}");
     printed.add("too few patterns", message);
     let strangers = "stages.more={ kind: sample, family: stripes, count: 90, seed: 14 }";

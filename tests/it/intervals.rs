@@ -293,8 +293,8 @@ fn designs_have_intervals_to_compare_with_the_simulation() {
     assert!(designs.records().all(|row| row.unwrap()[at].parse::<f64>().is_ok()));
 
     let ended = run(&design("[intervals]"), &["--json"]);
-    assert_eq!(ended.code, Some(1), "{}", ended.stdout);
+    assert_eq!(ended.code, Some(2), "{}", ended.stdout);
     let message = ended.json()["error"]["message"].to_string();
-    assert!(message.contains("train stage"), "{message}");
+    assert!(message.contains("needs a network"), "{message}");
     snapshot!(message);
 }

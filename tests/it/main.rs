@@ -43,6 +43,7 @@ mod pty;
 mod python;
 mod read_only;
 mod rebuild;
+mod refusals;
 mod remote;
 mod report;
 mod reproducible;

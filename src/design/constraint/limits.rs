@@ -88,6 +88,9 @@ pub enum ConstraintError {
         /// The side's name.
         side: &'static str,
     },
+    /// No electrode can touch a lead of the scene.
+    #[error("the constraints, the frame and bodies leave no space for an electrode at a lead of the scene")]
+    NoLead,
     /// No cell can be active.
     #[error("`keep_out` and `min_feature` leave no space for electrodes")]
     NoSpace,
@@ -164,11 +167,13 @@ impl Limits {
         self.breakdown_margin.is_some() || self.pull_in_margin.is_some()
     }
 
-    /// The limits in cells of a membrane; `available` are the cells that may carry electrodes.
+    /// The limits in cells of a membrane; `available` are the cells that may carry electrodes, and `leads` those that
+    /// the leads of the scene touch.
     pub(super) fn raster(
         &self,
         membrane: Membrane,
         available: Option<&Bits>,
+        leads: Option<&Bits>,
     ) -> Result<RasterConstraints, ConstraintError> {
         let feature = self.feature(membrane)?;
         self.check_numbers()?;
@@ -186,7 +191,15 @@ impl Limits {
         if allowed.is_empty() {
             return Err(ConstraintError::NoSpace);
         }
-        let leads = self.lead_cells(&available, &allowed)?;
+        let on_sides = self.lead_cells(&available, &allowed)?;
+        let leads = match (on_sides, leads) {
+            (sides, None) => sides,
+            (None, Some(leads)) => Some(leads.and(&allowed)),
+            (Some(sides), Some(leads)) => Some(sides.and(leads)),
+        };
+        if leads.as_ref().is_some_and(Bits::is_empty) {
+            return Err(ConstraintError::NoLead);
+        }
         if let Some(leads) = &leads {
             allowed = allowed.flooded(leads);
         }

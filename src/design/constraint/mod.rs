@@ -45,6 +45,8 @@ pub struct DesignDomain {
     pub available: Option<Bits>,
     /// The number of electrode groups.
     pub groups: usize,
+    /// The cells that the leads of the scene touch; `None` without leads.
+    pub leads: Option<Bits>,
     /// Which patterns give equivalent displacements.
     pub equivalence: PatternEquivalence,
 }
@@ -56,6 +58,7 @@ impl From<Membrane> for DesignDomain {
             membrane,
             available: None,
             groups: 1,
+            leads: None,
             equivalence: PatternEquivalence::new(membrane.symmetries(), vec![1]),
         }
     }
@@ -67,6 +70,7 @@ impl From<&Scene> for DesignDomain {
             membrane: scene.membrane(),
             available: scene.free_cells(),
             groups: scene.groups(),
+            leads: scene.leads.as_ref().map(|leads| leads.touched(scene.membrane().raster)),
             equivalence: PatternEquivalence::new(scene.symmetries(), scene.equivalent_groups()),
         }
     }
@@ -91,7 +95,7 @@ impl Constraints {
     pub fn new(limits: Limits, domain: impl Into<DesignDomain>) -> Result<Self, ConstraintError> {
         let domain = domain.into();
         Ok(Self {
-            raster: limits.raster(domain.membrane, domain.available.as_ref())?,
+            raster: limits.raster(domain.membrane, domain.available.as_ref(), domain.leads.as_ref())?,
             gap: limits.gap(domain.membrane, domain.groups)?,
             limits,
             domain,
@@ -114,6 +118,19 @@ impl Constraints {
     #[must_use]
     pub fn available(&self) -> Option<&Bits> {
         self.domain.available.as_ref()
+    }
+
+    /// The pattern itself, or a valid pattern near it if a part of it is not connected to a lead of the scene.
+    #[must_use]
+    pub fn connected(&self, pattern: Pattern) -> Pattern {
+        let Some(leads) = &self.domain.leads else {
+            return pattern;
+        };
+        let layers = self.layers(&pattern);
+        match layers.iter().all(|bits| bits.without(&bits.flooded(leads)).is_empty()) {
+            true => pattern,
+            false => self.repaired(&pattern).unwrap_or(pattern),
+        }
     }
 
     /// The membrane.

@@ -197,7 +197,10 @@ impl Parameter for Leads {
             (None, NodeValue::List(_)) => {}
             _ => {
                 let message = format!("`{key}` must be true, false or a list of sides, found {}", node.found());
-                let help = format!("sides: {}", Sides::NAMES.join(", "));
+                let help = format!(
+                    "sides: {}; leads at a place are `leads` of the scene, to which searches keep",
+                    Sides::NAMES.join(", ")
+                );
                 return Err(node.error(message).help(help));
             }
         }
@@ -242,7 +245,9 @@ fn located(node: &Node, map: &Map<'_>, error: &ConstraintError) -> InputError {
             let list = map.optional("keep_out").and_then(|list| list.list("keep_out").ok());
             list.and_then(|list| list.get(number - 1))
         }
-        ConstraintError::NoSide | ConstraintError::Side { .. } => map.optional("leads"),
+        ConstraintError::NoSide | ConstraintError::Side { .. } | ConstraintError::NoLead => {
+            map.optional("leads").or(map.optional("keep_out"))
+        }
         ConstraintError::NoSpace => map.optional("keep_out"),
         ConstraintError::AreaTooLarge { .. } | ConstraintError::AreaTooSmall { .. } => None,
     };

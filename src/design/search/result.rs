@@ -23,8 +23,11 @@ impl Search<'_> {
             .last()
             .map_or(0.5, |best| self.constraints.area_fraction(&best.pattern));
         for (role, pattern) in [
-            (Role::Intuitive, intuitive.at_own_area()),
-            (Role::IntuitiveEqualArea, intuitive.at_area(area)),
+            (Role::Intuitive, self.constraints.connected(intuitive.at_own_area())),
+            (
+                Role::IntuitiveEqualArea,
+                self.constraints.connected(intuitive.at_area(area)),
+            ),
         ] {
             found.push(FoundPattern {
                 role,

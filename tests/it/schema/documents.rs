@@ -88,6 +88,7 @@ stages:
   own: { kind: patterns, files: [tests/it/schema/own.csv] }
   labels: { kind: import, files: [tests/it/schema/labels.npz] }
   refined: { kind: solve, needs: [small], accuracy: 0.01 mm, history: { at: [0 s, 10 min] } }
+  finest: { kind: solve, needs: [small], elements_per_cell: 4, order: 2 }
   guessed: { kind: solve, needs: [small], method: chord:2, order: 2 }
   balanced: { kind: balance, needs: [solved], without: [searched], bins: 20, range: [0 mm, 2.5 mm], target: 60, symmetry: d4, seed: 4 }
   audited: { kind: audit, needs: [balanced], samples: 8, seed: 1, accuracy: 0.01 mm, fail_on: never }
@@ -125,7 +126,7 @@ stages:
   taught: { kind: verify, needs: [judged], rounds: 3, update: { network: qin2024, epochs: 2, patience: 1, batch: 4, optimizer: muon,
     learning_rate: 0.001, weight_decay: 0, gradient_norm: 1, symmetry: none, max_weight: 0.2, auxiliary_weight: 0.1, verified_weight: 16, without: [audited], seed: 9 } }
   exact: { kind: verify, needs: [rotation, own], accuracy: 10 um, history: { at: [1 s] } }
-  accuracy: { kind: accuracy, needs: [solved, surrogate], methods: [linear, history, history+linear, history+chord:1, creep:3+chord:2, { method: creep:3, order: 2 }, { method: chord:3, elements_per_cell: 1, order: 2 },
+  accuracy: { kind: accuracy, needs: [finest, surrogate], methods: [linear, history, history+linear, history+chord:1, creep:3+chord:2, { method: creep:3, order: 2 }, { method: chord:3, elements_per_cell: 1, order: 2 },
     { accuracy: 0.03 mm }] }
 ";
 
