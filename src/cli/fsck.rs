@@ -39,9 +39,9 @@ pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliEr
     report.damaged.splice(..0, marker);
     bar.clear();
     output.result(|| document(&report), || text(&report, arguments.repair))?;
-    let is_damaged = !arguments.repair && !(report.damaged.is_empty() && report.missing.is_empty());
+    let is_sound = arguments.repair || (report.damaged.is_empty() && report.missing.is_empty());
     Ok(match () {
-        () if is_damaged => Exit::Damaged,
+        () if !is_sound => Exit::Damaged,
         () if !report.unreadable.is_empty() => Exit::Failure,
         () => Exit::Done,
     })

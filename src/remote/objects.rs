@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::SystemTime;
 
 use super::bucket::Bucket;
@@ -34,12 +34,15 @@ pub enum ObjectState {
 /// Size and time of an object.
 type Stamp = (u64, SystemTime);
 
+/// The objects that a remote has.
+type Listing = Arc<BTreeMap<ArtifactId, Stamp>>;
+
 /// The objects of a remote.
 pub struct Objects {
     /// Folder of the notes.
     folder: PathBuf,
     /// Those that the remote has, once they are listed; `None` if that failed.
-    listed: Mutex<Option<Option<Arc<BTreeMap<ArtifactId, Stamp>>>>>,
+    listed: Mutex<Option<Option<Listing>>>,
 }
 
 impl Objects {
@@ -56,13 +59,13 @@ impl Objects {
         *self.lock() = None;
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Option<Option<Arc<BTreeMap<ArtifactId, Stamp>>>>> {
+    fn lock(&self) -> MutexGuard<'_, Option<Option<Listing>>> {
         // It is replaced in one step.
         self.listed.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Returns the objects, listing them on first use. `failed` receives the error.
-    fn list(&self, bucket: &dyn Bucket, failed: &dyn Fn(&RemoteError)) -> Option<Arc<BTreeMap<ArtifactId, Stamp>>> {
+    fn list(&self, bucket: &dyn Bucket, failed: &dyn Fn(&RemoteError)) -> Option<Listing> {
         let mut listed = self.lock();
         if let Some(known) = &*listed {
             return known.clone();

@@ -163,7 +163,7 @@ fn numbers_of_many_digits_are_read_and_integers_are_never_rounded() {
     let at = |key: &str| node.peek(key).unwrap();
     let volts = |key: &str| at(key).quantity_in(key, Dimension::Voltage, 0.0, 1e6);
     assert_eq!(volts("a").unwrap().base().to_string(), "0.000005");
-    assert_eq!(volts("b").unwrap().value(), 20616.648_799_997_787);
+    assert_eq!(volts("b").unwrap().value(), 20_616.648_799_997_787);
     let far = volts("c").unwrap_err();
     assert_eq!(far.message, "`c` is out of range: found 1e400");
     assert_eq!(far.help.as_deref(), Some("allowed: 0 V to 1000000 V"));
