@@ -243,20 +243,20 @@ fn numbers_of_before_are_grey_and_shapes_are_drawn_by_keys() {
         tab.key(" ", 0);
         (0..3).for_each(|_| tab.key("ArrowRight", 0));
         (0..2).for_each(|_| tab.key("ArrowUp", 0));
-        tab.until("document.querySelector('#area').textContent === 'area 0.48 %'");
+        tab.until("document.querySelector('#area').textContent === 'area 0.48 %, 12 mm²'");
         tab.key(more, 0);
     };
     corner(&mut tab, "Escape");
-    tab.until("document.querySelector('#area').textContent === 'area 0 %'");
+    tab.until("document.querySelector('#area').textContent === 'area 0 %, 0 mm²'");
     corner(&mut tab, " ");
     tab.until("!document.querySelector('button[name=undo]').disabled");
     assert_eq!(drawn(&mut tab), 12.0);
     // Ctrl Z works wherever nothing is written.
     tab.value("document.querySelector('#compare').focus()");
     tab.key("z", 2);
-    tab.until("document.querySelector('#area').textContent === 'area 0 %' && document.querySelector('button[name=undo]').disabled");
+    tab.until("document.querySelector('#area').textContent === 'area 0 %, 0 mm²' && document.querySelector('button[name=undo]').disabled");
     tab.key("y", 2);
-    tab.until("document.querySelector('#area').textContent === 'area 0.48 %' && document.querySelector('button[name=redo]').disabled");
+    tab.until("document.querySelector('#area').textContent === 'area 0.48 %, 12 mm²' && document.querySelector('button[name=redo]').disabled");
     // A wrong value greys the numbers of before, and a unit is none.
     let grey = "document.querySelector('#results').classList.contains('old')";
     let clear = "!document.querySelector('#results').classList.contains('old')";
