@@ -171,7 +171,10 @@ fn every_parameter_makes_its_own_stage_and_what_needs_it_stale() {
         ("stages.verified.order=2", from("verified")),
         ("stages.reference.tolerance=1e-9", reference.to_vec()),
         ("stages.reference.elements_per_cell=3", reference.to_vec()),
-        ("stages.accuracy.methods=[linear]", vec!["accuracy"]),
+        (
+            "stages.accuracy.methods=[{ method: linear, elements_per_cell: 1 }]",
+            vec!["accuracy"],
+        ),
         ("scene.drive.voltage=5 kV", simulated.clone()),
         ("scene.material.shear_modulus=46 kPa", simulated.clone()),
         ("scene.material.relative_permittivity=4.6", simulated.clone()),
