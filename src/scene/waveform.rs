@@ -308,8 +308,8 @@ impl Waveform {
         self.sine.as_ref().map(|sine| TAU * sine.frequency.value())
     }
 
-    /// Returns the time in s in which the voltage changes: the time of a ramp, 1/(2πf) of a sine, [`Table::time_s`];
-    /// `None` for a step.
+    /// Returns the time in s in which the voltage changes: the time of a ramp, 1/(2πf) of a sine, of a table twice the
+    /// shortest time in which half of its range passes; `None` for a step.
     #[must_use]
     pub fn time_s(&self) -> Option<f64> {
         let ramp = self.ramp.as_ref().map(|ramp| ramp.time.value());
