@@ -2,9 +2,9 @@
 //!
 //! Records outlive objects: somebody may remove or overwrite these. So the objects are listed once for a command, when
 //! it first needs one. An object that was downloaded and is invalid is noted in the store with its time and size, so
-//! that later commands do not count on it until it is replaced.
+//! that later commands do not count on it until it is replaced, and the next push from this store replaces it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::fs;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -70,14 +70,8 @@ impl Objects {
         if let Some(known) = &*listed {
             return known.clone();
         }
-        let found = match bucket.list(OBJECTS) {
-            Ok(entries) => {
-                let named = |(name, stamp): (String, Stamp)| Some((object_of(&name)?, stamp));
-                let entries = entries
-                    .into_iter()
-                    .map(|entry| (entry.name, (entry.size, entry.modified)));
-                Some(Arc::new(entries.filter_map(named).collect()))
-            }
+        let found = match stamps(bucket) {
+            Ok(stamps) => Some(Arc::new(stamps)),
             Err(error) => {
                 failed(&error);
                 None
@@ -98,6 +92,24 @@ impl Objects {
                 .note(artifact, stamp)
                 .map_or(ObjectState::Present, ObjectState::Invalid),
         }
+    }
+
+    /// Lists the objects now, and returns those that are not noted as invalid.
+    ///
+    /// # Errors
+    /// Returns an error if they cannot be listed.
+    pub fn valid(&self, bucket: &dyn Bucket) -> Result<HashSet<ArtifactId>, RemoteError> {
+        let stamps = stamps(bucket)?;
+        let valid = stamps.iter().filter(|(artifact, stamp)| self.note(artifact, stamp).is_none());
+        Ok(valid.map(|(artifact, _)| *artifact).collect())
+    }
+
+    /// Returns the artifacts with a note.
+    pub fn noted(&self) -> Vec<ArtifactId> {
+        let entries = fs::read_dir(&self.folder).into_iter().flatten();
+        entries
+            .filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok())
+            .collect()
     }
 
     fn path(&self, artifact: &ArtifactId) -> PathBuf {
@@ -125,10 +137,17 @@ impl Objects {
         }
     }
 
-    /// Removes the note on an object, which is to be downloaded again.
+    /// Removes the note on an object, which was replaced or is to be downloaded again.
     pub fn forget(&self, artifact: &ArtifactId) {
         let _ = fs::remove_file(self.path(artifact));
     }
+}
+
+/// Lists the objects of a remote.
+fn stamps(bucket: &dyn Bucket) -> Result<BTreeMap<ArtifactId, Stamp>, RemoteError> {
+    let entries = bucket.list(OBJECTS)?.into_iter();
+    let stamps = entries.filter_map(|entry| Some((object_of(&entry.name)?, (entry.size, entry.modified))));
+    Ok(stamps.collect())
 }
 
 fn stamp_text((size, modified): &Stamp) -> String {

@@ -45,12 +45,8 @@ pub struct Paced<R> {
 }
 
 impl<R> Paced<R> {
-    /// Checks the rate from [`SLOW_AFTER`] on.
-    pub fn new(inner: R) -> Self {
-        Self::after(inner, SLOW_AFTER)
-    }
-
-    fn after(inner: R, slow_after: Duration) -> Self {
+    /// Checks the rate from this time on, usually [`SLOW_AFTER`].
+    pub fn after(inner: R, slow_after: Duration) -> Self {
         Self {
             inner,
             start: Instant::now(),

@@ -56,7 +56,7 @@ pub fn pull_some(
             Condition::Intact { .. }
         ));
     }
-    remote.try_again(artifacts);
+    remote.try_again(artifacts, &own)?;
     let step = || progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
     let mut failed = store.fetch_all(artifacts, &step)?;
     failed.sort_unstable();

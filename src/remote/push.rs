@@ -8,7 +8,7 @@ use super::bucket::UploadNote;
 use super::error::RemoteError;
 use super::key::SigningKey;
 use super::pack::{self, MOST_RECORDS, Statement};
-use super::upstream::{OBJECTS, Remote, object_name, object_of};
+use super::upstream::{Remote, object_name};
 use deaflow_base::{ArtifactId, concurrently};
 use deaflow_store::{Store, StoredArtifact};
 
@@ -35,7 +35,7 @@ pub struct PushReport {
     pub bytes: u64,
     /// Number of records that were sent.
     pub records: u64,
-    /// Number of objects that the remote had already.
+    /// Number of objects that the remote had already and that were not found invalid.
     pub objects_there: u64,
     /// Number of records that the remote had already.
     pub records_there: u64,
@@ -60,6 +60,7 @@ impl Push<'_> {
         self.remote
             .bucket()
             .put_file(&object_name(digest), &path, size, &note)?;
+        self.remote.replaced(digest);
         Ok(Ok(size))
     }
 }
@@ -74,7 +75,10 @@ pub fn push(push: &Push<'_>, progress: &(dyn Fn(u64, u64) + Sync)) -> Result<Pus
     let stored = push.store.stored_artifacts(push.roots.as_deref())?;
     remote.write_marker()?;
     let signer = push.key.public();
-    let there = if push.again { HashSet::new() } else { objects(remote)? };
+    let there = match push.again {
+        true => HashSet::new(),
+        false => remote.valid_objects()?,
+    };
     let mut pushed = PushReport::default();
     let total = stored.len() as u64;
     let done = AtomicU64::new(0);
@@ -103,18 +107,13 @@ pub fn push(push: &Push<'_>, progress: &(dyn Fn(u64, u64) + Sync)) -> Result<Pus
     }
     if pushed.records > 0 && pushed.objects_there > 0 {
         // Objects of the remote may have been removed before a record named them.
-        let there = objects(remote)?;
+        let there = remote.valid_objects()?;
         let mut again = PushReport::default();
         send_all(push, &stored, &there, &mut missing, &mut again, &|| ())?;
         pushed.objects += again.objects;
         pushed.bytes += again.bytes;
     }
     Ok(pushed)
-}
-
-fn objects(remote: &Remote) -> Result<HashSet<ArtifactId>, RemoteError> {
-    let listed = remote.bucket().list(OBJECTS)?;
-    Ok(listed.iter().filter_map(|entry| object_of(&entry.name)).collect())
 }
 
 /// Sends artifacts that the remote does not have, chunks before manifests.

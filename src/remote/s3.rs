@@ -18,7 +18,7 @@ use super::bucket::{Bucket, BucketObject, UploadNote};
 use super::config::{Address, check_endpoint};
 use super::credentials::{self, CredentialChain};
 use super::error::{RemoteError, is_temporary};
-use super::paced::{Paced, TooSlow};
+use super::paced::{Paced, SLOW_AFTER, TooSlow};
 use super::upload;
 use deaflow_base::{InputError, read_bounded};
 
@@ -74,6 +74,8 @@ pub struct S3 {
     host: String,
     place: String,
     credentials: CredentialChain,
+    /// Time after which the rate of a transfer is checked.
+    slow_after: Duration,
     /// Date of the last response, and when it came.
     clock: Mutex<Option<(SystemTime, Instant)>>,
 }
@@ -113,6 +115,7 @@ impl S3 {
             bucket,
             host,
             credentials: CredentialChain::default(),
+            slow_after: SLOW_AFTER,
             clock: Mutex::default(),
         })
     }
@@ -179,7 +182,7 @@ impl S3 {
                 }
                 file.seek(SeekFrom::Start(from))
                     .map_err(RemoteError::io("read", path))?;
-                let mut part = Paced::new(file.take(length));
+                let mut part = Paced::after(file.take(length), self.slow_after);
                 let request = request.header("content-length", length.to_string());
                 let body = SendBody::from_reader(&mut part);
                 self.agent.run(request.body(body).map_err(built)?)
@@ -212,13 +215,22 @@ impl S3 {
         name: &str,
     ) -> Result<(ureq::http::HeaderMap, String), RemoteError> {
         let (status, headers) = (response.status().as_u16(), response.headers().clone());
-        let bytes = read_to_limit(response, MAX_TEXT).map_err(|error| self.broken(&error))?;
+        let bytes = self.read_to_limit(response, MAX_TEXT)?;
         let bytes = bytes.ok_or_else(|| self.too_long(name, MAX_TEXT))?;
         let text = String::from_utf8_lossy(&bytes).into_owned();
         match (200..300).contains(&status) {
             true => Ok((headers, text)),
             false => Err(self.refused(action, name, status, &text)),
         }
+    }
+
+    /// Reads the body of a response; `None` if it is longer than a limit.
+    fn read_to_limit(&self, response: Response<Body>, limit: u64) -> Result<Option<Vec<u8>>, RemoteError> {
+        let mut bytes = Vec::new();
+        let reader = Paced::after(response.into_body().into_reader(), self.slow_after);
+        let read = reader.take(limit + 1).read_to_end(&mut bytes);
+        read.map_err(|error| self.broken(&error))?;
+        Ok((bytes.len() as u64 <= limit).then_some(bytes))
     }
 
     /// Returns the error of a response that is a failure.
@@ -306,7 +318,7 @@ impl S3 {
             _ => return self.check_absent(response, "read", name).map(|()| false),
         }
         let mut length = file.stream_position().map_err(cannot_write())?;
-        let mut reader = Paced::new(response.into_body().into_reader());
+        let mut reader = Paced::after(response.into_body().into_reader(), self.slow_after);
         let mut buffer = vec![0; BUFFER];
         loop {
             let count = reader.read(&mut buffer).map_err(|error| self.broken(&error))?;
@@ -386,7 +398,7 @@ impl Bucket for S3 {
             if response.status() != 200 {
                 return self.check_absent(response, "read", name).map(|()| None);
             }
-            match read_to_limit(response, limit).map_err(|error| self.broken(&error)) {
+            match self.read_to_limit(response, limit) {
                 Ok(Some(bytes)) => return Ok(Some(bytes)),
                 Ok(None) => return Err(self.too_long(name, limit)),
                 Err(error) if attempt < ATTEMPTS && error.may_be_retried() => attempt += 1,
@@ -445,14 +457,6 @@ impl Bucket for S3 {
         let clock = *self.clock.lock().unwrap_or_else(PoisonError::into_inner);
         clock.map_or_else(SystemTime::now, |(then, at)| then + at.elapsed())
     }
-}
-
-/// Reads the body of a response; `None` if it is longer than a limit.
-fn read_to_limit(response: Response<Body>, limit: u64) -> std::io::Result<Option<Vec<u8>>> {
-    let mut bytes = Vec::new();
-    let reader = Paced::new(response.into_body().into_reader());
-    reader.take(limit + 1).read_to_end(&mut bytes)?;
-    Ok((bytes.len() as u64 <= limit).then_some(bytes))
 }
 
 fn agent() -> Result<Agent, RemoteError> {
@@ -535,7 +539,50 @@ fn http_date(text: &str) -> Option<SystemTime> {
 
 #[cfg(test)]
 mod tests {
+    use std::net::TcpListener;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
     use super::*;
+
+    #[test]
+    fn a_server_that_drips_is_asked_once() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let endpoint = format!("http://{}", listener.local_addr().unwrap());
+        let requests = Arc::new(AtomicU32::new(0));
+        let count = requests.clone();
+        std::thread::spawn(move || {
+            for mut stream in listener.incoming().flatten() {
+                count.fetch_add(1, Ordering::SeqCst);
+                std::thread::spawn(move || {
+                    let mut request = [0; 4096];
+                    while !request.windows(4).any(|end| end == b"\r\n\r\n") {
+                        assert!(stream.read(&mut request).unwrap() > 0);
+                    }
+                    stream
+                        .write_all(b"HTTP/1.1 200 OK\r\nContent-Length: 1000000\r\n\r\n")
+                        .unwrap();
+                    while stream.write_all(b"x").is_ok() {
+                        std::thread::sleep(Duration::from_millis(10));
+                    }
+                });
+            }
+        });
+        let address = Address::parse("s3://lab/store", Some(&endpoint), Some("us-east-1")).unwrap();
+        let mut s3 = S3::open(&address).unwrap();
+        s3.slow_after = Duration::from_millis(200);
+        let folder = tempfile::tempdir().unwrap();
+        let failures = [
+            s3.get_file("object", &folder.path().join("object"), 1 << 20).unwrap_err(),
+            s3.get("record", 1 << 20).unwrap_err(),
+            s3.list("objects/").unwrap_err(),
+        ];
+        for error in failures {
+            assert!(matches!(error, RemoteError::Slow { .. }), "{error}");
+            assert!(error.is_transient() && !error.may_be_retried());
+        }
+        assert_eq!(requests.load(Ordering::SeqCst), 3);
+    }
 
     #[test]
     fn signatures_are_removed_from_messages() {

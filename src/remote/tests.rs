@@ -25,6 +25,8 @@ struct Memory {
     /// Writes that still succeed; all, without.
     fails_after: Mutex<Option<u64>>,
     is_down: Mutex<bool>,
+    /// Whether downloads of objects are too slow.
+    is_slow: Mutex<bool>,
 }
 
 impl Memory {
@@ -102,6 +104,12 @@ impl Bucket for Arc<Memory> {
     }
 
     fn get_file(&self, name: &str, target: &Path, _: u64) -> Result<Option<u64>, RemoteError> {
+        if *self.is_slow.lock().unwrap() {
+            return Err(RemoteError::Slow {
+                host: "memory".to_owned(),
+                reason: "it drips".to_owned(),
+            });
+        }
         let Some(bytes) = self.get(name, u64::MAX)? else {
             return Ok(None);
         };
@@ -677,6 +685,62 @@ fn an_invalid_object_is_remembered_until_it_is_replaced() {
     assert!(memory.asked.load(Ordering::Relaxed) > asked + 2);
     memory.put(&name, &sound).unwrap();
     assert_eq!(look(&ben), (true, Vec::new()));
+}
+
+#[test]
+fn an_object_that_was_found_invalid_is_replaced_by_the_next_push() {
+    let (memory, anna, ben) = (Arc::new(Memory::default()), Person::new(), Person::new());
+    let record = anna.make(1, 0.5);
+    let (_, parts) = anna.make_chunks(3);
+    anna.push(&memory).unwrap();
+    let damaged = [record.artifact, parts[1]];
+    // Of the same length, so that a list shows nothing.
+    let damage = || {
+        for artifact in &damaged {
+            memory.change(&object_name(artifact), |bytes| *bytes.last_mut().unwrap() ^= 1);
+        }
+    };
+    damage();
+    let pull = || {
+        let (store, remote, _) = ben.reading(&memory, &[&anna]);
+        pull_all(&store, &remote, &|_, _| ()).unwrap().failed
+    };
+    assert!(pull().contains(&record.artifact));
+    // Ben builds what he could not get; to pull again does not lose what is known of the objects.
+    ben.make(1, 0.5);
+    ben.make_chunks(3);
+    assert_eq!(pull(), []);
+    let pushed = ben.push(&memory).unwrap();
+    assert_eq!((pushed.objects, pushed.objects_there), (2, 3));
+    let (_, pulled, _) = Person::pulled(&memory, &[&anna]);
+    assert_eq!(pulled.failed, []);
+    // What was replaced is not sent again, even if its time and length are the same.
+    damage();
+    assert_eq!(ben.push(&memory).unwrap().objects, 0);
+}
+
+#[test]
+fn a_run_goes_on_without_a_server_that_drips() {
+    let (memory, anna, ben) = (Arc::new(Memory::default()), Person::new(), Person::new());
+    let (one, two) = (anna.make(1, 0.5), anna.make(2, 0.6));
+    anna.push(&memory).unwrap();
+    *memory.is_slow.lock().unwrap() = true;
+    let (store, remote, _) = ben.reading(&memory, &[&anna]);
+    let asked = memory.asked.load(Ordering::Relaxed);
+    for record in [&one, &two] {
+        // It is missing, so that it is built.
+        assert!(!store.fetch(&record.artifact).unwrap());
+        let condition = store.inspect(&record.artifact, Effort::Quick).unwrap();
+        assert!(matches!(condition, Condition::Missing));
+    }
+    let told = remote.take_warnings();
+    assert!(told.len() == 1 && told[0].contains("too slow: it drips"), "{told:?}");
+    assert!(told[0].ends_with("continuing without it"), "{told:?}");
+    assert!(memory.asked.load(Ordering::Relaxed) <= asked + 1, "it is not asked again");
+    // What came is not taken for invalid.
+    *memory.is_slow.lock().unwrap() = false;
+    let (store, remote, _) = ben.reading(&memory, &[&anna]);
+    assert_eq!(pull_all(&store, &remote, &|_, _| ()).unwrap().failed, []);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! A remote as the upstream of a store: missing artifacts and records are read from it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -15,7 +15,7 @@ use super::pack::{self, PackError, RECORDS, Statement};
 use super::s3::S3;
 use super::trusted_records::{Disagreement, IgnoredRecords, TrustedRecords};
 use deaflow_base::{ActionKey, ArtifactId, Digest, concurrently, read_own, write_output};
-use deaflow_store::{Record, Store, StoreError, Upstream, UpstreamArtifact};
+use deaflow_store::{Condition, Effort, Record, Store, StoreError, Upstream, UpstreamArtifact};
 
 /// Name and content of the marker of a remote.
 pub const MARKER: &str = "format";
@@ -384,13 +384,40 @@ impl Remote {
         }
     }
 
-    /// Prepares to download artifacts again that were invalid.
-    pub fn try_again(&self, artifacts: &[ArtifactId]) {
-        for artifact in artifacts {
-            self.objects.forget(artifact);
-            let parts = self.with_records(|records| records.artifact(artifact)?.parts.clone());
-            parts.iter().flatten().for_each(|part| self.objects.forget(part));
+    /// Prepares to download artifacts and their chunks again that were invalid and are not in a store.
+    ///
+    /// # Errors
+    /// Returns an error if the store cannot be read.
+    pub(super) fn try_again(&self, artifacts: &[ArtifactId], here: &Store) -> Result<(), RemoteError> {
+        let noted = self.objects.noted();
+        if noted.is_empty() {
+            return Ok(());
         }
+        let mut wanted: BTreeSet<ArtifactId> = artifacts.iter().copied().collect();
+        self.with_records(|records| {
+            let parts = |artifact| records.artifact(artifact)?.parts.clone();
+            wanted.extend(artifacts.iter().filter_map(parts).flatten());
+        });
+        for artifact in noted.iter().filter(|artifact| wanted.contains(artifact)) {
+            // The note on an artifact that was built here since is for the next push.
+            if !matches!(here.inspect(artifact, Effort::Quick)?, Condition::Intact { .. }) {
+                self.objects.forget(artifact);
+            }
+        }
+        Ok(())
+    }
+
+    /// Lists the objects now, and returns the artifacts of those that were not found invalid.
+    ///
+    /// # Errors
+    /// Returns an error if they cannot be listed.
+    pub(super) fn valid_objects(&self) -> Result<HashSet<ArtifactId>, RemoteError> {
+        self.objects.valid(&*self.bucket)
+    }
+
+    /// Notes that an object was replaced.
+    pub(super) fn replaced(&self, artifact: &ArtifactId) {
+        self.objects.forget(artifact);
     }
 
     /// Returns whether an object of an artifact can be downloaded, as far as is known; otherwise it is marked as
